@@ -1,0 +1,63 @@
+"""The reference description: x = X + d(X, t), and derivatives with respect to x taken on X.
+
+Every function takes the map, or None for the identity. With None, neither F nor J enters the
+expression, so a fixed domain does not pay for a moving one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import ufl
+
+
+@dataclass(frozen=True)
+class ReferenceMap:
+    """The map x = X + d(X, t) of a reference domain, by its displacement and the mesh velocity dd/dt.
+
+    Both are UFL vector expressions on the reference domain, in scene units. Source: Childs & Reddy
+    (1999); F, J and v^mesh of equations (338) and (339).
+    """
+
+    displacement: Any
+    velocity: Any
+
+    @property
+    def F(self) -> Any:
+        """Deformation gradient I + grad d."""
+        return ufl.Identity(len(self.displacement)) + ufl.grad(self.displacement)
+
+    @property
+    def J(self) -> Any:
+        """Determinant of the deformation gradient."""
+        return ufl.det(self.F)
+
+
+def gradient(v: Any, reference_map: ReferenceMap | None) -> Any:
+    """Spatial gradient: grad v, or grad(v) F^-1 on a reference domain."""
+    if reference_map is None:
+        return ufl.grad(v)
+    return ufl.dot(ufl.grad(v), ufl.inv(reference_map.F))
+
+
+def divergence(v: Any, reference_map: ReferenceMap | None) -> Any:
+    """Spatial divergence: div v, or grad(v) : F^-T on a reference domain."""
+    return ufl.div(v) if reference_map is None else ufl.tr(gradient(v, reference_map))
+
+
+def rate_of_strain(v: Any, reference_map: ReferenceMap | None) -> Any:
+    """D = sym(grad(v) F^-1)."""
+    return ufl.sym(gradient(v, reference_map))
+
+
+def weighted(expression: Any, reference_map: ReferenceMap | None) -> Any:
+    """The expression times J, the spatial volume of a unit of reference volume."""
+    return expression if reference_map is None else reference_map.J * expression
+
+
+def surface_vector(n: Any, reference_map: ReferenceMap | None) -> Any:
+    """Spatial normal times the spatial area of a unit of reference area: n, or J F^-T N (Nanson)."""
+    if reference_map is None:
+        return n
+    return reference_map.J * ufl.dot(ufl.inv(reference_map.F).T, n)

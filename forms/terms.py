@@ -1,0 +1,71 @@
+"""One function a term of the weak momentum and continuity equations (338), (339).
+
+Each returns the integrand to be tested with w (velocity) or q (pressure) and integrated over the
+reference domain. Signs are those of the residual: everything on the left-hand side.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import ufl
+
+from .kinematics import ReferenceMap, divergence, gradient, rate_of_strain, surface_vector, weighted
+
+
+def stress(v: Any, p: Any, reynolds: Any, reference_map: ReferenceMap | None = None) -> Any:
+    """Cauchy stress sigma = -p I + (2/Re) D."""
+    return -p * ufl.Identity(len(v)) + 2 / reynolds * rate_of_strain(v, reference_map)
+
+
+def inertia(rate: Any, w: Any, reference_map: ReferenceMap | None = None) -> Any:
+    """J dv/dt|_X . w, where `rate` stands for the time derivative at fixed X."""
+    return weighted(ufl.inner(rate, w), reference_map)
+
+
+def convection(v: Any, carrier: Any, w: Any, reference_map: ReferenceMap | None = None) -> Any:
+    """J [grad(v) F^-1 (u - v_mesh)] . w, carried by the velocity u (`carrier`).
+
+    The carrier is v itself (implicit), or its extrapolation from earlier steps, which makes the term linear.
+    """
+    if reference_map is not None:
+        carrier = carrier - reference_map.velocity
+    return weighted(ufl.inner(ufl.dot(gradient(v, reference_map), carrier), w), reference_map)
+
+
+def internal_force(v: Any, p: Any, w: Any, reynolds: Any, reference_map: ReferenceMap | None = None) -> Any:
+    """P : grad w with P = J sigma F^-T, the weak form of -div P.
+
+    Written as (2/Re) D(v) : D(w) - p div w, which is the same since sigma is symmetric.
+    """
+    strain_v, strain_w = rate_of_strain(v, reference_map), rate_of_strain(w, reference_map)
+    viscous = 2 / reynolds * ufl.inner(strain_v, strain_w)
+    return weighted(viscous - p * divergence(w, reference_map), reference_map)
+
+
+def continuity(v: Any, q: Any, reference_map: ReferenceMap | None = None) -> Any:
+    """-J (grad(v) : F^-T) q; J and the sign make the Stokes operator symmetric."""
+    return -weighted(divergence(v, reference_map) * q, reference_map)
+
+
+def body_force(b: Any, w: Any, reference_map: ReferenceMap | None = None) -> Any:
+    """-J b . w with b standing for (X/V^2) b, a force per unit mass."""
+    return -weighted(ufl.inner(b, w), reference_map)
+
+
+def open_boundary(v: Any, w: Any, n: Any, reynolds: Any, reference_map: ReferenceMap | None = None) -> Any:
+    """-(1/Re) (grad(v)^T n) . w on an open boundary, so that a parallel flow leaves it undisturbed.
+
+    The natural condition then is -p n + (1/Re) dv/dn = 0 instead of sigma n = 0; the latter bends the
+    streamlines of a developed channel flow as they leave (Heywood, Rannacher & Turek 1996).
+    """
+    shear = ufl.dot(gradient(v, reference_map).T, surface_vector(n, reference_map))
+    return -1 / reynolds * ufl.inner(shear, w)
+
+
+def surface_traction(v: Any, p: Any, n: Any, reynolds: Any, reference_map: ReferenceMap | None = None) -> Any:
+    """sigma n per unit of reference area, n being the unit normal the caller chooses.
+
+    With n out of the body and into the fluid it is the traction of the fluid on the body.
+    """
+    return ufl.dot(stress(v, p, reynolds, reference_map), surface_vector(n, reference_map))

@@ -1,0 +1,31 @@
+"""Errors a user can act on: one line each, with an exit code; everything else is a defect of the program."""
+
+
+class IncipientError(Exception):
+    """Base of all errors that are reported as one line, without a traceback."""
+
+    exit_code = 1
+
+
+class SceneError(IncipientError):
+    """The scene, or another input file, asks for something wrong or contradictory."""
+
+    exit_code = 2
+
+
+class MeshError(IncipientError):
+    """No usable mesh could be made of the geometry."""
+
+    exit_code = 3
+
+
+class ConvergenceError(IncipientError):
+    """An iteration did not converge, or a factorisation failed; what was computed before it is kept."""
+
+    exit_code = 4
+
+
+class OutputError(IncipientError):
+    """A result could not be written (disk full, no permission) or read back."""
+
+    exit_code = 5

@@ -1,0 +1,7 @@
+"""The fluid sub-problem: spaces, boundary conditions, steady and time-dependent solution."""
+
+from .conditions import Condition, Open, Prescribed, Slip, no_slip
+from .flow import Fluid, FlowModel
+from .steady import solve_steady
+
+__all__ = ["Condition", "FlowModel", "Fluid", "Open", "Prescribed", "Slip", "no_slip", "solve_steady"]

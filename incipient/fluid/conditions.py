@@ -1,0 +1,115 @@
+"""Boundary conditions of the flow, and their place in the mixed system."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import dolfinx
+import numpy as np
+
+from ..domain import Domain
+from .space import TaylorHood, boundary_blocks
+
+Velocity = Callable[[np.ndarray, float], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Prescribed:
+    """Velocity given on a boundary: a function of x (3, n) and t that returns (gdim, n)."""
+
+    boundary: str
+    velocity: Velocity
+
+
+@dataclass(frozen=True)
+class Slip:
+    """No flow through a boundary whose normal is a coordinate axis, and no shear on it."""
+
+    boundary: str
+    axis: int
+
+
+@dataclass(frozen=True)
+class Open:
+    """A boundary through which fluid leaves freely: -p n + (1/Re) dv/dn = 0."""
+
+    boundary: str
+
+
+Condition = Prescribed | Slip | Open
+
+
+def no_slip(boundary: str) -> Prescribed:
+    """A wall at rest."""
+    return Prescribed(boundary, lambda x, t: np.zeros_like(x))
+
+
+class Constraints:
+    """The Dirichlet conditions of a flow, kept up to date with time.
+
+    Where two boundaries meet, the condition named later holds: name walls after moving lids and the
+    corners are watertight.
+    """
+
+    def __init__(self, domain: Domain, space: TaylorHood, conditions: Sequence[Condition]):
+        self.space = space
+        self.open = tuple(c.boundary for c in conditions if isinstance(c, Open))
+        self._values = dolfinx.fem.Function(space.velocity)
+        self._points = space.velocity_points()
+        prescribed = [c for c in conditions if isinstance(c, Prescribed)]
+        self._prescribed = [
+            (c.velocity, boundary_blocks(space.velocity, domain.facets_of(c.boundary))) for c in prescribed
+        ]
+        self._slip = [c for c in conditions if isinstance(c, Slip)]
+        self.dirichlet = self._velocity_conditions(domain, [c.boundary for c in prescribed])
+        self.dirichlet += self._pressure_pin()
+
+    @property
+    def closed(self) -> bool:
+        """Whether no fluid leaves freely, so that the pressure is known up to a constant only."""
+        return not self.open
+
+    def update(self, t: float) -> None:
+        """Evaluate the prescribed velocities at time t."""
+        gdim = self.space.gdim
+        values = self._values.x.array.reshape(-1, gdim)
+        for velocity, blocks in self._prescribed:
+            if len(blocks):
+                values[blocks] = np.asarray(velocity(self._points[blocks].T, t))[:gdim].T
+
+    def boundary_points_moved(self) -> None:
+        """Read the nodes' places again after the mesh has moved."""
+        self._points = self.space.velocity_points()
+
+    def _velocity_conditions(self, domain: Domain, prescribed: list[str]) -> list[Any]:
+        whole = self.space.mixed.sub(0)
+        conditions = []
+        for slip in self._slip:
+            component, _ = whole.sub(slip.axis).collapse()
+            zero = dolfinx.fem.Function(component)
+            facets = domain.facets_of(slip.boundary)
+            conditions.append(_on_facets(zero, (whole.sub(slip.axis), component), facets))
+        if prescribed:
+            facets = np.unique(np.concatenate([domain.facets_of(name) for name in prescribed]))
+            conditions.append(_on_facets(self._values, (whole, self.space.velocity), facets))
+        return conditions
+
+    def _pressure_pin(self) -> list[Any]:
+        """One pressure unknown set to zero where the pressure has no level of its own."""
+        if self.open:
+            return []
+        index_map = self.space.pressure.dofmap.index_map
+        # Global number 0 is the first owned unknown of the lowest rank that has any.
+        own = index_map.global_to_local(np.array([0], dtype=np.int64))
+        own = own[own >= 0].astype(np.int32)
+        zero = dolfinx.fem.Function(self.space.pressure)
+        mixed = self.space.pressure_map[own].astype(np.int32)
+        return [dolfinx.fem.dirichletbc(zero, [mixed, own], self.space.mixed.sub(1))]
+
+
+def _on_facets(values: Any, spaces: tuple[Any, Any], facets: np.ndarray) -> Any:
+    dimension = spaces[0].mesh.topology.dim - 1
+    dofs = dolfinx.fem.locate_dofs_topological(spaces, dimension, facets)
+    return dolfinx.fem.dirichletbc(values, dofs, spaces[0])

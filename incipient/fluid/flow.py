@@ -1,0 +1,223 @@
+"""The fluid sub-problem: build it once, then solve it steadily or advance it step by step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import dolfinx
+import numpy as np
+import ufl
+from dolfinx.fem import petsc
+from petsc4py import PETSc
+
+from .. import compat, forms
+from ..domain import Domain
+from . import newton
+from .conditions import Condition, Constraints
+from .linear import KeptFactorisation
+from .space import TaylorHood, taylor_hood
+
+
+@dataclass(frozen=True)
+class FlowModel:
+    """Which terms the flow has, and how they are discretised.
+
+    order:         of the velocity; the pressure has one less
+    inertia:       False leaves convection out (Stokes)
+    unsteady:      whether there is a time derivative
+    convection:    "implicit" (Newton), or "extrapolated" (linear, Childs & Reddy's 2 v(n) - v(n-1))
+    body_force:    function of the place and the time (UFL) giving a force per unit mass, or None; gravity
+                   is not among them, since a potential force only shifts the pressure
+    reference_map: map of a deforming reference domain, or None where nothing moves
+    """
+
+    order: int = 2
+    inertia: bool = True
+    unsteady: bool = False
+    convection: str = "implicit"
+    body_force: Callable[[Any, Any], Any] | None = None
+    reference_map: forms.ReferenceMap | None = None
+
+    @property
+    def linear(self) -> bool:
+        """Whether one linear solve is the whole solution."""
+        return not self.inertia or (self.unsteady and self.convection == "extrapolated")
+
+
+class Fluid:
+    """Incompressible flow on a domain in Taylor-Hood elements, scene units, fluid density one.
+
+    Holds PETSc objects: use it as a context manager, or call `destroy`. Every method is collective.
+
+    Args:
+        domain: mesh and named boundaries.
+        model: the terms present.
+        conditions: boundary conditions; where boundaries meet the later one holds.
+        reynolds: 1/nu in scene units.
+    """
+
+    def __init__(
+        self, domain: Domain, model: FlowModel, conditions: Sequence[Condition], reynolds: float
+    ):
+        self.domain, self.model = domain, model
+        mesh = domain.mesh
+        self.space: TaylorHood = taylor_hood(mesh, model.order)
+        self.constraints = Constraints(domain, self.space, conditions)
+        self.state = dolfinx.fem.Function(self.space.mixed)
+        self.history = tuple(dolfinx.fem.Function(self.space.mixed) for _ in range(2 * model.unsteady))
+        self._reynolds, self._time = _constant(mesh, reynolds), _constant(mesh, 0.0)
+        self._rate = tuple(_constant(mesh, 0.0) for _ in range(3))
+        self._extrapolation = tuple(_constant(mesh, c) for c in (1.0, 0.0))
+        self._residual, self._jacobian = self._forms()
+        self._matrix = petsc.create_matrix(self._jacobian)
+        self._vector = petsc.assemble_vector(self._residual)
+        self._correction = self._matrix.createVecRight()
+        self._state_view = compat.vec_view(self.state)
+        self.solver = KeptFactorisation(self._matrix)
+        self._lift = True
+
+    def _forms(self) -> tuple[Any, Any]:
+        v, p = ufl.split(self.state)
+        w, q = ufl.TestFunctions(self.space.mixed)
+        dx = self.space.quadrature()
+        residual = forms.residual(v, p, w, q, self._terms(v), dx)
+        jacobian = ufl.derivative(residual, self.state, ufl.TrialFunction(self.space.mixed))
+        return compat.form(residual), compat.form(jacobian)
+
+    def _terms(self, v: Any) -> forms.FlowTerms:
+        model, past = self.model, [ufl.split(h)[0] for h in self.history]
+        rate = carrier = force = None
+        if model.unsteady:
+            rate = sum(a * u for a, u in zip(self._rate, [v, *past], strict=True))
+        if model.inertia:
+            carrier = v
+            if model.unsteady and model.convection == "extrapolated":
+                carrier = sum(e * u for e, u in zip(self._extrapolation, past, strict=True))
+        if model.body_force is not None:
+            force = model.body_force(self.place(), self._time)
+        boundary = self.domain.measure(*self.constraints.open) if self.constraints.open else None
+        return forms.FlowTerms(self._reynolds, rate, carrier, force, boundary, model.reference_map)
+
+    def place(self) -> Any:
+        """UFL expression of the place x in space, X + d on a reference domain."""
+        x = ufl.SpatialCoordinate(self.domain.mesh)
+        return x if self.model.reference_map is None else x + self.model.reference_map.displacement
+
+    def __enter__(self) -> Fluid:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.destroy()
+
+    def destroy(self) -> None:
+        """Free PETSc's memory."""
+        self.solver.destroy()
+        for held in (self._matrix, self._vector, self._correction, self._state_view):
+            held.destroy()
+
+    # -- parameters -----------------------------------------------------------------------------
+
+    @property
+    def reynolds(self) -> float:
+        """1/nu in scene units; setting it recompiles nothing."""
+        return float(self._reynolds.value)
+
+    @reynolds.setter
+    def reynolds(self, value: float) -> None:
+        self._reynolds.value = value
+
+    @property
+    def time(self) -> float:
+        """Time of the state."""
+        return float(self._time.value)
+
+    @time.setter
+    def time(self, value: float) -> None:
+        self._time.value = value
+
+    def discretise_time(self, rate: Sequence[float], extrapolation: Sequence[float]) -> None:
+        """Set dv/dt = a0 v + a1 v(n) + a2 v(n-1) and the extrapolation e1 v(n) + e2 v(n-1); zeros: steady."""
+        for constant, value in zip(self._rate, rate, strict=True):
+            constant.value = value
+        for constant, value in zip(self._extrapolation, extrapolation, strict=True):
+            constant.value = value
+
+    # -- solution -------------------------------------------------------------------------------
+
+    @property
+    def velocity(self) -> Any:
+        """The velocity as a function of its own (a copy)."""
+        return self.state.sub(0).collapse()
+
+    @property
+    def pressure(self) -> Any:
+        """The pressure as a function of its own (a copy); without the hydrostatic part."""
+        return self.state.sub(1).collapse()
+
+    def solve(
+        self,
+        tolerance: float,
+        max_iterations: int = 25,
+        watch: Callable[[int, float], Any] = lambda iteration, size: None,
+    ) -> newton.NewtonReport:
+        """Solve for the state with the parameters as they are, starting from the present state."""
+        self.constraints.update(self.time)
+        self._lift = True
+        if not self.model.linear:
+            return newton.solve(self, tolerance, max_iterations, watch)
+        size = self.correction(rtol=1e-12 if not self.model.unsteady else 1e-2 * tolerance)
+        watch(0, size)
+        return newton.NewtonReport(bool(np.isfinite(size)), (size,), 0.0)
+
+    def correction(self, rtol: float, fresh: bool = False) -> float:
+        """One Newton correction; returns its velocity's size relative to the velocity's (see `newton.System`)."""
+        self._assemble_constrained_residual()
+        self._matrix.zeroEntries()
+        petsc.assemble_matrix(self._matrix, self._jacobian, self.constraints.dirichlet)
+        self._matrix.assemble()
+        self.solver.solve(self._vector, self._correction, rtol, fresh)
+        owned = self._state_view.getLocalSize()
+        self.state.x.array[:owned] -= self._correction.array_r
+        self.state.x.scatter_forward()
+        self._lift = False
+        return self._relative_size()
+
+    def _assemble_constrained_residual(self) -> None:
+        conditions = self.constraints.dirichlet
+        self._assemble(self._vector)
+        if self._lift:
+            # Only the first correction changes boundary values; later ones vanish there.
+            petsc.apply_lifting(
+                self._vector, [self._jacobian], [conditions], [self._state_view], -1.0
+            )
+        self._vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        petsc.set_bc(self._vector, conditions, self._state_view, -1.0)
+
+    def _assemble(self, vector: Any) -> None:
+        with vector.localForm() as local:
+            local.set(0.0)
+        petsc.assemble_vector(vector, self._residual)
+
+    def residual(self) -> np.ndarray:
+        """Residual of the present state against every test function, conditions not applied: (owned unknowns,).
+
+        Its momentum entries on a boundary are the consistent nodal tractions there.
+        """
+        self._assemble(self._vector)
+        self._vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        return self._vector.array_r.copy()
+
+    def _relative_size(self) -> float:
+        owned = self._state_view.getLocalSize()
+        mine = self.space.velocity_map[self.space.velocity_map < owned]
+        parts = [np.sum(a[mine] ** 2) for a in (self._correction.array_r, self.state.x.array)]
+        change, whole = self.domain.comm.allreduce(np.array(parts))
+        if whole == 0.0:
+            return 0.0 if change == 0.0 else np.inf
+        return float(np.sqrt(change / whole))
+
+
+def _constant(mesh: Any, value: float) -> Any:
+    return dolfinx.fem.Constant(mesh, PETSc.ScalarType(value))

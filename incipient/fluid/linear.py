@@ -1,0 +1,111 @@
+"""Direct solution of the flow's linear systems, keeping factorisations for as long as they are useful."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from petsc4py import PETSc
+
+from ..errors import ConvergenceError
+
+# MUMPS's estimate of its own workspace is often too small for saddle points with pivoting.
+WORKSPACE_PERCENT = 200
+
+
+@dataclass
+class LinearStatistics:
+    """Counts of what the linear solver has done so far."""
+
+    factorisations: int = 0
+    solves: int = 0
+    krylov_iterations: int = 0
+
+
+class KeptFactorisation:
+    """Solves A x = b by LU, or by GMRES preconditioned with the LU of an earlier, similar A.
+
+    `solve(..., fresh=True)` factorises; otherwise the kept factors precondition until more than
+    `patience` iterations are needed. The symbolic factorisation is made once. PETSc options with the
+    prefix ``fluid_`` override everything (``PETSC_OPTIONS="-fluid_pc_factor_mat_solver_type superlu_dist"``).
+    """
+
+    def __init__(self, matrix: Any, patience: int = 8):
+        self.matrix, self.patience = matrix, patience
+        self.statistics = LinearStatistics()
+        self._aged = True
+        self._solver = self._make()
+
+    def _make(self) -> Any:
+        solver = PETSc.KSP().create(self.matrix.comm)
+        solver.setOptionsPrefix("fluid_")
+        solver.setType("gmres")
+        solver.setGMRESRestart(50)
+        solver.setPCSide(PETSc.PC.Side.RIGHT)
+        solver.setOperators(self.matrix)
+        preconditioner = solver.getPC()
+        preconditioner.setType("lu")
+        if PETSc.Sys.hasExternalPackage("mumps"):
+            preconditioner.setFactorSolverType("mumps")
+            preconditioner.setFactorSetUpSolverType()
+            preconditioner.getFactorMatrix().setMumpsIcntl(14, WORKSPACE_PERCENT)
+        solver.setFromOptions()
+        return solver
+
+    def solve(self, b: Any, x: Any, rtol: float, fresh: bool = False) -> None:
+        """Solve to a relative residual of `rtol`. Collective.
+
+        Raises:
+            ConvergenceError: the factorisation failed, also with twice the workspace.
+        """
+        if fresh or self._aged:
+            self._factorise()
+        iterations = self._iterate(b, x, rtol)
+        if iterations is None:
+            self._factorise()
+            iterations = self._iterate(b, x, rtol)
+        if iterations is None:
+            raise ConvergenceError(self._explanation())
+        self._aged = iterations > self.patience
+        self.statistics.solves += 1
+        self.statistics.krylov_iterations += iterations
+
+    def _iterate(self, b: Any, x: Any, rtol: float) -> int | None:
+        """Number of iterations, or None if GMRES with the factors at hand does not converge."""
+        self._solver.getPC().setReusePreconditioner(True)
+        self._solver.setTolerances(rtol=rtol, atol=1e-50, max_it=4 * self.patience)
+        self._solver.solve(b, x)
+        return self._solver.getIterationNumber() if self._solver.getConvergedReason() > 0 else None
+
+    def _factorise(self) -> None:
+        self._set_up()
+        if self._mumps and self._factor_error() < 0:
+            self._solver.getPC().getFactorMatrix().setMumpsIcntl(14, 4 * WORKSPACE_PERCENT)
+            self._set_up()
+        if self._mumps and self._factor_error() < 0:
+            raise ConvergenceError(self._explanation())
+
+    def _set_up(self) -> None:
+        self._solver.getPC().setReusePreconditioner(False)
+        self._solver.setOperators(self.matrix)
+        self._solver.setUp()
+        self.statistics.factorisations += 1
+
+    @property
+    def _mumps(self) -> bool:
+        return self._solver.getPC().getFactorSolverType() == "mumps"
+
+    def _factor_error(self) -> int:
+        """MUMPS's INFOG(1): negative when the factorisation failed."""
+        return self._solver.getPC().getFactorMatrix().getMumpsInfog(1)
+
+    def _explanation(self) -> str:
+        rows = self.matrix.getLocalSize()[0]
+        return (
+            f"the linear system of the flow could not be factorised ({rows} unknowns on this rank): "
+            "use a coarser mesh (numerics.mesh_size) or more ranks"
+        )
+
+    def destroy(self) -> None:
+        """Free PETSc's memory."""
+        self._solver.destroy()

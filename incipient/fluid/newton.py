@@ -1,0 +1,84 @@
+"""Newton's method on an assembled system, with the error left estimated from the contraction of the updates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+
+class System(Protocol):
+    """What Newton's method needs of a discretised problem; all methods are collective."""
+
+    def correction(self, rtol: float, fresh: bool) -> float:
+        """Subtract one Newton correction from the state; return its size relative to the state."""
+        ...
+
+
+@dataclass(frozen=True)
+class NewtonReport:
+    """How an iteration went: sizes of the corrections relative to the state, and the error estimated to be left."""
+
+    converged: bool
+    corrections: tuple[float, ...]
+    error: float
+
+    @property
+    def iterations(self) -> int:
+        """Number of corrections."""
+        return len(self.corrections)
+
+
+def solve(
+    system: System,
+    tolerance: float,
+    max_iterations: int,
+    watch: Callable[[int, float], Any] = lambda iteration, size: None,
+) -> NewtonReport:
+    """Iterate until the error left, estimated as d r/(1 - r) with r = d/d_previous, is below `tolerance`.
+
+    Gives up when corrections have grown three times in a row by half or more, or are not finite, and
+    reports `converged=False`: the caller decides what to do. Collective.
+    """
+    sizes: list[float] = []
+    error = np.inf
+    for iteration in range(max_iterations):
+        sizes.append(system.correction(rtol=_inner_tolerance(sizes, tolerance), fresh=_slow(sizes)))
+        watch(iteration, sizes[-1])
+        if not np.isfinite(sizes[-1]) or _growing(sizes):
+            return NewtonReport(False, tuple(sizes), np.inf)
+        error = _error_left(sizes)
+        if error <= tolerance:
+            return NewtonReport(True, tuple(sizes), error)
+    return NewtonReport(False, tuple(sizes), error)
+
+
+def _error_left(sizes: list[float]) -> float:
+    if sizes[-1] == 0.0:
+        return 0.0
+    if len(sizes) < 2:
+        # One correction tells nothing about contraction, unless it is at round-off.
+        return 0.0 if sizes[-1] < 1e-13 else np.inf
+    contraction = sizes[-1] / sizes[-2]
+    if contraction >= 0.5:
+        return 0.0 if sizes[-1] < 1e-13 else np.inf
+    return sizes[-1] * contraction / (1 - contraction)
+
+
+def _inner_tolerance(sizes: list[float], tolerance: float) -> float:
+    """Linear systems are solved as well as the next correction can use: quadratic convergence squares it."""
+    if not sizes:
+        return 1e-6
+    return float(np.clip(0.1 * sizes[-1], max(1e-12, 0.01 * tolerance), 1e-3))
+
+
+def _slow(sizes: list[float]) -> bool:
+    """Whether the state still changes so much that old factors would not help."""
+    return bool(sizes) and sizes[-1] > 0.05
+
+
+def _growing(sizes: list[float]) -> bool:
+    last = sizes[-4:]
+    return len(last) == 4 and all(later > 1.5 * earlier for earlier, later in zip(last, last[1:], strict=False))

@@ -1,0 +1,63 @@
+"""Taylor-Hood spaces: continuous velocity of order k, pressure of order k - 1."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import dolfinx
+import numpy as np
+import ufl
+
+from .. import compat
+
+
+@dataclass(frozen=True)
+class TaylorHood:
+    """The mixed space and its parts, with the maps from each part's unknowns into the mixed vector."""
+
+    mixed: Any
+    velocity: Any
+    pressure: Any
+    velocity_map: np.ndarray
+    pressure_map: np.ndarray
+    order: int
+
+    @property
+    def gdim(self) -> int:
+        """Dimension of space."""
+        return int(self.mixed.mesh.geometry.dim)
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns over all ranks."""
+        return int(self.mixed.dofmap.index_map.size_global * self.mixed.dofmap.index_map_bs)
+
+    def quadrature(self) -> Any:
+        """Cell measure exact for convection on straight cells, with two orders more per order of curvature."""
+        mesh = self.mixed.mesh
+        curvature = compat.coordinate_element(mesh).degree
+        geometry_order = curvature() if callable(curvature) else curvature
+        degree = 3 * self.order - 1 + 2 * (geometry_order - 1)
+        return ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": degree})
+
+    def velocity_points(self) -> np.ndarray:
+        """(n, 3) place of each local velocity node, in the present geometry of the mesh."""
+        return self.velocity.tabulate_dof_coordinates()
+
+
+def taylor_hood(mesh: Any, order: int) -> TaylorHood:
+    """Build the spaces of velocity order `order` (at least 2). Collective."""
+    gdim = mesh.geometry.dim
+    parts = [compat.element(mesh, order, (gdim,)), compat.element(mesh, order - 1)]
+    mixed = compat.function_space(mesh, compat.mixed_element(parts))
+    (velocity, velocity_map), (pressure, pressure_map) = (mixed.sub(i).collapse() for i in (0, 1))
+    return TaylorHood(
+        mixed, velocity, pressure, np.asarray(velocity_map), np.asarray(pressure_map), order
+    )
+
+
+def boundary_blocks(space: Any, facets: np.ndarray) -> np.ndarray:
+    """Local nodes (blocks) of a Lagrange space on the given facets; collective, ranks agree on shared nodes."""
+    dimension = space.mesh.topology.dim - 1
+    return dolfinx.fem.locate_dofs_topological(space, dimension, facets)

@@ -1,0 +1,43 @@
+"""What several ranks must do together: agree on failure, and speak with one voice."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from .errors import IncipientError
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+
+@contextmanager
+def collectively(comm: MPI.Comm) -> Iterator[None]:
+    """Run the block on every rank; if any rank raised, every rank raises the first rank's error.
+
+    Collective. For work that one rank does for all (building a mesh, writing a file): a rank that
+    fails inside the block may not be inside a collective call when it does.
+
+    Raises:
+        IncipientError: of the type and with the message raised on the lowest failing rank.
+    """
+    error: Exception | None = None
+    try:
+        yield
+    except Exception as caught:
+        error = caught
+    failures = [e for e in comm.allgather(_described(error)) if e is not None]
+    if not failures:
+        return
+    if error is not None and not isinstance(error, IncipientError):
+        raise error
+    kind, message = failures[0]
+    raise kind(message) from error
+
+
+def _described(error: Exception | None) -> tuple[type[IncipientError], str] | None:
+    if error is None:
+        return None
+    kind = type(error) if isinstance(error, IncipientError) else IncipientError
+    return kind, str(error) or type(error).__name__

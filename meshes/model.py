@@ -1,0 +1,218 @@
+"""gmsh models of regions and grids, meshed and with their boundaries named."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import gmsh
+import numpy as np
+
+from incipient.errors import MeshError
+from incipient.geometry.curves import Arc, Curve, Line, Point, Spline
+
+from .region import Grid, Near, Region, Sizes
+
+
+@contextmanager
+def region_model(region: Region, sizes: Sizes, order: int) -> Iterator[Any]:
+    """Yield the gmsh model of a region meshed with triangles of an order. Not collective: one rank draws.
+
+    Raises:
+        MeshError: gmsh finds no mesh, or curved cells fold over.
+    """
+    with _session() as model:
+        curves = _draw_region(region)
+        _set_sizes(sizes, curves)
+        _mesh(order)
+        yield model
+
+
+@contextmanager
+def grid_model(grid: Grid, order: int) -> Iterator[Any]:
+    """Yield the gmsh model of a graded grid of triangles. Not collective: one rank draws."""
+    with _session() as model:
+        _draw_grid(grid)
+        _mesh(order)
+        yield model
+
+
+@contextmanager
+def _session() -> Iterator[Any]:
+    """A quiet gmsh session of its own, whose errors become MeshError."""
+    options = {"interruptible": False} if "interruptible" in inspect.signature(gmsh.initialize).parameters else {}
+    gmsh.initialize(**options)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.option.setNumber("General.NumThreads", 1)
+        gmsh.logger.start()
+        gmsh.model.add("incipient")
+        try:
+            yield gmsh.model
+        except MeshError:
+            raise
+        except Exception as error:
+            raise MeshError(f"the geometry could not be meshed: {_last_complaint(error)}") from error
+    finally:
+        gmsh.finalize()
+
+
+def _last_complaint(error: Exception) -> str:
+    complaints = [line for line in gmsh.logger.get() if line.startswith(("Error", "Warning"))]
+    return str(error) or (complaints[-1] if complaints else type(error).__name__)
+
+
+class _Pen:
+    """Draws curves, joining those that share an end point."""
+
+    def __init__(self, tolerance: float):
+        self.tolerance = tolerance
+        self.points: dict[tuple[int, int], int] = {}
+
+    def point(self, x: Point) -> int:
+        key = (round(x[0] / self.tolerance), round(x[1] / self.tolerance))
+        if key not in self.points:
+            self.points[key] = gmsh.model.geo.addPoint(float(x[0]), float(x[1]), 0.0)
+        return self.points[key]
+
+    def curve(self, curve: Curve) -> int:
+        geo = gmsh.model.geo
+        start, end = self.point(curve.start), self.point(curve.end)
+        if isinstance(curve, Line):
+            return geo.addLine(start, end)
+        if isinstance(curve, Arc):
+            centre = geo.addPoint(*curve.centre, 0.0)
+            if curve.major is None:
+                return geo.addCircleArc(start, centre, end)
+            return geo.addEllipseArc(start, centre, geo.addPoint(*curve.major, 0.0), end)
+        if isinstance(curve, Spline):
+            inner = [geo.addPoint(float(x), float(y), 0.0) for x, y in curve.points[1:-1]]
+            return geo.addSpline([start, *inner, end])
+        raise MeshError(f"a curve of kind {type(curve).__name__} cannot be drawn")
+
+
+def _draw_region(region: Region) -> dict[str, list[int]]:
+    """Draw, name the boundaries, and return the curves of each."""
+    pen = _Pen(tolerance=1e-9 * abs(region.bottom[-1].end[0] - region.bottom[0].start[0]))
+    left, right = region.bottom[0].start, region.bottom[-1].end
+    upper_left, upper_right = (left[0], region.top), (right[0], region.top)
+    sides = [
+        region.bottom,
+        (Line(right, upper_right),),
+        (Line(upper_right, upper_left),),
+        (Line(upper_left, left),),
+    ]
+    curves: dict[str, list[int]] = {}
+    for name, side in zip(region.sides, sides, strict=True):
+        curves.setdefault(name, []).extend(pen.curve(curve) for curve in side)
+    outer = [tag for name in dict.fromkeys(region.sides) for tag in curves[name]]
+    loops = [gmsh.model.geo.addCurveLoop(outer, reorient=True)]
+    for name, outline in region.holes.items():
+        curves[name] = [pen.curve(curve) for curve in outline]
+        loops.append(gmsh.model.geo.addCurveLoop(curves[name]))
+    _name(curves, gmsh.model.geo.addPlaneSurface(loops))
+    return curves
+
+
+def _name(curves: dict[str, list[int]], surface: int) -> None:
+    gmsh.model.geo.synchronize()
+    gmsh.model.addPhysicalGroup(2, [surface], 1)
+    gmsh.model.setPhysicalName(2, 1, "fluid")
+    for tag, (name, members) in enumerate(curves.items(), start=1):
+        gmsh.model.addPhysicalGroup(1, members, tag)
+        gmsh.model.setPhysicalName(1, tag, name)
+
+
+def _set_sizes(sizes: Sizes, curves: dict[str, list[int]]) -> None:
+    fields = gmsh.model.mesh.field
+    parts = [_near_field(near, sizes.far, curves) for near in sizes.near]
+    whole = fields.add("MathEval")
+    fields.setString(whole, "F", repr(sizes.far))
+    least = fields.add("Min")
+    fields.setNumbers(least, "FieldsList", [whole, *parts])
+    fields.setAsBackgroundMesh(least)
+    for option in ("FromPoints", "ExtendFromBoundary", "FromCurvature"):
+        _set_option(f"Mesh.MeshSize{option}", f"Mesh.CharacteristicLength{option}", 0)
+
+
+def _near_field(near: Near, far: float, curves: dict[str, list[int]]) -> int:
+    """A field that grows linearly with the distance from the feature."""
+    fields = gmsh.model.mesh.field
+    size = fields.add("MathEval")
+    if near.points:
+        distances = [f"Sqrt((x-({x!r}))^2+(y-({y!r}))^2)" for x, y in near.points]
+        expression = distances[0]
+        for other in distances[1:]:
+            expression = f"Min({expression},{other})"
+    else:
+        distance = fields.add("Distance")
+        _set_either(distance, ("CurvesList", "EdgesList"), fields.setNumbers, curves[near.boundary])
+        samples = _samples(curves[near.boundary], near.size)
+        _set_either(distance, ("Sampling", "NumPointsPerCurve"), fields.setNumber, samples)
+        expression = f"F{distance}"
+    fields.setString(size, "F", f"{near.size!r}+{near.growth!r}*({expression})")
+    return size
+
+
+def _samples(tags: list[int], size: float) -> int:
+    """Enough points on the longest curve that the distance to them is that to the curve."""
+    boxes = np.array([gmsh.model.getBoundingBox(1, tag) for tag in tags])
+    longest = np.linalg.norm(boxes[:, 3:] - boxes[:, :3], axis=1).max()
+    return int(np.clip(3 * longest / size, 20, 2000))
+
+
+def _set_either(field: int, names: tuple[str, ...], put: Any, value: Any) -> None:
+    """Set the option under the first name this gmsh knows (they changed between 4.7 and 4.9)."""
+    for name in names:
+        try:
+            put(field, name, value)
+            return
+        except Exception:
+            continue
+    raise MeshError(f"this gmsh knows none of the field options {', '.join(names)}")
+
+
+def _set_option(name: str, older: str, value: float) -> None:
+    try:
+        gmsh.option.setNumber(name, value)
+    except Exception:
+        gmsh.option.setNumber(older, value)
+
+
+def _draw_grid(grid: Grid) -> None:
+    (x, y), geo = grid.origin, gmsh.model.geo
+    corners = [(x, y), (x + grid.length, y), (x + grid.length, y + grid.height), (x, y + grid.height)]
+    points = [geo.addPoint(*corner, 0.0) for corner in corners]
+    lines = [geo.addLine(points[i], points[(i + 1) % 4]) for i in range(4)]
+    for line, cells in zip(lines, [grid.columns, grid.rows] * 2, strict=True):
+        geo.mesh.setTransfiniteCurve(line, cells + 1, "Bump", grid.grading)
+    surface = geo.addPlaneSurface([geo.addCurveLoop(lines)])
+    geo.mesh.setTransfiniteSurface(surface, "Alternate")
+    curves: dict[str, list[int]] = {}
+    for name, line in zip(grid.sides, lines, strict=True):
+        curves.setdefault(name, []).append(line)
+    _name(curves, surface)
+
+
+def _mesh(order: int) -> None:
+    gmsh.model.mesh.generate(2)
+    gmsh.model.mesh.setOrder(order)
+    kinds, _, _ = gmsh.model.mesh.getElements(2)
+    if len(kinds) == 0:
+        raise MeshError("the geometry could not be meshed: gmsh made no cells")
+    if order > 1:
+        _check_not_folded(kinds[0])
+
+
+def _check_not_folded(kind: int) -> None:
+    """A curved cell is usable only where its map keeps its sense: look at the nodes of the cell."""
+    _, _, order, nodes, local, _ = gmsh.model.mesh.getElementProperties(kind)
+    points = np.column_stack([np.reshape(local, (nodes, -1)), np.zeros(nodes)])
+    _, determinants, _ = gmsh.model.mesh.getJacobians(kind, points.ravel())
+    if np.min(determinants) <= 0 < np.max(determinants):
+        raise MeshError(
+            f"cells of order {order} fold over on a curved boundary: use a smaller numerics.mesh_size "
+            "or numerics.geometry_order = 1"
+        )
