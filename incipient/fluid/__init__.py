@@ -3,5 +3,6 @@
 from .conditions import Condition, Open, Prescribed, Slip, no_slip
 from .flow import Fluid, FlowModel
 from .steady import solve_steady
+from .transient import TimeStep, Transient
 
-__all__ = ["Condition", "FlowModel", "Fluid", "Open", "Prescribed", "Slip", "no_slip", "solve_steady"]
+__all__ = ["Condition", "FlowModel", "Fluid", "Open", "Prescribed", "Slip", "TimeStep", "Transient", "no_slip", "solve_steady"]

@@ -101,9 +101,9 @@ class Constraints:
         if self.open:
             return []
         index_map = self.space.pressure.dofmap.index_map
-        # Global number 0 is the first owned unknown of the lowest rank that has any.
-        own = index_map.global_to_local(np.array([0], dtype=np.int64))
-        own = own[own >= 0].astype(np.int32)
+        # Global number 0, wherever it is seen: owned by the lowest rank that owns any, a ghost on others.
+        first = np.concatenate([np.arange(*index_map.local_range), index_map.ghosts])
+        own = np.flatnonzero(first == 0).astype(np.int32)
         zero = dolfinx.fem.Function(self.space.pressure)
         mixed = self.space.pressure_map[own].astype(np.int32)
         return [dolfinx.fem.dirichletbc(zero, [mixed, own], self.space.mixed.sub(1))]

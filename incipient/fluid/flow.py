@@ -129,6 +129,11 @@ class Fluid:
         self._reynolds.value = value
 
     @property
+    def reynolds_constant(self) -> Any:
+        """The constant that stands for 1/nu in forms."""
+        return self._reynolds
+
+    @property
     def time(self) -> float:
         """Time of the state."""
         return float(self._time.value)

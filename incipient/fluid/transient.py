@@ -1,0 +1,152 @@
+"""Time-dependent flow: backward differences of first and second order with variable steps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..errors import ConvergenceError
+from .flow import Fluid
+from .newton import NewtonReport
+
+SAFETY, LARGEST_GROWTH, LARGEST_CUT = 0.9, 2.0, 0.3
+
+
+@dataclass(frozen=True)
+class TimeStep:
+    """One accepted step: the time reached, its length, the local error (None: not enough history yet)."""
+
+    number: int
+    time: float
+    length: float
+    error: float | None
+    rejected: int
+    report: NewtonReport
+
+
+def backward_difference(order: int, step: float, ratio: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Coefficients (a0, a1, a2) of dv/dt and (e1, e2) of the extrapolation.
+
+    `ratio` is this step over the one before. Second order: a0 v + a1 v(n) + a2 v(n-1) is exact for
+    quadratics, e1 v(n) + e2 v(n-1) for linear functions of time.
+    """
+    if order == 1:
+        return (1 / step, -1 / step, 0.0), (1.0, 0.0)
+    r = ratio
+    rate = ((1 + 2 * r) / (1 + r), -(1 + r), r**2 / (1 + r))
+    return tuple(a / step for a in rate), (1 + r, -r)
+
+
+class Transient:
+    """Advances an unsteady fluid. All methods are collective.
+
+    Args:
+        fluid: built with `FlowModel(unsteady=True)`; its present state is the initial one.
+        order: 1 (the paper's backward difference) or 2.
+        tolerance: of the algebraic solution within a step, relative.
+        accuracy: local error of the velocity a step may make, relative; None keeps the steps as given.
+    """
+
+    def __init__(self, fluid: Fluid, order: int = 2, tolerance: float = 1e-8, accuracy: float | None = None):
+        self.fluid, self.order, self.tolerance, self.accuracy = fluid, order, tolerance, accuracy
+        self._past: list[tuple[float, np.ndarray]] = []
+        self._count = 0
+
+    def march(self, end: float, step: float) -> Iterator[TimeStep]:
+        """Advance to `end`, yielding after each accepted step; lengths follow `accuracy` if it is set.
+
+        Raises:
+            ConvergenceError: a step failed even after ten halvings; the fluid holds the last good state.
+        """
+        start = self.fluid.time
+        while end - self.fluid.time > 1e-9 * (end - start):
+            length = _landing(end - self.fluid.time, step)
+            taken = self.advance(length)
+            step = step if self.accuracy is None else self._next_length(taken)
+            yield taken
+
+    def advance(self, length: float) -> TimeStep:
+        """One accepted step, at most `length` long: halved while it does not converge or errs too much."""
+        self._remember()
+        for rejected in range(11):
+            report = self._attempt(length)
+            error = self._error(length) if report.converged else None
+            if report.converged and not self._too_large(error):
+                self._count += 1
+                return TimeStep(self._count, self.fluid.time, length, error, rejected, report)
+            self._restore()
+            length *= 0.5
+        raise ConvergenceError(
+            f"the step from t = {self.fluid.time:.6g} does not converge even at length {length:.3g}: "
+            "use a finer mesh (smaller numerics.mesh_size) or a smaller Reynolds number"
+        )
+
+    def _remember(self) -> None:
+        """Put the present state at the head of the past, which holds at most three."""
+        self._past = [(self.fluid.time, self.fluid.state.x.array.copy()), *self._past[:2]]
+
+    def _attempt(self, length: float) -> NewtonReport:
+        fluid, past = self.fluid, self._past
+        second = self.order == 2 and len(past) > 1
+        ratio = length / (past[0][0] - past[1][0]) if len(past) > 1 else 1.0
+        rate, extrapolation = backward_difference(2 if second else 1, length, ratio)
+        fluid.discretise_time(rate, extrapolation)
+        for function, (_, values) in zip(fluid.history, [*past[:2], past[-1]], strict=False):
+            function.x.array[:] = values
+        if second:
+            fluid.state.x.array[:] = extrapolation[0] * past[0][1] + extrapolation[1] * past[1][1]
+        fluid.time = past[0][0] + length
+        return fluid.solve(self.tolerance)
+
+    def _restore(self) -> None:
+        self.fluid.time = self._past[0][0]
+        self.fluid.state.x.array[:] = self._past[0][1]
+
+    def _too_large(self, error: float | None) -> bool:
+        return self.accuracy is not None and error is not None and error > 1.5 * self.accuracy
+
+    def _error(self, length: float) -> float | None:
+        """Local error of the velocity relative to it, from divided differences over the past states."""
+        second = self.order == 2 and len(self._past) > 1
+        needed = 3 if second else 2
+        if len(self._past) < needed:
+            return None
+        times = [self.fluid.time, *(t for t, _ in self._past[:needed])]
+        states = [self.fluid.state.x.array, *(s for _, s in self._past[:needed])]
+        # (a0 times the) leading term of the truncation: v''/2 dt, and v'''/6 dt (dt + dt before).
+        difference = _divided_difference(times, states) * np.prod([times[0] - t for t in times[1:-1]])
+        a0 = backward_difference(2 if second else 1, length, length / (times[1] - times[2]))[0][0]
+        return self._relative(difference / a0)
+
+    def _relative(self, values: np.ndarray) -> float:
+        space = self.fluid.space
+        owned = space.mixed.dofmap.index_map.size_local * space.mixed.dofmap.index_map_bs
+        mine = space.velocity_map[space.velocity_map < owned]
+        squares = [np.sum(a[mine] ** 2) for a in (values, self.fluid.state.x.array)]
+        error, whole = self.fluid.domain.comm.allreduce(np.array(squares))
+        return float(np.sqrt(error / whole)) if whole else 0.0
+
+    def _next_length(self, taken: TimeStep) -> float:
+        if taken.error is None or self.accuracy is None:
+            return taken.length
+        exponent = 1 / (self.order + 1)
+        factor = SAFETY * (self.accuracy / max(taken.error, 1e-300)) ** exponent
+        return taken.length * float(np.clip(factor, LARGEST_CUT, LARGEST_GROWTH))
+
+
+def _landing(left: float, step: float) -> float:
+    """The step, adjusted so that the last one lands on the end without being a sliver."""
+    if left <= step * (1 + 1e-9):
+        return left
+    return 0.5 * left if left < 1.5 * step and left > step * (1 + 1e-6) else step
+
+
+def _divided_difference(times: list[float], states: list[Any]) -> Any:
+    if len(states) == 1:
+        return states[0]
+    newer = _divided_difference(times[:-1], states[:-1])
+    older = _divided_difference(times[1:], states[1:])
+    return (newer - older) / (times[0] - times[-1])

@@ -1,0 +1,174 @@
+"""Where everything is and how finely it is meshed: the scene and its plan turned into a drawing for gmsh."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .geometry.curves import Curve, Line, Point
+from .geometry.grain import Grain, Placement
+from .geometry.rest import clearance, lifted
+from .meshes import Grid, Near, Region, Sizes
+from .plan import Estimate, Plan
+from .scene import Scene
+
+# Cell sizes for mesh_size = 1 by order of the velocity, chosen so that the orders err alike (docs/numerics.md).
+GRAIN_CELL = {2: 0.05, 3: 0.1, 4: 0.15}  # of the grain's size, at its surface
+FAR_CELL = {2: 0.10, 3: 0.15, 4: 0.20}  # of the domain's height
+BED_CELL = {2: 0.15, 3: 0.25, 4: 0.35}  # of the bed's smallest feature
+GAP_CELL = {2: 0.5, 3: 0.75, 4: 1.0}  # of the gap between grain and bed
+CORNER_CELL = 0.3  # of the grain's cells, at its corners
+GRID_CELLS = {2: 40, 3: 28, 4: 22}  # along the shorter side of an empty box
+GROWTH, GAP_GROWTH = 0.25, 0.18  # of cell sizes with distance
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The scene's geometry in place, ready to be drawn.
+
+    resting:   the grain where it touches the bed (or is held), None without a grain
+    placement: the grain where the flow is computed: lifted by the gap
+    gap:       smallest distance of grain and bed in the computed flow [length], inf without contact
+    gap_ends:  the two points between which the gap is measured
+    """
+
+    shape: Region | Grid
+    sizes: Sizes
+    geometry_order: int
+    resting: Placement | None = None
+    placement: Placement | None = None
+    gap: float = np.inf
+    gap_ends: tuple[Point, Point] | None = None
+
+    def drawing(self) -> AbstractContextManager[Any]:
+        """A meshed gmsh model; for one rank only.
+
+        Raises:
+            MeshError: the geometry cannot be meshed.
+        """
+        from .meshes.model import grid_model, region_model
+
+        if isinstance(self.shape, Grid):
+            return grid_model(self.shape, self.geometry_order)
+        return region_model(self.shape, self.sizes, self.geometry_order)
+
+
+def lay_out(scene: Scene, plan: Plan) -> Layout:
+    """Place the grain and decide cell sizes. Not collective."""
+    if scene.domain.kind == "box" and scene.body is None and scene.bed is None:
+        return Layout(_grid(scene, plan), Sizes(1.0), plan.geometry_order)
+    resting, placement, gap, ends = _placed(scene, plan)
+    holes = {}
+    if scene.grain is not None and placement is not None:
+        holes["body"] = tuple(curve.moved(placement) for curve in scene.grain.outline())
+    region = Region(_bottom(scene), scene.domain.ceiling, holes, side_names(scene))
+    sizes = _sizes(scene, plan, holes.get("body", ()), gap, ends).scaled(plan.mesh_size)
+    return Layout(region, sizes, plan.geometry_order, resting, placement, gap, ends)
+
+
+def side_names(scene: Scene) -> tuple[str, str, str, str]:
+    """Names of the bottom, right, top and left boundary."""
+    bottom = "bed" if scene.bed is not None else "bottom"
+    if scene.domain.kind == "channel":
+        return bottom, "outflow", "top", "inflow"
+    return bottom, "right", "top", "left"
+
+
+def _placed(
+    scene: Scene, plan: Plan
+) -> tuple[Placement | None, Placement | None, float, tuple[Point, Point] | None]:
+    """Resting place, computed place, gap and the points it is measured between."""
+    grain, bed, resting = scene.grain, scene.bed_shape, scene.placement
+    if grain is None or bed is None or resting is None:
+        return resting, resting, np.inf, None
+    placement = lifted(grain, resting, bed, scene.contact_gap) if plan.has("contact") else resting
+    gap, on_grain, on_bed = clearance(grain, placement, bed)
+    return resting, placement, gap, (_point(on_grain), _point(on_bed))
+
+
+def _bottom(scene: Scene) -> tuple[Curve, ...]:
+    domain, bed = scene.domain, scene.bed_shape
+    if bed is None:
+        return (Line((domain.left, domain.bottom), (domain.right, domain.bottom)),)
+    return bed.curves(domain.left, domain.right)
+
+
+def _sizes(
+    scene: Scene, plan: Plan, outline: tuple[Curve, ...], gap: float, ends: tuple[Point, Point] | None
+) -> Sizes:
+    far, near = FAR_CELL[plan.order] * scene.domain.height, []
+    grain, bed = scene.grain, scene.bed_shape
+    if grain is not None:
+        size = GRAIN_CELL[plan.order] * grain.size
+        near.append(Near(size, GROWTH, boundary="body"))
+        if corners := _corners(outline):
+            near.append(Near(CORNER_CELL * size, GROWTH, points=corners))
+        if gap < 4 * size and ends is not None:
+            near.append(Near(GAP_CELL[plan.order] * gap, GAP_GROWTH, points=_gap_points(scene, grain, gap, ends)))
+    if bed is not None and np.isfinite(bed.feature):
+        near.append(Near(BED_CELL[plan.order] * bed.feature, GROWTH, boundary="bed"))
+    if scene.flow.kind == "lid":
+        domain = scene.domain
+        corners = ((domain.left, domain.ceiling), (domain.right, domain.ceiling))
+        near.append(Near(0.1 * far, GROWTH, points=corners))
+    return Sizes(far, tuple(near))
+
+
+def _gap_points(scene: Scene, grain: Grain, gap: float, ends: tuple[Point, Point]) -> tuple[Point, ...]:
+    """Points of near contact on the grain: where the bed is within twice the gap, spaced so that none is missed."""
+    from .contact.search import touching
+
+    bed, resting = scene.bed_shape, scene.placement
+    contacts = touching(grain, resting, bed, scene.contact_tolerance)
+    return tuple(dict.fromkeys([ends[0], *(_point(x) for x in contacts.points[:, :2])]))
+
+
+def _corners(outline: tuple[Curve, ...]) -> tuple[Point, ...]:
+    """Where consecutive curves of a closed outline meet at an angle of more than ten degrees."""
+    corners = []
+    for before, after in zip(outline, outline[1:] + outline[:1], strict=True):
+        cosine = float(before.tangent([1.0])[0] @ after.tangent([0.0])[0])
+        if cosine < np.cos(np.radians(10.0)):
+            corners.append(after.start)
+    return tuple(corners)
+
+
+def _grid(scene: Scene, plan: Plan) -> Grid:
+    domain = scene.domain
+    shorter = min(domain.length, domain.height)
+    # Boundary layers thin as Re^-1/2, the grading makes up for half of that.
+    crowd = max(1.0, (scene.fluid.reynolds / 1000.0) ** 0.25)
+    per_length = GRID_CELLS[plan.order] * crowd / (plan.mesh_size * shorter)
+    columns, rows = (max(4, round(side * per_length)) for side in (domain.length, domain.height))
+    return Grid(domain.origin, domain.length, domain.height, columns, rows, sides=side_names(scene))
+
+
+def count(layout: Layout, order: int) -> Estimate:
+    """Cells, unknowns and memory of the flow on the layout's mesh, by making it. Not collective.
+
+    Memory: the sparse factors of a planar mesh of n unknowns have about c n log n entries
+    (George 1973); c and the base were fitted to measured peaks (docs/performance.md).
+    """
+    with layout.drawing() as model:
+        _, tags, nodes = model.mesh.getElements(2)
+        cells = sum(len(t) for t in tags)
+        per_cell = (layout.geometry_order + 1) * (layout.geometry_order + 2) // 2
+        corners = np.concatenate([n.reshape(-1, per_cell)[:, :3] for n in nodes])
+    vertices = len(np.unique(corners))
+    # Euler's formula with one closed outline per hole.
+    holes = len(layout.shape.holes) if isinstance(layout.shape, Region) else 0
+    edges = vertices + cells - 1 + holes
+    unknowns = 2 * _lagrange(order, vertices, edges, cells) + _lagrange(order - 1, vertices, edges, cells)
+    memory = 150.0 + 8.0 * unknowns * np.log2(unknowns) * 10.0 / 2**20
+    return Estimate(cells, unknowns, memory)
+
+
+def _lagrange(order: int, vertices: int, edges: int, cells: int) -> int:
+    return vertices + (order - 1) * edges + (order - 1) * (order - 2) // 2 * cells
+
+
+def _point(x: Any) -> Point:
+    return float(x[0]), float(x[1])

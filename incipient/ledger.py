@@ -1,0 +1,40 @@
+"""What a run costs: wall time by stage, iterations, unknowns, memory."""
+
+from __future__ import annotations
+
+import resource
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+
+@dataclass
+class Ledger:
+    """Wall times of named stages in seconds, in the order in which they first ran."""
+
+    wall_time: dict[str, float] = field(default_factory=dict)
+    began: float = field(default_factory=time.perf_counter)
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Add the block's wall time to the stage; stages do not nest. Not collective."""
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.wall_time[name] = self.wall_time.get(name, 0.0) + time.perf_counter() - start
+
+    def total(self) -> float:
+        """Seconds since the ledger was opened."""
+        return time.perf_counter() - self.began
+
+    def to_dict(self) -> dict[str, Any]:
+        """Wall times by stage, and the total."""
+        return {**self.wall_time, "total": self.total()}
+
+
+def peak_memory_mib() -> float:
+    """Largest resident memory of this process so far, in MiB (Linux counts it in KiB)."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

@@ -1,0 +1,94 @@
+"""What a run says while it runs: a live line on a terminal, plain log lines elsewhere, only on one rank."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+log = logging.getLogger("incipient")
+
+
+class Silent:
+    """Says nothing: the choice for library use, and for every rank but the first."""
+
+    def begin(self, stage: str) -> None:
+        """A stage of the run begins."""
+
+    def say(self, message: str) -> None:
+        """Something worth a line in the log happened."""
+
+    def iterate(self, share: float, iteration: int, size: float) -> None:
+        """Newton's method made a correction, at a share of the Reynolds number."""
+
+    def advance(self, time: float, end: float) -> None:
+        """Time has come so far."""
+
+
+class Logged(Silent):
+    """Tells the log, nothing else."""
+
+    def begin(self, stage: str) -> None:
+        """Log the stage at level debug."""
+        log.debug("stage: %s", stage)
+
+    def say(self, message: str) -> None:
+        """Log at level info."""
+        log.info(message)
+
+    def iterate(self, share: float, iteration: int, size: float) -> None:
+        """Log at level debug."""
+        log.debug("at %.4g of the Reynolds number: correction %d, relative size %.2e", share, iteration + 1, size)
+
+    def advance(self, time: float, end: float) -> None:
+        """Log at level debug."""
+        log.debug("time %.6g of %.6g", time, end)
+
+
+class Live(Logged):
+    """A line that is rewritten on a terminal: stage, iteration, time left."""
+
+    def __init__(self, bar: Any):
+        self._bar = bar
+        self._task = bar.add_task("starting", total=None)
+
+    def begin(self, stage: str) -> None:
+        """Show the stage."""
+        super().begin(stage)
+        self._bar.reset(self._task, total=None, description=stage)
+
+    def iterate(self, share: float, iteration: int, size: float) -> None:
+        """Show how far Newton's method is."""
+        super().iterate(share, iteration, size)
+        self._bar.update(self._task, description=f"flow: Re x {share:.3g}, correction {iteration + 1}, {size:.1e}")
+
+    def advance(self, time: float, end: float) -> None:
+        """Show the share of time done; the bar works out the time left."""
+        super().advance(time, end)
+        self._bar.update(self._task, completed=time, total=end, description=f"flow: t = {time:.4g} of {end:g}")
+
+
+@contextmanager
+def telling(rank: int) -> Iterator[Silent]:
+    """The right voice for this rank and this terminal. Not collective."""
+    if rank != 0:
+        yield Silent()
+        return
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield Logged()
+        return
+    from rich import progress
+
+    columns = (
+        progress.SpinnerColumn(),
+        progress.TextColumn("{task.description}"),
+        progress.BarColumn(),
+        progress.TimeElapsedColumn(),
+        progress.TimeRemainingColumn(),
+    )
+    with progress.Progress(*columns, console=console, transient=True) as bar:
+        yield Live(bar)

@@ -1,0 +1,129 @@
+"""What a run gives back: forces, couples, contacts, verdict, and what they cost."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from .plan import Plan
+from .sampling import Extremum
+
+SCHEMA_VERSION = 1
+
+
+@dataclass(frozen=True)
+class Forces:
+    """Forces on the grain (3,), scene units with fluid density one.
+
+    flow:             of the flow, by the residual method; without buoyancy
+    surface_integral: the same by integrating sigma n over the surface (cross-check)
+    buoyancy:         of the hydrostatic pressure, exact
+    weight:           of the grain
+    """
+
+    flow: np.ndarray
+    surface_integral: np.ndarray
+    buoyancy: np.ndarray
+    weight: np.ndarray
+
+    @property
+    def total(self) -> np.ndarray:
+        """Flow, buoyancy and weight together: the paper's F_flow&g (9)."""
+        return self.flow + self.buoyancy + self.weight
+
+
+@dataclass(frozen=True)
+class Couples:
+    """Couples on the grain (3,) about its centre of mass; in 2D along the third axis."""
+
+    flow: np.ndarray
+    surface_integral: np.ndarray
+    about: np.ndarray
+
+
+@dataclass(frozen=True)
+class Coefficients:
+    """Drag, lift and moment over V^2 L/2 and V^2 L^2/2, with V and L of the Reynolds number but L the grain's size."""
+
+    drag: float
+    lift: float
+    moment: float
+    reference_velocity: float
+    reference_length: float
+
+
+@dataclass(frozen=True)
+class Gap:
+    """The gap between grain and bed in the computed flow.
+
+    resolved: at least two cells lie across it, so that the flow in it is computed and not guessed
+    """
+
+    width: float
+    cells: int
+
+    @property
+    def resolved(self) -> bool:
+        """Whether at least two cells lie across the gap."""
+        return self.cells >= 2
+
+
+@dataclass(frozen=True)
+class Result:
+    """The outcome of a run. Vectors have three components in scene units; see `to_dict` for what is stored."""
+
+    title: str
+    plan: Plan
+    scene: dict[str, Any]
+    force: Forces | None
+    couple: Couples | None
+    coefficients: Coefficients | None
+    grain: dict[str, Any] | None
+    gap: Gap | None
+    contacts: list[dict[str, Any]]
+    verdict: dict[str, Any] | None
+    centrelines: dict[str, Extremum] | None
+    cost: dict[str, Any]
+    status: str = "complete"
+    error: str = ""
+    velocity: Any = field(default=None, repr=False)
+    pressure: Any = field(default=None, repr=False)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything but the fields, as result.json holds it."""
+        names = ("title", "status", "error", "scene", "grain", "contacts", "verdict", "cost")
+        stored: dict[str, Any] = {"schema_version": SCHEMA_VERSION, **{n: getattr(self, n) for n in names}}
+        stored["plan"] = self.plan.to_dict()
+        for name in ("force", "couple", "coefficients", "gap"):
+            part = getattr(self, name)
+            stored[name] = None if part is None else asdict(part)
+        if self.force is not None:
+            stored["force"]["total"] = self.force.total
+        if self.gap is not None:
+            stored["gap"]["resolved"] = self.gap.resolved
+        stored["centrelines"] = self.centrelines and {k: asdict(e) for k, e in self.centrelines.items()}
+        return stored
+
+    def text(self) -> str:
+        """The outcome in a few lines for a reader."""
+        return "\n".join(_lines(self))
+
+
+def _lines(result: Result) -> list[str]:
+    lines = []
+    if result.force is not None and result.couple is not None:
+        f, c = result.force.flow, result.couple.flow
+        lines.append(f"force of the flow   ({f[0]:.6g}, {f[1]:.6g})   couple {c[2]:.6g} about the centre of mass")
+    if result.coefficients is not None:
+        k = result.coefficients
+        lines.append(f"coefficients        drag {k.drag:.6g}   lift {k.lift:.6g}   moment {k.moment:.6g}")
+    if result.gap is not None and np.isfinite(result.gap.width):
+        state = "resolved" if result.gap.resolved else "NOT resolved: refine with a smaller numerics.mesh_size"
+        lines.append(f"gap                 {result.gap.width:.4g}, {result.gap.cells} cells across: {state}")
+    for name, extreme in (result.centrelines or {}).items():
+        lines.append(f"{name:<20}{extreme.value:.6f} at {extreme.position:.4f}")
+    if result.verdict is not None:
+        lines.append(f"verdict             {result.verdict['sentence']}")
+    return lines

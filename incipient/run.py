@@ -1,0 +1,377 @@
+"""Runs a plan: builds the sub-problems that it names, solves, reads the tractions, judges.
+
+One data flow: scene, plan, fluid, tractions, contact, result. What happens outside (files, terminal) is
+told through a `Recorder` and a voice; this module writes nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from . import layout as layouts
+from .errors import IncipientError
+from .ledger import Ledger, peak_memory_mib
+from .plan import Estimate, Plan, make_plan
+from .progress import Silent
+from .scene import Scene
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from .contact import Contacts
+    from .domain import Domain
+    from .fluid import Fluid, TimeStep
+    from .result import Couples, Forces, Gap, Result
+    from .sampling import Extremum
+    from .tractions import TractionProbe
+
+
+class Recorder(Protocol):
+    """Where a run leaves its results while it goes on. All methods are collective."""
+
+    def begin(self, scene: Scene, plan: Plan, domain: Domain) -> None:
+        """The mesh is there; computation begins."""
+
+    def wants_fields(self, number: int, last: bool) -> bool:
+        """Whether the fields of this step shall be handed over."""
+
+    def step(self, row: dict[str, Any]) -> None:
+        """A time step was accepted."""
+
+    def fields(self, time: float, fields: dict[str, Any], traction: Any) -> None:
+        """Fields on the mesh, and the traction on the grain's surface (None without a grain)."""
+
+    def finish(self, result: Result) -> None:
+        """The run is over, whether complete or not."""
+
+
+class Unrecorded:
+    """Keeps nothing; the result object is all there is."""
+
+    def begin(self, scene: Scene, plan: Plan, domain: Domain) -> None:
+        """Nothing."""
+
+    def wants_fields(self, number: int, last: bool) -> bool:
+        """No."""
+        return False
+
+    def step(self, row: dict[str, Any]) -> None:
+        """Nothing."""
+
+    def fields(self, time: float, fields: dict[str, Any], traction: Any) -> None:
+        """Nothing."""
+
+    def finish(self, result: Result) -> None:
+        """Nothing."""
+
+
+def simulate(
+    scene: Scene, comm: MPI.Comm, recorder: Recorder | None = None, voice: Silent | None = None
+) -> Result:
+    """Run a scene from plan to verdict. Collective over `comm`.
+
+    Raises:
+        IncipientError: on all ranks; what was computed before it has been handed to the recorder.
+    """
+    simulation = Simulation(scene, comm, recorder or Unrecorded(), voice or Silent())
+    return simulation.run()
+
+
+@dataclass
+class Simulation:
+    """One run of one scene, from the mesh to the result."""
+
+    scene: Scene
+    comm: MPI.Comm
+    recorder: Recorder
+    voice: Silent
+    ledger: Ledger = field(default_factory=Ledger)
+    iterations: dict[str, int] = field(default_factory=dict)
+    first_motion: float | None = None
+
+    def run(self) -> Result:
+        """Plan, mesh, solve, judge. Collective."""
+        scene = self.scene
+        with self._stage("plan"):
+            self.plan = make_plan(scene)
+            self.layout = layouts.lay_out(scene, self.plan)
+        with self._stage("import"):
+            from . import boundaries, domain, fluid
+        with self._stage("mesh"):
+            self.contacts = self._contacts()
+            self.domain = domain.build(self.comm, self.layout.drawing, scene.gdim)
+        self.recorder.begin(scene, self.plan, self.domain)
+        with self._stage("forms"):
+            model = self._model(unsteady=scene.time is not None)
+            conditions = boundaries.conditions(scene)
+            self.fluid: Fluid = fluid.Fluid(self.domain, model, conditions, self.plan.reynolds)
+        with self.fluid:
+            return self._solved()
+
+    def _solved(self) -> Result:
+        self.probe = self._probe()
+        try:
+            if self.scene.time is None:
+                self._solve_steadily(self.fluid)
+                self._hand_over_fields(0, last=True)
+            else:
+                self._march()
+        except IncipientError as error:
+            self.recorder.finish(self._result("failed", str(error)))
+            raise
+        result = self._result()
+        self.recorder.finish(result)
+        return result
+
+    def _stage(self, name: str) -> Any:
+        self.voice.begin(name)
+        return self.ledger.stage(name)
+
+    def _model(self, unsteady: bool, inertia: bool = True) -> Any:
+        from .fluid import FlowModel
+
+        convection = self.plan.convection if unsteady else "implicit"
+        return FlowModel(
+            order=self.plan.order,
+            inertia=inertia and self.plan.has("inertia"),
+            unsteady=unsteady,
+            convection=convection,
+        )
+
+    def _contacts(self) -> Contacts | None:
+        if not self.plan.has("contact"):
+            return None
+        from .judgement import find_contacts
+
+        return find_contacts(self.scene)
+
+    def _probe(self) -> TractionProbe | None:
+        from .tractions import TractionProbe
+
+        if self.layout.placement is None:
+            return None
+        return TractionProbe(self.fluid, "body", self.layout.placement.centre)
+
+    # -- solution -------------------------------------------------------------------------------
+
+    def _solve_steadily(self, fluid: Fluid) -> None:
+        from .fluid import solve_steady
+
+        numerics = self.scene.numerics
+        with self._stage("flow"):
+            steps = solve_steady(
+                fluid,
+                numerics.tolerance,
+                numerics.max_iterations,
+                first_share=self._first_share(),
+                watch=self.voice.iterate,
+            )
+        self.iterations["continuation"] = len(steps)
+        self.iterations["newton"] = sum(step.report.iterations for step in steps)
+
+    def _first_share(self) -> float:
+        """Where the continuation starts: at once, unless the Reynolds number of the whole flow is large."""
+        whole = self.plan.reynolds * self.scene.reference_velocity * self.scene.domain.height
+        return min(1.0, 200.0 / whole)
+
+    def _march(self) -> None:
+        from .fluid import Transient
+
+        time, numerics = self.scene.time, self.scene.numerics
+        assert time is not None
+        self._start()
+        order = 2 if time.scheme == "bdf2" else 1
+        transient = Transient(self.fluid, order, max(numerics.tolerance, 1e-9), time.tolerance)
+        steps = transient.march(time.end, time.step)
+        while True:
+            with self._stage("flow"):
+                step = next(steps, None)
+            if step is None:
+                return
+            self._count(step)
+            self.recorder.step(self._row(step))
+            self.voice.advance(step.time, time.end)
+            self._hand_over_fields(step.number, last=step.time >= time.end * (1 - 1e-9))
+
+    def _start(self) -> None:
+        """Put the flow at time zero into the fluid's state: rest, the Stokes flow or the steady flow."""
+        from . import boundaries
+        from .fluid import Fluid
+
+        start = self.scene.time.start if self.scene.time else "rest"
+        if start == "rest":
+            return
+        model = self._model(unsteady=False, inertia=start == "steady")
+        with Fluid(self.domain, model, boundaries.conditions(self.scene), self.plan.reynolds) as initial:
+            self._solve_steadily(initial)
+            self.fluid.state.x.array[:] = initial.state.x.array
+
+    def _count(self, step: TimeStep) -> None:
+        for name, number in (("steps", 1), ("rejected", step.rejected), ("newton", step.report.iterations)):
+            self.iterations[name] = self.iterations.get(name, 0) + number
+
+    def _row(self, step: TimeStep) -> dict[str, Any]:
+        """One line of the history."""
+        row: dict[str, Any] = {"time": step.time, "step": step.length, "newton": step.report.iterations}
+        row["error"] = np.nan if step.error is None else step.error
+        if self.probe is None:
+            return row
+        with self._stage("tractions"):
+            force, couple = self._loads(surface=False)
+        coefficients = self._coefficients(force, couple)
+        row |= {"force_x": force.flow[0], "force_y": force.flow[1], "couple": couple.flow[2]}
+        row |= {"drag": coefficients.drag, "lift": coefficients.lift, "moment": coefficients.moment}
+        verdict = self._judged(force, couple)
+        row["mode"] = verdict["mode"] if verdict else ""
+        if verdict and verdict["moves"] and self.first_motion is None:
+            self.first_motion = step.time
+        return row
+
+    def _hand_over_fields(self, number: int, last: bool) -> None:
+        if not self.recorder.wants_fields(number, last):
+            return
+        from .fluid.vorticity import vorticity
+
+        with self._stage("fields"):
+            fields = {"velocity": self.fluid.velocity, "pressure": self.fluid.pressure}
+            fields["vorticity"] = vorticity(self.fluid)
+            traction = self.probe.field() if self.probe else None
+            self.recorder.fields(self.fluid.time, fields, traction)
+
+    # -- results --------------------------------------------------------------------------------
+
+    def _loads(self, surface: bool) -> tuple[Forces, Couples]:
+        """Forces and couples on the grain; the surface integral only where it is asked for."""
+        from .result import Couples, Forces
+
+        assert self.probe is not None and self.scene.grain is not None
+        flow = self.probe.resultant()
+        check = self.probe.surface_resultant() if surface else flow
+        volume, gravity = self.scene.grain.volume, np.append(self.scene.gravity_vector, 0.0)
+        density = self.scene.body.density if self.scene.body and self.scene.body.density else 0.0
+        force = Forces(flow.force, check.force, -volume * gravity, density * volume * gravity)
+        return force, Couples(flow.couple, check.couple, flow.about)
+
+    def _coefficients(self, force: Forces, couple: Couples) -> Any:
+        from .result import Coefficients
+
+        assert self.scene.grain is not None
+        velocity, length = self.scene.reference_velocity, self.scene.grain.size
+        unit = 0.5 * velocity**2 * length
+        drag, lift = force.flow[:2] / unit
+        return Coefficients(drag, lift, couple.flow[2] / (unit * length), velocity, length)
+
+    def _judged(self, force: Forces, couple: Couples) -> dict[str, Any] | None:
+        if self.contacts is None:
+            return None
+        from .judgement import judge
+
+        verdict = judge(self.scene, self.contacts, force, couple)
+        if verdict is not None and self.scene.time is not None:
+            verdict["first_motion"] = self.first_motion
+        return verdict
+
+    def _result(self, status: str = "complete", error: str = "") -> Result:
+        from .result import Result
+
+        force = couple = coefficients = verdict = None
+        with self._stage("tractions"):
+            if self.probe is not None:
+                force, couple = self._loads(surface=True)
+                coefficients = self._coefficients(force, couple)
+                if status == "complete":
+                    verdict = self._judged(force, couple)
+            gap, lines = self._gap(), self._centrelines()
+        return Result(
+            title=self.scene.title,
+            plan=self.plan,
+            scene=self.scene.model_dump(mode="json"),
+            force=force,
+            couple=couple,
+            coefficients=coefficients,
+            grain=self._grain(),
+            gap=gap,
+            contacts=self._described_contacts(),
+            verdict=verdict,
+            centrelines=lines,
+            cost=self._cost(),
+            status=status,
+            error=error,
+            velocity=self.fluid.velocity,
+            pressure=self.fluid.pressure,
+        )
+
+    def _described_contacts(self) -> list[dict[str, Any]]:
+        """Contacts as plain data: point, outward normal of the grain, area (0 for a point)."""
+        if self.contacts is None:
+            return []
+        areas = np.zeros(len(self.contacts.points)) if self.contacts.areas is None else self.contacts.areas
+        rows = zip(self.contacts.points, self.contacts.normals, areas, strict=True)
+        return [{"point": list(p), "normal": list(n), "area": float(a)} for p, n, a in rows]
+
+    def _grain(self) -> dict[str, Any] | None:
+        """Place of the grain at rest and where the flow was computed, and its outline there."""
+        resting, placement, grain = self.layout.resting, self.layout.placement, self.scene.grain
+        if resting is None or placement is None or grain is None:
+            return None
+        return {
+            "centre": resting.centre,
+            "computed_centre": placement.centre,
+            "angle": resting.angle,
+            "size": grain.size,
+            "volume": grain.volume,
+        }
+
+    def _gap(self) -> Gap | None:
+        from .result import Gap
+        from .sampling import cells_between
+
+        if self.layout.gap_ends is None:
+            return None
+        return Gap(self.layout.gap, cells_between(self.domain.mesh, *self.layout.gap_ends))
+
+    def _centrelines(self) -> dict[str, Extremum] | None:
+        """Extrema of the velocity on the centrelines of a lid-driven box without a grain."""
+        from .sampling import extremum
+
+        domain = self.scene.domain
+        if self.scene.flow.kind != "lid" or self.scene.body is not None:
+            return None
+        x, y = domain.left + domain.length / 2, domain.bottom + domain.height / 2
+        velocity = self.fluid.velocity
+        upright = (lambda s: np.column_stack([np.full_like(s, x), s])), (domain.bottom, domain.ceiling)
+        level = (lambda s: np.column_stack([s, np.full_like(s, y)])), (domain.left, domain.right)
+        return {
+            "minimum of v1": extremum(velocity, 0, *upright, sign=-1),
+            "maximum of v2": extremum(velocity, 1, *level, sign=1),
+            "minimum of v2": extremum(velocity, 1, *level, sign=-1),
+        }
+
+    def _cost(self) -> dict[str, Any]:
+        from . import compat
+
+        mesh, statistics = self.domain.mesh, self.fluid.solver.statistics
+        memory = self.comm.allgather(peak_memory_mib())
+        return {
+            "wall_time": self.ledger.to_dict(),
+            "unknowns": self.fluid.space.unknowns,
+            "cells": mesh.topology.index_map(mesh.topology.dim).size_global,
+            "iterations": {
+                **self.iterations,
+                "factorisations": statistics.factorisations,
+                "krylov": statistics.krylov_iterations,
+            },
+            "peak_memory_mib": sum(memory),
+            "ranks": self.comm.size,
+            "versions": compat.versions(),
+        }
+
+
+def estimate(scene: Scene) -> Plan:
+    """The plan with its expense, counted by making the mesh on this process. Not collective."""
+    plan = make_plan(scene)
+    expense: Estimate = layouts.count(layouts.lay_out(scene, plan), plan.order)
+    return plan.with_estimate(expense)

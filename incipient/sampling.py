@@ -1,0 +1,66 @@
+"""Values of fields at points, and extrema along lines, on any number of ranks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from . import compat
+
+
+def sample(function: Any, points: np.ndarray) -> np.ndarray:
+    """Values (n, components) of a dolfinx function at points (n, gdim or 3), the same on every rank. Collective.
+
+    Points outside the mesh give NaN.
+    """
+    points = np.asarray(points, dtype=float)
+    points = np.ascontiguousarray(np.pad(points, ((0, 0), (0, 3 - points.shape[1]))))
+    mesh = function.function_space.mesh
+    cells = compat.cells_at(mesh, points)
+    here = cells >= 0
+    components = max(1, int(np.prod(function.ufl_shape, dtype=int)))
+    values = np.full((len(points), components), np.nan)
+    if here.any():
+        values[here] = np.reshape(function.eval(points[here], cells[here]), (-1, components))
+    for other in mesh.comm.allgather(values):
+        missing = np.isnan(values).any(axis=1)
+        values[missing] = other[missing]
+    return values
+
+
+@dataclass(frozen=True)
+class Extremum:
+    """An extreme value and the coordinate along the line at which it is taken."""
+
+    value: float
+    position: float
+
+
+def extremum(
+    function: Any, component: int, line: Callable[[np.ndarray], np.ndarray], between: Sequence[float], sign: int
+) -> Extremum:
+    """Largest (sign = 1) or smallest (sign = -1) value of a component along a line. Collective.
+
+    `line` maps parameters (n,) to points (n, gdim); the best of 400 samples is refined three times.
+    """
+    low, high = between
+    for _ in range(4):
+        s = np.linspace(low, high, 401)
+        values = sample(function, line(s))[:, component]
+        best = int(np.nanargmax(sign * values))
+        low, high = s[max(best - 1, 0)], s[min(best + 1, 400)]
+    return Extremum(float(values[best]), float(s[best]))
+
+
+def cells_between(mesh: Any, start: Sequence[float], end: Sequence[float]) -> int:
+    """Number of cells that a straight line crosses. Collective."""
+    s = np.linspace(0.0, 1.0, 201)[:, None]
+    points = (1 - s) * np.asarray(start) + s * np.asarray(end)
+    points = np.ascontiguousarray(np.pad(points, ((0, 0), (0, 3 - points.shape[1]))))
+    local = compat.cells_at(mesh, points)
+    owned = mesh.topology.index_map(mesh.topology.dim).size_local
+    local = np.unique(local[(local >= 0) & (local < owned)])
+    return int(mesh.comm.allreduce(len(local)))

@@ -1,0 +1,382 @@
+"""What a user asks for: the sections of a scene, as data that has been checked.
+
+Scene units: lengths and velocities as written in the scene, fluid density 1. The kinematic viscosity follows
+from the Reynolds number. A scene is built here from Python, or read from TOML by `incipient.scene_file`;
+either way it is complete and free of contradictions once it exists.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+
+from .errors import SceneError
+from .scene_messages import refusal, split
+from .scene_section import NotNegative, Pair, Positive, Section, contradiction
+from .scene_shapes import (
+    Bed,
+    Body,
+    Disc,
+    Ellipse,
+    Flat,
+    HalfDiscs,
+    Inclined,
+    Polygon,
+    Polyline,
+    Rectangle,
+    Sinusoidal,
+)
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from .geometry.bed import Bed as BedSurface
+    from .geometry.grain import Grain, Placement
+
+__all__ = [
+    "Bed",
+    "Body",
+    "Contact",
+    "Disc",
+    "Domain",
+    "Ellipse",
+    "ExpressionFlow",
+    "Flat",
+    "Flow",
+    "Fluid",
+    "Gravity",
+    "HalfDiscs",
+    "Inclined",
+    "Lid",
+    "Numerics",
+    "OpenChannel",
+    "Output",
+    "Poiseuille",
+    "Polygon",
+    "Polyline",
+    "Rectangle",
+    "Scene",
+    "Shear",
+    "Sinusoidal",
+    "Still",
+    "Time",
+    "Uniform",
+]
+
+Words = Annotated[tuple[str, str], Field(strict=False)]
+Top = Literal["auto", "wall", "slip", "stream"]
+
+_TOPS: dict[str, Top] = {
+    "shear": "stream",
+    "uniform": "stream",
+    "expression": "stream",
+    "poiseuille": "wall",
+    "open-channel": "slip",
+    "lid": "wall",
+    "still": "wall",
+}
+_DEFAULT_GAP = 0.01
+_DEFAULT_TOLERANCE = 1e-6
+
+
+class Domain(Section):
+    """The region the fluid may fill."""
+
+    kind: Literal["channel", "box"] = Field(
+        "channel", description="Channel: inflow left, open outflow right; box: closed"
+    )
+    length: Positive = Field(description="Extent along the stream [length]")
+    height: Positive = Field(description="Extent from the lower side to the top [length]")
+    origin: Pair = Field(
+        (0.0, 0.0), description="Lower left corner [length]; the bed's base line runs through it"
+    )
+    top: Top = Field("auto", description="Upper side; auto: what suits the flow; stream: as the flow")
+
+    @field_validator("top", mode="before")
+    @classmethod
+    def _no_free_surface(cls, value: Any, info: ValidationInfo) -> Any:
+        if value not in ("free-surface", "free surface", "free_surface"):
+            return value
+        if info.data.get("kind") == "box":
+            raise contradiction(
+                "a closed box has no free surface", 'use "wall" or kind = "channel" with top = "slip"'
+            )
+        raise contradiction("a free surface is not simulated by this version", 'use "slip"')
+
+    @property
+    def left(self) -> float:
+        """Abscissa of the inflow, or of the left wall."""
+        return self.origin[0]
+
+    @property
+    def right(self) -> float:
+        """Abscissa of the outflow, or of the right wall."""
+        return self.origin[0] + self.length
+
+    @property
+    def bottom(self) -> float:
+        """Height of the lower side, which is the bed's base line."""
+        return self.origin[1]
+
+    @property
+    def ceiling(self) -> float:
+        """Height of the top."""
+        return self.origin[1] + self.height
+
+
+class Fluid(Section):
+    """The fluid, of density 1."""
+
+    reynolds: Positive = Field(description="Reynolds number V L / nu; V is the flow's velocity [-]")
+    scale: Literal["grain", "flow"] = Field(
+        description="L is the largest diameter of the grain, or the height of the domain"
+    )
+    inertia: bool = Field(True, description="false: Stokes flow, without convection")
+
+
+class Shear(Section):
+    """Linear shear, u = rate (y - y of the lower side)."""
+
+    kind: Literal["shear"] = Field("shear", description="Kind of flow")
+    rate: Positive = Field(1.0, description="Shear rate [1/time]; V = rate L")
+
+
+class Poiseuille(Section):
+    """Parabolic flow between two walls."""
+
+    kind: Literal["poiseuille"] = Field("poiseuille", description="Kind of flow")
+    velocity: Positive = Field(1.0, description="Mean velocity V [length/time]")
+
+
+class OpenChannel(Section):
+    """Half a parabola, without shear on top."""
+
+    kind: Literal["open-channel"] = Field("open-channel", description="Kind of flow")
+    velocity: Positive = Field(1.0, description="Mean velocity V [length/time]")
+
+
+class Uniform(Section):
+    """A uniform stream."""
+
+    kind: Literal["uniform"] = Field("uniform", description="Kind of flow")
+    velocity: Positive = Field(1.0, description="Velocity V of the stream [length/time]")
+
+
+class Lid(Section):
+    """A box whose top slides."""
+
+    kind: Literal["lid"] = Field("lid", description="Kind of flow")
+    velocity: Positive = Field(1.0, description="Velocity V of the lid [length/time]")
+
+
+class ExpressionFlow(Section):
+    """A velocity given by formulas, on the inflow and on the top."""
+
+    kind: Literal["expression"] = Field("expression", description="Kind of flow")
+    components: Words = Field(description="Two formulas in x, y and t for the velocity [length/time]")
+    velocity: Positive = Field(1.0, description="Reference velocity V [length/time]")
+
+    @field_validator("components")
+    @classmethod
+    def _are_formulas(cls, components: tuple[str, str]) -> tuple[str, str]:
+        from .expression import Expression
+
+        for text in components:
+            try:
+                variables = Expression(text).variables
+            except SceneError as error:
+                raise contradiction(*split(str(error))) from None
+            if "z" in variables:
+                raise contradiction(
+                    f'"{text}" depends on z but the scene is two-dimensional', "use x, y and t"
+                )
+        return components
+
+    @property
+    def unsteady(self) -> bool:
+        """Whether a component depends on time."""
+        from .expression import Expression
+
+        return any("t" in Expression(text).variables for text in self.components)
+
+
+class Still(Section):
+    """Fluid at rest."""
+
+    kind: Literal["still"] = Field("still", description="Kind of flow")
+    velocity: Positive = Field(1.0, description="Velocity V used for scaling only [length/time]")
+
+
+Flow = Annotated[
+    Shear | Poiseuille | OpenChannel | Uniform | Lid | ExpressionFlow | Still, Field(discriminator="kind")
+]
+
+
+class Gravity(Section):
+    """Gravity, downwards; turned by the slope of an inclined bed."""
+
+    acceleration: NotNegative = Field(description="Gravitational acceleration [length/time^2]")
+
+
+class Contact(Section):
+    """The contact of grain and bed."""
+
+    friction: NotNegative = Field(description="Coefficient of static friction [-]")
+    gap: Positive = Field(
+        _DEFAULT_GAP, description="Gap that stands for contact while the flow is computed [grain sizes]"
+    )
+    tolerance: Positive = Field(
+        _DEFAULT_TOLERANCE, description="Distance that counts as touching [grain sizes]"
+    )
+
+
+class Time(Section):
+    """Time dependence; without this section the flow is steady."""
+
+    end: Positive = Field(description="Time at which to stop [time]", examples=[10.0])
+    step: Positive = Field(description="Time step, the first one if adaptive [time]", examples=[0.05])
+    scheme: Literal["bdf1", "bdf2"] = Field(
+        "bdf2", description="Backward differences of first or second order"
+    )
+    start: Literal["rest", "stokes", "steady"] = Field("rest", description="Flow at time 0")
+    tolerance: Positive | None = Field(
+        None, description="Relative error of a step; given, the step adapts to it [-]", examples=[1e-4]
+    )
+
+    @model_validator(mode="after")
+    def _has_a_step(self) -> Time:
+        if self.step > self.end:
+            raise self.refused(
+                "step", f"is {self.step:g} but time ends at {self.end:g}", "reduce step or enlarge end"
+            )
+        return self
+
+
+class Numerics(Section):
+    """How the equations are solved; every key may be left out."""
+
+    order: int = Field(2, ge=2, le=4, description="Order of the velocity, 2 to 4; the pressure's is one less")
+    geometry_order: int | None = Field(
+        None, ge=1, le=3, description="Order of curved cells, 1 to 3; without it: chosen", examples=[2]
+    )
+    mesh_size: Positive = Field(1.0, description="Factor on the size of all cells; 0.5 halves them [-]")
+    convection: Literal["implicit", "extrapolated"] = Field(
+        "implicit", description="By Newton iteration, or linearised about earlier steps"
+    )
+    tolerance: Positive = Field(1e-9, description="Relative residual at which the Newton iteration stops [-]")
+    max_iterations: int = Field(25, ge=1, description="Newton iterations after which to give up")
+
+
+class Output(Section):
+    """What is written besides the result."""
+
+    fields: bool = Field(True, description="Write velocity, pressure and tractions for ParaView")
+    pictures: bool = Field(False, description="Draw pictures")
+    every: int = Field(0, ge=0, description="Write fields every so many time steps; 0: the last only")
+
+
+class Scene(Section):
+    """A complete scene.
+
+    Raises:
+        SceneError: one line that names the key, why and the remedy.
+    """
+
+    title: str = Field("", description="What this scene is about")
+    domain: Domain = Field(description="The region the fluid may fill")
+    fluid: Fluid = Field(description="The fluid, of density 1")
+    flow: Flow = Field(description="What drives the fluid")
+    body: Body | None = Field(None, description="The grain")
+    bed: Bed | None = Field(None, description="The bed, in place of the domain's lower side")
+    gravity: Gravity | None = Field(
+        None, description="Gravity, downwards, turned by the slope of an inclined bed"
+    )
+    contact: Contact | None = Field(None, description="The contact of grain and bed")
+    time: Time | None = Field(None, description="Time dependence; without this section the flow is steady")
+    numerics: Numerics = Field(Numerics(), description="How the equations are solved")
+    output: Output = Field(Output(), description="What is written besides the result")
+
+    @model_validator(mode="after")
+    def _free_of_contradictions(self) -> Scene:
+        from .scene_checks import contradictions
+
+        found = contradictions(self)
+        if found:
+            raise refusal("Scene", found)
+        return self
+
+    @property
+    def gdim(self) -> int:
+        """Dimension of space."""
+        return 2
+
+    @property
+    def top(self) -> Top:
+        """The upper boundary: what the scene says, or for "auto" what suits the flow."""
+        return _TOPS[self.flow.kind] if self.domain.top == "auto" else self.domain.top
+
+    @property
+    def grain(self) -> Grain | None:
+        """The grain's shape in its body frame, if there is a grain."""
+        return None if self.body is None else self.body.grain()
+
+    @property
+    def bed_shape(self) -> BedSurface | None:
+        """The bed's shape, if there is a bed."""
+        return None if self.bed is None else self.bed.surface(self.domain.bottom)
+
+    @property
+    def placement(self) -> Placement | None:
+        """Where the grain is: lowered onto the bed until it touches, or held at its centre; without a gap."""
+        from .geometry.grain import Placement
+        from .geometry.rest import rest
+
+        body, bed = self.body, self.bed_shape
+        if body is None:
+            return None
+        if body.centre is not None:
+            return Placement(body.centre, math.radians(body.angle))
+        if body.x is None or bed is None:
+            return None
+        return rest(body.grain(), bed, body.x, math.radians(body.angle))
+
+    @property
+    def reference_length(self) -> float:
+        """L of the Reynolds number: the grain's largest diameter or the height of the domain."""
+        grain = self.grain if self.fluid.scale == "grain" else None
+        return self.domain.height if grain is None else grain.size
+
+    @property
+    def reference_velocity(self) -> float:
+        """V of the Reynolds number: of shear rate times L, else the velocity that the flow states."""
+        return self.flow.rate * self.reference_length if isinstance(self.flow, Shear) else self.flow.velocity
+
+    @property
+    def viscosity(self) -> float:
+        """Kinematic viscosity nu = V L / Re in scene units."""
+        return self.reference_velocity * self.reference_length / self.fluid.reynolds
+
+    @property
+    def gravity_vector(self) -> np.ndarray:
+        """Gravitational acceleration (gdim,) in the scene's coordinates, zero without gravity."""
+        import numpy as np
+
+        acceleration = self.gravity.acceleration if self.gravity else 0.0
+        slope = self.bed.slope_angle if self.bed else 0.0
+        return acceleration * np.array([math.sin(slope), -math.cos(slope)])
+
+    @property
+    def contact_gap(self) -> float:
+        """The gap [length] that stands for contact while the flow is computed; zero without a grain."""
+        return self._of_grain_size(self.contact.gap if self.contact else _DEFAULT_GAP)
+
+    @property
+    def contact_tolerance(self) -> float:
+        """The distance [length] that counts as touching; zero without a grain."""
+        return self._of_grain_size(self.contact.tolerance if self.contact else _DEFAULT_TOLERANCE)
+
+    def _of_grain_size(self, fraction: float) -> float:
+        grain = self.grain
+        return 0.0 if grain is None else fraction * grain.size

@@ -1,0 +1,188 @@
+"""Contradictions between the sections of a scene, each with the remedy."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from .errors import SceneError
+from .scene_messages import Problem, split
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from .scene import Scene
+
+_CHANNEL_FLOWS = ("shear", "poiseuille", "uniform", "open-channel")
+_TOPS_OF_FLOWS = {
+    "poiseuille": ("auto", "wall"),
+    "open-channel": ("auto", "slip", "stream"),
+    "lid": ("auto", "wall"),
+}
+
+
+def contradictions(scene: Scene) -> list[Problem]:
+    """All contradictions between sections; those of places and extents only when there are no others."""
+    checks = (_flow, _scale, _bed_needed, _body_needed, _slope, _time)
+    found = [problem for check in checks for problem in check(scene)]
+    return found or [*_bed_extent(scene)] or [*_body_place(scene)]
+
+
+def _flow(scene: Scene) -> Iterator[Problem]:
+    kind, domain = scene.flow.kind, scene.domain
+    if kind == "lid" and domain.kind != "box":
+        yield Problem(
+            ("flow", "kind"), "a lid closes a box but the domain is a channel", 'set domain.kind = "box"'
+        )
+        return
+    if kind in _CHANNEL_FLOWS and domain.kind == "box":
+        why = f'"{kind}" flows through but a box is closed'
+        yield Problem(("flow", "kind"), why, 'set domain.kind = "channel", or use "lid" or "still"')
+        return
+    if domain.kind == "box" and domain.top == "stream" and kind != "expression":
+        yield Problem(("domain", "top"), "a closed box has no stream on top", 'use "wall", "slip" or "auto"')
+        return
+    allowed = _TOPS_OF_FLOWS.get(kind, (domain.top,))
+    if domain.top not in allowed:
+        choices = " or ".join(f'"{top}"' for top in allowed)
+        yield Problem(("domain", "top"), f'"{domain.top}" contradicts the flow "{kind}"', f"use {choices}")
+
+
+def _scale(scene: Scene) -> Iterator[Problem]:
+    if scene.fluid.scale == "grain" and scene.body is None:
+        yield Problem(
+            ("fluid", "scale"), '"grain" but there is no grain', 'add a section [body] or use "flow"'
+        )
+
+
+def _bed_needed(scene: Scene) -> Iterator[Problem]:
+    if scene.bed is not None:
+        return
+    if scene.contact is not None:
+        why = "friction needs a bed to rub against but there is none"
+        yield Problem(("contact", "friction"), why, "add a section [bed] or leave [contact] out")
+    if scene.body is not None and scene.body.x is not None:
+        why = "the grain is to rest on a bed but there is none"
+        yield Problem(("body", "x"), why, "add a section [bed], or give centre instead")
+
+
+def _body_needed(scene: Scene) -> Iterator[Problem]:
+    if scene.contact is not None and scene.body is None:
+        why = "there is no grain to touch anything"
+        yield Problem(("contact",), why, "add a section [body] or leave [contact] out")
+
+
+def _slope(scene: Scene) -> Iterator[Problem]:
+    if scene.bed is not None and scene.bed.slope_angle and scene.gravity is None:
+        why = "a slope turns gravity but there is no gravity"
+        yield Problem(("bed", "slope"), why, 'add a section [gravity] or use kind = "flat"')
+
+
+def _time(scene: Scene) -> Iterator[Problem]:
+    if scene.time is not None:
+        return
+    steady, remedy = "but without [time] the flow is steady", "add a section [time]"
+    if scene.flow.kind == "expression" and scene.flow.unsteady:
+        yield Problem(("flow", "components"), f"depend on t {steady}", f"{remedy} or leave t out")
+    if scene.numerics.convection == "extrapolated":
+        why = f'"extrapolated" needs earlier steps {steady}'
+        yield Problem(("numerics", "convection"), why, f'{remedy} or use "implicit"')
+    if scene.output.every > 0:
+        yield Problem(("output", "every"), f"counts time steps {steady}", f"{remedy} or leave it out")
+
+
+def _bed_extent(scene: Scene) -> Iterator[Problem]:
+    domain, bed = scene.domain, scene.bed
+    if bed is None:
+        return
+    if bed.kind == "polyline":
+        first, last = bed.points[0][0], bed.points[-1][0]
+        if first > domain.left or last < domain.right:
+            why = (
+                f"reaches from x = {first:g} to {last:g}, the domain from {domain.left:g} to {domain.right:g}"
+            )
+            yield Problem(("bed",), why, "add points or shorten the domain")
+    highest = float(_bed_points(scene)[:, 1].max())
+    if highest >= domain.ceiling:
+        why = f"rises to y = {highest:g}, the top is at {domain.ceiling:g}"
+        yield Problem(("bed",), why, "enlarge domain.height or lower the bed")
+
+
+def _body_place(scene: Scene) -> Iterator[Problem]:
+    """The grain must lie within the domain, above the bed and clear of the walls."""
+    if scene.body is None:
+        return
+    key = ("body", "x" if scene.body.centre is None else "centre")
+    try:
+        outside = [*_far_out(scene)] or [*_beyond(scene)]
+        into_bed = [] if outside else [*_into_bed(scene)]
+    except SceneError as error:
+        yield Problem(key, *split(str(error)))
+        return
+    for why in outside:
+        yield Problem(key, why, "move the grain, make it smaller or enlarge the domain")
+    for why in into_bed:
+        yield Problem(key, why, "raise the grain, or give x to let it rest on the bed")
+
+
+def _far_out(scene: Scene) -> Iterator[str]:
+    """Grains that need not be placed to see that they do not fit."""
+    domain, body, grain = scene.domain, scene.body, scene.grain
+    if body is None or grain is None:
+        return
+    if grain.size >= math.hypot(domain.length, domain.height):
+        yield f"the grain measures {grain.size:g}, more than the domain"
+    x = body.x if body.centre is None else body.centre[0]
+    if x is not None and not domain.left < x < domain.right:
+        yield f"x = {x:g} is outside the domain, {domain.left:g} to {domain.right:g}"
+
+
+def _beyond(scene: Scene) -> Iterator[str]:
+    """How the grain leaves the domain, or touches one of its sides."""
+    domain, outline = scene.domain, _outline(scene)
+    (left, low), (right, high) = outline.min(axis=0), outline.max(axis=0)
+    sides = [
+        ("x", left, left <= domain.left, "left side", domain.left),
+        ("x", right, right >= domain.right, "right side", domain.right),
+        ("y", high, high >= domain.ceiling, "top", domain.ceiling),
+        ("y", low, scene.bed is None and low <= domain.bottom, "lower side", domain.bottom),
+    ]
+    for axis, reach, outside, side, place in sides:
+        if outside:
+            yield f"the grain reaches {axis} = {reach:g}, the domain's {side} is at {place:g}"
+
+
+def _into_bed(scene: Scene) -> Iterator[str]:
+    """How deep the grain is in the bed, if it is."""
+    bed, grain, placement = scene.bed_shape, scene.grain, scene.placement
+    if bed is None or grain is None or placement is None:
+        return
+    from .geometry.rest import clearance
+
+    depth = -clearance(grain, placement, bed)[0]
+    if depth > scene.contact_tolerance:
+        yield f"the grain reaches {depth:.3g} into the bed"
+
+
+def _outline(scene: Scene) -> np.ndarray:
+    """Points (n, 2) on the grain's surface, in the scene."""
+    import numpy as np
+
+    grain, placement = scene.grain, scene.placement
+    if grain is None or placement is None:
+        return np.empty((0, 2))
+    s = np.linspace(0.0, 1.0, 65)
+    return placement.to_scene(np.vstack([curve.point(s) for curve in grain.outline()]))
+
+
+def _bed_points(scene: Scene) -> np.ndarray:
+    """Points (n, 2) on the bed within the domain, its corners among them."""
+    import numpy as np
+
+    bed, domain = scene.bed_shape, scene.domain
+    if bed is None:
+        return np.empty((0, 2))
+    x = np.linspace(domain.left, domain.right, 2001)
+    x = np.concatenate([x, bed.corners(domain.left, domain.right)])
+    return np.column_stack([x, bed.height(x)])

@@ -1,0 +1,81 @@
+"""The example scene, and the comments that explain a scene's keys."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any, Literal, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from .scene import Contact, Disc, Domain, Flat, Fluid, Gravity, Scene, Shear
+from .scene_messages import discriminator, tag, variants
+from .scene_section import Section, ordered_keys
+
+_HEADING = """\
+A scene for incipient. Lengths and times are in any units that fit together, [in brackets] at each key.
+The fluid's density is 1; its viscosity follows from the Reynolds number.
+Lines with # in front show what else may be set; what has a default may be left out."""
+_COLUMN = 26
+
+
+def grain_on_bed() -> Scene:
+    """A disc resting on a flat bed in linear shear."""
+    return Scene(
+        title="A disc on a flat bed in shear flow",
+        domain=Domain(kind="channel", length=12.0, height=6.0),
+        fluid=Fluid(reynolds=20.0, scale="grain"),
+        flow=Shear(rate=1.0),
+        body=Disc(diameter=1.0, x=4.0, density=2.65),
+        bed=Flat(),
+        gravity=Gravity(acceleration=10.0),
+        contact=Contact(friction=0.5),
+    )
+
+
+def commented(scene: Scene) -> str:
+    """A scene as TOML with its descriptions as comments; what it leaves out is commented out."""
+    lines = [f"# {line}" for line in _HEADING.splitlines()]
+    lines += ["", _assignment("title", scene.title)]
+    for name, field in Scene.model_fields.items():
+        options = variants(field.annotation)
+        if options:
+            lines += ["", *_section(name, field, options, getattr(scene, name))]
+    return "\n".join(lines) + "\n"
+
+
+def _section(
+    name: str, field: FieldInfo, options: tuple[type[BaseModel], ...], chosen: Section | None
+) -> Iterator[str]:
+    model = options[0] if chosen is None else type(chosen)
+    absent = "# " if chosen is None else ""
+    yield _explained(f"{absent}[{name}]", str(field.description))
+    for key in ordered_keys(model):
+        part = model.model_fields[key]
+        value = part.default if chosen is None else getattr(chosen, key)
+        unset = value is None or (part.is_required() and chosen is None)
+        shown = next(iter(part.examples or []), "") if unset else value
+        mark = absent or ("# " if unset else "")
+        yield _explained(mark + _assignment(key, shown), _comment(part, key, options))
+
+
+def _explained(line: str, comment: str) -> str:
+    return f"{line.ljust(_COLUMN - 1)} # {comment}"
+
+
+def _assignment(key: str, value: Any) -> str:
+    """A TOML assignment on one line; JSON writes numbers, text and lists the way TOML reads them."""
+    return f"{key} = {json.dumps(value, ensure_ascii=False)}"
+
+
+def _comment(part: FieldInfo, key: str, options: tuple[type[BaseModel], ...]) -> str:
+    choices = _choices(part.annotation)
+    if key == discriminator(options[0]) and len(options) > 1:
+        choices = [str(tag(option)) for option in options]
+    words = str(part.description)
+    return f"{words} ({' | '.join(choices)})" if len(choices) > 1 else words
+
+
+def _choices(annotation: Any) -> list[str]:
+    return [str(choice) for choice in get_args(annotation)] if get_origin(annotation) is Literal else []

@@ -1,0 +1,174 @@
+"""Scenes as TOML files: reading, overriding, writing, an example with comments, a schema for editors."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+from pydantic import ValidationError
+
+from .errors import SceneError
+from .scene import Scene
+from .scene_example import commented, grain_on_bed
+from .scene_messages import Key, key_text, one_line, problems_of
+from .scene_section import Section, ordered_keys
+
+# What TOML cannot mean otherwise may stand on the command line without quotes.
+_BARE_WORD = re.compile(r"[A-Za-z_][^\n\"'=\[\]{}]*")
+
+
+def load(path: Path | str, overrides: Sequence[str] = ()) -> Scene:
+    """The scene in a TOML file, changed by overrides such as ``"fluid.reynolds=40"``. Not collective.
+
+    Files that the scene names are read relative to the scene file.
+
+    Raises:
+        SceneError: one line that names the file, or the override, the key, why and the remedy.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise SceneError(
+            f"{path}: cannot be read ({error.strerror}); give the name of a scene file"
+        ) from None
+    except UnicodeDecodeError as error:
+        why = f"is not UTF-8 text at byte {error.start}"
+        raise SceneError(f"{path}: {why}; save it as UTF-8") from None
+    return loads(text, path.parent, overrides, str(path))
+
+
+def loads(text: str, base: Path | str = ".", overrides: Sequence[str] = (), name: str = "scene") -> Scene:
+    """The scene in TOML text; files it names are relative to `base`, errors call it `name`. Not collective.
+
+    Raises:
+        SceneError: as `load`.
+    """
+    data = _parsed(text, name)
+    places = {_override(data, override): override for override in overrides}
+    try:
+        return Scene.model_validate(data, context={"directory": str(base)})
+    except ValidationError as error:
+        problems = problems_of(error, Scene)
+        raise SceneError(one_line(_source(problems[0].key, places, name), problems)) from None
+
+
+def dumps(scene: Scene) -> str:
+    """The complete scene, defaults included, as TOML that `loads` reads back as an equal scene."""
+    return tomli_w.dumps(_plain(scene))
+
+
+def save(scene: Scene, path: Path | str) -> None:
+    """Write the complete scene; the file stands for itself wherever it is moved. Not collective.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    from .output.files import write_text_atomically
+
+    write_text_atomically(Path(path), dumps(scene))
+
+
+def example() -> str:
+    """A TOML scene with a comment on every key: a disc on a flat bed in shear flow."""
+    return commented(grain_on_bed())
+
+
+def schema() -> dict[str, Any]:
+    """The JSON schema (draft 7, which TOML editors know) of scene files."""
+    found = Scene.model_json_schema(ref_template="#/definitions/{model}")
+    found["definitions"] = found.pop("$defs")
+    return {
+        "$schema": "http://json-schema.org/draft-07/schema#",
+        **_for_editors(found),
+        "title": "incipient scene",
+        "description": "A rigid grain on a rigid bed in a viscous flow: what to simulate, and how",
+    }
+
+
+def _parsed(text: str, name: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        why, _, place = str(error).rpartition(" (at ")
+        where = place.rstrip(")").partition(",")[0]
+        raise SceneError(f"{name}: {where}: {why[:1].lower() + why[1:]}; correct the TOML there") from None
+    except RecursionError:
+        raise SceneError(f"{name}: is nested too deeply; a scene has sections and keys only") from None
+
+
+def _override(data: dict[str, Any], override: str) -> Key:
+    """Put the value of one override into the data; the key it went to."""
+    path, equals, text = override.partition("=")
+    key = tuple(part.strip() for part in path.split("."))
+    if not equals or not all(key):
+        raise _wrong(override, 'is not an assignment; write section.key=value, as in "fluid.reynolds=40"')
+    section = data
+    for depth, part in enumerate(key[:-1], 1):
+        section = section.setdefault(part, {})
+        if not isinstance(section, dict):
+            name = key_text(key[:depth])
+            raise _wrong(override, f"{name} is not a section; assign to {name} itself")
+    section[key[-1]] = _value(text.strip(), override)
+    return key
+
+
+def _value(text: str, override: str) -> Any:
+    try:
+        parsed = tomllib.loads(f"value = {text}")
+        if list(parsed) == ["value"]:
+            return parsed["value"]
+    except tomllib.TOMLDecodeError:
+        if _BARE_WORD.fullmatch(text):
+            return text
+    raise _wrong(override, f'"{text}" is not a value; write a number, true, [x, y] or "text"')
+
+
+def _wrong(override: str, why: str) -> SceneError:
+    return SceneError(" ".join(f"--set {override}: {why}".split()))
+
+
+def _source(key: Key, places: dict[Key, str], name: str) -> str:
+    """The override that a problem stems from, if it is plain; else the file with whatever was set."""
+    for place, override in places.items():
+        if key[: len(place)] == place or place[: len(key)] == key:
+            return f"--set {override}"
+    return " ".join([name, *(f"--set {override}" for override in places.values())])
+
+
+def _plain(section: Section) -> dict[str, Any]:
+    """A section as plain data: what it is first, then its own keys; keys without a value left out."""
+    values = {name: getattr(section, name) for name in ordered_keys(type(section))}
+    return {
+        name: _plain(value) if isinstance(value, Section) else value
+        for name, value in values.items()
+        if value is not None
+    }
+
+
+def _for_editors(node: Any) -> Any:
+    """The same schema with kind and shape marked as needed and lists described as draft 7 does."""
+    if isinstance(node, list):
+        return [_for_editors(item) for item in node]
+    if not isinstance(node, dict):
+        return node
+    plain = {
+        key: _for_editors(value) for key, value in node.items() if key not in ("prefixItems", "discriminator")
+    }
+    if "prefixItems" in node:
+        plain["items"] = _for_editors(node["prefixItems"][0])
+    decided = [
+        name for name, field in _properties(node).items() if "const" in field and name in ("kind", "shape")
+    ]
+    if decided:
+        plain["required"] = [*decided, *node.get("required", [])]
+    return plain
+
+
+def _properties(node: dict[str, Any]) -> dict[str, Any]:
+    properties = node.get("properties", {})
+    return {name: field for name, field in properties.items() if isinstance(field, dict)}

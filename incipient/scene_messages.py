@@ -1,0 +1,227 @@
+"""One line for everything that can be wrong with a scene: which key, why, and what to write instead."""
+
+from __future__ import annotations
+
+import difflib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
+
+Key = tuple[str | int, ...]
+
+_REMEDIES = {
+    "float_type": "give a number",
+    "finite_number": "give a finite number",
+    "int_type": "give a whole number",
+    "int_from_float": "give a whole number",
+    "bool_type": "give true or false",
+    "string_type": 'give text in "quotes"',
+    "tuple_type": "give a list in [brackets]",
+}
+_BOUNDS = {
+    "greater_than": ("gt", "greater than"),
+    "greater_than_equal": ("ge", "of at least"),
+    "less_than": ("lt", "less than"),
+    "less_than_equal": ("le", "of at most"),
+}
+_SECTION_TYPES = ("model_type", "model_attributes_type", "dict_type")
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is wrong at one key of a scene, why, and the remedy."""
+
+    key: Key
+    why: str
+    remedy: str
+
+    def __str__(self) -> str:
+        path = key_text(self.key)
+        return f"{path}: {self.why}; {self.remedy}" if path else f"{self.why}; {self.remedy}"
+
+
+def key_text(key: Key) -> str:
+    """A key as the user writes it: ``body.centre[1]``."""
+    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in key).lstrip(".")
+
+
+def one_line(source: str, problems: Sequence[Problem]) -> str:
+    """The first problem with the name of the file it stands in, and how many more there are."""
+    more = len(problems) - 1
+    suffix = f" (and {more} more error{'s' if more > 1 else ''})" if more else ""
+    return " ".join(f"{source}: {problems[0]}{suffix}".split())
+
+
+def refusal(title: str, problems: Sequence[Problem]) -> ValidationError:
+    """The problems as the exception that a pydantic validator raises."""
+    return ValidationError.from_exception_data(
+        title,
+        [
+            InitErrorDetails(
+                type=PydanticCustomError(
+                    "contradiction", "{why}; {remedy}", {"why": p.why, "remedy": p.remedy}
+                ),
+                loc=p.key,
+                input=None,
+            )
+            for p in problems
+        ],
+    )
+
+
+def split(message: str) -> tuple[str, str]:
+    """Why and remedy of a one-line error message."""
+    why, _, remedy = message.partition("; ")
+    return why, remedy or "see the guide"
+
+
+def variants(annotation: Any) -> tuple[type[BaseModel], ...]:
+    """The sections that may stand where a field has this annotation."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return (annotation,)
+    return tuple(model for part in get_args(annotation) for model in variants(part))
+
+
+def discriminator(section: type[BaseModel]) -> str | None:
+    """The key, ``kind`` or ``shape``, that tells a section from its alternatives."""
+    return next((name for name in ("kind", "shape") if _single_choice(section, name)), None)
+
+
+def tag(section: type[BaseModel]) -> str | None:
+    """The value of that key: ``"lid"``."""
+    name = discriminator(section)
+    return _single_choice(section, name) if name else None
+
+
+def problems_of(error: ValidationError, root: type[BaseModel]) -> list[Problem]:
+    """All problems in a validation error of the section `root`, unknown keys first, each said once."""
+    details = sorted(error.errors(include_url=False), key=lambda e: e["type"] != "extra_forbidden")
+    places = [_place(root, e["loc"]) for e in details]
+    found: list[Problem] = []
+    meant: set[Key] = set()
+    for detail, (key, section) in zip(details, places, strict=True):
+        if detail["type"] == "extra_forbidden" and section is not None:
+            close = _closest(str(key[-1]), list(section.model_fields))
+            meant.add((*key[:-1], close or ""))
+            found.append(_unknown_key(key, section, close))
+        elif not (key in meant or _repeats(detail, details)):
+            found.append(_problem(detail, key, section))
+    return found
+
+
+def _repeats(detail: ErrorDetails, details: Sequence[ErrorDetails]) -> bool:
+    """Whether a list counts as too short only because its items are wrong."""
+    loc = detail["loc"]
+    return detail["type"] == "too_short" and any(e["loc"][: len(loc)] == loc != e["loc"] for e in details)
+
+
+def _place(root: type[BaseModel], loc: Key) -> tuple[Key, type[BaseModel] | None]:
+    """The key the user wrote (pydantic lists the chosen alternative too), and the section it stands in."""
+    key: list[str | int] = []
+    section: type[BaseModel] | None = root
+    inside: tuple[type[BaseModel], ...] = (root,)
+    for part in loc:
+        chosen = [m for m in inside if len(inside) > 1 and tag(m) == part]
+        if chosen:
+            inside = (chosen[0],)
+            continue
+        key.append(part)
+        section = inside[0] if len(inside) == 1 else None
+        field = section.model_fields.get(str(part)) if section else None
+        inside = variants(field.annotation) if field else ()
+    return tuple(key), section
+
+
+def _problem(detail: ErrorDetails, key: Key, section: type[BaseModel] | None) -> Problem:
+    kind, context = detail["type"], detail.get("ctx", {})
+    shown = _shown(detail["input"])
+    if kind == "contradiction":
+        return Problem(key, context["why"], context["remedy"])
+    if kind in ("missing", "too_short", "too_long"):
+        return _wrong_number(detail, key, section)
+    if kind in _BOUNDS:
+        name, words = _BOUNDS[kind]
+        return Problem(key, f"is {shown}", f"give a number {words} {context[name]:g}")
+    if kind == "literal_error":
+        return Problem(key, f"{shown} is not known", f"use {_quoted(context['expected'])}")
+    if kind in ("union_tag_invalid", "union_tag_not_found"):
+        return _wrong_alternative(detail, key, section)
+    if kind in _SECTION_TYPES:
+        return Problem(key, f"is {shown}", f"write a section [{key_text(key)}]")
+    if kind in _REMEDIES:
+        return Problem(key, f"is {shown}", _REMEDIES[kind])
+    return Problem(key, f"is {shown}", detail["msg"][:1].lower() + detail["msg"][1:])
+
+
+def _unknown_key(key: Key, section: type[BaseModel], close: str | None) -> Problem:
+    why = f'unknown key for "{tag(section)}"' if tag(section) else "unknown key"
+    return Problem(
+        key, why, f'did you mean "{close}"?' if close else f"known are {', '.join(section.model_fields)}"
+    )
+
+
+def _wrong_number(detail: ErrorDetails, key: Key, section: type[BaseModel] | None) -> Problem:
+    """Something missing, or too many or too few items in a list."""
+    if detail["type"] == "missing" and isinstance(key[-1], str):
+        field = section.model_fields.get(key[-1]) if section else None
+        words = f": {field.description}" if field else ""
+        what = f"a section [{key[-1]}]" if field and variants(field.annotation) else "it"
+        return Problem(key, "is missing", f"add {what}{words}")
+    if detail["type"] == "too_short":
+        return Problem(
+            key, f"has {detail['ctx']['actual_length']} items", f"give {detail['ctx']['min_length']} or more"
+        )
+    whole = key[:-1] if isinstance(key[-1], int) and detail["type"] == "missing" else key
+    items = detail["input"]
+    return Problem(whole, f"has {len(items)} item{'s' * (len(items) != 1)}", "give two, as in [x, y]")
+
+
+def _wrong_alternative(detail: ErrorDetails, key: Key, section: type[BaseModel] | None) -> Problem:
+    context = detail["ctx"]
+    name = context["discriminator"].strip("'")
+    field = section.model_fields[str(key[-1])] if section else None
+    tags = [str(tag(model)) for model in variants(field.annotation)] if field else []
+    choices = f"use {_quoted(' or '.join(tags))}"
+    if detail["type"] == "union_tag_not_found":
+        return Problem((*key, name), "is missing", choices)
+    close = _closest(str(context["tag"]), tags)
+    remedy = f'did you mean "{close}"?' if close else choices
+    return Problem((*key, name), f'"{context["tag"]}" is not known', remedy)
+
+
+def _closest(word: str, known: list[str]) -> str | None:
+    return next(iter(difflib.get_close_matches(word, known, 1)), None)
+
+
+def _single_choice(section: type[BaseModel], name: str) -> str | None:
+    """The value of a field that can have only one."""
+    field = section.model_fields.get(name)
+    choices = get_args(field.annotation) if field else ()
+    return str(choices[0]) if len(choices) == 1 else None
+
+
+def _quoted(words: str) -> str:
+    """``a, b or c`` from ``'a', 'b' or 'c'`` or ``a or b or c``, in double quotes."""
+    names = [part.strip(" '") for part in words.replace(" or ", ",").split(",")]
+    quoted = [f'"{name}"' for name in names]
+    return quoted[0] if len(quoted) == 1 else f"{', '.join(quoted[:-1])} or {quoted[-1]}"
+
+
+def _shown(value: Any) -> str:
+    """A value in the words of a TOML file, short."""
+    match value:
+        case bool() | str():
+            text = json.dumps(value, ensure_ascii=False)
+        case dict():
+            text = "a section"
+        case list() | tuple():
+            text = f"a list of {len(value)}"
+        case BaseModel():
+            text = f"a {type(value).__name__}"
+        case _:
+            text = str(value)
+    return text if len(text) <= 40 else f"{text[:37]}..."

@@ -1,0 +1,50 @@
+"""What all sections of a scene share: immutability, strictness, and one-line errors."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic_core import PydanticCustomError
+
+from .errors import SceneError
+from .scene_messages import Problem, one_line, problems_of, refusal
+
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+Pair = Annotated[tuple[float, float], Field(strict=False)]
+PositivePair = Annotated[tuple[Positive, Positive], Field(strict=False)]
+
+
+class Section(BaseModel):
+    """A part of a scene: immutable, of known keys only, with finite numbers only.
+
+    Raises:
+        SceneError: one line that names the key, why and the remedy, when built from Python with wrong values.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+    def __init__(self, /, **data: Any) -> None:
+        try:
+            super().__init__(**data)
+        except ValidationError as error:
+            raise SceneError(one_line(type(self).__name__, problems_of(error, type(self)))) from None
+
+    # Without this mark pydantic builds nested sections through __init__ and loses the path to a wrong key.
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
+
+    def refused(self, key: str, why: str, remedy: str) -> ValidationError:
+        """The error that a validator of this section raises about one of its keys."""
+        return refusal(type(self).__name__, [Problem((key,), why, remedy)])
+
+
+def contradiction(why: str, remedy: str) -> PydanticCustomError:
+    """The error that a validator of a single key raises."""
+    return PydanticCustomError("contradiction", "{why}; {remedy}", {"why": why, "remedy": remedy})
+
+
+def ordered_keys(section: type[BaseModel]) -> list[str]:
+    """Keys of a section in the order of reading: its own before those it shares with its alternatives."""
+    own = [name for name in section.model_fields if name in section.__annotations__]
+    return own + [name for name in section.model_fields if name not in own]

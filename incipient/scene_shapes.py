@@ -1,0 +1,334 @@
+"""The grain and the bed of a scene: what a user writes about their shapes, and the geometry that it means."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
+
+from .errors import SceneError
+from .scene_messages import Problem, refusal, split
+from .scene_section import NotNegative, Pair, Positive, PositivePair, Section, contradiction
+
+if TYPE_CHECKING:
+    from .geometry import bed as bed_geometry
+    from .geometry import grain as grain_geometry
+
+Point = tuple[float, float]
+
+
+class GrainSection(Section):
+    """What grains of all shapes have in common."""
+
+    x: float | None = Field(
+        None, description="Rests on the bed at this abscissa [length]; give x or centre", examples=[4.0]
+    )
+    centre: Pair | None = Field(
+        None, description="Held with its centroid there [length]; give x or centre", examples=[(4.0, 0.5)]
+    )
+    angle: float = Field(0.0, description="Turned counter-clockwise by this [degrees]")
+    density: NotNegative | None = Field(
+        None,
+        description="Density relative to the fluid [-]; without it no weight and no verdict",
+        examples=[2.65],
+    )
+    motion: Literal["fixed"] = Field("fixed", description="How the grain moves while the flow is computed")
+
+    @field_validator("motion", mode="before")
+    @classmethod
+    def _held(cls, value: Any) -> Any:
+        if value == "fixed":
+            return value
+        raise contradiction("a moving grain is not simulated by this version", 'use "fixed"')
+
+    @model_validator(mode="after")
+    def _placed_once(self) -> GrainSection:
+        if self.x is None and self.centre is None:
+            raise self.refused("x", "neither x nor centre is given", "give x to rest on the bed, or centre")
+        if self.x is not None and self.centre is not None:
+            raise self.refused("x", "both x and centre are given", "leave one out")
+        return self
+
+    def grain(self) -> grain_geometry.Grain:
+        """The grain's shape in its body frame, lengths in scene units."""
+        raise NotImplementedError
+
+
+class Disc(GrainSection):
+    """A disc."""
+
+    shape: Literal["disc"] = Field("disc", description="Shape of the grain")
+    diameter: Positive = Field(description="Diameter [length]")
+
+    def grain(self) -> grain_geometry.Grain:
+        """The grain's shape in its body frame, lengths in scene units."""
+        from .geometry import grain
+
+        return grain.Disc(self.diameter)
+
+
+class Ellipse(GrainSection):
+    """An ellipse."""
+
+    shape: Literal["ellipse"] = Field("ellipse", description="Shape of the grain")
+    semi_axes: PositivePair = Field(description="Semi-axes, the first along x when angle is 0 [length]")
+
+    def grain(self) -> grain_geometry.Grain:
+        """The grain's shape in its body frame, lengths in scene units."""
+        from .geometry import grain
+
+        return grain.Ellipse(self.semi_axes)
+
+
+class Rectangle(GrainSection):
+    """A rectangle, its corners rounded or not."""
+
+    shape: Literal["rectangle"] = Field("rectangle", description="Shape of the grain")
+    width: Positive = Field(description="Side along x when angle is 0 [length]")
+    height: Positive = Field(description="The other side [length]")
+    corner_radius: NotNegative = Field(0.0, description="Radius of the rounded corners [length]")
+
+    @model_validator(mode="after")
+    def _can_be_rounded(self) -> Rectangle:
+        largest = 0.5 * min(self.width, self.height)
+        if self.corner_radius > largest:
+            why = f"is {self.corner_radius:g}, more than half the shorter side, {largest:g}"
+            raise self.refused("corner_radius", why, "make it smaller")
+        return self
+
+    def grain(self) -> grain_geometry.Grain:
+        """The grain's shape in its body frame, lengths in scene units."""
+        from .geometry import grain
+
+        return grain.Rectangle(self.width, self.height, self.corner_radius)
+
+
+class Polygon(GrainSection):
+    """A polygon whose sides do not cross."""
+
+    shape: Literal["polygon"] = Field("polygon", description="Shape of the grain")
+    vertices: Annotated[tuple[Pair, ...], Field(strict=False, min_length=3)] = Field(
+        description="Vertices in order around it, three or more, relative to any point [length]"
+    )
+
+    @model_validator(mode="after")
+    def _is_simple(self) -> Polygon:
+        if len(set(self.vertices)) < len(self.vertices):
+            raise self.refused("vertices", "a vertex is given twice", "leave the repeated one out")
+        crossing = _crossing_sides(self.vertices)
+        if crossing:
+            why = f"the sides after vertices {crossing[0]} and {crossing[1]} meet (counted from 0)"
+            raise self.refused("vertices", why, "list the vertices in order around the grain")
+        try:
+            self.grain()
+        except SceneError as error:
+            raise self.refused("vertices", *split(str(error))) from None
+        return self
+
+    def grain(self) -> grain_geometry.Grain:
+        """The grain's shape in its body frame, lengths in scene units."""
+        from .geometry import grain
+
+        return grain.Polygon(self.vertices)
+
+
+def _crossing_sides(vertices: Sequence[Point]) -> tuple[int, int] | None:
+    """The first two sides of a polygon that cross or touch without being neighbours."""
+    n = len(vertices)
+    for i in range(n):
+        for j in range(i + 2, n - (i == 0)):
+            if _meet(vertices[i], vertices[i + 1], vertices[j], vertices[(j + 1) % n]):
+                return i, j
+    return None
+
+
+def _meet(a: Point, b: Point, c: Point, d: Point) -> bool:
+    """Whether the segments a-b and c-d have a point in common."""
+    if any(max(a[k], b[k]) < min(c[k], d[k]) or max(c[k], d[k]) < min(a[k], b[k]) for k in (0, 1)):
+        return False
+    return _side(a, b, c) * _side(a, b, d) <= 0 and _side(c, d, a) * _side(c, d, b) <= 0
+
+
+def _side(a: Point, b: Point, p: Point) -> int:
+    """1 left of the line a-b, -1 right of it, 0 on it."""
+    area = (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
+    return (area > 0.0) - (area < 0.0)
+
+
+Body = Annotated[Disc | Ellipse | Rectangle | Polygon, Field(discriminator="shape")]
+
+
+class BedSection(Section):
+    """What beds of all kinds have in common."""
+
+    @property
+    def slope_angle(self) -> float:
+        """The angle in radians by which gravity is turned."""
+        return 0.0
+
+    def surface(self, origin_y: float) -> bed_geometry.Bed:
+        """The bed's shape above its base line y = origin_y."""
+        raise NotImplementedError
+
+
+class Flat(BedSection):
+    """A horizontal plane."""
+
+    kind: Literal["flat"] = Field("flat", description="Kind of bed")
+
+    def surface(self, origin_y: float) -> bed_geometry.Bed:
+        """The bed's shape above its base line y = origin_y."""
+        from .geometry import bed
+
+        return bed.Flat(origin_y)
+
+
+class Inclined(BedSection):
+    """A plane that falls in the direction of the stream; coordinates run along it and gravity is turned."""
+
+    kind: Literal["inclined"] = Field("inclined", description="Kind of bed")
+    slope: float = Field(
+        gt=-90, lt=90, description="Angle by which the bed falls in the stream's direction [degrees]"
+    )
+
+    @property
+    def slope_angle(self) -> float:
+        """The angle in radians by which gravity is turned."""
+        return math.radians(self.slope)
+
+    def surface(self, origin_y: float) -> bed_geometry.Bed:
+        """The bed's shape above its base line y = origin_y."""
+        from .geometry import bed
+
+        return bed.Flat(origin_y)
+
+
+class Sinusoidal(BedSection):
+    """Ripples, amplitude sin(2 pi x / wavelength + phase) above the base line."""
+
+    kind: Literal["sinusoidal"] = Field("sinusoidal", description="Kind of bed")
+    amplitude: NotNegative = Field(description="Half the height from trough to crest [length]")
+    wavelength: Positive = Field(description="Distance of crests [length]")
+    phase: float = Field(0.0, description="Phase at x = 0 [degrees]")
+
+    def surface(self, origin_y: float) -> bed_geometry.Bed:
+        """The bed's shape above its base line y = origin_y."""
+        from .geometry import bed
+
+        return bed.Sinusoidal(self.amplitude, self.wavelength, math.radians(self.phase), origin_y)
+
+
+class HalfDiscs(BedSection):
+    """A row of half-discs standing on the base line."""
+
+    kind: Literal["half-discs"] = Field("half-discs", description="Kind of bed")
+    radius: Positive = Field(description="Radius of the half-discs [length]")
+    spacing: Positive = Field(description="Distance of their centres, at least two radii [length]")
+    offset: float = Field(0.0, description="Abscissa of the centre of one of them [length]")
+
+    @model_validator(mode="after")
+    def _do_not_overlap(self) -> HalfDiscs:
+        if self.spacing < 2.0 * self.radius:
+            why = f"{self.spacing:g} is less than two radii, {2.0 * self.radius:g}: the half-discs overlap"
+            raise self.refused("spacing", why, "enlarge spacing or reduce radius")
+        return self
+
+    def surface(self, origin_y: float) -> bed_geometry.Bed:
+        """The bed's shape above its base line y = origin_y."""
+        from .geometry import bed
+
+        return bed.HalfDiscs(self.radius, self.spacing, self.offset, origin_y)
+
+
+class Polyline(BedSection):
+    """Straight lines through points, which are read from a file or stand in the scene."""
+
+    kind: Literal["polyline"] = Field("polyline", description="Kind of bed")
+    file: str | None = Field(
+        None,
+        description="CSV file of x, y, relative to the scene; the resolved scene has points instead",
+        examples=["bed.csv"],
+    )
+    points: Annotated[tuple[Pair, ...], Field(strict=False, min_length=2)] = Field(
+        (), description="Points with ascending x, heights counted from the base line [length]"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read(cls, data: Any, info: ValidationInfo) -> Any:
+        """Replace the file by its points, so that the scene no longer depends on where it was read."""
+        if not isinstance(data, dict):
+            return data
+        if ("points" in data) == ("file" in data):
+            which = "both file and points are" if "file" in data else "neither file nor points is"
+            raise _about_file(f"{which} given", "give one of them")
+        if not isinstance(data.get("file"), str):
+            return data
+        path = Path((info.context or {}).get("directory", "."), data["file"])
+        rest = {key: value for key, value in data.items() if key != "file"}
+        return {**rest, "points": _read_points(path)}
+
+    @model_validator(mode="after")
+    def _is_sorted(self) -> Polyline:
+        why = _disorder(self.points)
+        if why:
+            raise self.refused("points", why, "sort the points by ascending x, each x once")
+        return self
+
+    def surface(self, origin_y: float) -> bed_geometry.Bed:
+        """The bed's shape above its base line y = origin_y."""
+        from .geometry import bed
+
+        return bed.Polyline(self.points, origin_y)
+
+
+Bed = Annotated[Flat | Inclined | Sinusoidal | HalfDiscs | Polyline, Field(discriminator="kind")]
+
+
+def _about_file(why: str, remedy: str) -> ValidationError:
+    return refusal("Polyline", [Problem(("file",), why, remedy)])
+
+
+def _read_points(path: Path) -> list[Point]:
+    """Rows x, y of a CSV file; a heading, empty lines and lines beginning with # are passed over."""
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        why = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+        raise _about_file(f"{path} cannot be read ({why})", "give the name of a CSV file of x, y") from None
+    rows = [
+        (k, row) for k, row in enumerate(csv.reader(lines), 1) if row and not row[0].lstrip().startswith("#")
+    ]
+    if rows and not any(_is_number(cell) for cell in rows[0][1]):
+        rows = rows[1:]
+    points = [_point(f"{path} line {number}", row) for number, row in rows]
+    why = f"has {len(points)} points" if len(points) < 2 else _disorder(points)
+    if why:
+        raise _about_file(f"{path} {why}", "give two or more points sorted by ascending x, each x once")
+    return points
+
+
+def _point(place: str, row: Sequence[str]) -> Point:
+    if len(row) != 2 or not all(_is_number(cell) for cell in row):
+        raise _about_file(f'{place} is "{",".join(row)[:40]}"', "write two finite numbers x, y a line")
+    return float(row[0]), float(row[1])
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        return math.isfinite(float(cell))
+    except ValueError:
+        return False
+
+
+def _disorder(points: Sequence[Point]) -> str | None:
+    """The first place where x does not ascend, in words."""
+    for (left, _), (right, _) in pairwise(points):
+        if not left < right:
+            return f"has x = {right:g} after x = {left:g}"
+    return None
