@@ -26,7 +26,7 @@ def undisturbed(scene: Scene) -> Velocity:
         return _from_expressions(flow)
     base = scene.domain.bottom
     if scene.bed_shape is not None:
-        base = float(scene.bed_shape.height(scene.domain.left)[0])
+        base = float(scene.bed_shape.height([scene.domain.left])[0])
     depth = scene.domain.ceiling - base
     profile = _profile(scene, depth)
     return lambda x, t: np.vstack([profile(np.clip(x[1] - base, 0.0, depth)), np.zeros_like(x[1])])

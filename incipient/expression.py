@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import math
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, reduce
@@ -113,7 +114,9 @@ def _parse(text: str) -> ast.expr:
             f'the formula "{text[:20]}..." has {len(text)} characters; shorten it to {MAXIMUM_LENGTH}'
         )
     try:
-        return ast.parse(text.strip(), mode="eval").body
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SyntaxWarning)  # the error that follows says it
+            return ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         reason = error.msg if isinstance(error, SyntaxError) else "too deeply nested or not text"
         raise _refusal(text, f"is not a formula ({reason})") from None

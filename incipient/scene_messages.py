@@ -52,8 +52,13 @@ def key_text(key: Key) -> str:
 def one_line(source: str, problems: Sequence[Problem]) -> str:
     """The first problem with the name of the file it stands in, and how many more there are."""
     more = len(problems) - 1
-    suffix = f" (and {more} more error{'s' if more > 1 else ''})" if more else ""
+    suffix = f" (and {counted(more, 'more error')})" if more else ""
     return " ".join(f"{source}: {problems[0]}{suffix}".split())
+
+
+def counted(number: int, thing: str) -> str:
+    """``1 item``, ``2 items``."""
+    return f"{number} {thing}" if number == 1 else f"{number} {thing}s"
 
 
 def refusal(title: str, problems: Sequence[Problem]) -> ValidationError:
@@ -172,12 +177,12 @@ def _wrong_number(detail: ErrorDetails, key: Key, section: type[BaseModel] | Non
         what = f"a section [{key[-1]}]" if field and variants(field.annotation) else "it"
         return Problem(key, "is missing", f"add {what}{words}")
     if detail["type"] == "too_short":
+        context = detail["ctx"]
         return Problem(
-            key, f"has {detail['ctx']['actual_length']} items", f"give {detail['ctx']['min_length']} or more"
+            key, f"has {counted(context['actual_length'], 'item')}", f"give {context['min_length']} or more"
         )
     whole = key[:-1] if isinstance(key[-1], int) and detail["type"] == "missing" else key
-    items = detail["input"]
-    return Problem(whole, f"has {len(items)} item{'s' * (len(items) != 1)}", "give two, as in [x, y]")
+    return Problem(whole, f"has {counted(len(detail['input']), 'item')}", "give two, as in [x, y]")
 
 
 def _wrong_alternative(detail: ErrorDetails, key: Key, section: type[BaseModel] | None) -> Problem:

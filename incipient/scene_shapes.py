@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
 
 from .errors import SceneError
-from .scene_messages import Problem, refusal, split
+from .scene_messages import Problem, counted, refusal, split
 from .scene_section import NotNegative, Pair, Positive, PositivePair, Section, contradiction
 
 if TYPE_CHECKING:
@@ -307,7 +307,7 @@ def _read_points(path: Path) -> list[Point]:
     if rows and not any(_is_number(cell) for cell in rows[0][1]):
         rows = rows[1:]
     points = [_point(f"{path} line {number}", row) for number, row in rows]
-    why = f"has {len(points)} points" if len(points) < 2 else _disorder(points)
+    why = f"has {counted(len(points), 'point')}" if len(points) < 2 else _disorder(points)
     if why:
         raise _about_file(f"{path} {why}", "give two or more points sorted by ascending x, each x once")
     return points

@@ -9,6 +9,7 @@ from typing import Any
 import dolfinx
 import numpy as np
 
+from .. import compat
 from ..domain import Domain
 from .space import TaylorHood, boundary_blocks
 
@@ -87,7 +88,7 @@ class Constraints:
         whole = self.space.mixed.sub(0)
         conditions = []
         for slip in self._slip:
-            component, _ = whole.sub(slip.axis).collapse()
+            component = compat.space(self.space.mixed.mesh, ("Lagrange", self.space.order))
             zero = dolfinx.fem.Function(component)
             facets = domain.facets_of(slip.boundary)
             conditions.append(_on_facets(zero, (whole.sub(slip.axis), component), facets))

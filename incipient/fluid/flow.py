@@ -154,12 +154,17 @@ class Fluid:
     @property
     def velocity(self) -> Any:
         """The velocity as a function of its own (a copy)."""
-        return self.state.sub(0).collapse()
+        return self._part(self.space.velocity, self.space.velocity_map, "velocity")
 
     @property
     def pressure(self) -> Any:
         """The pressure as a function of its own (a copy); without the hydrostatic part."""
-        return self.state.sub(1).collapse()
+        return self._part(self.space.pressure, self.space.pressure_map, "pressure")
+
+    def _part(self, space: Any, places: np.ndarray, name: str) -> Any:
+        part = dolfinx.fem.Function(space, name=name)
+        part.x.array[:] = self.state.x.array[places]
+        return part
 
     def solve(
         self,

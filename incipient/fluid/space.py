@@ -51,10 +51,23 @@ def taylor_hood(mesh: Any, order: int) -> TaylorHood:
     gdim = mesh.geometry.dim
     parts = [compat.element(mesh, order, (gdim,)), compat.element(mesh, order - 1)]
     mixed = compat.function_space(mesh, compat.mixed_element(parts))
-    (velocity, velocity_map), (pressure, pressure_map) = (mixed.sub(i).collapse() for i in (0, 1))
-    return TaylorHood(
-        mixed, velocity, pressure, np.asarray(velocity_map), np.asarray(pressure_map), order
-    )
+    velocity, pressure = (compat.function_space(mesh, part) for part in parts)
+    maps = [_places(part, mixed.sub(i)) for i, part in enumerate((velocity, pressure))]
+    return TaylorHood(mixed, velocity, pressure, *maps, order)
+
+
+def _places(part: Any, within: Any) -> np.ndarray:
+    """For each unknown of a space, its number in the mixed space of which `within` is the corresponding part.
+
+    `within.collapse()` would give both, but in dolfinx 0.5.2 a collapsed space of order three or more is
+    not continuous on general meshes: the unknowns along an edge are not turned with the edge.
+    """
+    block = part.dofmap.index_map_bs
+    own = compat.cell_dofs(part)[:, :, None] * block + np.arange(block)
+    index_map = part.dofmap.index_map
+    places = np.zeros((index_map.size_local + index_map.num_ghosts) * block, dtype=np.int32)
+    places[own.ravel()] = compat.cell_dofs(within).ravel()
+    return places
 
 
 def boundary_blocks(space: Any, facets: np.ndarray) -> np.ndarray:

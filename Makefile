@@ -1,0 +1,43 @@
+# The project's commands. Each first sets up what it needs, so that a fresh clone needs nothing but make.
+.DEFAULT_GOAL := help
+PYTHON := .venv/bin/python
+DEMO := grain_on_bed
+# Passed on to pytest, as in: make test ARGS="-k contact -x"
+ARGS ?=
+
+# Parallelism is MPI's: threads of the linear algebra would only compete with its ranks.
+export OMP_NUM_THREADS := 1
+# Open MPI refuses to run as root, which is what one is in most containers.
+export OMPI_ALLOW_RUN_AS_ROOT := 1
+export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
+
+.PHONY: help setup demo test test-slow lint types bench clean
+
+help: ## list the targets
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+setup: ## install what is missing: Debian's packages and .venv
+	@./setup.sh
+
+demo: setup ## a grain on a bed: verdict, pictures and ParaView files
+	.venv/bin/incipient run demos/scenes/$(DEMO).toml --out results/$(DEMO) --set output.pictures=true
+
+test: setup ## the default tests (ARGS="-k name -x" goes to pytest)
+	$(PYTHON) -m pytest $(ARGS)
+
+test-slow: setup ## the tests that take minutes
+	$(PYTHON) -m pytest -m slow $(ARGS)
+
+lint: setup ## ruff: rules and format
+	$(PYTHON) -m ruff check
+	$(PYTHON) -m ruff format --check
+
+types: setup ## mypy
+	$(PYTHON) -m mypy
+
+bench: setup ## speed and accuracy beside other programs
+	$(PYTHON) benchmarks/run.py
+
+clean: ## remove caches, build leftovers and the demo's results, not .venv
+	rm -rf results/$(DEMO) build dist incipient.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -not -path './.venv/*' -prune -exec rm -rf {} +

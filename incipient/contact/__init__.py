@@ -1,0 +1,7 @@
+"""Where the grain is touched, what the bed answers, and the paper's criteria of incipient motion."""
+
+from incipient.contact.criteria import Classification, Mode, classify
+from incipient.contact.model import Contacts, Load
+from incipient.contact.search import touching
+
+__all__ = ["Classification", "Contacts", "Load", "Mode", "classify", "touching"]

@@ -1,0 +1,78 @@
+"""The paper's modes of incipient motion and its table of outcomes 1-7 (end of its section 3)."""
+
+from enum import Enum
+
+
+class Mode(Enum):
+    """An outcome of the paper's table: its `row` there and the paper's `wording`."""
+
+    SLIDING = ("1a", "translation: sliding")
+    LIFTING = ("1b", "translation: lifting")
+    SLIDING_WITH_AWAY_ROTATION = ("2", "sliding with an ``away from the surface'' rotation")
+    LIFTING_WITH_AWAY_ROTATION = ("3", "lifting with an ``away from the surface'' rotation")
+    LIFTING_WITH_PIVOTTING = ("4", "pivotting combined with lifting")
+    PIVOTTING = ("5a", "rotation only: pivotting")
+    AWAY_ROTATION = ("5b", "rotation only: ``away from the surface'' rotation")
+    SLIDING_AND_PIVOTTING = ("6", "sliding and pivotting")
+    NO_INCIPIENT_MOTION = ("7", "no incipient motion")
+
+    def __init__(self, row: str, wording: str) -> None:
+        self.row = row
+        self.wording = wording
+
+    @property
+    def moves(self) -> bool:
+        """Whether the grain begins to move."""
+        return self is not Mode.NO_INCIPIENT_MOTION
+
+
+class Criterion(Enum):
+    """Which of the paper's sections applied: is there a force, a couple, or both?"""
+
+    NO_LOAD = "neither force nor couple acts"
+    TRANSLATION_ONLY = "incipient translation only, (3): no couple acts"
+    ROTATION_ONLY = "incipient rotation only, (6)-(8): no force acts"
+    SIMULTANEOUS = "simultaneous incipient rotation and translation, (22)-(25)"
+
+
+def simultaneous(force_sign: int, couple_sign: int, moves: bool, turns: bool) -> Mode:
+    """The row of the table by the signs of the minima (2), (7), by F != 0 (24) and tau != 0 (25).
+
+    Where the table is silent because a minimum is zero: minimum (2) = 0 presses nowhere but keeps the contact
+    (sliding); minimum (7) = 0 leaves the contact to the force: pivotting where the force presses, away from
+    the surface where it lifts.
+    """
+    if not turns:
+        return translation(force_sign) if moves else Mode.NO_INCIPIENT_MOTION
+    if force_sign > 0:
+        return Mode.LIFTING_WITH_PIVOTTING if couple_sign < 0 else Mode.LIFTING_WITH_AWAY_ROTATION
+    if couple_sign > 0:
+        return Mode.SLIDING_WITH_AWAY_ROTATION if moves else Mode.AWAY_ROTATION
+    return Mode.SLIDING_AND_PIVOTTING if moves else Mode.PIVOTTING
+
+
+def translation(force_sign: int) -> Mode:
+    """Row 1: lifting where minimum (2) is positive, else sliding."""
+    return Mode.LIFTING if force_sign > 0 else Mode.SLIDING
+
+
+def translation_only(force_sign: int, moves: bool, held: bool) -> Mode:
+    """The outcome without a couple: row 1 if F != 0 by (3), else row 5a or 7.
+
+    `held`: the couple of the contact forces vanishes, or can vanish by sharing them among the minimisers.
+    """
+    if moves:
+        return translation(force_sign)
+    return Mode.NO_INCIPIENT_MOTION if held else Mode.PIVOTTING
+
+
+def rotation_only(couple_sign: int, turns: bool, leaves: bool) -> Mode:
+    """The outcome without a force: row 5, or row 1 if friction stops the turn, tau = 0 by (8).
+
+    `leaves`: the force of uncoupling that is left then points away from every contact.
+    """
+    if couple_sign > 0:
+        return Mode.AWAY_ROTATION
+    if turns:
+        return Mode.PIVOTTING
+    return Mode.LIFTING if leaves else Mode.SLIDING

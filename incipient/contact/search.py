@@ -1,0 +1,139 @@
+"""Where a placed grain touches its bed (2D): the contact surface Gamma_c as points, patches by their ends."""
+
+import numpy as np
+
+from incipient.contact.model import Contacts
+from incipient.errors import SceneError
+from incipient.geometry.bed import Bed
+from incipient.geometry.curves import Floats, Line
+from incipient.geometry.distance import Approach, approaches, placed_outline
+from incipient.geometry.grain import Grain, Placement
+
+SAME_DIRECTION = 1e-6  # normals closer than this belong to the same contact
+
+Contact = tuple[Floats, Floats, float]  # point (2,), normal (2,) out of the grain, area
+Patch = tuple[Floats, Floats]  # both ends (2, 2), normal (2,) out of the grain
+
+
+def touching(grain: Grain, placement: Placement, bed: Bed, tolerance: float) -> Contacts:
+    """All contacts of a grain whose distance from the bed is at most `tolerance` (a length, scene units).
+
+    Point contacts are the local minima of the distance along the outline. A straight side that lies on a
+    straight piece of bed is a patch: its two ends, each with half of its length as area. `areas` is None if
+    there is no patch. The normal, out of the grain, is the grain's own where its surface is smooth, minus the
+    bed's at a corner of the grain; where a corner of the grain stands in a valley's corner there are two
+    contacts, one for each side of the valley; where it stands on a corner of the bed, minus the bisector of
+    the bed's sides.
+
+    Raises SceneError if nothing touches.
+    """
+    if not tolerance > 0.0:
+        raise SceneError(f"contact tolerance {tolerance} is not a positive length; give a positive number")
+    patches = _patches(grain, placement, bed, tolerance)
+    contacts = _patch_ends(patches)
+    for approach in approaches(grain, placement, bed, tolerance):
+        if approach.distance <= tolerance:
+            for normal in _normals(approach, bed, tolerance):
+                if not _known(approach.on_grain, normal, contacts, patches, tolerance):
+                    contacts.append((approach.on_grain, normal, 0.0))
+    if not contacts:
+        raise SceneError(f"the grain does not touch the bed within {tolerance:g}; rest it on the bed with x")
+    points, normals, areas = (np.array(column) for column in zip(*contacts, strict=True))
+    return Contacts(_spatial(points), _spatial(normals), areas if patches else None)
+
+
+def _patches(grain: Grain, placement: Placement, bed: Bed, tolerance: float) -> list[Patch]:
+    """All straight sides, or parts of them, that lie on straight pieces of the bed."""
+    sides = [curve for curve in placed_outline(grain, placement) if isinstance(curve, Line)]
+    centre, reach = placement.centre[0], grain.size
+    x0, x1 = max(centre - reach, bed.extent[0]), min(centre + reach, bed.extent[1])
+    if not sides or x0 >= x1:
+        return []
+    pieces = [curve for curve in bed.curves(x0, x1) if isinstance(curve, Line)]
+    patches: list[Patch] = []
+    for side in sides:
+        for piece in pieces:
+            patch = _patch(side, piece, tolerance)
+            if patch is not None:
+                patches = _joined(patches, patch, tolerance)
+    return patches
+
+
+def _joined(patches: list[Patch], patch: Patch, tolerance: float) -> list[Patch]:
+    """The patches with one more, grown together with the last if it continues that one straight on."""
+    if patches and _same(patches[-1][1], patch[1], SAME_DIRECTION):
+        ends = np.vstack([patches[-1][0], patch[0]])
+        apart = np.linalg.norm(ends[:2, None] - ends[None, 2:], axis=2)
+        if apart.min() <= tolerance:
+            i, j = np.unravel_index(np.argmax(apart), apart.shape)
+            return [*patches[:-1], (ends[[i, 2 + j]], patch[1])]
+    return [*patches, patch]
+
+
+def _patch(side: Line, piece: Line, tolerance: float) -> Patch | None:
+    """The part of a grain's side above a piece of bed, if all of that part is within the tolerance."""
+    along, forward = piece.tangent([0.0])[0], side.tangent([0.0])[0]
+    upward, outward = np.array([-along[1], along[0]]), np.array([forward[1], -forward[0]])
+    if outward @ upward > -0.5:
+        return None
+    at = (np.array([side.start, side.end]) - np.asarray(piece.start)) @ along
+    low, high = max(at.min(), 0.0), min(at.max(), piece.length)
+    if high - low <= max(tolerance, 1e-9 * side.length):
+        return None
+    ends = side.point((np.array([low, high]) - at[0]) / (at[1] - at[0]))
+    if np.abs((ends - np.asarray(piece.start)) @ upward).max() > tolerance:
+        return None
+    return ends, outward
+
+
+def _patch_ends(patches: list[Patch]) -> list[Contact]:
+    """The ends of the patches, each with half its length."""
+    return [
+        (point, normal, 0.5 * float(np.linalg.norm(ends[1] - ends[0])))
+        for ends, normal in patches
+        for point in ends
+    ]
+
+
+def _normals(approach: Approach, bed: Bed, tolerance: float) -> list[Floats]:
+    """The grain's outward normals at a point contact: two where it stands in the corner of a valley."""
+    if approach.normal is not None:
+        return [approach.normal]
+    x = approach.on_bed[0]
+    corners = bed.corners(x - tolerance, x + tolerance)
+    at = corners[:1] if len(corners) else np.array([x])
+    left, right = bed.side_normals(at)
+    steepening = left[0, 0] * right[0, 1] - left[0, 1] * right[0, 0]
+    if steepening > SAME_DIRECTION:
+        return [-left[0], -right[0]]
+    return [-bed.normal(at)[0]]
+
+
+def _known(
+    point: Floats, normal: Floats, contacts: list[Contact], patches: list[Patch], tolerance: float
+) -> bool:
+    """Whether a point contact was found before, or lies on a patch."""
+    if _index(point, normal, contacts, tolerance) is not None:
+        return True
+    return any(
+        _same(normal, outward, SAME_DIRECTION)
+        and (ends[0] - point) @ (ends[1] - point) < 0.0
+        and abs((ends[0] - point) @ outward) <= 2.0 * tolerance
+        for ends, outward in patches
+    )
+
+
+def _index(point: Floats, normal: Floats, contacts: list[Contact], tolerance: float) -> int | None:
+    """The contact at the same point with the same normal, if there is one."""
+    for k, (other, direction, _) in enumerate(contacts):
+        if _same(point, other, tolerance) and _same(normal, direction, SAME_DIRECTION):
+            return k
+    return None
+
+
+def _same(a: Floats, b: Floats, tolerance: float) -> bool:
+    return bool(np.abs(a - b).max() <= tolerance)
+
+
+def _spatial(plane: Floats) -> Floats:
+    return np.column_stack([plane, np.zeros(len(plane))])

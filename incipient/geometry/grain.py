@@ -1,0 +1,312 @@
+"""Rigid grains: a level function f(x), negative inside, and an exact outline.
+
+All grains live in their body frame: the origin is the centroid, the centre of mass of a uniform grain.
+A `Placement` turns and carries the frame into the scene. Lengths are scene units, angles radians.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from incipient.errors import SceneError
+from incipient.geometry.curves import Arc, Curve, Floats, Line, Point, rows
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where a grain is: the position of its centroid and its angle (radians, counter-clockwise)."""
+
+    centre: tuple[float, ...]
+    angle: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "centre", tuple(float(c) for c in self.centre))
+        object.__setattr__(self, "angle", float(self.angle))
+        if not np.isfinite([*self.centre, self.angle]).all():
+            raise SceneError(f"the placement {self.centre}, {self.angle} is not finite; give finite numbers")
+
+    @property
+    def rotation(self) -> Floats:
+        """The matrix (2, 2) that turns body coordinates into scene directions."""
+        c, s = np.cos(self.angle), np.sin(self.angle)
+        return np.array([[c, -s], [s, c]])
+
+    def to_scene(self, x: ArrayLike) -> Floats:
+        """Scene coordinates (n, 2) of points (n, 2) given in the body frame."""
+        return np.asarray(x, dtype=float) @ self.rotation.T + np.asarray(self.centre)
+
+    def to_body(self, x: ArrayLike) -> Floats:
+        """Body coordinates (n, 2) of points (n, 2) given in the scene."""
+        return np.asarray((np.asarray(x, dtype=float) - np.asarray(self.centre)) @ self.rotation)
+
+    def raised(self, height: float) -> "Placement":
+        """The same placement, higher by `height`."""
+        return Placement((*self.centre[:-1], self.centre[-1] + height), self.angle)
+
+
+class Grain(ABC):
+    """A rigid grain f(x) = 0 in its body frame, centroid at the origin."""
+
+    @property
+    def gdim(self) -> int:
+        """Dimension of the space the grain lives in."""
+        return 2
+
+    @property
+    @abstractmethod
+    def size(self) -> float:
+        """The largest diameter."""
+
+    @property
+    @abstractmethod
+    def volume(self) -> float:
+        """The area (2D), per unit depth the volume."""
+
+    @abstractmethod
+    def level(self, x: ArrayLike) -> Floats:
+        """f at points (n, 2), (n,): negative inside, zero on the surface; a length, not always distance."""
+
+    @abstractmethod
+    def normal(self, x: ArrayLike) -> Floats:
+        """Outward unit normals (n, 2), grad f / |grad f|, at points (n, 2) on or near the surface.
+
+        At a corner: the bisector of the two sides' normals.
+        """
+
+    @abstractmethod
+    def outline(self) -> tuple[Curve, ...]:
+        """The surface as a closed counter-clockwise chain of curves in the body frame."""
+
+
+@dataclass(frozen=True)
+class Ellipse(Grain):
+    """An ellipse with semi-axes along the body's first and second direction."""
+
+    semi_axes: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        for value in self.semi_axes:
+            _require_positive("semi-axis", value)
+
+    @property
+    def size(self) -> float:
+        """Twice the larger semi-axis."""
+        return 2.0 * max(self.semi_axes)
+
+    @property
+    def volume(self) -> float:
+        """pi a b."""
+        return float(np.pi * self.semi_axes[0] * self.semi_axes[1])
+
+    def level(self, x: ArrayLike) -> Floats:
+        """min(a, b) (|(x1/a, x2/b)| - 1) at points (n, 2); for a circle the distance."""
+        scaled = np.linalg.norm(rows(x) / np.asarray(self.semi_axes), axis=1)
+        return np.asarray(min(self.semi_axes) * (scaled - 1.0))
+
+    def normal(self, x: ArrayLike) -> Floats:
+        """Outward unit normals (n, 2) of the similar ellipse through each of the points (n, 2)."""
+        return _unit(rows(x) / np.square(self.semi_axes))
+
+    def outline(self) -> tuple[Curve, ...]:
+        """Four quarter arcs."""
+        a, b = self.semi_axes
+        corners: list[Point] = [(a, 0.0), (0.0, b), (-a, 0.0), (0.0, -b)]
+        major = None if a == b else corners[int(b > a)]
+        return tuple(Arc(corners[k], (0.0, 0.0), corners[(k + 1) % 4], major) for k in range(4))
+
+
+@dataclass(frozen=True)
+class Disc(Ellipse):
+    """A disc of the given diameter."""
+
+    semi_axes: tuple[float, float] = field(init=False, repr=False)
+    diameter: float
+
+    def __post_init__(self) -> None:
+        _require_positive("diameter", self.diameter)
+        object.__setattr__(self, "semi_axes", (0.5 * self.diameter, 0.5 * self.diameter))
+
+
+@dataclass(frozen=True)
+class Rectangle(Grain):
+    """A rectangle whose corners are rounded by quarter circles of `corner_radius` (0: sharp)."""
+
+    width: float
+    height: float
+    corner_radius: float = 0.0
+
+    def __post_init__(self) -> None:
+        _require_positive("width", self.width)
+        _require_positive("height", self.height)
+        if not 0.0 <= self.corner_radius <= 0.5 * min(self.width, self.height):
+            raise SceneError(
+                f"corner_radius {self.corner_radius} is not between 0 and half the shorter side; change it"
+            )
+
+    @property
+    def _core(self) -> Floats:
+        """Half the sides of the rectangle that the corner circle is rolled around."""
+        return 0.5 * np.array([self.width, self.height]) - self.corner_radius
+
+    @property
+    def size(self) -> float:
+        """The diagonal, less what the rounding takes off."""
+        return float(2.0 * np.hypot(*self._core) + 2.0 * self.corner_radius)
+
+    @property
+    def volume(self) -> float:
+        """Width times height, less (4 - pi) corner_radius^2."""
+        return float(self.width * self.height - (4.0 - np.pi) * self.corner_radius**2)
+
+    def level(self, x: ArrayLike) -> Floats:
+        """The signed distance at points (n, 2)."""
+        beyond = np.abs(rows(x)) - self._core
+        outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
+        return np.asarray(outside + np.minimum(beyond.max(axis=1), 0.0) - self.corner_radius)
+
+    def normal(self, x: ArrayLike) -> Floats:
+        """Outward unit normals (n, 2) at points (n, 2), at a sharp corner the bisector."""
+        x = rows(x)
+        beyond = np.abs(x) - self._core
+        inside = (beyond <= 0.0).all(axis=1, keepdims=True)
+        nearest_side = beyond == beyond.max(axis=1, keepdims=True)
+        direction = np.where(inside, nearest_side, np.maximum(beyond, 0.0))
+        return _unit(direction * np.where(x < 0.0, -1.0, 1.0))
+
+    def outline(self) -> tuple[Curve, ...]:
+        """Bottom, right, top and left side with the corner arcs between; sides of no length are left out."""
+        r = self.corner_radius
+        signs = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+        outward = [(0.0, -r), (r, 0.0), (0.0, r), (-r, 0.0)]
+        centres = signs * self._core
+        curves: list[Curve] = []
+        for k in range(4):
+            here, there = centres[k], centres[(k + 1) % 4]
+            start, end = _shifted(here, outward[k]), _shifted(there, outward[k])
+            if start != end:
+                curves.append(Line(start, end))
+            if r > 0.0:
+                curves.append(Arc(end, _shifted(there), _shifted(there, outward[(k + 1) % 4])))
+        return tuple(curves)
+
+
+@dataclass(frozen=True)
+class Polygon(Grain):
+    """A simple polygon, convex or not; vertices in either sense; they are shifted to the centroid."""
+
+    vertices: tuple[Point, ...]
+
+    def __init__(self, vertices: Sequence[Sequence[float]] | Floats) -> None:
+        corners = np.array(vertices, dtype=float)
+        if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3 or not np.isfinite(corners).all():
+            raise SceneError("a polygon needs at least three vertices of two finite coordinates; add them")
+        corners = _centred(corners)
+        _require_simple(corners)
+        object.__setattr__(self, "vertices", tuple((float(x), float(y)) for x, y in corners))
+
+    @property
+    def size(self) -> float:
+        """The largest distance of two vertices."""
+        corners = np.array(self.vertices)
+        return float(np.linalg.norm(corners[:, None] - corners[None], axis=2).max())
+
+    @property
+    def volume(self) -> float:
+        """The area, by the shoelace formula."""
+        return _shoelace(np.array(self.vertices))[0]
+
+    def _nearest(self, x: Floats) -> tuple[Floats, Floats]:
+        """Offsets from the nearest point of each side, (n, sides, 2), and the parameters on them."""
+        start = np.array(self.vertices)
+        side = np.roll(start, -1, axis=0) - start
+        from_start = x[:, None] - start
+        s = np.clip((from_start * side).sum(-1) / (side * side).sum(-1), 0.0, 1.0)
+        return from_start - s[..., None] * side, s
+
+    def _inside(self, x: Floats) -> Floats:
+        """-1 where a ray to the right crosses the outline an odd number of times, else 1; (n,)."""
+        start = np.array(self.vertices)
+        end = np.roll(start, -1, axis=0)
+        y = x[:, 1, None]
+        straddles = (start[:, 1] > y) != (end[:, 1] > y)
+        rise = np.where(start[:, 1] == end[:, 1], 1.0, end[:, 1] - start[:, 1])
+        crossing = start[:, 0] + (y - start[:, 1]) / rise * (end[:, 0] - start[:, 0])
+        odd = (straddles & (x[:, 0, None] < crossing)).sum(axis=1) % 2
+        return np.where(odd == 1, -1.0, 1.0)
+
+    def level(self, x: ArrayLike) -> Floats:
+        """The signed distance at points (n, 2)."""
+        x = rows(x)
+        offset, _ = self._nearest(x)
+        return np.asarray(self._inside(x) * np.linalg.norm(offset, axis=2).min(axis=1))
+
+    def normal(self, x: ArrayLike) -> Floats:
+        """The normals (n, 2) of the side nearest to each of the points (n, 2), at a corner the bisector."""
+        x = rows(x)
+        corners = np.array(self.vertices)
+        side = np.roll(corners, -1, axis=0) - corners
+        outward = _unit(np.column_stack([side[:, 1], -side[:, 0]]))
+        distance = np.linalg.norm(self._nearest(x)[0], axis=2)
+        # Sides that are equally near, to round-off, meet in a corner and share the normal.
+        nearest = distance <= distance.min(axis=1, keepdims=True) + 1e-12 * self.size
+        return _unit(nearest.astype(float) @ outward)
+
+    def outline(self) -> tuple[Curve, ...]:
+        """One line a side."""
+        corners = self.vertices
+        return tuple(Line(corners[k], corners[(k + 1) % len(corners)]) for k in range(len(corners)))
+
+
+def _require_positive(name: str, value: float) -> None:
+    if not (np.isfinite(value) and value > 0.0):
+        raise SceneError(f"{name} {value} is not a positive length; give a positive number")
+
+
+def _unit(x: Floats) -> Floats:
+    length = np.linalg.norm(x, axis=1, keepdims=True)
+    return np.asarray(x / np.where(length > 0.0, length, 1.0))
+
+
+def _shifted(x: Floats, by: Point = (0.0, 0.0)) -> Point:
+    return float(x[0] + by[0]), float(x[1] + by[1])
+
+
+def _shoelace(corners: Floats) -> tuple[float, Floats]:
+    """Signed area (positive counter-clockwise) and centroid of a polygon."""
+    following = np.roll(corners, -1, axis=0)
+    cross = corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]
+    area = 0.5 * float(cross.sum())
+    if area == 0.0:
+        return area, corners.mean(axis=0)
+    return area, ((corners + following) * cross[:, None]).sum(axis=0) / (6.0 * area)
+
+
+def _centred(corners: Floats) -> Floats:
+    """The same polygon counter-clockwise with its centroid at the origin."""
+    corners = corners - corners.mean(axis=0)
+    area, centroid = _shoelace(corners)
+    extent = np.ptp(corners, axis=0).max()
+    if abs(area) <= 1e-12 * extent**2:
+        raise SceneError("the polygon has no area; give vertices that are not all on one line")
+    return (corners - centroid)[:: 1 if area > 0.0 else -1]
+
+
+def _require_simple(corners: Floats) -> None:
+    """Refuse repeated vertices and sides that cross."""
+    start, end = corners, np.roll(corners, -1, axis=0)
+    repeated = (start == end).all(axis=1)
+    if repeated.any():
+        raise SceneError(f"polygon vertex {int(np.argmax(repeated))} is repeated; leave one out")
+    side = end - start
+    first = np.sign(_cross(side[:, None], start[None] - start[:, None]))
+    second = np.sign(_cross(side[:, None], end[None] - start[:, None]))
+    straddles = first * second < 0
+    if (straddles & straddles.T).any():
+        raise SceneError("the polygon's sides cross; list the vertices in order around it")
+
+
+def _cross(a: Floats, b: Floats) -> Floats:
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])

@@ -1,0 +1,148 @@
+"""Files written whole or not at all, and errors that say what stopped the writing.
+
+Nothing here is collective: under MPI the caller writes on one rank, inside `incipient.parallel.collectively`.
+"""
+
+from __future__ import annotations
+
+import csv
+import errno
+import io
+import json
+import math
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import OutputError
+
+_REMEDIES = {
+    errno.ENOSPC: "free some space or choose another directory",
+    errno.EDQUOT: "free some of your quota or choose another directory",
+    errno.EFBIG: "raise the limit on the size of files (ulimit -f)",
+    errno.EACCES: "choose a directory you may write to",
+    errno.EPERM: "choose a directory you may write to",
+    errno.EROFS: "choose a directory on a file system that is not read-only",
+    errno.ENOENT: "make the directory first",
+    errno.ENOTDIR: "a file stands where a directory is needed; choose another directory",
+    errno.EISDIR: "a directory stands where the file is needed; choose another directory",
+}
+
+
+@contextmanager
+def reported(path: Path, also: tuple[type[Exception], ...] = ()) -> Iterator[None]:
+    """Turn an operating system's error (and errors of the types `also`) into one line with cause and remedy.
+
+    Raises:
+        OutputError: naming `path`, why it could not be written and what to do.
+    """
+    caught: tuple[type[Exception], ...] = (OSError, *also)
+    try:
+        yield
+    except caught as error:
+        code = getattr(error, "errno", None)
+        cause = os.strerror(code) if code else " ".join(str(error).split()) or type(error).__name__
+        remedy = _REMEDIES.get(code or 0, "check that the directory exists, has space and may be written to")
+        raise OutputError(f"{path}: cannot be written: {cause[0].lower()}{cause[1:]}; {remedy}") from error
+
+
+def write_text_atomically(path: Path, text: str) -> None:
+    """Write a text file (UTF-8) so that a reader finds the old content or the new, never a part.
+
+    A failure leaves the old file as it was.
+
+    Raises:
+        OutputError: when it cannot be written.
+    """
+    part = path.with_name(path.name + ".part")
+    with reported(path):
+        try:
+            with part.open("w", encoding="utf-8", newline="\n") as stream:
+                stream.write(text)
+                stream.flush()
+                os.fsync(stream.fileno())  # some file systems tell of a full disk only here
+            part.replace(path)
+        except OSError:
+            with suppress(OSError):
+                part.unlink(missing_ok=True)
+            raise
+
+
+def write_json(path: Path, data: Any) -> None:
+    """Write data as strict JSON, atomically, keys in the order given.
+
+    Dataclasses, mappings, sequences, numpy arrays and scalars, enumerations and paths are converted.
+    A number that is not finite is written as null under its key: JSON has no other way to say it.
+
+    Raises:
+        OutputError: when it cannot be written.
+        TypeError: for data that has no counterpart in JSON.
+    """
+    text = json.dumps(plain(data), indent=2, ensure_ascii=False, allow_nan=False)
+    write_text_atomically(path, text + "\n")
+
+
+def plain(data: Any) -> Any:
+    """Data as dictionaries, lists, strings, finite numbers, booleans and None only; see `write_json`."""
+    if isinstance(data, Enum):
+        return plain(data.value)
+    if isinstance(data, (np.generic, np.ndarray)):
+        return plain(data.tolist())
+    if data is None or isinstance(data, (bool, int, str)):
+        return data
+    if isinstance(data, float):
+        return data if math.isfinite(data) else None
+    if isinstance(data, Path):
+        return str(data)
+    return _plain_container(data)
+
+
+def _plain_container(data: Any) -> Any:
+    if is_dataclass(data) and not isinstance(data, type):
+        return {field.name: plain(getattr(data, field.name)) for field in fields(data)}
+    if isinstance(data, Mapping):
+        return {str(plain(key)): plain(value) for key, value in data.items()}
+    if isinstance(data, (list, tuple, set, frozenset)):
+        return [plain(value) for value in data]
+    raise TypeError(f"{type(data).__name__} has no counterpart in JSON")
+
+
+def append_row(path: Path, row: Mapping[str, float | int | str]) -> None:
+    """Append a row to a CSV file, starting it with a header if it is new; on disk when this returns.
+
+    The keys are the column headings in full, with unit and sign: "drag [scene units, + downstream]".
+    A row that does not fit on the disk is taken back, so that the file never ends in half a row.
+
+    Raises:
+        OutputError: when it cannot be written, or when the file has other columns.
+    """
+    header, line = _csv_line(row.keys()), _csv_line(row.values())
+    with reported(path), path.open("a+b", buffering=0) as stream:
+        end = stream.seek(0, os.SEEK_END)
+        stream.seek(0)
+        if end and stream.readline() != header:
+            raise OutputError(f"{path}: has other columns than the row to append; move it out of the way")
+        try:
+            _write_fully(stream, line if end else header + line)
+        except OSError:
+            with suppress(OSError):
+                os.truncate(path, end)
+            raise
+
+
+def _write_fully(stream: io.RawIOBase, data: bytes) -> None:
+    """Write without a buffer, which would be written once more when the stream is closed after a failure."""
+    while data:
+        data = data[stream.write(data) or 0 :]
+
+
+def _csv_line(values: Any) -> bytes:
+    line = io.StringIO()
+    csv.writer(line, lineterminator="\n").writerow([plain(value) for value in values])
+    return line.getvalue().encode()

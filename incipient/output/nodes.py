@@ -1,0 +1,117 @@
+"""The quadratic nodes of a distributed mesh, or of part of its boundary, brought together on rank 0.
+
+Every field leaves the program on these nodes: they carry P2 velocity exactly and quadratic geometry, and
+VTK draws them as Triangle_6 (2D), Tetrahedron_10 (3D) and Edge_3 (boundary in 2D).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from .. import compat
+
+# Degrees of freedom of a P2 cell in VTK's order (basix numbers a triangle's edge after the vertex it lacks).
+_CELL_NODES = {2: (0, 1, 2, 5, 3, 4), 3: (0, 1, 2, 3, 9, 6, 8, 7, 5, 4)}
+_FACET_NODES = {
+    2: ((1, 2, 3), (0, 2, 4), (0, 1, 5)),
+    3: ((1, 2, 3, 6, 4, 5), (0, 2, 3, 8, 4, 7), (0, 1, 3, 9, 5, 7), (0, 1, 2, 9, 6, 8)),
+}
+_XDMF_NAMES = {3: "Edge_3", 6: "Triangle_6", 10: "Tetrahedron_10"}
+
+
+class QuadraticNodes:
+    """P2 nodes of all cells of a mesh, or of the given facets only. Making it is collective.
+
+    What is gathered stands on rank 0; the other ranks get empty arrays. `topology` is (cells or facets,
+    nodes each), the gathered nodes in VTK's order. `facets` are local facet indices; those owned by
+    another rank are ignored.
+    """
+
+    def __init__(self, mesh: Any, facets: np.ndarray | None = None):
+        self._mesh, self._comm = mesh, mesh.comm
+        self._space = compat.space(mesh, ("Lagrange", 2))
+        self._dofs = compat.cell_dofs(self._space)
+        self._targets: dict[tuple[int, ...], tuple[Any, np.ndarray]] = {}
+        local = _cells(mesh, self._dofs) if facets is None else _facets(mesh, self._dofs, facets)
+        self._local = np.unique(local)
+        self.cell_type = _XDMF_NAMES[local.shape[1]]
+        self.topology = self._number(local)
+
+    def coordinates(self) -> np.ndarray:
+        """Gathered (nodes, 3) coordinates, pushed through the mesh's geometry of any order. Collective."""
+        return self._gathered(self._space.tabulate_dof_coordinates())
+
+    def values(self, function: Any) -> np.ndarray:
+        """Gathered nodal values of a Lagrange function, (nodes,) or (nodes, 3). Collective.
+
+        The function is interpolated; vectors of the plane get a third component of zero. Of a function
+        that jumps between cells one side is taken.
+        """
+        shape = tuple(function.ufl_shape)
+        if shape not in ((), (1,), (2,), (3,)):
+            raise ValueError(f"a field of shape {shape} can not be written; write its components")
+        target, dofs = self._target(shape)
+        target.interpolate(function)
+        target.x.scatter_forward()
+        nodal = target.x.array.reshape(-1, *shape)[dofs.ravel()]
+        index_map = self._space.dofmap.index_map
+        nodes = index_map.size_local + index_map.num_ghosts
+        values = np.zeros((nodes, 3) if shape else nodes)
+        # The target's own numbering need not be that of the scalar space: go through the cells.
+        values[(self._dofs.ravel(), slice(*shape)) if shape else self._dofs.ravel()] = nodal
+        return self._gathered(values)
+
+    def _target(self, shape: tuple[int, ...]) -> tuple[Any, np.ndarray]:
+        """A P2 function of a shape to interpolate into, and its space's cell-wise degrees of freedom."""
+        if shape not in self._targets:
+            from dolfinx.fem import Function
+
+            space = compat.space(self._mesh, ("Lagrange", 2), shape)
+            self._targets[shape] = Function(space), compat.cell_dofs(space)
+        return self._targets[shape]
+
+    def _number(self, local: np.ndarray) -> np.ndarray:
+        """Gather the connectivity and number its nodes, each once, in ascending global index."""
+        index_map = self._space.dofmap.index_map
+        own = index_map.local_to_global(self._local.astype(np.int32)).astype(np.int64)
+        everywhere = index_map.local_to_global(local.ravel().astype(np.int32)).astype(np.int64)
+        nodes, cells = _gather(self._comm, own), _gather(self._comm, everywhere.reshape(local.shape))
+        unique, self._first = np.unique(nodes, return_index=True)
+        return np.searchsorted(unique, cells)
+
+    def _gathered(self, values: np.ndarray) -> np.ndarray:
+        return _gather(self._comm, values[self._local])[self._first]
+
+
+def _cells(mesh: Any, dofs: np.ndarray) -> np.ndarray:
+    """(owned cells, nodes) local P2 nodes in VTK's order."""
+    dimension = mesh.topology.dim
+    return dofs[: mesh.topology.index_map(dimension).size_local][:, _CELL_NODES[dimension]]
+
+
+def _facets(mesh: Any, dofs: np.ndarray, facets: np.ndarray) -> np.ndarray:
+    """(owned facets among the given, nodes) local P2 nodes in VTK's order."""
+    dimension = mesh.topology.dim
+    nodes = np.array(_FACET_NODES[dimension])
+    mesh.topology.create_connectivity(dimension - 1, dimension)
+    mesh.topology.create_connectivity(dimension, dimension - 1)
+    to_cell = mesh.topology.connectivity(dimension - 1, dimension)
+    to_facet = mesh.topology.connectivity(dimension, dimension - 1)
+    owned = facets[facets < mesh.topology.index_map(dimension - 1).size_local]
+    rows = []
+    for facet in owned:
+        cell = to_cell.links(facet)[0]
+        rows.append(dofs[cell, nodes[np.flatnonzero(to_facet.links(cell) == facet)[0]]])
+    return np.array(rows, dtype=dofs.dtype).reshape(-1, nodes.shape[1])
+
+
+def _gather(comm: MPI.Comm, rows: np.ndarray) -> np.ndarray:
+    """Rows of all ranks one after the other on rank 0; no rows elsewhere. Collective."""
+    rows = np.ascontiguousarray(rows)
+    counts = comm.gather(rows.size)
+    gathered = np.empty(sum(counts or ()), dtype=rows.dtype)
+    comm.Gatherv(rows, (gathered, counts) if comm.rank == 0 else None)
+    return gathered.reshape(-1, *rows.shape[1:])

@@ -1,0 +1,207 @@
+"""Pictures of the flow: speed with streamlines, pressure with isobars, vorticity, profiles of a box."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import PolyCollection, TriMesh
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon, Rectangle
+
+from .mesh import curve, triangles_of
+from .record import Run
+from .streamlines import streamlines
+from .style import GRAIN, GROUND, INK, View, panels
+
+_TRIANGLES = 60_000  # about as many as a panel shows; more cannot be told apart
+_CLIPPED = 0.5  # per cent of the nodes at either end whose values may exceed the colour bar
+
+
+def speed(run: Run) -> Figure:
+    """Speed in colour, streamlines with the direction of flow."""
+    values = np.linalg.norm(run.field("velocity"), axis=1)
+
+    def limits(seen: np.ndarray) -> Normalize:
+        return Normalize(0.0, seen.max() or 1.0)
+
+    return _picture(
+        run, values, "speed", "viridis", limits, lambda axes, view: draw_streamlines(run, axes, view)
+    )
+
+
+def pressure(run: Run) -> Figure:
+    """Pressure in colour with isobars; extremes at corners and in gaps exceed the colour bar."""
+    values = run.field("pressure")
+
+    def limits(seen: np.ndarray) -> Normalize:
+        return Normalize(*_spread(*np.percentile(seen, (_CLIPPED, 100 - _CLIPPED))))
+
+    def isobars(axes: Axes, view: View) -> None:
+        seen = run.mesh.within(view)
+        levels = np.linspace(*_range(limits(values[np.unique(seen.cells)])), 19)[1:-1]
+        triangulation = triangles_of(seen.points, seen.quarters)
+        axes.tricontour(
+            triangulation, values, levels=levels, colors=INK, linewidths=0.35, linestyles="solid", alpha=0.6
+        )
+
+    return _picture(run, values, "pressure", "Spectral_r", limits, isobars)
+
+
+def vorticity(run: Run) -> Figure:
+    """Vorticity in colour, anticlockwise positive; the colour bar is symmetric and clips the extremes."""
+    values = run.field("vorticity")
+
+    def limits(seen: np.ndarray) -> Normalize:
+        bound = np.percentile(np.abs(seen), 100 - 4 * _CLIPPED) or 1.0
+        return Normalize(-bound, bound)
+
+    return _picture(run, values, "vorticity", "RdBu_r", limits, lambda axes, view: None)
+
+
+def profiles(run: Run) -> Figure:
+    """Velocity along the vertical and the horizontal centreline of a box."""
+    x0, x1, y0, y1 = run.box
+    figure = Figure(figsize=(9.0, 4.2))
+    left, right = figure.subplots(1, 2)
+    figure.subplots_adjust(left=0.08, right=0.97, top=0.82, bottom=0.13, wspace=0.25)
+    figure.text(0.08, 0.95, _headline(run), fontsize=11, va="top")
+    y, x = np.linspace(y0, y1, 400), np.linspace(x0, x1, 400)
+    left.plot(_along(run, 0, np.full_like(y, (x0 + x1) / 2), y), y, color="#1f4e79", lw=1.4)
+    left.set(xlabel="v₁ [scene units]", ylabel="y [scene units]", ylim=(y0, y1))
+    left.set_title(f"v₁ on the vertical centreline, x = {(x0 + x1) / 2:g}")
+    right.plot(x, _along(run, 1, x, np.full_like(x, (y0 + y1) / 2)), color="#a63603", lw=1.4)
+    right.set(xlabel="x [scene units]", ylabel="v₂ [scene units]", xlim=(x0, x1))
+    right.set_title(f"v₂ on the horizontal centreline, y = {(y0 + y1) / 2:g}")
+    left.axvline(0, color=INK, lw=0.5)
+    right.axhline(0, color=INK, lw=0.5)
+    for axes in (left, right):
+        axes.grid(color="#dddddd", lw=0.5)
+    return figure
+
+
+def draw_solids(run: Run, axes: Axes, fluid_shown: bool) -> None:
+    """The grain, and the bed with the ground below it; without the fluid in colour, the bed is cut out."""
+    x0, x1, _, y1 = run.box
+    outer, *holes = run.mesh.loops
+    if run.scene.get("bed"):
+        low = axes.get_ylim()[0]
+        axes.add_patch(Rectangle((x0, low - 1), x1 - x0, y1 - low + 1, color=GROUND, lw=0, zorder=0))
+    if not fluid_shown:
+        axes.add_patch(Polygon(curve(run.mesh.points, outer), facecolor="white", zorder=0.5))
+    axes.add_patch(Polygon(curve(run.mesh.points, outer), fill=False, edgecolor=INK, lw=0.8, zorder=3))
+    for hole in holes:
+        outline = curve(run.mesh.points, hole)
+        axes.add_patch(Polygon(outline, facecolor=GRAIN, edgecolor=INK, lw=0.9, zorder=3))
+
+
+def draw_streamlines(run: Run, axes: Axes, view: View, color: str = "white", alpha: float = 0.9) -> None:
+    """Evenly spaced streamlines with an arrow head in the middle of each."""
+    x0, x1, y0, y1 = view
+    separation = 0.021 * np.sqrt((x1 - x0) * (y1 - y0))
+    lines = streamlines(run.sampled(view), separation)
+    for line in lines:
+        axes.plot(*line.T, color=color, lw=0.6, alpha=alpha, zorder=2, solid_capstyle="round")
+    heads = [head for line in lines if (head := _arrow_head(line, 0.45 * separation)) is not None]
+    axes.add_collection(PolyCollection(heads, facecolor=color, edgecolor="none", alpha=alpha, zorder=2))
+
+
+def near_grain(run: Run) -> View | None:
+    """The part of the plane around the grain and its wake; None without a grain."""
+    if len(run.mesh.loops) < 2:
+        return None
+    outline = curve(run.mesh.points, np.vstack(run.mesh.loops[1:]))
+    (left, low), (right, high) = outline.min(axis=0), outline.max(axis=0)
+    size = max(right - left, high - low)
+    x0, x1, _, y1 = run.box
+    centre = (left + right) / 2
+    view = (centre - 1.7 * size, centre + 2.7 * size, low - 0.5 * size, high + 0.7 * size)
+    return max(view[0], x0), min(view[1], x1), max(view[2], _floor(run)), min(view[3], y1)
+
+
+def _picture(
+    run: Run,
+    values: np.ndarray,
+    name: str,
+    colours: str,
+    limits: Callable[[np.ndarray], Normalize],
+    overlay: Callable[[Axes, View], None],
+) -> Figure:
+    """The whole domain and, if there is a grain, its surroundings, each with colours of its own."""
+    x0, x1, _, y1 = run.box
+    zoom = near_grain(run)
+    views = [(x0, x1, _floor(run), y1)] + ([zoom] if zoom else [])
+    figure, places = panels(views, _headline(run))
+    for (axes, bar), view, what in zip(places, views, ("whole domain", "around the grain"), strict=False):
+        shown = values[np.unique(run.mesh.within(view).cells)]
+        norm = limits(shown)
+        _paint(run, axes, view, values, colours, norm)
+        overlay(axes, view)
+        draw_solids(run, axes, fluid_shown=True)
+        axes.set_title(f"{name.capitalize()}{', ' + what if zoom else ''}")
+        _colour_bar(figure, bar, norm, colours, f"{name} [scene units]", shown)
+    return figure
+
+
+def _paint(run: Run, axes: Axes, view: View, values: np.ndarray, colours: str, norm: Normalize) -> None:
+    seen = run.mesh.within(view)
+    parts = int(np.clip(np.sqrt(_TRIANGLES / max(len(seen.cells), 1)), 2, 6))
+    points, triangles, fine = seen.subdivided(values, parts)
+    # What `axes.tripcolor` makes, without its pass over all triangles to find limits that are known.
+    painted = TriMesh(triangles_of(points, triangles), cmap=colours, norm=norm, rasterized=True, zorder=1)
+    painted.set_array(fine)
+    axes.add_collection(painted, autolim=False)
+
+
+def _colour_bar(
+    figure: Figure, axes: Axes, norm: Normalize, colours: str, label: str, shown: np.ndarray
+) -> None:
+    lowest, highest = _range(norm)
+    above, below = shown.max() > highest, shown.min() < lowest
+    extend = {(True, True): "both", (True, False): "max", (False, True): "min"}.get((above, below), "neither")
+    bar = figure.colorbar(ScalarMappable(norm, colours), cax=axes, extend=extend, extendfrac=0.04)
+    bar.set_label(label)
+    bar.ax.tick_params(width=0.5)
+
+
+def _headline(run: Run) -> str:
+    reynolds, scale = run.setting("fluid", "reynolds"), run.setting("fluid", "scale")
+    return f"{run.title}  (Re = {reynolds:g} on the scale of the {scale})" if reynolds else run.title
+
+
+def _floor(run: Run) -> float:
+    """Lower edge of pictures: some ground is shown below a bed."""
+    _, _, y0, y1 = run.box
+    return y0 - (0.04 * (y1 - y0) if run.scene.get("bed") else 0.0)
+
+
+def _range(norm: Normalize) -> tuple[float, float]:
+    return float(norm.vmin or 0.0), float(norm.vmax or 0.0)
+
+
+def _spread(low: float, high: float) -> tuple[float, float]:
+    return (low, high) if high > low else (low - 0.5, high + 0.5)
+
+
+def _arrow_head(line: np.ndarray, size: float) -> np.ndarray | None:
+    """Triangle (3, 2) in the middle of a line; None on lines too short to carry one."""
+    steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    reached = np.concatenate([[0.0], np.cumsum(steps)])
+    if reached[-1] < 12 * size:
+        return None
+    middle = int(np.searchsorted(reached, reached[-1] / 2))
+    along = line[middle] - line[middle - 1]
+    along *= size / np.linalg.norm(along)
+    across = 0.6 * np.array([-along[1], along[0]])
+    return line[middle] + np.array([1.2 * along, across - along, -across - along])
+
+
+def _along(run: Run, component: int, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """A component of the velocity at points, nudged inside where they lie on the box's walls."""
+    x0, x1, y0, y1 = run.box
+    x = np.clip(x, x0 + 1e-9 * (x1 - x0), x1 - 1e-9 * (x1 - x0))
+    y = np.clip(y, y0 + 1e-9 * (y1 - y0), y1 - 1e-9 * (y1 - y0))
+    return run.mesh.evaluated(run.field("velocity")[:, component], np.column_stack([x, y]))

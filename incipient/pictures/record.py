@@ -1,0 +1,95 @@
+"""What the pictures need of a finished run, read back from its directory."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import OutputError
+from ..output.series_file import Step, read_step
+from .mesh import QuadraticMesh
+from .streamlines import Sampled, sample
+
+
+@dataclass(frozen=True)
+class Run:
+    """Result, resolved scene and last fields of a run; `surface` is None without a grain."""
+
+    directory: Path
+    result: dict[str, Any]
+    scene: dict[str, Any]
+    fields: Step
+    surface: Step | None
+
+    @cached_property
+    def mesh(self) -> QuadraticMesh:
+        """The plane mesh of the flow."""
+        return QuadraticMesh(self.fields.points[:, :2], self.fields.cells)
+
+    @cached_property
+    def box(self) -> tuple[float, float, float, float]:
+        """Left, right, lowest and highest coordinate of the fluid."""
+        (x0, y0), (x1, y1) = self.mesh.points.min(axis=0), self.mesh.points.max(axis=0)
+        return float(x0), float(x1), float(y0), float(y1)
+
+    def field(self, name: str) -> np.ndarray:
+        """Nodal values of a field of the flow, (nodes,) or (nodes, 3)."""
+        if name not in self.fields.fields:
+            raise OutputError(f"{self.directory / 'fields.h5'}: holds no {name}; run the scene again")
+        return self.fields.fields[name]
+
+    def sampled(self, view: tuple[float, float, float, float]) -> Sampled:
+        """Velocity on a regular grid over a part of the plane."""
+        return sample(self.mesh, self.field("velocity")[:, :2], view)
+
+    def setting(self, section: str, key: str) -> Any:
+        """A value of the resolved scene, None if the section or the key is absent."""
+        return (self.scene.get(section) or {}).get(key)
+
+    def found(self, section: str, key: str, otherwise: Any = None) -> Any:
+        """A value of the result, or what to take otherwise if the section or the key is absent or null."""
+        value = (self.result.get(section) or {}).get(key)
+        return otherwise if value is None else value
+
+    def vector(self, section: str, key: str) -> np.ndarray:
+        """The first two components of a vector of the result; zero if it is absent."""
+        return np.array(self.found(section, key, (0.0, 0.0)), dtype=float)[:2]
+
+    @property
+    def contacts(self) -> list[dict[str, Any]]:
+        """Contacts of grain and bed, each with "point" and "normal", some marked "significant"."""
+        return self.result.get("contacts") or []
+
+    @property
+    def title(self) -> str:
+        """The scene's title, or what it is in two words."""
+        return self.result.get("title") or self.scene.get("title") or f"{self.setting('flow', 'kind')} flow"
+
+
+def read(directory: Path) -> Run:
+    """Read a run's directory.
+
+    Raises:
+        OutputError: naming the file that is missing or damaged.
+    """
+    result = _parsed(directory / "result.json", json.loads)
+    scene = _parsed(directory / "scene.toml", tomllib.loads)
+    surface = read_step(directory / "surface") if scene.get("body") else None
+    if surface is not None and "traction" not in surface.fields:
+        raise OutputError(f"{directory / 'surface.h5'}: holds no traction; run the scene again")
+    return Run(directory, result, scene, read_step(directory / "fields"), surface)
+
+
+def _parsed(path: Path, parse: Any) -> dict[str, Any]:
+    try:
+        return parse(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise OutputError(f"{path}: no such file; is this the directory of a finished run?") from None
+    except (OSError, ValueError) as error:
+        raise OutputError(f"{path}: cannot be read: {error}; run the scene again") from error

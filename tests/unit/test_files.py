@@ -1,0 +1,137 @@
+"""Files are whole or absent, numbers survive, and errors name cause and remedy."""
+
+import csv
+import json
+import resource
+from contextlib import contextmanager
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from incipient.errors import OutputError
+from incipient.output.files import append_row, write_json, write_text_atomically
+
+ROW = {"time [scene units]": 0.1, "drag [scene units, + downstream]": np.float64(1 / 3)}
+
+
+@contextmanager
+def files_limited_to(size):
+    """Writing beyond `size` bytes fails in this process, as on a full disk."""
+    old = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, old[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, old)
+
+
+def test_text_replaces_the_old_file_and_leaves_nothing_beside_it(tmp_path):
+    path = tmp_path / "scene.toml"
+    write_text_atomically(path, "old")
+    write_text_atomically(path, "π = 3\n")
+    assert path.read_text(encoding="utf-8") == "π = 3\n"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_failed_write_keeps_the_old_file(tmp_path):
+    path = tmp_path / "result.json"
+    write_text_atomically(path, "old")
+    with (
+        files_limited_to(100),
+        pytest.raises(OutputError, match=r"result\.json: .*file too large; raise"),
+    ):
+        write_text_atomically(path, "x" * 1000)
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(
+    ("place", "remedy"),
+    [
+        ("absent/result.json", "make the directory first"),
+        ("a-file/result.json", "a file stands where a directory is needed"),
+        ("a-directory", "a directory stands where the file is needed"),
+    ],
+)
+def test_errors_say_what_to_do(tmp_path, place, remedy):
+    (tmp_path / "a-file").touch()
+    (tmp_path / "a-directory").mkdir()
+    with pytest.raises(OutputError, match=remedy):
+        write_text_atomically(tmp_path / place, "text")
+
+
+def test_a_device_that_is_full_is_named_with_its_remedy(tmp_path):
+    full = tmp_path / "history.csv"
+    full.symlink_to("/dev/full")
+    with pytest.raises(OutputError, match="no space left on device; free some space"):
+        append_row(full, ROW)
+
+
+class Mode(Enum):
+    SLIDES = "slides"
+
+
+@dataclass
+class Load:
+    force: np.ndarray
+    mode: Mode
+
+
+def test_json_of_everything_a_result_holds(tmp_path):
+    data = {
+        "load": Load(np.array([1.5, np.nan, -np.inf]), Mode.SLIDES),
+        "count": np.int64(3),
+        "moves": np.bool_(True),
+        "margin": float("inf"),
+        "file": Path("a/b"),
+        "pair": (1, 2.5),
+        "none": None,
+    }
+    write_json(tmp_path / "result.json", data)
+    assert json.loads((tmp_path / "result.json").read_text()) == {
+        "load": {"force": [1.5, None, None], "mode": "slides"},
+        "count": 3,
+        "moves": True,
+        "margin": None,
+        "file": "a/b",
+        "pair": [1, 2.5],
+        "none": None,
+    }
+
+
+def test_json_refuses_what_it_cannot_say(tmp_path):
+    with pytest.raises(TypeError, match="function has no counterpart"):
+        write_json(tmp_path / "result.json", {"f": test_json_refuses_what_it_cannot_say})
+    assert not list(tmp_path.iterdir())
+
+
+def test_rows_are_on_disk_at_once_with_one_header_and_all_digits(tmp_path):
+    path = tmp_path / "history.csv"
+    append_row(path, ROW)
+    assert len(path.read_text().splitlines()) == 2
+    append_row(path, ROW)
+    with path.open() as stream:
+        header, *rows = csv.reader(stream)
+    assert header == list(ROW)
+    assert [float(value) for row in rows for value in row] == [0.1, 1 / 3, 0.1, 1 / 3]
+
+
+def test_a_row_with_other_columns_is_refused(tmp_path):
+    path = tmp_path / "history.csv"
+    append_row(path, ROW)
+    with pytest.raises(OutputError, match="has other columns"):
+        append_row(path, {"time": 1.0})
+
+
+def test_half_a_row_is_taken_back(tmp_path):
+    path = tmp_path / "history.csv"
+    append_row(path, ROW)
+    before = path.read_text()
+    with files_limited_to(len(before) + 5), pytest.raises(OutputError, match="file too large"):
+        append_row(path, ROW)
+    assert path.read_text() == before
+    append_row(path, ROW)
+    assert len(path.read_text().splitlines()) == 3

@@ -1,0 +1,481 @@
+"""Scenes built from Python: what follows from them, and one clear line for each contradiction."""
+
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from incipient.errors import SceneError
+from incipient.geometry import bed as bed_geometry
+from incipient.geometry import grain as grain_geometry
+from incipient.scene import (
+    Contact,
+    Disc,
+    Domain,
+    Ellipse,
+    ExpressionFlow,
+    Flat,
+    Fluid,
+    Gravity,
+    HalfDiscs,
+    Inclined,
+    Lid,
+    Numerics,
+    OpenChannel,
+    Output,
+    Poiseuille,
+    Polygon,
+    Polyline,
+    Rectangle,
+    Scene,
+    Shear,
+    Sinusoidal,
+    Still,
+    Time,
+    Uniform,
+)
+from incipient.scene_messages import variants
+
+FLOW_SCALE = Fluid(reynolds=100, scale="flow")
+GRAIN_SCALE = Fluid(reynolds=20, scale="grain")
+CHANNEL = Domain(length=12, height=6)
+BOX = Domain(kind="box", length=1, height=1)
+DISC = Disc(diameter=1, x=4)
+GRAIN_ON_BED = {"domain": CHANNEL, "fluid": GRAIN_SCALE, "flow": Shear(), "body": DISC, "bed": Flat()}
+
+
+def scene(**changes):
+    return Scene(**{**GRAIN_ON_BED, **changes})
+
+
+def message(build) -> str:
+    with pytest.raises(SceneError) as caught:
+        build()
+    text = str(caught.value)
+    assert "\n" not in text
+    return text
+
+
+def test_a_cavity_in_three_words():
+    cavity = Scene(domain=BOX, fluid=FLOW_SCALE, flow=Lid(velocity=1))
+    assert cavity.gdim == 2
+    assert cavity.top == "wall"
+    assert cavity.viscosity == 0.01
+    assert cavity.grain is cavity.bed_shape is cavity.placement is None
+    assert cavity.contact_gap == cavity.contact_tolerance == 0.0
+    np.testing.assert_array_equal(cavity.gravity_vector, [0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("flow", "velocity"),
+    [
+        (Shear(rate=3), 6.0),
+        (Uniform(velocity=4), 4.0),
+        (Poiseuille(velocity=4), 4.0),
+        (OpenChannel(velocity=4), 4.0),
+        (ExpressionFlow(components=("y", "0"), velocity=4), 4.0),
+        (Still(velocity=4), 4.0),
+    ],
+)
+def test_scaling_on_the_grain(flow, velocity):
+    """nu = V L / Re with L = 2, the largest diameter, and V = rate L in shear."""
+    found = scene(flow=flow, body=Ellipse(semi_axes=(0.5, 1), x=4))
+    assert found.reference_length == 2.0
+    assert found.reference_velocity == velocity
+    assert found.viscosity == pytest.approx(velocity * 2.0 / 20.0, rel=1e-15)
+
+
+def test_scaling_on_the_flow():
+    found = scene(fluid=FLOW_SCALE, flow=Shear(rate=0.5))
+    assert (found.reference_length, found.reference_velocity) == (6.0, 3.0)
+    assert found.viscosity == pytest.approx(3.0 * 6.0 / 100.0, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("flow", "top"),
+    [
+        (Shear(), "stream"),
+        (Uniform(), "stream"),
+        (ExpressionFlow(components=("y", "0")), "stream"),
+        (Poiseuille(), "wall"),
+        (OpenChannel(), "slip"),
+        (Still(), "wall"),
+    ],
+)
+def test_the_top_that_suits_the_flow(flow, top):
+    assert scene(flow=flow).top == top
+
+
+def test_a_stated_top_holds():
+    assert scene(domain=Domain(length=12, height=6, top="slip")).top == "slip"
+
+
+def test_sides_of_the_domain():
+    domain = Domain(length=12, height=6, origin=(-4, 1))
+    assert (domain.left, domain.right, domain.bottom, domain.ceiling) == (-4.0, 8.0, 1.0, 7.0)
+
+
+def test_gravity_points_down_and_turns_with_the_slope():
+    """On a bed that falls by 30 degrees: g sin 30 along the stream, g cos 30 into the bed."""
+    np.testing.assert_array_equal(scene(gravity=Gravity(acceleration=10)).gravity_vector, [0.0, -10.0])
+    inclined = scene(bed=Inclined(slope=30), gravity=Gravity(acceleration=10))
+    np.testing.assert_allclose(inclined.gravity_vector, [5.0, -10 * math.sqrt(0.75)], rtol=1e-15)
+
+
+def test_shapes_become_geometry():
+    shapes = {
+        Disc(diameter=1, x=4): grain_geometry.Disc(1.0),
+        Ellipse(semi_axes=(1, 0.5), x=4): grain_geometry.Ellipse((1.0, 0.5)),
+        Rectangle(width=1, height=2, corner_radius=0.1, x=4): grain_geometry.Rectangle(1.0, 2.0, 0.1),
+        Polygon(vertices=[(0, 0), (1, 0), (0, 1)], x=4): grain_geometry.Polygon([(0, 0), (1, 0), (0, 1)]),
+    }
+    for body, geometry in shapes.items():
+        assert scene(body=body).grain == geometry
+
+
+def test_beds_become_geometry_on_the_lower_side_of_the_domain():
+    domain = Domain(length=12, height=6, origin=(0, 2))
+    beds = {
+        Flat(): bed_geometry.Flat(2.0),
+        Sinusoidal(amplitude=0.1, wavelength=2, phase=90): bed_geometry.Sinusoidal(
+            0.1, 2.0, math.pi / 2, 2.0
+        ),
+        HalfDiscs(radius=0.5, spacing=1, offset=0.2): bed_geometry.HalfDiscs(0.5, 1.0, 0.2, 2.0),
+        Polyline(points=[(0, 0), (12, 1)]): bed_geometry.Polyline([(0, 0), (12, 1)], 2.0),
+    }
+    for bed, geometry in beds.items():
+        assert scene(domain=domain, bed=bed).bed_shape == geometry
+    inclined = scene(domain=domain, bed=Inclined(slope=3), gravity=Gravity(acceleration=1))
+    assert inclined.bed_shape == bed_geometry.Flat(2.0)
+
+
+def test_a_grain_rests_where_it_touches():
+    """A disc of diameter 1: centre half a diameter above a plane, sqrt(3)/2 above a saddle of discs."""
+    domain = Domain(length=12, height=6, origin=(0, 2))
+    assert scene(domain=domain).placement.centre == pytest.approx((4.0, 2.5), rel=1e-12)
+    saddle = scene(bed=HalfDiscs(radius=0.5, spacing=1, offset=0.5))
+    assert saddle.placement.centre == pytest.approx((4.0, math.sqrt(0.75)), rel=1e-12)
+
+
+def test_a_grain_is_held_where_it_is_put():
+    held = scene(body=Ellipse(semi_axes=(1, 0.5), centre=(3, 2), angle=90), bed=None)
+    assert held.placement.centre == (3.0, 2.0)
+    assert held.placement.angle == pytest.approx(math.pi / 2)
+    assert scene(body=Disc(diameter=1, centre=(4, 0.5))).placement.centre == (4.0, 0.5)  # just touches
+
+
+def test_gap_and_tolerance_are_lengths():
+    found = scene(body=Disc(diameter=2, x=4), contact=Contact(friction=0.5, gap=0.02, tolerance=1e-5))
+    assert (found.contact_gap, found.contact_tolerance) == (0.04, 2e-5)
+    assert scene().contact_gap == 0.01
+
+
+def test_expressions_know_whether_they_depend_on_time():
+    assert not ExpressionFlow(components=("where(y < 1, y, 1)", "0")).unsteady
+    unsteady = ExpressionFlow(components=("y*sin(t)", "0"))
+    assert unsteady.unsteady
+    assert scene(flow=unsteady, time=Time(end=1, step=0.1)).flow == unsteady
+
+
+def test_scenes_are_immutable_and_hashable():
+    found = scene()
+    with pytest.raises(ValidationError, match="frozen"):
+        found.title = "other"
+    assert hash(found) == hash(scene())
+
+
+def test_numbers_may_come_from_numpy():
+    assert Fluid(reynolds=np.float64(3), scale="flow").reynolds == 3.0
+    assert Domain(length=1, height=1, origin=np.array([1.0, 2.0]).tolist()).origin == (1.0, 2.0)
+
+
+def test_every_key_is_described():
+    pending, seen = [Scene], set()
+    while pending:
+        section = pending.pop()
+        seen.add(section)
+        for name, field in section.model_fields.items():
+            assert field.description, f"{section.__name__}.{name}"
+            pending += [option for option in variants(field.annotation) if option not in seen]
+    assert len(seen) == 1 + 7 + 7 + 4 + 5  # scene, sections, flows, shapes, beds
+
+
+def test_import_loads_no_finite_elements():
+    code = (
+        "import sys, incipient.scene, incipient.scene_file; "
+        "print([m for m in ('dolfinx', 'gmsh', 'petsc4py', 'mpi4py', 'pyvista') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+ONE_KEY = [
+    (lambda: Domain(length=-1, height=1), "Domain: length: is -1; give a number greater than 0"),
+    (lambda: Domain(length=1, height=0), "Domain: height: is 0; give a number greater than 0"),
+    (lambda: Domain(length=math.nan, height=1), "Domain: length: is nan; give a finite number"),
+    (lambda: Domain(length=math.inf, height=1), "Domain: length: is inf; give a finite number"),
+    (lambda: Domain(length="1", height=1), 'Domain: length: is "1"; give a number'),
+    (lambda: Domain(length=True, height=1), "Domain: length: is true; give a number"),
+    (
+        lambda: Domain(length=10**400, height=1),
+        "Domain: length: is 1000000000000000000000000000000000000...; give a",
+    ),
+    (lambda: Domain(length=1), "Domain: height: is missing; add it: Extent from the lower side to the top"),
+    (lambda: Domain(length=1, height=1, origin=(1,)), "Domain: origin: has 1 item; give two, as in [x, y]"),
+    (
+        lambda: Domain(length=1, height=1, origin=(1, 2, 3)),
+        "Domain: origin: has 3 items; give two, as in [x, y]",
+    ),
+    (
+        lambda: Domain(length=1, height=1, origin=(1, math.nan)),
+        "Domain: origin[1]: is nan; give a finite number",
+    ),
+    (lambda: Domain(length=1, height=1, origin=3), "Domain: origin: is 3; give a list in [brackets]"),
+    (
+        lambda: Domain(length=1, height=1, top="open"),
+        'Domain: top: "open" is not known; use "auto", "wall", "slip" or "stream"',
+    ),
+    (
+        lambda: Domain(length=1, height=1, top="free-surface"),
+        'Domain: top: a free surface is not simulated by this version; use "slip"',
+    ),
+    (
+        lambda: Domain(kind="box", length=1, height=1, top="free-surface"),
+        'Domain: top: a closed box has no free surface; use "wall" or kind = "channel" with top = "slip"',
+    ),
+    (lambda: Fluid(reynolds=-3, scale="flow"), "Fluid: reynolds: is -3; give a number greater than 0"),
+    (lambda: Fluid(reynolds=3), "Fluid: scale: is missing; add it: L is the largest diameter of the grain"),
+    (lambda: Fluid(renolds=3, scale="flow"), 'Fluid: renolds: unknown key; did you mean "reynolds"?'),
+    (lambda: Fluid(reynolds=3, scale="flow", inertia=1), "Fluid: inertia: is 1; give true or false"),
+    (
+        lambda: Lid(rate=3),
+        'Lid: rate: unknown key for "lid"; known are kind, velocity',
+    ),
+    (
+        lambda: ExpressionFlow(components=("y*", "0")),
+        'ExpressionFlow: components: "y*" is not a formula (invalid syntax); use numbers, x, y',
+    ),
+    (
+        lambda: ExpressionFlow(components=("z", "0")),
+        'ExpressionFlow: components: "z" depends on z but the scene is two-dimensional; use x, y and t',
+    ),
+    (
+        lambda: ExpressionFlow(components=("y", 0)),
+        'ExpressionFlow: components[1]: is 0; give text in "quotes"',
+    ),
+    (
+        lambda: Disc(diameter=1),
+        "Disc: x: neither x nor centre is given; give x to rest on the bed, or centre",
+    ),
+    (lambda: Disc(diameter=1, x=1, centre=(1, 2)), "Disc: x: both x and centre are given; leave one out"),
+    (lambda: Disc(diameter=1, x=1, density=-1), "Disc: density: is -1; give a number of at least 0"),
+    (
+        lambda: Disc(diameter=1, x=1, motion="free"),
+        'Disc: motion: a moving grain is not simulated by this version; use "fixed"',
+    ),
+    (lambda: Ellipse(semi_axes=(1, -1), x=1), "Ellipse: semi_axes[1]: is -1; give a number greater than 0"),
+    (
+        lambda: Rectangle(width=1, height=2, corner_radius=0.6, x=1),
+        "Rectangle: corner_radius: is 0.6, more than half the shorter side, 0.5; make it smaller",
+    ),
+    (lambda: Polygon(vertices=[(0, 0), (1, 1)], x=1), "Polygon: vertices: has 2 items; give 3 or more"),
+    (
+        lambda: Polygon(vertices=[(0, 0), (2, 1), (2, 0), (0, 1)], x=1),
+        "Polygon: vertices: the sides after vertices 0 and 2 meet (counted from 0); list the vertices",
+    ),
+    (
+        lambda: Polygon(vertices=[(0, 0), (2, 0), (2, 2), (1, 0), (0, 2)], x=1),
+        "Polygon: vertices: the sides after vertices 0 and 2 meet",
+    ),
+    (
+        lambda: Polygon(vertices=[(0, 0), (1, 0), (0, 0), (0, 1)], x=1),
+        "Polygon: vertices: a vertex is given twice; leave the repeated one out",
+    ),
+    (
+        lambda: Polygon(vertices=[(0, 0), (1, 1), (2, 2)], x=1),
+        "Polygon: vertices: the polygon has no area; give vertices that are not all on one line",
+    ),
+    (
+        lambda: Polygon(vertices=[(0, 0), (1,), (2, 2)], x=1),
+        "Polygon: vertices[1]: has 1 item; give two, as in [x, y]",
+    ),
+    (lambda: Inclined(slope=95), "Inclined: slope: is 95; give a number less than 90"),
+    (
+        lambda: Sinusoidal(amplitude=-1, wavelength=1),
+        "Sinusoidal: amplitude: is -1; give a number of at least 0",
+    ),
+    (
+        lambda: HalfDiscs(radius=1, spacing=1.5),
+        "HalfDiscs: spacing: 1.5 is less than two radii, 2: the half-discs overlap; enlarge spacing or",
+    ),
+    (lambda: Polyline(), "Polyline: file: neither file nor points is given; give one of them"),
+    (
+        lambda: Polyline(file="a.csv", points=[(0, 0), (1, 0)]),
+        "Polyline: file: both file and points are given; give one of them",
+    ),
+    (lambda: Polyline(file=3), 'Polyline: file: is 3; give text in "quotes"'),
+    (lambda: Polyline(points=[(0, 0)]), "Polyline: points: has 1 item; give 2 or more"),
+    (
+        lambda: Polyline(points=[(0, 0), (1, 0), (1, 2)]),
+        "Polyline: points: has x = 1 after x = 1; sort the points by ascending x, each x once",
+    ),
+    (lambda: Gravity(acceleration=-1), "Gravity: acceleration: is -1; give a number of at least 0"),
+    (lambda: Contact(friction=-0.1), "Contact: friction: is -0.1; give a number of at least 0"),
+    (lambda: Contact(friction=0.1, gap=0), "Contact: gap: is 0; give a number greater than 0"),
+    (lambda: Time(end=1, step=2), "Time: step: is 2 but time ends at 1; reduce step or enlarge end"),
+    (lambda: Numerics(order=5), "Numerics: order: is 5; give a number of at most 4"),
+    (lambda: Numerics(order=2.0), "Numerics: order: is 2.0; give a whole number"),
+    (lambda: Numerics(mesh_size=0), "Numerics: mesh_size: is 0; give a number greater than 0"),
+    (lambda: Numerics(cells=3), "Numerics: cells: unknown key; known are order, geometry_order, mesh_size"),
+    (lambda: Output(every=-1), "Output: every: is -1; give a number of at least 0"),
+]
+
+
+@pytest.mark.parametrize(("build", "expected"), ONE_KEY, ids=[text for _, text in ONE_KEY])
+def test_what_is_wrong_within_a_section(build, expected):
+    assert message(build).startswith(expected)
+
+
+MOVE = "move the grain, make it smaller or enlarge the domain"
+BETWEEN = [
+    (
+        {"flow": Lid()},
+        'flow.kind: a lid closes a box but the domain is a channel; set domain.kind = "box"',
+    ),
+    *[
+        (
+            {"domain": Domain(kind="box", length=12, height=6), "flow": flow},
+            f'flow.kind: "{flow.kind}" flows through but a box is closed; '
+            'set domain.kind = "channel", or use "lid" or "still"',
+        )
+        for flow in (Shear(), Poiseuille(), Uniform(), OpenChannel())
+    ],
+    (
+        {"domain": Domain(kind="box", length=12, height=6, top="stream"), "flow": Still()},
+        'domain.top: a closed box has no stream on top; use "wall", "slip" or "auto"',
+    ),
+    (
+        {"domain": Domain(kind="box", length=12, height=6, top="slip"), "flow": Lid()},
+        'domain.top: "slip" contradicts the flow "lid"; use "auto" or "wall"',
+    ),
+    (
+        {"domain": Domain(length=12, height=6, top="wall"), "flow": OpenChannel()},
+        'domain.top: "wall" contradicts the flow "open-channel"; use "auto" or "slip" or "stream"',
+    ),
+    ({"body": None}, 'fluid.scale: "grain" but there is no grain; add a section [body] or use "flow"'),
+    (
+        {"bed": None, "body": Disc(diameter=1, centre=(4, 2)), "contact": Contact(friction=0.5)},
+        "contact.friction: friction needs a bed to rub against but there is none; "
+        "add a section [bed] or leave [contact] out",
+    ),
+    (
+        {"fluid": FLOW_SCALE, "body": None, "contact": Contact(friction=0.5)},
+        "contact: there is no grain to touch anything; add a section [body] or leave [contact] out",
+    ),
+    (
+        {"bed": None},
+        "body.x: the grain is to rest on a bed but there is none; add a section [bed], or give centre",
+    ),
+    (
+        {"bed": Inclined(slope=3)},
+        "bed.slope: a slope turns gravity but there is no gravity; add a section [gravity] or use",
+    ),
+    (
+        {"flow": ExpressionFlow(components=("y*t", "0"))},
+        "flow.components: depend on t but without [time] the flow is steady; "
+        "add a section [time] or leave t out",
+    ),
+    (
+        {"numerics": Numerics(convection="extrapolated")},
+        'numerics.convection: "extrapolated" needs earlier steps but without [time] the flow is steady; '
+        'add a section [time] or use "implicit"',
+    ),
+    (
+        {"output": Output(every=2)},
+        "output.every: counts time steps but without [time] the flow is steady; "
+        "add a section [time] or leave it out",
+    ),
+    (
+        {"bed": Polyline(points=[(0, 0), (5, 1)])},
+        "bed: reaches from x = 0 to 5, the domain from 0 to 12; add points or shorten the domain",
+    ),
+    (
+        {"bed": Sinusoidal(amplitude=7, wavelength=4)},
+        "bed: rises to y = 7, the top is at 6; enlarge domain.height or lower the bed",
+    ),
+    (
+        {"bed": Polyline(points=[(0, 0), (4.0001, 0), (4.0002, 6.5), (4.0003, 0), (12, 0)])},
+        "bed: rises to y = 6.5, the top is at 6; enlarge domain.height or lower the bed",
+    ),
+    (
+        {"body": Disc(diameter=1, x=0.2)},
+        f"body.x: the grain reaches x = -0.3, the domain's left side is at 0; {MOVE}",
+    ),
+    (
+        {"body": Disc(diameter=1, x=11.5)},
+        f"body.x: the grain reaches x = 12, the domain's right side is at 12; {MOVE}",
+    ),
+    (
+        {"body": Rectangle(width=1, height=5, x=4, angle=30), "domain": Domain(length=12, height=4)},
+        f"body.x: the grain reaches y = 4.83013, the domain's top is at 4; {MOVE}",  # 5 cos 30 + sin 30
+    ),
+    ({"body": Disc(diameter=1, x=40)}, f"body.x: x = 40 is outside the domain, 0 to 12; {MOVE}"),
+    ({"body": Disc(diameter=1, x=1e300)}, f"body.x: x = 1e+300 is outside the domain, 0 to 12; {MOVE}"),
+    ({"body": Disc(diameter=1e200, x=4)}, f"body.x: the grain measures 1e+200, more than the domain; {MOVE}"),
+    (
+        {"body": Disc(diameter=1, centre=(4, 5.6))},
+        f"body.centre: the grain reaches y = 6.1, the domain's top is at 6; {MOVE}",
+    ),
+    (
+        {"body": Disc(diameter=1, centre=(4, 0.4)), "bed": None},
+        f"body.centre: the grain reaches y = -0.1, the domain's lower side is at 0; {MOVE}",
+    ),
+    (
+        {"body": Disc(diameter=1, centre=(4, 0.3))},
+        "body.centre: the grain reaches 0.2 into the bed; raise the grain, or give x to let it rest",
+    ),
+    (
+        {
+            "body": Disc(diameter=1, centre=(4, 2)),
+            "bed": Polyline(points=[(0, 0), (3.99, 0), (4, 2), (4.01, 0), (12, 0)]),
+        },
+        "body.centre: the grain reaches",
+    ),
+    (
+        {"body": Disc(diameter=1, centre=(4, -3))},
+        "body.centre: the grain reaches 3.5 into the bed; raise the grain, or give x to let it rest",
+    ),
+]
+
+
+@pytest.mark.parametrize(("changes", "expected"), BETWEEN, ids=[text[:60] for _, text in BETWEEN])
+def test_contradictions_between_sections(changes, expected):
+    assert message(lambda: scene(**changes)).startswith(f"Scene: {expected}")
+
+
+def test_several_errors_are_counted():
+    found = message(lambda: Domain(kind="sphere", length=-1, heigth=2))
+    assert found == 'Domain: heigth: unknown key; did you mean "height"? (and 2 more errors)'
+    found = message(lambda: scene(flow=Lid(), output=Output(every=2)))
+    assert found.endswith('set domain.kind = "box" (and 1 more error)')
+
+
+def test_wrong_sections():
+    assert message(lambda: scene(domain=3)).startswith("Scene: domain: is 3; write a section [domain]")
+    assert message(lambda: scene(flow=DISC)).startswith("Scene: flow.kind: is missing; use ")
+    assert message(lambda: scene(fluid=CHANNEL)) == "Scene: fluid: is a Domain; write a section [fluid]"
+
+
+def test_beds_are_allowed_below_a_grain_held_above_them():
+    assert (
+        scene(body=Disc(diameter=1, centre=(4, 3)), bed=Sinusoidal(amplitude=0.5, wavelength=3)).bed
+        is not None
+    )
+
+
+def test_a_box_may_hold_still_fluid_a_bed_and_a_grain():
+    found = scene(domain=Domain(kind="box", length=4, height=4), flow=Still(), body=Disc(diameter=1, x=2))
+    assert found.top == "wall"

@@ -1,0 +1,437 @@
+"""Scene files: what is read is what was written, and one line that names the file for everything else."""
+
+import json
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from incipient.errors import OutputError, SceneError
+from incipient.scene import (
+    Contact,
+    Disc,
+    Domain,
+    Ellipse,
+    ExpressionFlow,
+    Flat,
+    Fluid,
+    Gravity,
+    HalfDiscs,
+    Inclined,
+    Lid,
+    Numerics,
+    OpenChannel,
+    Output,
+    Poiseuille,
+    Polygon,
+    Polyline,
+    Rectangle,
+    Scene,
+    Shear,
+    Sinusoidal,
+    Still,
+    Time,
+    Uniform,
+)
+from incipient.scene_file import dumps, example, load, loads, save, schema
+
+SCENES = Path(__file__).parents[2] / "demos" / "scenes"
+MINIMAL = """\
+[domain]
+length = 12
+height = 6
+[fluid]
+reynolds = 20
+scale = "flow"
+[flow]
+kind = "shear"
+"""
+
+
+def message(build) -> str:
+    with pytest.raises(SceneError) as caught:
+        build()
+    text = str(caught.value)
+    assert "\n" not in text
+    return text
+
+
+def test_a_minimal_scene_has_eight_lines():
+    expected = Scene(
+        domain=Domain(length=12, height=6), fluid=Fluid(reynolds=20, scale="flow"), flow=Shear(rate=1)
+    )
+    assert loads(MINIMAL) == expected
+
+
+def test_the_example_is_a_disc_on_a_flat_bed_in_shear():
+    """nu = rate D^2 / Re = 1/20; the disc of diameter 1 rests with its centre at y = 0.5."""
+    scene = loads(example())
+    assert scene.flow == Shear(rate=1.0)
+    assert scene.body == Disc(diameter=1.0, x=4.0, density=2.65)
+    assert (scene.domain.length, scene.domain.height, scene.fluid.reynolds) == (12.0, 6.0, 20.0)
+    assert (scene.contact.friction, scene.gravity.acceleration) == (0.5, 10.0)
+    assert scene.viscosity == pytest.approx(0.05, rel=1e-15)
+    assert scene.placement.centre == pytest.approx((4.0, 0.5), rel=1e-12)
+
+
+def test_the_example_is_a_demo():
+    assert (SCENES / "grain_on_bed.toml").read_text(encoding="utf-8") == example()
+
+
+def test_the_example_explains_every_key():
+    for line in example().splitlines():
+        if re.match(r"(# )?(\[|\w+ = )", line) and not line.startswith("title"):
+            assert re.search(r"\S +# \w.*", line), line
+    assert "(channel | box)" in example()
+    assert "(shear | poiseuille | open-channel | uniform | lid | expression | still)" in example()
+
+
+def test_what_the_example_comments_out_may_be_set():
+    text = re.sub(r"(?m)^# (\[time|geometry_order|end|step|scheme|start|tolerance)", r"\1", example())
+    scene = loads(text)
+    assert scene.time == Time(end=10.0, step=0.05, tolerance=1e-4)
+    assert scene.numerics.geometry_order == 2
+    held = re.sub(r"(?m)^x = .*$", "", example()).replace("# centre", "centre")
+    assert loads(held).body.centre == (4.0, 0.5)
+
+
+@pytest.mark.parametrize("path", sorted(SCENES.glob("*.toml")), ids=lambda path: path.stem)
+def test_demo_scenes_load(path):
+    assert isinstance(load(path), Scene)
+
+
+def test_overrides_are_toml_values_or_bare_words():
+    scene = loads(
+        example(),
+        overrides=(
+            "fluid.reynolds=40",
+            "fluid.scale=flow",
+            "fluid.inertia = false",
+            "domain.origin=[-4, 0]",
+            "body.x=0",
+            'title="Re = 40"',
+            "numerics.mesh_size=5e-1",
+        ),
+    )
+    assert (scene.fluid.reynolds, scene.fluid.scale, scene.fluid.inertia) == (40.0, "flow", False)
+    assert (scene.domain.origin, scene.body.x, scene.title) == ((-4.0, 0.0), 0.0, "Re = 40")
+    assert scene.numerics.mesh_size == 0.5
+    assert loads(MINIMAL, overrides=["title=Disc on a bed"]).title == "Disc on a bed"
+
+
+def test_overrides_make_sections_and_later_ones_win():
+    scene = loads(MINIMAL, overrides=("time.end=2", "time.step=0.5", "time.end=3"))
+    assert scene.time == Time(end=3.0, step=0.5)
+
+
+@pytest.mark.parametrize(
+    ("override", "expected"),
+    [
+        ("fluid.renolds=4", 'fluid.renolds: unknown key; did you mean "reynolds"?'),
+        ("bodi.x=4", 'bodi: unknown key; did you mean "body"?'),
+        ("fluid.reynolds=-4", "fluid.reynolds: is -4; give a number greater than 0"),
+        ("fluid.reynolds=fast", 'fluid.reynolds: is "fast"; give a number'),
+        ("fluid.reynolds=", '"" is not a value; write a number, true, [x, y] or "text"'),
+        ("fluid.reynolds=[1", '"[1" is not a value; write a number, true, [x, y] or "text"'),
+        ("fluid.reynolds=4 5", '"4 5" is not a value; write a number, true, [x, y] or "text"'),
+        ("fluid.reynolds=4\ntitle=3", '"4 title=3" is not a value; write a number, true, [x, y] or "text"'),
+        ("fluid.reynolds", 'is not an assignment; write section.key=value, as in "fluid.reynolds=40"'),
+        ("fluid..x=1", 'is not an assignment; write section.key=value, as in "fluid.reynolds=40"'),
+        ("fluid.reynolds.x=1", "fluid.reynolds is not a section; assign to fluid.reynolds itself"),
+        ("flow.kind=sheer", 'flow.kind: "sheer" is not known; did you mean "shear"?'),
+    ],
+)
+def test_wrong_overrides(override, expected):
+    found = message(lambda: loads(MINIMAL, overrides=["domain.length=13", override]))
+    assert found == f"--set {' '.join(override.split())}: {expected}"
+
+
+def test_an_override_may_begin_a_section():
+    found = message(lambda: loads(MINIMAL, overrides=["body.x=3"]))
+    assert found.endswith(
+        '--set body.x=3: body.shape: is missing; use "disc", "ellipse", "rectangle" or "polygon"'
+    )
+
+
+def test_a_contradiction_elsewhere_names_the_file_and_what_was_set():
+    found = message(lambda: loads(MINIMAL, overrides=["domain.kind=box"], name="a.toml"))
+    assert found.startswith(
+        'a.toml --set domain.kind=box: flow.kind: "shear" flows through but a box is closed; '
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("[domain]\nlength = 12\nheight =\n", "line 3: invalid value; correct the TOML there"),
+        ("[domain\n", "line 1: expected ']' at the end of a table declaration; correct the TOML there"),
+        ("[domain]\nlength = 1\nlength = 2\n", "line 3: cannot overwrite a value; correct the TOML there"),
+        ("a = " + "[" * 5000, "is nested too deeply; a scene has sections and keys only"),
+        (
+            "",
+            "domain: is missing; add a section [domain]: The region the fluid may fill (and 2 more errors)",
+        ),
+        (MINIMAL.replace("reynolds = 20", "reynolds = nan"), "fluid.reynolds: is nan; give a finite number"),
+        (
+            MINIMAL.replace("reynolds = 20", "reynolds = -1"),
+            "fluid.reynolds: is -1; give a number greater than 0",
+        ),
+        (MINIMAL.replace("reynolds", "renolds"), 'fluid.renolds: unknown key; did you mean "reynolds"?'),
+        (
+            MINIMAL.replace("kind =", "kin ="),
+            'flow.kind: is missing; use "shear", "poiseuille", "open-channel", ',
+        ),
+        (MINIMAL + "velocity = 1\n", 'flow.velocity: unknown key for "shear"; known are kind, rate'),
+        (
+            MINIMAL.replace('kind = "shear"', 'kind = "lid"'),
+            "flow.kind: a lid closes a box but the domain is a channel",
+        ),
+        (
+            MINIMAL + "[contact]\nfriction = 0.5\n",
+            "contact.friction: friction needs a bed to rub against but",
+        ),
+        (
+            MINIMAL + '[body]\nshape = "disc"\ndiameter = 1\ncentre = [4, 7]\n',
+            "body.centre: the grain reaches y = 7.5, the domain's top is at 6; move the grain",
+        ),
+        (
+            "domain = 3\n" + MINIMAL.partition("[fluid]")[2].join(["[fluid]", ""]),
+            "domain: is 3; write a section [domain]",
+        ),
+        (MINIMAL + "rate = [1]\n", "flow.rate: is a list of 1; give a number"),
+        (
+            MINIMAL.replace("height = 6", 'height = 6\ntop = "free-surface"'),
+            'domain.top: a free surface is not simulated by this version; use "slip"',
+        ),
+        (
+            MINIMAL.replace("height = 6", 'height = 6\nkind = "box"\ntop = "free-surface"'),
+            "domain.top: a closed box has no free surface; use",
+        ),
+        (
+            MINIMAL.replace("12", "-12").replace("20", "-20"),
+            "domain.length: is -12; give a number greater than 0 (and 1",
+        ),
+    ],
+)
+def test_wrong_files(tmp_path, text, expected):
+    path = tmp_path / "wrong.toml"
+    path.write_text(text, encoding="utf-8")
+    assert message(lambda: load(path)).startswith(f"{path}: {expected}")
+
+
+def test_unreadable_files(tmp_path):
+    assert message(lambda: load(tmp_path / "no.toml")) == (
+        f"{tmp_path}/no.toml: cannot be read (No such file or directory); give the name of a scene file"
+    )
+    (tmp_path / "latin.toml").write_bytes('title = "Körner"'.encode("latin-1"))
+    assert message(lambda: load(tmp_path / "latin.toml")) == (
+        f"{tmp_path}/latin.toml: is not UTF-8 text at byte 10; save it as UTF-8"
+    )
+
+
+WITH_FILE = MINIMAL + '[bed]\nkind = "polyline"\nfile = "survey/bed.csv"\n'
+
+
+def with_bed(tmp_path: Path, rows: str) -> Path:
+    (tmp_path / "survey").mkdir(exist_ok=True)
+    (tmp_path / "survey" / "bed.csv").write_text(rows, encoding="utf-8")
+    path = tmp_path / "scene.toml"
+    path.write_text(WITH_FILE, encoding="utf-8")
+    return path
+
+
+def test_a_polyline_is_read_beside_the_scene_and_saved_with_it(tmp_path, monkeypatch):
+    path = with_bed(tmp_path, "x,y\n# surveyed\n-1, 0\n\n6,0.5\n12,0.25\n")
+    scene = load(path)
+    assert scene.bed == Polyline(points=[(-1, 0), (6, 0.5), (12, 0.25)])
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    save(scene, elsewhere / "scene.toml")
+    (tmp_path / "survey" / "bed.csv").unlink()
+    monkeypatch.chdir("/")
+    assert load(elsewhere / "scene.toml") == scene
+
+
+def test_a_polyline_from_python_is_read_in_the_working_directory(tmp_path, monkeypatch):
+    with_bed(tmp_path, "0,0\n12,0\n")
+    monkeypatch.chdir(tmp_path)
+    assert Polyline(file="survey/bed.csv").points == ((0.0, 0.0), (12.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("rows", "expected"),
+    [
+        (
+            "0,0\n2,1\n1,1\n",
+            "survey/bed.csv has x = 1 after x = 2; give two or more points sorted",
+        ),
+        ("0,0\n", "survey/bed.csv has 1 point; give two or more points"),
+        ("", "survey/bed.csv has 0 points; give two or more points"),
+        ("0,0\n1,nan\n", 'survey/bed.csv line 2 is "1,nan"; write two finite numbers x, y a line'),
+        ("x,y\n0,0\n1,2,3\n", 'survey/bed.csv line 3 is "1,2,3"; write two finite numbers x, y a line'),
+        ("0,0\nhere,there\n", 'survey/bed.csv line 2 is "here,there"; write two finite numbers x, y a line'),
+    ],
+)
+def test_wrong_polyline_files(tmp_path, rows, expected):
+    path = with_bed(tmp_path, rows)
+    assert message(lambda: load(path)).startswith(f"{path}: bed.file: {tmp_path}/{expected}")
+
+
+def test_polyline_files_that_cannot_be_used(tmp_path):
+    path = with_bed(tmp_path, "0,0\n6,0.5\n")
+    assert message(lambda: load(path)) == (
+        f"{path}: bed: reaches from x = 0 to 6, the domain from 0 to 12; add points or shorten the domain"
+    )
+    (tmp_path / "survey" / "bed.csv").unlink()
+    assert message(lambda: load(path)) == (
+        f"{path}: bed.file: {tmp_path}/survey/bed.csv cannot be read (No such file or directory); "
+        "give the name of a CSV file of x, y"
+    )
+
+
+def test_saved_scenes_are_complete(tmp_path):
+    save(loads(MINIMAL), tmp_path / "scene.toml")
+    data = tomllib.loads((tmp_path / "scene.toml").read_text(encoding="utf-8"))
+    assert data["flow"] == {"kind": "shear", "rate": 1.0}
+    assert data["numerics"]["mesh_size"] == 1.0
+    assert [path.name for path in tmp_path.iterdir()] == ["scene.toml"]
+
+
+def test_saving_where_one_cannot(tmp_path):
+    with pytest.raises(OutputError, match=r"missing/scene\.toml: cannot be written"):
+        save(loads(MINIMAL), tmp_path / "missing" / "scene.toml")
+
+
+def numbers(low: float, high: float) -> st.SearchStrategy[float]:
+    return st.floats(low, high, allow_subnormal=False)
+
+
+POSITIVE = numbers(1e-6, 1e6)
+PLACES = {
+    "angle": numbers(-360, 360),
+    "density": st.none() | numbers(0, 1e4),
+}
+# In a domain 20 long and 10 high whose bed stays below 1.5, a grain smaller than 3 fits at x = 8 to 12.
+AT = st.one_of(
+    st.fixed_dictionaries({"x": numbers(8, 12)}),
+    st.fixed_dictionaries({"centre": st.tuples(numbers(8, 12), numbers(4, 6))}),
+)
+HALF = numbers(0.01, 1.0)
+TRIANGLES = st.tuples(HALF, HALF).map(lambda s: [(-s[0], 0.0), (s[0], -s[1]), (0.25 * s[0], s[1])])
+
+
+def bodies(at):
+    common = {**PLACES, **{key: st.just(value) for key, value in at.items()}}
+    return st.one_of(
+        st.builds(Disc, diameter=numbers(0.1, 3), **common),
+        st.builds(Ellipse, semi_axes=st.tuples(HALF, HALF), **common),
+        st.builds(Polygon, vertices=TRIANGLES, **common),
+        st.builds(Rectangle, width=HALF, height=HALF, corner_radius=numbers(0, 0.005), **common),
+    )
+
+
+BEDS = st.one_of(
+    st.builds(Flat),
+    st.builds(Inclined, slope=numbers(-45, 45)),
+    st.builds(Sinusoidal, amplitude=numbers(0, 1), wavelength=numbers(1, 20), phase=numbers(-180, 180)),
+    st.builds(HalfDiscs, radius=numbers(0.2, 1), spacing=numbers(2, 5), offset=numbers(-3, 3)),
+    numbers(0, 1).map(lambda y: Polyline(points=[(-0.5, y), (7.0, 0.1), (20.5, 0.5 * y)])),
+)
+FLOWS = st.one_of(
+    st.builds(Shear, rate=POSITIVE),
+    *(st.builds(kind, velocity=POSITIVE) for kind in (Poiseuille, OpenChannel, Uniform, Still)),
+    st.builds(ExpressionFlow, components=st.sampled_from([("y", "0"), ("where(y > 1, 1, y)", "x*0.1")])),
+)
+SETTINGS = {
+    "title": st.text(max_size=20),
+    "fluid": st.builds(Fluid, reynolds=POSITIVE, scale=st.just("flow"), inertia=st.booleans()),
+    "time": st.none()
+    | st.builds(
+        Time,
+        end=numbers(1, 1e3),
+        step=numbers(1e-6, 1),
+        scheme=st.sampled_from(["bdf1", "bdf2"]),
+        start=st.sampled_from(["rest", "stokes", "steady"]),
+        tolerance=st.none() | POSITIVE,
+    ),
+    "numerics": st.builds(
+        Numerics,
+        order=st.integers(2, 4),
+        geometry_order=st.none() | st.integers(1, 3),
+        mesh_size=POSITIVE,
+        tolerance=POSITIVE,
+        max_iterations=st.integers(1, 10**9),
+    ),
+    "output": st.builds(Output, fields=st.booleans(), pictures=st.booleans()),
+}
+CHANNELS = st.builds(
+    Scene,
+    domain=st.builds(Domain, length=st.just(20.0), height=st.just(10.0)),
+    flow=FLOWS,
+    body=AT.flatmap(bodies),
+    bed=BEDS,
+    gravity=st.builds(Gravity, acceleration=numbers(0, 1e3)),
+    contact=st.none() | st.builds(Contact, friction=numbers(0, 10), gap=POSITIVE, tolerance=POSITIVE),
+    **SETTINGS,
+)
+BOXES = st.builds(
+    Scene,
+    domain=st.builds(
+        Domain,
+        kind=st.just("box"),
+        length=POSITIVE,
+        height=POSITIVE,
+        origin=st.tuples(numbers(-1e6, 1e6), numbers(-1e6, 1e6)),
+        top=st.sampled_from(["auto", "wall"]),
+    ),
+    flow=st.builds(Lid, velocity=POSITIVE) | st.builds(Still),
+    **SETTINGS,
+)
+
+
+@settings(deadline=None, max_examples=40)
+@given(CHANNELS | BOXES)
+def test_what_is_saved_is_read_back(tmp_path_factory, scene):
+    path = tmp_path_factory.getbasetemp() / "scene.toml"
+    save(scene, path)
+    assert load(path) == scene
+    assert loads(dumps(scene)) == scene
+
+
+@settings(deadline=None)
+@given(st.text(max_size=60))
+def test_any_text_is_a_scene_or_one_line(text):
+    assert message(lambda: loads(text)).startswith("scene: ")
+
+
+def test_the_schema_describes_every_key():
+    found = schema()
+    json.dumps(found)
+    assert found["$schema"] == "http://json-schema.org/draft-07/schema#"
+    assert found["title"] == "incipient scene"
+    assert list(found["properties"]) == list(Scene.model_fields)
+    for name, section in {"scene": found, **found["definitions"]}.items():
+        assert section["description"], name
+        assert section["additionalProperties"] is False
+        assert all(key["description"] for key in section["properties"].values()), name
+    text = json.dumps(found)
+    assert "prefixItems" not in text and "$defs" not in text
+
+
+def test_the_schema_asks_for_kind_and_shape():
+    definitions = schema()["definitions"]
+    assert definitions["Lid"]["required"] == ["kind"]
+    assert definitions["Disc"]["required"] == ["shape", "diameter"]
+    assert definitions["Domain"]["required"] == ["length", "height"]
+    assert definitions["Domain"]["properties"]["origin"] == {
+        "default": [0.0, 0.0],
+        "description": "Lower left corner [length]; the bed's base line runs through it",
+        "items": {"type": "number"},
+        "maxItems": 2,
+        "minItems": 2,
+        "title": "Origin",
+        "type": "array",
+    }
