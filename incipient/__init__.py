@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from .errors import ConvergenceError, IncipientError, MeshError, OutputError, SceneError
 from .plan import Plan, make_plan
 from .scene import Scene
-from .scene_file import load
+from .scene import load
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -49,7 +49,7 @@ def _profile(scene: Scene, depth: float) -> Callable[[np.ndarray], np.ndarray]:
 
 
 def _from_expressions(flow: ExpressionFlow) -> Velocity:
-    from .expression import Expression
+    from .scene.expression import Expression
 
     components = [Expression(text) for text in flow.components]
     return lambda x, t: np.vstack([component(x, t) for component in components])

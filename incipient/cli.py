@@ -132,7 +132,7 @@ def _show(options: argparse.Namespace, comm: MPI.Comm) -> int:
 def _new(options: argparse.Namespace, comm: MPI.Comm) -> int:
     from .output.files import write_text_atomically
     from .parallel import collectively
-    from .scene_file import example
+    from .scene import example
 
     path = Path(options.name).with_suffix(".toml")
     with collectively(comm):
@@ -145,7 +145,7 @@ def _new(options: argparse.Namespace, comm: MPI.Comm) -> int:
 
 
 def _schema(options: argparse.Namespace, comm: MPI.Comm) -> int:
-    from .scene_file import schema
+    from .scene import schema
 
     if comm.rank == 0:
         print(json.dumps(schema(), indent=2))

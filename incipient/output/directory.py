@@ -44,7 +44,7 @@ class ResultDirectory:
 
     def begin(self, scene: Scene, plan: Plan, domain: Domain) -> None:
         """Write the resolved scene; open the field series if fields are wanted."""
-        from ..scene_file import save
+        from ..scene import save
         from .xdmf import FieldSeries, SurfaceSeries
 
         self._output = scene.output

@@ -17,8 +17,9 @@ from .record import Run
 from .streamlines import streamlines
 from .style import GRAIN, GROUND, INK, View, panels
 
-_TRIANGLES = 60_000  # about as many as a panel shows; more cannot be told apart
-_CLIPPED = 0.5  # per cent of the nodes at either end whose values may exceed the colour bar
+_TRIANGLES = 50_000  # about as many as a panel shows; more cannot be told apart
+_CLIPPED = 0.5  # per cent of the nodes, at either end, whose pressure exceeds the colour bar
+_CLIPPED_VORTICITY = 6.0  # per cent of the nodes: it is greatest in thin layers
 
 
 def speed(run: Run) -> Figure:
@@ -48,7 +49,7 @@ def pressure(run: Run) -> Figure:
             triangulation, values, levels=levels, colors=INK, linewidths=0.35, linestyles="solid", alpha=0.6
         )
 
-    return _picture(run, values, "pressure", "Spectral_r", limits, isobars)
+    return _picture(run, values, "pressure", "RdYlBu_r", limits, isobars)
 
 
 def vorticity(run: Run) -> Figure:
@@ -56,7 +57,7 @@ def vorticity(run: Run) -> Figure:
     values = run.field("vorticity")
 
     def limits(seen: np.ndarray) -> Normalize:
-        bound = np.percentile(np.abs(seen), 100 - 4 * _CLIPPED) or 1.0
+        bound = np.percentile(np.abs(seen), 100 - _CLIPPED_VORTICITY) or 1.0
         return Normalize(-bound, bound)
 
     return _picture(run, values, "vorticity", "RdBu_r", limits, lambda axes, view: None)
@@ -89,13 +90,13 @@ def draw_solids(run: Run, axes: Axes, fluid_shown: bool) -> None:
     outer, *holes = run.mesh.loops
     if run.scene.get("bed"):
         low = axes.get_ylim()[0]
-        axes.add_patch(Rectangle((x0, low - 1), x1 - x0, y1 - low + 1, color=GROUND, lw=0, zorder=0))
+        axes.add_artist(Rectangle((x0, low - 1), x1 - x0, y1 - low + 1, color=GROUND, lw=0, zorder=0))
     if not fluid_shown:
-        axes.add_patch(Polygon(curve(run.mesh.points, outer), facecolor="white", zorder=0.5))
-    axes.add_patch(Polygon(curve(run.mesh.points, outer), fill=False, edgecolor=INK, lw=0.8, zorder=3))
+        axes.add_artist(Polygon(curve(run.mesh.points, outer), facecolor="white", zorder=0.5))
+    axes.add_artist(Polygon(curve(run.mesh.points, outer), fill=False, edgecolor=INK, lw=0.8, zorder=3))
     for hole in holes:
         outline = curve(run.mesh.points, hole)
-        axes.add_patch(Polygon(outline, facecolor=GRAIN, edgecolor=INK, lw=0.9, zorder=3))
+        axes.add_artist(Polygon(outline, facecolor=GRAIN, edgecolor=INK, lw=0.9, zorder=3))
 
 
 def draw_streamlines(run: Run, axes: Axes, view: View, color: str = "white", alpha: float = 0.9) -> None:

@@ -42,7 +42,7 @@ def verdict(run: Run) -> Figure:
     axes = figure.add_axes((0.06, 0.1, 0.58, 0.76))
     view = _show_place(run, axes, surface)
     draw_streamlines(run, axes, view, color="#9db8cf", alpha=0.55)
-    axes.add_patch(Polygon(surface.points, facecolor=GRAIN, edgecolor=INK, lw=1.2, zorder=4))
+    axes.add_artist(Polygon(surface.points, facecolor=GRAIN, edgecolor=INK, lw=1.2, zorder=4))
     _show_contacts(run, axes, surface.size)
     _show_couple(run, axes, surface)
     _show_forces(run, axes, surface)
@@ -167,7 +167,7 @@ def _arrow(
         (tail[0], tail[1]), (tip[0], tip[1]), arrowstyle="-|>", mutation_scale=13, color=colour, lw=width,
         shrinkA=0, shrinkB=0, zorder=7, connectionstyle=f"arc3,rad={bend}",
     )  # fmt: skip
-    axes.add_patch(arrow)
+    axes.add_artist(arrow)
 
 
 def _show_couple(run: Run, axes: Axes, surface: Surface) -> None:

@@ -48,8 +48,9 @@ def streamlines(sampled: Sampled, separation: float) -> list[np.ndarray]:
         return []
     tracer = _tracer(sampled, separation, speed)
     tracer.Update()
-    lines = [line for line in _polylines(tracer.GetOutput()) if _length(line) > 1.5 * separation]
-    return [line if _along(line, sampled) else line[::-1] for line in lines]
+    lines = (_until_return(line, separation / 4) for line in _polylines(tracer.GetOutput()))
+    long = [line for line in lines if _length(line) > 1.5 * separation]
+    return [line if _along(line, sampled) else line[::-1] for line in long]
 
 
 def _tracer(sampled: Sampled, separation: float, speed: np.ndarray) -> Any:
@@ -64,10 +65,10 @@ def _tracer(sampled: Sampled, separation: float, speed: np.ndarray) -> Any:
     tracer.SetStartPosition(float(start[0]), float(start[1]), 0.0)
     tracer.SetIntegratorTypeToRungeKutta4()
     tracer.SetIntegrationStepUnit(1)  # steps are lengths
-    tracer.SetInitialIntegrationStep(sampled.spacing / 2)
+    tracer.SetInitialIntegrationStep(sampled.spacing)
     tracer.SetSeparatingDistance(separation)
     tracer.SetSeparatingDistanceRatio(0.45)
-    tracer.SetClosedLoopMaximumDistance(0.2 * separation)
+    tracer.SetClosedLoopMaximumDistance(sampled.spacing)
     tracer.SetMaximumNumberOfSteps(8 * _CELLS_ACROSS)
     tracer.SetTerminalSpeed(_SLOWEST * speed.max())
     return tracer
@@ -99,6 +100,15 @@ def _polylines(output: Any) -> list[np.ndarray]:
     offsets = vtk_to_numpy(output.GetLines().GetOffsetsArray())
     nodes = vtk_to_numpy(output.GetLines().GetConnectivityArray())
     return [points[nodes[i:j]] for i, j in pairwise(offsets)]
+
+
+def _until_return(line: np.ndarray, near: float) -> np.ndarray:
+    """Every third point of a line, up to where it comes back to within `near` of itself: round an eddy, once."""
+    thin = np.vstack([line[:-1:3], line[-1:]])
+    reached = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(thin, axis=0), axis=1))])
+    apart = np.linalg.norm(thin[:, None] - thin, axis=2)
+    returned = np.any((apart < near) & (reached[:, None] - reached > 6 * near), axis=1)
+    return thin[: int(np.argmax(returned)) + 1] if returned.any() else thin
 
 
 def _length(line: np.ndarray) -> float:

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from incipient.errors import SceneError
-from incipient.expression import MAXIMUM_LENGTH, Expression
+from incipient.scene.expression import MAXIMUM_LENGTH, Expression
 
 POINTS = np.array([[0.25, 1.0, 2.0], [0.5, 1.5, 3.0], [0.1, 0.2, 0.3]])
 X, Y, Z = POINTS

@@ -37,7 +37,7 @@ from incipient.scene import (
     Time,
     Uniform,
 )
-from incipient.scene_messages import variants
+from incipient.scene.messages import variants
 
 FLOW_SCALE = Fluid(reynolds=100, scale="flow")
 GRAIN_SCALE = Fluid(reynolds=20, scale="grain")
@@ -205,7 +205,7 @@ def test_every_key_is_described():
 
 def test_import_loads_no_finite_elements():
     code = (
-        "import sys, incipient.scene, incipient.scene_file; "
+        "import sys, incipient.scene; "
         "print([m for m in ('dolfinx', 'gmsh', 'petsc4py', 'mpi4py', 'pyvista') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

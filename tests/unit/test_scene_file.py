@@ -36,7 +36,7 @@ from incipient.scene import (
     Time,
     Uniform,
 )
-from incipient.scene_file import dumps, example, load, loads, save, schema
+from incipient.scene.file import dumps, example, load, loads, save, schema
 
 SCENES = Path(__file__).parents[2] / "demos" / "scenes"
 MINIMAL = """\

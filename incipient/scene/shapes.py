@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
 
-from .errors import SceneError
-from .scene_messages import Problem, counted, refusal, split
-from .scene_section import NotNegative, Pair, Positive, PositivePair, Section, contradiction
+from ..errors import SceneError
+from .messages import Problem, counted, refusal, split
+from .section import NotNegative, Pair, Positive, PositivePair, Section, contradiction
 
 if TYPE_CHECKING:
-    from .geometry import bed as bed_geometry
-    from .geometry import grain as grain_geometry
+    from ..geometry import bed as bed_geometry
+    from ..geometry import grain as grain_geometry
 
 Point = tuple[float, float]
 
@@ -67,7 +67,7 @@ class Disc(GrainSection):
 
     def grain(self) -> grain_geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
-        from .geometry import grain
+        from ..geometry import grain
 
         return grain.Disc(self.diameter)
 
@@ -80,7 +80,7 @@ class Ellipse(GrainSection):
 
     def grain(self) -> grain_geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
-        from .geometry import grain
+        from ..geometry import grain
 
         return grain.Ellipse(self.semi_axes)
 
@@ -103,7 +103,7 @@ class Rectangle(GrainSection):
 
     def grain(self) -> grain_geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
-        from .geometry import grain
+        from ..geometry import grain
 
         return grain.Rectangle(self.width, self.height, self.corner_radius)
 
@@ -132,7 +132,7 @@ class Polygon(GrainSection):
 
     def grain(self) -> grain_geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
-        from .geometry import grain
+        from ..geometry import grain
 
         return grain.Polygon(self.vertices)
 
@@ -183,7 +183,7 @@ class Flat(BedSection):
 
     def surface(self, origin_y: float) -> bed_geometry.Bed:
         """The bed's shape above its base line y = origin_y."""
-        from .geometry import bed
+        from ..geometry import bed
 
         return bed.Flat(origin_y)
 
@@ -203,7 +203,7 @@ class Inclined(BedSection):
 
     def surface(self, origin_y: float) -> bed_geometry.Bed:
         """The bed's shape above its base line y = origin_y."""
-        from .geometry import bed
+        from ..geometry import bed
 
         return bed.Flat(origin_y)
 
@@ -218,7 +218,7 @@ class Sinusoidal(BedSection):
 
     def surface(self, origin_y: float) -> bed_geometry.Bed:
         """The bed's shape above its base line y = origin_y."""
-        from .geometry import bed
+        from ..geometry import bed
 
         return bed.Sinusoidal(self.amplitude, self.wavelength, math.radians(self.phase), origin_y)
 
@@ -240,7 +240,7 @@ class HalfDiscs(BedSection):
 
     def surface(self, origin_y: float) -> bed_geometry.Bed:
         """The bed's shape above its base line y = origin_y."""
-        from .geometry import bed
+        from ..geometry import bed
 
         return bed.HalfDiscs(self.radius, self.spacing, self.offset, origin_y)
 
@@ -282,7 +282,7 @@ class Polyline(BedSection):
 
     def surface(self, origin_y: float) -> bed_geometry.Bed:
         """The bed's shape above its base line y = origin_y."""
-        from .geometry import bed
+        from ..geometry import bed
 
         return bed.Polyline(self.points, origin_y)
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property, reduce
 from typing import TYPE_CHECKING, Any
 
-from .errors import SceneError
+from ..errors import SceneError
 
 if TYPE_CHECKING:
     import numpy as np

@@ -6,13 +6,13 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from .errors import SceneError
-from .scene_messages import Problem, split
+from ..errors import SceneError
+from .messages import Problem, split
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from .scene import Scene
+    from .model import Scene
 
 _CHANNEL_FLOWS = ("shear", "poiseuille", "uniform", "open-channel")
 _TOPS_OF_FLOWS = {
@@ -158,7 +158,7 @@ def _into_bed(scene: Scene) -> Iterator[str]:
     bed, grain, placement = scene.bed_shape, scene.grain, scene.placement
     if bed is None or grain is None or placement is None:
         return
-    from .geometry.rest import clearance
+    from ..geometry.rest import clearance
 
     depth = -clearance(grain, placement, bed)[0]
     if depth > scene.contact_tolerance:

@@ -1,7 +1,7 @@
 """What a user asks for: the sections of a scene, as data that has been checked.
 
 Scene units: lengths and velocities as written in the scene, fluid density 1. The kinematic viscosity follows
-from the Reynolds number. A scene is built here from Python, or read from TOML by `incipient.scene_file`;
+from the Reynolds number. A scene is built here from Python, or read from TOML by `incipient.scene.file`;
 either way it is complete and free of contradictions once it exists.
 """
 
@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from .errors import SceneError
-from .scene_messages import refusal, split
-from .scene_section import NotNegative, Pair, Positive, Section, contradiction
-from .scene_shapes import (
+from ..errors import SceneError
+from .messages import refusal, split
+from .section import NotNegative, Pair, Positive, Section, contradiction
+from .shapes import (
     Bed,
     Body,
     Disc,
@@ -32,8 +32,8 @@ from .scene_shapes import (
 if TYPE_CHECKING:
     import numpy as np
 
-    from .geometry.bed import Bed as BedSurface
-    from .geometry.grain import Grain, Placement
+    from ..geometry.bed import Bed as BedSurface
+    from ..geometry.grain import Grain, Placement
 
 __all__ = [
     "Bed",
@@ -300,7 +300,7 @@ class Scene(Section):
 
     @model_validator(mode="after")
     def _free_of_contradictions(self) -> Scene:
-        from .scene_checks import contradictions
+        from .checks import contradictions
 
         found = contradictions(self)
         if found:
@@ -330,8 +330,8 @@ class Scene(Section):
     @property
     def placement(self) -> Placement | None:
         """Where the grain is: lowered onto the bed until it touches, or held at its centre; without a gap."""
-        from .geometry.grain import Placement
-        from .geometry.rest import rest
+        from ..geometry.grain import Placement
+        from ..geometry.rest import rest
 
         body, bed = self.body, self.bed_shape
         if body is None:

@@ -11,11 +11,11 @@ from typing import Any
 import tomli_w
 from pydantic import ValidationError
 
-from .errors import SceneError
-from .scene import Scene
-from .scene_example import commented, grain_on_bed
-from .scene_messages import Key, key_text, one_line, problems_of
-from .scene_section import Section, ordered_keys
+from ..errors import SceneError
+from .model import Scene
+from .example import commented, grain_on_bed
+from .messages import Key, key_text, one_line, problems_of
+from .section import Section, ordered_keys
 
 # What TOML cannot mean otherwise may stand on the command line without quotes.
 _BARE_WORD = re.compile(r"[A-Za-z_][^\n\"'=\[\]{}]*")
@@ -68,7 +68,7 @@ def save(scene: Scene, path: Path | str) -> None:
     Raises:
         OutputError: the file cannot be written.
     """
-    from .output.files import write_text_atomically
+    from ..output.files import write_text_atomically
 
     write_text_atomically(Path(path), dumps(scene))
 

@@ -7,8 +7,8 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import PydanticCustomError
 
-from .errors import SceneError
-from .scene_messages import Problem, one_line, problems_of, refusal
+from ..errors import SceneError
+from .messages import Problem, one_line, problems_of, refusal
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]

@@ -9,9 +9,9 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from .scene import Contact, Disc, Domain, Flat, Fluid, Gravity, Scene, Shear
-from .scene_messages import discriminator, tag, variants
-from .scene_section import Section, ordered_keys
+from .model import Contact, Disc, Domain, Flat, Fluid, Gravity, Scene, Shear
+from .messages import discriminator, tag, variants
+from .section import Section, ordered_keys
 
 _HEADING = """\
 A scene for incipient. Lengths and times are in any units that fit together, [in brackets] at each key.

@@ -1,0 +1,49 @@
+"""Fixtures for all tests."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+TESTS = Path(__file__).parent
+ENVIRONMENT = {
+    "OMP_NUM_THREADS": "1",
+    "OMPI_ALLOW_RUN_AS_ROOT": "1",
+    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+    "PYTHONPATH": str(TESTS),
+}
+
+Launch = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture
+def mpirun(tmp_path: Path) -> Launch:
+    """`mpirun(n, script, *args, timeout=120)`: run Python code, or a script by its path, on n ranks.
+
+    Returns the completed process with its text output, whatever its exit code. A run that hangs fails
+    the test when the time is up. Scripts can import the modules beside this file.
+    """
+
+    def launch(
+        n: int, script: str | Path, *args: object, timeout: float = 120
+    ) -> subprocess.CompletedProcess[str]:
+        path = script if isinstance(script, Path) else _written(script, tmp_path)
+        command = ["mpirun", "-n", str(n), "--oversubscribe", sys.executable, str(path), *map(str, args)]
+        # Not inside the MPI of pytest itself, whose variables would make the new ranks look for it.
+        inherited = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_", "PMIX_", "PMI_"))}
+        return subprocess.run(
+            command, env=inherited | ENVIRONMENT, capture_output=True, text=True, timeout=timeout, cwd=tmp_path
+        )
+
+    return launch
+
+
+def _written(code: str, directory: Path) -> Path:
+    path = directory / "script.py"
+    path.write_text(code)
+    return path

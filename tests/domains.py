@@ -1,0 +1,135 @@
+"""Small domains that several tests use: unit boxes, a ring, boxes with a hole; all drawn by gmsh, all named."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from typing import Any
+
+import gmsh
+import numpy as np
+from mpi4py import MPI
+
+from incipient.domain import Domain, build
+from incipient.geometry.curves import Line
+from incipient.meshes import Grid, Near, Region, Sizes
+from incipient.meshes.model import grid_model, region_model
+
+SIDES = ("left", "right", "bottom", "top", "front", "back")
+
+
+def unit_box(gdim: int, n: int, order: int = 1, comm: MPI.Comm = MPI.COMM_WORLD) -> Domain:
+    """The unit square or cube with n cells along a side; boundaries `SIDES[: 2 * gdim]`."""
+    if gdim == 2:
+        grid = Grid((0.0, 0.0), 1.0, 1.0, n, n, grading=1.0)
+        return build(comm, partial(grid_model, grid, order), gdim)
+    return build(comm, partial(_cube_model, n, order), gdim)
+
+
+def square_in_box(size: float, cell: float, order: int = 1, comm: MPI.Comm = MPI.COMM_WORLD) -> Domain:
+    """The box (0, 2) x (0, 1) less a square ("body") of a size about (0.8, 0.55), with straight sides."""
+    sizes = Sizes(cell, (Near(cell / 2, 0.3, boundary="body"),))
+    region = Region(
+        bottom=(Line((0.0, 0.0), (2.0, 0.0)),),
+        top=1.0,
+        holes={"body": square_outline((0.8, 0.55), size)},
+        sides=("bottom", "right", "top", "left"),
+    )
+    return build(comm, partial(region_model, region, sizes, order), 2)
+
+
+def square_outline(centre: tuple[float, float], size: float) -> tuple[Line, ...]:
+    """Counter-clockwise sides of a square."""
+    corners = np.array(centre) + 0.5 * size * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    ends = [(float(x), float(y)) for x, y in corners]
+    return tuple(Line(ends[k], ends[(k + 1) % 4]) for k in range(4))
+
+
+def ring(inner: float, outer: float, around: int, order: int, comm: MPI.Comm = MPI.COMM_WORLD) -> Domain:
+    """The ring between two circles about the origin, `around` cells round each; boundaries "inner", "outer"."""
+    return build(comm, partial(_ring_model, (inner, outer), around, order), 2)
+
+
+def cube_in_box(cell: float, comm: MPI.Comm = MPI.COMM_WORLD) -> Domain:
+    """The box (0, 2) x (0, 1) x (0, 1) less a cube ("body") of side 0.4; the outer boundary is "outer"."""
+    return build(comm, partial(_cube_in_box_model, cell), 3)
+
+
+@contextmanager
+def drawn(dimension: int, order: int) -> Iterator[Any]:
+    """A gmsh model, meshed after the body of the first `with` part has drawn it."""
+    gmsh.initialize(interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        yield gmsh.model
+    finally:
+        gmsh.finalize()
+
+
+def finish(boundaries: dict[str, list[int]], dimension: int, order: int) -> Any:
+    """Name the boundaries and the volume, and mesh."""
+    model = gmsh.model
+    model.addPhysicalGroup(dimension, [tag for _, tag in model.getEntities(dimension)], 1)
+    for tag, (name, members) in enumerate(boundaries.items(), start=1):
+        model.addPhysicalGroup(dimension - 1, members, tag)
+        model.setPhysicalName(dimension - 1, tag, name)
+    model.mesh.generate(dimension)
+    model.mesh.setOrder(order)
+    return model
+
+
+@contextmanager
+def _cube_model(n: int, order: int) -> Iterator[Any]:
+    with drawn(3, order) as model:
+        model.occ.addBox(0, 0, 0, 1, 1, 1)
+        model.occ.synchronize()
+        for dimension, cells in ((1, (n + 1,)), (2, ()), (3, ())):
+            put = (model.mesh.setTransfiniteCurve, model.mesh.setTransfiniteSurface, model.mesh.setTransfiniteVolume)
+            for _, tag in model.getEntities(dimension):
+                put[dimension - 1](tag, *cells)
+        yield finish(_cube_sides(), 3, order)
+
+
+def _cube_sides() -> dict[str, list[int]]:
+    sides = {}
+    for _, tag in gmsh.model.getEntities(2):
+        centre = np.array(gmsh.model.occ.getCenterOfMass(2, tag))
+        axis = int(np.argmax(np.abs(centre - 0.5)))
+        # Left and right along the first axis, bottom and top along the second, front and back along the third.
+        sides[SIDES[2 * axis + int(centre[axis] > 0.5)]] = [tag]
+    return sides
+
+
+@contextmanager
+def _ring_model(radii: tuple[float, float], around: int, order: int) -> Iterator[Any]:
+    with drawn(2, order) as model:
+        geo, loops, curves = model.geo, [], {}
+        centre = geo.addPoint(0, 0, 0)
+        for name, radius in zip(("inner", "outer"), radii, strict=True):
+            quarters = [(radius, 0), (0, radius), (-radius, 0), (0, -radius)]
+            points = [geo.addPoint(*quarter, 0) for quarter in quarters]
+            curves[name] = [geo.addCircleArc(points[k], centre, points[(k + 1) % 4]) for k in range(4)]
+            loops.append(geo.addCurveLoop(curves[name]))
+            for curve in curves[name]:
+                geo.mesh.setTransfiniteCurve(curve, around // 4 + 1)
+        geo.addPlaneSurface([loops[1], loops[0]])
+        geo.synchronize()
+        yield finish(curves, 2, order)
+
+
+@contextmanager
+def _cube_in_box_model(cell: float) -> Iterator[Any]:
+    with drawn(3, 1) as model:
+        box, cube = model.occ.addBox(0, 0, 0, 2, 1, 1), model.occ.addBox(0.6, 0.3, 0.3, 0.4, 0.4, 0.4)
+        model.occ.cut([(3, box)], [(3, cube)])
+        model.occ.synchronize()
+        model.mesh.setSize(model.getEntities(0), cell)
+        boundaries: dict[str, list[int]] = {"outer": [], "body": []}
+        for _, tag in model.getEntities(2):
+            x, y, z = model.occ.getCenterOfMass(2, tag)
+            inside = 0.5 < x < 1.1 and 0.2 < y < 0.8 and 0.2 < z < 0.8
+            boundaries["body" if inside else "outer"].append(tag)
+        for _, tag in model.getBoundary([(2, t) for t in boundaries["body"]], combined=False, recursive=True):
+            model.mesh.setSize([(0, tag)], cell / 2)
+        yield finish(boundaries, 3, 1)
