@@ -59,7 +59,7 @@ def run(
     """
     from mpi4py import MPI as mpi
 
-    from .run import simulate
+    from .simulation import simulate
 
     comm = comm or mpi.COMM_WORLD
     if directory is None:

@@ -25,9 +25,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Parse the command line, do it, and return the exit code; the same on all ranks."""
     options = _parser().parse_args(arguments)
     _start_alone_quickly()
-    logging.basicConfig(level=options.log_level.upper(), format="%(message)s", stream=sys.stderr)
-    for chatty in ("root", "UFL", "FFCx", "matplotlib", "py.warnings"):
-        logging.getLogger(None if chatty == "root" else chatty).setLevel(_at_least_warning(options.log_level))
+    # The libraries below are heard only when something is wrong: the form compiler narrates at level info.
+    logging.basicConfig(level=logging.WARNING, format="%(message)s", stream=sys.stderr)
     logging.getLogger("incipient").setLevel(options.log_level.upper())
     signal.signal(signal.SIGTERM, _as_interrupt)
     return _guarded(options.command, options)
@@ -113,7 +112,7 @@ def _plan(options: argparse.Namespace, comm: MPI.Comm) -> int:
     import incipient
 
     from .parallel import collectively
-    from .run import estimate
+    from .simulation import estimate
 
     scene = incipient.load(options.scene, options.overrides)
     with collectively(comm):
@@ -195,10 +194,6 @@ def _start_alone_quickly() -> None:
     if not any(name.startswith(("OMPI_COMM_", "PMI_", "PMIX_", "SLURM_")) for name in os.environ):
         for name, value in (("ess_singleton_isolated", "1"), ("pml", "ob1"), ("btl", "self")):
             os.environ.setdefault(f"OMPI_MCA_{name}", value)
-
-
-def _at_least_warning(level: str) -> int:
-    return max(logging.WARNING, getattr(logging, level.upper()))
 
 
 def _nobody() -> logging.Logger:

@@ -30,7 +30,7 @@ def judge(scene: Scene, contacts: Contacts, force: Forces, couple: Couples) -> d
     return {
         "moves": outcome.moves,
         "mode": outcome.mode.name.lower().replace("_", " "),
-        "wording": outcome.mode.value,
+        "wording": outcome.mode.wording,
         "sentence": _sentence(outcome),
         "judges": {"criteria": outcome.to_dict()},
     }
@@ -39,4 +39,4 @@ def judge(scene: Scene, contacts: Contacts, force: Forces, couple: Couples) -> d
 def _sentence(outcome: Any) -> str:
     if not outcome.moves:
         return "the grain stays at rest (the paper's criteria)"
-    return f"the grain begins to move: {outcome.mode.value} (the paper's criteria)"
+    return f"the grain begins to move: {outcome.mode.wording} (the paper's criteria)"

@@ -57,9 +57,9 @@ def cube_in_box(cell: float, comm: MPI.Comm = MPI.COMM_WORLD) -> Domain:
 
 
 @contextmanager
-def drawn(dimension: int, order: int) -> Iterator[Any]:
-    """A gmsh model, meshed after the body of the first `with` part has drawn it."""
-    gmsh.initialize(interruptible=False)
+def session() -> Iterator[Any]:
+    """An empty gmsh model, gone afterwards."""
+    gmsh.initialize()
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         yield gmsh.model
@@ -81,7 +81,7 @@ def finish(boundaries: dict[str, list[int]], dimension: int, order: int) -> Any:
 
 @contextmanager
 def _cube_model(n: int, order: int) -> Iterator[Any]:
-    with drawn(3, order) as model:
+    with session() as model:
         model.occ.addBox(0, 0, 0, 1, 1, 1)
         model.occ.synchronize()
         for dimension, cells in ((1, (n + 1,)), (2, ()), (3, ())):
@@ -103,7 +103,7 @@ def _cube_sides() -> dict[str, list[int]]:
 
 @contextmanager
 def _ring_model(radii: tuple[float, float], around: int, order: int) -> Iterator[Any]:
-    with drawn(2, order) as model:
+    with session() as model:
         geo, loops, curves = model.geo, [], {}
         centre = geo.addPoint(0, 0, 0)
         for name, radius in zip(("inner", "outer"), radii, strict=True):
@@ -120,7 +120,7 @@ def _ring_model(radii: tuple[float, float], around: int, order: int) -> Iterator
 
 @contextmanager
 def _cube_in_box_model(cell: float) -> Iterator[Any]:
-    with drawn(3, 1) as model:
+    with session() as model:
         box, cube = model.occ.addBox(0, 0, 0, 2, 1, 1), model.occ.addBox(0.6, 0.3, 0.3, 0.4, 0.4, 0.4)
         model.occ.cut([(3, box)], [(3, cube)])
         model.occ.synchronize()

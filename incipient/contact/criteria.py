@@ -248,18 +248,20 @@ def _obstacles(
     """Contacts that the motion found would press the grain into: where the paper's assumption fails.
 
     Where x* sticks the grain can only turn about it, with the load's couple about x*; else it follows F. With
-    several contacts x*, an obstacle is one that is met whichever of them is turned about.
+    several contacts x* the grain is obstructed if it is whichever of them it turns about.
     """
     if not mode.moves:
         return ()
     if (answer["C_friction"] < 1.0 - TOLERANCE).any():
-        met = contacts.normals @ answer["force"] > scales[0]
+        met = (contacts.normals @ answer["force"] > scales[0])[None]
     else:
         arms = contacts.points[None] - contacts.points[at][:, None]
         velocity = np.cross(answer["couple_about_contact"][:, None], arms)
         reach = max(float(np.linalg.norm(arms, axis=2).max()), 1e-300)
-        met = ((velocity * contacts.normals).sum(axis=2) > scales[1] * reach).all(axis=0)
-    return tuple(int(k) for k in np.flatnonzero(met))
+        met = (velocity * contacts.normals).sum(axis=2) > scales[1] * reach
+    if not met.any(axis=1).all():
+        return ()
+    return tuple(int(k) for k in np.flatnonzero(met.any(axis=0)))
 
 
 def _least(values: Floats, tolerance: float) -> tuple[int, ...]:

@@ -22,7 +22,7 @@ LEFTOVERS = ("result.json", "history.csv", "fields.xdmf", "fields.h5", "surface.
 
 
 class ResultDirectory:
-    """Records a run in a directory (see `incipient.run.Recorder`). Every method is collective.
+    """Records a run in a directory (see `incipient.simulation.Recorder`). Every method is collective.
 
     Raises:
         OutputError: on all ranks, when something cannot be written.

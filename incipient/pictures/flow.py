@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.collections import PolyCollection, TriMesh
+from matplotlib.collections import LineCollection, PolyCollection, TriMesh
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
@@ -69,7 +69,7 @@ def profiles(run: Run) -> Figure:
     figure = Figure(figsize=(9.0, 4.2))
     left, right = figure.subplots(1, 2)
     figure.subplots_adjust(left=0.08, right=0.97, top=0.82, bottom=0.13, wspace=0.25)
-    figure.text(0.08, 0.95, _headline(run), fontsize=11, va="top")
+    figure.text(0.08, 0.95, run.headline, fontsize=11, va="top")
     y, x = np.linspace(y0, y1, 400), np.linspace(x0, x1, 400)
     left.plot(_along(run, 0, np.full_like(y, (x0 + x1) / 2), y), y, color="#1f4e79", lw=1.4)
     left.set(xlabel="v₁ [scene units]", ylabel="y [scene units]", ylim=(y0, y1))
@@ -104,10 +104,14 @@ def draw_streamlines(run: Run, axes: Axes, view: View, color: str = "white", alp
     x0, x1, y0, y1 = view
     separation = 0.021 * np.sqrt((x1 - x0) * (y1 - y0))
     lines = streamlines(run.sampled(view), separation)
-    for line in lines:
-        axes.plot(*line.T, color=color, lw=0.6, alpha=alpha, zorder=2, solid_capstyle="round")
     heads = [head for line in lines if (head := _arrow_head(line, 0.45 * separation)) is not None]
-    axes.add_collection(PolyCollection(heads, facecolor=color, edgecolor="none", alpha=alpha, zorder=2))
+    fluid = Polygon(curve(run.mesh.points, run.mesh.loops[0]), transform=axes.transData)
+    for drawn in (
+        LineCollection(lines, colors=color, linewidths=0.6, alpha=alpha, zorder=2, capstyle="round"),
+        PolyCollection(heads, facecolor=color, edgecolor="none", alpha=alpha, zorder=2),
+    ):
+        axes.add_collection(drawn, autolim=False)
+        drawn.set_clip_path(fluid)
 
 
 def near_grain(run: Run) -> View | None:
@@ -135,7 +139,7 @@ def _picture(
     x0, x1, _, y1 = run.box
     zoom = near_grain(run)
     views = [(x0, x1, _floor(run), y1)] + ([zoom] if zoom else [])
-    figure, places = panels(views, _headline(run))
+    figure, places = panels(views, run.headline)
     for (axes, bar), view, what in zip(places, views, ("whole domain", "around the grain"), strict=False):
         shown = values[np.unique(run.mesh.within(view).cells)]
         norm = limits(shown)
@@ -166,11 +170,6 @@ def _colour_bar(
     bar = figure.colorbar(ScalarMappable(norm, colours), cax=axes, extend=extend, extendfrac=0.04)
     bar.set_label(label)
     bar.ax.tick_params(width=0.5)
-
-
-def _headline(run: Run) -> str:
-    reynolds, scale = run.setting("fluid", "reynolds"), run.setting("fluid", "scale")
-    return f"{run.title}  (Re = {reynolds:g} on the scale of the {scale})" if reynolds else run.title
 
 
 def _floor(run: Run) -> float:

@@ -48,6 +48,7 @@ def verdict(run: Run) -> Figure:
     _show_forces(run, axes, surface)
     _write_numbers(run, figure)
     _explain_marks(run, axes)
+    axes.set_title(run.headline)
     return figure
 
 

@@ -71,6 +71,12 @@ class Run:
         """The scene's title, or what it is in two words."""
         return self.result.get("title") or self.scene.get("title") or f"{self.setting('flow', 'kind')} flow"
 
+    @property
+    def headline(self) -> str:
+        """The title with the Reynolds number."""
+        reynolds, scale = self.setting("fluid", "reynolds"), self.setting("fluid", "scale")
+        return f"{self.title}  (Re = {reynolds:g} on the scale of the {scale})" if reynolds else self.title
+
 
 def read(directory: Path) -> Run:
     """Read a run's directory.

@@ -11,6 +11,7 @@ import numpy as np
 from .mesh import QuadraticMesh, triangles_of
 
 _CELLS_ACROSS = 500
+_RATIO = 0.45  # of the separation: a streamline ends where it comes this near to another, or to itself
 _SLOWEST = 1e-4  # of the greatest speed: a streamline ends where the fluid is slower
 
 
@@ -48,7 +49,7 @@ def streamlines(sampled: Sampled, separation: float) -> list[np.ndarray]:
         return []
     tracer = _tracer(sampled, separation, speed)
     tracer.Update()
-    lines = (_until_return(line, separation / 4) for line in _polylines(tracer.GetOutput()))
+    lines = (_until_return(line, _RATIO * separation) for line in _polylines(tracer.GetOutput()))
     long = [line for line in lines if _length(line) > 1.5 * separation]
     return [line if _along(line, sampled) else line[::-1] for line in long]
 
@@ -67,7 +68,7 @@ def _tracer(sampled: Sampled, separation: float, speed: np.ndarray) -> Any:
     tracer.SetIntegrationStepUnit(1)  # steps are lengths
     tracer.SetInitialIntegrationStep(sampled.spacing)
     tracer.SetSeparatingDistance(separation)
-    tracer.SetSeparatingDistanceRatio(0.45)
+    tracer.SetSeparatingDistanceRatio(_RATIO)
     tracer.SetClosedLoopMaximumDistance(sampled.spacing)
     tracer.SetMaximumNumberOfSteps(8 * _CELLS_ACROSS)
     tracer.SetTerminalSpeed(_SLOWEST * speed.max())
@@ -103,7 +104,7 @@ def _polylines(output: Any) -> list[np.ndarray]:
 
 
 def _until_return(line: np.ndarray, near: float) -> np.ndarray:
-    """Every third point of a line, up to where it comes back to within `near` of itself: round an eddy, once."""
+    """Every third point of a line, up to where it comes back `near` to itself: once round an eddy."""
     thin = np.vstack([line[:-1:3], line[-1:]])
     reached = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(thin, axis=0), axis=1))])
     apart = np.linalg.norm(thin[:, None] - thin, axis=2)

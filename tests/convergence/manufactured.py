@@ -1,0 +1,129 @@
+"""Flows chosen first, with the body force that makes them solutions, and the errors against them.
+
+A flow is written once, for UFL and for numpy: `velocity(x, t, m)` and `pressure(x, t, m)` take the place in
+space, the time and the module of elementary functions `m` (`ufl` or `numpy`), and return components.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import dolfinx
+import numpy as np
+import ufl
+from domains import SIDES
+from mpi4py import MPI
+
+from incipient import compat, forms
+from incipient.domain import Domain
+from incipient.fluid import Fluid, FlowModel, Prescribed
+
+Components = Callable[[Any, Any, Any], Sequence[Any]]
+
+
+@dataclass(frozen=True)
+class Flow:
+    """A solenoidal velocity and a pressure, functions of place and time."""
+
+    gdim: int
+    velocity: Components
+    pressure: Callable[[Any, Any, Any], Any]
+
+    def body_force(self, reynolds: float) -> Callable[[Any, Any], Any]:
+        """dv/dt + grad(v) v - div sigma of (338) with F = I, differentiated with respect to the place in space."""
+
+        def force(place: Any, time: Any) -> Any:
+            x, t = ufl.variable(place), ufl.variable(time)
+            v = ufl.as_vector(list(self.velocity(x, t, ufl)))
+            gradient = ufl.diff(v, x)
+            stress = (gradient + gradient.T) / reynolds - self.pressure(x, t, ufl) * ufl.Identity(self.gdim)
+            i, j = ufl.indices(2)
+            divergence = ufl.as_vector(ufl.diff(stress, x)[i, j, j], i)
+            return ufl.diff(v, t) + ufl.dot(gradient, v) - divergence
+
+        return force
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A map x = X + d(X, t) of the unit box and its rate, written once for UFL and numpy."""
+
+    displacement: Components
+    velocity: Components
+
+    def reference_map(self, mesh: Any, t: Any) -> forms.ReferenceMap:
+        """The map as UFL expressions of the place X and a constant that holds the time."""
+        x = ufl.SpatialCoordinate(mesh)
+        d, v_mesh = (ufl.as_vector(list(f(x, t, ufl))) for f in (self.displacement, self.velocity))
+        return forms.ReferenceMap(d, v_mesh)
+
+    def place(self, x: np.ndarray, t: float) -> np.ndarray:
+        """Places (3, n) in space of reference points (3, n)."""
+        d = [np.broadcast_to(part, x.shape[1:]) for part in self.displacement(x, t, np)]
+        return x + np.vstack([*d, np.zeros((3 - len(d), *x.shape[1:]))])
+
+
+def fluid_of(
+    flow: Flow, domain: Domain, model: FlowModel, reynolds: float, motion: Motion | None = None, t: Any = None
+) -> Fluid:
+    """The flow's velocity prescribed on the whole boundary, and its body force; `t` holds the time of the map."""
+
+    def boundary_velocity(x: np.ndarray, time: float) -> np.ndarray:
+        return interpolated(flow.velocity, x if motion is None else motion.place(x, time), time)
+
+    if motion is not None:
+        model = replace(model, reference_map=motion.reference_map(domain.mesh, 0.0 if t is None else t))
+    model = replace(model, body_force=flow.body_force(reynolds))
+    sides = [Prescribed(name, boundary_velocity) for name in SIDES[: 2 * flow.gdim]]
+    return Fluid(domain, model, sides, reynolds)
+
+
+def start_from(fluid: Fluid, flow: Flow, motion: Motion | None = None) -> None:
+    """Put the exact flow at the fluid's time into its state."""
+
+    def at(x: np.ndarray) -> np.ndarray:
+        return x if motion is None else motion.place(x, fluid.time)
+
+    for part, field in ((0, flow.velocity), (1, lambda x, t, m: [flow.pressure(x, t, m)])):
+        target = fluid.state.sub(part)
+        target.interpolate(lambda x, field=field: interpolated(field, at(x), fluid.time))
+    fluid.state.x.scatter_forward()
+
+
+def interpolated(field: Components, x: np.ndarray, t: float) -> np.ndarray:
+    """Components (n components, n points), also of constant ones."""
+    return np.vstack([np.broadcast_to(part, x.shape[1:]) for part in field(x, t, np)])
+
+
+@dataclass(frozen=True)
+class Errors:
+    """L2 norms of the errors; the pressure is compared up to a constant."""
+
+    velocity: float
+    pressure: float
+
+
+def errors(fluid: Fluid, flow: Flow) -> Errors:
+    """Errors of the fluid's state in space (weighted by J on a reference domain)."""
+    v, p = ufl.split(fluid.state)
+    x, t = fluid.place(), fluid._time
+    J = 1.0 if fluid.model.reference_map is None else fluid.model.reference_map.J
+    dx = ufl.Measure("dx", domain=fluid.domain.mesh, metadata={"quadrature_degree": 2 * fluid.model.order + 3})
+
+    def integral(integrand: Any) -> float:
+        local = dolfinx.fem.assemble_scalar(compat.form(J * integrand * dx))
+        return float(fluid.domain.comm.allreduce(local, op=MPI.SUM))
+
+    dv = v - ufl.as_vector(list(flow.velocity(x, t, ufl)))
+    dp = p - flow.pressure(x, t, ufl)
+    one = dolfinx.fem.Constant(fluid.domain.mesh, 1.0)
+    mean, volume = integral(dp), integral(one)
+    variance = integral((dp - dolfinx.fem.Constant(fluid.domain.mesh, mean / volume)) ** 2)
+    return Errors(np.sqrt(integral(ufl.inner(dv, dv))), np.sqrt(variance))
+
+
+def orders(sizes: Sequence[float], found: Sequence[float]) -> np.ndarray:
+    """Observed orders between neighbouring levels of a size (of cells or steps)."""
+    return np.diff(np.log(found)) / np.diff(np.log(sizes))

@@ -1,0 +1,124 @@
+"""Orders of convergence in space: velocity k + 1 and pressure k in L2 for elements of order k / k - 1.
+
+Source of the orders: Taylor-Hood elements are stable and approximate best (Brezzi & Falk 1991; Boffi 1997 in
+3D), with one order more in L2 by duality; a smooth map changes constants only.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import dolfinx
+import numpy as np
+import pytest
+from domains import unit_box
+from manufactured import Errors, Flow, Motion, errors, fluid_of, orders, start_from
+
+from incipient.fluid import FlowModel, Transient, solve_steady
+
+REYNOLDS = 10.0
+SLACK = {2: 0.15, 3: 0.25}
+
+# From the stream function psi = sin(3 x + 0.3) cos(2 y) / 3, as v = (d psi/dy, -d psi/dx).
+PLANE = Flow(
+    2,
+    lambda x, t, m: (
+        -2 / 3 * m.sin(3 * x[0] + 0.3) * m.sin(2 * x[1]),
+        -m.cos(3 * x[0] + 0.3) * m.cos(2 * x[1]),
+    ),
+    lambda x, t, m: m.sin(2 * x[0] + x[1]),
+)
+
+# curl of (0, sin(2 z) cos(x), sin(2 x) cos(2 y)).
+SPATIAL = Flow(
+    3,
+    lambda x, t, m: (
+        -2 * m.sin(2 * x[0]) * m.sin(2 * x[1]) - 2 * m.cos(2 * x[2]) * m.cos(x[0]),
+        -2 * m.cos(2 * x[0]) * m.cos(2 * x[1]),
+        -m.sin(2 * x[2]) * m.sin(x[0]),
+    ),
+    lambda x, t, m: m.sin(2 * x[0] + x[1] - x[2]),
+)
+
+# v = (F(y), x): with the map x = X + t g(Y) the velocity at fixed X is linear in time, so that no time step errs.
+PLANE_MOVING = Flow(2, lambda x, t, m: (m.sin(3 * x[1]), x[0]), lambda x, t, m: m.sin(2 * x[0] + x[1]))
+SPATIAL_MOVING = Flow(
+    3,
+    lambda x, t, m: (m.sin(2 * x[1]) * m.cos(2 * x[2]), x[0], -x[0]),
+    lambda x, t, m: m.sin(x[0] + x[1] - 2 * x[2]),
+)
+
+
+# Maps that move the boundary too, d about a tenth of the box.
+CURVED = {
+    2: Motion(
+        lambda x, t, m: (0.1 * m.sin(2 * x[0] + 3 * x[1]), 0.1 * m.cos(3 * x[0]) * x[1]),
+        lambda x, t, m: (0 * x[0], 0 * x[0]),
+    ),
+    3: Motion(
+        lambda x, t, m: (0.1 * m.sin(2 * x[0] + 2 * x[1]), 0.1 * m.cos(2 * x[2]), 0.1 * m.sin(x[0] * x[1])),
+        lambda x, t, m: (0 * x[0], 0 * x[0], 0 * x[0]),
+    ),
+}
+SHEARED = {
+    2: Motion(
+        lambda x, t, m: (0.2 * t * m.sin(3 * x[1]), 0 * x[0]),
+        lambda x, t, m: (0.2 * m.sin(3 * x[1]), 0 * x[0]),
+    ),
+    3: Motion(
+        lambda x, t, m: (0.2 * t * m.sin(2 * x[1] + x[2]), 0 * x[0], 0 * x[0]),
+        lambda x, t, m: (0.2 * m.sin(2 * x[1] + x[2]), 0 * x[0], 0 * x[0]),
+    ),
+}
+
+
+def steady_errors(flow: Flow, order: int, n: int, motion: Motion | None = None) -> Errors:
+    domain = unit_box(flow.gdim, n)
+    with fluid_of(flow, domain, FlowModel(order=order), REYNOLDS, motion) as fluid:
+        solve_steady(fluid, 1e-9)
+        return errors(fluid, flow)
+
+
+def moving_errors(flow: Flow, order: int, n: int, motion: Motion) -> Errors:
+    """Errors after four steps with a map that moves; the mesh velocity is dd/dt, which BDF meets exactly."""
+    domain = unit_box(flow.gdim, n)
+    time = dolfinx.fem.Constant(domain.mesh, 0.0)
+    model = FlowModel(order=order, unsteady=True)
+    with fluid_of(flow, domain, model, 1.0, motion, time) as fluid:
+        start_from(fluid, flow, motion)
+        transient = Transient(fluid, order=2, tolerance=1e-10)
+        for step in (0.25, 0.25, 0.5):
+            time.value = fluid.time + step
+            transient.advance(step)
+        return errors(fluid, flow)
+
+
+def assert_orders(gdim: int, order: int, levels: list[int], found: list[Errors]) -> None:
+    """Orders k + 1 and k at the finest pair of levels."""
+    sizes = 1 / np.array(levels)
+    velocity = orders(sizes, [e.velocity for e in found])
+    pressure = orders(sizes, [e.pressure for e in found])
+    print(f"{gdim}D, P{order}-P{order - 1}: velocity {velocity}, pressure {pressure}")
+    assert velocity[-1] == pytest.approx(order + 1, abs=SLACK[gdim])
+    assert pressure[-1] == pytest.approx(order, abs=SLACK[gdim])
+
+
+LEVELS = {(2, 2): [4, 8, 16], (2, 3): [3, 6, 12], (2, 4): [2, 4, 8], (3, 2): [2, 4, 6], (3, 3): [2, 4]}
+
+
+@pytest.mark.parametrize(("gdim", "order"), LEVELS)
+def test_steady_flow_on_a_fixed_domain(gdim: int, order: int) -> None:
+    flow, levels = {2: PLANE, 3: SPATIAL}[gdim], LEVELS[gdim, order]
+    assert_orders(gdim, order, levels, [steady_errors(flow, order, n) for n in levels])
+
+
+@pytest.mark.parametrize(("gdim", "order"), LEVELS)
+def test_steady_flow_on_a_mapped_domain(gdim: int, order: int) -> None:
+    flow, levels = {2: PLANE, 3: SPATIAL}[gdim], LEVELS[gdim, order]
+    assert_orders(gdim, order, levels, [steady_errors(flow, order, n, CURVED[gdim]) for n in levels])
+
+
+@pytest.mark.parametrize(("gdim", "order"), [(2, 2), (2, 3), (3, 2)])
+def test_flow_on_a_moving_map(gdim: int, order: int) -> None:
+    flow, levels = {2: PLANE_MOVING, 3: SPATIAL_MOVING}[gdim], LEVELS[gdim, order]
+    assert_orders(gdim, order, levels, [moving_errors(flow, order, n, SHEARED[gdim]) for n in levels])

@@ -1,0 +1,270 @@
+"""Pictures of made-up runs: a disc in a square and a box, with flows known in closed form."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tomli_w
+from PIL import Image
+
+from incipient.errors import OutputError
+from incipient.output.series_file import SeriesFile
+from incipient.pictures import draw, grain
+from incipient.pictures.mesh import QuadraticMesh, enclosed_area
+from incipient.pictures.record import read
+from incipient.pictures.streamlines import sample, streamlines
+from incipient.pictures.surface import Surface
+
+RADIUS, SIDE = 1.0, 8.0
+WORDING = "The grain begins to move: it rolls downstream about the contact point."
+FLOW_PICTURES = ["flow.png", "pressure.png", "vorticity.png"]
+
+
+def quadratic_grid(place, columns, rows, closed=False):
+    """Points and 6-node triangles of a grid; `place` maps parameters in [0, 1]^2 to the plane."""
+    across = 2 * columns + (0 if closed else 1)
+    s, t = np.meshgrid(np.arange(across) / (2 * columns), np.arange(2 * rows + 1) / (2 * rows))
+
+    def node(i, j):
+        return j * across + i % across
+
+    cells = []
+    for j in range(0, 2 * rows, 2):
+        for i in range(0, 2 * columns, 2):
+            a, b, c, d = (i, j), (i + 2, j), (i + 2, j + 2), (i, j + 2)
+            for corners in ((a, b, c), (c, a, d)):  # the second runs the other way round, as dolfinx's may
+                ring = [*corners, corners[0]]
+                mids = [tuple((np.array(p) + q) // 2) for p, q in zip(ring[:3], ring[1:], strict=True)]
+                cells.append([node(*p) for p in (*corners, *mids)])
+    return place(s.ravel(), t.ravel()), np.array(cells)
+
+
+def around_disc(s, t):
+    """From the disc (t = 0) to a square's boundary (t = 1), finer at the disc."""
+    angle = 2 * np.pi * s
+    inner = RADIUS * np.array([np.cos(angle), np.sin(angle)])
+    outer = SIDE / 2 * inner / np.abs(inner).max(axis=0)
+    return ((1 - t**1.5) * inner + t**1.5 * outer).T
+
+
+def past_disc(points):
+    """Velocity, pressure and vorticity of the stream function y (1 - 1/r^2)^2, at rest on the disc."""
+    x, y = points.T
+    r2 = np.maximum(x**2 + y**2, RADIUS**2)
+    g = 1 - 1 / r2
+    u = np.column_stack([g**2 + 4 * y**2 * g / r2**2, -4 * x * y * g / r2**2, np.zeros_like(x)])
+    return {"velocity": u, "pressure": -x / r2, "vorticity": -8 * y / r2**2 * (2 - 1 / r2)}
+
+
+def rotation(points):
+    x, y = points.T - 0.5
+    return {"velocity": np.column_stack([-y, x, 0 * x]), "pressure": x**2 + y**2, "vorticity": 2 + 0 * x}
+
+
+def write_run(directory, mesh, fields, scene, result, surface=None):
+    points, cells = mesh
+    for stem, kind, topology, values in (
+        ("fields", "Triangle_6", cells, fields),
+        *([("surface", "Edge_3", *surface)] if surface else []),
+    ):
+        file = SeriesFile(directory / stem, kind)
+        file.create()
+        file.add_mesh(topology)
+        file.add_geometry(np.column_stack([points, np.zeros(len(points))]))
+        file.add_step(0.0, values)
+    (directory / "scene.toml").write_text(tomli_w.dumps(scene))
+    (directory / "result.json").write_text(json.dumps(result))
+    return directory
+
+
+@pytest.fixture
+def grain_run(tmp_path):
+    columns = 24
+    mesh = quadratic_grid(around_disc, columns, 12, closed=True)
+    start = 2 * np.arange(columns)
+    edges = np.column_stack([start, (start + 2) % (2 * columns), start + 1])
+    edges[::3] = edges[::3][:, [1, 0, 2]]  # dolfinx's facets have no common direction
+    values = past_disc(mesh[0])
+    traction = -values["pressure"][:, None] * np.column_stack([mesh[0], np.zeros(len(mesh[0]))])
+    shuffled = edges[np.random.default_rng(1).permutation(columns)]
+    scene = {
+        "domain": {"kind": "channel"},
+        "fluid": {"reynolds": 20.0, "scale": "grain"},
+        "flow": {"kind": "uniform"},
+        "body": {"shape": "disc"},
+        "bed": {"kind": "flat"},
+        "contact": {"friction": 0.4},
+    }
+    result = {
+        "schema_version": 1,
+        "title": "A disc in a square",
+        "force": {"flow": [np.pi, 0.5, 0], "buoyancy": [0, 1.0, 0], "weight": [0, -3.0, 0]},
+        "couple": {"about": [0, 0, 0], "flow": [0, 0, -0.3]},
+        "coefficients": {"drag": 6.28, "lift": 1.0, "moment": None},
+        "contacts": [
+            {"point": [-0.5, -0.866, 0], "normal": [-0.5, -0.866, 0], "significant": False},
+            {"point": [0.5, -0.866, 0], "normal": [0.5, -0.866, 0], "significant": True},
+        ],
+        "grain": {"centre": [0, 0, 0], "angle": 0.0, "gap": 0.02, "cells_in_gap": 2},
+        "verdict": {"mode": "rolls", "moves": True, "wording": WORDING, "safety_factor": 0.8},
+    }
+    return write_run(tmp_path, mesh, values, scene, result, (shuffled, {"traction": traction}))
+
+
+@pytest.fixture
+def box_run(tmp_path):
+    mesh = quadratic_grid(lambda s, t: np.column_stack([s, t]), 8, 8)
+    scene = {
+        "title": "Rotation",
+        "domain": {"kind": "box"},
+        "fluid": {"reynolds": 100.0, "scale": "flow"},
+        "flow": {"kind": "lid"},
+    }
+    result = {"force": None, "contacts": [], "verdict": None}
+    return write_run(tmp_path, mesh, rotation(mesh[0]), scene, result)
+
+
+def assert_is_a_picture(path):
+    pixels = np.asarray(Image.open(path).convert("RGB"))
+    height, width, _ = pixels.shape
+    assert width > 1000 and height > 600
+    assert (pixels[:5] == 255).all() and (pixels[:, :3] == 255).all(), "a white margin"
+    assert 0.02 < np.mean((pixels != 255).any(axis=2)) < 0.98
+    assert len(np.unique(pixels.reshape(-1, 3), axis=0)) > 50
+    assert path.stat().st_size > 20_000
+
+
+def test_all_pictures_of_a_grain(grain_run):
+    written = draw(grain_run)
+    assert [path.name for path in written] == [*FLOW_PICTURES, "traction.png", "verdict.png"]
+    for path in written:
+        assert_is_a_picture(path)
+
+
+def test_a_box_without_a_grain_has_flow_pictures_and_profiles(box_run):
+    written = draw(box_run)
+    assert [path.name for path in written] == [*FLOW_PICTURES, "profiles.png"]
+    for path in written:
+        assert_is_a_picture(path)
+
+
+def test_the_verdict_is_told_in_words_and_numbers(grain_run):
+    figure = grain.verdict(read(grain_run))
+    texts = [text.get_text() for text in figure.texts] + [text.get_text() for text in figure.axes[0].texts]
+    assert WORDING in texts
+    assert {"flow", "weight", "resultant"} <= set(texts)
+    assert "(3.142, −1.5)" in texts  # flow + buoyancy + weight
+    assert texts[texts.index("Safety factor on the flow") + 1] == "0.8"
+    assert "Moment coefficient" not in texts  # null in the result
+
+
+def test_no_screen_no_warning(grain_run):
+    environment = {key: value for key, value in os.environ.items() if "DISPLAY" not in key}
+    program = f"from pathlib import Path; from incipient.pictures import draw; draw(Path({str(grain_run)!r}))"
+    process = subprocess.run(
+        [sys.executable, "-W", "error", "-c", program],
+        env=environment, capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+    assert (process.returncode, process.stdout, process.stderr) == (0, "", "")
+
+
+def test_still_fluid_is_drawn(grain_run):
+    file = SeriesFile(grain_run / "fields", "Triangle_6")
+    points, cells = quadratic_grid(around_disc, 24, 12, closed=True)
+    file.create()
+    file.add_mesh(cells)
+    file.add_geometry(np.column_stack([points, np.zeros(len(points))]))
+    nothing = np.zeros(len(points))
+    file.add_step(0.0, {"velocity": np.zeros((len(points), 3)), "pressure": nothing, "vorticity": nothing})
+    assert len(draw(grain_run)) == 5
+
+
+@pytest.mark.parametrize(
+    ("name", "complaint"),
+    [
+        ("result.json", "is this the directory of a finished run"),
+        ("scene.toml", "is this the directory of a finished run"),
+        ("fields.h5", r"output\.fields = true"),
+        ("surface.h5", r"output\.fields = true"),
+    ],
+)
+def test_a_missing_file_is_named(grain_run, name, complaint):
+    (grain_run / name).unlink()
+    with pytest.raises(OutputError, match=rf"{name}: .*{complaint}"):
+        draw(grain_run)
+
+
+def test_damaged_files_are_named(grain_run):
+    (grain_run / "result.json").write_text("{")
+    with pytest.raises(OutputError, match=r"result\.json: cannot be read"):
+        draw(grain_run)
+    (grain_run / "result.json").write_text("{}")
+    (grain_run / "fields.h5").write_bytes(b"nothing")
+    with pytest.raises(OutputError, match=r"fields\.h5: cannot be read"):
+        draw(grain_run)
+
+
+def test_a_missing_field_is_named(box_run):
+    file = SeriesFile(box_run / "fields", "Triangle_6")
+    points, cells = quadratic_grid(lambda s, t: np.column_stack([s, t]), 2, 2)
+    file.create()
+    file.add_mesh(cells)
+    file.add_geometry(np.column_stack([points, np.zeros(len(points))]))
+    file.add_step(0.0, {"velocity": rotation(points)["velocity"]})
+    with pytest.raises(OutputError, match=r"fields\.h5: holds no pressure"):
+        draw(box_run)
+
+
+def test_a_picture_that_cannot_be_written_is_an_error(box_run):
+    (box_run / "flow.png").mkdir()
+    with pytest.raises(OutputError, match=r"flow\.png: cannot be written"):
+        draw(box_run)
+
+
+def test_boundary_of_a_mesh_with_a_hole():
+    mesh = QuadraticMesh(*quadratic_grid(around_disc, 24, 12, closed=True))
+    outer, hole = mesh.loops
+    assert np.isclose(enclosed_area(mesh.points, outer), SIDE**2)
+    assert np.isclose(enclosed_area(mesh.points, hole), -np.pi * RADIUS**2, rtol=1e-2)  # clockwise polygon
+
+
+def test_quadratic_fields_are_evaluated_exactly():
+    mesh = QuadraticMesh(*quadratic_grid(lambda s, t: np.column_stack([s + t / 3, t]), 3, 3))
+    points = np.array([[0.51, 0.2], [0.9, 0.77], [0.4, 0.41], [5.0, 5.0]])
+
+    def field(x):
+        return x[:, 0] ** 2 - 3 * x[:, 0] * x[:, 1] + x[:, 1]
+
+    found = mesh.evaluated(field(mesh.points), points)
+    assert np.allclose(found[:3], field(points[:3]), atol=1e-12)
+    assert np.isnan(found[3])
+
+
+def test_streamlines_of_a_rotation_are_circles_run_anticlockwise():
+    points, cells = quadratic_grid(lambda s, t: np.column_stack([s, t]), 16, 16)
+    mesh = QuadraticMesh(points, cells)
+    lines = streamlines(sample(mesh, rotation(points)["velocity"][:, :2], (0, 1, 0, 1)), 0.05)
+    assert len(lines) > 8
+    for line in lines:
+        x, y = line.T - 0.5
+        assert np.ptp(np.hypot(x, y)) < 5e-3
+        assert np.all(x[:-1] * y[1:] - y[:-1] * x[1:] > 0)
+
+
+def test_surface_is_put_in_order_with_normals_out_of_the_grain(grain_run):
+    surface = Surface.of(read(grain_run).surface)
+    assert np.allclose(surface.normals, surface.points / RADIUS, atol=3e-3)
+    turn = np.diff(np.unwrap(np.arctan2(*surface.points.T[::-1])))
+    assert np.allclose(turn, 2 * np.pi / len(surface.points))
+    assert np.allclose(surface.normal_part, surface.points[:, 0], atol=1e-2)  # -p = x on the unit circle
+    assert np.allclose(surface.tangential_part, 0, atol=1e-2)
+    assert len(surface.spaced(16)) == 16
+
+
+def test_the_directory_itself_is_checked():
+    with pytest.raises(OutputError, match="no such file"):
+        draw(Path("no-such-run"))

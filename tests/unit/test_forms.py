@@ -1,0 +1,210 @@
+"""The three descriptions of one flow are the same to round-off, and a fixed domain pays for no map.
+
+reference  fields on a fixed mesh, displacement d and mesh velocity as functions (`forms.ReferenceMap`)
+updated    the mesh moved by d, F = I, still a mesh velocity: once as a map with d = 0, once in the carrier
+Eulerian   the mesh moved by d, no mesh velocity; the same when the map does not change in time
+
+Source of the equivalence: (338) and (339) are the updated equations pulled back by x = X + d.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import dolfinx
+import numpy as np
+import pytest
+import ufl
+from dolfinx.fem import petsc
+from domains import unit_box
+
+from incipient import compat, forms
+from incipient.domain import Domain
+from incipient.fluid.space import TaylorHood, taylor_hood
+
+QUADRATURE = {"quadrature_degree": 6}
+ROUND_OFF = 1e-12
+
+
+def affine(x: np.ndarray) -> np.ndarray:
+    """d linear in space, with stretching and shear."""
+    return np.array([0.1 * x[0] + 0.3 * x[1], 0.2 * x[0] - 0.1 * x[1], 0.15 * x[2] + 0.1 * x[0]])
+
+
+def quadratic(x: np.ndarray) -> np.ndarray:
+    """d of degree two in space, J between 0.6 and 1.5."""
+    return np.array(
+        [0.2 * x[1] ** 2 + 0.1 * x[0] * x[1], 0.2 * x[0] * x[1], 0.1 * x[0] ** 2 + 0.1 * x[1] * x[2]]
+    )
+
+
+def mesh_velocity(x: np.ndarray) -> np.ndarray:
+    return np.array([np.sin(x[1]), x[0] ** 2, x[1] * x[2] - x[0]])
+
+
+@dataclass
+class Problem:
+    """A flow with every term present, in whatever geometry the mesh has at the moment."""
+
+    domain: Domain
+    space: TaylorHood
+    displacement: Any
+    mesh_velocity: Any
+    state: Any
+    previous: Any
+
+    def assembled(
+        self, reference_map: forms.ReferenceMap | None, carrier: Any
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Residual and Jacobian as arrays."""
+        form = self.form(reference_map, carrier)
+        vector = petsc.assemble_vector(compat.form(form))
+        derivative = ufl.derivative(form, self.state, ufl.TrialFunction(self.space.mixed))
+        matrix = petsc.assemble_matrix(compat.form(derivative))
+        matrix.assemble()
+        return vector.array.copy(), matrix[:, :]
+
+    def form(self, reference_map: forms.ReferenceMap | None, carrier: Any) -> Any:
+        v, p = ufl.split(self.state)
+        w, q = ufl.TestFunctions(self.space.mixed)
+        mesh = self.domain.mesh
+        sides = self.domain.measure("right", "top")
+        x = ufl.SpatialCoordinate(mesh)
+        if reference_map is not None:
+            x += reference_map.displacement
+        terms = forms.FlowTerms(
+            reynolds=dolfinx.fem.Constant(mesh, 7.0),
+            rate=3.0 * (v - ufl.split(self.previous)[0]),
+            carrier=carrier,
+            body_force=ufl.as_vector([x[1], x[0] ** 2, x[0] * x[1]][: len(v)]),
+            open_boundary=sides(metadata=QUADRATURE),
+            reference_map=reference_map,
+        )
+        return forms.residual(v, p, w, q, terms, ufl.Measure("dx", domain=mesh, metadata=QUADRATURE))
+
+    @property
+    def velocity(self) -> Any:
+        return ufl.split(self.state)[0]
+
+    def move(self) -> None:
+        """Carry the mesh by d; nodes belong to the coordinate element and are found through the cells."""
+        mesh, gdim = self.domain.mesh, self.domain.gdim
+        node_to_dof = np.empty(len(mesh.geometry.x), dtype=np.int64)
+        node_to_dof[compat.geometry_dofs(mesh)] = compat.cell_dofs(self.displacement.function_space)
+        mesh.geometry.x[:, :gdim] += self.displacement.x.array.reshape(-1, gdim)[node_to_dof]
+
+
+def make_problem(gdim: int, order: int, displacement: Any) -> Problem:
+    domain = unit_box(gdim, 2, order)
+    space = taylor_hood(domain.mesh, 2)
+    d = dolfinx.fem.Function(compat.function_space(domain.mesh, compat.coordinate_element(domain.mesh)))
+    d.interpolate(lambda x: displacement(x)[:gdim])
+    v_mesh = dolfinx.fem.Function(space.velocity)
+    v_mesh.interpolate(lambda x: mesh_velocity(x)[:gdim])
+    state, previous = (dolfinx.fem.Function(space.mixed) for _ in range(2))
+    random = np.random.default_rng(1)
+    for function in (state, previous):
+        function.x.array[:] = random.standard_normal(len(function.x.array))
+    return Problem(domain, space, d, v_mesh, state, previous)
+
+
+def assert_same(found: Any, expected: Any) -> None:
+    for a, b in zip(found, expected, strict=True):
+        assert np.abs(a - b).max() < ROUND_OFF * np.abs(b).max()
+
+
+CASES = pytest.mark.parametrize("gdim", [2, 3])
+MAPS = pytest.mark.parametrize(("order", "displacement"), [(1, affine), (2, affine), (2, quadratic)])
+
+
+@CASES
+@MAPS
+def test_reference_form_equals_updated_form(gdim: int, order: int, displacement: Any) -> None:
+    problem = make_problem(gdim, order, displacement)
+    d, v_mesh, v = problem.displacement, problem.mesh_velocity, problem.velocity
+    reference = problem.assembled(forms.ReferenceMap(d, v_mesh), v)
+    problem.move()
+    updated = problem.assembled(None, v - v_mesh)
+    d.x.array[:] = 0.0
+    assert_same(reference, updated)
+    assert_same(problem.assembled(forms.ReferenceMap(d, v_mesh), v), updated)
+
+
+@CASES
+@MAPS
+def test_reference_form_at_rest_equals_eulerian_form(gdim: int, order: int, displacement: Any) -> None:
+    problem = make_problem(gdim, order, displacement)
+    problem.mesh_velocity.x.array[:] = 0.0
+    reference = problem.assembled(
+        forms.ReferenceMap(problem.displacement, problem.mesh_velocity), problem.velocity
+    )
+    problem.move()
+    assert_same(reference, problem.assembled(None, problem.velocity))
+
+
+def test_moved_cubic_mesh_has_the_exact_area() -> None:
+    """d = (0.2 y^2, 0.3 x y) on cubic cells: the area is int det F = 1 + int (0.3 x - 0.12 y^2) = 1.11."""
+    problem = make_problem(2, 3, lambda x: np.array([0.2 * x[1] ** 2, 0.3 * x[0] * x[1]]))
+    problem.move()
+    area = dolfinx.fem.assemble_scalar(compat.form(1.0 * ufl.dx(domain=problem.domain.mesh)))
+    assert area == pytest.approx(1.11, abs=1e-14)
+
+
+def test_mesh_velocity_matters() -> None:
+    """The comparison above is not blind: without the mesh velocity the residual differs."""
+    problem = make_problem(2, 1, affine)
+    d, v_mesh, v = problem.displacement, problem.mesh_velocity, problem.velocity
+    moving, _ = problem.assembled(forms.ReferenceMap(d, v_mesh), v)
+    still, _ = problem.assembled(forms.ReferenceMap(d, 0 * v_mesh), v)
+    assert np.abs(moving - still).max() > 1e-3 * np.abs(still).max()
+
+
+def operators(form: Any) -> set[type]:
+    """Types of all nodes in the integrands of a form."""
+    walk = ufl.corealg.traversal.unique_pre_traversal
+    return {type(node) for integral in form.integrals() for node in walk(integral.integrand())}
+
+
+def test_without_a_map_no_determinant_and_no_inverse_is_in_the_form() -> None:
+    problem = make_problem(2, 1, affine)
+    costly = {ufl.tensoralgebra.Determinant, ufl.tensoralgebra.Inverse}
+    mapped = problem.form(forms.ReferenceMap(problem.displacement, problem.mesh_velocity), problem.velocity)
+    fixed = problem.form(None, problem.velocity)
+    assert operators(mapped) >= costly
+    assert not operators(fixed) & costly
+    assert set(fixed.coefficients()) == {problem.state, problem.previous}
+    assert len(compat.form(mapped).coefficients) == 4
+    assert len(compat.form(fixed).coefficients) == 2
+
+
+def test_absent_terms_are_not_in_the_form() -> None:
+    """Steady Stokes flow needs the state alone, and no facet integral."""
+    problem = make_problem(2, 1, affine)
+    v, p = ufl.split(problem.state)
+    w, q = ufl.TestFunctions(problem.space.mixed)
+    form = forms.residual(v, p, w, q, forms.FlowTerms(reynolds=1.0), ufl.dx)
+    assert form.coefficients() == (problem.state,)
+    assert {integral.integral_type() for integral in form.integrals()} == {"cell"}
+
+
+@pytest.mark.parametrize(("gdim", "expected"), [(2, [3.0]), (3, [2.0, 4.0, 3.0])])
+def test_vorticity_of_a_linear_flow(gdim: int, expected: list[float]) -> None:
+    """2D: v = (-y, 2 x), curl = 3; 3D: v = (-y + 5 z, 2 x, 2 y + x), curl = (2, 5 - 1, 2 + 1)."""
+    mesh = unit_box(gdim, 2).mesh
+    x = ufl.SpatialCoordinate(mesh)
+    components = [-x[1], 2 * x[0]] if gdim == 2 else [-x[1] + 5 * x[2], 2 * x[0], 2 * x[1] + x[0]]
+    curl = forms.vorticity(ufl.as_vector(components))
+    parts = [curl] if gdim == 2 else list(curl)
+    values = [dolfinx.fem.assemble_scalar(compat.form(part * ufl.dx)) for part in parts]
+    assert values == pytest.approx(expected, abs=1e-12)
+
+
+def test_surface_traction_of_a_linear_flow() -> None:
+    """v = (y, 0), p = 2, Re = 4 on the upper side, n up: sigma n = (mu, -p) = (1/4, -2)."""
+    domain = unit_box(2, 2)
+    x = ufl.SpatialCoordinate(domain.mesh)
+    n = ufl.FacetNormal(domain.mesh)
+    traction = forms.surface_traction(ufl.as_vector([x[1], 0 * x[0]]), 2.0, n, 4.0)
+    values = [dolfinx.fem.assemble_scalar(compat.form(t * domain.measure("top"))) for t in traction]
+    assert values == pytest.approx([0.25, -2.0], abs=1e-12)
