@@ -4,4 +4,12 @@ from .flow import FlowTerms, residual, vorticity
 from .kinematics import ReferenceMap, surface_vector
 from .terms import stress, surface_traction
 
-__all__ = ["FlowTerms", "ReferenceMap", "residual", "stress", "surface_traction", "surface_vector", "vorticity"]
+__all__ = [
+    "FlowTerms",
+    "ReferenceMap",
+    "residual",
+    "stress",
+    "surface_traction",
+    "surface_vector",
+    "vorticity",
+]

@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING
 
 from .errors import ConvergenceError, IncipientError, MeshError, OutputError, SceneError
 from .plan import Plan, make_plan
-from .scene import Scene
-from .scene import load
+from .scene import Scene, load
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -32,7 +31,6 @@ __all__ = [
     "MeshError",
     "OutputError",
     "Plan",
-    "Result",
     "Scene",
     "SceneError",
     "load",
@@ -67,11 +65,3 @@ def run(
     from .output.directory import ResultDirectory
 
     return simulate(scene, comm, ResultDirectory(Path(directory), comm), voice)
-
-
-def __getattr__(name: str) -> object:
-    if name == "Result":
-        from .result import Result
-
-        return Result
-    raise AttributeError(f"module 'incipient' has no attribute {name!r}")

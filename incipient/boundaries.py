@@ -61,11 +61,14 @@ def conditions(scene: Scene) -> list[Condition]:
 
     bottom, right, top, left = side_names(scene)
     stream = undisturbed(scene)
-    walls, moving, free = [], [], []
+    walls: list[str] = []
+    moving: list[str] = []
+    free: list[Condition] = []
     if scene.domain.kind == "channel":
-        moving, free = [left], [Open(right)]
+        moving.append(left)
+        free.append(Open(right))
     else:
-        walls = [left, right]
+        walls.extend((left, right))
     (walls if _is_wall(scene) else moving).append(bottom)
     if scene.top == "slip":
         free.append(Slip(top, axis=1))
@@ -80,4 +83,5 @@ def conditions(scene: Scene) -> list[Condition]:
 
 def _is_wall(scene: Scene) -> bool:
     """Whether the bottom is a wall at rest rather than part of the stream."""
-    return scene.bed is not None or scene.domain.kind == "box" or scene.top == "wall" or scene.flow.kind == "open-channel"
+    bounded = scene.domain.kind == "box" or scene.top == "wall" or scene.flow.kind == "open-channel"
+    return bounded or scene.bed is not None

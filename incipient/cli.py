@@ -43,7 +43,12 @@ def _parser() -> argparse.ArgumentParser:
     scene = argparse.ArgumentParser(add_help=False)
     scene.add_argument("scene", type=Path, help="scene file (TOML)")
     scene.add_argument(
-        "--set", dest="overrides", action="append", default=[], metavar="KEY=VALUE", help="such as fluid.reynolds=40"
+        "--set",
+        dest="overrides",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="such as fluid.reynolds=40",
     )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
@@ -53,7 +58,9 @@ def _parser() -> argparse.ArgumentParser:
         return made
 
     run = command("run", _run, "simulate a scene and judge its grain (also under mpirun)", scene)
-    run.add_argument("--out", type=Path, help="directory for the results (default: results/NAME OF THE SCENE)")
+    run.add_argument(
+        "--out", type=Path, help="directory for the results (default: results/NAME OF THE SCENE)"
+    )
     plan = command("plan", _plan, "say what would be computed and what not, and what it needs", scene)
     plan.add_argument("--json", action="store_true", help="as JSON")
     show = command("show", _show, "draw the pictures of a finished run")
@@ -72,7 +79,9 @@ def _run(options: argparse.Namespace, comm: MPI.Comm) -> int:
     log = logging.getLogger("incipient") if comm.rank == 0 else _nobody()
     scene = incipient.load(options.scene, options.overrides)
     directory = options.out or Path("results") / options.scene.stem
-    log.info("%s on %s\n%s", scene.title or options.scene.stem, _ranks(comm), incipient.make_plan(scene).text())
+    log.info(
+        "%s on %s\n%s", scene.title or options.scene.stem, _ranks(comm), incipient.make_plan(scene).text()
+    )
     with telling(comm.rank) as voice:
         result = incipient.run(scene, directory, comm, voice)
     log.info("%s", result.text())

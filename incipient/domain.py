@@ -41,7 +41,9 @@ class Domain:
     def measure(self, *names: str) -> Any:
         """UFL surface measure over the named boundaries together."""
         tags = tuple(self.names[name] for name in names)
-        return ufl.Measure("ds", domain=self.mesh, subdomain_data=self.facets)(tags[0] if len(tags) == 1 else tags)
+        return ufl.Measure("ds", domain=self.mesh, subdomain_data=self.facets)(
+            tags[0] if len(tags) == 1 else tags
+        )
 
 
 def build(comm: MPI.Comm, drawing: Callable[[], AbstractContextManager[Any]], gdim: int) -> Domain:

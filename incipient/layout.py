@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from .geometry.curves import Curve, Line, Point
-from .geometry.grain import Grain, Placement
+from .geometry.grain import Placement
 from .geometry.rest import clearance, lifted
 from .meshes import Grid, Near, Region, Sizes
 from .plan import Estimate, Plan
@@ -21,7 +21,7 @@ FAR_CELL = {2: 0.10, 3: 0.15, 4: 0.20}  # of the domain's height
 BED_CELL = {2: 0.15, 3: 0.25, 4: 0.35}  # of the bed's smallest feature
 GAP_CELL = {2: 0.5, 3: 0.75, 4: 1.0}  # of the gap between grain and bed
 CORNER_CELL = 0.3  # of the grain's cells, at its corners
-GRID_CELLS = {2: 40, 3: 28, 4: 22}  # along the shorter side of an empty box
+GRID_CELLS = {2: 48, 3: 32, 4: 24}  # along the shorter side of an empty box
 GROWTH, GAP_GROWTH = 0.25, 0.18  # of cell sizes with distance
 
 
@@ -107,7 +107,7 @@ def _sizes(
         if corners := _corners(outline):
             near.append(Near(CORNER_CELL * size, GROWTH, points=corners))
         if gap < 4 * size and ends is not None:
-            near.append(Near(GAP_CELL[plan.order] * gap, GAP_GROWTH, points=_gap_points(scene, grain, gap, ends)))
+            near.append(Near(GAP_CELL[plan.order] * gap, GAP_GROWTH, points=_gap_points(scene, ends)))
     if bed is not None and np.isfinite(bed.feature):
         near.append(Near(BED_CELL[plan.order] * bed.feature, GROWTH, boundary="bed"))
     if scene.flow.kind == "lid":
@@ -117,11 +117,12 @@ def _sizes(
     return Sizes(far, tuple(near))
 
 
-def _gap_points(scene: Scene, grain: Grain, gap: float, ends: tuple[Point, Point]) -> tuple[Point, ...]:
-    """Points of near contact on the grain: where the bed is within twice the gap, spaced so that none is missed."""
+def _gap_points(scene: Scene, ends: tuple[Point, Point]) -> tuple[Point, ...]:
+    """Where grain and bed nearly touch: the narrowest place, and every contact of the resting grain."""
     from .contact.search import touching
 
-    bed, resting = scene.bed_shape, scene.placement
+    grain, bed, resting = scene.grain, scene.bed_shape, scene.placement
+    assert grain is not None and bed is not None and resting is not None
     contacts = touching(grain, resting, bed, scene.contact_tolerance)
     return tuple(dict.fromkeys([ends[0], *(_point(x) for x in contacts.points[:, :2])]))
 

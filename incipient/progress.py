@@ -39,7 +39,9 @@ class Logged(Silent):
 
     def iterate(self, share: float, iteration: int, size: float) -> None:
         """Log at level debug."""
-        log.debug("at %.4g of the Reynolds number: correction %d, relative size %.2e", share, iteration + 1, size)
+        log.debug(
+            "at %.4g of the Reynolds number: correction %d, relative size %.2e", share, iteration + 1, size
+        )
 
     def advance(self, time: float, end: float) -> None:
         """Log at level debug."""
@@ -61,12 +63,16 @@ class Live(Logged):
     def iterate(self, share: float, iteration: int, size: float) -> None:
         """Show how far Newton's method is."""
         super().iterate(share, iteration, size)
-        self._bar.update(self._task, description=f"flow: Re x {share:.3g}, correction {iteration + 1}, {size:.1e}")
+        self._bar.update(
+            self._task, description=f"flow: Re x {share:.3g}, correction {iteration + 1}, {size:.1e}"
+        )
 
     def advance(self, time: float, end: float) -> None:
         """Show the share of time done; the bar works out the time left."""
         super().advance(time, end)
-        self._bar.update(self._task, completed=time, total=end, description=f"flow: t = {time:.4g} of {end:g}")
+        self._bar.update(
+            self._task, completed=time, total=end, description=f"flow: t = {time:.4g} of {end:g}"
+        )
 
 
 @contextmanager

@@ -115,12 +115,16 @@ def _lines(result: Result) -> list[str]:
     lines = []
     if result.force is not None and result.couple is not None:
         f, c = result.force.flow, result.couple.flow
-        lines.append(f"force of the flow   ({f[0]:.6g}, {f[1]:.6g})   couple {c[2]:.6g} about the centre of mass")
+        lines.append(
+            f"force of the flow   ({f[0]:.6g}, {f[1]:.6g})   couple {c[2]:.6g} about the centre of mass"
+        )
     if result.coefficients is not None:
         k = result.coefficients
         lines.append(f"coefficients        drag {k.drag:.6g}   lift {k.lift:.6g}   moment {k.moment:.6g}")
     if result.gap is not None and np.isfinite(result.gap.width):
-        state = "resolved" if result.gap.resolved else "NOT resolved: refine with a smaller numerics.mesh_size"
+        state = (
+            "resolved" if result.gap.resolved else "NOT resolved: refine with a smaller numerics.mesh_size"
+        )
         lines.append(f"gap                 {result.gap.width:.4g}, {result.gap.cells} cells across: {state}")
     for name, extreme in (result.centrelines or {}).items():
         lines.append(f"{name:<20}{extreme.value:.6f} at {extreme.position:.4f}")

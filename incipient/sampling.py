@@ -40,7 +40,11 @@ class Extremum:
 
 
 def extremum(
-    function: Any, component: int, line: Callable[[np.ndarray], np.ndarray], between: Sequence[float], sign: int
+    function: Any,
+    component: int,
+    line: Callable[[np.ndarray], np.ndarray],
+    between: Sequence[float],
+    sign: int,
 ) -> Extremum:
     """Largest (sign = 1) or smallest (sign = -1) value of a component along a line. Collective.
 

@@ -20,10 +20,11 @@ import ufl
 from dolfinx.fem import petsc
 from petsc4py import PETSc
 
-from . import compat, forms
+from . import compat
 from .fluid import Fluid
 from .fluid.linear import solve_mass_matrix
 from .fluid.space import boundary_blocks
+from .forms import ReferenceMap, surface_traction, surface_vector
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ class TractionProbe:
             v, p = ufl.split(self.fluid.state)
             w = ufl.TestFunction(space)
             n = -ufl.FacetNormal(self.fluid.domain.mesh)
-            traction = forms.surface_traction(v, p, n, self.fluid.reynolds_constant, self._map)
+            traction = surface_traction(v, p, n, self.fluid.reynolds_constant, self._map)
             ds = self.fluid.domain.measure(self.boundary)
             self._surface_form = compat.form(ufl.inner(traction, w) * ds)
         vector = petsc.assemble_vector(self._surface_form)
@@ -89,7 +90,7 @@ class TractionProbe:
         return traction
 
     @property
-    def _map(self) -> forms.ReferenceMap | None:
+    def _map(self) -> ReferenceMap | None:
         return self.fluid.model.reference_map
 
     def _nodal_forces(self) -> np.ndarray:
@@ -120,7 +121,7 @@ class TractionProbe:
         t, w = ufl.TrialFunction(space), ufl.TestFunction(space)
         scale = 1.0
         if self._map is not None:
-            normal = forms.surface_vector(ufl.FacetNormal(self.fluid.domain.mesh), self._map)
+            normal = surface_vector(ufl.FacetNormal(self.fluid.domain.mesh), self._map)
             scale = ufl.sqrt(ufl.inner(normal, normal))
         mass = petsc.assemble_matrix(
             compat.form(scale * ufl.inner(t, w) * self.fluid.domain.measure(self.boundary))

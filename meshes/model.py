@@ -42,7 +42,9 @@ def grid_model(grid: Grid, order: int) -> Iterator[Any]:
 @contextmanager
 def _session() -> Iterator[Any]:
     """A quiet gmsh session of its own, whose errors become MeshError."""
-    options = {"interruptible": False} if "interruptible" in inspect.signature(gmsh.initialize).parameters else {}
+    options = (
+        {"interruptible": False} if "interruptible" in inspect.signature(gmsh.initialize).parameters else {}
+    )
     gmsh.initialize(**options)
     try:
         gmsh.option.setNumber("General.Terminal", 0)

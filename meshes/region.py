@@ -64,5 +64,5 @@ class Grid:
     height: float
     columns: int
     rows: int
-    grading: float = 0.1
+    grading: float = 0.05
     sides: tuple[str, str, str, str] = ("bottom", "right", "top", "left")

@@ -1,8 +1,19 @@
 """The fluid sub-problem: spaces, boundary conditions, steady and time-dependent solution."""
 
 from .conditions import Condition, Open, Prescribed, Slip, no_slip
-from .flow import Fluid, FlowModel
+from .flow import FlowModel, Fluid
 from .steady import solve_steady
 from .transient import TimeStep, Transient
 
-__all__ = ["Condition", "FlowModel", "Fluid", "Open", "Prescribed", "Slip", "TimeStep", "Transient", "no_slip", "solve_steady"]
+__all__ = [
+    "Condition",
+    "FlowModel",
+    "Fluid",
+    "Open",
+    "Prescribed",
+    "Slip",
+    "TimeStep",
+    "Transient",
+    "no_slip",
+    "solve_steady",
+]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import dolfinx
@@ -12,8 +12,9 @@ import ufl
 from dolfinx.fem import petsc
 from petsc4py import PETSc
 
-from .. import compat, forms
+from .. import compat
 from ..domain import Domain
+from ..forms import FlowTerms, ReferenceMap, residual
 from . import newton
 from .conditions import Condition, Constraints
 from .linear import KeptFactorisation
@@ -38,7 +39,7 @@ class FlowModel:
     unsteady: bool = False
     convection: str = "implicit"
     body_force: Callable[[Any, Any], Any] | None = None
-    reference_map: forms.ReferenceMap | None = None
+    reference_map: ReferenceMap | None = None
 
     @property
     def linear(self) -> bool:
@@ -58,10 +59,8 @@ class Fluid:
         reynolds: 1/nu in scene units.
     """
 
-    def __init__(
-        self, domain: Domain, model: FlowModel, conditions: Sequence[Condition], reynolds: float
-    ):
-        self.domain, self.model = domain, model
+    def __init__(self, domain: Domain, model: FlowModel, conditions: Sequence[Condition], reynolds: float):
+        self.domain, self.model, self.conditions = domain, model, tuple(conditions)
         mesh = domain.mesh
         self.space: TaylorHood = taylor_hood(mesh, model.order)
         self.constraints = Constraints(domain, self.space, conditions)
@@ -82,11 +81,11 @@ class Fluid:
         v, p = ufl.split(self.state)
         w, q = ufl.TestFunctions(self.space.mixed)
         dx = self.space.quadrature()
-        residual = forms.residual(v, p, w, q, self._terms(v), dx)
-        jacobian = ufl.derivative(residual, self.state, ufl.TrialFunction(self.space.mixed))
-        return compat.form(residual), compat.form(jacobian)
+        whole = residual(v, p, w, q, self._terms(v), dx)
+        jacobian = ufl.derivative(whole, self.state, ufl.TrialFunction(self.space.mixed))
+        return compat.form(whole), compat.form(jacobian)
 
-    def _terms(self, v: Any) -> forms.FlowTerms:
+    def _terms(self, v: Any) -> FlowTerms:
         model, past = self.model, [ufl.split(h)[0] for h in self.history]
         rate = carrier = force = None
         if model.unsteady:
@@ -98,7 +97,7 @@ class Fluid:
         if model.body_force is not None:
             force = model.body_force(self.place(), self._time)
         boundary = self.domain.measure(*self.constraints.open) if self.constraints.open else None
-        return forms.FlowTerms(self._reynolds, rate, carrier, force, boundary, model.reference_map)
+        return FlowTerms(self._reynolds, rate, carrier, force, boundary, model.reference_map)
 
     def place(self) -> Any:
         """UFL expression of the place x in space, X + d on a reference domain."""
@@ -148,6 +147,21 @@ class Fluid:
             constant.value = value
         for constant, value in zip(self._extrapolation, extrapolation, strict=True):
             constant.value = value
+
+    def at_order(self, order: int) -> Fluid:
+        """The same flow in elements of another order; the caller destroys it. Collective."""
+        return Fluid(self.domain, replace(self.model, order=order), self.conditions, self.reynolds)
+
+    def interpolate(self, other: Fluid) -> None:
+        """Take the state of a flow on the same mesh, of any order. Collective."""
+        parts = (
+            (self.velocity, other.velocity, self.space.velocity_map),
+            (self.pressure, other.pressure, self.space.pressure_map),
+        )
+        for mine, theirs, places in parts:
+            mine.interpolate(theirs)
+            self.state.x.array[places] = mine.x.array
+        self.state.x.scatter_forward()
 
     # -- solution -------------------------------------------------------------------------------
 
@@ -199,9 +213,7 @@ class Fluid:
         self._assemble(self._vector)
         if self._lift:
             # Only the first correction changes boundary values; later ones vanish there.
-            petsc.apply_lifting(
-                self._vector, [self._jacobian], [conditions], [self._state_view], -1.0
-            )
+            petsc.apply_lifting(self._vector, [self._jacobian], [conditions], [self._state_view], -1.0)
         self._vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         petsc.set_bc(self._vector, conditions, self._state_view, -1.0)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Protocol
 
 import numpy as np
@@ -81,4 +82,4 @@ def _slow(sizes: list[float]) -> bool:
 
 def _growing(sizes: list[float]) -> bool:
     last = sizes[-4:]
-    return len(last) == 4 and all(later > 1.5 * earlier for earlier, later in zip(last, last[1:], strict=False))
+    return len(last) == 4 and all(later > 1.5 * earlier for earlier, later in pairwise(last))

@@ -52,8 +52,8 @@ def taylor_hood(mesh: Any, order: int) -> TaylorHood:
     parts = [compat.element(mesh, order, (gdim,)), compat.element(mesh, order - 1)]
     mixed = compat.function_space(mesh, compat.mixed_element(parts))
     velocity, pressure = (compat.function_space(mesh, part) for part in parts)
-    maps = [_places(part, mixed.sub(i)) for i, part in enumerate((velocity, pressure))]
-    return TaylorHood(mixed, velocity, pressure, *maps, order)
+    in_mixed = [_places(part, mixed.sub(i)) for i, part in enumerate((velocity, pressure))]
+    return TaylorHood(mixed, velocity, pressure, in_mixed[0], in_mixed[1], order)
 
 
 def _places(part: Any, within: Any) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,12 +17,16 @@ from .newton import NewtonReport
 TOLERANCE_ON_THE_WAY = 1e-2
 ITERATIONS_ON_THE_WAY = 8
 SMALLEST_STEP = 1e-3
+LOWEST_ORDER = 2
+
+Watch = Callable[[float, int, float], Any]
 
 
 @dataclass(frozen=True)
 class Step:
-    """One solve of the continuation: the share of the Reynolds number, and how Newton's method went."""
+    """One solve on the way: order of the velocity, share of the Reynolds number, how Newton's method went."""
 
+    order: int
     share: float
     report: NewtonReport
 
@@ -31,20 +36,47 @@ def solve_steady(
     tolerance: float,
     max_iterations: int = 25,
     first_share: float = 1.0,
-    watch: Callable[[float, int, float], Any] = lambda share, iteration, size: None,
+    watch: Watch = lambda share, iteration, size: None,
 ) -> tuple[Step, ...]:
-    """Solve steadily at the fluid's Reynolds number, approaching it from `first_share` of it. Collective.
+    """Solve steadily at the fluid's Reynolds number from its present state. Collective.
 
-    The step grows while Newton's method converges and halves when it does not; each start is
-    extrapolated linearly from the two solutions before. `watch` is told (share, iteration, size).
+    Elements of order above two start from the solution in elements of order two on the same mesh, which
+    costs a fraction; where that is not to be had, and for order two, the Reynolds number is approached
+    from `first_share` of it. `watch` is told (share, iteration, size of the correction).
 
     Raises:
-        ConvergenceError: the step became smaller than a thousandth; the fluid then holds the last
-            converged state, at the Reynolds number it belongs to.
+        ConvergenceError: the fluid then holds the last converged state, at the Reynolds number it belongs to.
+    """
+    if fluid.space.order == LOWEST_ORDER or fluid.model.linear:
+        return approach(fluid, tolerance, max_iterations, first_share, watch)
+    before = fluid.state.x.array.copy()
+    with fluid.at_order(LOWEST_ORDER) as coarse:
+        coarse.interpolate(fluid)
+        try:
+            steps = approach(coarse, TOLERANCE_ON_THE_WAY, max_iterations, first_share, watch)
+        except ConvergenceError:
+            # Too coarse a mesh for low order may still do for the order asked for.
+            fluid.state.x.array[:] = before
+            return approach(fluid, tolerance, max_iterations, first_share, watch)
+        fluid.interpolate(coarse)
+    return (*steps, *approach(fluid, tolerance, max_iterations, 1.0, watch))
+
+
+def approach(
+    fluid: Fluid, tolerance: float, max_iterations: int, first_share: float, watch: Watch
+) -> tuple[Step, ...]:
+    """Approach the fluid's Reynolds number by steps that steer themselves. Collective.
+
+    The step grows while Newton's method converges and halves when it does not; each start is
+    extrapolated from the two solutions before.
+
+    Raises:
+        ConvergenceError: the step became smaller than a thousandth.
     """
     target, steps = fluid.reynolds, []
     path = _Path(fluid)
-    share, reached, stride = min(first_share, 1.0), 0.0, first_share
+    stride = share = min(first_share, 1.0)
+    reached = 0.0
     while True:
         last = share >= 1.0
         fluid.reynolds = target * share
@@ -52,9 +84,9 @@ def solve_steady(
         report = fluid.solve(
             tolerance if last else TOLERANCE_ON_THE_WAY,
             max_iterations if last else ITERATIONS_ON_THE_WAY,
-            lambda iteration, size, share=share: watch(share, iteration, size),
+            partial(watch, share),
         )
-        steps.append(Step(share, report))
+        steps.append(Step(fluid.space.order, share, report))
         if report.converged:
             path.accept(share)
             if last:
@@ -65,7 +97,7 @@ def solve_steady(
             stride = 0.5 * (share - reached)
             if stride < SMALLEST_STEP:
                 fluid.reynolds = target * reached
-                raise ConvergenceError(_explanation(reached, target))
+                raise ConvergenceError(_explanation(reached))
         share = min(1.0, reached + stride)
 
 
@@ -74,7 +106,7 @@ def _growth(report: NewtonReport) -> float:
     return float(np.clip(3.0 * 4 / max(report.iterations, 1), 1.5, 4.0))
 
 
-def _explanation(reached: float, target: float) -> str:
+def _explanation(reached: float) -> str:
     return (
         f"no steady flow found beyond {100 * reached:.3g}% of the Reynolds number: it may be unsteady "
         "(add a [time] section) or need a finer mesh (smaller numerics.mesh_size)"

@@ -9,7 +9,8 @@ import ufl
 from dolfinx.fem import petsc
 from petsc4py import PETSc
 
-from .. import compat, forms
+from .. import compat
+from ..forms import vorticity as curl_of
 from .flow import Fluid
 from .linear import solve_mass_matrix
 
@@ -25,7 +26,7 @@ def vorticity(fluid: Fluid) -> Any:
     dx = fluid.space.quadrature()
     mass = petsc.assemble_matrix(compat.form(ufl.inner(u, w) * dx))
     mass.assemble()
-    curl = forms.vorticity(ufl.split(fluid.state)[0])
+    curl = curl_of(ufl.split(fluid.state)[0])
     right = petsc.assemble_vector(compat.form(ufl.inner(curl, w) * dx))
     right.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
     solve_mass_matrix(mass, right, field, rtol=1e-10)

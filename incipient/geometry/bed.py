@@ -33,6 +33,11 @@ class Bed(ABC):
     def height(self, x: ArrayLike) -> Floats:
         """b at abscissae (n,), (n,)."""
 
+    @property
+    @abstractmethod
+    def crest(self) -> float:
+        """A height that the bed nowhere exceeds."""
+
     @abstractmethod
     def slopes(self, x: ArrayLike) -> tuple[Floats, Floats]:
         """db/dx just left and just right of the abscissae (n,); they differ at corners; may be infinite."""
@@ -80,6 +85,11 @@ class Flat(Bed):
         """None."""
         return float("inf")
 
+    @property
+    def crest(self) -> float:
+        """`origin_y`."""
+        return self.origin_y
+
     def height(self, x: ArrayLike) -> Floats:
         """`origin_y` everywhere, (n,)."""
         return np.full(_abscissae(x).shape, float(self.origin_y))
@@ -125,6 +135,11 @@ class Sinusoidal(Bed):
         """Half a wavelength, or the radius of curvature at a crest where that is smaller."""
         curvature = self.amplitude * self._wavenumber**2
         return min(0.5 * self.wavelength, 1.0 / curvature if curvature > 0.0 else np.inf)
+
+    @property
+    def crest(self) -> float:
+        """The height of the crests."""
+        return self.origin_y + self.amplitude
 
     @property
     def _wavenumber(self) -> float:
@@ -215,6 +230,11 @@ class HalfDiscs(Bed):
     def feature(self) -> float:
         """The radius."""
         return self.radius
+
+    @property
+    def crest(self) -> float:
+        """The top of the half-discs."""
+        return self.origin_y + self.radius
 
     @property
     def _touching(self) -> bool:
@@ -338,6 +358,11 @@ class Polyline(Bed):
         """The shortest horizontal extent of a line."""
         return float(np.diff(self._vertices[:, 0]).min())
 
+    @property
+    def crest(self) -> float:
+        """The height of the highest point."""
+        return float(self._vertices[:, 1].max())
+
     def height(self, x: ArrayLike) -> Floats:
         """b at abscissae (n,), (n,)."""
         vertices = self._vertices
@@ -362,20 +387,31 @@ class Polyline(Bed):
     def nearest(self, points: Floats) -> Floats:
         """The nearest point of all lines, and of the level continuations beyond the ends."""
         points = rows(points)
-        # In blocks, so that the table of points against lines stays small.
-        block = max(1, 1_000_000 // len(self.points))
-        return np.vstack([self._nearest(points[k : k + block]) for k in range(0, len(points), block)])
+        order = np.argsort(points[:, 0])
+        feet = np.empty_like(points)
+        # In blocks of neighbours, so that each block meets few lines and the tables stay small.
+        for block in np.array_split(order, 1 + len(points) // 64):
+            feet[block] = self._nearest(points[block])
+        return feet
 
     def _nearest(self, points: Floats) -> Floats:
+        """The same for a few points, compared with the lines that may be nearer than what is straight below."""
+        if len(points) == 0:
+            return points
         vertices = self._vertices
-        beyond = np.abs(points - vertices[0]).max() + np.ptp(vertices[:, 0])
-        vertices = np.vstack([vertices[0] - [beyond, 0.0], vertices, vertices[-1] + [beyond, 0.0]])
+        reach = float(np.abs(points[:, 1] - self.height(points[:, 0])).max()) + 1e-9 * np.ptp(vertices[:, 0])
+        x0, x1 = points[:, 0].min() - reach, points[:, 0].max() + reach
+        left = np.array([[min(x0, vertices[0, 0]) - reach, vertices[0, 1]]])
+        right = np.array([[max(x1, vertices[-1, 0]) + reach, vertices[-1, 1]]])
+        vertices = np.vstack([left, vertices, right])
+        first = max(int(np.searchsorted(vertices[:, 0], x0)) - 1, 0)
+        vertices = vertices[first : int(np.searchsorted(vertices[:, 0], x1)) + 1]
         side = np.diff(vertices, axis=0)
         from_start = points[:, None] - vertices[:-1]
         s = np.clip((from_start * side).sum(-1) / (side * side).sum(-1), 0.0, 1.0)
         # Weighted ends: a foot at an end of a line is that end exactly.
         feet = (1.0 - s[..., None]) * vertices[:-1] + s[..., None] * vertices[1:]
-        best = np.argmin(np.linalg.norm(feet - points[:, None], axis=2), axis=1)
+        best = np.argmin(((feet - points[:, None]) ** 2).sum(axis=2), axis=1)
         return np.asarray(feet[np.arange(len(points)), best])
 
     def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:

@@ -46,8 +46,11 @@ def approaches(grain: Grain, placement: Placement, bed: Bed, within: float | Non
     """
     outline = placed_outline(grain, placement)
     parameters = [samples(curve, bed, grain.size) for curve in outline]
-    distances = [bed.distance(curve.point(s)) for curve, s in zip(outline, parameters, strict=True)]
+    points = [curve.point(s) for curve, s in zip(outline, parameters, strict=True)]
     spacing = max(curve.length / (len(s) - 1) for curve, s in zip(outline, parameters, strict=True))
+    straight_down = min(float((x[:, 1] - bed.height(x[:, 0])).min()) for x in points)
+    bound = max(straight_down, 0.0) if within is None else within
+    distances = [_distances_below(x, bed, bound + spacing) for x in points]
     if within is None:
         within = min(float(d.min()) for d in distances)
     return [
@@ -55,6 +58,15 @@ def approaches(grain: Grain, placement: Placement, bed: Bed, within: float | Non
         for brackets in _brackets(parameters, distances, within + spacing)
         if brackets
     ]
+
+
+def _distances_below(points: Floats, bed: Bed, bound: float) -> Floats:
+    """Distances (n,) of points (n, 2) from the bed; infinite where the crests show them to be above the bound."""
+    close = points[:, 1] - bed.crest <= bound
+    distances = np.full(len(points), np.inf)
+    if close.any():
+        distances[close] = bed.distance(points[close])
+    return distances
 
 
 def _brackets(

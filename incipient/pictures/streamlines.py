@@ -1,18 +1,30 @@
-"""Evenly spaced streamlines, placed by VTK on a regular grid."""
+"""Evenly spaced streamlines on a regular grid, after Jobard and Lefer (1997).
+
+A streamline is traced until it comes too near to another one or to itself; the next starts beside those
+already there, at the wanted distance. Inside this module lengths are counted in spacings of the grid.
+"""
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from itertools import pairwise
-from typing import Any
+from math import hypot
 
 import numpy as np
 
 from .mesh import QuadraticMesh, triangles_of
 
-_CELLS_ACROSS = 500
-_RATIO = 0.45  # of the separation: a streamline ends where it comes this near to another, or to itself
-_SLOWEST = 1e-4  # of the greatest speed: a streamline ends where the fluid is slower
+_CELLS_ACROSS = 400
+_NEAREST = 0.45  # of the separation: where a streamline ends beside another, or beside itself
+_SHORTEST = 1.5  # separations: shorter pieces are not shown
+_SLOWEST = 1e-4  # of the greatest speed: where a streamline ends
+_STEP = 0.8
+_MOST_STEPS = 6 * _CELLS_ACROSS
+
+Place = tuple[float, float]
+Visited = dict[tuple[int, int], int]  # at which step a line first came to a patch of the plane
+Direction = Callable[[float, float], Place | None]
 
 
 @dataclass(frozen=True)
@@ -30,11 +42,10 @@ def sample(mesh: QuadraticMesh, velocity: np.ndarray, view: tuple[float, float, 
 
     x0, x1, y0, y1 = view
     spacing = max(x1 - x0, y1 - y0) / _CELLS_ACROSS
-    x, y = np.arange(x0, x1 + spacing / 2, spacing), np.arange(y0, y1 + spacing / 2, spacing)
+    grids = np.meshgrid(np.arange(x0, x1 + spacing / 2, spacing), np.arange(y0, y1 + spacing / 2, spacing))
     seen = mesh.within(view)
     triangulation = triangles_of(seen.points, seen.quarters)
     finder = triangulation.get_trifinder()
-    grids = np.meshgrid(x, y)
     components = [
         np.ma.filled(LinearTriInterpolator(triangulation, values, finder)(*grids), 0.0)
         for values in velocity.T
@@ -47,79 +58,127 @@ def streamlines(sampled: Sampled, separation: float) -> list[np.ndarray]:
     speed = np.linalg.norm(sampled.velocity, axis=-1)
     if not speed.max() > 0:
         return []
-    tracer = _tracer(sampled, separation, speed)
-    tracer.Update()
-    lines = (_until_return(line, _RATIO * separation) for line in _polylines(tracer.GetOutput()))
-    long = [line for line in lines if _length(line) > 1.5 * separation]
-    return [line if _along(line, sampled) else line[::-1] for line in long]
+    apart = separation / sampled.spacing
+    slowest = _SLOWEST * float(speed.max())
+    room = _Room(speed > slowest, apart)
+    direction = _interpolated(sampled.velocity, slowest)
+    lines = []
+    for seed in _seeds(room, speed, apart):
+        line = _traced(seed, direction, room, _NEAREST * apart)
+        room.occupy(line)
+        if len(line) * _STEP > _SHORTEST * apart:
+            lines.append(sampled.origin + sampled.spacing * line)
+    return lines
 
 
-def _tracer(sampled: Sampled, separation: float, speed: np.ndarray) -> Any:
-    from vtkmodules.vtkFiltersFlowPaths import vtkEvenlySpacedStreamlines2D
+class _Room:
+    """Where on the grid there is room: to start a line at full distance from others, to go on at less."""
 
-    rows, columns = speed.shape
-    inner = speed[rows // 8 : -(rows // 8) or None, columns // 8 : -(columns // 8) or None]
-    row, column = np.unravel_index(np.argmax(inner), inner.shape)
-    start = sampled.origin + sampled.spacing * np.array([column + columns // 8, row + rows // 8])
-    tracer = vtkEvenlySpacedStreamlines2D()
-    tracer.SetInputData(_image(sampled))
-    tracer.SetStartPosition(float(start[0]), float(start[1]), 0.0)
-    tracer.SetIntegratorTypeToRungeKutta4()
-    tracer.SetIntegrationStepUnit(1)  # steps are lengths
-    tracer.SetInitialIntegrationStep(sampled.spacing)
-    tracer.SetSeparatingDistance(separation)
-    tracer.SetSeparatingDistanceRatio(_RATIO)
-    tracer.SetClosedLoopMaximumDistance(sampled.spacing)
-    tracer.SetMaximumNumberOfSteps(8 * _CELLS_ACROSS)
-    tracer.SetTerminalSpeed(_SLOWEST * speed.max())
-    return tracer
+    def __init__(self, moving: np.ndarray, apart: float):
+        self.to_start, self.to_go_on = moving.copy(), np.ones_like(moving)
+        self._wide, self._narrow = _disc(apart), _disc(_NEAREST * apart)
+        self.newest = np.empty((0, 2))
+
+    def occupy(self, line: np.ndarray) -> None:
+        """Take the surroundings of a line (n, 2)."""
+        self.newest = line
+        nodes = np.unique(np.round(line).astype(int), axis=0)
+        for free, disc in ((self.to_start, self._wide), (self.to_go_on, self._narrow)):
+            column, row = (nodes[:, None] + disc).reshape(-1, 2).T
+            inside = (column >= 0) & (row >= 0) & (column < free.shape[1]) & (row < free.shape[0])
+            free[row[inside], column[inside]] = False
 
 
-def _image(sampled: Sampled) -> Any:
-    from vtkmodules.util.numpy_support import numpy_to_vtk
-    from vtkmodules.vtkCommonDataModel import vtkImageData
-
-    rows, columns = sampled.velocity.shape[:2]
-    image = vtkImageData()
-    image.SetDimensions(columns, rows, 1)
-    image.SetOrigin(float(sampled.origin[0]), float(sampled.origin[1]), 0.0)
-    image.SetSpacing(sampled.spacing, sampled.spacing, 1.0)
-    in_space = np.zeros((rows * columns, 3))
-    in_space[:, :2] = sampled.velocity.reshape(-1, 2)
-    vectors = numpy_to_vtk(in_space, deep=True)
-    vectors.SetName("velocity")
-    image.GetPointData().SetVectors(vectors)
-    return image
-
-
-def _polylines(output: Any) -> list[np.ndarray]:
-    from vtkmodules.util.numpy_support import vtk_to_numpy
-
-    if not output.GetNumberOfLines():
-        return []
-    points = vtk_to_numpy(output.GetPoints().GetData())[:, :2]
-    offsets = vtk_to_numpy(output.GetLines().GetOffsetsArray())
-    nodes = vtk_to_numpy(output.GetLines().GetConnectivityArray())
-    return [points[nodes[i:j]] for i, j in pairwise(offsets)]
+def _seeds(room: _Room, speed: np.ndarray, apart: float) -> Iterator[Place]:
+    """Starts: where the flow is fastest, then beside the lines there are, then where room is left."""
+    beside: deque[np.ndarray] = deque()
+    order = np.argsort(-speed, axis=None)
+    position = 0
+    while True:
+        while beside:
+            x, y = beside.popleft()
+            if _free(room.to_start, x, y):
+                yield float(x), float(y)
+                beside.extend(_neighbours(room.newest, apart))
+        position += int(np.argmax(room.to_start.ravel()[order[position:]]))
+        row, column = divmod(int(order[position]), speed.shape[1])
+        if not room.to_start[row, column]:
+            return
+        yield float(column), float(row)
+        room.to_start[row, column] = False  # also where no line could be drawn
+        beside.extend(_neighbours(room.newest, apart))
 
 
-def _until_return(line: np.ndarray, near: float) -> np.ndarray:
-    """Every third point of a line, up to where it comes back `near` to itself: once round an eddy."""
-    thin = np.vstack([line[:-1:3], line[-1:]])
-    reached = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(thin, axis=0), axis=1))])
-    apart = np.linalg.norm(thin[:, None] - thin, axis=2)
-    returned = np.any((apart < near) & (reached[:, None] - reached > 6 * near), axis=1)
-    return thin[: int(np.argmax(returned)) + 1] if returned.any() else thin
+def _neighbours(line: np.ndarray, apart: float) -> np.ndarray:
+    """Places on both sides of a line, a little more than the separation away."""
+    if len(line) < 2:
+        return np.empty((0, 2))
+    along = np.gradient(line, axis=0)
+    across = (
+        np.column_stack([-along[:, 1], along[:, 0]]) * (1.05 * apart / np.linalg.norm(along, axis=1))[:, None]
+    )
+    every = max(1, int(apart / _STEP / 2))
+    return np.concatenate([line[::every] + across[::every], line[::every] - across[::every]])
 
 
-def _length(line: np.ndarray) -> float:
-    return float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
+def _traced(seed: Place, direction: Direction, room: _Room, near: float) -> np.ndarray:
+    """The line (n, 2) through a seed, downstream to its end and upstream to its beginning."""
+    visited: Visited = {}
+    downstream = _half(seed, direction, room, near, visited, 1)
+    upstream = _half(seed, direction, room, near, visited, -1)
+    return np.array([*reversed(upstream), seed, *downstream])
 
 
-def _along(line: np.ndarray, sampled: Sampled) -> bool:
-    """Whether a line runs with the flow, judged in its middle."""
-    middle = len(line) // 2
-    column, row = np.round((line[middle] - sampled.origin) / sampled.spacing).astype(int)
-    rows, columns = sampled.velocity.shape[:2]
-    velocity = sampled.velocity[min(max(row, 0), rows - 1), min(max(column, 0), columns - 1)]
-    return bool(velocity @ (line[middle] - line[middle - 1]) >= 0)
+def _half(
+    seed: Place, direction: Direction, room: _Room, near: float, visited: Visited, sense: int
+) -> list[Place]:
+    """From a seed by the midpoint rule, downstream or upstream, to where the line must end."""
+    x, y = seed
+    line: list[Place] = []
+    patch, lag = max(near, 1.0), 4 * max(near, 1.0) / _STEP
+    step = sense * _STEP
+    for count in range(_MOST_STEPS):
+        first = visited.setdefault((int(x / patch), int(y / patch)), sense * count)
+        if abs(sense * count - first) > lag or not _free(room.to_go_on, x, y):
+            break
+        if count:
+            line.append((x, y))
+        there = direction(x, y)
+        there = there and direction(x + step / 2 * there[0], y + step / 2 * there[1])
+        if there is None:
+            break
+        x, y = x + step * there[0], y + step * there[1]
+    return line
+
+
+def _interpolated(velocity: np.ndarray, slowest: float) -> Direction:
+    """The direction of the flow at a place; None off the grid and where it is slower than `slowest`."""
+    rows, columns = velocity.shape[:2]
+    across, up = velocity[..., 0].ravel().tolist(), velocity[..., 1].ravel().tolist()
+
+    def direction(x: float, y: float) -> Place | None:
+        if not (0 <= x < columns - 1 and 0 <= y < rows - 1):
+            return None
+        i, j = int(x), int(y)
+        s, t, k = x - i, y - j, j * columns + i
+        a, b, c, d = (1 - s) * (1 - t), s * (1 - t), (1 - s) * t, s * t
+        n = k + columns
+        u = a * across[k] + b * across[k + 1] + c * across[n] + d * across[n + 1]
+        v = a * up[k] + b * up[k + 1] + c * up[n] + d * up[n + 1]
+        speed = hypot(u, v)
+        return (u / speed, v / speed) if speed > slowest else None
+
+    return direction
+
+
+def _free(room: np.ndarray, x: float, y: float) -> bool:
+    row, column = int(y + 0.5), int(x + 0.5)
+    inside = x > -0.5 and y > -0.5 and row < room.shape[0] and column < room.shape[1]
+    return inside and bool(room[row, column])
+
+
+def _disc(radius: float) -> np.ndarray:
+    """Grid offsets (n, 2) within a radius."""
+    reach = np.arange(-int(radius), int(radius) + 1)
+    offsets = np.stack(np.meshgrid(reach, reach), axis=-1).reshape(-1, 2)
+    return offsets[np.linalg.norm(offsets, axis=1) <= radius]

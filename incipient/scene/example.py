@@ -9,8 +9,8 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from .model import Contact, Disc, Domain, Flat, Fluid, Gravity, Scene, Shear
 from .messages import discriminator, tag, variants
+from .model import Contact, Disc, Domain, Flat, Fluid, Gravity, Scene, Shear
 from .section import Section, ordered_keys
 
 _HEADING = """\

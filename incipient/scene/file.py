@@ -12,9 +12,9 @@ import tomli_w
 from pydantic import ValidationError
 
 from ..errors import SceneError
-from .model import Scene
 from .example import commented, grain_on_bed
 from .messages import Key, key_text, one_line, problems_of
+from .model import Scene
 from .section import Section, ordered_keys
 
 # What TOML cannot mean otherwise may stand on the command line without quotes.

@@ -1,7 +1,7 @@
 """The paper's criteria of incipient motion: against exact statics, and stated where they disagree with it.
 
-Equation numbers are label keys of the paper's source (docs/paper.md). In the plane: x downstream, y up, couples
-counter-clockwise about the third axis; normals point out of the grain.
+Equation numbers are label keys of the paper's source (docs/paper.md). In the plane: x downstream, y up,
+couples counter-clockwise about the third axis; normals point out of the grain.
 """
 
 import json
@@ -42,13 +42,13 @@ def disc_on_plane(force, couple, weight=1.0, radius=0.5):
 
 
 def pocket(angle, weight=1.0, radius=0.5):
-    """Contacts of a disc in a symmetric pocket, normals `angle` to either side of straight down; centre at 0."""
+    """Contacts of a disc in a symmetric pocket, normals `angle` to either side of down; centre at 0."""
     normals = np.array([[-np.sin(angle), -np.cos(angle), 0.0], [np.sin(angle), -np.cos(angle), 0.0]])
     return Contacts(radius * normals, normals)
 
 
 class TestBlockOnAnIncline:
-    """Statics: the block slides if tan(slope) > friction, and tips over if tan(slope) > half base / height."""
+    """Statics: the block slides if tan(slope) > friction, tips over if tan(slope) > half base / height."""
 
     @pytest.mark.parametrize("slope", np.radians([1.0, 15.0, 30.0, 44.0]))
     @pytest.mark.parametrize("friction", [0.0, 0.2, 0.5, 0.9])

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 import ufl
 from dolfinx.fem import petsc
-from domains import unit_box
+from domains import curved_box, unit_box
 
 from incipient import compat, forms
 from incipient.domain import Domain
@@ -96,7 +96,7 @@ class Problem:
 
 
 def make_problem(gdim: int, order: int, displacement: Any) -> Problem:
-    domain = unit_box(gdim, 2, order)
+    domain = curved_box(gdim, 2, order)
     space = taylor_hood(domain.mesh, 2)
     d = dolfinx.fem.Function(compat.function_space(domain.mesh, compat.coordinate_element(domain.mesh)))
     d.interpolate(lambda x: displacement(x)[:gdim])
