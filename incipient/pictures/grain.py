@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,7 +18,7 @@ from .surface import Surface
 
 _ARROWS = 64
 _LONGEST = 0.75  # arrow of a traction, in grain sizes
-_STRONGEST = 1.1  # arrow of a force, in grain sizes
+_STRONGEST = 0.85  # arrow of a force, in grain sizes
 _NAMES = {"flow": "Force of the flow", "weight": "Weight less buoyancy", "resultant": "Resultant"}
 
 Row = tuple[str, str, str]  # name, value, colour of the name
@@ -121,8 +121,8 @@ def _centre(run: Run, surface: Surface) -> np.ndarray:
 
 
 def _sentence(run: Run) -> str:
-    wording = run.found("verdict", "wording") or "Forces on the grain; the scene asks for no verdict."
-    return "\n".join(textwrap.wrap(wording, 92))
+    said = run.found("verdict", "sentence") or "the forces on the grain; the scene asks for no verdict"
+    return "\n".join(textwrap.wrap(f"{said[0].upper()}{said[1:].rstrip('.')}.", 92))
 
 
 def _rounded(value: float) -> float:
@@ -142,20 +142,27 @@ def _show_forces(run: Run, axes: Axes, surface: Surface) -> None:
     """Arrows from the centre, all to one scale; forces too small to see are left to the numbers."""
     forces = _forces(run)
     longest = max(float(np.linalg.norm(force)) for force, _ in forces.values())
+    visible = {k: f for k, (f, _) in forces.items() if longest and np.linalg.norm(f) > 0.03 * longest}
     centre = _centre(run, surface)
-    for name, (force, colour) in forces.items():
-        strength = float(np.linalg.norm(force))
-        if strength < 0.02 * longest or not strength:
-            continue
+    for name, force in visible.items():
+        colour, along = forces[name][1], force / np.linalg.norm(force)
         tip = centre + _STRONGEST * surface.size * force / longest
         _arrow(axes, centre, tip, colour, 2.6 if name == "resultant" else 1.8)
-        _label(axes, tip + 0.05 * surface.size * force / strength, force / strength, name, colour)
+        others = [other for key, other in visible.items() if key != name]
+        _label(axes, tip + 0.05 * surface.size * along, along + _aside(along, others), name, colour)
     axes.plot(*centre, "o", color=INK, ms=3.5, zorder=9)
+
+
+def _aside(along: np.ndarray, others: list[np.ndarray]) -> np.ndarray:
+    """Unit vector across an arrow's direction, away from another that runs close to it; zero if none does."""
+    across = np.array([-along[1], along[0]])
+    close = [f for f in others if along @ f > 0.8 * np.linalg.norm(f)]
+    return -np.sign(across @ close[0]) * across if close else np.zeros(2)
 
 
 def _label(axes: Axes, place: np.ndarray, direction: np.ndarray, text: str, colour: str) -> None:
     """Text that leads away from a place in a direction, so that it does not cover what ends there."""
-    across, up = direction
+    across, up = direction / np.linalg.norm(direction)
     beside = "left" if across > 0.35 else "right" if across < -0.35 else "center"
     above = "bottom" if up > 0.8 else "top" if up < -0.8 else "center"
     axes.text(place[0], place[1], text, color=colour, ha=beside, va=above, zorder=8, bbox=PAPER)
@@ -184,9 +191,8 @@ def _show_couple(run: Run, axes: Axes, surface: Surface) -> None:
 
 def _show_contacts(run: Run, axes: Axes, size: float) -> None:
     """Contact points with their normals into the bed; the significant reaction surface stands out."""
-    for contact in run.contacts:
-        point, normal = (np.array(contact[key][:2], dtype=float) for key in ("point", "normal"))
-        colour, radius = (REACTION, 8) if contact.get("significant") else (INK, 5)
+    for point, normal, significant in run.contacts:
+        colour, radius = (REACTION, 8) if significant else (INK, 5)
         end = point + 0.3 * size * normal
         axes.plot([point[0], end[0]], [point[1], end[1]], "--", color=colour, lw=1.1, zorder=6)
         axes.plot(*point, "o", color=colour, ms=radius, mec="white", mew=0.8, zorder=8)
@@ -194,9 +200,9 @@ def _show_contacts(run: Run, axes: Axes, size: float) -> None:
 
 def _explain_marks(run: Run, axes: Axes) -> None:
     """What the marks of the contacts mean, beside the axes at the bottom."""
-    marked = any(contact.get("significant") for contact in run.contacts)
-    others = any(not contact.get("significant") for contact in run.contacts)
-    rows = [(REACTION, 8, "significant reaction surface")] * marked + [(INK, 5, "contact")] * others
+    present = {significant for _, _, significant in run.contacts}
+    rows = [(REACTION, 8, "significant reaction surface")] * (True in present)
+    rows += [(INK, 5, "contact")] * (False in present)
     marks = [
         Line2D([], [], color=colour, ls="--", lw=1.1, marker="o", ms=radius, mec="white")
         for colour, radius, _ in rows
@@ -219,23 +225,30 @@ def _write_numbers(run: Run, figure: Figure) -> None:
 
 
 def _numbers(run: Run) -> Iterator[list[Row]]:
-    forces = [
-        (_NAMES[name], f"({force[0]:.4g}, {force[1]:.4g})", colour)
-        for name, (force, colour) in _forces(run).items()
-    ]
-    couple = run.found("couple", "flow", (0.0, 0.0, 0.0))[2]
+    forces = [(_NAMES[name], _pair(force), colour) for name, (force, colour) in _forces(run).items()]
+    couple = f"{run.found('couple', 'flow', (0.0, 0.0, 0.0))[2]:.4g}"
     yield [
-        ("Forces and couple", "[scene units]", INK),
+        ("Forces and couples", "[scene units]", INK),
         *forces,
-        ("Couple of the flow about the centre", f"{couple:.4g}", FLOW),
+        ("Couple of the flow about the centre", couple, FLOW),
     ]
+    if "force" in run.criteria and "couple" in run.criteria:
+        yield [
+            ("Force left by reaction and friction", _pair(run.criteria["force"]), INK),
+            ("Couple left by them", f"{run.criteria['couple'][2]:.4g}", INK),
+        ]
     coefficients = {key: f"{key.capitalize()} coefficient" for key in ("drag", "lift", "moment")}
     yield _present(run.result, "coefficients", coefficients)
-    yield _present(run.scene, "fluid", {"reynolds": "Reynolds number"}) + _present(
-        run.scene, "contact", {"friction": "Coefficient of static friction"}
-    )
+    reynolds = _present(run.scene, "fluid", {"reynolds": "Reynolds number"})
+    yield reynolds + _present(run.scene, "contact", {"friction": "Coefficient of static friction"})
     yield _present(run.result, "verdict", {"safety_factor": "Safety factor on the flow"})
-    yield _present(run.result, "grain", {"gap": "Gap that stands for contact", "cells_in_gap": "Cells in it"})
+    yield _present(
+        run.result, "gap", {"width": "Gap that stands for contact", "cells": "Cells across the gap"}
+    )
+
+
+def _pair(vector: Sequence[float] | np.ndarray) -> str:
+    return f"({vector[0]:.4g}, {vector[1]:.4g})"
 
 
 def _present(data: dict, section: str, names: dict[str, str]) -> list[Row]:

@@ -62,9 +62,18 @@ class Run:
         return np.array(self.found(section, key, (0.0, 0.0)), dtype=float)[:2]
 
     @property
-    def contacts(self) -> list[dict[str, Any]]:
-        """Contacts of grain and bed, each with "point" and "normal", some marked "significant"."""
-        return self.result.get("contacts") or []
+    def criteria(self) -> dict[str, Any]:
+        """Outcome of the paper's criteria; empty without a verdict."""
+        return self.found("verdict", "judges", {}).get("criteria", {})
+
+    @property
+    def contacts(self) -> list[tuple[np.ndarray, np.ndarray, bool]]:
+        """Contacts of grain and bed: point, normal out of the grain, whether it is a significant reaction surface."""
+        significant = self.criteria.get("significant", ())
+        return [
+            (np.array(contact["point"][:2]), np.array(contact["normal"][:2]), index in significant)
+            for index, contact in enumerate(self.result.get("contacts") or [])
+        ]
 
     @property
     def title(self) -> str:

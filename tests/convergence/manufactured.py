@@ -18,7 +18,7 @@ from mpi4py import MPI
 
 from incipient import compat, forms
 from incipient.domain import Domain
-from incipient.fluid import Fluid, FlowModel, Prescribed
+from incipient.fluid import Fluid, FlowModel, Open, Prescribed
 
 Components = Callable[[Any, Any, Any], Sequence[Any]]
 
@@ -66,9 +66,15 @@ class Motion:
 
 
 def fluid_of(
-    flow: Flow, domain: Domain, model: FlowModel, reynolds: float, motion: Motion | None = None, t: Any = None
+    flow: Flow,
+    domain: Domain,
+    model: FlowModel,
+    reynolds: float,
+    motion: Motion | None = None,
+    t: Any = None,
+    open_side: str | None = None,
 ) -> Fluid:
-    """The flow's velocity prescribed on the whole boundary, and its body force; `t` holds the time of the map."""
+    """The flow's velocity prescribed on all sides but an open one, and its body force; `t`: the map's time."""
 
     def boundary_velocity(x: np.ndarray, time: float) -> np.ndarray:
         return interpolated(flow.velocity, x if motion is None else motion.place(x, time), time)
@@ -76,8 +82,8 @@ def fluid_of(
     if motion is not None:
         model = replace(model, reference_map=motion.reference_map(domain.mesh, 0.0 if t is None else t))
     model = replace(model, body_force=flow.body_force(reynolds))
-    sides = [Prescribed(name, boundary_velocity) for name in SIDES[: 2 * flow.gdim]]
-    return Fluid(domain, model, sides, reynolds)
+    sides = [Prescribed(name, boundary_velocity) for name in SIDES[: 2 * flow.gdim] if name != open_side]
+    return Fluid(domain, model, sides if open_side is None else [Open(open_side), *sides], reynolds)
 
 
 def start_from(fluid: Fluid, flow: Flow, motion: Motion | None = None) -> None:

@@ -21,7 +21,7 @@ from incipient.pictures.streamlines import sample, streamlines
 from incipient.pictures.surface import Surface
 
 RADIUS, SIDE = 1.0, 8.0
-WORDING = "The grain begins to move: it rolls downstream about the contact point."
+SENTENCE = "the grain begins to move: it rolls downstream about the contact point"
 FLOW_PICTURES = ["flow.png", "pressure.png", "vorticity.png"]
 
 
@@ -107,11 +107,17 @@ def grain_run(tmp_path):
         "couple": {"about": [0, 0, 0], "flow": [0, 0, -0.3]},
         "coefficients": {"drag": 6.28, "lift": 1.0, "moment": None},
         "contacts": [
-            {"point": [-0.5, -0.866, 0], "normal": [-0.5, -0.866, 0], "significant": False},
-            {"point": [0.5, -0.866, 0], "normal": [0.5, -0.866, 0], "significant": True},
+            {"point": [-0.5, -0.866, 0], "normal": [-0.5, -0.866, 0]},
+            {"point": [0.5, -0.866, 0], "normal": [0.5, -0.866, 0]},
         ],
-        "grain": {"centre": [0, 0, 0], "angle": 0.0, "gap": 0.02, "cells_in_gap": 2},
-        "verdict": {"mode": "rolls", "moves": True, "wording": WORDING, "safety_factor": 0.8},
+        "grain": {"centre": [0, 0], "angle": 0.0},
+        "gap": {"width": 0.02, "cells": 2, "resolved": True},
+        "verdict": {
+            "moves": True,
+            "sentence": SENTENCE,
+            "judges": {"criteria": {"significant": [1], "force": [0.25, 0, 0], "couple": [0, 0, -0.125]}},
+            "safety_factor": 0.8,
+        },
     }
     return write_run(tmp_path, mesh, values, scene, result, (shuffled, {"traction": traction}))
 
@@ -156,10 +162,12 @@ def test_a_box_without_a_grain_has_flow_pictures_and_profiles(box_run):
 def test_the_verdict_is_told_in_words_and_numbers(grain_run):
     figure = grain.verdict(read(grain_run))
     texts = [text.get_text() for text in figure.texts] + [text.get_text() for text in figure.axes[0].texts]
-    assert WORDING in texts
+    assert SENTENCE.capitalize() + "." in texts
     assert {"flow", "weight", "resultant"} <= set(texts)
     assert "(3.142, −1.5)" in texts  # flow + buoyancy + weight
+    assert texts[texts.index("Force left by reaction and friction") + 1] == "(0.25, 0)"
     assert texts[texts.index("Safety factor on the flow") + 1] == "0.8"
+    assert texts[texts.index("Cells across the gap") + 1] == "2"
     assert "Moment coefficient" not in texts  # null in the result
 
 
