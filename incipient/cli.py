@@ -138,7 +138,7 @@ def _show(options: argparse.Namespace, comm: MPI.Comm) -> int:
 
 
 def _new(options: argparse.Namespace, comm: MPI.Comm) -> int:
-    from .output.files import write_text_atomically
+    from .files import write_text_atomically
     from .parallel import collectively
     from .scene import example
 

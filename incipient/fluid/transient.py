@@ -58,10 +58,14 @@ class Transient:
     def march(self, end: float, step: float) -> Iterator[TimeStep]:
         """Advance to `end`, yielding after each accepted step; lengths follow `accuracy` if it is set.
 
+        The first steps then are much shorter than `step`: nothing can tell their error yet.
+
         Raises:
             ConvergenceError: a step failed even after ten halvings; the fluid holds the last good state.
         """
         start = self.fluid.time
+        if self.accuracy is not None and not self._past:
+            step *= np.sqrt(self.accuracy)
         while end - self.fluid.time > 1e-9 * (end - start):
             length = _landing(end - self.fluid.time, step)
             taken = self.advance(length)

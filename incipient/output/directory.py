@@ -9,7 +9,7 @@ from ..parallel import collectively
 from ..plan import Plan
 from ..result import Result
 from ..scene import Scene
-from .files import append_row, reported, write_json
+from ..files import append_row, reported, write_json
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -17,7 +17,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from ..errors import OutputError
-from .files import reported, write_text_atomically
+from ..files import reported, write_text_atomically
 
 _METADATA_BYTES = 1 << 16
 _ATTRIBUTE_TYPES = {1: "Scalar", 2: "Vector"}

@@ -1,6 +1,6 @@
-"""Pictures of a finished run, drawn off screen from its directory: no X server, no OpenGL.
+"""Pictures of a finished run, drawn off screen from its directory: no X server is needed.
 
-matplotlib paints the quadratic cells, subdivided, with exact curved boundaries; VTK places the streamlines.
+matplotlib paints the quadratic cells, subdivided, with their curved boundaries; pyvista shows the mesh.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ from pathlib import Path
 def draw(directory: Path) -> list[Path]:
     """Draw all pictures that a run's results allow, as PNG files beside them. Not collective.
 
-    Always flow, pressure and vorticity; with a grain the traction on it and the verdict; for a box the
+    Always flow, pressure, vorticity and mesh; with a grain the traction on it and the verdict; for a box the
     velocity profiles on both centrelines.
 
     Raises:
         OutputError: when a result or a field is missing or damaged, or a picture cannot be written.
     """
-    from ..output.files import reported
-    from . import flow, grain, style
+    from ..files import reported
+    from . import cells, flow, grain, style
     from .record import read
 
     run = read(directory)
@@ -34,4 +34,7 @@ def draw(directory: Path) -> list[Path]:
             with reported(path):
                 make(run).savefig(path, dpi=style.DOTS_PER_INCH, pil_kwargs={"compress_level": 3})
             written.append(path)
-    return written
+    path = directory / "mesh.png"
+    with reported(path):
+        cells.picture(run, path)
+    return [*written, path]

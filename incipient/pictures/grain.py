@@ -132,9 +132,11 @@ def _rounded(value: float) -> float:
 
 
 def _forces(run: Run) -> dict[str, tuple[np.ndarray, str]]:
-    """Forces on the grain other than the bed's, with their colours."""
+    """Forces on the grain other than the bed's, with their colours; the flow's alone without gravity."""
     flow = run.vector("force", "flow")
     weight = run.vector("force", "weight") + run.vector("force", "buoyancy")
+    if not weight.any():
+        return {"flow": (flow, FLOW)}
     return {"flow": (flow, FLOW), "weight": (weight, WEIGHT), "resultant": (flow + weight, RESULTANT)}
 
 
@@ -181,7 +183,7 @@ def _arrow(
 def _show_couple(run: Run, axes: Axes, surface: Surface) -> None:
     """An arc in the sense of the flow's couple about the centre."""
     couple = run.found("couple", "flow", (0.0, 0.0, 0.0))[2]
-    if not couple:
+    if abs(couple) <= 1e-3 * surface.size * np.linalg.norm(run.vector("force", "flow")):
         return
     sense = float(np.sign(couple))
     ends = np.radians(90 + sense * np.array([-50, 50]))

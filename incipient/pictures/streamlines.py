@@ -17,7 +17,7 @@ from .mesh import QuadraticMesh, triangles_of
 
 _CELLS_ACROSS = 400
 _NEAREST = 0.45  # of the separation: where a streamline ends beside another, or beside itself
-_SHORTEST = 1.5  # separations: shorter pieces are not shown
+_SHORTEST = 2.5  # separations: shorter pieces are not shown
 _SLOWEST = 1e-4  # of the greatest speed: where a streamline ends
 _STEP = 0.8
 _MOST_STEPS = 6 * _CELLS_ACROSS
@@ -42,7 +42,9 @@ def sample(mesh: QuadraticMesh, velocity: np.ndarray, view: tuple[float, float, 
 
     x0, x1, y0, y1 = view
     spacing = max(x1 - x0, y1 - y0) / _CELLS_ACROSS
-    grids = np.meshgrid(np.arange(x0, x1 + spacing / 2, spacing), np.arange(y0, y1 + spacing / 2, spacing))
+    # Half a spacing inside: on the boundary itself, round-off would decide whether a point is in the fluid.
+    x, y = np.arange(x0 + spacing / 2, x1, spacing), np.arange(y0 + spacing / 2, y1, spacing)
+    grids = np.meshgrid(x, y)
     seen = mesh.within(view)
     triangulation = triangles_of(seen.points, seen.quarters)
     finder = triangulation.get_trifinder()
@@ -50,7 +52,7 @@ def sample(mesh: QuadraticMesh, velocity: np.ndarray, view: tuple[float, float, 
         np.ma.filled(LinearTriInterpolator(triangulation, values, finder)(*grids), 0.0)
         for values in velocity.T
     ]
-    return Sampled(np.array([x0, y0]), spacing, np.stack(components, axis=-1))
+    return Sampled(np.array([x[0], y[0]]), spacing, np.stack(components, axis=-1))
 
 
 def streamlines(sampled: Sampled, separation: float) -> list[np.ndarray]:

@@ -68,7 +68,7 @@ def save(scene: Scene, path: Path | str) -> None:
     Raises:
         OutputError: the file cannot be written.
     """
-    from ..output.files import write_text_atomically
+    from ..files import write_text_atomically
 
     write_text_atomically(Path(path), dumps(scene))
 

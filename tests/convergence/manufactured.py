@@ -71,17 +71,18 @@ def fluid_of(
     model: FlowModel,
     reynolds: float,
     motion: Motion | None = None,
-    t: Any = None,
+    reference_map: forms.ReferenceMap | None = None,
     open_side: str | None = None,
 ) -> Fluid:
-    """The flow's velocity prescribed on all sides but an open one, and its body force; `t`: the map's time."""
+    """The flow's velocity prescribed on all sides but an open one, and its body force.
+
+    On a domain in motion `reference_map` is the map as the forms shall see it.
+    """
 
     def boundary_velocity(x: np.ndarray, time: float) -> np.ndarray:
         return interpolated(flow.velocity, x if motion is None else motion.place(x, time), time)
 
-    if motion is not None:
-        model = replace(model, reference_map=motion.reference_map(domain.mesh, 0.0 if t is None else t))
-    model = replace(model, body_force=flow.body_force(reynolds))
+    model = replace(model, reference_map=reference_map, body_force=flow.body_force(reynolds))
     sides = [Prescribed(name, boundary_velocity) for name in SIDES[: 2 * flow.gdim] if name != open_side]
     return Fluid(domain, model, sides if open_side is None else [Open(open_side), *sides], reynolds)
 

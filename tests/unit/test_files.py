@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from incipient.errors import OutputError
-from incipient.output.files import append_row, write_json, write_text_atomically
+from incipient.files import append_row, write_json, write_text_atomically
 
 ROW = {"time [scene units]": 0.1, "drag [scene units, + downstream]": np.float64(1 / 3)}
 

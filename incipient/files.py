@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import OutputError
+from .errors import OutputError
 
 _REMEDIES = {
     errno.ENOSPC: "free some space or choose another directory",

@@ -1,0 +1,148 @@
+"""Orders of convergence in time, and steps that follow a tolerance.
+
+The flows are polynomials in space that P2-P1 holds exactly, also under maps that are affine in space: only
+time errs. Source of the orders: BDF1 1, BDF2 2, with variable steps too while the ratio of neighbouring
+steps stays below 1 + sqrt(2) (Grigorieff 1983).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import dolfinx
+import numpy as np
+import pytest
+import ufl
+from domains import unit_box
+from manufactured import Flow, Motion, errors, fluid_of, orders, start_from
+
+from incipient import forms
+from incipient.fluid import Fluid, FlowModel, Transient
+from incipient.fluid.transient import backward_difference
+
+REYNOLDS, END = 10.0, 1.0
+
+FLOW = Flow(
+    2,
+    lambda x, t, m: (m.sin(2 * t) + x[1] ** 2 * m.cos(2 * t), x[0] ** 2 * m.sin(3 * t)),
+    lambda x, t, m: (x[0] - 2 * x[1]) * m.cos(2 * t),
+)
+STRETCHING = Motion(
+    lambda x, t, m: (0.2 * m.sin(2 * t) * x[0] + 0.3 * t**2 * x[1], 0.2 * (m.cos(3 * t) - 1) * x[1]),
+    lambda x, t, m: (0.4 * m.cos(2 * t) * x[0] + 0.6 * t * x[1], -0.6 * m.sin(3 * t) * x[1]),
+)
+# At rest, then a burst about t = 0.5 that lasts a tenth.
+BURST = Flow(
+    2,
+    lambda x, t, m: tuple((1.2 + m.tanh(20 * (t - 0.5))) * square for square in (x[1] ** 2, x[0] ** 2)),
+    lambda x, t, m: x[0] - x[1],
+)
+
+
+class Clock:
+    """Times and coefficients of a backward difference as constants, for a map that moves with the steps."""
+
+    def __init__(self, mesh: Any, order: int):
+        self.order = order
+        self.times = [dolfinx.fem.Constant(mesh, 0.0) for _ in range(3)]
+        self.rate = [dolfinx.fem.Constant(mesh, 0.0) for _ in range(3)]
+        self._last = 0.0
+
+    def tick(self, step: float) -> None:
+        """Set the constants for the step that comes next."""
+        for older, newer in ((2, 1), (1, 0)):
+            self.times[older].value = self.times[newer].value
+        self.times[0].value += step
+        order = self.order if self._last else 1
+        rate, _ = backward_difference(order, step, step / (self._last or step))
+        for constant, value in zip(self.rate, rate, strict=True):
+            constant.value = value
+        self._last = step
+
+    def reference_map(self, motion: Motion, mesh: Any) -> forms.ReferenceMap:
+        """The map with the mesh velocity that the scheme gives: the backward difference of d."""
+        x = ufl.SpatialCoordinate(mesh)
+        past = [ufl.as_vector(list(motion.displacement(x, t, ufl))) for t in self.times]
+        return forms.ReferenceMap(past[0], sum(a * d for a, d in zip(self.rate, past, strict=True)))
+
+
+def constant(n: int) -> list[float]:
+    return [END / n] * n
+
+
+def alternating(n: int) -> list[float]:
+    """n steps, one twice as long as the other in turn."""
+    return [END / (1.5 * n), 2 * END / (1.5 * n)] * (n // 2)
+
+
+def errors_after(steps: Sequence[float], order: int, convection: str, motion: Motion | None = None) -> np.ndarray:
+    """L2 errors of velocity and pressure at the end."""
+    domain = unit_box(2, 2)
+    clock = Clock(domain.mesh, order)
+    model = FlowModel(unsteady=True, convection=convection)
+    given = None if motion is None else clock.reference_map(motion, domain.mesh)
+    with fluid_of(FLOW, domain, model, REYNOLDS, motion, given) as fluid:
+        start_from(fluid, FLOW, motion)
+        transient = Transient(fluid, order, tolerance=1e-10)
+        for step in steps:
+            clock.tick(step)
+            transient.advance(step)
+        found = errors(fluid, FLOW)
+    return np.array([found.velocity, found.pressure])
+
+
+@pytest.mark.parametrize("motion", [None, STRETCHING], ids=["fixed", "moving"])
+@pytest.mark.parametrize("convection", ["implicit", "extrapolated"])
+@pytest.mark.parametrize("steps", [constant, alternating])
+@pytest.mark.parametrize("order", [1, 2])
+def test_order_in_time(order: int, steps: Any, convection: str, motion: Motion | None) -> None:
+    counts = [16, 32, 64]
+    found = np.array([errors_after(steps(n), order, convection, motion) for n in counts])
+    observed = [orders([1 / n for n in counts], column) for column in found.T]
+    print(order, steps.__name__, convection, motion is not None, found[-1], observed)
+    assert [o[-1] for o in observed] == pytest.approx([order, order], abs=0.15)
+
+
+def started(flow: Flow) -> Fluid:
+    fluid = fluid_of(flow, unit_box(2, 2), FlowModel(unsteady=True), REYNOLDS)
+    start_from(fluid, flow)
+    return fluid
+
+
+def largest_error(flow: Flow, order: int, accuracy: float, step: float) -> float:
+    """The largest velocity error of a run with steps that follow the accuracy."""
+    with started(flow) as fluid:
+        transient = Transient(fluid, order, tolerance=1e-11, accuracy=accuracy)
+        return max(errors(fluid, flow).velocity for _ in transient.march(END, step))
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_error_follows_the_tolerance(order: int) -> None:
+    """With the local error kept at the tolerance the global error goes as tolerance^(k / (k + 1))."""
+    tolerances = [1e-2, 1e-3, 1e-4] if order == 1 else [1e-3, 1e-4, 1e-5]
+    found = [largest_error(BURST, order, tolerance, 0.1) for tolerance in tolerances]
+    print(found, orders(tolerances, found))
+    assert orders(tolerances, found) == pytest.approx([order / (order + 1)] * 2, abs=0.1)
+    assert all(error < 10 * tolerance for error, tolerance in zip(found, tolerances, strict=True))
+
+
+def test_error_does_not_depend_on_the_first_step() -> None:
+    """Nothing tells the error of the first step: it must be short by itself."""
+    short, long = (largest_error(FLOW, 2, 1e-4, step) for step in (0.01, 0.25))
+    assert long == pytest.approx(short, rel=0.1)
+
+
+def test_rejected_steps_leave_no_trace() -> None:
+    """A run with rejections ends where a run of its accepted steps ends."""
+    with started(BURST) as fluid:
+        transient = Transient(fluid, 2, tolerance=1e-11, accuracy=1e-3)
+        steps = list(transient.march(END, 0.1))
+        expected = fluid.state.x.array.copy()
+    assert sum(step.rejected for step in steps) > 0
+    with started(BURST) as fluid:
+        transient = Transient(fluid, 2, tolerance=1e-11)
+        for step in steps:
+            transient.advance(step.length)
+        assert fluid.time == pytest.approx(END, rel=1e-14)
+        assert np.abs(fluid.state.x.array - expected).max() < 1e-8 * np.abs(expected).max()
