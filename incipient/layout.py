@@ -107,7 +107,7 @@ def _sizes(
         if corners := _corners(outline):
             near.append(Near(CORNER_CELL * size, GROWTH, points=corners))
         if gap < 4 * size and ends is not None:
-            near.append(Near(GAP_CELL[plan.order] * gap, GAP_GROWTH, points=_gap_points(scene, ends)))
+            near.append(Near(GAP_CELL[plan.order] * gap, GAP_GROWTH, points=_gap_points(scene, plan, ends)))
     if bed is not None and np.isfinite(bed.feature):
         near.append(Near(BED_CELL[plan.order] * bed.feature, GROWTH, boundary="bed"))
     if scene.flow.kind == "lid":
@@ -117,8 +117,10 @@ def _sizes(
     return Sizes(far, tuple(near))
 
 
-def _gap_points(scene: Scene, ends: tuple[Point, Point]) -> tuple[Point, ...]:
-    """Where grain and bed nearly touch: the narrowest place, and every contact of the resting grain."""
+def _gap_points(scene: Scene, plan: Plan, ends: tuple[Point, Point]) -> tuple[Point, ...]:
+    """Where grain and bed nearly touch: the narrowest place, and every contact of a resting grain."""
+    if not plan.has("contact"):
+        return (ends[0],)
     from .contact.search import touching
 
     grain, bed, resting = scene.grain, scene.bed_shape, scene.placement

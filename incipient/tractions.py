@@ -41,7 +41,8 @@ class TractionProbe:
 
     Args:
         fluid: the solved flow.
-        boundary: name of the boundary, such as "body".
+        boundary: name of the boundary, such as "body". Where it meets another one (a wall and the inflow),
+            the residual force holds the share of the end nodes in that one's traction too.
         about: point that couples refer to, (gdim,).
     """
 

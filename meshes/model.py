@@ -24,9 +24,10 @@ def region_model(region: Region, sizes: Sizes, order: int) -> Iterator[Any]:
         MeshError: gmsh finds no mesh, or curved cells fold over.
     """
     with _session() as model:
-        curves = _draw_region(region)
-        _set_sizes(sizes, curves)
-        _mesh(order)
+        with _complaints_as_errors():
+            curves = _draw_region(region)
+            _set_sizes(sizes, curves)
+            _mesh(order)
         yield model
 
 
@@ -34,14 +35,15 @@ def region_model(region: Region, sizes: Sizes, order: int) -> Iterator[Any]:
 def grid_model(grid: Grid, order: int) -> Iterator[Any]:
     """Yield the gmsh model of a graded grid of triangles. Not collective: one rank draws."""
     with _session() as model:
-        _draw_grid(grid)
-        _mesh(order)
+        with _complaints_as_errors():
+            _draw_grid(grid)
+            _mesh(order)
         yield model
 
 
 @contextmanager
 def _session() -> Iterator[Any]:
-    """A quiet gmsh session of its own, whose errors become MeshError."""
+    """A quiet gmsh session of its own."""
     options = (
         {"interruptible": False} if "interruptible" in inspect.signature(gmsh.initialize).parameters else {}
     )
@@ -51,19 +53,20 @@ def _session() -> Iterator[Any]:
         gmsh.option.setNumber("General.NumThreads", 1)
         gmsh.logger.start()
         gmsh.model.add("incipient")
-        try:
-            yield gmsh.model
-        except MeshError:
-            raise
-        except Exception as error:
-            raise MeshError(f"the geometry could not be meshed: {_last_complaint(error)}") from error
+        yield gmsh.model
     finally:
         gmsh.finalize()
 
 
-def _last_complaint(error: Exception) -> str:
-    complaints = [line for line in gmsh.logger.get() if line.startswith(("Error", "Warning"))]
-    return str(error) or (complaints[-1] if complaints else type(error).__name__)
+@contextmanager
+def _complaints_as_errors() -> Iterator[None]:
+    """Turn gmsh's complaints while drawing and meshing into MeshError."""
+    try:
+        yield
+    except MeshError:
+        raise
+    except Exception as error:
+        raise MeshError(f"the geometry could not be meshed: {str(error) or type(error).__name__}") from error
 
 
 class _Pen:
@@ -199,11 +202,16 @@ def _draw_grid(grid: Grid) -> None:
 
 
 def _mesh(order: int) -> None:
+    # Exceptions thrown from inside the mesher end the process: let it stop at its first error, and look.
+    gmsh.option.setNumber("General.AbortOnError", 1)
+    said = len(gmsh.logger.get())
     gmsh.model.mesh.generate(2)
+    complaints = [line for line in gmsh.logger.get()[said:] if line.startswith("Error")]
+    if complaints or len(gmsh.model.mesh.getElements(2)[0]) == 0:
+        reason = complaints[0].removeprefix("Error: ") if complaints else "gmsh made no cells"
+        raise MeshError(f"the geometry could not be meshed: {reason}")
     gmsh.model.mesh.setOrder(order)
     kinds, _, _ = gmsh.model.mesh.getElements(2)
-    if len(kinds) == 0:
-        raise MeshError("the geometry could not be meshed: gmsh made no cells")
     if order > 1:
         _check_not_folded(kinds[0])
 
@@ -212,8 +220,10 @@ def _check_not_folded(kind: int) -> None:
     """A curved cell is usable only where its map keeps its sense: look at the nodes of the cell."""
     _, _, order, nodes, local, _ = gmsh.model.mesh.getElementProperties(kind)
     points = np.column_stack([np.reshape(local, (nodes, -1)), np.zeros(nodes)])
-    _, determinants, _ = gmsh.model.mesh.getJacobians(kind, points.ravel())
-    if np.min(determinants) <= 0 < np.max(determinants):
+    # The determinants gmsh gives for cells in the plane have lost their sign.
+    jacobians = np.reshape(gmsh.model.mesh.getJacobians(kind, points.ravel())[0], (-1, 3, 3))
+    senses = np.linalg.det(jacobians[:, :2, :2])
+    if np.min(senses) <= 0 < np.max(senses):
         raise MeshError(
             f"cells of order {order} fold over on a curved boundary: use a smaller numerics.mesh_size "
             "or numerics.geometry_order = 1"

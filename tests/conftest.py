@@ -37,7 +37,12 @@ def mpirun(tmp_path: Path) -> Launch:
         # Not inside the MPI of pytest itself, whose variables would make the new ranks look for it.
         inherited = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_", "PMIX_", "PMI_"))}
         return subprocess.run(
-            command, env=inherited | ENVIRONMENT, capture_output=True, text=True, timeout=timeout, cwd=tmp_path
+            command,
+            env=inherited | ENVIRONMENT,
+            capture_output=True,
+            text=True,
+            timeout=timeout,
+            cwd=tmp_path,
         )
 
     return launch

@@ -10,12 +10,12 @@ from typing import Any
 import dolfinx
 import gmsh
 import numpy as np
+from incipient.meshes import Grid, Near, Region, Sizes
+from incipient.meshes.model import grid_model, region_model
 from mpi4py import MPI
 
 from incipient.domain import Domain, build
 from incipient.geometry.curves import Line
-from incipient.meshes import Grid, Near, Region, Sizes
-from incipient.meshes.model import grid_model, region_model
 
 SIDES = ("left", "right", "bottom", "top", "front", "back")
 
@@ -29,7 +29,9 @@ def unit_box(gdim: int, n: int, comm: MPI.Comm = MPI.COMM_WORLD) -> Domain:
     mesh = dolfinx.mesh.create_unit_cube(comm, n, n, n)
     places = [(axis, value) for axis in range(3) for value in (0.0, 1.0)]
     found = [
-        dolfinx.mesh.locate_entities_boundary(mesh, 2, lambda x, axis=axis, value=value: np.isclose(x[axis], value))
+        dolfinx.mesh.locate_entities_boundary(
+            mesh, 2, lambda x, axis=axis, value=value: np.isclose(x[axis], value)
+        )
         for axis, value in places
     ]
     facets = np.concatenate(found)
@@ -71,9 +73,9 @@ def ring(inner: float, outer: float, around: int, order: int, comm: MPI.Comm = M
     return build(comm, partial(_ring_model, (inner, outer), around, order), 2)
 
 
-def cube_in_box(cell: float, comm: MPI.Comm = MPI.COMM_WORLD) -> Domain:
-    """The box (0, 2) x (0, 1) x (0, 1) less a cube ("body") of side 0.4; the outer boundary is "outer"."""
-    return build(comm, partial(_cube_in_box_model, cell), 3)
+def ball_in_box(cell: float, comm: MPI.Comm = MPI.COMM_WORLD) -> Domain:
+    """The box (0, 1.5) x (0, 1) x (0, 1) less a ball ("body") of radius 1/4 about (0.6, 0.5, 0.5), quadratic cells."""
+    return build(comm, partial(_ball_in_box_model, cell), 3)
 
 
 @contextmanager
@@ -100,12 +102,37 @@ def finish(boundaries: dict[str, list[int]], dimension: int, order: int) -> Any:
 
 
 @contextmanager
+def square_without_a_name(unnamed: int) -> Iterator[Any]:
+    """The unit square of which the last sides belong to no physical group."""
+    with session() as model:
+        model.occ.addRectangle(0, 0, 0, 1, 1)
+        model.occ.synchronize()
+        sides = [tag for _, tag in model.getEntities(1)]
+        model.addPhysicalGroup(2, [1], 1)
+        if named := sides[: 4 - unnamed]:
+            model.setPhysicalName(1, model.addPhysicalGroup(1, named, 1), "wall")
+        model.mesh.generate(2)
+        yield model
+
+
+@contextmanager
+def spoilt(error: Exception) -> Iterator[Any]:
+    """A drawing that fails."""
+    raise error
+    yield
+
+
+@contextmanager
 def _cube_model(n: int, order: int) -> Iterator[Any]:
     with session() as model:
         model.occ.addBox(0, 0, 0, 1, 1, 1)
         model.occ.synchronize()
         for dimension, cells in ((1, (n + 1,)), (2, ()), (3, ())):
-            put = (model.mesh.setTransfiniteCurve, model.mesh.setTransfiniteSurface, model.mesh.setTransfiniteVolume)
+            put = (
+                model.mesh.setTransfiniteCurve,
+                model.mesh.setTransfiniteSurface,
+                model.mesh.setTransfiniteVolume,
+            )
             for _, tag in model.getEntities(dimension):
                 put[dimension - 1](tag, *cells)
         yield finish(_cube_sides(), 3, order)
@@ -139,17 +166,20 @@ def _ring_model(radii: tuple[float, float], around: int, order: int) -> Iterator
 
 
 @contextmanager
-def _cube_in_box_model(cell: float) -> Iterator[Any]:
+def _ball_in_box_model(cell: float) -> Iterator[Any]:
     with session() as model:
-        box, cube = model.occ.addBox(0, 0, 0, 2, 1, 1), model.occ.addBox(0.6, 0.3, 0.3, 0.4, 0.4, 0.4)
-        model.occ.cut([(3, box)], [(3, cube)])
+        box, ball = model.occ.addBox(0, 0, 0, 1.5, 1, 1), model.occ.addSphere(0.6, 0.5, 0.5, 0.25)
+        model.occ.cut([(3, box)], [(3, ball)])
         model.occ.synchronize()
-        model.mesh.setSize(model.getEntities(0), cell)
         boundaries: dict[str, list[int]] = {"outer": [], "body": []}
         for _, tag in model.getEntities(2):
-            x, y, z = model.occ.getCenterOfMass(2, tag)
-            inside = 0.5 < x < 1.1 and 0.2 < y < 0.8 and 0.2 < z < 0.8
-            boundaries["body" if inside else "outer"].append(tag)
-        for _, tag in model.getBoundary([(2, t) for t in boundaries["body"]], combined=False, recursive=True):
-            model.mesh.setSize([(0, tag)], cell / 2)
-        yield finish(boundaries, 3, 1)
+            boundaries["body" if model.getType(2, tag) == "Sphere" else "outer"].append(tag)
+        model.mesh.setSize(model.getEntities(0), cell)
+        ends = model.getBoundary([(2, tag) for tag in boundaries["body"]], recursive=True)
+        model.mesh.setSize(ends, cell / 2)
+        finish(boundaries, 3, 2)
+        kinds, _, _ = model.mesh.getElements(3)
+        corners_and_middles = model.mesh.getElementProperties(kinds[0])[4]
+        senses = model.mesh.getJacobians(kinds[0], corners_and_middles)[1]
+        assert senses.min() * senses.max() > 0, "cells fold over: take another size"
+        yield model

@@ -8,6 +8,7 @@ from typing import Any
 
 import dolfinx
 import numpy as np
+from mpi4py import MPI
 
 from .. import compat
 from ..domain import Domain
@@ -102,12 +103,24 @@ class Constraints:
         if self.open:
             return []
         index_map = self.space.pressure.dofmap.index_map
-        # Global number 0, wherever it is seen: owned by the lowest rank that owns any, a ghost on others.
-        first = np.concatenate([np.arange(*index_map.local_range), index_map.ghosts])
-        own = np.flatnonzero(first == 0).astype(np.int32)
+        numbers = np.concatenate([np.arange(*index_map.local_range), index_map.ghosts])
+        own = np.flatnonzero(numbers == _first_node(self.space.pressure)).astype(np.int32)
         zero = dolfinx.fem.Function(self.space.pressure)
         mixed = self.space.pressure_map[own].astype(np.int32)
         return [dolfinx.fem.dirichletbc(zero, [mixed, own], self.space.mixed.sub(1))]
+
+
+def _first_node(space: Any) -> int:
+    """Global number of the node that comes first by its coordinates, the same place on any number of ranks."""
+    index_map = space.dofmap.index_map
+    points = space.tabulate_dof_coordinates()
+    comm = space.mesh.comm
+    size = comm.allreduce(float(np.abs(points).max(initial=0.0)), op=MPI.MAX)
+    # Rounded, so that round-off does not decide among nodes on a straight side.
+    places = np.round(points[: index_map.size_local] / size, 9) + 0.0
+    order = np.lexsort(places.T[::-1])[:1]
+    mine = [(tuple(places[i]), index_map.local_range[0] + int(i)) for i in order]
+    return min(first for owned in comm.allgather(mine) for first in owned)[1]
 
 
 def _on_facets(values: Any, spaces: tuple[Any, Any], facets: np.ndarray) -> Any:

@@ -9,8 +9,9 @@ from petsc4py import PETSc
 
 from ..errors import ConvergenceError
 
-# MUMPS's estimate of its own workspace is often too small for saddle points with pivoting.
-WORKSPACE_PERCENT = 200
+# MUMPS's estimate of its own workspace is often too small for saddle points with pivoting: how much to add, in
+# percent, at first and when that was not enough.
+WORKSPACES = (200, 800)
 
 
 @dataclass
@@ -34,9 +35,9 @@ class KeptFactorisation:
         self.matrix, self.patience = matrix, patience
         self.statistics = LinearStatistics()
         self._aged = True
-        self._solver = self._make()
+        self._solver = self._make(WORKSPACES[0])
 
-    def _make(self) -> Any:
+    def _make(self, workspace: int) -> Any:
         solver = PETSc.KSP().create(self.matrix.comm)
         solver.setOptionsPrefix("fluid_")
         solver.setType("gmres")
@@ -48,7 +49,7 @@ class KeptFactorisation:
         if PETSc.Sys.hasExternalPackage("mumps"):
             preconditioner.setFactorSolverType("mumps")
             preconditioner.setFactorSetUpSolverType()
-            preconditioner.getFactorMatrix().setMumpsIcntl(14, WORKSPACE_PERCENT)
+            preconditioner.getFactorMatrix().setMumpsIcntl(14, workspace)
         solver.setFromOptions()
         return solver
 
@@ -56,7 +57,7 @@ class KeptFactorisation:
         """Solve to a relative residual of `rtol`. Collective.
 
         Raises:
-            ConvergenceError: the factorisation failed, also with twice the workspace.
+            ConvergenceError: the factorisation failed, also with more workspace, or the system is not finite.
         """
         if fresh or self._aged:
             self._factorise()
@@ -78,12 +79,15 @@ class KeptFactorisation:
         return self._solver.getIterationNumber() if self._solver.getConvergedReason() > 0 else None
 
     def _factorise(self) -> None:
-        self._set_up()
-        if self._mumps and self._factor_error() < 0:
-            self._solver.getPC().getFactorMatrix().setMumpsIcntl(14, 4 * WORKSPACE_PERCENT)
+        self._aged = True
+        for next_workspace in (*WORKSPACES[1:], WORKSPACES[0]):
             self._set_up()
-        if self._mumps and self._factor_error() < 0:
-            raise ConvergenceError(self._explanation())
+            if not (self._mumps and self._factor_error() < 0):
+                return
+            # PETSc never factorises again with an object of MUMPS that has failed once: take a new one.
+            self._solver.destroy()
+            self._solver = self._make(next_workspace)
+        raise ConvergenceError(self._explanation())
 
     def _set_up(self) -> None:
         self._solver.getPC().setReusePreconditioner(False)

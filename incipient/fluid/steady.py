@@ -71,7 +71,8 @@ def approach(
     extrapolated from the two solutions before.
 
     Raises:
-        ConvergenceError: the step became smaller than a thousandth.
+        ConvergenceError: the step became smaller than a thousandth, or a factorisation failed; the fluid then
+            holds the last converged state at its Reynolds number, or the start if there is none.
     """
     target, steps = fluid.reynolds, []
     path = _Path(fluid)
@@ -81,11 +82,15 @@ def approach(
         last = share >= 1.0
         fluid.reynolds = target * share
         path.extrapolate(share)
-        report = fluid.solve(
-            tolerance if last else TOLERANCE_ON_THE_WAY,
-            max_iterations if last else ITERATIONS_ON_THE_WAY,
-            partial(watch, share),
-        )
+        try:
+            report = fluid.solve(
+                tolerance if last else TOLERANCE_ON_THE_WAY,
+                max_iterations if last else ITERATIONS_ON_THE_WAY,
+                partial(watch, share),
+            )
+        except ConvergenceError:
+            path.restore()
+            raise
         steps.append(Step(fluid.space.order, share, report))
         if report.converged:
             path.accept(share)
@@ -96,7 +101,6 @@ def approach(
             path.restore()
             stride = 0.5 * (share - reached)
             if stride < SMALLEST_STEP:
-                fluid.reynolds = target * reached
                 raise ConvergenceError(_explanation(reached))
         share = min(1.0, reached + stride)
 
@@ -117,14 +121,17 @@ class _Path:
     """The last two converged states along the continuation."""
 
     def __init__(self, fluid: Fluid):
-        self.fluid = fluid
+        self.fluid, self.target = fluid, fluid.reynolds
         self.states: list[tuple[float, np.ndarray]] = [(0.0, fluid.state.x.array.copy())]
 
     def accept(self, share: float) -> None:
         self.states = [*self.states[-1:], (share, self.fluid.state.x.array.copy())]
 
     def restore(self) -> None:
-        self.fluid.state.x.array[:] = self.states[-1][1]
+        share, values = self.states[-1]
+        self.fluid.state.x.array[:] = values
+        # The start belongs to no Reynolds number; zero would make the stress infinite.
+        self.fluid.reynolds = self.target * (share or 1.0)
 
     def extrapolate(self, share: float) -> None:
         """Secant through the two last states, in the logarithm of the Reynolds number."""

@@ -73,8 +73,20 @@ class Transient:
             yield taken
 
     def advance(self, length: float) -> TimeStep:
-        """One accepted step, at most `length` long: halved while it does not converge or errs too much."""
+        """One accepted step, at most `length` long: halved while it does not converge or errs too much.
+
+        Raises:
+            ConvergenceError: as in `march`; the run can go on from the last good state.
+        """
         self._remember()
+        try:
+            return self._accepted(length)
+        except ConvergenceError:
+            self._restore()
+            del self._past[0]
+            raise
+
+    def _accepted(self, length: float) -> TimeStep:
         for rejected in range(11):
             report = self._attempt(length)
             error = self._error(length) if report.converged else None

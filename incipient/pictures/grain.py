@@ -122,6 +122,7 @@ def _centre(run: Run, surface: Surface) -> np.ndarray:
 
 def _sentence(run: Run) -> str:
     said = run.found("verdict", "sentence") or "the forces on the grain; the scene asks for no verdict"
+    said = said.split("; by the paper")[0]  # the other judge's opinion is in the result
     return "\n".join(textwrap.wrap(f"{said[0].upper()}{said[1:].rstrip('.')}.", 92))
 
 

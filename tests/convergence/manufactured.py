@@ -18,7 +18,7 @@ from mpi4py import MPI
 
 from incipient import compat, forms
 from incipient.domain import Domain
-from incipient.fluid import Fluid, FlowModel, Open, Prescribed
+from incipient.fluid import FlowModel, Fluid, Open, Prescribed
 
 Components = Callable[[Any, Any, Any], Sequence[Any]]
 
@@ -117,7 +117,9 @@ def errors(fluid: Fluid, flow: Flow) -> Errors:
     v, p = ufl.split(fluid.state)
     x, t = fluid.place(), fluid._time
     J = 1.0 if fluid.model.reference_map is None else fluid.model.reference_map.J
-    dx = ufl.Measure("dx", domain=fluid.domain.mesh, metadata={"quadrature_degree": 2 * fluid.model.order + 3})
+    dx = ufl.Measure(
+        "dx", domain=fluid.domain.mesh, metadata={"quadrature_degree": 2 * fluid.model.order + 3}
+    )
 
     def integral(integrand: Any) -> float:
         local = dolfinx.fem.assemble_scalar(compat.form(J * integrand * dx))

@@ -6,8 +6,6 @@ Source of the orders: Taylor-Hood elements are stable and approximate best (Brez
 
 from __future__ import annotations
 
-from typing import Any
-
 import dolfinx
 import numpy as np
 import pytest

@@ -21,7 +21,7 @@ from domains import curved_box, unit_box
 
 from incipient import compat, forms
 from incipient.domain import Domain
-from incipient.fluid.space import TaylorHood, taylor_hood
+from incipient.fluid.space import TaylorHood, boundary_blocks, taylor_hood
 
 QUADRATURE = {"quadrature_degree": 6}
 ROUND_OFF = 1e-12
@@ -208,3 +208,28 @@ def test_surface_traction_of_a_linear_flow() -> None:
     traction = forms.surface_traction(ufl.as_vector([x[1], 0 * x[0]]), 2.0, n, 4.0)
     values = [dolfinx.fem.assemble_scalar(compat.form(t * domain.measure("top"))) for t in traction]
     assert values == pytest.approx([0.25, -2.0], abs=1e-12)
+
+
+@CASES
+@pytest.mark.parametrize("mapped", [False, True])
+def test_stokes_operator_is_symmetric_also_with_an_open_boundary(gdim: int, mapped: bool) -> None:
+    """The reason for the vanishing div v in the open boundary's term: it is symmetric where v is not prescribed."""
+    problem = make_problem(gdim, 1, affine)
+    space, domain = problem.space, problem.domain
+    v, p = ufl.TrialFunctions(space.mixed)
+    w, q = ufl.TestFunctions(space.mixed)
+    terms = forms.FlowTerms(
+        reynolds=7.0,
+        open_boundary=domain.measure("right")(metadata=QUADRATURE),
+        reference_map=forms.ReferenceMap(problem.displacement, problem.mesh_velocity) if mapped else None,
+    )
+    dx = ufl.Measure("dx", domain=domain.mesh, metadata=QUADRATURE)
+    matrix = petsc.assemble_matrix(compat.form(forms.residual(v, p, w, q, terms, dx)))
+    matrix.assemble()
+    prescribed = [
+        boundary_blocks(space.velocity, domain.facets_of(name)) for name in domain.names if name != "right"
+    ]
+    unknowns = gdim * np.concatenate(prescribed)[:, None] + np.arange(gdim)
+    free = np.delete(np.arange(space.unknowns), space.velocity_map[unknowns.ravel()])
+    entries = matrix[:, :][np.ix_(free, free)]
+    assert np.abs(entries - entries.T).max() < ROUND_OFF * np.abs(entries).max()

@@ -1,0 +1,13 @@
+"""`python -m incipient.pictures DIR` draws a run's pictures and prints their paths, one a line."""
+
+import sys
+from pathlib import Path
+
+from ..errors import IncipientError
+from . import draw
+
+try:
+    print(*draw(Path(sys.argv[1])), sep="\n")
+except IncipientError as error:
+    print(error, file=sys.stderr)
+    raise SystemExit(error.exit_code) from None

@@ -1,0 +1,38 @@
+"""Drawing in a process of its own.
+
+VTK's wheel and dolfinx's libraries do not get on in one process: rendering a colour bar after a flow has been
+computed ends it (both bring std::regex, built for different string ABIs). Apart, a crash costs a picture
+and not the run.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from ..errors import OutputError
+
+# What would make the child take part in the parallel run it was started from.
+PARALLEL = ("OMPI_", "PMIX_", "PMI_", "ORTE_")
+
+
+def draw_apart(directory: Path) -> list[Path]:
+    """Draw a run's pictures in another process; returns their paths. Not collective.
+
+    Raises:
+        OutputError: with the drawing's own explanation.
+    """
+    surroundings = {name: value for name, value in os.environ.items() if not name.startswith(PARALLEL)}
+    child = subprocess.run(
+        [sys.executable, "-m", "incipient.pictures", str(directory)],
+        capture_output=True,
+        text=True,
+        env=surroundings,
+        check=False,
+    )
+    if child.returncode:
+        lines = child.stderr.strip().splitlines() or [f"the drawing ended with code {child.returncode}"]
+        raise OutputError(f"no pictures: {lines[-1]}")
+    return [Path(line) for line in child.stdout.splitlines()]

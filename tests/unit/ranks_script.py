@@ -1,0 +1,113 @@
+"""Solves one small flow on however many ranks there are and prints what was found (run by test_ranks.py)."""
+
+from __future__ import annotations
+
+import json
+import sys
+from typing import Any
+
+import dolfinx
+import numpy as np
+import ufl
+from domains import ball_in_box, square_in_box
+from mpi4py import MPI
+
+from incipient import compat
+from incipient.domain import Domain
+from incipient.fluid import (
+    Condition,
+    FlowModel,
+    Fluid,
+    Open,
+    Prescribed,
+    Slip,
+    Transient,
+    no_slip,
+    solve_steady,
+)
+from incipient.fluid.vorticity import vorticity
+from incipient.sampling import sample
+from incipient.tractions import TractionProbe
+
+COMM = MPI.COMM_WORLD
+
+
+def shear(x: np.ndarray, t: float) -> np.ndarray:
+    return np.vstack([x[1], 0 * x[0], 0 * x[0]])
+
+
+def channel() -> list[Condition]:
+    """An open channel with a free-slip ceiling."""
+    return [Open("right"), Slip("top", axis=1), Prescribed("left", shear), no_slip("bottom"), no_slip("body")]
+
+
+def box() -> list[Condition]:
+    """A closed box driven by its lid: the pressure has no level of its own."""
+    lid = Prescribed("top", lambda x, t: np.vstack([x[0] * (2 - x[0]), 0 * x[0]]))
+    return [lid, *(no_slip(name) for name in ("left", "right", "bottom", "body"))]
+
+
+def integral(domain: Domain, integrand: Any) -> float:
+    local = dolfinx.fem.assemble_scalar(compat.form(integrand * ufl.dx(domain=domain.mesh)))
+    return float(domain.comm.allreduce(local))
+
+
+def readings(fluid: Fluid, about: tuple[float, ...], points: Any) -> dict[str, Any]:
+    """Everything that a result is made of, the pressure up to its level."""
+    probe = TractionProbe(fluid, "body", about)
+    by_residual, by_integral = probe.resultant(), probe.surface_resultant()
+    velocity, pressure = ufl.split(fluid.state)
+    one = dolfinx.fem.Constant(fluid.domain.mesh, 1.0)
+    mean = integral(fluid.domain, pressure) / integral(fluid.domain, one)
+    traction, curl = probe.field(), vorticity(fluid)
+    return {
+        "ranks": fluid.domain.comm.size,
+        "force": by_residual.force.tolist(),
+        "couple": by_residual.couple.tolist(),
+        "surface force": by_integral.force.tolist(),
+        "surface couple": by_integral.couple.tolist(),
+        "velocity norm": integral(fluid.domain, ufl.inner(velocity, velocity)) ** 0.5,
+        "pressure norm": integral(
+            fluid.domain, (pressure - dolfinx.fem.Constant(fluid.domain.mesh, mean)) ** 2
+        )
+        ** 0.5,
+        "traction norm": integral(fluid.domain, ufl.inner(traction, traction)) ** 0.5,
+        "vorticity norm": integral(fluid.domain, ufl.inner(curl, curl)) ** 0.5,
+        "velocity at points": sample(fluid.velocity, np.array(points)).tolist(),
+        "pressure difference": float(np.diff(sample(fluid.pressure, np.array(points))[:2, 0])[0]),
+    }
+
+
+def steady(conditions: list[Condition], order: int = 2) -> dict[str, Any]:
+    with Fluid(square_in_box(0.3, 0.25), FlowModel(order=order), conditions, reynolds=20.0) as fluid:
+        solve_steady(fluid, 1e-12)
+        return readings(fluid, (0.8, 0.55), PLACES)
+
+
+def unsteady() -> dict[str, Any]:
+    with Fluid(square_in_box(0.3, 0.25), FlowModel(unsteady=True), box(), reynolds=20.0) as fluid:
+        for _ in Transient(fluid, tolerance=1e-12, accuracy=1e-2).march(0.5, 0.1):
+            pass
+        return readings(fluid, (0.8, 0.55), PLACES)
+
+
+def three_dimensions() -> dict[str, Any]:
+    stream = Prescribed("outer", shear)
+    with Fluid(ball_in_box(0.5), FlowModel(), [stream, no_slip("body")], reynolds=5.0) as fluid:
+        solve_steady(fluid, 1e-12)
+        return readings(fluid, (0.6, 0.5, 0.5), [[0.1, 0.2, 0.3], [1.2, 0.6, 0.4], [1.0, 0.5, 0.9]])
+
+
+PLACES = [[0.2, 0.3], [1.4, 0.8], [1.9, 0.5]]
+CASES = {
+    "open": lambda: steady(channel()),
+    "closed": lambda: steady(box()),
+    "cubic": lambda: steady(channel(), order=3),
+    "unsteady": unsteady,
+    "three_dimensions": three_dimensions,
+}
+
+if __name__ == "__main__":
+    found = CASES[sys.argv[1]]()
+    if COMM.rank == 0:
+        print(json.dumps(found))

@@ -1,0 +1,239 @@
+"""Regions and grids as gmsh meshes them: names, sizes, curved cells."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager
+from typing import Any
+
+import numpy as np
+import pytest
+from domains import square_outline
+from incipient.meshes import Grid, Near, Region, Sizes
+from incipient.meshes.model import grid_model, region_model
+
+from incipient.errors import MeshError
+from incipient.geometry.bed import HalfDiscs, Sinusoidal
+from incipient.geometry.curves import Line
+from incipient.geometry.grain import Disc, Ellipse, Placement, Rectangle
+
+FLOOR = (Line((0.0, 0.0), (2.0, 0.0)),)
+DISC = tuple(curve.moved(Placement((0.8, 0.5))) for curve in Disc(diameter=0.4).outline())
+
+
+def nodes(model: Any) -> np.ndarray:
+    """All nodes' places, (n, 2)."""
+    return np.reshape(model.mesh.getNodes()[1], (-1, 3))[:, :2]
+
+
+def corners(model: Any) -> np.ndarray:
+    """Corners of all triangles, (cells, 3, 2)."""
+    tags, coordinates, _ = model.mesh.getNodes()
+    place = dict(zip(tags, np.reshape(coordinates, (-1, 3))[:, :2], strict=True))
+    kinds, _, members = model.mesh.getElements(2)
+    per_cell = model.mesh.getElementProperties(kinds[0])[3]
+    return np.array([[place[n] for n in cell[:3]] for cell in np.reshape(members[0], (-1, per_cell))])
+
+
+def edge_lengths(model: Any) -> np.ndarray:
+    """Lengths of the triangles' three sides, (cells, 3)."""
+    triangles = corners(model)
+    return np.linalg.norm(triangles - np.roll(triangles, -1, axis=1), axis=2)
+
+
+def on_boundary(model: Any, name: str) -> np.ndarray:
+    """Places of the nodes on a named boundary."""
+    groups = {model.getPhysicalName(1, tag): tag for _, tag in model.getPhysicalGroups(1)}
+    _, coordinates = model.mesh.getNodesForPhysicalGroup(1, groups[name])
+    return np.reshape(coordinates, (-1, 3))[:, :2]
+
+
+def names(model: Any) -> list[str]:
+    return sorted(model.getPhysicalName(1, tag) for _, tag in model.getPhysicalGroups(1))
+
+
+def senses(model: Any, points: Any) -> np.ndarray:
+    """Determinants with their sign, (cells, points); gmsh's own have lost it for cells in the plane."""
+    kinds, _, _ = model.mesh.getElements(2)
+    jacobians = np.reshape(model.mesh.getJacobians(kinds[0], points)[0], (-1, len(points) // 3, 3, 3))
+    return np.linalg.det(jacobians[..., :2, :2])
+
+
+def area(model: Any) -> float:
+    """Area of the mesh, curved cells included."""
+    kinds, _, _ = model.mesh.getElements(2)
+    points, weights = model.mesh.getIntegrationPoints(kinds[0], "Gauss8")
+    return float(abs(np.sum(senses(model, points) @ weights)))
+
+
+def disc_model(order: int = 1, factor: float = 1.0) -> AbstractContextManager[Any]:
+    sizes = Sizes(0.2, (Near(0.1, 0.3, boundary="body"),)).scaled(factor)
+    return region_model(Region(FLOOR, 1.0, {"body": DISC}), sizes, order)
+
+
+# -- names --------------------------------------------------------------------------------------
+
+
+def test_region_has_its_names() -> None:
+    with disc_model() as model:
+        found, body, bed = names(model), on_boundary(model, "body"), on_boundary(model, "bed")
+        inflow, outflow, top = (on_boundary(model, name) for name in ("inflow", "outflow", "top"))
+    assert found == ["bed", "body", "inflow", "outflow", "top"]
+    assert np.linalg.norm(body - [0.8, 0.5], axis=1) == pytest.approx(np.full(len(body), 0.2))
+    for places, axis, value in ((bed, 1, 0.0), (top, 1, 1.0), (inflow, 0, 0.0), (outflow, 0, 2.0)):
+        assert places[:, axis] == pytest.approx(np.full(len(places), value))
+
+
+def test_sides_may_share_a_name() -> None:
+    region = Region(FLOOR, 1.0, sides=("wall", "outflow", "wall", "inflow"))
+    with region_model(region, Sizes(0.3), 1) as model:
+        found, wall = names(model), on_boundary(model, "wall")
+    assert found == ["inflow", "outflow", "wall"]
+    assert {0.0, 1.0} == set(wall[:, 1].round(9))
+
+
+def test_grid_has_its_names() -> None:
+    with grid_model(Grid((1.0, -1.0), 2.0, 1.0, 4, 3), 1) as model:
+        found, bottom, right = names(model), on_boundary(model, "bottom"), on_boundary(model, "right")
+    assert found == ["bottom", "left", "right", "top"]
+    assert len(bottom) == 5
+    assert len(right) == 4
+    assert right[:, 0] == pytest.approx(np.full(4, 3.0))
+
+
+@pytest.mark.parametrize(
+    ("bed", "expected"),
+    [(Sinusoidal(0.1, 1.0), 2.0), (HalfDiscs(0.1, 0.5, 0.5), 2.0 - 4 * 0.5 * np.pi * 0.1**2)],
+)
+def test_area_above_a_bed(bed: Any, expected: float) -> None:
+    """Whole waves take nothing off the rectangle; three half-discs and two quarters take 4 pi r^2 / 2."""
+    region = Region(bed.curves(0.0, 2.0), 1.0)
+    with region_model(region, Sizes(0.2, (Near(0.03, 0.3, boundary="bed"),)), 2) as model:
+        assert area(model) == pytest.approx(expected, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    "grain", [Rectangle(0.4, 0.2), Rectangle(0.4, 0.3, 0.05), Ellipse((0.3, 0.1)), Disc(0.4)]
+)
+def test_area_around_a_turned_grain(grain: Any) -> None:
+    outline = tuple(curve.moved(Placement((0.9, 0.5), 0.4)) for curve in grain.outline())
+    sizes = Sizes(0.2, (Near(0.03, 0.3, boundary="body"),))
+    with region_model(Region(FLOOR, 1.0, {"body": outline}), sizes, 2) as model:
+        assert area(model) == pytest.approx(2.0 - grain.volume, rel=1e-5)
+
+
+# -- sizes --------------------------------------------------------------------------------------
+
+
+def test_one_factor_scales_all_sizes() -> None:
+    """Half the size, four times the cells."""
+    counts, smallest = [], []
+    for factor in (1.0, 0.5, 0.25):
+        with disc_model(factor=factor) as model:
+            lengths = edge_lengths(model)
+            counts.append(len(lengths))
+            smallest.append(lengths.min())
+    assert np.array(counts[1:]) / counts[:-1] == pytest.approx([4.0, 4.0], rel=0.25)
+    assert np.array(smallest[1:]) / smallest[:-1] == pytest.approx([0.5, 0.5], rel=0.35)
+
+
+def test_scaled_sizes() -> None:
+    sizes = Sizes(1.0, (Near(0.1, 0.2, points=((0.0, 0.0),)), Near(0.3, 0.5, boundary="bed"))).scaled(0.5)
+    assert sizes == Sizes(0.5, (Near(0.05, 0.2, points=((0.0, 0.0),)), Near(0.15, 0.5, boundary="bed")))
+    assert sizes.at([1.0, 0.1]) == pytest.approx(0.2)
+    assert sizes.at([9.0, 9.0]) == 0.5
+
+
+def test_cells_are_small_where_asked_and_grow_from_there() -> None:
+    size, growth, far = 0.02, 0.25, 0.3
+    sizes = Sizes(far, (Near(size, growth, points=((0.5, 0.0),)),))
+    with region_model(Region(FLOOR, 1.0), sizes, 1) as model:
+        triangles, lengths = corners(model), edge_lengths(model).mean(axis=1)
+    distance = np.linalg.norm(triangles.mean(axis=1) - [0.5, 0.0], axis=1)
+    wanted = np.minimum(far, size + growth * distance)
+    assert np.median(lengths / wanted) == pytest.approx(1.0, abs=0.15)
+    assert np.all(lengths < 1.8 * wanted)
+    assert lengths[np.argmin(distance)] < 2 * size
+
+
+def test_size_along_a_boundary() -> None:
+    with disc_model() as model:
+        body = on_boundary(model, "body")
+    # 0.4 pi round the disc in pieces of 0.1, each quarter rounded up.
+    assert len(body) == pytest.approx(0.4 * np.pi / 0.1, abs=4)
+
+
+# -- grids --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("grading", [1.0, 0.2])
+def test_grid_spacing(grading: float) -> None:
+    """Ends as fine as `grading` says against the middle; symmetric."""
+    with grid_model(Grid((0.0, 0.0), 1.0, 1.0, 20, 20, grading), 1) as model:
+        x = np.sort(on_boundary(model, "bottom")[:, 0])
+        count = len(corners(model))
+    spacing = np.diff(x)
+    assert count == 2 * 20 * 20
+    assert spacing == pytest.approx(spacing[::-1], rel=1e-6)
+    assert spacing[0] / spacing.max() == pytest.approx(grading, rel=0.2)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_grid_of_an_order(order: int) -> None:
+    with grid_model(Grid((0.0, 0.0), 1.0, 1.0, 3, 2), order) as model:
+        assert len(nodes(model)) == (3 * order + 1) * (2 * order + 1)
+        assert area(model) == pytest.approx(1.0)
+
+
+# -- curved cells -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("order", "error"), [(1, 1e-2), (2, 1e-4), (3, 1e-5)])
+def test_order_of_the_geometry(order: int, error: float) -> None:
+    """The area around a disc, 2 - pi/25, comes out ever more exactly."""
+    with disc_model(order) as model:
+        found, body = area(model), on_boundary(model, "body")
+    off = abs(found / (2 - np.pi * 0.04) - 1)
+    print(order, off)
+    assert 0 < off < error
+    assert np.linalg.norm(body - [0.8, 0.5], axis=1) == pytest.approx(np.full(len(body), 0.2), rel=1e-6)
+
+
+def test_folded_cells_are_refused() -> None:
+    """A disc hardly above the floor in cells far larger than the gap: they bulge through those below."""
+    low = Placement((0.8, 0.201), np.pi / 4)
+    region = Region(FLOOR, 1.0, {"body": tuple(curve.moved(low) for curve in Disc(diameter=0.4).outline())})
+    with (
+        pytest.raises(MeshError, match="fold over on a curved boundary"),
+        region_model(region, Sizes(0.15), 2),
+    ):
+        pass
+    with region_model(region, Sizes(0.15), 1) as model:
+        assert len(corners(model)) > 0
+    with region_model(region, Sizes(0.15, (Near(0.005, 0.3, boundary="body"),)), 2) as model:
+        assert len(corners(model)) > 0
+
+
+@pytest.mark.parametrize(
+    "outline",
+    [square_outline((0.8, 0.5), 0.4)[:3], square_outline((0.8, 0.0), 0.4)],
+    ids=["not closed", "crosses the floor"],
+)
+def test_impossible_region_is_refused(outline: tuple[Line, ...]) -> None:
+    """gmsh must not take the process down with it."""
+    region = Region(FLOOR, 1.0, {"body": outline})
+    with pytest.raises(MeshError, match="could not be meshed: "), region_model(region, Sizes(0.2), 1):
+        pass
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_all_cells_keep_their_sense(order: int) -> None:
+    with disc_model(order) as model:
+        kinds, _, _ = model.mesh.getElements(2)
+        found = senses(model, model.mesh.getIntegrationPoints(kinds[0], "Gauss8")[0])
+    assert np.all(found > 0) or np.all(found < 0)
+
+
+def test_errors_of_the_reader_of_a_model_are_its_own() -> None:
+    """Only what gmsh complains of is a MeshError; a defect in what reads the model keeps its type."""
+    with pytest.raises(KeyError), disc_model():
+        raise KeyError("not gmsh's fault")

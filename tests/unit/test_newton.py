@@ -1,0 +1,116 @@
+"""Newton's method on problems whose corrections are known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+
+from incipient.fluid import newton
+
+
+class Scalar:
+    """One equation f(x) = 0 with its derivative."""
+
+    def __init__(self, f: Callable[[float], float], derivative: Callable[[float], float], x: float):
+        self.f, self.derivative, self.x = f, derivative, x
+        self.asked: list[tuple[float, bool]] = []
+
+    def correction(self, rtol: float, fresh: bool) -> float:
+        self.asked.append((rtol, fresh))
+        step = self.f(self.x) / self.derivative(self.x)
+        self.x -= step
+        return abs(step / self.x)
+
+
+class Scripted:
+    """Corrections as listed."""
+
+    def __init__(self, *sizes: float):
+        self.sizes: Iterator[float] = iter(sizes)
+
+    def correction(self, rtol: float, fresh: bool) -> float:
+        return next(self.sizes)
+
+
+def square_root_of_two(start: float) -> Scalar:
+    return Scalar(lambda x: x * x - 2, lambda x: 2 * x, start)
+
+
+def test_converges_and_bounds_the_error() -> None:
+    """The estimate d r / (1 - r) is above the true error, since convergence is quadratic."""
+    system = square_root_of_two(1.0)
+    report = newton.solve(system, 1e-6, 20)
+    assert report.converged
+    assert abs(system.x / np.sqrt(2) - 1) <= report.error <= 1e-6
+    assert report.iterations == len(report.corrections) == len(system.asked)
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-8, 1e-12])
+def test_stops_as_soon_as_the_tolerance_is_met(tolerance: float) -> None:
+    """Heron's method from 1: errors 6e-2, 2e-3, 2e-6, 2e-12, 0 (by hand)."""
+    report = newton.solve(square_root_of_two(1.0), tolerance, 20)
+    assert report.converged
+    assert report.iterations <= {1e-4: 4, 1e-8: 5, 1e-12: 6}[tolerance]
+
+
+def test_linear_problem_is_confirmed_by_a_second_correction() -> None:
+    report = newton.solve(Scalar(lambda x: 3 * x - 6, lambda x: 3.0, 1.0), 1e-9, 20)
+    assert report.converged
+    assert report.corrections == (0.5, 0.0)
+
+
+def test_one_correction_is_not_enough_to_tell() -> None:
+    assert not newton.solve(Scripted(1e-9), 1e-6, max_iterations=1).converged
+
+
+def test_nothing_to_correct() -> None:
+    assert newton.solve(Scripted(0.0), 1e-9, 20) == newton.NewtonReport(True, (0.0,), 0.0)
+
+
+def test_slow_contraction_is_not_taken_for_convergence() -> None:
+    """Corrections that shrink by 0.9 have ten times their size still to go."""
+    sizes = [1e-8 * 0.9**k for k in range(10)]
+    assert not newton.solve(Scripted(*sizes), 1e-8, max_iterations=10).converged
+
+
+def test_gives_up_when_corrections_keep_growing() -> None:
+    report = newton.solve(Scripted(1.0, 2.0, 4.0, 8.0, 16.0), 1e-9, 20)
+    assert not report.converged
+    assert report.corrections == (1.0, 2.0, 4.0, 8.0)
+
+
+@pytest.mark.parametrize("size", [np.nan, np.inf])
+def test_gives_up_when_corrections_are_not_finite(size: float) -> None:
+    report = newton.solve(Scripted(1.0, size), 1e-9, 20)
+    assert not report.converged
+    assert report.error == np.inf
+
+
+def test_gives_up_after_the_iterations_allowed() -> None:
+    """x^2 + 1 has no real root."""
+    report = newton.solve(Scalar(lambda x: x * x + 1, lambda x: 2 * x, 0.3), 1e-9, 7)
+    assert not report.converged
+    assert report.iterations <= 7
+
+
+def test_asks_for_fresh_factors_only_while_the_state_changes_much() -> None:
+    system = square_root_of_two(10.0)
+    report = newton.solve(system, 1e-9, 20)
+    fresh = [asked for _, asked in system.asked]
+    assert fresh == [False, *(size > 0.05 for size in report.corrections[:-1])]
+
+
+def test_linear_systems_are_solved_ever_more_exactly() -> None:
+    system = square_root_of_two(1.0)
+    newton.solve(system, 1e-10, 20)
+    tolerances = [rtol for rtol, _ in system.asked[1:]]
+    assert tolerances == sorted(tolerances, reverse=True)
+    assert min(tolerances) >= 1e-12
+
+
+def test_watch_hears_of_every_correction() -> None:
+    heard: list[tuple[int, float]] = []
+    report = newton.solve(square_root_of_two(1.0), 1e-9, 20, lambda i, size: heard.append((i, size)))
+    assert heard == list(enumerate(report.corrections))

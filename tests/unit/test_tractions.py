@@ -1,0 +1,243 @@
+"""Forces, couples and tractions against exact ones; the sign is that of sigma n with n out of the body."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import dolfinx
+import numpy as np
+import pytest
+import ufl
+from domains import ball_in_box, ring, square_in_box, unit_box
+
+from incipient import compat, forms
+from incipient.domain import Domain
+from incipient.fluid import FlowModel, Fluid, Open, Prescribed, no_slip, solve_steady
+from incipient.tractions import TractionProbe
+
+SIZE = 0.3
+
+
+def integral(integrand: Any) -> float:
+    return float(dolfinx.fem.assemble_scalar(compat.form(integrand)))
+
+
+def stream(profile: Callable[[np.ndarray], np.ndarray]) -> Callable[[np.ndarray, float], np.ndarray]:
+    """A flow along the first axis that depends on the second."""
+    return lambda x, t: np.vstack([profile(x[1]), np.zeros((2, x.shape[1]))])
+
+
+def past_square(domain: Domain, model: FlowModel, reynolds: float = 10.0) -> Fluid:
+    """Shear flow past a square in an open channel."""
+    moving = [Prescribed(name, stream(lambda y: y)) for name in ("top", "left", "bottom")]
+    return Fluid(domain, model, [Open("right"), *moving, no_slip("body")], reynolds)
+
+
+@pytest.fixture(scope="module")
+def solved() -> Any:
+    with past_square(square_in_box(SIZE, 0.25), FlowModel()) as fluid:
+        solve_steady(fluid, 1e-10)
+        yield fluid
+
+
+# -- the sign -----------------------------------------------------------------------------------
+
+
+def test_buoyancy_sign() -> None:
+    """Still water under gravity g carries a square of side s with the force (0, +g s^2): Archimedes.
+
+    The paper prints the traction with n into the body (equations (9), (21)): that is the weight of the water.
+    """
+    g = 9.81
+    domain = square_in_box(SIZE, 0.4)
+    model = FlowModel(body_force=lambda place, time: ufl.as_vector([0.0, -g]))
+    walls = [no_slip(name) for name in domain.names]
+    with Fluid(domain, model, walls, reynolds=100.0) as fluid:
+        fluid.solve(1e-12)
+        probe = TractionProbe(fluid, "body", (0.8, 0.55))
+        buoyancy = [0.0, g * SIZE**2, 0.0]
+        for resultant in (probe.resultant(), probe.surface_resultant()):
+            assert resultant.force == pytest.approx(buoyancy, abs=1e-10)
+            assert resultant.couple == pytest.approx(np.zeros(3), abs=1e-10)
+        assert printed_force(fluid) == pytest.approx([0.0, -g * SIZE**2], abs=1e-10)
+
+
+def printed_force(fluid: Fluid) -> list[float]:
+    """The integral of sigma n with n out of the fluid, into the body."""
+    v, p = ufl.split(fluid.state)
+    traction = forms.surface_traction(v, p, ufl.FacetNormal(fluid.domain.mesh), fluid.reynolds_constant)
+    return [integral(component * fluid.domain.measure("body")) for component in traction]
+
+
+def test_buoyancy_is_not_in_the_flow() -> None:
+    """Without the body force, still water bears nothing: the program adds buoyancy itself."""
+    domain = square_in_box(SIZE, 0.4)
+    with Fluid(domain, FlowModel(), [no_slip(name) for name in domain.names], reynolds=100.0) as fluid:
+        fluid.solve(1e-12)
+        assert TractionProbe(fluid, "body", (0.0, 0.0)).resultant().force == pytest.approx(
+            np.zeros(3), abs=1e-14
+        )
+
+
+# -- exact flows --------------------------------------------------------------------------------
+
+
+def couette_couples(around: int) -> tuple[float, float]:
+    """Couples on the inner disc by the residual and by the surface integral; see the test below."""
+    turning = Prescribed("inner", lambda x, t: np.vstack([-x[1], x[0]]))
+    with Fluid(ring(0.5, 1.0, around, 2), FlowModel(), [turning, no_slip("outer")], reynolds=4.0) as fluid:
+        solve_steady(fluid, 1e-11)
+        probe = TractionProbe(fluid, "inner", (0.0, 0.0))
+        return float(probe.resultant().couple[2]), float(probe.surface_resultant().couple[2])
+
+
+def test_couple_between_turning_discs_converges_at_the_doubled_rate() -> None:
+    """Circular Couette flow, inner disc (radius a = 1/2) turning at omega = 1, outer (b = 1) at rest.
+
+    Per unit depth the fluid turns the inner disc with -4 pi mu omega a^2 b^2 / (b^2 - a^2) (Landau & Lifshitz,
+    section 18); here mu = 1/4. P2-P1 on quadratic cells: order 2k = 4, the surface integral at most 3.
+    """
+    exact = -4 * np.pi * 0.25 * (0.25 / 0.75)
+    levels = [16, 32, 64]
+    off = np.array([np.abs(np.array(couette_couples(n)) - exact) for n in levels])
+    by_residual, by_integral = (-np.diff(np.log2(column)) for column in off.T)
+    print(off / abs(exact), by_residual, by_integral)
+    assert by_residual[-1] == pytest.approx(4.0, abs=0.2)
+    assert by_integral[-1] < 3.3
+    assert off[-1, 0] < 0.01 * off[-1, 1]
+
+
+def wall_forces(profile: Callable[[np.ndarray], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Force of a parallel flow on the bottom of the unit square, four cells long, Re = 10: both ways."""
+    sides = [Prescribed(name, stream(profile)) for name in ("left", "top", "bottom")]
+    with Fluid(unit_box(2, 4), FlowModel(), [Open("right"), *sides], reynolds=10.0) as fluid:
+        solve_steady(fluid, 1e-12)
+        probe = TractionProbe(fluid, "bottom", (0.0, 0.0))
+        return probe.resultant().force, probe.surface_resultant().force
+
+
+# A node where the wall meets the inflow also carries the inflow's traction: Simpson's weight of half an edge.
+CORNER = 0.25 / 6
+
+
+def test_wall_under_plane_couette_flow() -> None:
+    """v = (y, 0), p = 0: the shear stress 1/Re on the wall and on the inflow, the latter downwards."""
+    by_residual, by_integral = wall_forces(lambda y: y)
+    assert by_integral == pytest.approx([0.1, 0.0, 0.0], abs=1e-12)
+    assert by_residual == pytest.approx([0.1, 0.1 * CORNER, 0.0], abs=1e-12)
+
+
+def test_wall_under_plane_poiseuille_flow() -> None:
+    """v = (6 y (1 - y), 0), p = (12/Re) (1 - x): shear stress 6/Re on the wall; the mean pressure 6/Re presses."""
+    by_residual, by_integral = wall_forces(lambda y: 6 * y * (1 - y))
+    assert by_integral == pytest.approx([0.6, -0.6, 0.0], abs=1e-12)
+    # On the inflow the pressure 12/Re pushes the fluid on.
+    assert by_residual[0] == pytest.approx(0.6 - 1.2 * CORNER, abs=1e-12)
+
+
+# -- couples and the traction field -------------------------------------------------------------
+
+
+def test_couple_about_another_point(solved: Fluid) -> None:
+    """The shift theorem: C_b = C_a + (a - b) ^ F."""
+    a, b = np.array([0.8, 0.55, 0.0]), np.array([-1.0, 3.0, 0.0])
+    about_a, about_b = (TractionProbe(solved, "body", point[:2]) for point in (a, b))
+    for read in (TractionProbe.resultant, TractionProbe.surface_resultant):
+        at_a, at_b = read(about_a), read(about_b)
+        assert at_b.force == pytest.approx(at_a.force, abs=1e-12)
+        assert at_b.couple == pytest.approx(at_a.couple + np.cross(a - b, at_a.force), abs=1e-12)
+        assert abs(at_a.couple[2]) > 1e-3
+
+
+def test_traction_field_integrates_to_force_and_couple(solved: Fluid) -> None:
+    """On straight sides a rigid motion is in the velocity space, so that the couple is met too."""
+    probe = TractionProbe(solved, "body", (0.8, 0.55))
+    traction, resultant = probe.field(), probe.resultant()
+    ds, x = solved.domain.measure("body"), ufl.SpatialCoordinate(solved.domain.mesh)
+    force = [integral(t * ds) for t in traction]
+    couple = integral(((x[0] - 0.8) * traction[1] - (x[1] - 0.55) * traction[0]) * ds)
+    assert force == pytest.approx(resultant.force[:2], rel=1e-9)
+    assert couple == pytest.approx(resultant.couple[2], rel=1e-9)
+
+
+def test_traction_field_vanishes_off_the_body(solved: Fluid) -> None:
+    traction = TractionProbe(solved, "body", (0.8, 0.55)).field()
+    x = solved.space.velocity_points()
+    off = np.abs(x[:, :2] - [0.8, 0.55]).max(axis=1) > 0.5 * SIZE + 1e-9
+    assert np.all(traction.x.array.reshape(-1, 2)[off] == 0.0)
+    assert np.abs(traction.x.array).max() > 0.1
+
+
+# -- on a reference map -------------------------------------------------------------------------
+
+
+def bulge(x: np.ndarray) -> np.ndarray:
+    """A displacement that moves the square, turns it somewhat and leaves the outer boundary alone."""
+    height = np.sin(0.5 * np.pi * x[0]) * np.sin(np.pi * x[1])
+    return height * np.array([0.1 + 0.3 * (x[1] - 0.5), 0.15 * x[0] - 0.05])
+
+
+def probed(fluid: Fluid) -> list[np.ndarray]:
+    """Forces and couples, both ways, and the integral of the traction field."""
+    solve_steady(fluid, 1e-11)
+    probe = TractionProbe(fluid, "body", (0.7, 0.5))
+    readings = [probe.resultant(), probe.surface_resultant()]
+    area = ufl.FacetArea(fluid.domain.mesh) * 0 + 1.0
+    if fluid.model.reference_map is not None:
+        normal = forms.surface_vector(ufl.FacetNormal(fluid.domain.mesh), fluid.model.reference_map)
+        area = ufl.sqrt(ufl.inner(normal, normal))
+    total = [integral(t * area * fluid.domain.measure("body")) for t in probe.field()]
+    return [*(part for r in readings for part in (r.force, r.couple)), np.array(total)]
+
+
+def test_same_force_on_a_reference_map_as_on_the_moved_mesh() -> None:
+    domain = square_in_box(SIZE, 0.3)
+    mesh = domain.mesh
+    d = dolfinx.fem.Function(compat.function_space(mesh, compat.coordinate_element(mesh)))
+    d.interpolate(bulge)
+    at_rest = dolfinx.fem.Constant(mesh, (0.0, 0.0))
+    with past_square(domain, FlowModel(reference_map=forms.ReferenceMap(d, at_rest))) as fluid:
+        on_map = probed(fluid)
+    node_to_dof = np.empty(len(mesh.geometry.x), dtype=np.int64)
+    node_to_dof[compat.geometry_dofs(mesh)] = compat.cell_dofs(d.function_space)
+    mesh.geometry.x[:, :2] += d.x.array.reshape(-1, 2)[node_to_dof]
+    with past_square(domain, FlowModel()) as fluid:
+        moved = probed(fluid)
+    for a, b in zip(on_map, moved, strict=True):
+        assert a == pytest.approx(b, rel=1e-9, abs=1e-9)
+    assert on_map[-1] == pytest.approx(on_map[0][:2], rel=1e-9)
+
+
+# -- three dimensions ---------------------------------------------------------------------------
+
+
+def forces_in_stokes_flow(cell: float) -> list[np.ndarray]:
+    """On a ball and on the outer boundary by the residual, then both by the surface integral."""
+    moving = Prescribed("outer", lambda x, t: np.vstack([x[1] * (1 - x[1]), 0 * x[0], 0 * x[0]]))
+    with Fluid(ball_in_box(cell), FlowModel(inertia=False), [moving, no_slip("body")], reynolds=1.0) as fluid:
+        fluid.solve(1e-10)
+        probes = [TractionProbe(fluid, name, (0.6, 0.5, 0.5)) for name in ("body", "outer")]
+        return [
+            read(p).force
+            for read in (TractionProbe.resultant, TractionProbe.surface_resultant)
+            for p in probes
+        ]
+
+
+def test_stokes_flow_past_a_ball() -> None:
+    """Nothing but the boundaries acts on a Stokes flow: the forces on body and outer boundary sum to zero.
+
+    Exactly so by the residual (a constant test function has no strain), by the surface integral to the mesh
+    error; the two ways on the body agree to that error too.
+    """
+    coarse, fine = forces_in_stokes_flow(0.5), forces_in_stokes_flow(0.25)
+    for body, outer, *_ in (coarse, fine):
+        assert body[0] > 1.0
+        assert outer == pytest.approx(-body, abs=1e-9 * body[0])
+    between_ways = [
+        np.linalg.norm(body - by_integral) / body[0] for body, _, by_integral, _ in (coarse, fine)
+    ]
+    balance = [np.linalg.norm(on_body + on_outer) / on_body[0] for _, _, on_body, on_outer in (coarse, fine)]
+    assert between_ways[1] < 0.1 < between_ways[0]
+    assert balance[1] < 0.15 < balance[0]
