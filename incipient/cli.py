@@ -1,4 +1,4 @@
-"""The command `incipient`: run, plan, show, new, schema."""
+"""The command `incipient`: run, threshold, plan, show, judge, new, schema."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ import sys
 import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from .errors import IncipientError, SceneError
+from .interrupt import forget_unfinished_form
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -22,25 +23,27 @@ INTERRUPTED = 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Parse the command line, do it, and return the exit code; the same on all ranks."""
-    options = _parser().parse_args(arguments)
+    """Do what the command line says and return the exit code; the same on all ranks."""
     _start_alone_quickly()
-    # The libraries below are heard only when something is wrong: the form compiler narrates at level info.
-    logging.basicConfig(level=logging.WARNING, format="%(message)s", stream=sys.stderr)
-    logging.getLogger("incipient").setLevel(options.log_level.upper())
-    signal.signal(signal.SIGTERM, _as_interrupt)
-    return _guarded(options.command, options)
+    return _guarded(arguments)
+
+
+class _Parser(argparse.ArgumentParser):
+    """Reports a wrong command line like any other wrong input: in one line, by one rank."""
+
+    def error(self, message: str) -> NoReturn:
+        raise SceneError(f"{message}; see {self.prog} --help")
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="incipient", description="Does a rigid grain on a rigid bed in a viscous flow begin to move?"
     )
-    common = argparse.ArgumentParser(add_help=False)
+    common = _Parser(add_help=False)
     common.add_argument(
         "--log-level", choices=("debug", "info", "warning", "error"), default="info", help="how much to say"
     )
-    scene = argparse.ArgumentParser(add_help=False)
+    scene = _Parser(add_help=False)
     scene.add_argument("scene", type=Path, help="scene file (TOML)")
     scene.add_argument(
         "--set",
@@ -52,7 +55,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
-    def command(name: str, function: Callable[..., int], text: str, *parents: argparse.ArgumentParser) -> Any:
+    def command(name: str, function: Callable[..., int], text: str, *parents: Any) -> Any:
         made = commands.add_parser(name, help=text, description=text, parents=[*parents, common])
         made.set_defaults(command=function)
         return made
@@ -61,10 +64,24 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument(
         "--out", type=Path, help="directory for the results (default: results/NAME OF THE SCENE)"
     )
+    threshold = command(
+        "threshold", _threshold, "find the flow at which the scene's grain first moves", scene
+    )
+    threshold.add_argument("--out", type=Path, help="directory for the results (default: as for run)")
     plan = command("plan", _plan, "say what would be computed and what not, and what it needs", scene)
     plan.add_argument("--json", action="store_true", help="as JSON")
     show = command("show", _show, "draw the pictures of a finished run")
     show.add_argument("directory", type=Path, help="directory of the results")
+    judge = command("judge", _judge, "judge forces and contacts given in a case file, without a flow")
+    judge.add_argument("case", type=Path, help="case file (TOML)")
+    judge.add_argument("--set", dest="overrides", action="append", default=[], metavar="KEY=VALUE")
+    judge.add_argument(
+        "--out",
+        nargs="?",
+        const="",
+        metavar="DIRECTORY",
+        help="write judgement.json there; without a DIRECTORY next to the case",
+    )
     new = command("new", _new, "write a commented example scene")
     new.add_argument("name", help="name of the scene; NAME.toml is written")
     command("schema", _schema, "print the JSON schema of scenes, for editors")
@@ -84,9 +101,30 @@ def _run(options: argparse.Namespace, comm: MPI.Comm) -> int:
     )
     with telling(comm.rank) as voice:
         result = incipient.run(scene, directory, comm, voice)
-    log.info("%s", result.text())
     pictures = _pictures(directory, comm) if scene.output.pictures else []
-    log.info("%s", _whereabouts(directory, scene.output.fields, pictures, result.cost))
+    if comm.rank == 0:
+        print(result.text())
+        print(_whereabouts(directory, scene.output.fields, pictures, result.cost))
+    return 0
+
+
+def _threshold(options: argparse.Namespace, comm: MPI.Comm) -> int:
+    import incipient
+
+    from .output.directory import write_threshold
+    from .progress import telling
+    from .threshold import find_threshold
+
+    scene = incipient.load(options.scene, options.overrides)
+    directory = options.out or Path("results") / options.scene.stem
+    with telling(comm.rank) as voice:
+        threshold = find_threshold(scene, comm, voice)
+    write_threshold(directory, scene, threshold, comm)
+    pictures = _pictures(directory, comm) if scene.output.pictures else []
+    if comm.rank == 0:
+        print(threshold.text())
+        print(f"numbers             {directory / 'threshold.json'}")
+        print(f"pictures            {', '.join(map(str, pictures)) or f'incipient show {directory}'}")
     return 0
 
 
@@ -96,9 +134,9 @@ def _pictures(directory: Path, comm: MPI.Comm) -> list[Path]:
     drawn: list[Path] = []
     with collectively(comm):
         if comm.rank == 0:
-            from .pictures import draw
+            from .pictures.apart import draw_apart
 
-            drawn = draw(directory)
+            drawn = draw_apart(directory)
     return drawn
 
 
@@ -137,12 +175,26 @@ def _show(options: argparse.Namespace, comm: MPI.Comm) -> int:
     return 0
 
 
+def _judge(options: argparse.Namespace, comm: MPI.Comm) -> int:
+    from . import case as cases
+    from .parallel import collectively
+
+    with collectively(comm):
+        if comm.rank == 0:
+            case = cases.load_case(options.case, options.overrides)
+            judgement = cases.judge_case(case)
+            print(cases.text(case, judgement))
+            if options.out is not None:
+                cases.save(judgement, Path(options.out or options.case.parent))
+    return 0
+
+
 def _new(options: argparse.Namespace, comm: MPI.Comm) -> int:
     from .files import write_text_atomically
     from .parallel import collectively
     from .scene import example
 
-    path = Path(options.name).with_suffix(".toml")
+    path = Path(options.name.removesuffix(".toml") + ".toml")
     with collectively(comm):
         if comm.rank == 0:
             if path.exists():
@@ -163,19 +215,23 @@ def _schema(options: argparse.Namespace, comm: MPI.Comm) -> int:
 # -- surroundings -----------------------------------------------------------------------------------
 
 
-def _guarded(command: Callable[[argparse.Namespace, MPI.Comm], int], options: argparse.Namespace) -> int:
-    """Run a command; turn errors into one line and an exit code, on all ranks, without a hang."""
+def _guarded(arguments: Sequence[str] | None) -> int:
+    """Run the command; turn errors into one line and an exit code, on all ranks, without a hang."""
     from mpi4py import MPI
 
     comm = MPI.COMM_WORLD
     try:
-        return command(options, comm)
+        options = _parser().parse_args(arguments)
+        _listen(options.log_level)
+        signal.signal(signal.SIGTERM, _as_interrupt)
+        return int(options.command(options, comm))
     except IncipientError as error:
         # Raised on all ranks alike: rank 0 speaks for all, and all leave in an orderly way.
         if comm.rank == 0:
             print(f"incipient: {error}", file=sys.stderr, flush=True)
         return error.exit_code
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as interrupt:
+        forget_unfinished_form(interrupt)
         if comm.rank == 0:
             print("incipient: interrupted; what was computed so far is kept", file=sys.stderr, flush=True)
         return _leave(comm, INTERRUPTED)
@@ -183,6 +239,15 @@ def _guarded(command: Callable[[argparse.Namespace, MPI.Comm], int], options: ar
         print(f"incipient: a defect of the program, on rank {comm.rank}:", file=sys.stderr)
         traceback.print_exc()
         return _leave(comm, 70)
+
+
+def _listen(level: str) -> None:
+    """Show this program's messages from a level on, and those of the libraries below from warnings on."""
+    shown = logging.StreamHandler(sys.stderr)
+    # A level of the root logger would not last: compiling a form sets it to info, and the compiler narrates.
+    shown.addFilter(lambda record: record.levelno >= logging.WARNING or record.name.startswith("incipient"))
+    logging.basicConfig(level=logging.WARNING, format="%(message)s", handlers=[shown])
+    logging.getLogger("incipient").setLevel(level.upper())
 
 
 def _leave(comm: MPI.Comm, code: int) -> int:

@@ -30,6 +30,7 @@ _REMEDIES = {
     errno.EPERM: "choose a directory you may write to",
     errno.EROFS: "choose a directory on a file system that is not read-only",
     errno.ENOENT: "make the directory first",
+    errno.EEXIST: "a file stands where a directory is needed; choose another directory",
     errno.ENOTDIR: "a file stands where a directory is needed; choose another directory",
     errno.EISDIR: "a directory stands where the file is needed; choose another directory",
 }

@@ -1,4 +1,4 @@
-"""From the load on the grain and its contacts to the verdict, in plain data and in a sentence."""
+"""From the load on the grain and its contacts to the verdict of both judges, in plain data and in a sentence."""
 
 from __future__ import annotations
 
@@ -6,8 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from .contact import Classification, Contacts, Load, criteria
+from .contact import Contacts, Load
+from .contact.exact import MassAndInertia
 from .contact.search import touching
+from .contact.verdict import judge as judge_load
+from .geometry.grain import Grain
+from .geometry.placement import Placement
 from .result import Couples, Forces
 from .scene import Scene
 
@@ -25,28 +29,29 @@ def load_of(scene: Scene, force: Forces, couple: Couples) -> Load:
     The centre is that of the resting grain: contacts are where it touches, not where the gap has lifted it.
     """
     assert scene.placement is not None
-    return Load(force.flow, couple.flow, force.weight + force.buoyancy, np.array([*scene.placement.centre, 0.0]))
+    return Load(
+        force.flow, couple.flow, force.weight + force.buoyancy, np.array([*scene.placement.centre, 0.0])
+    )
 
 
 def judge(scene: Scene, contacts: Contacts, force: Forces, couple: Couples) -> dict[str, Any] | None:
-    """The paper's verdict with every intermediate quantity, or None where there is nothing to judge."""
+    """The verdict of both judges with every quantity behind it, or None where there is nothing to judge."""
     if scene.contact is None or scene.body is None or scene.body.density is None:
         return None
-    outcome = criteria.classify(load_of(scene, force, couple), contacts, scene.contact.friction)
-    return {
-        "moves": outcome.moves,
-        "mode": outcome.mode.name.lower().replace("_", " "),
-        "wording": outcome.mode.wording,
-        "sentence": _sentence(outcome),
-        "judges": {"criteria": outcome.to_dict()},
-    }
+    assert scene.grain is not None and scene.placement is not None
+    inert = mass_and_inertia(scene.grain, scene.body.density, scene.placement)
+    return judge_load(load_of(scene, force, couple), contacts, scene.contact.friction, inert).to_dict()
 
 
-def _sentence(outcome: Classification) -> str:
-    if not outcome.moves:
-        return "by the paper's criteria the grain stays at rest"
-    sentence = f"by the paper's criteria the grain begins to move: {outcome.mode.wording}"
-    if outcome.obstructed_by:
-        which = ", ".join(str(index + 1) for index in outcome.obstructed_by)
-        sentence += f"; but that motion runs into contact {which}, which they do not weigh"
-    return sentence
+def mass_and_inertia(grain: Grain, density: float, placement: Placement) -> MassAndInertia | None:
+    """Mass and inertia (3, 3) about the centre of mass in scene directions; None for a grain without mass.
+
+    In the plane, per unit depth, only turns about the third axis matter, and the polar moment stands for all.
+    The fluid that moves along (added mass) is left out: it changes neither rest nor the safety factor.
+    """
+    if density == 0.0:
+        return None
+    inertia = density * grain.inertia
+    if grain.gdim == 2:
+        return density * grain.volume, inertia[2, 2] * np.eye(3)
+    return density * grain.volume, placement.rotation @ inertia @ placement.rotation.T

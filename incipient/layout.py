@@ -23,6 +23,8 @@ GAP_CELL = {2: 0.5, 3: 0.75, 4: 1.0}  # of the gap between grain and bed
 CORNER_CELL = 0.3  # of the grain's cells, at its corners
 GRID_CELLS = {2: 48, 3: 32, 4: 24}  # along the shorter side of an empty box
 GROWTH, GAP_GROWTH = 0.25, 0.18  # of cell sizes with distance
+MEMORY_BASE = 180.0  # MiB, of the libraries and the mesh
+MEMORY_GROWTH = 194.0  # bytes per n log2 n of n unknowns; both fitted, see docs/performance.md
 
 
 @dataclass(frozen=True)
@@ -165,7 +167,7 @@ def count(layout: Layout, order: int) -> Estimate:
     holes = len(layout.shape.holes) if isinstance(layout.shape, Region) else 0
     edges = vertices + cells - 1 + holes
     unknowns = 2 * _lagrange(order, vertices, edges, cells) + _lagrange(order - 1, vertices, edges, cells)
-    memory = 150.0 + 8.0 * unknowns * np.log2(unknowns) * 10.0 / 2**20
+    memory = MEMORY_BASE + MEMORY_GROWTH * unknowns * np.log2(unknowns) / 2**20
     return Estimate(cells, unknowns, memory)
 
 

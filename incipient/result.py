@@ -129,5 +129,6 @@ def _lines(result: Result) -> list[str]:
     for name, extreme in (result.centrelines or {}).items():
         lines.append(f"{name:<20}{extreme.value:.6f} at {extreme.position:.4f}")
     if result.verdict is not None:
-        lines.append(f"verdict             {result.verdict['sentence']}")
+        said = result.verdict["sentence"].split("; ", 1)
+        lines += [f"{'' if row else 'verdict':<20}{part}" for row, part in enumerate(said)]
     return lines

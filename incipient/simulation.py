@@ -6,13 +6,15 @@ told through a `Recorder` and a voice; this module writes nothing.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from . import layout as layouts
-from .errors import IncipientError
+from .errors import IncipientError, OutputError
 from .ledger import Ledger, peak_memory_mib
 from .plan import Estimate, Plan, make_plan
 from .progress import Silent
@@ -94,6 +96,12 @@ class Simulation:
 
     def run(self) -> Result:
         """Plan, mesh, solve, judge. Collective."""
+        with self.prepared():
+            return self._solved()
+
+    @contextmanager
+    def prepared(self) -> Iterator[None]:
+        """Plan, mesh and build the fluid; free its memory at the end. Collective."""
         scene = self.scene
         with self._stage("plan"):
             self.plan = make_plan(scene)
@@ -108,11 +116,21 @@ class Simulation:
             model = self._model(unsteady=scene.time is not None)
             conditions = boundaries.conditions(scene)
             self.fluid: Fluid = fluid.Fluid(self.domain, model, conditions, self.plan.reynolds)
+            self.probe = self._probe()
         with self.fluid:
-            return self._solved()
+            yield
+
+    def loads_at(self, factor: float) -> tuple[Forces, Couples]:
+        """Solve steadily with the flow faster by a factor at the same viscosity; the loads then. Collective.
+
+        In units of the faster flow only the Reynolds number changes, so the mesh, the forms and the last
+        solution serve again; forces go back to scene units with the factor squared.
+        """
+        self.fluid.reynolds = factor * self.plan.reynolds
+        self._solve_steadily(self.fluid)
+        return self._loads(surface=False, speed=factor)
 
     def _solved(self) -> Result:
-        self.probe = self._probe()
         try:
             if self.scene.time is None:
                 self._solve_steadily(self.fluid)
@@ -120,7 +138,8 @@ class Simulation:
             else:
                 self._march()
         except IncipientError as error:
-            self.recorder.finish(self._result("failed", str(error)))
+            with suppress(OutputError):  # a full disk is told of once, and another failure before it
+                self.recorder.finish(self._result("failed", str(error)))
             raise
         result = self._result()
         self.recorder.finish(result)
@@ -149,10 +168,10 @@ class Simulation:
         return find_contacts(self.scene)
 
     def _probe(self) -> TractionProbe | None:
-        from .tractions import TractionProbe
-
         if self.layout.placement is None:
             return None
+        from .tractions import TractionProbe
+
         return TractionProbe(self.fluid, "body", self.layout.placement.centre)
 
     # -- solution -------------------------------------------------------------------------------
@@ -169,8 +188,9 @@ class Simulation:
                 first_share=self._first_share(),
                 watch=self.voice.iterate,
             )
-        self.iterations["continuation"] = len(steps)
-        self.iterations["newton"] = sum(step.report.iterations for step in steps)
+        newton = sum(step.report.iterations for step in steps)
+        for name, number in (("continuation", len(steps)), ("newton", newton)):
+            self.iterations[name] = self.iterations.get(name, 0) + number
 
     def _first_share(self) -> float:
         """Where the continuation starts: at once, unless the Reynolds number of the whole flow is large."""
@@ -243,8 +263,8 @@ class Simulation:
 
     # -- results --------------------------------------------------------------------------------
 
-    def _loads(self, surface: bool) -> tuple[Forces, Couples]:
-        """Forces and couples on the grain; the surface integral only where it is asked for."""
+    def _loads(self, surface: bool, speed: float = 1.0) -> tuple[Forces, Couples]:
+        """Forces and couples on the grain for speeds in units of `speed`; the surface integral where asked for."""
         from .result import Couples, Forces
 
         assert self.probe is not None and self.scene.grain is not None
@@ -252,8 +272,9 @@ class Simulation:
         check = self.probe.surface_resultant() if surface else flow
         volume, gravity = self.scene.grain.volume, np.append(self.scene.gravity_vector, 0.0)
         density = self.scene.body.density if self.scene.body and self.scene.body.density else 0.0
-        force = Forces(flow.force, check.force, -volume * gravity, density * volume * gravity)
-        return force, Couples(flow.couple, check.couple, flow.about)
+        unit = speed**2
+        force = Forces(unit * flow.force, unit * check.force, -volume * gravity, density * volume * gravity)
+        return force, Couples(unit * flow.couple, unit * check.couple, flow.about)
 
     def _coefficients(self, force: Forces, couple: Couples) -> Any:
         from .result import Coefficients
@@ -294,17 +315,17 @@ class Simulation:
             coefficients=coefficients,
             grain=self._grain(),
             gap=gap,
-            contacts=self._described_contacts(),
+            contacts=self.described_contacts(),
             verdict=verdict,
             centrelines=lines,
-            cost=self._cost(),
+            cost=self.cost(),
             status=status,
             error=error,
             velocity=self.fluid.velocity,
             pressure=self.fluid.pressure,
         )
 
-    def _described_contacts(self) -> list[dict[str, Any]]:
+    def described_contacts(self) -> list[dict[str, Any]]:
         """Contacts as plain data: point, outward normal of the grain, area (0 for a point)."""
         if self.contacts is None:
             return []
@@ -350,7 +371,8 @@ class Simulation:
             "minimum of v2": extremum(velocity, 1, *level, sign=-1),
         }
 
-    def _cost(self) -> dict[str, Any]:
+    def cost(self) -> dict[str, Any]:
+        """Wall time by stage, unknowns, iterations, memory, versions. Collective."""
         from . import compat
 
         mesh, statistics = self.domain.mesh, self.fluid.solver.statistics

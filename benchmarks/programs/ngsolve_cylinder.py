@@ -9,6 +9,7 @@ import sys
 import ngsolve as ng
 from netgen.geom2d import SplineGeometry
 from ngsolve.solvers import Newton
+from ngsolve_solver import INVERSE
 
 LENGTH, HEIGHT, DIAMETER, VISCOSITY, MEAN = 2.2, 0.41, 0.1, 1e-3, 0.2
 
@@ -47,7 +48,7 @@ def main(order: int, near: float, far: float) -> None:
     profile = 6 * MEAN * ng.y * (HEIGHT - ng.y) / HEIGHT**2
     flow.components[0].Set(ng.CoefficientFunction((profile, 0)), definedon=mesh.Boundaries("inflow"))
     form = make_form(space)
-    Newton(form, flow, inverse="umfpack", maxerr=1e-10, printing=False)
+    Newton(form, flow, inverse=INVERSE, maxerr=1e-10, printing=False)
     unit = 0.5 * MEAN**2 * DIAMETER
     drag, lift = (force(form, flow, e) / unit for e in ((1.0, 0.0), (0.0, 1.0)))
     print(json.dumps({"drag": drag, "lift": lift, "unknowns": space.ndof, "cells": mesh.ne}))

@@ -4,16 +4,19 @@ Equation numbers are the label keys of the paper's source; how its print is read
 Signs: n points out of the grain, r = x - c, and a contact is pressed by a force F where n . F > 0.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
 
 from incipient.contact import friction as coulomb
 from incipient.contact import modes
-from incipient.contact.model import Contacts, Floats, Load
-from incipient.contact.modes import Criterion, Mode
+from incipient.contact.away import Away, away
+from incipient.contact.distribution import Distribution, distribute
+from incipient.contact.model import Contacts, Floats, Load, require_outward
+from incipient.contact.modes import Category, Criterion, Mode
 from incipient.contact.sharing import can_vanish, equal_shares
 from incipient.errors import SceneError
 
@@ -39,6 +42,21 @@ class Minima:
 
 
 @dataclass(frozen=True, eq=False)
+class Distributions:
+    """The answer of the whole contact surface to the force, to the couple, and to both together.
+
+    The table of outcomes does without them; they are what the paper offers where one significant reaction
+    surface is not enough. `force_left`, `couple_left` (3,): force and couple that `of_both` does not balance.
+    """
+
+    of_force: Distribution  # P = F_flow&g
+    of_couple: Distribution  # P = F_tau of (6) at each contact
+    of_both: Distribution  # P = F_flow&g + F_tau
+    force_left: Floats
+    couple_left: Floats
+
+
+@dataclass(frozen=True, eq=False)
 class Classification:
     """The verdict of the paper's criteria with every quantity on the way to it.
 
@@ -48,6 +66,7 @@ class Classification:
     """
 
     mode: Mode
+    category: Category | None  # the item of the paper's list of modes, with 6(a) and 6(b) apart
     criterion: Criterion
     force: Floats  # F by (3), (24), or the force of uncoupling below (8); (3,)
     couple: Floats  # tau by the formula below (3), by (8) or (25); (3,)
@@ -77,6 +96,24 @@ class Classification:
     couple_scale: float
     friction: float
     tolerance: float
+    load: Load
+    contacts: Contacts
+
+    @cached_property
+    def distributions(self) -> Distributions:
+        """Reaction and friction over the whole contact surface, with the scales c_1 and c_2."""
+        arms = self.contacts.points - self.load.centre
+        return _distributions(
+            self.load, self.contacts, arms, self.friction, self.force_scale * self.tolerance
+        )
+
+    @cached_property
+    def away(self) -> Away | None:
+        """Which contact normals exclude the axis of the couple through the centre; None without a couple."""
+        size, reach = _norm(self.load.couple), self.couple_scale / max(self.force_scale, 1e-300)
+        if size <= self.couple_scale * self.tolerance:
+            return None
+        return away(self.contacts, self.load.centre, self.load.couple / size, self.tolerance * reach)
 
     @property
     def moves(self) -> bool:
@@ -85,8 +122,8 @@ class Classification:
 
     def to_dict(self) -> dict[str, Any]:
         """All of it as numbers, strings and lists for JSON."""
-        plain = {item.name: _plain(getattr(self, item.name)) for item in fields(self)}
-        return {"row": self.mode.row, "wording": self.mode.wording, "moves": self.moves, **plain}
+        stored = {"row": self.mode.row, "wording": self.mode.wording, "moves": self.moves, **_plain(self)}
+        return stored | {"away": _plain(self.away), "distributions": _plain(self.distributions)}
 
 
 def classify(
@@ -103,7 +140,8 @@ def classify(
     the couple (7). Forces below `tolerance` times the sum of |flow force|, |weight| and |couple| / arm count
     as zero, couples below that times the longest arm |x - c|.
 
-    Raises SceneError if friction is negative or not finite, or a contact lies at the centre of mass.
+    Raises SceneError if friction is negative or not finite, a contact lies at the centre of mass, or all
+    normals point into the grain.
     """
     arms = _arms(load, contacts, friction)
     reach = float(np.linalg.norm(arms, axis=1).max())
@@ -119,8 +157,10 @@ def classify(
     held = not turns or can_vanish(_couples_apart(load, arms, at, answer), scales[1])
     leaves = bool((contacts.normals @ answer["force"] < -scales[0]).all())
     mode = _mode(criterion, minima, moves, turns, held, leaves)
+    common = bool(set(minima.surface_2) & set(minima.surface_7))
     return Classification(
         mode=mode,
+        category=modes.category(mode, common),
         criterion=criterion,
         F_flow_and_g=load.force,
         tau_flow_and_g=load.couple,
@@ -128,7 +168,7 @@ def classify(
         minimum_7=float(minima.projections_7.min()),
         minima=minima,
         located_by=located,
-        common_position=bool(set(minima.surface_2) & set(minima.surface_7)),
+        common_position=common,
         away_from_surface=minima.sign_7 > 0,
         significant=at,
         held_by_sharing=held,
@@ -137,6 +177,8 @@ def classify(
         couple_scale=force_scale * reach,
         friction=float(friction),
         tolerance=tolerance,
+        load=load,
+        contacts=contacts,
         **answer,
     )
 
@@ -151,6 +193,7 @@ def _arms(load: Load, contacts: Contacts, friction: float) -> Floats:
     lengths = np.linalg.norm(arms, axis=1)
     if lengths.min() <= 1e-12 * lengths.max():
         raise SceneError(f"contact {int(np.argmin(lengths))} lies at the centre of mass; give surface points")
+    require_outward(contacts, load.centre)
     return np.asarray(arms)
 
 
@@ -231,6 +274,20 @@ def _couples_apart(load: Load, arms: Floats, at: tuple[int, ...], answer: dict[s
     return np.asarray(load.couple + np.cross(arms[list(at)], whole))
 
 
+def _distributions(
+    load: Load, contacts: Contacts, arms: Floats, friction: float, zero: float
+) -> Distributions:
+    """Reaction and friction over the whole contact surface."""
+    from_force = np.broadcast_to(load.force, arms.shape)
+    from_couple = _tangential_force(load.couple, arms)
+    of_force, of_couple, of_both = (
+        distribute(pressing, contacts, arms, friction, zero)
+        for pressing in (from_force, from_couple, from_force + from_couple)
+    )
+    left = load.force + of_both.force, load.couple + of_both.couple
+    return Distributions(of_force, of_couple, of_both, *left)
+
+
 def _mode(criterion: Criterion, minima: Minima, moves: bool, turns: bool, held: bool, leaves: bool) -> Mode:
     """The row of the table."""
     if criterion is Criterion.NO_LOAD:
@@ -277,9 +334,11 @@ def _norm(value: Floats) -> float:
 
 
 def _plain(value: Any) -> Any:
+    if isinstance(value, Category):
+        return {"item": value.item, "wording": value.wording}
     if isinstance(value, Enum):
         return value.name if isinstance(value, Mode) else value.value
-    if isinstance(value, Minima):
+    if is_dataclass(value) and not isinstance(value, type):
         return {item.name: _plain(getattr(value, item.name)) for item in fields(value)}
     if isinstance(value, np.ndarray | tuple):
         return [_plain(item) for item in value]

@@ -86,6 +86,15 @@ class Load:
         return self.flow_couple
 
 
+def require_outward(contacts: Contacts, centre: Floats) -> None:
+    """Refuse contacts whose normals all point into the grain, toward its centre of mass: a sign mistaken.
+
+    One of several may do so on a grain that is not convex. Raises SceneError.
+    """
+    if (((contacts.points - centre) * contacts.normals).sum(axis=1) < 0.0).all():
+        raise SceneError("contacts: all normals point into the grain; give them pointing out, into the bed")
+
+
 def _table(name: str, value: Floats) -> Floats:
     table = np.array(value, dtype=float)
     if table.size == 0:

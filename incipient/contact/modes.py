@@ -21,9 +21,48 @@ class Mode(Enum):
         self.wording = wording
 
     @property
+    def label(self) -> str:
+        """The name in words."""
+        return self.name.lower().replace("_", " ")
+
+    @property
     def moves(self) -> bool:
         """Whether the grain begins to move."""
         return self is not Mode.NO_INCIPIENT_MOTION
+
+
+class Category(Enum):
+    """The paper's list of possible modes of incipient motion: its `item` there and the paper's `wording`.
+
+    The table of outcomes has one row for both ways of sliding and pivotting; the list keeps them apart.
+    """
+
+    TRANSLATION_ONLY = ("1", "translation only (lifting or sliding)")
+    SLIDING_WITH_AWAY_ROTATION = ("2", "sliding combined with an ``away from the surface'' rotation")
+    LIFTING_WITH_AWAY_ROTATION = ("3", "lifting combined with an ``away from the surface'' rotation")
+    PIVOTTING_WITH_LIFTING = ("4", "pivotting combined with lifting")
+    ROTATION_ONLY = ("5", "rotation only (pivotting or an ``away from the surface'' rotation)")
+    PIVOTTING_WITH_SLIDING = ("6(a)", "pivotting combined with sliding: about the same contact")
+    PIVOTTING_WITH_SLIDING_APART = (
+        "6(b)",
+        "pivotting combined with sliding: about different contacts (less likely)",
+    )
+
+    def __init__(self, item: str, wording: str) -> None:
+        self.item = item
+        self.wording = wording
+
+
+def category(mode: Mode, common_position: bool) -> Category | None:
+    """The item of the paper's list that an outcome of its table belongs to; None without motion.
+
+    `common_position`: the minima (2) and (7) share a contact. If they do not, sliding and pivotting are about
+    different contacts, the one mode that the paper leaves open.
+    """
+    if mode is Mode.SLIDING_AND_PIVOTTING and not common_position:
+        return Category.PIVOTTING_WITH_SLIDING_APART
+    item = mode.row[0]
+    return next((listed for listed in Category if listed.item[0] == item), None)
 
 
 class Criterion(Enum):

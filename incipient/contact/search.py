@@ -1,13 +1,18 @@
-"""Where a placed grain touches its bed (2D): the contact surface Gamma_c as points, patches by their ends."""
+"""Where a placed grain touches its bed: the contact surface Gamma_c as points, patches by extreme points."""
 
 import numpy as np
 
+from incipient.contact.footprint import footprint
 from incipient.contact.model import Contacts
 from incipient.errors import SceneError
 from incipient.geometry.bed import Bed
+from incipient.geometry.closest import SpatialProximity
 from incipient.geometry.curves import Floats, Line
 from incipient.geometry.distance import Approach, approaches, placed_outline
 from incipient.geometry.grain import Grain, Placement
+from incipient.geometry.proximity import proximity
+from incipient.geometry.solid import Solid
+from incipient.geometry.terrain import Terrain
 
 SAME_DIRECTION = 1e-6  # normals closer than this belong to the same contact
 
@@ -15,20 +20,32 @@ Contact = tuple[Floats, Floats, float]  # point (2,), normal (2,) out of the gra
 Patch = tuple[Floats, Floats]  # both ends (2, 2), normal (2,) out of the grain
 
 
-def touching(grain: Grain, placement: Placement, bed: Bed, tolerance: float) -> Contacts:
+def touching(
+    grain: Grain | Solid, placement: Placement, bed: Bed | Terrain, tolerance: float
+) -> Contacts:
     """All contacts of a grain whose distance from the bed is at most `tolerance` (a length, scene units).
 
-    Point contacts are the local minima of the distance along the outline. A straight side that lies on a
-    straight piece of bed is a patch: its two ends, each with half of its length as area. `areas` is None if
-    there is no patch. The normal, out of the grain, is the grain's own where its surface is smooth, minus the
-    bed's at a corner of the grain; where a corner of the grain stands in a valley's corner there are two
-    contacts, one for each side of the valley; where it stands on a corner of the bed, minus the bisector of
-    the bed's sides.
+    Point contacts are the local minima of the distance along the outline (in space: over the surface). A
+    straight side that lies on a straight piece of bed is a patch: its two ends, each with half of its length
+    as area; in space a flat face is one on a flat piece of bed, given by the corners of its convex hull with
+    areas that add up to that of the patch and have its centroid. `areas` is None if there is no patch. The
+    normal, out of the grain, is the grain's own where its surface is smooth, minus the bed's at a corner of
+    the grain; where a corner of the grain stands in a valley's corner there are two contacts, one for each
+    side of the valley; where it stands on a corner of the bed, minus the bisector of the bed's sides.
 
-    Raises SceneError if nothing touches.
+    Raises SceneError if nothing touches, or if only one of grain and bed is planar.
     """
     if not tolerance > 0.0:
         raise SceneError(f"contact tolerance {tolerance} is not a positive length; give a positive number")
+    if isinstance(grain, Grain) and isinstance(bed, Bed):
+        return _planar(grain, placement, bed, tolerance)
+    near = proximity(grain, bed)
+    assert isinstance(near, SpatialProximity)
+    return footprint(near, placement, tolerance)
+
+
+def _planar(grain: Grain, placement: Placement, bed: Bed, tolerance: float) -> Contacts:
+    """The contacts in the plane."""
     patches = _patches(grain, placement, bed, tolerance)
     contacts = _patch_ends(patches)
     for approach in approaches(grain, placement, bed, tolerance):

@@ -14,6 +14,7 @@ from petsc4py import PETSc
 
 from .. import compat
 from ..domain import Domain
+from ..errors import IncipientError
 from ..forms import FlowTerms, ReferenceMap, residual
 from . import newton
 from .conditions import Condition, Constraints
@@ -107,8 +108,10 @@ class Fluid:
     def __enter__(self) -> Fluid:
         return self
 
-    def __exit__(self, *exception: object) -> None:
-        self.destroy()
+    def __exit__(self, kind: type[BaseException] | None, *exception: object) -> None:
+        # Freeing is collective: after an interrupt or a defect of one rank it would wait for the others for ever.
+        if kind is None or issubclass(kind, IncipientError) or self.domain.comm.size == 1:
+            self.destroy()
 
     def destroy(self) -> None:
         """Free PETSc's memory."""

@@ -3,6 +3,7 @@
 A curve runs from its start (s = 0) to its end (s = 1). Lengths are scene units throughout.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
@@ -183,6 +184,34 @@ class Spline:
     def moved(self, placement: "Placement") -> "Spline":
         """The spline at its place in the scene."""
         return Spline(placement.to_scene(self.points))
+
+
+@dataclass(frozen=True, eq=False)
+class Traced(Spline):
+    """A smooth curve known exactly: `path` gives points and derivatives (n, 2) at parameters s (n,).
+
+    Only mesh generators go by the spline through `points`, which lie on the curve, the ends among them.
+    """
+
+    path: Callable[[Floats], tuple[Floats, Floats]]
+
+    def point(self, s: ArrayLike) -> Floats:
+        """Points of the exact curve at the parameters s (n,), (n, 2)."""
+        return self.path(_column(s)[:, 0])[0]
+
+    def tangent(self, s: ArrayLike) -> Floats:
+        """Unit tangents (n, 2) of the exact curve."""
+        direction = self.path(_column(s)[:, 0])[1]
+        return np.asarray(direction / np.linalg.norm(direction, axis=1, keepdims=True))
+
+    def moved(self, placement: "Placement") -> "Traced":
+        """The curve at its place in the scene."""
+
+        def carried(s: Floats) -> tuple[Floats, Floats]:
+            point, derivative = self.path(s)
+            return placement.to_scene(point), derivative @ placement.rotation.T
+
+        return Traced(placement.to_scene(self.points), carried)
 
 
 def rows(x: ArrayLike) -> Floats:

@@ -5,20 +5,25 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..files import append_row, reported, write_json
 from ..parallel import collectively
 from ..plan import Plan
 from ..result import Result
 from ..scene import Scene
-from ..files import append_row, reported, write_json
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
     from ..domain import Domain
+    from ..threshold import Threshold
     from .xdmf import FieldSeries, SurfaceSeries
 
 # What an earlier run into the same directory may have left and this one may not write again.
-LEFTOVERS = ("result.json", "history.csv", "fields.xdmf", "fields.h5", "surface.xdmf", "surface.h5")
+PICTURES = ("flow", "pressure", "vorticity", "traction", "verdict", "profiles", "mesh")
+LEFTOVERS = (
+    *("result.json", "history.csv", "fields.xdmf", "fields.h5", "surface.xdmf", "surface.h5"),
+    *(f"{picture}.png" for picture in PICTURES),
+)
 
 
 class ResultDirectory:
@@ -45,7 +50,6 @@ class ResultDirectory:
     def begin(self, scene: Scene, plan: Plan, domain: Domain) -> None:
         """Write the resolved scene; open the field series if fields are wanted."""
         from ..scene import save
-        from .xdmf import FieldSeries, SurfaceSeries
 
         self._output = scene.output
         with collectively(self.comm):
@@ -53,6 +57,8 @@ class ResultDirectory:
                 save(scene, self.path / "scene.toml")
         if not scene.output.fields:
             return
+        from .xdmf import FieldSeries, SurfaceSeries
+
         self._series = FieldSeries(self.path / "fields", domain.mesh, self.comm)
         if "body" in domain.names:
             facets = domain.facets_of("body")
@@ -81,3 +87,19 @@ class ResultDirectory:
         with collectively(self.comm):
             if self.comm.rank == 0:
                 write_json(self.path / "result.json", result.to_dict())
+
+
+def write_threshold(path: Path, scene: Scene, threshold: Threshold, comm: MPI.Comm) -> None:
+    """Write threshold.json and the resolved scene into a directory, made if it is not there. Collective.
+
+    Raises:
+        OutputError: on all ranks, when something cannot be written.
+    """
+    from ..scene import save
+
+    with collectively(comm):
+        if comm.rank == 0:
+            with reported(path):
+                path.mkdir(parents=True, exist_ok=True)
+            save(scene, path / "scene.toml")
+            write_json(path / "threshold.json", threshold.to_dict())

@@ -16,7 +16,7 @@ PIXELS = (1600, 800)
 
 def picture(run: Run, path: Path) -> None:
     """Render the cells over the speed off screen with pyvista and write a PNG. Not collective."""
-    pyvista = _pyvista()
+    pyvista = pyvista_off_screen()
     grid = pyvista.UnstructuredGrid(
         {pyvista.CellType.QUADRATIC_TRIANGLE: run.mesh.cells}, _in_space(run.mesh.points)
     )
@@ -41,7 +41,7 @@ def picture(run: Run, path: Path) -> None:
     plotter.close()
 
 
-def _pyvista() -> Any:
+def pyvista_off_screen() -> Any:
     """pyvista, told to render without a display where there is none; set before VTK makes a window."""
     if not os.environ.get("DISPLAY"):
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
@@ -63,9 +63,7 @@ def _edges(pyvista: Any, run: Run) -> Any:
     lines = curves.transpose(1, 2, 0, 3).reshape(-1, len(s), 2)
     connectivity = np.arange(lines.shape[0] * len(s)).reshape(-1, len(s))
     heads = np.full((len(connectivity), 1), len(s))
-    return pyvista.PolyData(
-        _in_space(lines.reshape(-1, 2)), lines=np.hstack([heads, connectivity]).ravel()
-    )
+    return pyvista.PolyData(_in_space(lines.reshape(-1, 2)), lines=np.hstack([heads, connectivity]).ravel())
 
 
 def _view(run: Run) -> style.View:

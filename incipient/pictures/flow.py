@@ -84,8 +84,8 @@ def profiles(run: Run) -> Figure:
     return figure
 
 
-def draw_solids(run: Run, axes: Axes, fluid_shown: bool) -> None:
-    """The grain, and the bed with the ground below it; without the fluid in colour, the bed is cut out."""
+def draw_solids(run: Run, axes: Axes, fluid_shown: bool, grain_shown: bool = True) -> None:
+    """The bed with the ground below it, and the grain; without the fluid in colour, the bed is cut out."""
     x0, x1, _, y1 = run.box
     outer, *holes = run.mesh.loops
     if run.scene.get("bed"):
@@ -94,7 +94,7 @@ def draw_solids(run: Run, axes: Axes, fluid_shown: bool) -> None:
     if not fluid_shown:
         axes.add_artist(Polygon(curve(run.mesh.points, outer), facecolor="white", zorder=0.5))
     axes.add_artist(Polygon(curve(run.mesh.points, outer), fill=False, edgecolor=INK, lw=0.8, zorder=3))
-    for hole in holes:
+    for hole in holes if grain_shown else ():
         outline = curve(run.mesh.points, hole)
         axes.add_artist(Polygon(outline, facecolor=GRAIN, edgecolor=INK, lw=0.9, zorder=3))
 

@@ -62,18 +62,10 @@ class Run:
         return np.array(self.found(section, key, (0.0, 0.0)), dtype=float)[:2]
 
     @property
-    def criteria(self) -> dict[str, Any]:
-        """Outcome of the paper's criteria; empty without a verdict."""
-        return self.found("verdict", "judges", {}).get("criteria", {})
-
-    @property
-    def contacts(self) -> list[tuple[np.ndarray, np.ndarray, bool]]:
-        """Contacts of grain and bed: point, normal out of the grain, whether it is a significant reaction surface."""
-        significant = self.criteria.get("significant", ())
-        return [
-            (np.array(contact["point"][:2]), np.array(contact["normal"][:2]), index in significant)
-            for index, contact in enumerate(self.result.get("contacts") or [])
-        ]
+    def contacts(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Contacts of grain and bed: point and normal out of the grain."""
+        listed = self.result.get("contacts") or []
+        return [(np.array(contact["point"][:2]), np.array(contact["normal"][:2])) for contact in listed]
 
     @property
     def title(self) -> str:
@@ -93,12 +85,21 @@ def read(directory: Path) -> Run:
     Raises:
         OutputError: naming the file that is missing or damaged.
     """
-    result = _parsed(directory / "result.json", json.loads)
+    result = parsed_json(directory / "result.json")
     scene = _parsed(directory / "scene.toml", tomllib.loads)
     surface = read_step(directory / "surface") if scene.get("body") else None
     if surface is not None and "traction" not in surface.fields:
         raise OutputError(f"{directory / 'surface.h5'}: holds no traction; run the scene again")
     return Run(directory, result, scene, read_step(directory / "fields"), surface)
+
+
+def parsed_json(path: Path) -> dict[str, Any]:
+    """The content of a JSON file that a run, a threshold or a judgement has left.
+
+    Raises:
+        OutputError: naming the file if it is missing or damaged.
+    """
+    return _parsed(path, json.loads)
 
 
 def _parsed(path: Path, parse: Any) -> dict[str, Any]:

@@ -20,6 +20,19 @@ PULL = "#2166ac"
 WEIGHT = "#7a5c2e"
 REACTION = "#c51b7d"
 RESULTANT = "#111111"
+MOTION = "#6a3d9a"
+FORCES = {"flow": FLOW, "weight": WEIGHT, "resultant": RESULTANT}
+_FREE, _HELD, _ROLLED, _EDGE = "#858585", "#1b7837", "#149077", "#d95f0e"
+# Contact states of the exact judge: those of forces in balance, then those of a grain that begins to move.
+STATES = {
+    "INSIDE": (_HELD, "held, inside its friction cone"),
+    "EDGE": (_EDGE, "held, on the edge of its friction cone"),
+    "UNLOADED": (_FREE, "carries no force"),
+    "STICK": (_HELD, "sticks"),
+    "ROLL": (_ROLLED, "keeps its place while the grain turns"),
+    "SLIDE": (_EDGE, "slides"),
+    "LIFT": (_FREE, "lifts off"),
+}
 PAPER = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.8}  # behind text
 View = tuple[float, float, float, float]  # left, right, bottom, top
 

@@ -6,7 +6,7 @@ import re
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import tomli_w
 from pydantic import ValidationError
@@ -16,6 +16,8 @@ from .example import commented, grain_on_bed
 from .messages import Key, key_text, one_line, problems_of
 from .model import Scene
 from .section import Section, ordered_keys
+
+S = TypeVar("S", bound=Section)
 
 # What TOML cannot mean otherwise may stand on the command line without quotes.
 _BARE_WORD = re.compile(r"[A-Za-z_][^\n\"'=\[\]{}]*")
@@ -29,17 +31,7 @@ def load(path: Path | str, overrides: Sequence[str] = ()) -> Scene:
     Raises:
         SceneError: one line that names the file, or the override, the key, why and the remedy.
     """
-    path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise SceneError(
-            f"{path}: cannot be read ({error.strerror}); give the name of a scene file"
-        ) from None
-    except UnicodeDecodeError as error:
-        why = f"is not UTF-8 text at byte {error.start}"
-        raise SceneError(f"{path}: {why}; save it as UTF-8") from None
-    return loads(text, path.parent, overrides, str(path))
+    return read(Scene, path, overrides)
 
 
 def loads(text: str, base: Path | str = ".", overrides: Sequence[str] = (), name: str = "scene") -> Scene:
@@ -48,12 +40,32 @@ def loads(text: str, base: Path | str = ".", overrides: Sequence[str] = (), name
     Raises:
         SceneError: as `load`.
     """
+    return parse(Scene, text, base, overrides, name)
+
+
+def read(model: type[S], path: Path | str, overrides: Sequence[str] = ()) -> S:
+    """What a TOML file describes, a scene or another model; as `load`."""
+    path, kind = Path(path), model.__name__.lower()
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise SceneError(
+            f"{path}: cannot be read ({error.strerror}); give the name of a {kind} file"
+        ) from None
+    except UnicodeDecodeError as error:
+        why = f"is not UTF-8 text at byte {error.start}"
+        raise SceneError(f"{path}: {why}; save it as UTF-8") from None
+    return parse(model, text, path.parent, overrides, str(path))
+
+
+def parse(model: type[S], text: str, base: Path | str, overrides: Sequence[str], name: str) -> S:
+    """What TOML text describes, a scene or another model; as `loads`."""
     data = _parsed(text, name)
     places = {_override(data, override): override for override in overrides}
     try:
-        return Scene.model_validate(data, context={"directory": str(base)})
+        return model.model_validate(data, context={"directory": str(base)})
     except ValidationError as error:
-        problems = problems_of(error, Scene)
+        problems = problems_of(error, model)
         raise SceneError(one_line(_source(problems[0].key, places, name), problems)) from None
 
 

@@ -98,11 +98,12 @@ assert np.allclose(values[:3], np.column_stack([points[:3, 0], points[:3, 1] ** 
 assert np.isnan(values[3]).all()
 assert cells_between(mesh, (0.0, 0.1), (1.0, 0.1)) == 8
 assert cells_between(mesh, (0.1, 0.0), (0.1, 1.0)) == 8
-print("good", MPI.COMM_WORLD.size)
+if MPI.COMM_WORLD.allreduce(1) == 2 and MPI.COMM_WORLD.rank == 0:
+    print("good")
 """
 
 
 def test_all_ranks_get_all_values(mpirun: Any) -> None:
     done = mpirun(2, RANKS)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.split("\n")[:2] == ["good 2"] * 2
+    assert done.stdout == "good\n"

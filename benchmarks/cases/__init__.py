@@ -1,0 +1,13 @@
+"""The benchmarks: each measures (`measure`) and tells what it found (`describe`)."""
+
+from . import cavity, cylinder, grain, memory, ranks, steep_cavity, vortex_street
+
+ALL = {
+    "cylinder": cylinder,
+    "cavity": cavity,
+    "steep_cavity": steep_cavity,
+    "vortex_street": vortex_street,
+    "grain": grain,
+    "ranks": ranks,
+    "memory": memory,
+}

@@ -1,0 +1,80 @@
+"""Driven cavity at Re = 1000 from rest: error of the centreline extrema against time, for three programs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import callers
+from measure import Session
+from references import CAVITY, CAVITY_PLACES, errors
+from tables import Row, cheapest, expense, failures, race, small, table
+
+TARGET = 1e-4
+SIZES = {2: (1.0, 0.5), 3: (1.0, 0.75), 4: (1.25, 1.0, 0.75)}
+PLAIN = ((2, 48), (2, 64), (3, 20), (3, 24), (3, 28))
+NGSOLVE = ((3, 32), (3, 40), (4, 18), (4, 20), (4, 24))
+
+
+def measure(session: Session) -> dict[str, Any]:
+    """Rows of all variants, each with its errors."""
+    programs = [
+        callers.incipient(
+            session,
+            "cavity",
+            f"P{order}-P{order - 1}, mesh_size = {size:g}",
+            {"numerics.order": order, "numerics.mesh_size": size},
+        )
+        for order, sizes in SIZES.items()
+        for size in sizes
+    ]
+    for order, cells in PLAIN:
+        name = f"P{order}-P{order - 1}, {cells} x {cells} x 4 cells"
+        programs.append(callers.plain("plain_cavity", name, order, cells))
+    if callers.prepare_ngsolve(session):
+        for order, cells in NGSOLVE:
+            name = f"P{order}-P{order - 1}, {cells} x {cells} x 2 cells"
+            programs.append(callers.ngsolve("ngsolve_cavity", name, order, cells))
+    return {"rows": [_with_errors(row) for row in session.compare(programs)]}
+
+
+def _with_errors(row: Row) -> Row:
+    if "error" in row:
+        return row
+    lines = row.pop("centrelines", {})
+    found = {name: lines[name]["value"] if lines else row[name] for name in CAVITY}
+    return {**row, **found, "errors": errors(found, CAVITY)}
+
+
+def worst(row: Row) -> float:
+    """Largest relative error of the three extrema."""
+    return max(row["errors"].values())
+
+
+def describe(data: dict[str, Any]) -> str:
+    """The section of the page."""
+    rows = data["rows"]
+    heads = ["program", "unknowns", *CAVITY, "largest error", "wall [s]", "processor [s]", "memory [MiB]"]
+    reference = ["Botella & Peyret (1998)", "", *(f"{v:.7f}" for v in CAVITY.values()), "", "", "", ""]
+    cells = [
+        [
+            f"{r['family']}: {r['name']}",
+            str(r["unknowns"]),
+            *(f"{r[name]:.6f}" for name in CAVITY),
+            small(worst(r)),
+            *expense(r),
+        ]
+        for r in rows
+        if "error" not in r
+    ]
+    places = ", ".join(f"{place:g}" for place in CAVITY_PLACES.values())
+    goal = "relative errors of 1e-4 in all three extrema"
+    return f"""## Driven cavity, Re = 1000, from rest
+
+Extreme velocities on the centrelines (at {places} in the reference), steady, the solution at Re = 1000
+found from fluid at rest. Plain dolfinx and NGSolve step over Re = 100 and 400; incipient finds its own way.
+
+{table(heads, [reference, *cells])}
+
+{race(cheapest(rows, lambda row: worst(row) <= TARGET), callers.INCIPIENT, goal)}
+
+{failures(rows)}"""

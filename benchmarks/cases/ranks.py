@@ -1,0 +1,53 @@
+"""The same scene on one and on two ranks: the same numbers, and the time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import callers
+from measure import Session, on_cores
+from references import CYLINDER
+from tables import expense, small, table
+
+RANKS = 2
+SETTINGS = {"numerics.order": 4, "numerics.mesh_size": 0.35}
+
+
+def measure(session: Session) -> dict[str, Any]:
+    """Rows on one and two ranks, run alternately, with all cores to choose from."""
+    if len(session.cores) < RANKS:
+        return {"error": f"{len(session.cores)} core to run on"}
+    on_cores(session.cores)
+    try:
+        launcher = ("mpirun", "-n", str(RANKS))
+        programs = [
+            callers.incipient(session, "cylinder", "1 rank", SETTINGS),
+            callers.incipient(session, "cylinder", f"{RANKS} ranks", SETTINGS, launcher),
+        ]
+        rows = session.compare(programs)
+    finally:
+        on_cores(session.cores[-1:])
+    if any("error" in row for row in rows):
+        return {"error": next(row["error"] for row in rows if "error" in row)}
+    serial, parallel = (row["coefficients"] for row in rows)
+    return {"rows": rows, "differences": {k: abs(parallel[k] / serial[k] - 1) for k in CYLINDER}}
+
+
+def describe(data: dict[str, Any]) -> str:
+    """The section of the page."""
+    head = "## Two ranks against one"
+    if "error" in data:
+        return f"{head}\n\nCould not be run: {data['error']}."
+    cells = [
+        [r["name"], f"{r['coefficients']['drag']:.12f}", f"{r['coefficients']['lift']:.12f}", *expense(r)[:2]]
+        for r in data["rows"]
+    ]
+    drag, lift = (small(value) for value in data["differences"].values())
+    size = data["rows"][0]["unknowns"]
+    return f"""{head}
+
+`mpirun -n {RANKS} incipient run demos/scenes/cylinder.toml --set numerics.mesh_size=0.35` ({size} unknowns):
+
+{table(["", "C_D", "C_L", "wall [s]", "processor [s]"], cells)}
+
+Relative differences: {drag} in C_D, {lift} in C_L; Newton's method stops at 1e-9."""

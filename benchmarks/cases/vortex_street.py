@@ -1,0 +1,125 @@
+"""DFG 2D-2 and 2D-3: amplitudes, frequency and times of the forces on a cylinder in a time-dependent flow."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import callers
+import history
+from measure import Session
+from references import PULSATING, VORTEX_STREET
+from tables import Row, seconds, table
+
+DIAMETER, MEAN_VELOCITY = 0.1, 1.0
+LATE = 2.0  # the last so much time is taken for periodic
+FIGURE = "docs/figures/vortex_street.png"
+
+
+def measure(session: Session) -> dict[str, Any]:
+    """Both flows, each run once: they take long."""
+    return {"periodic": _periodic(session), "pulsating": _pulsating(session)}
+
+
+def _march(session: Session, scene: str) -> Row:
+    """One row, after a few steps that see to compiled forms."""
+    session.once(callers.incipient(session, scene, "warm-up", {"time.end": 0.05}))
+    row = session.once(callers.incipient(session, scene, scene, {}))
+    session.say(f"{scene}: {row.get('error') or seconds(row['wall']) + ' s'}")
+    return row
+
+
+def _periodic(session: Session) -> Row:
+    row = _march(session, "vortex_street")
+    if "error" in row:
+        return row
+    file = Path(row["directory"]) / "history.csv"
+    times, drag, lift = history.columns(file, "time", "drag", "lift")
+    lifts, drags = (history.peaks(times, values, times[-1] - LATE) for values in (lift, drag))
+    drawn = session.once(callers.script("figure", "benchmarks/figures.py", "vortex_street", file, FIGURE))
+    session.say(drawn.get("error", f"drew {FIGURE}"))
+    found = {
+        "drag": max(peak.value for peak in drags),
+        "lift": max(peak.value for peak in lifts),
+        "strouhal": DIAMETER / MEAN_VELOCITY * history.frequency(lifts),
+    }
+    # How periodic it is: the change of the lift's amplitude over the last periods.
+    return {**row, "found": found, "growth": lifts[-1].value - lifts[0].value, "periods": len(lifts)}
+
+
+def _pulsating(session: Session) -> Row:
+    row = _march(session, "pulsating")
+    if "error" in row:
+        return row
+    times, drag, lift = history.columns(Path(row["directory"]) / "history.csv", "time", "drag", "lift")
+    highest = {name: history.highest(times, values) for name, values in (("drag", drag), ("lift", lift))}
+    found: dict[str, float] = {}
+    for name, peak in highest.items():
+        found |= {name: asdict(peak)["value"], f"{name} at": peak.time}
+    pressure = session.once(callers.script("pressure", "benchmarks/pressure.py", row["directory"]))
+    return {**row, "found": {**found, "pressure": pressure.get("pressure")}}
+
+
+def describe(data: dict[str, Any]) -> str:
+    """The section of the page."""
+    return f"""## Vortex street, Re = 100 (DFG 2D-2)
+
+{_describe_periodic(data["periodic"])}
+
+## Pulsating flow around a cylinder (DFG 2D-3)
+
+{_describe_pulsating(data["pulsating"])}"""
+
+
+def _describe_periodic(row: Row) -> str:
+    if "error" in row:
+        return f"Could not be run: `{row['error']}`."
+    names = {"drag": "C_D,max", "lift": "C_L,max", "strouhal": "St"}
+    cells = []
+    for key, (low, high) in VORTEX_STREET.items():
+        value = row["found"][key]
+        cells.append(
+            [names[key], f"{value:.4f}", f"{low:g} to {high:g}", "yes" if low <= value <= high else "**no**"]
+        )
+    return f"""![Drag and lift of the cylinder](figures/vortex_street.png)
+
+`demos/scenes/vortex_street.toml`, from rest; maxima over the last {LATE:g} time units ({row["periods"]} periods of the
+lift, over which its amplitude changes by {row["growth"]:.1e}).
+
+{table(["", "incipient", "Schäfer & Turek (1996)", "inside"], cells)}
+
+{_cost(row)}"""
+
+
+def _describe_pulsating(row: Row) -> str:
+    if "error" in row:
+        return f"Could not be run: `{row['error']}`."
+    names = {
+        "drag": "C_D,max",
+        "drag at": "at t",
+        "lift": "C_L,max",
+        "lift at": "at t",
+        "pressure": "pressure difference at t = 8",
+    }
+    cells = [
+        [names[key], f"{row['found'][key]:.5f}", f"{value:.5f}", f"{row['found'][key] - value:+.1e}"]
+        for key, value in PULSATING.items()
+        if row["found"].get(key) is not None
+    ]
+    return f"""`demos/scenes/pulsating.toml`: the inflow swells and ebbs as sin(pi t/8), 0 <= t <= 8.
+
+{table(["", "incipient", "John (2004)", "difference"], cells)}
+
+{_cost(row)}"""
+
+
+def _cost(row: Row) -> str:
+    steps = row["iterations"]["steps"]
+    each = 1000 * row["cpu"] / steps
+    iterations = row["iterations"]
+    return (
+        f"{row['unknowns']} unknowns, {steps} steps, {iterations['newton']} corrections, "
+        f"{iterations['factorisations']} factorisations: {seconds(row['wall'])} s wall, "
+        f"{seconds(row['cpu'])} s processor ({each:.0f} ms a step), {row['peak_mib']:.0f} MiB."
+    )

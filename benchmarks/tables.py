@@ -1,0 +1,78 @@
+"""Tables in Markdown, and numbers as they stand in them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+Row = dict[str, Any]
+
+
+def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table whose first column is text and the others numbers."""
+    rule = [":--", *["--:"] * (len(heads) - 1)]
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in (heads, rule, *rows))
+
+
+def small(number: float) -> str:
+    """An error: two digits."""
+    return f"{number:.1e}"
+
+
+def seconds(number: float) -> str:
+    """A time: three digits or hundredths."""
+    return f"{number:.2f}" if number < 100 else f"{number:.0f}"
+
+
+def mebibytes(number: float) -> str:
+    """Memory, in whole MiB."""
+    return f"{number:.0f}"
+
+
+def expense(row: Row) -> list[str]:
+    """Cells for wall time, processor time and memory, or dashes for a program that could not run."""
+    if "error" in row:
+        return ["-", "-", "-"]
+    return [seconds(row["wall"]), seconds(row["cpu"]), mebibytes(row["peak_mib"])]
+
+
+def failures(rows: Iterable[Row]) -> str:
+    """A sentence for each program that could not run."""
+    lines = [f"*{row['name']}* could not run here: `{row['error']}`." for row in rows if "error" in row]
+    return "\n".join(lines)
+
+
+def cheapest(rows: Iterable[Row], reaches: Callable[[Row], bool]) -> dict[str, Row]:
+    """For each family of programs the one of least wall time that reaches the accuracy asked for."""
+    best: dict[str, Row] = {}
+    for row in rows:
+        if "error" in row or not reaches(row):
+            continue
+        known = best.get(row["family"])
+        if known is None or row["wall"] < known["wall"]:
+            best[row["family"]] = row
+    return best
+
+
+def race(best: dict[str, Row], own: str, goal: str) -> str:
+    """Who reaches the goal in what time, as a table with ratios to our own program."""
+    if own not in best:
+        return f"incipient did not reach {goal}."
+    ours = best[own]
+    rows = [
+        [f"{row['family']}: {row['name']}", *expense(row), *_ratios(row, ours)]
+        for row in sorted(best.values(), key=lambda row: row["wall"])
+    ]
+    heads = [
+        "cheapest of each kind",
+        "wall [s]",
+        "processor [s]",
+        "memory [MiB]",
+        "wall ratio",
+        "processor ratio",
+    ]
+    return f"To reach {goal}:\n\n" + table(heads, rows)
+
+
+def _ratios(row: Row, ours: Row) -> list[str]:
+    return [f"{row[key] / ours[key]:.2f}" for key in ("wall", "cpu")]

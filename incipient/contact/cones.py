@@ -1,0 +1,180 @@
+"""Questions to circular friction cones, answered by small second-order cone programs (Clarabel).
+
+A scaled force phi = (normal, two tangential) of a contact is in the unit cone |tangential| <= normal; times
+`Grasp.scaling` it is a local force in the friction cone. All scaled forces that balance a wrench w are
+-inverse w + null z, so equilibrium holds to round-off whatever the program leaves.
+"""
+
+from copy import copy
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import clarabel
+import numpy as np
+from scipy.sparse import csc_matrix
+
+from incipient.contact.grasp import Grasp
+from incipient.contact.model import Floats
+
+RANK = 1e-10  # singular values below it, relative to the largest, count as zero
+GAP = 1e-11  # tolerance of the cone programs, in numbers of order one
+EDGE, APEX = 1e-6, 3e-8  # room in a cone, and forces relative to the largest, that count as none
+ANSWERED = (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved)
+
+
+@dataclass(frozen=True, eq=False)
+class Balance:
+    """How scaled contact forces balance wrenches.
+
+    `matrix` (6, 3k): wrench of scaled forces; `inverse` (3k, 6): its pseudo-inverse; `null` (3k, m): an
+    orthonormal basis of scaled forces that balance themselves; `beyond` (6, r): of wrenches that no contact
+    force has.
+    """
+
+    matrix: Floats
+    inverse: Floats
+    null: Floats
+    beyond: Floats
+
+
+def balance(grasp: Grasp) -> Balance:
+    """The pseudo-inverse, null space and unreachable wrenches of the contacts."""
+    matrix = (grasp.matrix * grasp.scaling).reshape(6, -1)
+    left, sizes, right = np.linalg.svd(matrix)
+    rank = int((sizes > RANK * sizes[0]).sum())
+    inverse = (right[:rank].T / sizes[:rank]) @ left[:, :rank].T
+    return Balance(matrix, inverse, right[rank:].T, left[:, rank:])
+
+
+def slack(scaled: Floats) -> Floats:
+    """normal - |tangential| of scaled forces (3k,): negative outside the cone, (k,)."""
+    table = scaled.reshape(-1, 3)
+    return np.asarray(table[:, 0] - np.hypot(table[:, 1], table[:, 2]))
+
+
+def most_inside(forces: Balance, wrench: Floats) -> tuple[float, Floats]:
+    """The largest margin <= 1 by which contact forces that balance a wrench stay inside, and the forces.
+
+    Maximises m under: scaled force - m (1, 0, 0) in the unit cone at every contact. Negative: not balanced.
+    """
+    start, size = -forces.inverse @ wrench, forces.null.shape[1]
+    margin = float(slack(start).min())
+    if size == 0 or margin >= 1.0:
+        return min(margin, 1.0), start
+    normal = np.tile([1.0, 0.0, 0.0], len(start) // 3)
+    rows = np.vstack([np.zeros(size + 1), np.column_stack([-forces.null, normal])])
+    rows[0, size] = 1.0
+    answer = minimum(-rows[0], rows, np.concatenate([[1.0], start]), nonnegative=1)
+    found = start + forces.null @ answer[:size] if answer is not None else start
+    return float(slack(found).min()), found
+
+
+def largest_share(forces: Balance, flow: Floats, weight: Floats) -> tuple[float, Floats] | None:
+    """The largest share a in [0, 1] such that forces balance a flow + (1 - a) weight, and the forces (3k,).
+
+    None if no share is balanced. `flow` and `weight` must be wrenches that contact forces can have.
+    """
+    start, size = -forces.inverse @ weight, forces.null.shape[1]
+    change = -forces.inverse @ (flow - weight)
+    basis = np.column_stack([forces.null, change])
+    rows = np.vstack([np.zeros((2, size + 1)), -basis])
+    rows[:2, size] = 1.0, -1.0
+    answer = minimum(-rows[0], rows, np.concatenate([[1.0, 0.0], start]), nonnegative=2)
+    if answer is None:
+        return None
+    answer = snapped(start, basis, answer)
+    return float(np.clip(answer[size], 0.0, 1.0)), start + basis @ answer
+
+
+def can_jam(forces: Balance) -> bool:
+    """Whether contact forces in the cones, not all zero, balance one another."""
+    if forces.null.shape[1] == 0:
+        return False
+    count = len(forces.null) // 3
+    total = np.tile([1.0, 0.0, 0.0], count) @ forces.null
+    limits = np.concatenate([[1.0], np.zeros(3 * count)])
+    answer = minimum(-total, np.vstack([total, -forces.null]), limits, nonnegative=1)
+    return answer is not None and bool(total @ answer > 0.5)
+
+
+def associated(forces: Balance, mass: Floats, wrench: Floats, rise: Floats) -> tuple[Floats, Floats] | None:
+    """Acceleration (6,) and scaled forces (3k,) of the convex problem with given sliding.
+
+    Minimises y.mass.y / 2 - wrench.y under: matrix^T y + (rise, 0, 0) in the unit cone at every contact. With
+    rise = sine * |tangential acceleration| that is Coulomb's law (De Saxce and Feng 1998); with rise = 0 slip
+    dilates, and y = 0 exactly if the wrench is balanced.
+    """
+    limits = np.zeros((len(rise), 3))
+    limits[:, 0] = rise
+    solution = _run(-wrench, -forces.matrix.T, limits.ravel(), quadratic=mass)
+    if solution.status not in ANSWERED:
+        return None
+    return np.array(solution.x), np.array(solution.z)
+
+
+def snapped(start: Floats, basis: Floats, answer: Floats) -> Floats:
+    """The answer moved so that forces near the edge or the apex of their cones are on it, by Newton's method.
+
+    Scaled forces are start + basis answer.
+    """
+    rows = basis.reshape(len(start) // 3, 3, -1)
+    for _ in range(2):
+        table = (start + basis @ answer).reshape(-1, 3)
+        shear = np.hypot(table[:, 1], table[:, 2])
+        gaps = table[:, 0] - shear
+        apex = table[:, 0] < APEX * table[:, 0].max()
+        edge = ~apex & (np.abs(gaps) < EDGE * np.maximum(table[:, 0], 1e-2))
+        outward = np.ones_like(table)
+        outward[:, 1:] = -table[:, 1:] / np.maximum(shear, 1e-300)[:, None]
+        wanted = np.vstack([(outward[edge, None] @ rows[edge])[:, 0], rows[apex].reshape(-1, basis.shape[1])])
+        missed = np.concatenate([gaps[edge], table[apex].ravel()])
+        if len(missed) == 0:
+            break
+        moved = answer - np.linalg.lstsq(wanted, missed, rcond=1e-8)[0]
+        if slack(start + basis @ moved).min() <= gaps.min():
+            break
+        answer = moved
+    return answer
+
+
+def minimum(
+    linear: Floats, rows: Floats, limits: Floats, nonnegative: int = 0, quadratic: Floats | None = None
+) -> Floats | None:
+    """The x that minimises x.quadratic.x / 2 + linear.x under limits - rows x in the cones, if there is one."""
+    solution = _run(linear, rows, limits, nonnegative, quadratic)
+    return np.array(solution.x) if solution.status in ANSWERED else None
+
+
+def _run(
+    linear: Floats, rows: Floats, limits: Floats, nonnegative: int = 0, quadratic: Floats | None = None
+) -> Any:
+    """Minimise x.quadratic.x / 2 + linear.x under limits - rows x in the cones.
+
+    `nonnegative` rows are plain inequalities, the others triples in unit circular cones.
+    """
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.presolve_enable = False
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = GAP
+    height, width = rows.shape
+    table, square = copy(_full(height, width)), _none(width)
+    table.data = rows.T.ravel()
+    if quadratic is not None:
+        square = copy(_full(width, width))
+        square.data = np.triu(quadratic).T.ravel()
+    cones = [clarabel.NonnegativeConeT(nonnegative)] if nonnegative else []
+    cones += [clarabel.SecondOrderConeT(3)] * ((height - nonnegative) // 3)
+    return clarabel.DefaultSolver(square, linear, table, limits, cones, settings).solve()
+
+
+@lru_cache(maxsize=256)
+def _full(height: int, width: int) -> csc_matrix:
+    """The sparse form of a table without zeros, to be copied: most of the time to make one is spent on checks."""
+    return csc_matrix(np.ones((height, width)))
+
+
+@lru_cache(maxsize=256)
+def _none(width: int) -> csc_matrix:
+    """The sparse form of a square table of zeros."""
+    return csc_matrix((width, width))

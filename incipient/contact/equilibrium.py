@@ -1,0 +1,27 @@
+"""The exact judge: rigid-body mechanics with Coulomb friction at contact points, the second of two judges.
+
+Two questions: by how much may the flow's load grow before the contacts can no longer balance it
+(`safety_factor`), and with which accelerations does the grain answer a load at the instant of release
+(`incipient_motion`)? docs/contact.md states both problems.
+"""
+
+from incipient.contact.directions import Directed, SafetyOverDirection, safety_over_direction
+from incipient.contact.motion import IncipientMotion, Solution, incipient_motion
+from incipient.contact.motion_modes import ContactState, Mode, Uniqueness
+from incipient.contact.safety import ConeState, SafetyFactor, SafetyStatus, safety_factor
+
+__all__ = [
+    "ConeState",
+    "ContactState",
+    "Directed",
+    "IncipientMotion",
+    "Mode",
+    "SafetyFactor",
+    "SafetyOverDirection",
+    "SafetyStatus",
+    "Solution",
+    "Uniqueness",
+    "incipient_motion",
+    "safety_factor",
+    "safety_over_direction",
+]

@@ -1,0 +1,181 @@
+"""The contact problem in numbers of order one: what both questions of the exact judge start from.
+
+Lengths are divided by the longest arm from the centre of mass and forces by their own size. A wrench is force
+and couple about the centre in one array (6,). Contacts at one place with one normal are one contact here. Each
+contact has a frame whose first axis is the inward normal: a local force is (normal, two tangential). A case
+whose contacts and load lie in one plane through the centre is planar, however that plane is turned.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from incipient.contact.model import Contacts, Floats, Load, require_outward
+from incipient.errors import SceneError
+
+PLANAR = 1e-12  # how far, in numbers of order one, a planar case may be from its plane
+SAME_PLACE = 1e-12  # of the longest arm
+FRICTIONLESS = 1e-9  # friction below it is computed as none
+INFINITE = 1e6  # friction above it is computed as infinite
+
+
+@dataclass(frozen=True, eq=False)
+class Grasp:
+    """k different contacts: where they are and which forces they can carry, without units.
+
+    `frames` (k, 3, 3): rows inward normal and two tangents; `matrix` (6, k, 3): the wrench of unit local
+    forces; `copy` (n,): which of the k each contact given is; `share` (n,): its part of that one's force;
+    `reach`: the unit of length; `plane` (3, 3): two axes in the plane and its normal if the case is planar,
+    else None. The second tangent of a planar case is the normal of the plane.
+    """
+
+    frames: Floats
+    matrix: Floats
+    copy: NDArray[np.int64]
+    share: Floats
+    reach: float
+    friction: float
+    plane: Floats | None
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    @cached_property
+    def columns(self) -> Floats:
+        """`matrix` as (6, 3k)."""
+        return self.matrix.reshape(6, -1)
+
+    @cached_property
+    def scaling(self) -> Floats:
+        """(3,): cosine, sine, sine of the friction angle; a unit circular cone times it is the friction cone."""
+        cosine = 1.0 / float(np.hypot(1.0, self.friction))
+        sine = self.friction * cosine if np.isfinite(self.friction) else 1.0
+        return np.array([cosine, sine, sine])
+
+    @cached_property
+    def fan(self) -> Floats | None:
+        """Local forces (g, 3) whose sums with factors >= 0 are the cone; None if it is circular.
+
+        In the plane the last two are its edges, on the side of the first tangent and opposite.
+        """
+        normal, sides = np.eye(3)[:1], np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
+        if self.friction < FRICTIONLESS:
+            return normal
+        if self.plane is not None:
+            wide = self.friction > INFINITE
+            return np.vstack([normal, sides]) if wide else self.scaling * (normal + sides)
+        return np.vstack([normal, sides, sides[:, [0, 2, 1]]]) if self.friction > INFINITE else None
+
+    def forces(self, local: Floats) -> Floats:
+        """Local forces (k, 3) as forces (n, 3) on the grain at the contacts given."""
+        return np.asarray(self.share[:, None] * (local[:, None] @ self.frames)[self.copy, 0])
+
+
+@dataclass(frozen=True, eq=False)
+class Wrenches:
+    """The wrenches (6,) of flow and weight as unit vectors, or zero, and their sizes in units of force."""
+
+    flow: Floats
+    weight: Floats
+    flow_size: float
+    weight_size: float
+
+    def at(self, factor: float) -> tuple[Floats, float]:
+        """`factor` times the flow and the weight together, over the sum of both sizes, and that sum."""
+        size = factor * self.flow_size + self.weight_size
+        whole = factor * self.flow_size * self.flow + self.weight_size * self.weight
+        return (whole / size if size > 0.0 else whole), size
+
+
+def grasp(load: Load, contacts: Contacts, friction: float, inertia: Floats | None = None) -> Grasp:
+    """Contacts, frames and plane of a case; the plane is used only if `inertia` (3, 3) keeps motion in it.
+
+    Raises SceneError if friction is negative or not a number (it may be infinite), and if all normals point
+    toward the centre of mass.
+    """
+    if np.isnan(friction) or friction < 0.0:
+        raise SceneError(f"friction {friction} is not a coefficient; give a number that is not negative")
+    require_outward(contacts, load.centre)
+    arms = contacts.points - load.centre
+    reach = max(_length(arm) for arm in arms) or 1.0
+    kept, copy, share = _distinct(arms / reach, contacts.normals)
+    arms, inward = arms[kept] / reach, -contacts.normals[kept]
+    plane = _plane(arms, inward, load, inertia)
+    frames = _frames(inward, None if plane is None else plane[2])
+    wrench = np.concatenate([frames, cross(arms[:, None], frames)], axis=2)
+    return Grasp(frames, wrench.transpose(2, 0, 1).copy(), copy, share, reach, float(friction), plane)
+
+
+def wrenches(load: Load, reach: float) -> Wrenches:
+    """The two wrenches of a load about its centre, couples divided by the unit of length."""
+    flow = np.concatenate([load.flow_force, load.flow_couple / reach])
+    weight = np.concatenate([load.weight, np.zeros(3)])
+    sizes = [_length(part) for part in (flow, weight)]
+    units = [part / size if size > 0.0 else part for part, size in zip((flow, weight), sizes, strict=True)]
+    return Wrenches(units[0], units[1], sizes[0], sizes[1])
+
+
+def cross(a: Floats, b: Floats) -> Floats:
+    """The vector product along the last axis; numpy's takes several times as long for a few vectors."""
+    ahead, behind = [1, 2, 0], [2, 0, 1]
+    return np.asarray(a[..., ahead] * b[..., behind] - a[..., behind] * b[..., ahead])
+
+
+def _distinct(arms: Floats, normals: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
+    """Indices of the different contacts, for every contact which of them it is, and its share."""
+    rows = np.concatenate([arms, normals], axis=1)
+    same = (np.abs(rows[:, None] - rows) <= SAME_PLACE).all(axis=2)
+    copies = same.sum(axis=1)
+    if copies.max() == 1:
+        return np.arange(len(rows)), np.arange(len(rows)), np.ones(len(rows))
+    kept, copy = np.unique(same.argmax(axis=1), return_inverse=True)
+    return kept, copy, 1.0 / copies
+
+
+def _frames(inward: Floats, across: Floats | None) -> Floats:
+    """(k, 3, 3): normal, tangent, tangent; the last is `across` if that is given."""
+    if across is None:
+        axis = np.zeros_like(inward)
+        axis[np.arange(len(inward)), np.abs(inward).argmin(axis=1)] = 1.0
+        first = cross(inward, axis)
+        first /= np.sqrt((first * first).sum(axis=1))[:, None]
+    else:
+        first = cross(np.broadcast_to(across, inward.shape), inward)
+    return np.stack([inward, first, cross(inward, first)], axis=1)
+
+
+def _plane(arms: Floats, inward: Floats, load: Load, inertia: Floats | None) -> Floats | None:
+    """(3, 3): two axes in the plane of the case and its normal; None if there is no such plane."""
+    inside = [part / _length(part) for part in (load.flow_force, load.weight) if part.any()]
+    vectors = np.vstack([arms, inward, *inside])
+    couple = load.flow_couple / (_length(load.flow_couple) or 1.0)
+    axes = _axes(vectors, couple)
+    if np.abs(vectors @ axes[2]).max() > PLANAR or np.abs(couple - couple @ axes[2] * axes[2]).max() > PLANAR:
+        return None
+    return axes if inertia is None or _keeps(inertia, axes[2]) else None
+
+
+def _axes(vectors: Floats, couple: Floats) -> Floats:
+    """The axes (3, 3) of the plane nearest to vectors; where they are on one line, of that across the couple."""
+    if not (vectors[:, 2].any() or couple[:2].any()):
+        return np.eye(3)
+    _, sizes, axes = np.linalg.svd(vectors)
+    if sizes[1] <= PLANAR * sizes[0] and couple.any():
+        across = couple - couple @ axes[0] * axes[0]
+        if _length(across) > 0.5:
+            axes[2] = across / _length(across)
+    axes[1] = cross(axes[2], axes[0])
+    return np.asarray(axes)
+
+
+def _keeps(inertia: Floats, axis: Floats) -> bool:
+    """Whether the axis is a principal axis, so that a planar load gives a planar motion."""
+    along = inertia @ axis
+    return bool(np.abs(along - along @ axis * axis).max() <= PLANAR * np.abs(inertia).max())
+
+
+def _length(vector: Floats) -> float:
+    return math.hypot(*vector)  # which neither overflows nor underflows, whatever the units

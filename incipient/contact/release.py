@@ -1,0 +1,103 @@
+"""A grain at the instant of its release, in numbers of order one: what the searches for its motion start from."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import nnls
+
+from incipient.contact.candidates import Candidate
+from incipient.contact.grasp import INFINITE, Grasp, grasp, wrenches
+from incipient.contact.model import Contacts, Floats, Load
+from incipient.errors import SceneError
+
+NO_LOAD = 1e-12  # of flow and weight: a sum below it is no load
+SYMMETRIC = 1e-9  # of the inertia's largest entry
+
+
+@dataclass(frozen=True, eq=False)
+class Release:
+    """Load and inertia of a grasp: forces in units of the load, lengths in its reach, masses in the grain's mass.
+
+    `wrench` (6,) of length one, or zero; `mass`, `inverse` (6, 6); `free` (6,): the acceleration without
+    contacts; `scale`: its size; `compliance` (3k, 3k) and `free_at_contacts` (3k,): local accelerations at the
+    contacts by local forces, and without any; `force_unit`, `mass_unit`: what one is.
+    """
+
+    grasp: Grasp
+    wrench: Floats
+    mass: Floats
+    inverse: Floats
+    free: Floats
+    scale: float
+    compliance: Floats
+    free_at_contacts: Floats
+    force_unit: float
+    mass_unit: float
+
+    def acceleration(self, local: Floats) -> Floats:
+        """Of the grain under load and local forces (k, 3), (6,)."""
+        return np.asarray(self.inverse @ (self.wrench + self.grasp.columns @ local.ravel()))
+
+    def at_contacts(self, acceleration: Floats) -> Floats:
+        """Local accelerations (k, 3) at the contacts by that of the grain."""
+        return np.asarray((acceleration @ self.grasp.columns).reshape(-1, 3))
+
+    def energy(self, acceleration: Floats) -> float:
+        """acceleration . mass . acceleration, by which solutions are ordered."""
+        return float(acceleration @ self.mass @ acceleration)
+
+
+def release(load: Load, contacts: Contacts, friction: float, mass: float, inertia: Floats) -> Release:
+    """The problem of a case; infinite friction becomes 1e6.
+
+    Raises SceneError if friction is negative, the mass not positive, or the inertia (3, 3) not symmetric and
+    positive definite.
+    """
+    inertia = _checked(mass, inertia)
+    held_by = grasp(load, contacts, min(friction, INFINITE), inertia)
+    wrench, size = wrenches(load, held_by.reach).at(1.0)
+    left = float(np.sqrt(wrench @ wrench))
+    unit = wrench / left if left > NO_LOAD else np.zeros(6)
+    scaled, inverse = np.eye(6), np.eye(6)
+    scaled[3:, 3:] = inertia / (mass * held_by.reach**2)
+    inverse[3:, 3:] = np.linalg.inv(scaled[3:, 3:])
+    free = inverse @ unit
+    from_forces = inverse @ held_by.columns
+    return Release(
+        grasp=held_by,
+        wrench=unit,
+        mass=scaled,
+        inverse=inverse,
+        free=free,
+        scale=float(np.sqrt(free @ free)),
+        compliance=held_by.columns.T @ from_forces,
+        free_at_contacts=unit @ from_forces,
+        force_unit=size * left,
+        mass_unit=float(mass),
+    )
+
+
+def frictionless(case: Release) -> Candidate:
+    """The only motion without friction: the acceleration nearest to the free one, by non-negative least squares."""
+    root = np.linalg.cholesky(case.inverse)
+    local = np.zeros((len(case.grasp), 3))
+    local[:, 0] = nnls(root.T @ case.grasp.matrix[:, :, 0], -root.T @ case.wrench)[0]
+    return Candidate(case.acceleration(local), local)
+
+
+def _checked(mass: float, inertia: Floats) -> Floats:
+    """The inertia as an array (3, 3); refuses what is none."""
+    if not (np.isfinite(mass) and mass > 0.0):
+        raise SceneError(f"mass {mass} is not positive; give the grain's mass")
+    table = np.array(inertia, dtype=float)
+    if table.shape != (3, 3) or not np.isfinite(table).all():
+        raise SceneError(
+            f"inertia has shape {table.shape}; give (3, 3) finite numbers about the centre of mass"
+        )
+    if np.abs(table - table.T).max() > SYMMETRIC * np.abs(table).max():
+        raise SceneError("inertia is not symmetric; give the inertia tensor about the centre of mass")
+    if np.linalg.eigvalsh(table)[0] <= 0.0:
+        raise SceneError(
+            "inertia is not positive definite; give positive moments about every axis, also in 2D"
+        )
+    return table

@@ -1,0 +1,237 @@
+"""Incipient motions with circular friction cones: Coulomb's law as equations, solved by Newton's method.
+
+Local contact forces f = (N, T) and accelerations A = (A_N, A_T) = D f + b of the grain at the contacts satisfy
+
+    N = max(0, N - r A_N),     T = projection of T - r A_T on the disc of radius friction max(0, N - r A_N),
+
+for any r > 0 (Alart and Curnier 1991): that is A_N >= 0, N >= 0, A_N N = 0, and friction that holds or opposes
+the sliding in full. D = G^T mass^-1 G, b = G^T mass^-1 wrench. The equations are not convex, and Newton's
+method may miss: it is then started from the convex problems whose fixed point Coulomb's law is
+(`cones.associated`; Acary, Cadoux, Lemarechal and Malick 2011), and from random forces.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from incipient.contact import cones
+from incipient.contact.candidates import SAME, Candidate, add
+from incipient.contact.model import Floats
+from incipient.contact.release import Release
+
+CONVERGED = 1e-12  # of Newton's method, relative to the larger of free accelerations and forces
+STEPS = 14
+DAMPING = 0.5 ** np.arange(4)
+SHIFT = 1e-11  # of the derivative, which is singular where contact forces are not unique
+FIXED_POINT_STEPS = 40
+RANDOM_STARTS = 40
+FEW = 12  # contacts up to which each is tried alone
+SINGULAR = 1e-9  # singular values below it count as zero: several forces or accelerations near the one found
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """Coulomb's law at the contacts: `compliance` D (3k, 3k), `free` b (3k,), `step` r (k,), friction.
+
+    `trial` (k, 3, 3k): the derivative of f - r A by f.
+    """
+
+    compliance: Floats
+    free: Floats
+    step: Floats
+    trial: Floats
+    friction: float
+
+
+@dataclass(frozen=True, eq=False)
+class Iterate:
+    """The equations at s sets of forces f = (N, T), with all that their derivative needs.
+
+    `force` (s, k, 3); `projection`: that of (N - r A_N, T - r A_T); `miss`: force minus projection; `merit`
+    (s,): its sum of squares; `closed` (s, k): whether N - r A_N presses; `along` (s, k, 2): the direction of
+    T - r A_T; `kept` (s, k): the part of it inside the disc, 1 where the contact holds.
+    """
+
+    force: Floats
+    projection: Floats
+    miss: Floats
+    merit: Floats
+    closed: NDArray[np.bool_]
+    along: Floats
+    kept: Floats
+
+    def of(self, some: Any) -> "Iterate":
+        """The same for some of the s, by any index that numpy takes."""
+        parts = (self.force, self.projection, self.miss, self.merit, self.closed, self.along, self.kept)
+        return Iterate(*(part[some] for part in parts))
+
+
+def coulomb(case: Release) -> Law:
+    """The law at the contacts of a case, with r = 1 / mean diagonal of D at each contact."""
+    step = 3.0 / case.compliance.diagonal().reshape(-1, 3).sum(axis=1)
+    trial = np.eye(3 * len(step)) - np.repeat(step, 3)[:, None] * case.compliance
+    blocks = trial.reshape(len(step), 3, -1)
+    return Law(case.compliance, case.free_at_contacts, step, blocks, case.grasp.friction)
+
+
+def spatial_solutions(case: Release, law: Law, without_friction: Candidate, rest: bool) -> list[Candidate]:
+    """Solutions with different accelerations other than rest; `rest`: whether the load is held.
+
+    From a few starts, and if none of them leads to a solution and the grain does not rest, from many more. Of
+    a continuous family only those two found that accelerate least and most. Empty: none was found.
+    """
+    found: list[Candidate] = []
+    for starts in Search(case, law, without_friction).starts(rest):
+        for local in newton(law, starts):
+            acceleration = case.acceleration(local)
+            if not rest or np.abs(acceleration).max() > SAME * case.scale:
+                add(found, Candidate(acceleration, local), case.scale)
+        if found or rest:
+            break
+    found = [replace(candidate, family=_is_family(law, candidate.local)) for candidate in found]
+    found.sort(key=lambda candidate: case.energy(candidate.acceleration))
+    within = [candidate for candidate in found if candidate.family]
+    return [candidate for candidate in found if not candidate.family] + within[:1] + within[1:][-1:]
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """A case and the sets of forces (s, k, 3) from which Newton's method is started on it."""
+
+    case: Release
+    law: Law
+    without_friction: Candidate
+
+    def starts(self, rest: bool) -> Iterator[Floats]:
+        """First without forces, sliding as without friction, and sliding on one contact alone; then more."""
+        count = len(self.law.step)
+        yield np.concatenate([np.zeros((1, count, 3)), self._sliding()[None], self._on_one()])
+        if not rest:
+            yield self._growing()
+            yield from self._fixed_point()
+            random = np.random.default_rng(0)  # the same every time: an answer must not change between runs
+            sizes = 10.0 ** random.uniform(-2.0, 1.0, (RANDOM_STARTS, 1, 1))
+            yield sizes * random.normal(size=(RANDOM_STARTS, count, 3))
+
+    def _sliding(self) -> Floats:
+        """The forces without friction, and full friction against the sliding there, (k, 3)."""
+        way = self.case.at_contacts(self.without_friction.acceleration)
+        return self._rubbed(self.without_friction.local[:, 0], way)
+
+    def _on_one(self) -> Floats:
+        """For each contact, if they are few, the force that would stop it and friction against it, (k, k, 3)."""
+        total = len(self.law.step)
+        count = total if total <= FEW else 0
+        way = self.law.free.reshape(-1, 3)
+        starts = np.zeros((count, total, 3))
+        starts[np.arange(count), np.arange(count)] = self._rubbed(np.abs(way[:, 0]) * self.law.step, way)[
+            :count
+        ]
+        return starts
+
+    def _rubbed(self, pressure: Floats, way: Floats) -> Floats:
+        """Forces (k, 3) with friction in full against accelerations `way` (k, 3)."""
+        size = np.maximum(np.hypot(way[:, 1], way[:, 2]), 1e-300)
+        local = np.empty_like(way)
+        local[:, 0] = pressure
+        local[:, 1:] = (-self.law.friction * pressure / size)[:, None] * way[:, 1:]
+        return local
+
+    def _growing(self) -> Floats:
+        """Forces at parts of the friction, each reached from the one before, the first from none: (s, k, 3)."""
+        local = [self.without_friction.local]
+        for part in np.linspace(0.1, 0.9, 9):
+            local.extend(newton(replace(self.law, friction=part * self.law.friction), local[-1][None]))
+        return np.array(local)
+
+    def _fixed_point(self) -> Iterator[Floats]:
+        """The forces (1, k, 3) of convex problems, each with the sliding of the one before."""
+        held_by = self.case.grasp
+        forces = cones.balance(held_by)
+        rise = np.zeros(len(held_by))
+        for _ in range(FIXED_POINT_STEPS):
+            answer = cones.associated(forces, self.case.mass, self.case.wrench, rise)
+            if answer is None:
+                return
+            yield (answer[1].reshape(-1, 3) * held_by.scaling)[None]
+            way = self.case.at_contacts(answer[0])
+            rise = held_by.scaling[1] * np.hypot(way[:, 1], way[:, 2])
+
+
+def law_residual(law: Law, local: Floats) -> float:
+    """How far forces (k, 3), with the accelerations they give, miss Coulomb's law as written above."""
+    return float(np.abs(_iterate(law, local[None]).miss).max())
+
+
+def _is_family(law: Law, local: Floats) -> bool:
+    """Whether the equations at a solution leave a direction open in which accelerations change."""
+    derivative = _derivative(law, _iterate(law, local[None]))[0]
+    _, sizes, right = np.linalg.svd(derivative)
+    open_ways = right[sizes <= SINGULAR * max(1.0, sizes[0])]
+    return bool((np.abs(open_ways @ law.compliance) > 1e3 * SINGULAR).any())
+
+
+def newton(law: Law, starts: Floats) -> Floats:
+    """The forces (s', k, 3) that solve the equations, by damped Newton steps from all starts (s, k, 3) at once."""
+    solved, at = [starts[:0]], _iterate(law, starts)
+    for _ in range(STEPS):
+        done = at.merit <= CONVERGED**2
+        if done.any():
+            solved.append(at.projection[done])
+            at = at.of(~done)
+            if done.all():
+                break
+        at = _moved(law, at, _step(law, at))
+    return np.concatenate(solved)
+
+
+def _moved(law: Law, at: Iterate, change: Floats) -> Iterate:
+    """Each of the forces moved by the largest part of its change (s, k, 3) that lowers its merit enough."""
+    tried = _iterate(law, at.force[:, None] + DAMPING[:, None, None] * change[:, None])
+    enough = tried.merit < (1.0 - 0.1 * DAMPING) * at.merit[:, None]
+    chosen = np.where(enough.any(axis=1), enough.argmax(axis=1), tried.merit.argmin(axis=1))
+    return tried.of((np.arange(len(chosen)), chosen))
+
+
+def _iterate(law: Law, force: Floats) -> Iterate:
+    """The equations at forces (..., k, 3)."""
+    acceleration = (force.reshape(*force.shape[:-2], -1) @ law.compliance + law.free).reshape(force.shape)
+    trial = force - law.step[:, None] * acceleration
+    pressure = np.maximum(trial[..., 0], 0.0)
+    shear = trial[..., 1:]
+    size = np.maximum(np.hypot(shear[..., 0], shear[..., 1]), 1e-300)
+    kept = np.minimum(law.friction * pressure / size, 1.0)
+    projection = np.empty_like(trial)
+    projection[..., 0] = pressure
+    projection[..., 1:] = shear * kept[..., None]
+    miss = force - projection
+    merit = (miss * miss).sum(axis=(-2, -1))
+    return Iterate(force, projection, miss, merit, pressure > 0.0, shear / size[..., None], kept)
+
+
+def _derivative(law: Law, at: Iterate) -> Floats:
+    """The derivative (s, 3k, 3k) of the equations at forces (s, k, 3), on one side where there are two."""
+    cases, count = at.kept.shape
+    slips = at.kept < 1.0
+    blocks = np.zeros((cases, count, 3, 3))  # of the projection by the trial force
+    blocks[..., 0, 0] = at.closed
+    blocks[..., 1, 1] = blocks[..., 2, 2] = at.kept
+    along = at.along[..., :, None] * at.along[..., None, :]
+    blocks[..., 1:, 1:] -= (at.kept * slips)[..., None, None] * along
+    blocks[..., 1:, 0] = (law.friction * (slips & at.closed))[..., None] * at.along
+    derivative = -(blocks @ law.trial).reshape(cases, 3 * count, -1)
+    derivative[:, np.arange(3 * count), np.arange(3 * count)] += 1.0 + SHIFT
+    return derivative
+
+
+def _step(law: Law, at: Iterate) -> Floats:
+    """The Newton steps (s, k, 3)."""
+    miss = at.miss.reshape(len(at.miss), -1, 1)
+    try:
+        change = np.linalg.solve(_derivative(law, at), -miss)
+    except np.linalg.LinAlgError:
+        change = np.linalg.pinv(_derivative(law, at), 1e-11) @ -miss
+    return np.asarray(change.reshape(at.miss.shape))

@@ -1,0 +1,136 @@
+"""What contacts can carry: one interface to circular cones (programs) and to polyhedral ones (exact)."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from incipient.contact import cones, fans
+from incipient.contact.grasp import Grasp
+from incipient.contact.model import Floats
+
+TOLERANCE = 1e-9  # in numbers of order one: what counts as balanced
+SIDES = (
+    16  # of the pyramids inside and around a circular cone that answer nearly every question about holding
+)
+
+
+class Support(Protocol):
+    """Local forces (k, 3) in the friction cones, and the unit wrenches they balance."""
+
+    def holds(self, wrench: Floats) -> bool:
+        """Whether contact forces balance a wrench."""
+
+    def forces(self, wrench: Floats) -> Floats | None:
+        """Local forces that balance a wrench, or None."""
+
+    def largest_share(self, flow: Floats, weight: Floats) -> tuple[float, Floats] | None:
+        """The largest a in [0, 1] such that a flow + (1 - a) weight is held, with local forces, or None."""
+
+    def can_jam(self) -> bool:
+        """Whether contact forces in the cones, not all zero, balance one another."""
+
+
+def support(grasp: Grasp) -> Support:
+    """The polyhedral cones of a case if it has them, else the circular ones."""
+    fan = grasp.fan
+    return Circular(grasp) if fan is None else Polyhedral(grasp, fan)
+
+
+@dataclass(frozen=True, eq=False)
+class Polyhedral:
+    """Cones with a few edges: planar cases, no friction, infinite friction; all answers are exact."""
+
+    grasp: Grasp
+    fan: Floats
+
+    @cached_property
+    def edges(self) -> Floats:
+        """The wrenches (6, k g) of all edges."""
+        return fans.edges(self.grasp, self.fan)
+
+    def holds(self, wrench: Floats) -> bool:
+        """By non-negative least squares."""
+        return fans.combination(self.edges, -wrench) is not None
+
+    def forces(self, wrench: Floats) -> Floats | None:
+        """Forces on as few edges as possible."""
+        found = fans.combination(self.edges, -wrench)
+        return None if found is None else fans.local(found, self.fan)
+
+    def largest_share(self, flow: Floats, weight: Floats) -> tuple[float, Floats] | None:
+        """By linear programming."""
+        found = fans.largest_share(self.edges, flow, weight)
+        return None if found is None else (found[0], fans.local(found[1], self.fan))
+
+    def can_jam(self) -> bool:
+        """By non-negative least squares."""
+        return fans.can_jam(self.edges, np.tile(self.fan[:, 0], len(self.grasp)))
+
+
+@dataclass(frozen=True, eq=False)
+class Circular:
+    """Coulomb's cones in space: by cone programs, or by pyramids where these decide (50 times as fast)."""
+
+    grasp: Grasp
+
+    @cached_property
+    def balance(self) -> cones.Balance:
+        """How scaled forces balance wrenches."""
+        return cones.balance(self.grasp)
+
+    def holds(self, wrench: Floats) -> bool:
+        """No if pyramids around the cones do not, yes if pyramids inside do, else by a cone program."""
+        around, inside = self._pyramids
+        if fans.combination(around, -wrench) is None:
+            return False
+        return fans.combination(inside, -wrench) is not None or self.forces(wrench) is not None
+
+    def forces(self, wrench: Floats) -> Floats | None:
+        """The shortest forces if they are in the cones, else those most inside."""
+        if self._missed(wrench) > TOLERANCE:
+            return None
+        shortest = -self.balance.inverse @ wrench
+        if cones.slack(shortest).min() >= 0.0:
+            return self._local(shortest)
+        margin, found = cones.most_inside(self.balance, wrench)
+        return self._local(found) if margin >= -TOLERANCE else None
+
+    def largest_share(self, flow: Floats, weight: Floats) -> tuple[float, Floats] | None:
+        """By a cone program, or by comparison where contacts cannot have every wrench."""
+        flow_missed, weight_missed = self._missed(flow), self._missed(weight)
+        if max(flow_missed, weight_missed) <= TOLERANCE:
+            if not fans.has_share(self._pyramids[0], flow, weight):
+                return None
+            found = cones.largest_share(self.balance, flow, weight)
+            return None if found is None else (found[0], self._local(found[1]))
+        share = weight_missed / (flow_missed + weight_missed)
+        if share <= TOLERANCE or share >= 1.0 - TOLERANCE:
+            share = round(share)
+        held = self.forces(share * flow + (1.0 - share) * weight)
+        return None if held is None else (share, held)
+
+    def can_jam(self) -> bool:
+        """By the same pyramids, else by a cone program."""
+        around, inside = self._pyramids
+        pressure = np.repeat(self.grasp.scaling[0], around.shape[1])
+        if not fans.can_jam(around, pressure):
+            return False
+        return fans.can_jam(inside, pressure) or cones.can_jam(self.balance)
+
+    @cached_property
+    def _pyramids(self) -> tuple[Floats, Floats]:
+        """Wrenches (6, k SIDES) of the edges of pyramids around the friction cones and of pyramids inside."""
+        angles = np.arange(SIDES) * (2.0 * np.pi / SIDES)
+        ring = np.stack([np.ones(SIDES), np.cos(angles), np.sin(angles)], axis=1) * self.grasp.scaling
+        wider = 1.0 / np.cos(np.pi / SIDES)
+        return fans.edges(self.grasp, ring * [1.0, wider, wider]), fans.edges(self.grasp, ring)
+
+    def _missed(self, wrench: Floats) -> float:
+        """The size of the part of a wrench that no contact force can have."""
+        part = self.balance.beyond.T @ wrench
+        return float(np.sqrt(part @ part))
+
+    def _local(self, scaled: Floats) -> Floats:
+        return np.asarray(scaled.reshape(-1, 3) * self.grasp.scaling)

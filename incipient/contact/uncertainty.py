@@ -1,0 +1,212 @@
+"""From a load with standard errors to the probability of each mode, by both judges, and the input that matters most.
+
+Cases are drawn with errors that are normal and independent (friction cut off at zero), and each is judged. The
+influence of an input is its first-order share of the variance of the margin s / (1 + s), s the safety factor: the
+correlation ratio Var(E[margin | input]) / Var(margin), Sobol's first-order index for independent inputs, estimated
+from the means over classes of the input of equal size and corrected for their number (epsilon squared).
+"""
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from incipient.contact import criteria
+from incipient.contact.exact import MassAndInertia, judged
+from incipient.contact.model import Contacts, Floats, Load
+from incipient.errors import SceneError
+
+CLASSES = 20  # at most, and not fewer than ten cases in each
+AXES = "xyz"
+
+
+@dataclass(frozen=True, eq=False)
+class StandardErrors:
+    """Standard errors of the flow's force and couple (3,) and of the friction coefficient.
+
+    `about`: the point (3,) that the couple was measured about; an error of the force then moves the couple
+    about the centre of mass as well. None: the centre of mass.
+    """
+
+    flow_force: Floats = field(default_factory=lambda: np.zeros(3))
+    flow_couple: Floats = field(default_factory=lambda: np.zeros(3))
+    friction: float = 0.0
+    about: Floats | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("flow_force", "flow_couple"):
+            given = np.array(getattr(self, name), dtype=float)
+            if given.shape != (3,) or not (np.isfinite(given).all() and (given >= 0.0).all()):
+                raise SceneError(f"standard errors: {name} is not three numbers of at least 0; give such")
+            object.__setattr__(self, name, given)
+        if not (np.isfinite(self.friction) and self.friction >= 0.0):
+            raise SceneError(f"standard errors: friction is {self.friction}; give a number of at least 0")
+
+    @property
+    def sizes(self) -> dict[str, float]:
+        """The standard error of each input that has one, by its name."""
+        named = {f"flow_force {AXES[k]}": float(self.flow_force[k]) for k in range(3)}
+        named |= {f"flow_couple {AXES[k]}": float(self.flow_couple[k]) for k in range(3)}
+        named["friction"] = float(self.friction)
+        return {name: size for name, size in named.items() if size > 0.0}
+
+
+@dataclass(frozen=True)
+class Probability:
+    """A probability and its standard error.
+
+    Of k cases in n: k / n, and the standard deviation of Beta(k + 1, n - k + 1), which is what is known of it
+    after n cases without prior knowledge; it is not zero where all cases agree.
+    """
+
+    value: float
+    standard_error: float
+
+    @classmethod
+    def of(cls, count: int, total: int) -> "Probability":
+        """That of `count` cases in `total`."""
+        mean = (count + 1.0) / (total + 2.0)
+        return cls(count / total, float(np.sqrt(mean * (1.0 - mean) / (total + 3.0))))
+
+
+@dataclass(frozen=True)
+class Probabilities:
+    """How likely each mode is, and what that depends on.
+
+    `criteria`, `equilibrium`: probability of each mode met, by the paper's judge and by the exact one, the most
+    likely first; `moves_criteria`, `moves_equilibrium`: that the grain moves; `same`: that the judges agree on
+    whether it does. `margin`: 5%, 50% and 95% of the safety factor. `influence`: first-order share of each
+    input; `interactions`: what is left of the variance; `most`: the input that matters most, None if the margin
+    does not vary.
+    """
+
+    samples: int
+    seed: int
+    criteria: dict[str, Probability]
+    equilibrium: dict[str, Probability]
+    moves_criteria: Probability
+    moves_equilibrium: Probability
+    same: Probability
+    margin: tuple[float, float, float]
+    influence: dict[str, float]
+    interactions: float
+    most: str | None
+
+    @property
+    def sentence(self) -> str:
+        """The outcome in a sentence."""
+        said = f"with the standard errors given it moves with a probability of {_percent(self.moves_equilibrium)}"
+        if self.most is not None:
+            share = self.influence[self.most]
+            said += f"; what matters most is {self.most}, {share:.0%} of the variance of the margin"
+        return said
+
+
+def probabilities(
+    load: Load,
+    contacts: Contacts,
+    friction: float,
+    errors: StandardErrors,
+    samples: int = 1000,
+    seed: int = 0,
+    mass_and_inertia: MassAndInertia | None = None,
+) -> Probabilities:
+    """Judge `samples` cases drawn around a load and friction with standard errors.
+
+    Without `mass_and_inertia` the exact judge says only whether the grain rests or moves.
+
+    Raises SceneError as `criteria.classify` does, and for less than one sample.
+    """
+    if samples < 1:
+        raise SceneError(f"samples is {samples}; draw at least one case")
+    drawn = draw(load, friction, errors, samples, seed)
+    cases = list(_cases(load, errors, drawn))
+    paper = [criteria.classify(acting, contacts, coefficient).mode for acting, coefficient in cases]
+    exact = [judged(acting, contacts, coefficient, mass_and_inertia) for acting, coefficient in cases]
+    moves = np.array([(one.moves, other.moves) for one, other in zip(paper, exact, strict=True)])
+    factors = np.array([result.safety.value for result in exact])
+    influence = influences({name: drawn[name] for name in errors.sizes}, _margin(factors))
+    return Probabilities(
+        samples=samples,
+        seed=seed,
+        criteria=_shares(mode.label for mode in paper),
+        equilibrium=_shares(result.label for result in exact),
+        moves_criteria=Probability.of(int(moves[:, 0].sum()), samples),
+        moves_equilibrium=Probability.of(int(moves[:, 1].sum()), samples),
+        same=Probability.of(int((moves[:, 0] == moves[:, 1]).sum()), samples),
+        margin=_quantiles(factors),
+        influence=influence,
+        interactions=max(0.0, 1.0 - sum(influence.values())) if influence else 0.0,
+        most=max(influence, key=lambda name: influence[name]) if influence else None,
+    )
+
+
+def draw(load: Load, friction: float, errors: StandardErrors, samples: int, seed: int) -> dict[str, Floats]:
+    """Independent values (samples,) of every input by name: ``flow_force x`` ... ``flow_couple z``, ``friction``.
+
+    Couples are about `errors.about`; an input without error keeps its value.
+    """
+    noise = np.random.default_rng(seed).standard_normal((samples, 7))
+    force = load.flow_force + noise[:, :3] * errors.flow_force
+    couple = load.flow_couple - np.cross(_arm(load, errors), load.flow_force)
+    couple = couple + noise[:, 3:6] * errors.flow_couple
+    drawn = {f"flow_force {AXES[k]}": force[:, k] for k in range(3)}
+    drawn |= {f"flow_couple {AXES[k]}": couple[:, k] for k in range(3)}
+    return drawn | {"friction": np.maximum(friction + noise[:, 6] * errors.friction, 0.0)}
+
+
+def _arm(load: Load, errors: StandardErrors) -> Floats:
+    """From the centre of mass to the point that the couple is measured about, (3,)."""
+    return np.zeros(3) if errors.about is None else np.asarray(errors.about, dtype=float) - load.centre
+
+
+def _cases(load: Load, errors: StandardErrors, drawn: Mapping[str, Floats]) -> Iterator[tuple[Load, float]]:
+    """The load, its couple about the centre, and the friction of every case."""
+    force, couple = (
+        np.column_stack([drawn[f"{name} {axis}"] for axis in AXES]) for name in ("flow_force", "flow_couple")
+    )
+    couple = couple + np.cross(_arm(load, errors), force)
+    for one, turn, friction in zip(force, couple, drawn["friction"], strict=True):
+        yield Load(one, turn, load.weight, load.centre), float(friction)
+
+
+def influences(inputs: Mapping[str, Floats], output: Floats) -> dict[str, float]:
+    """First-order share of every input (n,) in the variance of an output (n,); empty if that does not vary."""
+    if np.ptp(output) <= 1e-12 * max(float(np.abs(output).max()), 1e-300):
+        return {}
+    return {name: _correlation_ratio(values, output) for name, values in inputs.items()}
+
+
+def _correlation_ratio(values: Floats, output: Floats) -> float:
+    """Epsilon squared of the output over classes of the input of equal size."""
+    classes = max(2, min(CLASSES, len(output) // 10))
+    parts = np.array_split(output[np.argsort(values, kind="stable")], classes)
+    within = sum(float(((part - part.mean()) ** 2).sum()) for part in parts)
+    total = float(((output - output.mean()) ** 2).sum())
+    free = len(output) - classes
+    if free <= 0:
+        return 0.0
+    return min(1.0, max(0.0, 1.0 - within / free * (len(output) - 1) / total))
+
+
+def _margin(factors: Floats) -> Floats:
+    """s / (1 + s), from 0 to 1 for factors from 0 to infinity."""
+    finite = np.where(np.isfinite(factors), factors, 0.0)
+    return np.where(np.isfinite(factors), finite / (1.0 + finite), 1.0)
+
+
+def _quantiles(factors: Floats) -> tuple[float, float, float]:
+    """5%, 50% and 95% of the factors: the nearest of them, since some may be infinite."""
+    low, middle, high = np.quantile(factors, (0.05, 0.5, 0.95), method="nearest")
+    return float(low), float(middle), float(high)
+
+
+def _shares(labels: Iterable[str]) -> dict[str, Probability]:
+    counted = Counter(labels)
+    total = counted.total()
+    return {label: Probability.of(count, total) for label, count in counted.most_common()}
+
+
+def _percent(probability: Probability) -> str:
+    return f"{100.0 * probability.value:.1f} +- {100.0 * probability.standard_error:.1f}%"

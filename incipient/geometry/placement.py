@@ -1,0 +1,116 @@
+"""Where a grain is and how it is turned, in the plane (an angle) and in space (a unit quaternion)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from incipient.errors import SceneError
+from incipient.geometry.curves import Floats
+
+Quaternion = tuple[float, float, float, float]
+
+UNIT_TOLERANCE = 1e-6  # how far the length of a unit quaternion may be from one
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where a grain is: the position of its centroid and its rotation.
+
+    In the plane `angle` (radians, counter-clockwise); in space `quaternion` (w, x, y, z) of unit length, by
+    default no rotation. Raises SceneError on numbers that are not finite, on a quaternion in the plane, an
+    angle in space, and a quaternion that is not a unit one.
+    """
+
+    centre: tuple[float, ...]
+    angle: float = 0.0
+    quaternion: Quaternion | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "centre", tuple(float(c) for c in self.centre))
+        object.__setattr__(self, "angle", float(self.angle))
+        if not np.isfinite([*self.centre, self.angle]).all():
+            raise SceneError(f"the placement {self.centre}, {self.angle} is not finite; give finite numbers")
+        if len(self.centre) == 3:
+            object.__setattr__(self, "quaternion", self._unit_quaternion())
+        elif self.quaternion is not None:
+            raise SceneError("a placement in the plane has no quaternion; give its angle")
+
+    def _unit_quaternion(self) -> Quaternion:
+        """The given quaternion, checked and rid of round-off in its length."""
+        if self.angle != 0.0:
+            raise SceneError("a placement in space has no angle; give a quaternion (w, x, y, z)")
+        if self.quaternion is None:
+            return 1.0, 0.0, 0.0, 0.0
+        given = np.array(self.quaternion, dtype=float)
+        length = float(np.linalg.norm(given)) if given.shape == (4,) else np.nan
+        if not abs(length - 1.0) <= UNIT_TOLERANCE:
+            raise SceneError(f"the quaternion {self.quaternion} is not of unit length; normalise it")
+        w, x, y, z = (given / length).tolist()
+        return w, x, y, z
+
+    @property
+    def gdim(self) -> int:
+        """Dimension of the space the grain is placed in."""
+        return len(self.centre)
+
+    @property
+    def rotation(self) -> Floats:
+        """The matrix (gdim, gdim) that turns body coordinates into scene directions."""
+        if self.quaternion is not None:
+            return _matrix(self.quaternion)
+        c, s = np.cos(self.angle), np.sin(self.angle)
+        return np.array([[c, -s], [s, c]])
+
+    def to_scene(self, x: ArrayLike) -> Floats:
+        """Scene coordinates (n, gdim) of points (n, gdim) given in the body frame."""
+        return np.asarray(x, dtype=float) @ self.rotation.T + np.asarray(self.centre)
+
+    def to_body(self, x: ArrayLike) -> Floats:
+        """Body coordinates (n, gdim) of points (n, gdim) given in the scene."""
+        return np.asarray((np.asarray(x, dtype=float) - np.asarray(self.centre)) @ self.rotation)
+
+    def raised(self, height: float) -> "Placement":
+        """The same placement, higher by `height`."""
+        return Placement((*self.centre[:-1], self.centre[-1] + height), self.angle, self.quaternion)
+
+    def moved(self, shift: ArrayLike, turn: ArrayLike) -> "Placement":
+        """Shifted by (gdim,) and turned about the centroid: by an angle (1,), in space a rotation vector (3,).
+
+        The rotation vector is in scene directions; its length is the angle in radians.
+        """
+        centre = tuple((np.asarray(self.centre) + np.asarray(shift, dtype=float)).tolist())
+        vector = np.atleast_1d(np.asarray(turn, dtype=float))
+        if self.quaternion is None:
+            return Placement(centre, self.angle + float(vector[0]))
+        return Placement(centre, 0.0, product(rotation_by(vector), self.quaternion))
+
+
+def rotation_by(vector: ArrayLike) -> Quaternion:
+    """The unit quaternion of a rotation vector (3,), radians."""
+    vector = np.asarray(vector, dtype=float)
+    angle = float(np.linalg.norm(vector))
+    # sin(angle / 2) / angle, also for angle zero.
+    x, y, z = (0.5 * np.sinc(0.5 * angle / np.pi) * vector).tolist()
+    return float(np.cos(0.5 * angle)), x, y, z
+
+
+def product(first: Sequence[float], second: Sequence[float]) -> Quaternion:
+    """The quaternion that turns by `second`, then by `first`; normalised."""
+    a, b = np.asarray(first, dtype=float), np.asarray(second, dtype=float)
+    vector = a[0] * b[1:] + b[0] * a[1:] + np.cross(a[1:], b[1:])
+    whole = np.array([a[0] * b[0] - a[1:] @ b[1:], *vector])
+    w, x, y, z = (whole / np.linalg.norm(whole)).tolist()
+    return w, x, y, z
+
+
+def _matrix(quaternion: Quaternion) -> Floats:
+    w, x, y, z = quaternion
+    return np.array(
+        [
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+        ]
+    )

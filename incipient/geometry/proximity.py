@@ -1,0 +1,48 @@
+"""One set of questions about a grain and its bed, in the plane and in space."""
+
+from typing import Protocol, Self
+
+import numpy as np
+
+from incipient.errors import SceneError
+from incipient.geometry.bed import Bed
+from incipient.geometry.closest import SpatialProximity
+from incipient.geometry.curves import Floats
+from incipient.geometry.grain import Grain
+from incipient.geometry.placement import Placement
+from incipient.geometry.planar import PlanarProximity
+from incipient.geometry.solid import Solid
+from incipient.geometry.terrain import Terrain
+
+
+class Near(Protocol):
+    """Places where a grain is close to its bed."""
+
+    @property
+    def gaps(self) -> Floats:
+        """Distances (k,)."""
+
+    @property
+    def points(self) -> Floats:
+        """Points of the grain (k, gdim)."""
+
+    @property
+    def normals(self) -> Floats:
+        """The bed's unit normals into the fluid (k, gdim)."""
+
+    def __len__(self) -> int: ...
+
+    def only(self, which: np.ndarray) -> Self:
+        """Some of them, by a mask or by indices."""
+
+
+def proximity(grain: Grain | Solid, bed: Bed | Terrain) -> PlanarProximity | SpatialProximity:
+    """The questions for this grain and this bed. Raises SceneError if only one of them is planar."""
+    if isinstance(grain, Solid) and isinstance(bed, Terrain):
+        return SpatialProximity(grain, bed)
+    if isinstance(grain, Grain) and isinstance(bed, Bed):
+        return PlanarProximity(grain, bed)
+    raise SceneError(
+        f"a {type(grain).__name__} cannot rest on a bed {type(bed).__name__}: one is planar, the other is not; "
+        "take both in the plane or both in space"
+    )

@@ -1,0 +1,365 @@
+"""Settling: a grain lowered and tilted until it rests in static equilibrium under gravity.
+
+The grain descends quasi-statically. Every step moves it a little in the direction in which gravity, less what
+the contacts can hold, pulls it, without entering the bed at the contacts it has and those it is close to;
+then it is lowered vertically onto the bed. A step that does not bring its centre down is shortened. Near an
+equilibrium Newton's method closes the contacts and removes the rest of the unbalanced couple.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from incipient.errors import SceneError
+from incipient.geometry.bed import Bed
+from incipient.geometry.curves import Floats
+from incipient.geometry.grain import Grain
+from incipient.geometry.placement import Placement
+from incipient.geometry.proximity import Near, proximity
+from incipient.geometry.solid import Solid
+from incipient.geometry.statics import Grip, balance, free_motions, grip, nearest_motion, tangents, wrenches
+from incipient.geometry.terrain import Terrain
+
+if TYPE_CHECKING:
+    from incipient.contact.model import Contacts
+
+# In grain sizes.
+FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.05, 0.4, 1e-9
+TOUCHING = 1e-6  # what counts as touching on the way
+CLOSED = 1e-10  # gaps of contacts at rest
+BALANCED = 1e-9  # unbalanced force and couple at rest, of weight and weight times size
+PROBE = 1e-3  # displacement by which stability is tried
+PROMISING = 0.05  # pull, in weights, from which on Newton's method is tried
+USED = 1e-9  # share of the weight from which on a contact takes part in carrying it
+SOFTEST = 1e-4  # second derivative of the height, per grain size, that still counts as level
+
+
+class Outcome(Enum):
+    """How settling ends."""
+
+    RESTS = "rests in equilibrium"
+    BALANCES = "balances: the least disturbance makes it fall"
+    ROLLS_OFF = "rolls off: it leaves the bed, or its surroundings, before it finds a rest"
+    UNSETTLED = "did not come to rest in the steps allowed"
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """Where a grain came to rest, or how it did not.
+
+    placement: the last one; the grain touches the bed there
+    contacts:  where it touches the bed, None unless it rests or balances
+    outcome:   by name; `stable` is true if the grain rests
+    steps:     of the descent
+    gap:       largest gap of the contacts that carry the grain [grain sizes]
+    imbalance: unbalanced force [weights] or couple [weight times grain size] about the centre, the larger
+    """
+
+    placement: Placement
+    contacts: Contacts | None
+    outcome: Outcome
+    steps: int
+    gap: float
+    imbalance: float
+
+    @property
+    def stable(self) -> bool:
+        """Whether the grain rests and returns after, or does not mind, a small disturbance."""
+        return self.outcome is Outcome.RESTS
+
+
+def settle(
+    grain: Grain | Solid,
+    bed: Bed | Terrain,
+    start: Placement,
+    gravity: Sequence[float] | Floats | None = None,
+    friction: float = 1.0,
+    reach: float = 10.0,
+    max_steps: int = 2000,
+) -> Settled:
+    """Lower the grain from `start` onto the bed and let it roll and tip until it rests.
+
+    `gravity` (gdim,) points downwards on the whole, by default straight down; only its direction counts.
+    Contacts hold by Coulomb friction with the given coefficient, so that the grain stays where contacts first
+    support it; 0 lets it slide to a minimum of its potential energy, infinity keeps contacts from slipping.
+    A grain whose centre gets farther than `reach` grain sizes from the start, or off the bed, rolls off.
+
+    Raises SceneError if grain and bed are not of one dimension, or gravity or friction make no sense.
+    """
+    if not friction >= 0.0:
+        raise SceneError(f"friction {friction} is not a coefficient; give a number that is not negative")
+    descent = _Descent(grain, bed, _downward(gravity, grain.gdim), float(friction))
+    if start.gdim != grain.gdim:
+        raise SceneError(f"a placement in {start.gdim} dimensions does not fit a grain in {grain.gdim}")
+    return descent.run(start, reach * grain.size, max_steps)
+
+
+def _downward(gravity: Sequence[float] | Floats | None, dimension: int) -> Floats:
+    """The unit vector of gravity."""
+    if gravity is None:
+        return np.array([0.0] * (dimension - 1) + [-1.0])
+    vector = np.array(gravity, dtype=float)
+    if vector.shape != (dimension,) or not np.isfinite(vector).all() or not vector[-1] < 0.0:
+        raise SceneError(f"gravity {vector.tolist()} does not point down; give {dimension} numbers, the last negative")
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+@dataclass(frozen=True, eq=False)
+class _Rest:
+    """An equilibrium, its largest gap [grain sizes] and what is left of weight and couple."""
+
+    placement: Placement
+    gap: float
+    imbalance: float
+    stable: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _Descent:
+    """The way down of one grain."""
+
+    grain: Grain | Solid
+    bed: Bed | Terrain
+    down: Floats
+    friction: float
+
+    @cached_property
+    def size(self) -> float:
+        return self.grain.size
+
+    @cached_property
+    def _load(self) -> Floats:
+        """The weight as a load of unit force at the centre."""
+        return np.concatenate([self.down, np.zeros(1 if len(self.down) == 2 else 3)])
+
+    @cached_property
+    def _proximity(self):  # type: ignore[no-untyped-def]
+        return proximity(self.grain, self.bed)
+
+    def run(self, start: Placement, reach: float, max_steps: int) -> Settled:
+        """Step by step down to a rest."""
+        placement = self._proximity.lowered(start)
+        length, tried = FIRST_STEP, np.inf
+        for step in range(max_steps):
+            near = self._proximity.minima(placement, 2.5 * length * self.size)
+            touching = self._touching(placement, near, TOUCHING)
+            pull = self._pull(placement, touching)
+            strength = float(np.linalg.norm(pull))
+            # An attempt costs some steps: it is made when the pull has halved, or when there is no other way.
+            if strength < PROMISING and (strength < 0.5 * tried or length < SHORTEST_STEP):
+                found = self._at_rest(placement, near)
+                if found is not None:
+                    return self._settled(found, step)
+                tried = strength
+            if length < SHORTEST_STEP:
+                return self._unsettled(placement, Outcome.UNSETTLED, step)
+            ahead = self._proximity.locally_least(placement, near, corners=True)
+            motion = self._step(placement, ahead, touching, pull, length)
+            trial = self._proximity.lowered(self._moved(placement, motion))
+            gain = self._depth(trial) - self._depth(placement)
+            expected = self.size * float(motion @ self._load)
+            if gain > max(0.1 * expected, 0.0):
+                placement = trial
+                length = min(1.5 * length, LONGEST_STEP) if gain > 0.5 * expected else length
+            else:
+                length *= 0.3
+            if self._left(placement, start, reach):
+                return self._unsettled(placement, Outcome.ROLLS_OFF, step)
+        return self._unsettled(placement, Outcome.UNSETTLED, max_steps)
+
+    def _depth(self, placement: Placement) -> float:
+        """How far down the centre is."""
+        return float(np.asarray(placement.centre) @ self.down)
+
+    def _left(self, placement: Placement, start: Placement, reach: float) -> bool:
+        """Whether the grain is off the bed or far from the start."""
+        extent = np.array(self.bed.extent, dtype=float).reshape(-1, 2)
+        x, x0 = np.array(placement.centre[:-1]), np.array(start.centre[:-1])
+        beyond = (x < extent[:, 0]) | (x > extent[:, 1])
+        return bool(beyond.any() or np.linalg.norm(x - x0) > reach)
+
+    def _touching(self, placement: Placement, near: Near, tolerance: float) -> Near:
+        """The places that count as contacts."""
+        return self._proximity.locally_least(placement, near.only(near.gaps <= tolerance * self.size))
+
+    def _arms(self, placement: Placement, near: Near) -> Floats:
+        return np.asarray(near.points - np.asarray(placement.centre))
+
+    def _grip(self, placement: Placement, near: Near) -> Grip:
+        return grip(near.normals, self._arms(placement, near), self.friction, self.size)
+
+    def _pull(self, placement: Placement, touching: Near) -> Floats:
+        """What contacts leave of the weight."""
+        return balance(self._grip(placement, touching).rows, self._load)[0]
+
+    def _step(self, placement: Placement, near: Near, touching: Near, pull: Floats, length: float) -> Floats:
+        """A motion of at most about `length` grain sizes and radians that follows the pull."""
+        hold = self._grip(placement, touching).rows
+        closing = wrenches(near.normals, self._arms(placement, near), self.size)
+        gaps = np.maximum(near.gaps, 0.0) / self.size
+        wish = self._load / max(float(np.linalg.norm(pull)), 1e-6)
+        if self.friction == 0.0:
+            rows, least = np.vstack([hold, closing]), np.concatenate([np.zeros(len(hold)), -gaps / length])
+            motion = length * nearest_motion(rows, least, wish)
+            return motion / max(1.0, 0.5 * float(np.linalg.norm(motion)) / length)
+        # With friction the motion ends where a contact is made, because that will hold the grain.
+        motion = length * nearest_motion(hold, np.zeros(len(hold)), wish)
+        approach = -(closing @ motion)
+        meets = (gaps > TOUCHING) & (approach > 0.0)
+        return motion * min(1.0, float((gaps[meets] / approach[meets]).min(initial=1.0)))
+
+    def _moved(self, placement: Placement, motion: Floats) -> Placement:
+        """The placement after a motion in grain sizes and radians."""
+        d = len(self.down)
+        return placement.moved(self.size * motion[:d], motion[d:])
+
+    # Near equilibrium.
+
+    def _carrying(self, placement: Placement, touching: Near) -> Near:
+        """The contacts that take part in holding the weight."""
+        hold = self._grip(placement, touching)
+        _, factors = balance(hold.rows, self._load)
+        return touching.only(np.unique(hold.owner[factors > USED]))
+
+    def _held(self, placement: Placement, carrying: Near) -> Floats:
+        """Rows of the forces that the carrying contacts exert; with all tangents where they do not slip."""
+        arms = self._arms(placement, carrying)
+        hold = grip(carrying.normals, arms, self.friction, self.size)
+        _, factors = balance(hold.rows, self._load)
+        used = hold.rows[factors > USED]
+        if self.friction == 0.0 or (np.isfinite(self.friction) and len(used) <= len(carrying)):
+            return used
+        along = [wrenches(tangent, arms, self.size) for tangent in tangents(carrying.normals)]
+        return np.vstack([wrenches(carrying.normals, arms, self.size), *along])
+
+    def _at_rest(self, placement: Placement, near: Near) -> _Rest | None:
+        """The equilibrium next to a placement, found by Newton's method.
+
+        Contacts are first tried with all places that nearly touch (the far end of a side about to lie flat),
+        then with those only that are local minima of the distance.
+        """
+        close = near.only(near.gaps <= 10.0 * TOUCHING * self.size)
+        for contacts in (close, self._proximity.locally_least(placement, close)):
+            carrying = self._carrying(placement, contacts)
+            found = self._newton(placement, carrying) if len(carrying) else None
+            rest = None if found is None else self._verified(found, placement)
+            if rest is not None:
+                return rest
+        return None
+
+    def _verified(self, found: Placement, before: Placement) -> _Rest | None:
+        """The equilibrium, if it is one, not above the placement before, and stable unless it was there before."""
+        near = self._proximity.minima(found, 0.01 * self.size)
+        climb = self._depth(before) - self._depth(found)
+        if len(near) == 0 or near.gaps.min() < -CLOSED * self.size or climb > 1e-12 * self.size:
+            return None
+        touching = self._touching(found, near, CLOSED)
+        pull = float(np.abs(self._pull(found, touching)).max())
+        if pull > BALANCED:
+            return None
+        carrying = self._carrying(found, touching)
+        stable = self._is_stable(found, carrying)
+        if not stable and self._apart(found, before) > 10.0 * TOUCHING:
+            return None
+        return _Rest(found, float(np.abs(carrying.gaps).max(initial=0.0)) / self.size, pull, stable)
+
+    def _apart(self, first: Placement, second: Placement) -> float:
+        """How far two placements are apart [grain sizes and radians]."""
+        shift = np.abs(np.subtract(first.centre, second.centre)).max() / self.size
+        return float(shift + np.abs(first.rotation - second.rotation).max())
+
+    def _newton(self, placement: Placement, carrying: Near) -> Placement | None:
+        """Close the gaps of the carrying contacts and remove what they leave of the weight."""
+        last = np.inf
+        for _ in range(20):
+            error = self._error(placement, carrying)
+            size = float(np.abs(error).max())
+            if size < 1e-15 or (size > 0.5 * last and size < 1e-12):
+                return placement
+            if size > 2.0 * last or size > 2.0 * PROMISING:
+                return None
+            last = size
+            motion = -np.linalg.lstsq(self._derivative(placement, carrying), error, rcond=1e-6)[0]
+            if np.linalg.norm(motion) > LONGEST_STEP:
+                return None
+            placement = self._moved(placement, motion)
+            carrying = self._proximity.tracked(placement, carrying)
+        return placement if last < 1e-11 else None
+
+    def _error(self, placement: Placement, carrying: Near) -> Floats:
+        """Gaps [grain sizes] of the carrying contacts, and the part of the weight outside what they can exert."""
+        moved = self._proximity.tracked(placement, carrying)
+        rows = self._held(placement, moved)
+        factors = np.linalg.lstsq(rows.T, self._load, rcond=1e-9)[0]
+        return np.concatenate([moved.gaps / self.size, self._load - factors @ rows])
+
+    def _derivative(self, placement: Placement, carrying: Near) -> Floats:
+        """The derivative of the error by the motion, by central differences."""
+        h, columns = 1e-6, []
+        for motion in h * np.eye(len(self._load)):
+            ahead, behind = (self._error(self._moved(placement, s * motion), carrying) for s in (1.0, -1.0))
+            columns.append((ahead - behind) / (2.0 * h))
+        return np.column_stack(columns)
+
+    # Stability.
+
+    def _is_stable(self, placement: Placement, carrying: Near) -> bool:
+        """Whether no small free motion that keeps the carrying contacts lowers the centre."""
+        free = free_motions(self._held(placement, carrying)).T
+        if len(free) == 0:
+            return True
+        values, vectors = np.linalg.eigh(self._stiffness(placement, carrying, free))
+        return values[0] > -SOFTEST or not self._falls(placement, carrying, vectors[:, 0] @ free)
+
+    def _stiffness(self, placement: Placement, carrying: Near, free: Floats) -> Floats:
+        """Second derivatives (f, f) of the centre's height [grain sizes] by free motions (f, n)."""
+        here, count = self._depth(placement), len(free)
+        along = np.zeros((count, count))
+        for i in range(count):
+            for j in range(i + 1):
+                direction = free[i] if i == j else (free[i] + free[j]) / np.sqrt(2.0)
+                ends = [self._kept(placement, carrying, s * PROBE * direction) for s in (1.0, -1.0)]
+                rise = 2.0 * here - sum(self._depth(end) for end in ends)
+                along[i, j] = along[j, i] = rise / (PROBE**2 * self.size)
+        # The derivative along (a + b)/sqrt(2) is the mean of those along a and b, plus the mixed one.
+        pure = np.diag(along)
+        mixed = along - 0.5 * (pure[:, None] + pure)
+        np.fill_diagonal(mixed, pure)
+        return mixed
+
+    def _kept(self, placement: Placement, carrying: Near, motion: Floats) -> Placement:
+        """The placement after a free motion, the carrying contacts closed again."""
+        placement = self._moved(placement, motion)
+        for _ in range(6):
+            moved = self._proximity.tracked(placement, carrying)
+            if np.abs(moved.gaps).max() <= 1e-14 * self.size:
+                break
+            rows = wrenches(moved.normals, self._arms(placement, moved), self.size)
+            placement = self._moved(placement, np.linalg.lstsq(rows, -moved.gaps / self.size, rcond=1e-9)[0])
+        return placement
+
+    def _falls(self, placement: Placement, carrying: Near, direction: Floats) -> bool:
+        """Whether the grain, disturbed one way or the other, gets lower without being in the way of the bed."""
+        here = self._depth(placement)
+        ends = (self._kept(placement, carrying, s * PROBE * direction) for s in (1.0, -1.0))
+        return any(self._depth(self._proximity.lowered(end)) > here + 1e-11 * self.size for end in ends)
+
+    # Results.
+
+    def _settled(self, rest: _Rest, steps: int) -> Settled:
+        from incipient.contact.search import touching
+
+        contacts = touching(self.grain, rest.placement, self.bed, 10.0 * CLOSED * self.size)
+        outcome = Outcome.RESTS if rest.stable else Outcome.BALANCES
+        return Settled(rest.placement, contacts, outcome, steps, rest.gap, rest.imbalance)
+
+    def _unsettled(self, placement: Placement, outcome: Outcome, steps: int) -> Settled:
+        touching = self._touching(placement, self._proximity.minima(placement, TOUCHING * self.size), TOUCHING)
+        gap = float(np.abs(touching.gaps).max(initial=0.0)) / self.size
+        return Settled(placement, None, outcome, steps, gap, float(np.abs(self._pull(placement, touching)).max()))

@@ -1,0 +1,101 @@
+"""Forces that contacts can exert on a rigid grain, and the motions that they leave free.
+
+Motions and loads are rows of numbers: first the translation (force), then the rotation (couple) about the
+centre, in units in which a length of `size` is one. In the plane they have 3 components, in space 6.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from incipient.geometry.curves import Floats
+from incipient.geometry.solid import frame_of
+
+PYRAMID = 16  # sides of the pyramid inside a friction cone in space: its corners are on the cone
+
+
+@dataclass(frozen=True, eq=False)
+class Grip:
+    """The forces of contacts as combinations, with factors of at least zero, of the rows (m, 3 or 6).
+
+    `owner` (m,) is the contact each row belongs to.
+    """
+
+    rows: Floats
+    owner: np.ndarray
+
+
+def wrenches(forces: Floats, arms: Floats, size: float) -> Floats:
+    """Forces (m, d) at arms (m, d) from the centre with their couples, (m, 3 or 6)."""
+    if forces.shape[1] == 2:
+        couple = (arms[:, 0] * forces[:, 1] - arms[:, 1] * forces[:, 0])[:, None]
+    else:
+        couple = np.cross(arms, forces)
+    return np.hstack([forces, couple / size])
+
+
+def tangents(normals: Floats) -> list[Floats]:
+    """One or two unit tangents (m, d) of contacts with unit normals (m, d)."""
+    if normals.shape[1] == 2:
+        return [np.column_stack([normals[:, 1], -normals[:, 0]])]
+    return list(frame_of(normals))
+
+
+def grip(normals: Floats, arms: Floats, friction: float, size: float) -> Grip:
+    """All forces within the friction cones of contacts (k,); friction may be 0 or infinite.
+
+    In space a cone is replaced by a pyramid inside it, which is at most 2 % narrower.
+    """
+    along = tangents(normals)
+    if friction == 0.0:
+        forces = [normals]
+    elif np.isinf(friction):
+        forces = [normals, *along, *(-tangent for tangent in along)]
+    elif len(along) == 1:
+        forces = [normals + friction * along[0], normals - friction * along[0]]
+    else:
+        angles = 2.0 * np.pi * np.arange(PYRAMID) / PYRAMID
+        forces = [normals + friction * (np.cos(a) * along[0] + np.sin(a) * along[1]) for a in angles]
+    rows = np.vstack([wrenches(force, arms, size) for force in forces])
+    return Grip(rows, np.tile(np.arange(len(normals)), len(forces)))
+
+
+def balance(rows: Floats, load: Floats) -> tuple[Floats, Floats]:
+    """What of a load (n,) forces along rows (m, n) leave unbalanced at best, (n,), and their factors (m,).
+
+    The unbalanced part is also the direction in which the load moves the grain: it enters no contact.
+    """
+    from scipy.optimize import nnls
+
+    if len(rows) == 0:
+        return load, np.empty(0)
+    factors, _ = nnls(rows.T, -load, maxiter=50 * max(rows.shape))
+    return load + factors @ rows, factors
+
+
+def nearest_motion(rows: Floats, least: Floats, wish: Floats) -> Floats:
+    """The motion (n,) closest to a wish (n,) with rows @ motion >= least (m,).
+
+    Least distance programming (Lawson and Hanson 1974, chapter 23); `least` is at most zero, so that no
+    motion at all is allowed.
+    """
+    from scipy.optimize import nnls
+
+    if len(rows) == 0:
+        return wish
+    levels = least - rows @ wish
+    system = np.vstack([rows.T, levels])
+    target = np.zeros(len(system))
+    target[-1] = 1.0
+    factors, _ = nnls(system, target, maxiter=50 * max(system.shape))
+    residual = system @ factors - target
+    return np.asarray(wish - residual[:-1] / min(residual[-1], -1e-300))
+
+
+def free_motions(rows: Floats) -> Floats:
+    """An orthonormal basis (n, f) of the motions that rows (m, n) all leave at rest."""
+    if len(rows) == 0:
+        return np.eye(rows.shape[1])
+    _, values, vectors = np.linalg.svd(rows)
+    rank = int((values > 1e-7 * max(values[0], 1e-300)).sum())
+    return np.asarray(vectors[rank:].T)

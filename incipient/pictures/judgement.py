@@ -1,0 +1,144 @@
+"""The picture of a judged case, whose load and contacts were given by hand or by another program."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from pydantic import ValidationError
+
+from ..case import Case
+from ..errors import OutputError
+from ..files import reported
+from . import style
+from .judged import Judged, judged, sentence
+from .outlines import Outline, Solid, grain_outline, sketched_outline, sketched_solid
+from .plane import Marks, aside, draw_case, draw_grain, draw_strips, label, marks_of, show_place
+from .record import parsed_json
+from .sheet import Group, explain, judge_rows, load_rows, sheet, write_numbers
+from .solid import Rendering, rendered
+from .style import FORCES, INK, PAPER
+
+_UNIT = "[units of the case]"
+_SPACING = 0.04  # of the triangles of a grain's surface, in grain sizes
+_SKETCHED = "; the grain is a sketch through its contacts"
+
+
+def draw(directory: Path) -> list[Path]:
+    """Draw judgement.png from the judgement.json of a directory. Not collective.
+
+    In the plane with matplotlib, in space with pyvista.
+
+    Raises:
+        OutputError: when the judgement is missing or damaged, or the picture cannot be written.
+    """
+    source, path = directory / "judgement.json", directory / "judgement.png"
+    stored = parsed_json(source)
+    if "verdict" not in stored:
+        raise OutputError(f"{source}: holds no verdict; judge the case again")
+    with style.applied():
+        figure = _figure(stored, judged(stored["verdict"], source), _shaped(stored, source))
+        with reported(path):
+            figure.savefig(path, dpi=style.DOTS_PER_INCH, pil_kwargs={"compress_level": 3})
+    return [path]
+
+
+def _shaped(stored: dict[str, Any], source: Path) -> Case | None:
+    """The case, if the judgement holds it and it gives the grain's shape."""
+    given = stored.get("case")
+    try:
+        case = None if given is None else Case.model_validate(given)
+    except (ValidationError, ValueError) as error:
+        raise OutputError(f"{source}: its case cannot be understood: {error}; judge it again") from error
+    return None if case is None or case.body is None else case
+
+
+def _figure(stored: dict[str, Any], case: Judged, shaped: Case | None) -> Figure:
+    chances = stored.get("probabilities")
+    more = [case.sentences[1]] + ([] if chances is None else [sentence(chances["sentence"])])
+    subject = (stored.get("title") or "A case") + ("" if shaped else _SKETCHED)
+    figure, axes = sheet(case.sentences[0], " ".join(more), subject)
+    show = _show_plane if case.planar else _show_space
+    explain(axes, show(axes, case, shaped))
+    load_there = load_rows(case.acting, case.load.flow_couple, _UNIT, case.planar)
+    write_numbers(axes, [load_there, *judge_rows(case), *_probability_rows(chances)])
+    return figure
+
+
+def _probability_rows(chances: dict[str, Any] | None) -> list[Group]:
+    if chances is None:
+        return []
+    rows: Group = [("Probability", f"{chances['samples']} samples", INK)]
+    likely = sorted(chances["equilibrium"].items(), key=lambda item: -item[1]["value"])
+    for mode, chance in likely[:4]:
+        value, error = 100 * chance["value"], 100 * chance["standard_error"]
+        rows.append((mode, f"{value:.3g} ± {error:.2g} %", INK))
+    return [rows]
+
+
+# -- in the plane ------------------------------------------------------------------------------------------
+
+
+def _show_plane(axes: Axes, case: Judged, shaped: Case | None) -> Marks:
+    outline = _outline(case, shaped)
+    seen = np.vstack([outline, case.contacts.points[:, :2]])
+    size = float(np.ptp(seen, axis=0).max())
+    show_place(axes, seen, size)
+    axes.set(xlabel="x", ylabel="y")
+    draw_strips(axes, case, size)
+    draw_grain(axes, outline, known=shaped is not None)
+    return draw_case(axes, case, outline, size)
+
+
+def _outline(case: Judged, shaped: Case | None) -> Outline:
+    if shaped is None or shaped.body is None:
+        return sketched_outline(case)
+    return grain_outline(shaped.body.grain(), shaped.placement)
+
+
+# -- in space ----------------------------------------------------------------------------------------------
+
+
+def _show_space(axes: Axes, case: Judged, shaped: Case | None) -> Marks:
+    seen = rendered(case, *_surface(case, shaped))
+    axes.imshow(seen.image, aspect="auto", interpolation="antialiased")
+    axes.set(xticks=[], yticks=[])
+    _name_forces(axes, seen)
+    if len(seen.numbers) > 1:
+        for index, (across, down) in enumerate(seen.numbers):
+            axes.text(across, down, f"{index + 1}", ha="center", va="center", fontsize=8, bbox=PAPER)
+    _show_triad(axes, seen.triad, seen.image.shape)
+    return marks_of(case)
+
+
+def _surface(case: Judged, shaped: Case | None) -> Solid:
+    """The grain's surface at its place: points (n, 3) and triangles (m, 3)."""
+    if shaped is None or shaped.body is None:
+        return sketched_solid(case)
+    grain: Any = shaped.body.grain()
+    surface = grain.surface(_SPACING * grain.size)
+    return shaped.placement.to_scene(surface.points), surface.triangles
+
+
+def _name_forces(axes: Axes, seen: Rendering) -> None:
+    """The names of the forces beyond their tips."""
+    upright = np.array([1.0, -1.0])  # images count rows downward
+    along = {name: upright * (tip - seen.centre) for name, tip in seen.tips.items()}
+    for name, arrow in along.items():
+        unit = arrow / max(float(np.linalg.norm(arrow)), 1e-300)
+        others = [other for key, other in along.items() if key != name]
+        place = seen.tips[name] + 0.015 * seen.image.shape[1] * upright * unit
+        label(axes, place, unit + aside(unit, others), name, FORCES[name])
+
+
+def _show_triad(axes: Axes, directions: np.ndarray, shape: tuple[int, ...]) -> None:
+    """The three axes in the lower left corner, as the camera sees them."""
+    corner = np.array([0.07 * shape[1], 0.92 * shape[0]])
+    longest = float(np.linalg.norm(directions, axis=1).max())
+    for name, direction in zip("xyz", 0.055 * shape[1] / longest * directions, strict=True):
+        axes.plot(*np.array([corner, corner + direction]).T, color=INK, lw=1.0)
+        across, down = corner + 1.3 * direction
+        axes.text(across, down, name, ha="center", va="center", fontsize=8)

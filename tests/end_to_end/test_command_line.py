@@ -1,0 +1,233 @@
+"""The command as a user meets it: what it says, where it puts things, and how it refuses bad input."""
+
+import json
+import os
+import pty
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from processes import (
+    CAVITY,
+    CYLINDER,
+    GRAIN_ON_BED,
+    environment,
+    has_control_characters,
+    result_of,
+    settings,
+)
+
+from incipient.scene.file import load
+
+COARSE = settings(numerics_mesh_size=4, numerics_order=2)
+COUNTED = [
+    (CAVITY, {"numerics_order": 3}),
+    (CYLINDER, {"numerics_order": 4}),
+    (CYLINDER, {"numerics_order": 2, "numerics_geometry_order": 1}),
+    (GRAIN_ON_BED, {"bed_kind": "half-discs", "bed_radius": 0.5, "bed_spacing": 1.2}),
+]
+
+
+# -- what a run says and leaves ------------------------------------------------------------------------------
+
+
+def test_run_writes_to_the_named_directory(command, tmp_path):
+    done = command("run", GRAIN_ON_BED, *COARSE, "--set", "fluid.reynolds=40", "--out", "deep/down")
+    assert done.returncode == 0, done.stderr
+    found = {path.name for path in (tmp_path / "deep/down").iterdir()}
+    assert found == {"scene.toml", "result.json", "fields.xdmf", "fields.h5", "surface.xdmf", "surface.h5"}
+    assert result_of(tmp_path / "deep/down")["scene"]["fluid"]["reynolds"] == 40
+    assert "verdict" in done.stderr and "deep/down/fields.xdmf" in done.stderr
+    assert "on 1 rank\n" in done.stderr
+    assert not has_control_characters(done.stderr + done.stdout)
+
+
+def test_results_go_to_a_directory_named_like_the_scene(command, tmp_path):
+    assert command("run", CAVITY, *COARSE, *settings(output_fields=False)).returncode == 0
+    assert {path.name for path in (tmp_path / "results/cavity").iterdir()} == {"scene.toml", "result.json"}
+
+
+def test_the_levels_of_the_log(command):
+    def said(level):
+        done = command("run", CAVITY, *COARSE, "--log-level", level)
+        assert done.returncode == 0
+        return done.stderr
+
+    assert said("warning") == ""
+    info, debug = said("info"), said("debug")
+    assert "minimum of v1" in info and "stage:" not in info and "correction" not in info
+    assert "stage: mesh" in debug and "correction 1" in debug
+
+
+def test_pictures_with_the_run_and_afterwards(command, tmp_path):
+    done = command("run", GRAIN_ON_BED, *COARSE, *settings(output_pictures=True), "--out", "x")
+    assert done.returncode == 0, done.stderr
+    drawn = sorted(path.name for path in (tmp_path / "x").glob("*.png"))
+    assert "flow.png" in drawn and "traction.png" in drawn and all(name in done.stderr for name in drawn)
+    shown = command("show", "x")
+    assert shown.returncode == 0, shown.stderr
+    assert sorted(Path(line).name for line in shown.stdout.splitlines()) == drawn
+    assert command("run", GRAIN_ON_BED, *COARSE, "--out", "x").returncode == 0
+    assert not list((tmp_path / "x").glob("*.png")), "pictures of the earlier run beside the new numbers"
+
+
+def test_on_a_terminal_a_line_lives_and_goes(tmp_path):
+    keyboard, terminal = pty.openpty()
+    arguments = [sys.executable, "-m", "incipient", "run", str(CAVITY), *COARSE, "--out", str(tmp_path)]
+    run = subprocess.Popen(arguments, env=environment() | {"TERM": "xterm"}, stderr=terminal, stdout=terminal)
+    os.close(terminal)
+    shown = b""
+    while piece := _read(keyboard):
+        shown += piece
+    os.close(keyboard)
+    assert run.wait(timeout=60) == 0
+    assert b"\x1b[" in shown and b"minimum of v1" in shown
+
+
+def _read(terminal):
+    try:
+        return os.read(terminal, 4096)
+    except OSError:  # how Linux says that the other end is closed
+        return b""
+
+
+def test_two_ranks_speak_with_one_voice(command, tmp_path):
+    done = command("run", GRAIN_ON_BED, *COARSE, "--out", "x", ranks=2)
+    assert done.returncode == 0, done.stderr
+    assert "on 2 ranks" in done.stderr
+    assert done.stderr.count("force of the flow") == 1
+    assert not has_control_characters(done.stderr)
+    assert result_of(tmp_path / "x")["cost"]["ranks"] == 2
+
+
+# -- the other commands --------------------------------------------------------------------------------------
+
+
+def test_a_new_scene_runs(command, tmp_path):
+    made = command("new", "first")
+    assert made.returncode == 0 and "incipient run first.toml" in made.stdout
+    assert command("run", "first.toml", *COARSE).returncode == 0
+    assert result_of(tmp_path / "results/first")["status"] == "complete"
+
+
+def test_a_new_scene_keeps_dots_in_its_name_and_spares_what_exists(command, tmp_path):
+    assert command("new", "re_0.5").returncode == 0
+    load(tmp_path / "re_0.5.toml")
+    (tmp_path / "mine.toml").write_text("precious")
+    again = command("new", "mine.toml")
+    assert again.returncode == 2 and "mine.toml: exists already" in again.stderr
+    assert (tmp_path / "mine.toml").read_text() == "precious"
+
+
+def test_the_schema_knows_every_section(command):
+    done = command("schema")
+    assert done.returncode == 0
+    schema = json.loads(done.stdout)
+    assert {"domain", "fluid", "flow", "body", "bed", "gravity", "contact", "time"} <= set(schema["properties"])
+
+
+def test_plan_computes_nothing():
+    code = (
+        "import sys; from incipient.cli import main; assert main(sys.argv[1:]) == 0\n"
+        "assert not {'dolfinx', 'petsc4py', 'ufl', 'pyvista', 'matplotlib'} & set(sys.modules)"
+    )
+    arguments = [sys.executable, "-c", code, "plan", str(GRAIN_ON_BED)]
+    done = subprocess.run(arguments, env=environment(), capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert "yes  contact" in done.stdout and " no  unsteadiness" in done.stdout and "unknowns" in done.stdout
+
+
+@pytest.mark.parametrize(("scene", "values"), COUNTED)
+def test_plan_counts_what_the_run_solves_for(command, tmp_path, scene, values):
+    changed = settings(numerics_mesh_size=4, **values)
+    planned = json.loads(command("plan", scene, *changed, "--json").stdout)
+    assert command("run", scene, *changed, "--out", "x").returncode == 0
+    result = result_of(tmp_path / "x")
+    assert planned["estimate"]["unknowns"] == result["cost"]["unknowns"]
+    assert planned["estimate"]["cells"] == result["cost"]["cells"]
+    assert planned["effects"] == result["plan"]["effects"]
+
+
+def test_the_installed_command_is_the_module(command):
+    installed = Path(sys.executable).with_name("incipient")
+    done = subprocess.run([installed, "--help"], env=environment(), capture_output=True, text=True)
+    assert done.returncode == 0 and done.stdout == command("--help").stdout
+    for name in ("run", "plan", "show", "new", "schema"):
+        assert f"    {name} " in done.stdout
+
+
+# -- bad input -----------------------------------------------------------------------------------------------
+
+
+def _changed(scene: Path, old: str, new: str) -> str:
+    text = scene.read_text()
+    assert old in text
+    return text.replace(old, new, 1)
+
+
+BAD_SCENES = {
+    "unknown_key": (
+        _changed(GRAIN_ON_BED, "reynolds = 20.0", "reynold = 20.0"),
+        'fluid.reynold: unknown key; did you mean "reynolds"?',
+    ),
+    "negative": (
+        _changed(GRAIN_ON_BED, "reynolds = 20.0", "reynolds = -20.0"),
+        "fluid.reynolds: is -20.0; give a number greater than 0",
+    ),
+    "free_surface": (
+        _changed(CAVITY, "height = 1.0", 'height = 1.0\ntop = "free-surface"'),
+        "domain.top: a closed box has no free surface; use",
+    ),
+    "outside": (
+        _changed(GRAIN_ON_BED, "x = 4.0", "x = 14.0"),
+        "body.x: x = 14 is outside the domain, 0 to 12; move the grain",
+    ),
+    "friction": (
+        CYLINDER.read_text() + "[contact]\nfriction = 0.5\n",
+        "contact.friction: friction needs a bed to rub against but there is none; add a section [bed]",
+    ),
+    "polyline": (
+        _changed(GRAIN_ON_BED, 'kind = "flat"', 'kind = "polyline"\nfile = "missing.csv"'),
+        "bed.file: missing.csv cannot be read (No such file or directory); give the name of a CSV file",
+    ),
+    "broken": (_changed(CAVITY, "[fluid]", "[fluid"), "line 9: expected ']'"),
+}
+BAD_COMMANDS = [
+    (["run", "nowhere.toml"], 2, "nowhere.toml: cannot be read (No such file or directory); give the name"),
+    (["run", "."], 2, ".: cannot be read (Is a directory); give the name of a scene file"),
+    (["run", CAVITY, "--set", "fluid.reynolds"], 2, "--set fluid.reynolds: is not an assignment; write"),
+    (["run", CAVITY, "--set", "fluid.reynolds=no"], 2, '--set fluid.reynolds=no: fluid.reynolds: is "no"; give'),
+    (["plan", "nowhere.toml"], 2, "nowhere.toml: cannot be read"),
+    (["show", "nowhere"], 5, "nowhere/result.json: no such file"),
+    (["run", CAVITY, "--out", "taken"], 5, "taken: cannot be written: file exists; a file stands where"),
+    (["run", CAVITY, "--out", "taken/x"], 5, "taken/x: cannot be written: not a directory; a file stands"),
+    (["run", CAVITY, "--out", "/proc/x"], 5, "/proc/x: cannot be written: no such file or directory"),
+    (["frobnicate"], 2, "invalid choice: 'frobnicate'"),
+    (["run"], 2, "the following arguments are required: scene; see incipient run --help"),
+    (["run", CAVITY, "--log-level", "loud"], 2, "argument --log-level: invalid choice: 'loud'"),
+]
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_bad_input_is_refused_in_one_line(session, tmp_path, ranks):
+    (tmp_path / "taken").touch()
+    for name, (text, _) in BAD_SCENES.items():
+        (tmp_path / f"{name}.toml").write_text(text)
+    cases = [(["run", f"{name}.toml"], 2, f"{name}.toml: {why}") for name, (_, why) in BAD_SCENES.items()]
+    cases += BAD_COMMANDS
+    outcomes = session(ranks, [arguments for arguments, _, _ in cases])
+    for (_, code, why), outcome in zip(cases, outcomes, strict=True):
+        assert why in outcome.complaint
+        assert outcome.codes == [code] * ranks
+        if code == 2:
+            assert len(outcome.lines) == 1, outcome.lines
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_bad_input_ends_the_processes_themselves(command, ranks):
+    done = command("run", CAVITY, "--set", "fluid.reynolds=0", ranks=ranks)
+    assert done.returncode == 2 and done.stdout == ""
+    (line,) = [line for line in done.stderr.splitlines() if "fluid.reynolds" in line]
+    assert line.startswith("incipient: --set fluid.reynolds=0: fluid.reynolds: is 0; give a number greater than 0")
+    assert ranks > 1 or done.stderr.count("\n") == 1

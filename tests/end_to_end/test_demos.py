@@ -1,0 +1,87 @@
+"""The demo scripts run on two ranks, and give the numbers pinned in demos/expected.json.
+
+    python tests/end_to_end/test_demos.py
+
+runs them and pins the numbers anew.
+"""
+
+import ast
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+from processes import environment, result_of
+
+DEMOS = Path(__file__).parents[2] / "demos"
+EXPECTED = DEMOS / "expected.json"
+SCRIPTS = sorted(DEMOS.glob("*.py"))
+RUNS = {"cavity.py": ["100"], "grain_on_bed.py": []}
+
+
+def run_demo(script, arguments, directory):
+    """Run a demo on two ranks in a directory; its results by name, as they are pinned."""
+    done = subprocess.run(
+        ["mpirun", "-n", "2", "--oversubscribe", sys.executable, str(DEMOS / script), *arguments],
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=240,
+        cwd=directory,
+    )
+    assert done.returncode == 0, done.stderr
+    names = sorted(path.name for path in (Path(directory) / "results").iterdir())
+    return done, {name: pinned(result_of(Path(directory) / "results" / name)) for name in names}
+
+
+def pinned(result):
+    """The numbers of a result that are pinned, by name."""
+    numbers = {"unknowns": result["cost"]["unknowns"]}
+    for name, extremum in (result["centrelines"] or {}).items():
+        numbers[name] = extremum["value"]
+    if result["force"] is not None:
+        numbers |= {"force_x": result["force"]["flow"][0], "force_y": result["force"]["flow"][1]}
+        numbers |= {"couple": result["couple"]["flow"][2], "moves": result["verdict"]["moves"]}
+    return numbers
+
+
+def versions():
+    """Versions on which the meshes depend, and with them the last digits."""
+    import dolfinx
+    import gmsh
+
+    return {"dolfinx": dolfinx.__version__, "gmsh": gmsh.__version__}
+
+
+@pytest.mark.parametrize("script", RUNS)
+def test_demo_gives_its_numbers(script, tmp_path):
+    expected = json.loads(EXPECTED.read_text())
+    close = 1e-6 if versions() == expected["versions"] else 1e-3
+    done, found = run_demo(script, RUNS[script], tmp_path)
+    assert found.keys() == expected[script].keys()
+    for name, numbers in expected[script].items():
+        if close > 1e-6:
+            numbers = {**numbers, "unknowns": found[name]["unknowns"]}
+        assert found[name] == pytest.approx(numbers, rel=close), name
+        assert (tmp_path / "results" / name / "fields.xdmf").exists()
+    assert done.stdout.count("Re = 100" if script == "cavity.py" else "verdict") == len(found)
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.name)
+def test_demo_is_short_and_says_what_it_is(script):
+    text = script.read_text()
+    assert text.count("\n") < 40
+    said = ast.get_docstring(ast.parse(text)) or ""
+    for heading in ("Scaling:", "Cost:", "Run:"):
+        assert f"\n{heading}" in said
+    assert f"mpirun -n 2 python demos/{script.name}" in said
+
+
+if __name__ == "__main__":
+    made = {"versions": versions()}
+    for name, given in RUNS.items():
+        with tempfile.TemporaryDirectory() as place:
+            made[name] = run_demo(name, given, place)[1]
+    EXPECTED.write_text(json.dumps(made, indent=2) + "\n")

@@ -1,0 +1,241 @@
+"""Interrupts, divergence, impossible meshes and full disks: one line, an exit code, no hang, nothing lost."""
+
+import csv
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+from xml.etree import ElementTree
+
+import h5py
+import numpy as np
+import pytest
+from conftest import Session
+from processes import (
+    CAVITY,
+    GRAIN_ON_BED,
+    VORTEX_STREET,
+    Outcome,
+    environment,
+    result_of,
+    settings,
+)
+
+STEP = 0.005
+LONG = [
+    "run",
+    str(VORTEX_STREET),
+    *settings(numerics_order=2, numerics_mesh_size=3, time_step=STEP, time_end=100.0, output_every=1),
+]
+HANGING = 60.0  # seconds after which a run counts as hanging
+
+
+# -- what must stay readable ---------------------------------------------------------------------------------
+
+
+def rows_of(directory):
+    """The history's rows, each complete."""
+    with (directory / "history.csv").open(newline="") as file:
+        header, *rows = csv.reader(file)
+    assert all(len(row) == len(header) for row in rows)
+    return [dict(zip(header, row, strict=True)) for row in rows]
+
+
+def times_of(stem):
+    """Times of a series; every number that its XDMF file points to is there and finite."""
+    times = []
+    with h5py.File(stem.with_suffix(".h5"), locking=False) as file:
+        for grid in ElementTree.parse(stem.with_suffix(".xdmf")).iter("Grid"):
+            if grid.get("GridType") != "Uniform":
+                continue
+            times.append(float(grid.find("Time").get("Value")))
+            for item in grid.iter("DataItem"):
+                _, _, place = item.text.partition(":")
+                data = file[place][()]
+                assert list(data.shape) == [int(n) for n in item.get("Dimensions").split()]
+                assert np.isfinite(data).all()
+    return times
+
+
+def assert_all_kept(directory):
+    """History and fields reach to the last step; the fields may be one behind, in which the end came."""
+    rows = rows_of(directory)
+    times = [float(row["time"]) for row in rows]
+    assert times == pytest.approx(STEP * np.arange(1, len(times) + 1))
+    for name in ("fields", "surface"):
+        assert len(times) - 1 <= len(times_of(directory / name)) <= len(times)
+        assert times_of(directory / name) == pytest.approx(times[: len(times_of(directory / name))])
+    return len(times)
+
+
+# -- interrupts ----------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def started():
+    """`started(ranks, *arguments)`: the command running in a process group of its own, as in a terminal."""
+    running = []
+
+    def start(ranks, *arguments, **variables):
+        several = ["mpirun", "-n", str(ranks), "--oversubscribe"] if ranks > 1 else []
+        run = subprocess.Popen(
+            [*several, sys.executable, "-m", "incipient", *map(str, arguments)],
+            env=environment() | variables,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+        running.append(run)
+        return run
+
+    yield start
+    for run in running:
+        with suppress(ProcessLookupError):
+            os.killpg(run.pid, signal.SIGKILL)
+        run.communicate()
+
+
+def wait_until(ready, run):
+    deadline = time.monotonic() + HANGING
+    while not ready():
+        assert run.poll() is None, run.communicate()[1]
+        assert time.monotonic() < deadline, "the run does not come to the point"
+        time.sleep(0.01)
+
+
+def has_rows(directory, number):
+    path = directory / "history.csv"
+    return lambda: path.exists() and path.read_bytes().count(b"\n") > number
+
+
+def ended(run):
+    """Exit code and lines; a run that does not end in time fails here."""
+    _, said = run.communicate(timeout=HANGING)
+    return Outcome([run.returncode], said.splitlines())
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_an_interrupted_run_ends_at_once_and_keeps_everything(started, tmp_path, ranks, number):
+    run = started(ranks, *LONG, "--out", tmp_path)
+    wait_until(has_rows(tmp_path, 5), run)
+    os.killpg(run.pid, number)
+    outcome = ended(run)
+    assert outcome.complaint == "interrupted; what was computed so far is kept"
+    # Open MPI's mpirun ends with 1 when the signal was for itself, whatever its ranks say.
+    assert outcome.codes == [130 if ranks == 1 else 1]
+    assert assert_all_kept(tmp_path) >= 5
+    assert not list(tmp_path.glob("*.part"))
+
+
+def test_a_signal_to_one_rank_ends_both(started, tmp_path):
+    run = started(2, *LONG, "--out", tmp_path)
+    wait_until(has_rows(tmp_path, 3), run)
+    os.kill(_children(run.pid)[-1], signal.SIGTERM)
+    _, said = run.communicate(timeout=HANGING)
+    assert run.returncode == 130 and "Traceback" not in said
+    assert_all_kept(tmp_path)
+
+
+def _children(process):
+    return [int(child) for child in Path(f"/proc/{process}/task/{process}/children").read_text().split()]
+
+
+def test_an_interrupt_while_forms_compile_does_not_harm_later_runs(started, command, tmp_path):
+    """The form compiler marks a form as begun; left behind, the mark would make later runs wait and fail."""
+    cache = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+    scene = ["run", CAVITY, *settings(numerics_order=2, numerics_mesh_size=4), "--out", tmp_path / "x"]
+    run = started(1, *scene, **cache)
+    wait_until(lambda: list(tmp_path.glob("cache/fenics/*.c")), run)
+    time.sleep(0.1)
+    os.killpg(run.pid, signal.SIGINT)
+    assert ended(run).codes == [130]
+    again = command(*scene, **cache)
+    assert again.returncode == 0, again.stderr
+    assert "gcc" not in again.stderr and "running build" not in again.stderr, "the compiler's own talk"
+
+
+# -- no convergence ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_newton_that_does_not_converge(session: Session, tmp_path, ranks):
+    hard = settings(fluid_reynolds=1000.0, numerics_order=2, numerics_mesh_size=8, numerics_max_iterations=1)
+    (outcome,) = session(ranks, [["run", CAVITY, *hard, "--out", "x"]])
+    assert outcome.codes == [4] * ranks
+    assert outcome.complaint.startswith("no steady flow found beyond")
+    result = result_of(tmp_path / "x")
+    assert result["status"] == "failed" and result["error"] == outcome.complaint
+    assert result["cost"]["unknowns"] > 0 and result["verdict"] is None
+
+
+# -- no mesh -------------------------------------------------------------------------------------------------
+
+
+def _hugged(gap: float) -> tuple[str, str]:
+    """A disc in a bowl of many short sides, and the bowl: in coarse cells the disc's curved edges cross others."""
+    angles = np.radians(np.linspace(-150, -30, 25))
+    rim = 0.1 + (0.5 + gap) * np.sin(angles[0])
+    bowl = np.column_stack([4 + (0.5 + gap) * np.cos(angles), 0.1 + (0.5 + gap) * np.sin(angles)])
+    points = [(0.0, rim), *bowl, (12.0, rim)]
+    text = GRAIN_ON_BED.read_text().split("[gravity]")[0]
+    text = text.replace("x = 4.0 ", "centre = [4.0, 0.1] ").replace('"flat"', '"polyline"\nfile = "bowl.csv"')
+    return text, "x,y\n" + "".join(f"{x:.9f},{y:.9f}\n" for x, y in points)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_mesh_that_cannot_be_made(session: Session, tmp_path, ranks):
+    scene, bowl = _hugged(0.02)
+    (tmp_path / "hugged.toml").write_text(scene)
+    (tmp_path / "bowl.csv").write_text(bowl)
+    fine, folded, touching, closed = session(
+        ranks,
+        [
+            ["plan", "hugged.toml", *settings(numerics_mesh_size=10)],
+            ["run", "hugged.toml", *settings(numerics_mesh_size=100)],
+            ["run", GRAIN_ON_BED, *settings(contact_gap=1e-12)],
+            ["plan", GRAIN_ON_BED, *settings(contact_gap=1e-12)],
+        ],
+    )
+    assert fine.codes == [0] * ranks, fine.lines
+    assert folded.codes == touching.codes == closed.codes == [3] * ranks
+    assert folded.complaint.startswith("cells of order 2 fold over on a curved boundary: use a smaller")
+    assert touching.complaint.startswith("the geometry could not be meshed: ")
+    assert closed.complaint.startswith("the geometry could not be meshed: ")
+
+
+# -- no space ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_full_disk_keeps_the_steps_before(session: Session, tmp_path, ranks):
+    steps = settings(numerics_order=2, numerics_mesh_size=6, time_end=60 * STEP, time_step=STEP, output_every=1)
+    arguments = ["run", VORTEX_STREET, *steps, "--out", "x"]
+    (outcome,) = session(ranks, [arguments], limit=250_000)
+    assert outcome.codes == [5] * ranks
+    assert outcome.complaint.startswith("x/fields.h5: cannot be written: file too large; raise the limit")
+    assert assert_all_kept(tmp_path / "x") in range(3, 60)
+    result = result_of(tmp_path / "x")
+    assert result["status"] == "failed" and result["error"] == outcome.complaint
+
+
+def test_a_disk_too_full_for_the_result_names_the_first_failure(command, tmp_path):
+    """The error told is that of the fields, not that of the attempt to tell of it in result.json."""
+    limited = (
+        "import resource, sys; from mpi4py import MPI; from incipient.cli import main; from incipient.output import xdmf\n"
+        "write = xdmf.FieldSeries.write\n"
+        "def last(self, *step):\n"
+        "    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, -1)); write(self, *step)\n"
+        "xdmf.FieldSeries.write = last\n"
+        "raise SystemExit(main(sys.argv[1:]))"
+    )
+    arguments = ["run", str(CAVITY), *settings(numerics_order=2, numerics_mesh_size=4), "--out", str(tmp_path)]
+    done = subprocess.run(
+        [sys.executable, "-c", limited, *arguments], env=environment(), capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 5
+    assert Outcome([5], done.stderr.splitlines()).complaint.startswith(f"{tmp_path}/fields.h5: cannot be written")

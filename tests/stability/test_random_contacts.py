@@ -1,0 +1,208 @@
+"""The exact judge always ends, obeys the laws to 1e-8, and does not care about names, units or frames."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from random_contacts import KINDS, Case, motion_misses, random_case, safety_misses
+
+from incipient.contact import Contacts, Load
+from incipient.contact.equilibrium import Mode, SafetyStatus, Uniqueness, incipient_motion, safety_factor
+
+seeds = st.integers(min_value=10**6, max_value=10**9)
+
+
+def judge(case: Case):
+    """Both answers, checked against the laws and against each other."""
+    safety = safety_factor(case.load, case.contacts, case.friction)
+    motion = incipient_motion(case.load, case.contacts, case.friction, case.mass, case.inertia)
+    assert safety_misses(case, safety) < 1e-8
+    assert max(motion_misses(case, solution) for solution in motion.solutions) < 1e-8
+    boundary = safety.interval is not None and any(abs(end - 1.0) < 1e-6 for end in safety.interval)
+    assert boundary or safety.held is not motion.moves
+    assert (safety.status is SafetyStatus.UNHELD) is (safety.interval is None)
+    return safety, motion
+
+
+def judge_all(start: int, count: int) -> None:
+    failed = []
+    for seed in range(start, start + count):
+        try:
+            judge(random_case(seed))
+        except Exception as error:  # collected, so that one failure does not hide the others
+            failed.append((seed, f"{type(error).__name__}: {error}"[:200]))
+    assert not failed
+
+
+def test_two_thousand_cases():
+    judge_all(0, 2000)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("start", range(2000, 102000, 10000))
+def test_a_hundred_thousand_cases(start):
+    judge_all(start, 10000)
+
+
+def rotation(seed: int):
+    """A random rotation (3, 3)."""
+    axes, upper = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
+    axes = axes * np.sign(np.diag(upper))
+    return axes * np.sign(np.linalg.det(axes))
+
+
+def rotated(case: Case, seed: int) -> Case:
+    turn = rotation(seed)
+    load, contacts = case.load, case.contacts
+    return replace(
+        case,
+        load=Load(*(turn @ part for part in (load.flow_force, load.flow_couple, load.weight, load.centre))),
+        contacts=Contacts(contacts.points @ turn.T, contacts.normals @ turn.T),
+        inertia=turn @ case.inertia @ turn.T,
+    )
+
+
+def in_units(case: Case, length: float, force: float, mass: float) -> Case:
+    """The same case in units of length, force and mass that are so many times as small."""
+    load = case.load
+    return Case(
+        Load(
+            force * load.flow_force,
+            force * length * load.flow_couple,
+            force * load.weight,
+            length * load.centre,
+        ),
+        Contacts(length * case.contacts.points, case.contacts.normals),
+        case.friction,
+        mass * case.mass,
+        mass * length**2 * case.inertia,
+    )
+
+
+def moved(case: Case, shift) -> Case:
+    load = case.load
+    return replace(
+        case,
+        load=Load(load.flow_force, load.flow_couple, load.weight, load.centre + shift),
+        contacts=Contacts(case.contacts.points + shift, case.contacts.normals),
+    )
+
+
+def taken(case: Case, places) -> Case:
+    """With contacts in another order, or some of them several times."""
+    return replace(case, contacts=Contacts(case.contacts.points[places], case.contacts.normals[places]))
+
+
+def planar(seed: int) -> Case:
+    """A random case of the plane: third components of zero."""
+    case = random_case(seed, "irregular")
+    flat, load = np.array([1.0, 1.0, 0.0]), case.load
+    normals = case.contacts.normals[:, [0, 2, 1]] * flat
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    return replace(
+        case,
+        load=Load(load.flow_force * flat, load.flow_couple * [0, 0, 1], load.weight[[0, 2, 1]], load.centre),
+        contacts=Contacts(case.contacts.points[:, [0, 2, 1]] * flat, normals),
+        inertia=np.diag(np.diag(case.inertia)),
+    )
+
+
+def any_case(seed: int) -> Case:
+    return planar(seed) if seed % 2 else random_case(seed)
+
+
+def assert_same(case: Case, other: Case, accelerations=lambda a, alpha: (a, alpha)) -> None:
+    """Both judged alike: `accelerations` takes those of the case to those that the other must have."""
+    (safety, motion), (safety_too, motion_too) = judge(case), judge(other)
+    near = safety.interval is not None and any(abs(end - 1.0) < 1e-5 for end in safety.interval)
+    assert safety.status is safety_too.status
+    if safety.interval is not None:
+        assert safety_too.interval == pytest.approx(safety.interval, rel=1e-6, abs=1e-9)
+    if near or Uniqueness.FAMILY in (motion.uniqueness, motion_too.uniqueness):
+        return
+    assert motion.moves is motion_too.moves
+    if Uniqueness.SEVERAL not in (motion.uniqueness, motion_too.uniqueness):
+        assert motion.mode is motion_too.mode
+        for expected, found in zip(
+            accelerations(motion.acceleration, motion.angular_acceleration),
+            (motion_too.acceleration, motion_too.angular_acceleration),
+            strict=True,
+        ):
+            assert found == pytest.approx(expected, rel=1e-6, abs=1e-7 * max(np.abs(expected).max(), 1e-300))
+
+
+class TestNothingChanges:
+    """Properties, with cases of the plane and of space."""
+
+    @settings(max_examples=60, deadline=None)
+    @given(seeds, seeds)
+    def test_by_rotating(self, seed, turn):
+        case, axes = any_case(seed), rotation(turn)
+        assert_same(case, rotated(case, turn), lambda a, alpha: (axes @ a, axes @ alpha))
+
+    @settings(max_examples=60, deadline=None)
+    @given(seeds, *[st.floats(-6.0, 6.0)] * 3)
+    def test_by_other_units(self, seed, length, force, mass):
+        case, (length, force, mass) = any_case(seed), (10.0**length, 10.0**force, 10.0**mass)
+        linear, angular = force / mass, force / (mass * length)
+        (_, motion), other = judge(case), in_units(case, length, force, mass)
+        safety = safety_factor(other.load, other.contacts, other.friction)
+        scaled = incipient_motion(other.load, other.contacts, other.friction, other.mass, other.inertia)
+        assert safety.status is safety_factor(case.load, case.contacts, case.friction).status
+        assert scaled.residual < 1e-8
+        if motion.uniqueness is scaled.uniqueness is not Uniqueness.FAMILY:
+            assert motion.mode is scaled.mode
+            assert scaled.acceleration == pytest.approx(
+                linear * motion.acceleration, rel=1e-6, abs=1e-8 * linear
+            )
+            assert scaled.angular_acceleration == pytest.approx(
+                angular * motion.angular_acceleration, rel=1e-6, abs=1e-8 * angular
+            )
+
+    @settings(max_examples=40, deadline=None)
+    @given(seeds, st.tuples(*[st.floats(-5.0, 5.0)] * 2))
+    def test_by_moving(self, seed, shift):
+        case = any_case(seed)
+        assert_same(case, moved(case, np.array([*shift, 0.0])))
+
+    @settings(max_examples=60, deadline=None)
+    @given(seeds, st.randoms(use_true_random=False))
+    def test_by_another_order(self, seed, random):
+        case = any_case(seed)
+        order = list(range(len(case.contacts)))
+        random.shuffle(order)
+        assert_same(case, taken(case, order))
+
+    @settings(max_examples=60, deadline=None)
+    @given(seeds, st.integers(0, 2))
+    def test_by_splitting_a_contact(self, seed, which):
+        case = any_case(seed)
+        split = taken(case, [*range(len(case.contacts)), which])
+        assert_same(case, split)
+        whole = incipient_motion(case.load, case.contacts, case.friction, case.mass, case.inertia)
+        parts = incipient_motion(split.load, split.contacts, split.friction, split.mass, split.inertia)
+        assert parts.contact_forces[which] == pytest.approx(parts.contact_forces[-1])
+        assert 2.0 * parts.contact_forces[-1] == pytest.approx(whole.contact_forces[which], abs=1e-9)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_stronger_flow_moves_what_a_weaker_one_moves(kind):
+    """If the weight is held, what balances a factor and none balances every factor between: cones are convex."""
+    for seed in range(60):
+        case = random_case(seed, kind)
+        safety = safety_factor(case.load, case.contacts, case.friction)
+        if safety.status is not SafetyStatus.CRITICAL:
+            continue
+        for factor in (0.3, 0.999, 1.001, 3.0):
+            part = factor * safety.value
+            load = replace(
+                case.load, flow_force=part * case.load.flow_force, flow_couple=part * case.load.flow_couple
+            )
+            motion = incipient_motion(load, case.contacts, case.friction, case.mass, case.inertia)
+            assert (motion.mode is Mode.REST) is (factor < 1.0)
+            assert math.isclose(
+                safety_factor(load, case.contacts, case.friction).value, 1.0 / factor, rel_tol=1e-7
+            )
