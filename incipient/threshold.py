@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 SCHEMA_VERSION = 1
 TOLERANCE = 1e-6  # of the critical factor, relative
-MAX_SOLVES = 20
+MAX_SOLVES = 40
 BEYOND = 1e-4  # how much more than the critical load shows the motion
 LARGEST_STEP = 30.0  # times faster or slower from one solve to the next
 
@@ -216,24 +216,20 @@ def find_root(excess: Callable[[float], float], factor: float, value: float) -> 
     slope -1 of a load proportional to the speed.
 
     Raises:
-        ConvergenceError: no root within twenty evaluations.
+        ConvergenceError: no root within forty evaluations.
     """
     low, high = -np.inf, np.inf
-    x, y = np.log(factor), value
-    slope = -1.0
+    x, y, slope = float(np.log(factor)), value, -1.0
     for _ in range(MAX_SOLVES):
-        if y > 0:
-            low = x
-        else:
-            high = x
-        step = np.clip(-y / slope, -np.log(LARGEST_STEP), np.log(LARGEST_STEP))
-        new = x + step if np.isfinite(step) else x - np.log(2.0)
+        low, high = (x, high) if y > 0 else (low, x)
+        step = -y / slope if np.isfinite(y) else -np.log(2.0)
+        if abs(step) < TOLERANCE or high - low < TOLERANCE:
+            return float(np.exp(x + step if low <= x + step <= high else x))
+        new = x + float(np.clip(step, -np.log(LARGEST_STEP), np.log(LARGEST_STEP)))
         if not low < new < high:
             new = 0.5 * (low + high)
-        if abs(new - x) < TOLERANCE:
-            return float(np.exp(new))
         result = excess(float(np.exp(new)))
-        if np.isfinite(result) and np.isfinite(y) and result != y:
+        if np.isfinite(result) and np.isfinite(y):
             slope = min((result - y) / (new - x), -1e-3)
         x, y = new, result
     raise ConvergenceError(

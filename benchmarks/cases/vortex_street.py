@@ -15,30 +15,41 @@ from tables import Row, seconds, table
 DIAMETER, MEAN_VELOCITY = 0.1, 1.0
 LATE = 2.0  # the last so much time is taken for periodic
 FIGURE = "docs/figures/vortex_street.png"
+REFINED = (
+    {"numerics.convection": "implicit", "time.step": 0.005},
+    {"numerics.convection": "implicit", "numerics.order": 4},
+)
+NAMES = {"drag": "C_D,max", "lift": "C_L,max", "strouhal": "St"}
 
 
 def measure(session: Session) -> dict[str, Any]:
     """Both flows, each run once: they take long."""
-    return {"periodic": _periodic(session), "pulsating": _pulsating(session)}
+    periodic = _periodic(session, {})
+    if "error" not in periodic:
+        file = Path(periodic["directory"]) / "history.csv"
+        drawn = session.once(callers.script("figure", "benchmarks/figures.py", "vortex_street", file, FIGURE))
+        session.say(drawn.get("error", f"drew {FIGURE}"))
+    refined = [_periodic(session, settings) for settings in REFINED]
+    return {"periodic": periodic, "refined": refined, "pulsating": _pulsating(session)}
 
 
-def _march(session: Session, scene: str) -> Row:
+def _march(session: Session, scene: str, settings: dict[str, Any]) -> Row:
     """One row, after a few steps that see to compiled forms."""
-    session.once(callers.incipient(session, scene, "warm-up", {"time.end": 0.05}))
-    row = session.once(callers.incipient(session, scene, scene, {}))
-    session.say(f"{scene}: {row.get('error') or seconds(row['wall']) + ' s'}")
+    session.once(callers.incipient(session, scene, "warm-up", {**settings, "time.end": 0.05}))
+    name = (
+        ", ".join(f"{key.split('.')[1]} = {value}" for key, value in settings.items()) or "the scene as it is"
+    )
+    row = session.once(callers.incipient(session, scene, name, settings))
+    session.say(f"{scene}, {name}: {row.get('error') or seconds(row['wall']) + ' s'}")
     return row
 
 
-def _periodic(session: Session) -> Row:
-    row = _march(session, "vortex_street")
+def _periodic(session: Session, settings: dict[str, Any]) -> Row:
+    row = _march(session, "vortex_street", settings)
     if "error" in row:
         return row
-    file = Path(row["directory"]) / "history.csv"
-    times, drag, lift = history.columns(file, "time", "drag", "lift")
+    times, drag, lift = history.columns(Path(row["directory"]) / "history.csv", "time", "drag", "lift")
     lifts, drags = (history.peaks(times, values, times[-1] - LATE) for values in (lift, drag))
-    drawn = session.once(callers.script("figure", "benchmarks/figures.py", "vortex_street", file, FIGURE))
-    session.say(drawn.get("error", f"drew {FIGURE}"))
     found = {
         "drag": max(peak.value for peak in drags),
         "lift": max(peak.value for peak in lifts),
@@ -49,7 +60,7 @@ def _periodic(session: Session) -> Row:
 
 
 def _pulsating(session: Session) -> Row:
-    row = _march(session, "pulsating")
+    row = _march(session, "pulsating", {})
     if "error" in row:
         return row
     times, drag, lift = history.columns(Path(row["directory"]) / "history.csv", "time", "drag", "lift")
@@ -65,29 +76,36 @@ def describe(data: dict[str, Any]) -> str:
     """The section of the page."""
     return f"""## Vortex street, Re = 100 (DFG 2D-2)
 
-{_describe_periodic(data["periodic"])}
+{_describe_periodic(data["periodic"], data["refined"])}
 
 ## Pulsating flow around a cylinder (DFG 2D-3)
 
 {_describe_pulsating(data["pulsating"])}"""
 
 
-def _describe_periodic(row: Row) -> str:
+def _describe_periodic(row: Row, refined: list[Row]) -> str:
     if "error" in row:
         return f"Could not be run: `{row['error']}`."
-    names = {"drag": "C_D,max", "lift": "C_L,max", "strouhal": "St"}
-    cells = []
-    for key, (low, high) in VORTEX_STREET.items():
-        value = row["found"][key]
-        cells.append(
-            [names[key], f"{value:.4f}", f"{low:g} to {high:g}", "yes" if low <= value <= high else "**no**"]
-        )
+    published = [
+        "Schäfer & Turek (1996)",
+        *(f"{low:g} to {high:g}" for low, high in VORTEX_STREET.values()),
+        "",
+        "",
+    ]
+    cells = [
+        [r["name"], *(f"{r['found'][key]:.4f}" for key in NAMES), seconds(r["wall"]), seconds(r["cpu"])]
+        for r in (row, *refined)
+        if "error" not in r
+    ]
     return f"""![Drag and lift of the cylinder](figures/vortex_street.png)
 
 `demos/scenes/vortex_street.toml`, from rest; maxima over the last {LATE:g} time units ({row["periods"]} periods of the
 lift, over which its amplitude changes by {row["growth"]:.1e}).
 
-{table(["", "incipient", "Schäfer & Turek (1996)", "inside"], cells)}
+{table(["", *NAMES.values(), "wall [s]", "processor [s]"], [published, *cells])}
+
+The intervals are those of the participants of 1996. As the step and the cells shrink our C_L,max goes to a value a
+little below theirs: the last line is our most accurate.
 
 {_cost(row)}"""
 

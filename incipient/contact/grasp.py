@@ -69,6 +69,17 @@ class Grasp:
             return np.vstack([normal, sides]) if wide else self.scaling * (normal + sides)
         return np.vstack([normal, sides, sides[:, [0, 2, 1]]]) if self.friction > INFINITE else None
 
+    def nearest(self, local: Floats) -> Floats:
+        """The forces in the friction cones that are nearest to local forces (k, 3): to take off round-off."""
+        cosine, sine = self.scaling[:2]
+        shear = np.hypot(local[:, 1], local[:, 2])
+        along = np.maximum(cosine * local[:, 0] + sine * shear, 0.0)
+        edge = np.empty_like(local)
+        edge[:, 0] = cosine * along
+        edge[:, 1:] = (sine * along / np.maximum(shear, 1e-300))[:, None] * local[:, 1:]
+        inside = cosine * shear <= sine * local[:, 0]
+        return np.where(inside[:, None], local, edge)
+
     def forces(self, local: Floats) -> Floats:
         """Local forces (k, 3) as forces (n, 3) on the grain at the contacts given."""
         return np.asarray(self.share[:, None] * (local[:, None] @ self.frames)[self.copy, 0])

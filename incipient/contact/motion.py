@@ -20,6 +20,7 @@ from incipient.contact.support import Support, support
 from incipient.errors import ConvergenceError
 
 ZERO = 1e-8  # accelerations below it, relative to those without contacts, are zero
+GOOD = 1e-9  # the residual of a solution above which other contact forces are tried
 MANY = 64  # contacts in the plane up to which all solutions are enumerated
 
 
@@ -133,7 +134,7 @@ def incipient_motion(
         )
     found.sort(key=lambda candidate: case.energy(candidate.acceleration))
     return IncipientMotion(
-        solutions=tuple(_solution(case, law, candidate) for candidate in found),
+        solutions=tuple(_solution(case, law, carried, candidate) for candidate in found),
         uniqueness=_uniqueness(found, complete),
         jams=carried.can_jam(),
     )
@@ -161,7 +162,7 @@ def _uniqueness(found: list[Candidate], complete: bool) -> Uniqueness:
     return Uniqueness.ONLY if complete else Uniqueness.NOT_EXCLUDED
 
 
-def _solution(case: Release, law: Law, candidate: Candidate) -> Solution:
+def _solution(case: Release, law: Law, carried: Support, candidate: Candidate) -> Solution:
     """A candidate with its states, its smallest forces and its units."""
     held_by, zero = case.grasp, ZERO * case.scale
     acceleration = candidate.acceleration.copy()
@@ -169,7 +170,16 @@ def _solution(case: Release, law: Law, candidate: Candidate) -> Solution:
         acceleration[3 * (np.abs(acceleration).max() > zero) :] = 0.0
     at_contacts = case.at_contacts(acceleration)
     states = contact_states(at_contacts, bool(acceleration[3:].any()), zero)
-    local, unique = _forces(case, candidate, at_contacts, states)
+    local, unique = _smallest_forces(case, candidate, at_contacts, states)
+    residual = math.inf if local is None else _residual(case, law, acceleration, local)
+    if (
+        residual > GOOD
+    ):  # on a boundary of states round-off decides: see whether the forces found before are better
+        other = candidate.local if acceleration.any() else carried.forces(case.wrench)
+        if other is not None and _residual(case, law, acceleration, other) < residual:
+            local, residual = other, _residual(case, law, acceleration, other)
+    assert local is not None
+    local = held_by.nearest(local)
     unit = case.force_unit / case.mass_unit
     return Solution(
         acceleration=unit * acceleration[:3],
@@ -179,14 +189,14 @@ def _solution(case: Release, law: Law, candidate: Candidate) -> Solution:
         contact_states=tuple(states[held_by.copy]),
         mode=mode(states, held_by.frames[:, 0], acceleration[3:], zero),
         forces_unique=unique,
-        residual=_residual(case, law, acceleration, local),
+        residual=residual,
     )
 
 
-def _forces(
+def _smallest_forces(
     case: Release, candidate: Candidate, at_contacts: Floats, states: NDArray[np.object_]
-) -> tuple[Floats, bool]:
-    """The smallest local forces (k, 3) that give the acceleration, and whether no others do.
+) -> tuple[Floats | None, bool]:
+    """The smallest local forces (k, 3) that give the acceleration, and whether no others do; None: not found.
 
     Contacts that stay have their whole cone, those that slide the edge against their sliding.
     """
@@ -199,14 +209,14 @@ def _forces(
     directions = np.concatenate(blocks)
     columns = (case.grasp.matrix[:, places] * directions).sum(axis=2)
     ways = balancing(columns, case.wrench - case.mass @ candidate.acceleration)
-    found = None
-    if ways is not None:
-        found = ways.start if ways.unique else ways.inside(*_limits(case.grasp, slides[kept]))
+    if ways is None:
+        return None, False
+    found = ways.start if ways.unique else ways.inside(*_limits(case.grasp, slides[kept]))
     if found is None:
-        return candidate.local, ways is not None and ways.unique
+        return None, False
     local = np.zeros((len(case.grasp), 3))
     np.add.at(local, places, found[:, None] * directions)
-    return local, ways is not None and ways.unique
+    return local, ways.unique
 
 
 def _directions(held_by: Grasp, at_contact: Floats, slides: bool) -> Floats:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from incipient.contact.grasp import Grasp, Wrenches, grasp, wrenches
+from incipient.contact.grasp import INFINITE, Grasp, Wrenches, grasp, wrenches
 from incipient.contact.model import Contacts, Floats, Load
 from incipient.contact.support import TOLERANCE, Support, support
 
@@ -88,7 +88,7 @@ def safety_factor(load: Load, contacts: Contacts, friction: float) -> SafetyFact
     found = _upper(carried, acting, weight_held)
     interval = None if found is None else (_lower(carried, acting, weight_held), found[0])
     value = interval[1] if interval is not None and weight_held else 0.0
-    factor, local = _shown(carried, acting, interval, None if found is None else found[1])
+    factor, local = _shown(held_by, carried, acting, interval, None if found is None else found[1])
     forces = held_by.forces(local if local is not None else np.zeros((len(held_by), 3)))
     return SafetyFactor(
         value=value,
@@ -99,7 +99,7 @@ def safety_factor(load: Load, contacts: Contacts, friction: float) -> SafetyFact
         contact_states=_states(held_by, local, acting.at(factor)[1]),
         factor=factor,
         jams=carried.can_jam(),
-        residual=0.0 if local is None else _residual(load, contacts, friction, factor, forces),
+        residual=0.0 if local is None else _residual(load, contacts, held_by.friction, factor, forces),
     )
 
 
@@ -131,18 +131,22 @@ def _lower(carried: Support, acting: Wrenches, weight_held: bool) -> float:
 
 
 def _shown(
-    carried: Support, acting: Wrenches, interval: tuple[float, float] | None, local: Floats | None
+    held_by: Grasp,
+    carried: Support,
+    acting: Wrenches,
+    interval: tuple[float, float] | None,
+    local: Floats | None,
 ) -> tuple[float, Floats | None]:
     """The factor at which contact forces are shown, and the local forces; NaN if nothing is balanced."""
     if interval is None:
         return math.nan, None
     low, high = interval
     if math.isfinite(high) and local is not None:
-        return high, local
+        return high, held_by.nearest(local)
     factor = high if math.isfinite(high) else (1.0 if low < 1.0 else 2.0 * low)
     wrench, size = acting.at(factor)
     found = carried.forces(wrench)
-    return factor, None if found is None else found * size
+    return factor, None if found is None else held_by.nearest(found) * size
 
 
 def _status(interval: tuple[float, float] | None, weight_held: bool, acting: Wrenches) -> SafetyStatus:
@@ -179,7 +183,7 @@ def _residual(load: Load, contacts: Contacts, friction: float, factor: float, fo
     couple = factor * load.flow_couple + np.cross(arms, forces).sum(axis=0)
     normal = -(forces * contacts.normals).sum(axis=1)
     shear = np.linalg.norm(forces + normal[:, None] * contacts.normals, axis=1)
-    beyond = shear - friction * normal if math.isfinite(friction) else -normal
+    beyond = shear - friction * normal if friction <= INFINITE else -normal
     largest = max(np.abs(forces).max(), np.abs(factor * load.flow_force).max(), np.abs(load.weight).max())
     worst = max(np.abs(force).max(), np.abs(couple).max() / reach, beyond.max(), -normal.min(), 0.0)
     return float(worst / (largest or 1.0))

@@ -22,7 +22,7 @@ from incipient.contact.candidates import SAME, Candidate, add
 from incipient.contact.model import Floats
 from incipient.contact.release import Release
 
-CONVERGED = 1e-12  # of Newton's method, relative to the larger of free accelerations and forces
+CONVERGED = 1e-12  # of Newton's method, relative to load and contact forces
 STEPS = 14
 DAMPING = 0.5 ** np.arange(4)
 SHIFT = 1e-11  # of the derivative, which is singular where contact forces are not unique
@@ -178,7 +178,7 @@ def newton(law: Law, starts: Floats) -> Floats:
     """The forces (s', k, 3) that solve the equations, by damped Newton steps from all starts (s, k, 3) at once."""
     solved, at = [starts[:0]], _iterate(law, starts)
     for _ in range(STEPS):
-        done = at.merit <= CONVERGED**2
+        done = at.merit <= CONVERGED**2 * np.maximum(1.0, (at.force * at.force).sum(axis=(1, 2)))
         if done.any():
             solved.append(at.projection[done])
             at = at.of(~done)

@@ -1,6 +1,7 @@
-"""Pictures of a finished run, drawn off screen from its directory: no X server is needed.
+"""Pictures of what a directory holds, drawn off screen: no X server is needed.
 
-matplotlib paints the quadratic cells, subdivided, with their curved boundaries; pyvista shows the mesh.
+matplotlib paints the quadratic cells, subdivided, with their curved boundaries, and judged grains in the plane;
+pyvista shows the mesh, and judged grains in space.
 """
 
 from __future__ import annotations
@@ -9,14 +10,24 @@ from pathlib import Path
 
 
 def draw(directory: Path) -> list[Path]:
-    """Draw all pictures that a run's results allow, as PNG files beside them. Not collective.
+    """Draw all pictures that the results in a directory allow, as PNG files beside them. Not collective.
 
-    Always flow, pressure, vorticity and mesh; with a grain the traction on it and the verdict; for a box the
-    velocity profiles on both centrelines.
+    A run (result.json): always flow, pressure, vorticity and mesh; with a grain the traction on it and the verdict;
+    for a box the velocity profiles on both centrelines. A threshold (threshold.json) and a judged case
+    (judgement.json): one picture each.
 
     Raises:
-        OutputError: when a result or a field is missing or damaged, or a picture cannot be written.
+        OutputError: when there is no result, when one is incomplete or damaged, or a picture cannot be written.
     """
+    from . import judgement, threshold
+
+    others = {"threshold.json": threshold.draw, "judgement.json": judgement.draw}
+    found = [make for name, make in others.items() if (directory / name).exists()]
+    written = _draw_run(directory) if (directory / "result.json").exists() or not found else []
+    return [*written, *(path for make in found for path in make(directory))]
+
+
+def _draw_run(directory: Path) -> list[Path]:
     from ..files import reported
     from . import cells, flow, grain, style
     from .record import read

@@ -1,4 +1,4 @@
-"""`python -m incipient.pictures DIR` draws a run's pictures and prints their paths, one a line."""
+"""`python -m incipient.pictures DIR` draws the pictures of its results and prints their paths, one a line."""
 
 import sys
 from pathlib import Path

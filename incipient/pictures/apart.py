@@ -19,7 +19,7 @@ PARALLEL = ("OMPI_", "PMIX_", "PMI_", "ORTE_")
 
 
 def draw_apart(directory: Path) -> list[Path]:
-    """Draw a run's pictures in another process; returns their paths. Not collective.
+    """Draw the pictures of a directory's results in another process; returns their paths. Not collective.
 
     Raises:
         OutputError: with the drawing's own explanation.

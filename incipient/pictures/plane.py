@@ -255,8 +255,8 @@ def marks_of(case: Judged) -> Marks:
         marks.append((Line2D([], [], color="#555555", lw=2.4, marker=">", ms=6), case.occasion))
     if case.significant:
         ring = Line2D([], [], color=REACTION, ls="--", lw=1.1, marker="o", ms=9, mfc="white", mew=2)
-        marks.append((ring, "significant reaction surface of the paper, with its normal"))
+        marks.append((ring, "significant reaction surface of the paper's criteria"))
     if case.motion is not None:
         mark = Line2D([], [], color=MOTION, lw=4)
-        marks.append((mark, "acceleration of the centre, sense of turning; dashed: a little later"))
+        marks.append((mark, "acceleration of the centre, sense of turning, outline a little later"))
     return marks

@@ -15,7 +15,7 @@ from .cells import pyvista_off_screen
 from .judged import Judged, Motion
 from .style import FLOW, FORCES, GRAIN, GROUND, INK, MOTION, REACTION, STATES
 
-PIXELS = (1908, 1584)
+PIXELS = (1590, 1320)
 _TURNED, _RAISED = 24.0, 17.0  # of the view: from across the flow, and above the horizontal; degrees
 # Lengths in grain sizes.
 _STRONGEST = 0.8  # arrow of the largest force
@@ -62,7 +62,7 @@ def rendered(case: Judged, points: np.ndarray, triangles: np.ndarray) -> Renderi
     plotter = pyvista.Plotter(off_screen=True, window_size=list(PIXELS), lighting="three lights")
     plotter.background_color = "white"
     plotter.render_window.SetMultiSamples(0)  # depth peeling cannot do with them
-    plotter.enable_depth_peeling(8)
+    plotter.enable_depth_peeling(6)
     scene = _Scene(pyvista, plotter, frame)
     scene.grain(points, triangles)
     tips, numbers = scene.load(case), scene.contacts(case)
@@ -96,7 +96,7 @@ class _Scene:
     def grain(self, points: np.ndarray, triangles: np.ndarray) -> None:
         """Its surface, translucent, with sharp edges marked."""
         surface = self._surface(points, triangles)
-        self.plotter.add_mesh(surface, color=GRAIN, opacity=0.3, smooth_shading=True, culling="back")
+        self._show(surface, GRAIN, opacity=0.3, culling="back")
         edges = surface.extract_feature_edges(_SHARP, boundary_edges=False, manifold_edges=False)
         if edges.n_points:
             self.plotter.add_mesh(edges, color=INK, line_width=2.0, lighting=False)
@@ -143,7 +143,7 @@ class _Scene:
         speeds = motion.at(points - frame.centre)
         fastest = float(np.linalg.norm(speeds, axis=1).max()) or 1.0
         later = self._surface(points + _MOVED * frame.size / fastest * speeds, triangles)
-        self.plotter.add_mesh(later, color=MOTION, opacity=0.08, smooth_shading=True, culling="back")
+        self._show(later, MOTION, opacity=0.08, culling="back")
         self.plotter.add_silhouette(later, color=MOTION, line_width=2.0)
         if np.linalg.norm(motion.acceleration) > 1e-6 * fastest:
             tip = _ACCELERATION * frame.size * _unit(motion.acceleration)
@@ -182,17 +182,16 @@ class _Scene:
     # -- parts -----------------------------------------------------------------------------------------
 
     def _surface(self, points: np.ndarray, triangles: np.ndarray) -> Any:
-        """Triangles with normals that point outward and part at sharp edges."""
+        """Triangles that face outward."""
         heads = np.full((len(triangles), 1), 3)
         surface = self.pyvista.PolyData(points, np.hstack([heads, triangles]).ravel())
-        return surface.compute_normals(
-            auto_orient_normals=True, split_vertices=True, feature_angle=_SHARP, cell_normals=False
-        )
+        return surface.compute_normals(auto_orient_normals=True, point_normals=False)
 
-    def _show(self, mesh: Any, colour: str, opacity: float = 1.0) -> None:
+    def _show(self, mesh: Any, colour: str, opacity: float = 1.0, culling: str | None = None) -> None:
         self.plotter.add_mesh(
-            mesh, color=colour, opacity=opacity, smooth_shading=True, split_sharp_edges=True, ambient=0.3
-        )
+            mesh, color=colour, opacity=opacity, culling=culling, ambient=0.3, smooth_shading=True,
+            split_sharp_edges=True, feature_angle=_SHARP,
+        )  # fmt: skip
 
     def _arrow(self, tail: np.ndarray, vector: np.ndarray, colour: str, radius: float) -> None:
         """A shaft and a head that keep their thickness, unless the arrow is shorter than its head."""
@@ -255,7 +254,7 @@ class _Scene:
             center=point - 0.5 * height * normal, direction=normal, height=height,
             radius=reach * np.sin(angle), resolution=96, capping=False,
         )  # fmt: skip
-        self.plotter.add_mesh(cone, color=colour, opacity=0.28, smooth_shading=True)
+        self._show(cone, colour, opacity=0.28)
         rim = cone.extract_feature_edges(feature_edges=False, manifold_edges=False)
         self.plotter.add_mesh(rim, color=colour, line_width=2.0, lighting=False)
 

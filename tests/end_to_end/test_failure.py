@@ -213,7 +213,9 @@ def test_a_mesh_that_cannot_be_made(session: Session, tmp_path, ranks):
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_a_full_disk_keeps_the_steps_before(session: Session, tmp_path, ranks):
-    steps = settings(numerics_order=2, numerics_mesh_size=6, time_end=60 * STEP, time_step=STEP, output_every=1)
+    steps = settings(
+        numerics_order=2, numerics_mesh_size=6, time_end=60 * STEP, time_step=STEP, output_every=1
+    )
     arguments = ["run", VORTEX_STREET, *steps, "--out", "x"]
     (outcome,) = session(ranks, [arguments], limit=250_000)
     assert outcome.codes == [5] * ranks
@@ -233,9 +235,21 @@ def test_a_disk_too_full_for_the_result_names_the_first_failure(command, tmp_pat
         "xdmf.FieldSeries.write = last\n"
         "raise SystemExit(main(sys.argv[1:]))"
     )
-    arguments = ["run", str(CAVITY), *settings(numerics_order=2, numerics_mesh_size=4), "--out", str(tmp_path)]
+    arguments = [
+        "run",
+        str(CAVITY),
+        *settings(numerics_order=2, numerics_mesh_size=4),
+        "--out",
+        str(tmp_path),
+    ]
     done = subprocess.run(
-        [sys.executable, "-c", limited, *arguments], env=environment(), capture_output=True, text=True, timeout=60
+        [sys.executable, "-c", limited, *arguments],
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=60,
     )
     assert done.returncode == 5
-    assert Outcome([5], done.stderr.splitlines()).complaint.startswith(f"{tmp_path}/fields.h5: cannot be written")
+    assert Outcome([5], done.stderr.splitlines()).complaint.startswith(
+        f"{tmp_path}/fields.h5: cannot be written"
+    )

@@ -55,7 +55,11 @@ def dot(**values):
 def dfg_2d_1(order):
     result = incipient.run(incipient.load(CYLINDER, dot(numerics_order=order)))
     front, back = sample(result.pressure, np.array([[0.15, 0.2], [0.25, 0.2]]))[:, 0]
-    found = {"drag": result.coefficients.drag, "lift": result.coefficients.lift, "pressure difference": front - back}
+    found = {
+        "drag": result.coefficients.drag,
+        "lift": result.coefficients.lift,
+        "pressure difference": front - back,
+    }
     return {name: abs(value / DFG_2D_1[name] - 1) for name, value in found.items()}
 
 
@@ -129,7 +133,9 @@ def test_vortex_street(tmp_path):
     late = time > time[-1] - 1.0  # three periods
     time, drag, lift = time[late], drag[late], lift[late]
     rising = np.flatnonzero((lift[:-1] < 0) & (lift[1:] >= 0))
-    crossings = time[rising] - lift[rising] * (time[rising + 1] - time[rising]) / (lift[rising + 1] - lift[rising])
+    crossings = time[rising] - lift[rising] * (time[rising + 1] - time[rising]) / (
+        lift[rising + 1] - lift[rising]
+    )
     strouhal = 0.1 * (len(crossings) - 1) / (crossings[-1] - crossings[0])  # diameter over mean velocity 1
     for name, value in {"drag": drag.max(), "lift": lift.max(), "strouhal": strouhal}.items():
         low, high = DFG_2D_2[name]
@@ -192,7 +198,9 @@ def test_a_slope_turns_gravity_and_a_round_grain_rolls_down():
     result = in_still_water(bed=Inclined(slope=10.0), body=Disc(diameter=1.0, x=3.0, density=2.0))
     area, slope = math.pi / 4, math.radians(10.0)
     assert np.abs(result.force.flow).max() < 1e-14
-    assert result.force.total == pytest.approx([9.81 * area * math.sin(slope), -9.81 * area * math.cos(slope), 0])
+    assert result.force.total == pytest.approx(
+        [9.81 * area * math.sin(slope), -9.81 * area * math.cos(slope), 0]
+    )
     assert result.verdict["moves"] is True
 
 
@@ -276,7 +284,9 @@ def test_loads_converge_as_the_gap_closes():
 def test_any_number_of_ranks_gives_the_same_numbers(session, tmp_path):
     found = {}
     for ranks in (1, 2, 3):
-        (outcome,) = session(ranks, [["run", GRAIN_ON_BED, *settings(numerics_mesh_size=4), "--out", f"on{ranks}"]])
+        (outcome,) = session(
+            ranks, [["run", GRAIN_ON_BED, *settings(numerics_mesh_size=4), "--out", f"on{ranks}"]]
+        )
         assert outcome.codes == [0] * ranks, outcome.lines
         result = result_of(tmp_path / f"on{ranks}")
         assert result["cost"]["ranks"] == ranks

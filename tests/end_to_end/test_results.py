@@ -208,7 +208,19 @@ def test_the_traction_on_the_surface_adds_up_to_the_force(grain):
 def test_history_has_a_row_for_every_step(street):
     with (street / "history.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
-    expected = {"time", "step", "newton", "error", "force_x", "force_y", "couple", "drag", "lift", "moment", "mode"}
+    expected = {
+        "time",
+        "step",
+        "newton",
+        "error",
+        "force_x",
+        "force_y",
+        "couple",
+        "drag",
+        "lift",
+        "moment",
+        "mode",
+    }
     assert set(rows[0]) == expected
     assert [float(row["time"]) for row in rows] == pytest.approx(0.005 * np.arange(1, 11))
     result = result_of(street)
