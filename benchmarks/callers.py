@@ -67,18 +67,25 @@ def script(name: str, file: str, *arguments: Any) -> Program:
 
 def prepare_ngsolve(session: Session) -> str:
     """Make NGSolve's environment if it is not there; returns its version, or "" if it is not to be had."""
-    python = NGSOLVE_ENVIRONMENT / "bin/python"
+    if version := _ngsolve_version():
+        return version
+    session.say("installing NGSolve from PyPI into .bench-venv")
+    python = str(NGSOLVE_ENVIRONMENT / "bin/python")
     try:
-        if not python.exists():
-            session.say("installing NGSolve from PyPI into .bench-venv")
-            subprocess.run(["/usr/bin/python3", "-m", "venv", str(NGSOLVE_ENVIRONMENT)], check=True)
-            subprocess.run([str(python), "-m", "pip", "install", "-q", "ngsolve", "mkl"], check=True)
-        asked = "from importlib.metadata import version; import ngsolve; print(version('ngsolve'))"
-        return subprocess.run(
-            [str(python), "-c", asked], check=True, capture_output=True, text=True
-        ).stdout.strip()
+        subprocess.run(["/usr/bin/python3", "-m", "venv", str(NGSOLVE_ENVIRONMENT)], check=True)
+        # MKL brings NGSolve the faster of its direct solvers.
+        subprocess.run([python, "-m", "pip", "install", "-q", "ngsolve", "mkl"], check=True)
     except (OSError, subprocess.CalledProcessError) as error:
         session.say(f"NGSolve is not to be had, going on without: {error}")
+    return _ngsolve_version()
+
+
+def _ngsolve_version() -> str:
+    asked = "from importlib.metadata import version; import ngsolve; print(version('ngsolve'))"
+    words = [str(NGSOLVE_ENVIRONMENT / "bin/python"), "-c", asked]
+    try:
+        return subprocess.run(words, check=True, capture_output=True, text=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
         return ""
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from references import VORTEX_STREET
 
 COLOURS = {"100": "#1b7837", "400": "#4393c3", "1000": "#2166ac", "3200": "#b2182b", "4000": "#762a83"}
 MARKERS = {"100": "o", "400": "s", "1000": "^", "3200": "D", "4000": ""}
@@ -26,6 +27,7 @@ STYLE = {
     "lines.linewidth": 1.2,
 }
 DOTS_PER_INCH = 200
+INTERVALS = (VORTEX_STREET["drag"], VORTEX_STREET["lift"])
 
 
 def cavity(source: Path) -> Figure:
@@ -68,15 +70,17 @@ def vortex_street(source: Path, periods: float = 4.0) -> Figure:
         label = f"${name}$"
         grid[row, 0].plot(times[settled], values[settled], color=colour, linewidth=0.9)
         grid[row, 1].plot(times[late], values[late], color=colour)
+        grid[row, 1].axhspan(*INTERVALS[row], color="#dddddd", label="maximum, Schäfer & Turek (1996)")
         grid[row, 0].set_ylabel(label, rotation=0, labelpad=12)
         grid[row, 0].set_xlim(0, times[-1])
         grid[row, 1].set_xlim(times[late][0], times[-1])
+    grid[0, 1].legend(loc="lower left")
     low, high = drag[late].min(), drag[late].max()
-    grid[0, 1].set_ylim(low - 0.15 * (high - low), high + 0.15 * (high - low))
+    grid[0, 1].set_ylim(low - 0.4 * (high - low), high + 0.15 * (high - low))
     grid[0, 0].set_title("From rest")
     grid[0, 1].set_title("The last periods")
     for axes in grid[1]:
-        axes.set_xlabel("t [cylinder in a channel, mean inflow 1]")
+        axes.set_xlabel("t [scene units]")
     for axes in grid.flat:
         _quiet(axes)
     return figure

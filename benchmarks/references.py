@@ -9,7 +9,7 @@ from pathlib import Path
 
 GHIA = Path(__file__).parent / "reference" / "cavity_ghia_1982.csv"
 
-# Schaefer & Turek (1996), benchmark 2D-1, in the digits of Nabh's spectral-like computation (1998).
+# Schaefer & Turek (1996), benchmark 2D-1, in the digits of Nabh (1998).
 CYLINDER = {"drag": 5.57953523384, "lift": 0.010618948146}
 
 # Botella & Peyret (1998), Computers & Fluids 27, 421: Chebyshev collocation, Re = 1000.

@@ -8,6 +8,7 @@ import logging
 import os
 import signal
 import sys
+import time
 import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 INTERRUPTED = 130
+TO_SPEAK = 0.5  # seconds that other ranks leave the first to say why, before they end all
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -255,6 +257,8 @@ def _leave(comm: MPI.Comm, code: int) -> int:
     sys.stdout.flush()
     sys.stderr.flush()
     if comm.size > 1:
+        if comm.rank:
+            time.sleep(TO_SPEAK)
         comm.Abort(code)
     return code
 

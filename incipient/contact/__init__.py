@@ -2,6 +2,15 @@
 
 from incipient.contact.criteria import Classification, Mode, classify
 from incipient.contact.model import Contacts, Load
-from incipient.contact.search import touching
+from incipient.contact.search import exposed, require_on_grain, touching
 
-__all__ = ["Classification", "Contacts", "Load", "Mode", "classify", "touching"]
+__all__ = [
+    "Classification",
+    "Contacts",
+    "Load",
+    "Mode",
+    "classify",
+    "exposed",
+    "require_on_grain",
+    "touching",
+]

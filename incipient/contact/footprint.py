@@ -91,13 +91,17 @@ def _patches(
     if len(triangles) and not close.pieces.flat[piece]:
         flat = _lies(close, corners, core.radius + tolerance)
         triangles, corners = triangles[flat], corners[flat]
-    label = connected(len(core.points), triangles)[triangles[:, 0]] if len(triangles) else np.empty(0, dtype=int)
+    label = (
+        connected(len(core.points), triangles)[triangles[:, 0]] if len(triangles) else np.empty(0, dtype=int)
+    )
     return [_patch(corners[label == one], core.radius) for one in np.unique(label)]
 
 
 def _lies(close: Minima, corners: Floats, bound: float) -> np.ndarray:
     """Which triangles (m, 3, 3) lie on a curved piece of bed also between their corners."""
-    between = np.concatenate([corners.mean(axis=1, keepdims=True), 0.5 * (corners + np.roll(corners, 1, axis=1))], 1)
+    between = np.concatenate(
+        [corners.mean(axis=1, keepdims=True), 0.5 * (corners + np.roll(corners, 1, axis=1))], 1
+    )
     points = between.reshape(-1, 3)
     sight = close.pieces.seen(points, np.full(len(points), close.origin[0, 2]), points[:, :2])
     return np.asarray((sight.gaps.reshape(-1, 4) <= bound).all(axis=1))

@@ -19,7 +19,7 @@ from incipient.errors import SceneError
 PLANAR = 1e-12  # how far, in numbers of order one, a planar case may be from its plane
 SAME_PLACE = 1e-12  # of the longest arm
 FRICTIONLESS = 1e-9  # friction below it is computed as none
-INFINITE = 1e6  # friction above it is computed as infinite
+INFINITE = 1e9  # friction above it is computed as infinite
 
 
 @dataclass(frozen=True, eq=False)

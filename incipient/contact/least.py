@@ -1,67 +1,189 @@
-"""Contact forces of least size, where several sets of forces do the same."""
+"""Contact forces of least size, where several sets of forces do the same.
+
+Of all forces x that the contacts allow and that balance a wrench w, columns x = -w, the shortest is the
+projection x = P(columns^T v) of a wrench v on what is allowed; v solves columns P(columns^T v) = -w, which is the
+condition for a minimum of the convex function |P(columns^T v)|^2 / 2 + w . v.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import nnls
+from numpy.typing import NDArray
 
 from incipient.contact import cones
+from incipient.contact.grasp import FRICTIONLESS, Grasp
 from incipient.contact.model import Floats
 
 RANK = 1e-10  # singular values below it, relative to the largest, count as zero
 MISSED = 1e-9  # how far the wrench may be missed, in numbers of order one
+CONVERGED = 1e-13
+STEPS = 25
+SHIFT = 1e-3  # of the curvature, which may be singular, by this much of what is missed
+DIAGONAL = np.diag_indices(6)
+DAMPING = 0.5 ** np.arange(10)
 
 
 @dataclass(frozen=True, eq=False)
-class Balancing:
-    """All x with columns x = -wrench: start, the shortest, + null z; `null` (m, z) is orthonormal."""
+class Allowed:
+    """What k contacts may carry: their friction cones, but where they slide only the edge against it.
 
-    start: Floats
-    null: Floats
+    `matrix` (6, k, 3): wrenches of unit local forces; `scaling` (3,): of the cones; `axes`: how many components
+    of a force can be other than zero; `slides` (k,); `edges` (k, 3): unit forces where they slide, else zero.
+    """
 
-    @property
-    def unique(self) -> bool:
-        """Whether there is one x only."""
-        return self.null.shape[1] == 0
+    matrix: Floats
+    scaling: Floats
+    axes: int
+    slides: NDArray[np.bool_]
+    edges: Floats
 
-    def inside(self, rows: Floats, triples: Floats) -> Floats | None:
-        """The shortest x with rows x >= 0 (p, m) and triples x (3 q, m) in unit circular cones, if any."""
-        if (rows @ self.start >= 0.0).all() and (cones.slack(triples @ self.start) >= 0.0).all():
-            return self.start
-        if self.unique:
-            return None
-        if len(triples) == 0:
-            return _least_distance(self.start, self.null, rows)
-        return _by_cones(self.start, self.null, rows, triples)
+    def basis(self) -> tuple[NDArray[np.int64], Floats]:
+        """Unit forces (m, 3) whose sums are all forces, free of their limits, and the contacts (m,) they act at."""
+        counts = np.where(self.slides, 1, self.axes)
+        places = np.repeat(np.arange(len(counts)), counts)
+        order = np.arange(len(places)) - np.repeat(np.cumsum(counts) - counts, counts)
+        return places, np.where(self.slides[places, None], self.edges[places], np.eye(3)[order])
+
+    def room(self, forces: Floats) -> Floats:
+        """How far forces (..., k, 3), that are multiples of the edge where a contact slides, are inside, (..., k)."""
+        cosine, sine = self.scaling[:2]
+        inside = sine * forces[..., 0] - cosine * np.hypot(forces[..., 1], forces[..., 2])
+        return np.where(self.slides | (self.axes == 1), forces[..., 0], inside)
+
+    def projection(self, forces: Floats) -> tuple[Floats, Floats]:
+        """The nearest forces (k, 3) that are allowed, and the derivative (k, 3, 3) of that."""
+        cosine, sine = self.scaling[:2]
+        shear = np.maximum(np.hypot(forces[:, 1], forces[:, 2]), 1e-300)
+        along = forces[:, 1:] / shear[:, None]
+        edge = np.column_stack([np.full(len(forces), cosine), sine * along])
+        edge[self.slides] = self.edges[self.slides]
+        size = np.maximum((edge * forces).sum(axis=1), 0.0)
+        slope = (size > 0.0)[:, None, None] * edge[:, :, None] * edge[:, None, :]
+        turning = np.where(self.slides, 0.0, sine * size / shear)[:, None, None]
+        slope[:, 1:, 1:] += turning * (np.eye(2) - along[:, :, None] * along[:, None, :])
+        inside = ~self.slides & (cosine * shear <= sine * forces[:, 0])
+        slope[inside] = np.eye(3)
+        return np.where(inside[:, None], forces, size[:, None] * edge), slope
 
 
-def balancing(columns: Floats, wrench: Floats) -> Balancing | None:
-    """The factors of columns (6, m), wrenches of unit forces, that balance a wrench (6,); None if none do."""
-    left, sizes, right = np.linalg.svd(columns)
+def allowed(grasp: Grasp, at_contacts: Floats, slides: NDArray[np.bool_], kept: NDArray[np.int64]) -> Allowed:
+    """What the contacts `kept` may carry, some of which slide with accelerations at_contacts (k, 3)."""
+    cosine, sine = grasp.scaling[:2]
+    way, slides = at_contacts[kept, 1:], slides[kept]
+    speed = np.maximum(np.hypot(way[:, 0], way[:, 1]), 1e-300)
+    edges = np.column_stack([np.full(len(kept), cosine), -sine * way / speed[:, None]])
+    axes = 1 if grasp.friction < FRICTIONLESS else (3 if grasp.plane is None else 2)
+    return Allowed(grasp.matrix[:, kept], grasp.scaling, axes, slides, edges * slides[:, None])
+
+
+def least_forces(by: Allowed, wrench: Floats) -> tuple[Floats | None, bool]:
+    """The shortest local forces (k, 3) allowed that balance a wrench (6,), and whether no others do.
+
+    None if there are none, or they are not found.
+    """
+    places, directions = by.basis()
+    left, sizes, right = np.linalg.svd((by.matrix[:, places] * directions).sum(axis=2))
     rank = int((sizes > RANK * sizes[0]).sum())
-    start = -(right[:rank].T / sizes[:rank]) @ (left[:, :rank].T @ wrench)
-    if np.abs(columns @ start + wrench).max() > MISSED:
-        return None
-    return Balancing(np.asarray(start), right[rank:].T)
+    factors = -(right[:rank].T / sizes[:rank]) @ (left[:, :rank].T @ wrench)
+    start = _spread(by, places, factors[:, None] * directions)
+    if np.abs(by.matrix.reshape(6, -1) @ start.ravel() + wrench).max() > MISSED:
+        return None, False
+    if rank == len(places) or np.abs(by.projection(start)[0] - start).max() <= CONVERGED:
+        return start, rank == len(places)
+    if rank == len(places) - 1:
+        return _on_line(by, start, _spread(by, places, right[rank][:, None] * directions)), False
+    found = _projected(by, wrench)
+    return (_by_cones(by, factors, right[rank:].T) if found is None else found), False
 
 
-def _by_cones(start: Floats, null: Floats, rows: Floats, triples: Floats) -> Floats | None:
-    """The shortest z with start + null z in all cones, added to the start."""
-    table = np.vstack([rows, triples])
-    size = null.shape[1]
-    found = cones.minimum(np.zeros(size), -table @ null, table @ start, len(rows), np.eye(size))
+def _spread(by: Allowed, places: NDArray[np.int64], forces: Floats) -> Floats:
+    """Local forces (k, 3) as the sums of forces (m, 3) at places (m,)."""
+    whole = np.zeros((len(by.slides), 3))
+    np.add.at(whole, places, forces)
+    return whole
+
+
+def _on_line(by: Allowed, start: Floats, way: Floats) -> Floats | None:
+    """The shortest of start + z way that is allowed; start, across the way, would be the shortest of all.
+
+    What is allowed is an interval of z, and its ends are where some contact is on the edge of its cone: a root of
+    (sine N)^2 = (cosine T)^2, or on the apex of a single edge.
+    """
+    roots = _edge_roots(by, start, way)
+    roots = roots[np.argsort(np.abs(roots))]
+    tried = start + roots[:, None, None] * way
+    room = by.room(tried).min(axis=1)
+    allowed_roots = np.flatnonzero(
+        room >= -CONVERGED * np.maximum(1.0, np.abs(tried).max(axis=(1, 2))) * 10.0
+    )
+    return tried[allowed_roots[0]] if len(allowed_roots) else None
+
+
+def _edge_roots(by: Allowed, start: Floats, way: Floats) -> Floats:
+    """Where start + z way meets the edges of the cones, all z (r,)."""
+    weights = np.array([by.scaling[1] ** 2, -(by.scaling[0] ** 2), -(by.scaling[0] ** 2)])
+    if by.axes == 1:
+        weights[1:] = 0.0
+    a, b, c = ((weights * one * two).sum(axis=1) for one, two in ((way, way), (start, way), (start, start)))
+    root = np.sqrt(np.maximum(b * b - a * c, 0.0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        stays = np.concatenate([(-b - root) / a, (-b + root) / a, -0.5 * c / b])
+        single = -(by.edges * start).sum(axis=1) / (by.edges * way).sum(axis=1)
+    roots = np.concatenate([stays[~np.tile(by.slides, 3)], single[by.slides]])
+    return roots[np.isfinite(roots)]
+
+
+def _projected(by: Allowed, wrench: Floats) -> Floats | None:
+    """By Newton's method for v, damped until the convex function falls; None if that does not converge."""
+    columns = by.matrix.reshape(6, -1)
+    sides = by.matrix.transpose(1, 0, 2)
+    v = -np.linalg.lstsq(columns @ columns.T, wrench, rcond=RANK)[0]
+    at = _trial(by, columns, wrench, v)
+    for _ in range(STEPS):
+        if np.abs(at.missed).max() <= CONVERGED * max(1.0, float(np.abs(at.forces).max())):
+            return at.forces
+        curvature = (sides @ at.slope @ sides.transpose(0, 2, 1)).sum(axis=0)
+        curvature[DIAGONAL] += max(SHIFT * float(np.abs(at.missed).max()), 1e-13)
+        change = -np.linalg.solve(curvature, at.missed)
+        for size in DAMPING:
+            ahead = _trial(by, columns, wrench, at.v + size * change)
+            falls = ahead.value < at.value + 1e-4 * size * (at.missed @ change)
+            if falls or ahead.missed @ ahead.missed < 0.25 * at.missed @ at.missed:
+                break
+        at = ahead
+    return None
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """The convex function of v (6,): its `value`, its gradient `missed` (6,), and the forces with their slope."""
+
+    v: Floats
+    forces: Floats
+    slope: Floats
+    missed: Floats
+    value: float
+
+
+def _trial(by: Allowed, columns: Floats, wrench: Floats, v: Floats) -> Trial:
+    forces, slope = by.projection((v @ columns).reshape(-1, 3))
+    flat = forces.ravel()
+    return Trial(v, forces, slope, columns @ flat + wrench, float(0.5 * flat @ flat + wrench @ v))
+
+
+def _by_cones(by: Allowed, factors: Floats, null: Floats) -> Floats | None:
+    """By a cone program for z in factors + null z, the factors of the basis: slower, where Newton's method fails."""
+    cosine, sine = by.scaling[:2]
+    places, directions = by.basis()
+    parts = np.zeros((len(by.slides), 3, len(places)))
+    parts[places, :, np.arange(len(places))] = directions
+    single = by.slides | (by.axes == 1)
+    ways = np.where(by.slides[:, None], by.edges, np.eye(3)[0])
+    rows = np.einsum("kj,kjm->km", ways[single], parts[single])
+    triples = (parts[~single] * np.array([sine, cosine, cosine])[:, None]).reshape(-1, len(places))
+    table, size = np.vstack([rows, triples]), null.shape[1]
+    found = cones.minimum(np.zeros(size), -table @ null, table @ factors, len(rows), np.eye(size))
     if found is None:
         return None
-    return np.asarray(start + null @ cones.snapped(triples @ start, triples @ null, found))
-
-
-def _least_distance(start: Floats, null: Floats, rows: Floats) -> Floats | None:
-    """The shortest z with rows (start + null z) >= 0 (Lawson and Hanson 1974, LDP), added to the start."""
-    system = np.vstack([(rows @ null).T, -rows @ start])
-    target = np.zeros(len(system))
-    target[-1] = 1.0
-    factors, rest = nnls(system, target)
-    residual = system @ factors - target
-    if rest <= 1e-12:
-        return None
-    return np.asarray(start - null @ (residual[:-1] / residual[-1]))
+    found = cones.snapped(triples @ factors, triples @ null, found) if len(triples) else found
+    return np.asarray(parts @ (factors + null @ found))

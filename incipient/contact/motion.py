@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from incipient.contact.candidates import Candidate
-from incipient.contact.grasp import FRICTIONLESS, Grasp
-from incipient.contact.least import balancing
+from incipient.contact.grasp import FRICTIONLESS
+from incipient.contact.least import allowed, least_forces
 from incipient.contact.model import Contacts, Floats, Load
 from incipient.contact.motion_modes import ContactState, Mode, Uniqueness, contact_states, mode
 from incipient.contact.planar_motion import planar_solutions
@@ -196,51 +195,17 @@ def _solution(case: Release, law: Law, carried: Support, candidate: Candidate) -
 def _smallest_forces(
     case: Release, candidate: Candidate, at_contacts: Floats, states: NDArray[np.object_]
 ) -> tuple[Floats | None, bool]:
-    """The smallest local forces (k, 3) that give the acceleration, and whether no others do; None: not found.
-
-    Contacts that stay have their whole cone, those that slide the edge against their sliding.
-    """
+    """The smallest local forces (k, 3) that give the acceleration, and whether no others do; None: not found."""
+    local = np.zeros((len(case.grasp), 3))
     kept = np.flatnonzero(states != ContactState.LIFT)
-    slides = states == ContactState.SLIDE
-    blocks = [_directions(case.grasp, at_contacts[i], slides[i]) for i in kept]
-    if not blocks:
-        return np.zeros((len(case.grasp), 3)), True
-    places = np.repeat(kept, [len(block) for block in blocks])
-    directions = np.concatenate(blocks)
-    columns = (case.grasp.matrix[:, places] * directions).sum(axis=2)
-    ways = balancing(columns, case.wrench - case.mass @ candidate.acceleration)
-    if ways is None:
-        return None, False
-    found = ways.start if ways.unique else ways.inside(*_limits(case.grasp, slides[kept]))
+    if len(kept) == 0:
+        return local, True
+    by = allowed(case.grasp, at_contacts, states == ContactState.SLIDE, kept)
+    found, unique = least_forces(by, case.wrench - case.mass @ candidate.acceleration)
     if found is None:
         return None, False
-    local = np.zeros((len(case.grasp), 3))
-    np.add.at(local, places, found[:, None] * directions)
-    return local, ways.unique
-
-
-def _directions(held_by: Grasp, at_contact: Floats, slides: bool) -> Floats:
-    """Unit local forces (m, 3) of a contact: one against its sliding, or as many as it has where it stays."""
-    if slides:
-        cosine, sine = held_by.scaling[:2]
-        return np.array([[cosine, *(-sine * at_contact[1:] / math.hypot(*at_contact[1:]))]])
-    if held_by.friction < FRICTIONLESS:
-        return np.eye(3)[:1]
-    return np.eye(3) if held_by.plane is None else np.eye(3)[:2]
-
-
-def _limits(held_by: Grasp, slides: NDArray[np.bool_]) -> tuple[Floats, Floats]:
-    """Rows and triples (`Balancing.inside`) on the factors of these unit forces, of all contacts kept."""
-    cosine, sine = held_by.scaling[:2]
-    press, none = np.ones((1, 1)), np.empty((0, 1))
-    if held_by.friction < FRICTIONLESS:
-        stays = press, none
-    elif held_by.plane is not None:
-        stays = np.array([[sine, cosine], [sine, -cosine]]), np.empty((0, 2))
-    else:
-        stays = np.empty((0, 3)), np.diag([sine, cosine, cosine])
-    chosen = [(press, none) if slide else stays for slide in slides]
-    return block_diag(*(rows for rows, _ in chosen)), block_diag(*(triples for _, triples in chosen))
+    local[kept] = found
+    return local, unique
 
 
 def _residual(case: Release, law: Law, acceleration: Floats, local: Floats) -> float:

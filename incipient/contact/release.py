@@ -6,11 +6,12 @@ import numpy as np
 from scipy.optimize import nnls
 
 from incipient.contact.candidates import Candidate
-from incipient.contact.grasp import INFINITE, Grasp, grasp, wrenches
+from incipient.contact.grasp import Grasp, grasp, wrenches
 from incipient.contact.model import Contacts, Floats, Load
 from incipient.errors import SceneError
 
 NO_LOAD = 1e-12  # of flow and weight: a sum below it is no load
+LARGEST = 1e6  # friction with which motions are computed if it is larger or infinite
 SYMMETRIC = 1e-9  # of the inertia's largest entry
 
 
@@ -48,13 +49,13 @@ class Release:
 
 
 def release(load: Load, contacts: Contacts, friction: float, mass: float, inertia: Floats) -> Release:
-    """The problem of a case; infinite friction becomes 1e6.
+    """The problem of a case; friction above 1e6, or infinite, becomes 1e6.
 
     Raises SceneError if friction is negative, the mass not positive, or the inertia (3, 3) not symmetric and
     positive definite.
     """
     inertia = _checked(mass, inertia)
-    held_by = grasp(load, contacts, min(friction, INFINITE), inertia)
+    held_by = grasp(load, contacts, min(friction, LARGEST), inertia)
     wrench, size = wrenches(load, held_by.reach).at(1.0)
     left = float(np.sqrt(wrench @ wrench))
     unit = wrench / left if left > NO_LOAD else np.zeros(6)

@@ -20,9 +20,7 @@ Contact = tuple[Floats, Floats, float]  # point (2,), normal (2,) out of the gra
 Patch = tuple[Floats, Floats]  # both ends (2, 2), normal (2,) out of the grain
 
 
-def touching(
-    grain: Grain | Solid, placement: Placement, bed: Bed | Terrain, tolerance: float
-) -> Contacts:
+def touching(grain: Grain | Solid, placement: Placement, bed: Bed | Terrain, tolerance: float) -> Contacts:
     """All contacts of a grain whose distance from the bed is at most `tolerance` (a length, scene units).
 
     Point contacts are the local minima of the distance along the outline (in space: over the surface). A
@@ -42,6 +40,45 @@ def touching(
     near = proximity(grain, bed)
     assert isinstance(near, SpatialProximity)
     return footprint(near, placement, tolerance)
+
+
+def exposed(
+    grain: Grain | Solid, placement: Placement, bed: Bed | Terrain, points: Floats, tolerance: float
+) -> np.ndarray:
+    """Which points (n, gdim) of a grain's surface belong to Gamma_e, (n,) of bool: the rest touches the bed.
+
+    `points` are in the body frame; what is within `tolerance` (a length) of the bed touches it.
+    """
+    proximity(grain, bed)  # refuses what is planar together with what is not
+    return np.asarray(bed.distance(placement.to_scene(points)) > tolerance)
+
+
+def require_on_grain(
+    contacts: Contacts, grain: Grain | Solid, placement: Placement, tolerance: float
+) -> None:
+    """Refuse contacts that are farther than `tolerance` (a length) from the grain, or whose normal points into it.
+
+    For contacts that come from elsewhere than `touching`. Raises SceneError, which names the first such contact.
+    """
+    d = grain.gdim
+    x, normals = placement.to_body(contacts.points[:, :d]), contacts.normals[:, :d] @ placement.rotation
+    away = np.hypot(_distance(grain, x), np.linalg.norm(contacts.points[:, d:], axis=1))
+    if (away > tolerance).any():
+        k = int(np.argmax(away > tolerance))
+        raise SceneError(f"contacts: point {k} is {away[k]:.3g} off the grain; move it onto the surface")
+    inward = (grain.normal(x) * normals).sum(axis=1) < 0.0
+    if inward.any():
+        raise SceneError(f"contacts: normal {int(np.argmax(inward))} points into the grain; turn it round")
+
+
+def _distance(grain: Grain | Solid, x: Floats) -> Floats:
+    """How far points (n, gdim) near the surface are from it, to first order: f / |grad f|."""
+    h = 1e-6 * grain.size
+    slope = np.array([grain.level(x + h * e) - grain.level(x - h * e) for e in np.eye(grain.gdim)]) / (
+        2.0 * h
+    )
+    # In a sharp edge the differences of two sides partly cancel; distances of at least f remain.
+    return np.asarray(np.abs(grain.level(x)) / np.clip(np.linalg.norm(slope, axis=0), 1e-3, None))
 
 
 def _planar(grain: Grain, placement: Placement, bed: Bed, tolerance: float) -> Contacts:

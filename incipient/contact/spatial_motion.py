@@ -23,7 +23,8 @@ from incipient.contact.model import Floats
 from incipient.contact.release import Release
 
 CONVERGED = 1e-12  # of Newton's method, relative to load and contact forces
-STEPS = 14
+STEPS = 14  # of Newton's method
+PATIENCE = 300  # steps where the usual number did not do
 DAMPING = 0.5 ** np.arange(4)
 SHIFT = 1e-11  # of the derivative, which is singular where contact forces are not unique
 FIXED_POINT_STEPS = 40
@@ -84,8 +85,8 @@ def spatial_solutions(case: Release, law: Law, without_friction: Candidate, rest
     a continuous family only those two found that accelerate least and most. Empty: none was found.
     """
     found: list[Candidate] = []
-    for starts in Search(case, law, without_friction).starts(rest):
-        for local in newton(law, starts):
+    for starts, steps in Search(case, law, without_friction).starts(rest):
+        for local in newton(law, starts, steps):
             acceleration = case.acceleration(local)
             if not rest or np.abs(acceleration).max() > SAME * case.scale:
                 add(found, Candidate(acceleration, local), case.scale)
@@ -105,16 +106,20 @@ class Search:
     law: Law
     without_friction: Candidate
 
-    def starts(self, rest: bool) -> Iterator[Floats]:
-        """First without forces, sliding as without friction, and sliding on one contact alone; then more."""
+    def starts(self, rest: bool) -> Iterator[tuple[Floats, int]]:
+        """Without forces, sliding as without friction, on one contact alone; then, with more patience, others.
+
+        Each with the number of steps that Newton's method may take.
+        """
         count = len(self.law.step)
-        yield np.concatenate([np.zeros((1, count, 3)), self._sliding()[None], self._on_one()])
+        first = np.concatenate([np.zeros((1, count, 3)), self._sliding()[None], self._on_one()])
+        yield first, STEPS
         if not rest:
-            yield self._growing()
-            yield from self._fixed_point()
+            yield np.concatenate([first, self._growing()]), PATIENCE
+            yield from ((starts, STEPS) for starts in self._fixed_point())
             random = np.random.default_rng(0)  # the same every time: an answer must not change between runs
             sizes = 10.0 ** random.uniform(-2.0, 1.0, (RANDOM_STARTS, 1, 1))
-            yield sizes * random.normal(size=(RANDOM_STARTS, count, 3))
+            yield sizes * random.normal(size=(RANDOM_STARTS, count, 3)), PATIENCE
 
     def _sliding(self) -> Floats:
         """The forces without friction, and full friction against the sliding there, (k, 3)."""
@@ -174,10 +179,12 @@ def _is_family(law: Law, local: Floats) -> bool:
     return bool((np.abs(open_ways @ law.compliance) > 1e3 * SINGULAR).any())
 
 
-def newton(law: Law, starts: Floats) -> Floats:
+def newton(law: Law, starts: Floats, steps: int = STEPS) -> Floats:
     """The forces (s', k, 3) that solve the equations, by damped Newton steps from all starts (s, k, 3) at once."""
     solved, at = [starts[:0]], _iterate(law, starts)
-    for _ in range(STEPS):
+    for step in range(steps):
+        if step == STEPS and len(solved) > 1:
+            break
         done = at.merit <= CONVERGED**2 * np.maximum(1.0, (at.force * at.force).sum(axis=(1, 2)))
         if done.any():
             solved.append(at.projection[done])

@@ -21,6 +21,9 @@ from .conditions import Condition, Constraints
 from .linear import KeptFactorisation
 from .space import TaylorHood, taylor_hood
 
+# Corrections of a time step after which the kept factors are too old.
+PATIENCE = 8
+
 
 @dataclass(frozen=True)
 class FlowModel:
@@ -76,7 +79,7 @@ class Fluid:
         self._correction = self._matrix.createVecRight()
         self._state_view = compat.vec_view(self.state)
         self.solver = KeptFactorisation(self._matrix)
-        self._lift = True
+        self._lift, self._aged = True, True
 
     def _forms(self) -> tuple[Any, Any]:
         v, p = ufl.split(self.state)
@@ -192,19 +195,45 @@ class Fluid:
         """Solve for the state with the parameters as they are, starting from the present state."""
         self.constraints.update(self.time)
         self._lift = True
+        if self.model.unsteady:
+            return self._solve_step(tolerance, max_iterations, watch)
         if not self.model.linear:
             return newton.solve(self, tolerance, max_iterations, watch)
-        size = self.correction(rtol=1e-12 if not self.model.unsteady else 1e-2 * tolerance)
+        size = self.correction(rtol=1e-12)
         watch(0, size)
         return newton.NewtonReport(bool(np.isfinite(size)), (size,), 0.0)
+
+    def _solve_step(
+        self, tolerance: float, max_iterations: int, watch: Callable[[int, float], Any]
+    ) -> newton.NewtonReport:
+        """A time step: its start is good, so that factors of earlier steps do (see `newton.solve_by_chords`)."""
+        report = newton.solve_by_chords(self, tolerance, max_iterations, watch, fresh=self._aged)
+        self._aged = not report.converged or report.iterations > PATIENCE
+        return report
+
+    def chord_correction(self, fresh: bool) -> float:
+        """One correction with the factors at hand; `fresh` assembles and factorises first (see `newton.System`)."""
+        self._assemble_constrained_residual()
+        if fresh:
+            self._assemble_jacobian()
+            self.solver.factorise()
+        self.solver.apply(self._vector, self._correction)
+        return self._corrected()
 
     def correction(self, rtol: float, fresh: bool = False) -> float:
         """One Newton correction; returns its velocity's size relative to the velocity's (see `newton.System`)."""
         self._assemble_constrained_residual()
+        self._assemble_jacobian()
+        self.solver.solve(self._vector, self._correction, rtol, fresh)
+        return self._corrected()
+
+    def _assemble_jacobian(self) -> None:
         self._matrix.zeroEntries()
         petsc.assemble_matrix(self._matrix, self._jacobian, self.constraints.dirichlet)
         self._matrix.assemble()
-        self.solver.solve(self._vector, self._correction, rtol, fresh)
+
+    def _corrected(self) -> float:
+        """Subtract the correction; its size relative to the state."""
         owned = self._state_view.getLocalSize()
         self.state.x.array[:owned] -= self._correction.array_r
         self.state.x.scatter_forward()

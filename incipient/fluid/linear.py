@@ -22,6 +22,12 @@ class LinearStatistics:
     solves: int = 0
     krylov_iterations: int = 0
 
+    def add(self, other: LinearStatistics) -> None:
+        """Count what another solver has done as well."""
+        self.factorisations += other.factorisations
+        self.solves += other.solves
+        self.krylov_iterations += other.krylov_iterations
+
 
 class KeptFactorisation:
     """Solves A x = b by LU, or by GMRES preconditioned with the LU of an earlier, similar A.
@@ -70,6 +76,20 @@ class KeptFactorisation:
         self._aged = iterations > self.patience
         self.statistics.solves += 1
         self.statistics.krylov_iterations += iterations
+
+    def factorise(self) -> None:
+        """Make new factors of the matrix as it is now. Collective.
+
+        Raises:
+            ConvergenceError: the factorisation failed, also with more workspace.
+        """
+        self._factorise()
+        self._aged = False
+
+    def apply(self, b: Any, x: Any) -> None:
+        """x = b solved with the factors at hand, whatever the matrix has become since. Collective."""
+        self._solver.getPC().apply(b, x)
+        self.statistics.solves += 1
 
     def _iterate(self, b: Any, x: Any, rtol: float) -> int | None:
         """Number of iterations, or None if GMRES with the factors at hand does not converge."""

@@ -9,12 +9,18 @@ from typing import Any, Protocol
 
 import numpy as np
 
+WORST_CONTRACTION = 0.4
+
 
 class System(Protocol):
     """What Newton's method needs of a discretised problem; all methods are collective."""
 
     def correction(self, rtol: float, fresh: bool) -> float:
         """Subtract one Newton correction from the state; return its size relative to the state."""
+        ...
+
+    def chord_correction(self, fresh: bool) -> float:
+        """The same with the factors at hand in place of the Jacobian; `fresh` makes new ones first."""
         ...
 
 
@@ -54,6 +60,35 @@ def solve(
         if error <= tolerance:
             return NewtonReport(True, tuple(sizes), error)
     return NewtonReport(False, tuple(sizes), error)
+
+
+def solve_by_chords(
+    system: System,
+    tolerance: float,
+    max_iterations: int,
+    watch: Callable[[int, float], Any] = lambda iteration, size: None,
+    fresh: bool = False,
+) -> NewtonReport:
+    """Iterate as `solve` does, but with factors kept from earlier steps while they contract well enough.
+
+    A correction then costs one residual and one back-substitution: for the small changes of a time step
+    far less than a Jacobian. New factors are made at the start if `fresh`, and whenever a correction is more
+    than `WORST_CONTRACTION` of the one before. Collective.
+    """
+    sizes: list[float] = []
+    kept: list[float] = []  # sizes since the factors were made
+    for iteration in range(max_iterations):
+        kept = [] if fresh else kept
+        kept.append(system.chord_correction(fresh))
+        sizes.append(kept[-1])
+        watch(iteration, sizes[-1])
+        if not np.isfinite(sizes[-1]) or _growing(sizes):
+            break
+        error = _error_left(kept)
+        if error <= tolerance:
+            return NewtonReport(True, tuple(sizes), error)
+        fresh = len(kept) > 1 and kept[-1] > WORST_CONTRACTION * kept[-2]
+    return NewtonReport(False, tuple(sizes), np.inf)
 
 
 def _error_left(sizes: list[float]) -> float:

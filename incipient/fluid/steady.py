@@ -59,6 +59,7 @@ def solve_steady(
             fluid.state.x.array[:] = before
             return approach(fluid, tolerance, max_iterations, first_share, watch)
         fluid.interpolate(coarse)
+        fluid.solver.statistics.add(coarse.solver.statistics)
     return (*steps, *approach(fluid, tolerance, max_iterations, 1.0, watch))
 
 

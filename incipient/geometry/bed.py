@@ -20,6 +20,11 @@ class Bed(ABC):
     origin_y: float
 
     @property
+    def gdim(self) -> int:
+        """Dimension of the space the bed lies in."""
+        return 2
+
+    @property
     @abstractmethod
     def feature(self) -> float:
         """The smallest horizontal length of the bed's shape, for choosing numbers of samples (inf: none)."""

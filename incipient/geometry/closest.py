@@ -46,8 +46,8 @@ class Minima:
 
     def only(self, which: np.ndarray) -> "Minima":
         """Some of the minima, by a mask or by indices."""
-        columns = (self.gaps, self.points, self.normals, self.anchors, self.origin)
-        return Minima(*(column[which] for column in columns), self.pieces)
+        gaps, points, normals = self.gaps[which], self.points[which], self.normals[which]
+        return Minima(gaps, points, normals, self.anchors[which], self.origin[which], self.pieces)
 
 
 def _cut(core: Core, spacing: float) -> Core:
@@ -59,10 +59,12 @@ def _cut(core: Core, spacing: float) -> Core:
 
 
 def _together(parts: list[Minima]) -> Minima:
-    columns = ("gaps", "points", "normals", "anchors", "origin")
-    return Minima(
-        *(np.concatenate([getattr(part, name) for part in parts]) for name in columns), parts[0].pieces
+    """The minima of several tables in one."""
+    gaps, points, normals, anchors, origin = (
+        np.concatenate([getattr(part, name) for part in parts])
+        for name in ("gaps", "points", "normals", "anchors", "origin")
     )
+    return Minima(gaps, points, normals, anchors, origin, parts[0].pieces)
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +182,7 @@ class SpatialProximity:
                 step = np.where(lower[:, None], 0.0, 0.25 * step)
                 if lower.all():
                     break
-            if moved.max(initial=0.0) <= 1e-13 * self.size:
+            if moved.max(initial=0.0) <= 1e-12 * self.size:
                 break
         origin = np.column_stack([np.full((len(which), 2), -1), which]).astype(int)
         return Minima(sight.gaps, points, sight.normals, placement.to_body(points), origin, pieces)

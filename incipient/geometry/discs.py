@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from math import pi
 
 import numpy as np
@@ -138,7 +139,7 @@ class Discs(Grain):
             inner = [_on_circle(centres, radii, owner, float(angle)) for angle in angles]
             stations = [corners[position], *inner, corners[(position + 1) % len(corners)]]
             middle = (float(centres[owner, 0]), float(centres[owner, 1]))
-            curves += [Arc(a, middle, b) for a, b in zip(stations[:-1], stations[1:], strict=True)]
+            curves += [Arc(a, middle, b) for a, b in pairwise(stations)]
         return tuple(curves)
 
 
@@ -146,7 +147,9 @@ def checked_balls(centres: ArrayLike, radii: ArrayLike, dimension: int) -> tuple
     """Centres (n, dimension) and radii (n,) as tables, checked to be discs or spheres that hang together."""
     points, sizes = np.array(centres, dtype=float), np.array(radii, dtype=float)
     if points.ndim != 2 or points.shape[1] != dimension or not len(points) or sizes.shape != (len(points),):
-        raise SceneError(f"give one centre of {dimension} coordinates and one radius for each ball of a union")
+        raise SceneError(
+            f"give one centre of {dimension} coordinates and one radius for each ball of a union"
+        )
     if not (np.isfinite(points).all() and np.isfinite(sizes).all() and (sizes > 0.0).all()):
         raise SceneError("a union needs finite centres and positive radii; change them")
     apart = np.linalg.norm(points[:, None] - points, axis=2)
@@ -156,7 +159,9 @@ def checked_balls(centres: ArrayLike, radii: ArrayLike, dimension: int) -> tuple
     for _ in sizes:
         reached = linked[reached].any(axis=0)
     if not reached.all():
-        raise SceneError(f"ball {int(np.argmin(reached))} of the union does not overlap the others; move it closer")
+        raise SceneError(
+            f"ball {int(np.argmin(reached))} of the union does not overlap the others; move it closer"
+        )
     return points, sizes
 
 

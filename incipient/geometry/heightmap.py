@@ -80,34 +80,34 @@ class HeightMap(Smooth):
 
     def height(self, x: ArrayLike) -> Floats:
         """b at points (n, 2), (n,)."""
-        return np.asarray(self.origin[2] + self._sum(x, 0, 0))
+        return np.asarray(self.origin[2] + self._derivatives(x, [(0, 0)])[0])
 
     def gradient(self, x: ArrayLike) -> Floats:
         """The derivatives (n, 2)."""
-        return np.column_stack([self._sum(x, 1, 0), self._sum(x, 0, 1)])
+        return np.column_stack(self._derivatives(x, [(1, 0), (0, 1)]))
 
     def hessian(self, x: ArrayLike) -> Floats:
         """The second derivatives (n, 2, 2), which jump between cells."""
-        mixed = self._sum(x, 1, 1)
-        rows_ = [[self._sum(x, 2, 0), mixed], [mixed, self._sum(x, 0, 2)]]
-        return np.moveaxis(np.array(rows_), 2, 0)
+        xx, xy, yy = self._derivatives(x, [(2, 0), (1, 1), (0, 2)])
+        return np.moveaxis(np.array([[xx, xy], [xy, yy]]), 2, 0)
 
-    def _sum(self, x: ArrayLike, along_x: int, along_y: int) -> Floats:
-        """A derivative (n,) of the interpolation at points (n, 2)."""
+    def _derivatives(self, x: ArrayLike, orders: list[tuple[int, int]]) -> list[Floats]:
+        """Derivatives (n,) of the interpolation at points (n, 2), of some orders in x and y."""
         at = (rows(x) - np.asarray(self.origin[:2])) / np.asarray(self.cell)
         count = np.array(self.heights.shape[::-1])
         first = np.clip(np.floor(at), 0, count - 2).astype(int)
         # Beyond the edge everything is as at the edge.
         t = np.clip(at - first, 0.0, 1.0)
         outside = (at < 0.0) | (at > count - 1)
-        u = _weights(t[:, 0], along_x, self.cell[0])
-        v = _weights(t[:, 1], along_y, self.cell[1])
-        offsets = np.arange(-1, 3)
-        i = np.clip(first[:, :1] + offsets, 0, count[0] - 1)
-        j = np.clip(first[:, 1:] + offsets, 0, count[1] - 1)
-        total = np.einsum("nj,nji,ni->n", v, self.heights[j[:, :, None], i[:, None, :]], u)
-        gone = (outside[:, 0] & (along_x > 0)) | (outside[:, 1] & (along_y > 0))
-        return np.where(gone, 0.0, total)
+        i, j = (np.clip(first[:, k, None] + np.arange(-1, 3), 0, count[k] - 1) for k in (0, 1))
+        values = self.heights[j[:, :, None], i[:, None, :]]
+        found = []
+        for along_x, along_y in orders:
+            u, v = _weights(t[:, 0], along_x, self.cell[0]), _weights(t[:, 1], along_y, self.cell[1])
+            total = ((values @ u[..., None])[..., 0] * v).sum(axis=1)
+            level = (outside[:, 0] & (along_x > 0)) | (outside[:, 1] & (along_y > 0))
+            found.append(np.where(level, 0.0, total))
+        return found
 
 
 def _weights(t: Floats, derivative: int, step: float) -> Floats:
@@ -149,7 +149,8 @@ def _read_image(path: Path) -> Raster:
     """Grey values; of a colour image the mean of red, green and blue."""
     from PIL import Image
 
-    with Image.open(path) as image:
+    with Image.open(path) as opened:
+        image: Image.Image = opened
         if image.mode in ("P", "1", "LA", "RGBA", "CMYK"):
             image = image.convert("L" if image.mode in ("1", "LA") else "RGB")
         values = np.asarray(image)
@@ -173,7 +174,9 @@ def _read_grid(path: Path) -> Raster:
     shape = int(header["nrows"]), int(header["ncols"])
     values = np.array(" ".join(lines).split(), dtype=float)
     if values.size != shape[0] * shape[1]:
-        raise SceneError(f"{path} has {values.size} heights instead of {shape[0]} x {shape[1]}; check its header")
+        raise SceneError(
+            f"{path} has {values.size} heights instead of {shape[0]} x {shape[1]}; check its header"
+        )
     if (values == header.get("nodata_value", np.nan)).any():
         raise SceneError(f"{path} has cells without data; fill them")
     cell = header["cellsize"]

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -152,7 +153,9 @@ class Polyhedron(Solid):
 
 def _mean_direction(normals: Floats) -> Floats:
     """The mean of unit normals (k, 3), those that agree counted once."""
-    return unit(np.unique(np.round(normals, 9), axis=0).sum(axis=0)[None])[0] if len(normals) > 1 else normals[0]
+    return (
+        unit(np.unique(np.round(normals, 9), axis=0).sum(axis=0)[None])[0] if len(normals) > 1 else normals[0]
+    )
 
 
 def _hull(points: Floats) -> Surface:
@@ -162,7 +165,9 @@ def _hull(points: Floats) -> Surface:
     try:
         hull = ConvexHull(points)
     except QhullError:
-        raise SceneError("the polyhedron has no volume; give vertices that are not all in one plane") from None
+        raise SceneError(
+            "the polyhedron has no volume; give vertices that are not all in one plane"
+        ) from None
     number = np.full(len(points), -1)
     number[hull.vertices] = np.arange(len(hull.vertices))
     triangles = number[hull.simplices]
@@ -230,8 +235,9 @@ class Triangulated(Solid):
             raise SceneError(f"{path} is not an STL, PLY or OBJ file; convert it")
         require_positive("scale", scale)
         try:
-            mesh = trimesh.load(path, force="mesh", process=False)
-            points, triangles = np.array(mesh.vertices, dtype=float), np.array(mesh.faces)
+            mesh: Any = trimesh.load(path, force="mesh", process=False)
+            points: Floats = np.array(mesh.vertices, dtype=np.float64)
+            triangles = np.array(mesh.faces)
         except Exception as error:  # whatever the reader stumbled over
             why = " ".join(str(error).split()) or type(error).__name__
             raise SceneError(f"{path} cannot be read ({why[:80]}); export it again") from None
@@ -296,7 +302,11 @@ class Triangulated(Solid):
 
 def nearest_on_triangles(x: Floats, corners: Floats) -> Floats:
     """The nearest points (..., 3) of triangles (..., 3 corners, 3) to points (..., 3); leading axes broadcast."""
-    a, ab, ac = corners[..., 0, :], corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :]
+    a, ab, ac = (
+        corners[..., 0, :],
+        corners[..., 1, :] - corners[..., 0, :],
+        corners[..., 2, :] - corners[..., 0, :],
+    )
     away = x - a
     aa, bb, cross = (ab * ab).sum(-1), (ac * ac).sum(-1), (ab * ac).sum(-1)
     p, q = (away * ab).sum(-1), (away * ac).sum(-1)

@@ -4,13 +4,12 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from incipient.errors import SceneError
 from incipient.geometry.bed import Bed
 from incipient.geometry.closest import SpatialProximity
 from incipient.geometry.curves import Floats
 from incipient.geometry.grain import Grain
-from incipient.geometry.placement import Placement
 from incipient.geometry.planar import PlanarProximity
+from incipient.geometry.rest import planar, spatial
 from incipient.geometry.solid import Solid
 from incipient.geometry.terrain import Terrain
 
@@ -38,11 +37,4 @@ class Near(Protocol):
 
 def proximity(grain: Grain | Solid, bed: Bed | Terrain) -> PlanarProximity | SpatialProximity:
     """The questions for this grain and this bed. Raises SceneError if only one of them is planar."""
-    if isinstance(grain, Solid) and isinstance(bed, Terrain):
-        return SpatialProximity(grain, bed)
-    if isinstance(grain, Grain) and isinstance(bed, Bed):
-        return PlanarProximity(grain, bed)
-    raise SceneError(
-        f"a {type(grain).__name__} cannot rest on a bed {type(bed).__name__}: one is planar, the other is not; "
-        "take both in the plane or both in space"
-    )
+    return spatial(grain, bed) if isinstance(grain, Solid) else PlanarProximity(*planar(grain, bed))

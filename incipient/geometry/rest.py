@@ -1,32 +1,67 @@
-"""Resting a grain on a bed, lifting it off, and measuring the gap.
+"""Resting a grain on a bed, lifting it off, and measuring the gap, in the plane and in space.
 
 Lengths are scene units, angles radians, positions those of the grain's centroid.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from incipient.errors import SceneError
 from incipient.geometry.bed import Bed
+from incipient.geometry.closest import SpatialProximity
 from incipient.geometry.curves import Curve, Floats
 from incipient.geometry.distance import approaches, corners_below, crossings, placed_outline, samples
 from incipient.geometry.grain import Grain, Placement
+from incipient.geometry.solid import Solid
+from incipient.geometry.terrain import Terrain
 
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
 
-def rest(grain: Grain, bed: Bed, x: float, angle: float = 0.0) -> Placement:
+def rest(
+    grain: Grain | Solid,
+    bed: Bed | Terrain,
+    x: float | Sequence[float],
+    angle: float | Sequence[float] = 0.0,
+) -> Placement:
     """The grain turned by `angle`, its centroid above `x`, lowered vertically until it touches the bed.
 
-    Exact to 1e-12 of the grain's size: the smallest vertical distance is found along each piece of the
-    outline between corners of outline and bed, by sampling and golden section.
+    In space `x` is a pair and `angle` a unit quaternion (or 0). Exact to 1e-12 of the grain's size: in the plane
+    the smallest vertical distance is found along each piece of the outline between corners of outline and bed,
+    by sampling and golden section; in space see `SpatialProximity.lowered`.
     """
-    above = Placement((x, 0.0), angle)
+    if isinstance(grain, Solid):
+        w, a, b, c = (1.0, 0.0, 0.0, 0.0) if np.ndim(angle) == 0 else angle  # type: ignore[misc]
+        first, second = np.asarray(x, dtype=float)
+        return spatial(grain, bed).lowered(Placement((first, second, 0.0), quaternion=(w, a, b, c)))
+    grain, bed = planar(grain, bed)
+    above = Placement((float(x), 0.0), float(angle))  # type: ignore[arg-type]
     outline = placed_outline(grain, above)
     corners = corners_below(outline, bed)
     lowest = min(_smallest_drop(curve, bed, corners, grain.size) for curve in outline)
     return above.raised(-lowest)
+
+
+def spatial(grain: Grain | Solid, bed: Bed | Terrain) -> SpatialProximity:
+    """Grain and bed in space, prepared. Raises SceneError if one of them is planar."""
+    if isinstance(grain, Solid) and isinstance(bed, Terrain):
+        return SpatialProximity(grain, bed)
+    raise _mismatch(grain, bed)
+
+
+def planar(grain: Grain | Solid, bed: Bed | Terrain) -> tuple[Grain, Bed]:
+    """Grain and bed in the plane. Raises SceneError if one of them is not planar."""
+    if isinstance(grain, Grain) and isinstance(bed, Bed):
+        return grain, bed
+    raise _mismatch(grain, bed)
+
+
+def _mismatch(grain: Grain | Solid, bed: Bed | Terrain) -> SceneError:
+    return SceneError(
+        f"a {type(grain).__name__} cannot rest on a bed {type(bed).__name__}: one is planar, the other is not; "
+        "take both in the plane or both in space"
+    )
 
 
 def _smallest_drop(curve: Curve, bed: Bed, corners: Floats, size: float) -> float:
@@ -62,24 +97,35 @@ def _golden(curve: Curve, bed: Bed, low: Floats, high: Floats) -> Floats:
     return _drop(curve, bed, 0.5 * (low + high))
 
 
-def clearance(grain: Grain, placement: Placement, bed: Bed) -> tuple[float, Floats, Floats]:
-    """The smallest distance from the bed, and the points (2,) on grain and bed where it occurs.
+def clearance(grain: Grain | Solid, placement: Placement, bed: Bed | Terrain) -> tuple[float, Floats, Floats]:
+    """The smallest distance from the bed, and the points (gdim,) on grain and bed where it occurs.
 
-    Exact to 1e-10 of the grain's size; negative where the outline is below the bed. Of several equal minima
-    (a flat contact) the first along the outline.
+    Exact to 1e-10 of the grain's size (in space on smooth beds as long as it is less than their feature);
+    negative where the grain is below the bed. Of several equal minima (a flat contact) the first.
     """
+    if isinstance(grain, Solid):
+        near = spatial(grain, bed)
+        drop = max(placement.centre[2] - near.lowered(placement).centre[2], 0.0)
+        minima = near.minima(placement, drop + 1e-9 * grain.size)
+        k = int(np.argmin(minima.gaps))
+        gap, point = float(minima.gaps[k]), minima.points[k]
+        return gap, point, point - gap * minima.normals[k]
+    grain, bed = planar(grain, bed)
     best = min(approaches(grain, placement, bed), key=lambda approach: approach.distance)
     return best.distance, best.on_grain, best.on_bed
 
 
-def lifted(grain: Grain, placement: Placement, bed: Bed, gap: float) -> Placement:
+def lifted(grain: Grain | Solid, placement: Placement, bed: Bed | Terrain, gap: float) -> Placement:
     """The grain straight above (or below) `placement` whose smallest distance to the bed is `gap` >= 0.
 
     `gap` is a length in scene units. The distance grows steadily with height because the bed is a graph.
     """
     if not (np.isfinite(gap) and gap >= 0.0):
         raise SceneError(f"the gap {gap} is not a distance; give a number that is not negative")
-    touching = rest(grain, bed, placement.centre[0], placement.angle)
+    if isinstance(grain, Solid):
+        touching = spatial(grain, bed).lowered(placement)
+    else:
+        touching = rest(grain, bed, placement.centre[0], placement.angle)
     if gap == 0.0:
         return touching
 

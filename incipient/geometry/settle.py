@@ -106,7 +106,9 @@ def _downward(gravity: Sequence[float] | Floats | None, dimension: int) -> Float
         return np.array([0.0] * (dimension - 1) + [-1.0])
     vector = np.array(gravity, dtype=float)
     if vector.shape != (dimension,) or not np.isfinite(vector).all() or not vector[-1] < 0.0:
-        raise SceneError(f"gravity {vector.tolist()} does not point down; give {dimension} numbers, the last negative")
+        raise SceneError(
+            f"gravity {vector.tolist()} does not point down; give {dimension} numbers, the last negative"
+        )
     return np.asarray(vector / np.linalg.norm(vector))
 
 
@@ -360,6 +362,10 @@ class _Descent:
         return Settled(rest.placement, contacts, outcome, steps, rest.gap, rest.imbalance)
 
     def _unsettled(self, placement: Placement, outcome: Outcome, steps: int) -> Settled:
-        touching = self._touching(placement, self._proximity.minima(placement, TOUCHING * self.size), TOUCHING)
+        touching = self._touching(
+            placement, self._proximity.minima(placement, TOUCHING * self.size), TOUCHING
+        )
         gap = float(np.abs(touching.gaps).max(initial=0.0)) / self.size
-        return Settled(placement, None, outcome, steps, gap, float(np.abs(self._pull(placement, touching)).max()))
+        return Settled(
+            placement, None, outcome, steps, gap, float(np.abs(self._pull(placement, touching)).max())
+        )

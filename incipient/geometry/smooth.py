@@ -176,7 +176,9 @@ class Star(Smooth):
             raise SceneError("the radius of the star is not one finite number for each angle; change it")
         if r.min() <= 0.0:
             worst = np.degrees(angle[np.argmin(r)])
-            raise SceneError(f"the radius of the star is {r.min():.3g} at {worst:.0f} degrees; keep it positive")
+            raise SceneError(
+                f"the radius of the star is {r.min():.3g} at {worst:.0f} degrees; keep it positive"
+            )
         if abs(r[0] - r[-1]) > 1e-9 * r.max():
             raise SceneError("the radius of the star differs at 0 and 360 degrees; make it periodic")
 

@@ -156,9 +156,7 @@ def _critical_heights(centres: Floats, radii: Floats) -> Floats:
     return found[(found >= low) & (found <= high)]
 
 
-def _meeting_circle(
-    first: Floats, r: float, second: Floats, s: float
-) -> tuple[Floats, Floats, float] | None:
+def _meeting_circle(first: Floats, r: float, second: Floats, s: float) -> tuple[Floats, Floats, float] | None:
     """Centre, axis and radius of the circle in which two spheres meet."""
     d = float(np.linalg.norm(second - first))
     if not abs(r - s) < d < r + s:

@@ -103,7 +103,9 @@ def _grid(columns: int, rows: int) -> tuple[Floats, Indices]:
 
 def merged(points: Floats, triangles: Indices, tolerance: float) -> Surface:
     """The surface with points that agree to a tolerance taken as one, and no triangles without area."""
-    _, first, inverse = np.unique(np.round(points / tolerance), axis=0, return_index=True, return_inverse=True)
+    _, first, inverse = np.unique(
+        np.round(points / tolerance), axis=0, return_index=True, return_inverse=True
+    )
     triangles = inverse.ravel()[triangles]
     a, b, c = triangles.T
     return Surface(points[first], triangles[(a != b) & (b != c) & (c != a)])

@@ -172,12 +172,12 @@ class Hemispheres(Terrain):
 
     def _away(self, x: ArrayLike) -> Floats:
         """The vectors (n, 2) from the nearest centre to points (n, 2)."""
-        x = rows(x) - np.asarray(self.offset)
-        home = np.round(np.linalg.solve(self._lattice.T, x.T).T)
+        relative = rows(x) - np.asarray(self.offset)
+        home = np.round(np.linalg.solve(self._lattice.T, relative.T).T)
         around = np.array([[i, j] for i in (-1, 0, 1) for j in (-1, 0, 1)])
-        away = x[:, None] - (home[:, None] + around) @ self._lattice
+        away = relative[:, None] - (home[:, None] + around) @ self._lattice
         best = np.argmin((away**2).sum(axis=2), axis=1)
-        return np.asarray(away[np.arange(len(x)), best])
+        return np.asarray(away[np.arange(len(relative)), best])
 
     def height(self, x: ArrayLike) -> Floats:
         """b at points (n, 2), (n,)."""
@@ -235,9 +235,7 @@ class _Waves(Smooth):
     def gradient(self, x: ArrayLike) -> Floats:
         """The derivatives (n, 2)."""
         waves = self.waves
-        return np.asarray(
-            np.cos(rows(x) @ waves[:, 1:3].T + waves[:, 3]) @ (waves[:, :1] * waves[:, 1:3])
-        )
+        return np.asarray(np.cos(rows(x) @ waves[:, 1:3].T + waves[:, 3]) @ (waves[:, :1] * waves[:, 1:3]))
 
     def hessian(self, x: ArrayLike) -> Floats:
         """The second derivatives (n, 2, 2)."""

@@ -5,6 +5,8 @@ import numpy as np
 from incipient.geometry.curves import Floats
 from incipient.geometry.pieces import Pieces, Sight
 
+STILL = 1e-11  # grain sizes: a last step this short leaves an error of its square
+
 
 def least_on_triangles(
     pieces: Pieces, corners: Floats, which: np.ndarray, start: Floats, near: Floats, size: float
@@ -17,23 +19,25 @@ def least_on_triangles(
     points = start.copy()
     sight = pieces.seen(points, which, near)
     pending = np.flatnonzero((np.ptp(corners, axis=1) > 0.0).any(axis=1))
-    for _ in range(40):
+    for _ in range(30):
         if len(pending) == 0:
             break
         here = _rows(sight, pending)
-        target = _model_minimum(corners[pending], points[pending], here)
-        moved = np.abs(target - points[pending]).max(axis=1)
+        before = points[pending]
+        target = _model_minimum(corners[pending], before, here)
         seen = pieces.seen(target, which[pending], here.feet[:, :2])
-        for _ in range(4):
+        for _ in range(3):
             worse = seen.gaps > here.gaps + 1e-15 * size
             if not worse.any():
                 break
-            target = np.where(worse[:, None], 0.75 * points[pending] + 0.25 * target, target)
+            target = np.where(worse[:, None], 0.75 * before + 0.25 * target, target)
             seen = pieces.seen(target, which[pending], here.feet[:, :2])
-        points[pending] = target
+        better = seen.gaps <= here.gaps + 1e-15 * size
+        rows = pending[better]
+        points[rows] = target[better]
         for name in ("gaps", "feet", "normals", "bends"):
-            getattr(sight, name)[pending] = getattr(seen, name)
-        pending = pending[moved > 1e-15 * size]
+            getattr(sight, name)[rows] = getattr(seen, name)[better]
+        pending = pending[better & (np.abs(target - before).max(axis=1) > STILL * size)]
     return points, sight
 
 
@@ -59,7 +63,9 @@ def _model_minimum(corners: Floats, points: Floats, sight: Sight) -> Floats:
 
 def _model(x: Floats, points: Floats, sight: Sight) -> Floats:
     away = x - points
-    return np.asarray((away * sight.normals).sum(axis=1) + 0.5 * np.einsum("mi,mij,mj->m", away, sight.bends, away))
+    return np.asarray(
+        (away * sight.normals).sum(axis=1) + 0.5 * np.einsum("mi,mij,mj->m", away, sight.bends, away)
+    )
 
 
 def _slope(x: Floats, points: Floats, sight: Sight, direction: Floats) -> Floats:

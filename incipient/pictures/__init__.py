@@ -19,12 +19,19 @@ def draw(directory: Path) -> list[Path]:
     Raises:
         OutputError: when there is no result, when one is incomplete or damaged, or a picture cannot be written.
     """
-    from . import judgement, threshold
+    written = []
+    judged, found = ((directory / name).exists() for name in ("judgement.json", "threshold.json"))
+    if (directory / "result.json").exists() or not (judged or found):
+        written += _draw_run(directory)
+    if found:
+        from . import threshold
 
-    others = {"threshold.json": threshold.draw, "judgement.json": judgement.draw}
-    found = [make for name, make in others.items() if (directory / name).exists()]
-    written = _draw_run(directory) if (directory / "result.json").exists() or not found else []
-    return [*written, *(path for make in found for path in make(directory))]
+        written += threshold.draw(directory)
+    if judged:
+        from . import judgement
+
+        written += judgement.draw(directory)
+    return written
 
 
 def _draw_run(directory: Path) -> list[Path]:

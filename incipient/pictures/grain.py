@@ -57,16 +57,16 @@ def _surface(run: Run) -> Surface:
     return Surface.of(run.surface)
 
 
-def _show_place(run: Run, axes: Axes, surface: Surface) -> View:
+def _show_place(run: Run, axes: Axes, surface: Surface, above: float = 0.55) -> View:
     """Make the axes show the grain true to scale with the solids, more of the fluid than of the ground."""
-    view = show_place(axes, surface.points, surface.size)
+    view = show_place(axes, surface.points, surface.size, above)
     draw_solids(run, axes, fluid_shown=False, grain_shown=False)
     return view
 
 
 def _show_arrows(run: Run, axes: Axes, surface: Surface) -> None:
     """Pressing tractions end on the surface, pulling ones start there: all stand outside the grain."""
-    view = _show_place(run, axes, surface)
+    view = _show_place(run, axes, surface, above=0.95)
     draw_grain(axes, surface.points)
     chosen = surface.spaced(_ARROWS)
     tractions = surface.tractions[chosen]

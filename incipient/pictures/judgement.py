@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from pydantic import ValidationError
 
 from ..case import Case
-from ..errors import OutputError
+from ..errors import OutputError, SceneError
 from ..files import reported
 from . import style
 from .judged import Judged, judged, sentence
@@ -24,7 +23,7 @@ from .style import FORCES, INK, PAPER
 
 _UNIT = "[units of the case]"
 _SPACING = 0.04  # of the triangles of a grain's surface, in grain sizes
-_SKETCHED = "; the grain is a sketch through its contacts"
+_SKETCHED = "; the grain is sketched"
 
 
 def draw(directory: Path) -> list[Path]:
@@ -50,8 +49,8 @@ def _shaped(stored: dict[str, Any], source: Path) -> Case | None:
     """The case, if the judgement holds it and it gives the grain's shape."""
     given = stored.get("case")
     try:
-        case = None if given is None else Case.model_validate(given)
-    except (ValidationError, ValueError) as error:
+        case = None if given is None else Case(**given)
+    except (SceneError, TypeError) as error:
         raise OutputError(f"{source}: its case cannot be understood: {error}; judge it again") from error
     return None if case is None or case.body is None else case
 

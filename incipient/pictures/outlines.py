@@ -11,7 +11,6 @@ from .judged import Judged
 
 _PIECES = 48  # straight pieces a curve is shown with
 _FINE = 40  # parts of the sides of the icosahedron that a sphere is drawn with
-_THIN = 1e-3  # of the largest extent: what has none in a direction
 _ROUND = 1e-3  # of the longest arm: contacts of a disc or a sphere, rounded by hand
 Outline = np.ndarray  # points (n, 2) around a grain
 Solid = tuple[np.ndarray, np.ndarray]  # points (n, 3) and triangles (m, 3) of a grain's surface
@@ -51,10 +50,10 @@ def sketched_outline(case: Judged) -> Outline:
 def sketched_solid(case: Judged) -> Solid:
     """A surface through the contacts: a sphere if they could be a sphere's, else a polyhedron.
 
-    The polyhedron is the convex hull of the contacts and their mirror images in the centre of mass, made
-    thick where these lie in a plane or on a line.
+    The polyhedron is the convex hull of the contacts and their mirror images in the centre of mass; where it
+    has no volume there are only its points, without triangles.
     """
-    from scipy.spatial import ConvexHull
+    from scipy.spatial import ConvexHull, QhullError
 
     from ..geometry.surfaces import sphere
 
@@ -62,12 +61,11 @@ def sketched_solid(case: Judged) -> Solid:
     if radius is not None:
         ball = sphere(_FINE)
         return case.load.centre + radius * ball.points, ball.triangles
-    arms = mirrored(case) - case.load.centre
-    moments, axes = np.linalg.eigh(arms.T @ arms)
-    thin = axes.T[moments <= _THIN**2 * moments[-1]]
-    longest = float(np.linalg.norm(arms, axis=1).max())
-    arms = np.vstack([arms, 0.3 * longest * thin, -0.3 * longest * thin])
-    return case.load.centre + arms, ConvexHull(arms).simplices
+    points = mirrored(case)
+    try:
+        return points, ConvexHull(points).simplices
+    except QhullError:
+        return points, np.empty((0, 3), dtype=int)
 
 
 def round_radius(case: Judged) -> float | None:

@@ -28,11 +28,11 @@ _SMALL = 0.03  # forces below it, relative to the largest, are left to the numbe
 Marks = list[tuple[Artist, str]]
 
 
-def show_place(axes: Axes, points: np.ndarray, size: float) -> View:
-    """Make the axes show points (n, 2) true to scale, more of the fluid above than of the ground below."""
+def show_place(axes: Axes, points: np.ndarray, size: float, above: float = 0.55) -> View:
+    """Make the axes show points (n, 2) true to scale, with room above [grain sizes] and for arrows below."""
     low, high = points.min(axis=0), points.max(axis=0)
     middle = (low + high) / 2
-    y0, y1 = min(low[1] - 0.62 * size, middle[1] - size), high[1] + 0.55 * size
+    y0, y1 = min(low[1] - 0.62 * size, middle[1] - size), high[1] + above * size
     half = (y1 - y0) * axes.bbox.width / axes.bbox.height / 2
     view = (middle[0] - half, middle[0] + half, y0, y1)
     axes.set(xlim=view[:2], ylim=view[2:], xlabel="x [scene units]", ylabel="y [scene units]")

@@ -64,7 +64,8 @@ def rendered(case: Judged, points: np.ndarray, triangles: np.ndarray) -> Renderi
     plotter.render_window.SetMultiSamples(0)  # depth peeling cannot do with them
     plotter.enable_depth_peeling(6)
     scene = _Scene(pyvista, plotter, frame)
-    scene.grain(points, triangles)
+    if len(triangles):
+        scene.grain(points, triangles)
     tips, numbers = scene.load(case), scene.contacts(case)
     if case.motion is not None:
         scene.motion(case.motion, points, triangles)
@@ -142,9 +143,10 @@ class _Scene:
         frame = self.frame
         speeds = motion.at(points - frame.centre)
         fastest = float(np.linalg.norm(speeds, axis=1).max()) or 1.0
-        later = self._surface(points + _MOVED * frame.size / fastest * speeds, triangles)
-        self._show(later, MOTION, opacity=0.08, culling="back")
-        self.plotter.add_silhouette(later, color=MOTION, line_width=2.0)
+        if len(triangles):
+            later = self._surface(points + _MOVED * frame.size / fastest * speeds, triangles)
+            self._show(later, MOTION, opacity=0.08, culling="back")
+            self.plotter.add_silhouette(later, color=MOTION, line_width=2.0)
         if np.linalg.norm(motion.acceleration) > 1e-6 * fastest:
             tip = _ACCELERATION * frame.size * _unit(motion.acceleration)
             self._arrow(frame.centre, tip, MOTION, _THICK)

@@ -55,7 +55,7 @@ def _scene(path: Path) -> Scene:
 def _figure(stored: dict[str, Any], scene: Scene, source: Path) -> Figure:
     try:
         case = judged(_with_motion(stored, scene), source)
-        figure, axes = sheet(_critical(stored), case.sentences[1], scene.title, _UP)
+        figure, axes = sheet(critical_sentence(stored), case.sentences[1], scene.title, _UP)
         explain(axes, _draw_place(axes, case, scene))
         load_there = load_rows(case.acting, case.load.flow_couple, _UNIT, planar=True)
         if stored["factor"]:
@@ -114,12 +114,15 @@ def _onset(stored: dict[str, Any], scene: Scene) -> dict[str, Any] | None:
 # -- what was found ----------------------------------------------------------------------------------------
 
 
-def _critical(stored: dict[str, Any]) -> str:
+def critical_sentence(stored: dict[str, Any]) -> str:
+    """How fast the flow must be for the grain to move, or why there is no such speed."""
     factor, status = stored["factor"], stored["verdict"]["safety_status"]
     if factor is None:
         return "There is no threshold: no strength of this flow moves the grain."
     if factor == 0.0 and status == "AT_ONCE":
         return f"There is no threshold: however weak this flow is, the grain begins {stored['mode']}."
+    if factor == 0.0 and status == "HELD_BY_FLOW":
+        return "There is no threshold: without any flow the grain moves, and some of it would hold it."
     if factor == 0.0:
         return f"There is no threshold: without any flow the grain begins {stored['mode']}."
     return f"The grain begins {stored['mode']} where the flow is {factor:.4g} times that of the scene."

@@ -19,6 +19,7 @@ from .shapes import (
     Bed,
     Body,
     Disc,
+    Discs,
     Ellipse,
     Flat,
     HalfDiscs,
@@ -27,6 +28,8 @@ from .shapes import (
     Polyline,
     Rectangle,
     Sinusoidal,
+    Star,
+    Superellipse,
 )
 
 if TYPE_CHECKING:
@@ -40,6 +43,7 @@ __all__ = [
     "Body",
     "Contact",
     "Disc",
+    "Discs",
     "Domain",
     "Ellipse",
     "ExpressionFlow",
@@ -60,7 +64,9 @@ __all__ = [
     "Scene",
     "Shear",
     "Sinusoidal",
+    "Star",
     "Still",
+    "Superellipse",
     "Time",
     "Uniform",
 ]
@@ -329,9 +335,13 @@ class Scene(Section):
 
     @property
     def placement(self) -> Placement | None:
-        """Where the grain is: lowered onto the bed until it touches, or held at its centre; without a gap."""
+        """Where the grain is: lowered onto the bed until it touches, or held at its centre; without a gap.
+
+        With body.settle it then rolls and tips until it rests. Raises SceneError if it does not.
+        """
         from ..geometry.grain import Placement
         from ..geometry.rest import rest
+        from .settling import rested
 
         body, bed = self.body, self.bed_shape
         if body is None:
@@ -340,7 +350,12 @@ class Scene(Section):
             return Placement(body.centre, math.radians(body.angle))
         if body.x is None or bed is None:
             return None
-        return rest(body.grain(), bed, body.x, math.radians(body.angle))
+        angle = math.radians(body.angle)
+        if not body.settle:
+            return rest(body.grain(), bed, body.x, angle)
+        slope = self.bed.slope_angle if self.bed else 0.0
+        friction = self.contact.friction if self.contact else None
+        return rested(body.grain(), bed, body.x, angle, slope, friction, self.domain.length)
 
     @property
     def reference_length(self) -> float:

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from ..geometry import grain as grain_geometry
 
 Point = tuple[float, float]
+Numbers = Annotated[tuple[float, ...], Field(strict=False)]
+Circle = Annotated[tuple[float, float, Positive], Field(strict=False)]
 
 
 class GrainSection(Section):
@@ -37,6 +39,9 @@ class GrainSection(Section):
         description="Density relative to the fluid [-]; without it no weight and no verdict",
         examples=[2.65],
     )
+    settle: bool = Field(
+        False, description="Let the grain roll and tip from x and angle until it is in equilibrium on the bed"
+    )
     motion: Literal["fixed"] = Field("fixed", description="How the grain moves while the flow is computed")
 
     @field_validator("motion", mode="before")
@@ -52,6 +57,9 @@ class GrainSection(Section):
             raise self.refused("x", "neither x nor centre is given", "give x to rest on the bed, or centre")
         if self.x is not None and self.centre is not None:
             raise self.refused("x", "both x and centre are given", "leave one out")
+        if self.settle and self.x is None:
+            why = "a grain held at its centre does not settle"
+            raise self.refused("settle", why, "give x instead of centre, or leave settle out")
         return self
 
     def grain(self) -> grain_geometry.Grain:
@@ -160,7 +168,74 @@ def _side(a: Point, b: Point, p: Point) -> int:
     return (area > 0.0) - (area < 0.0)
 
 
-Body = Annotated[Disc | Ellipse | Rectangle | Polygon, Field(discriminator="shape")]
+class Superellipse(GrainSection):
+    """A superellipse, between an ellipse and a box."""
+
+    shape: Literal["superellipse"] = Field("superellipse", description="Shape of the grain")
+    semi_axes: PositivePair = Field(description="Semi-axes, the first along x when angle is 0 [length]")
+    exponent: float = Field(
+        ge=2, le=100, description="n in |x/a|^n + |y/b|^n = 1: 2 is an ellipse, 100 almost a box"
+    )
+
+    def grain(self) -> grain_geometry.Grain:
+        """The grain's shape in its body frame, lengths in scene units."""
+        from ..geometry import smooth
+
+        return smooth.Superellipse(self.semi_axes, self.exponent)
+
+
+class Star(GrainSection):
+    """A star-shaped grain, radius (1 + sum of cosines[k] cos(k a) + sines[k] sin(k a)) towards the angle a."""
+
+    shape: Literal["star"] = Field("star", description="Shape of the grain")
+    radius: Positive = Field(description="Mean radius [length]")
+    cosines: Numbers = Field(
+        (), description="Coefficients of cos(a), cos(2 a), ... [-]", examples=[(0.0, 0.2)]
+    )
+    sines: Numbers = Field((), description="Coefficients of sin(a), sin(2 a), ... [-]", examples=[(0.0, 0.1)])
+
+    @model_validator(mode="after")
+    def _encloses_its_pole(self) -> Star:
+        try:
+            self.grain()
+        except SceneError as error:
+            key = "cosines" if self.cosines else "sines"
+            raise self.refused(key, *split(str(error))) from None
+        return self
+
+    def grain(self) -> grain_geometry.Grain:
+        """The grain's shape in its body frame, lengths in scene units."""
+        from ..geometry import smooth
+
+        return smooth.Star(smooth.Harmonics(self.radius, self.cosines, self.sines))
+
+
+class Discs(GrainSection):
+    """Discs that overlap and move as one."""
+
+    shape: Literal["discs"] = Field("discs", description="Shape of the grain")
+    discs: Annotated[tuple[Circle, ...], Field(strict=False, min_length=1)] = Field(
+        description="x, y and radius of each disc, relative to any point [length]"
+    )
+
+    @model_validator(mode="after")
+    def _hang_together(self) -> Discs:
+        try:
+            self.grain()
+        except SceneError as error:
+            raise self.refused("discs", *split(str(error))) from None
+        return self
+
+    def grain(self) -> grain_geometry.Grain:
+        """The grain's shape in its body frame, lengths in scene units."""
+        from ..geometry import discs
+
+        return discs.Discs([disc[:2] for disc in self.discs], [disc[2] for disc in self.discs])
+
+
+Body = Annotated[
+    Disc | Ellipse | Rectangle | Polygon | Superellipse | Star | Discs, Field(discriminator="shape")
+]
 
 
 class BedSection(Section):

@@ -228,7 +228,8 @@ def test_a_full_disk_keeps_the_steps_before(session: Session, tmp_path, ranks):
 def test_a_disk_too_full_for_the_result_names_the_first_failure(command, tmp_path):
     """The error told is that of the fields, not that of the attempt to tell of it in result.json."""
     limited = (
-        "import resource, sys; from mpi4py import MPI; from incipient.cli import main; from incipient.output import xdmf\n"
+        "import resource, sys; from mpi4py import MPI\n"
+        "from incipient.cli import main; from incipient.output import xdmf\n"
         "write = xdmf.FieldSeries.write\n"
         "def last(self, *step):\n"
         "    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, -1)); write(self, *step)\n"

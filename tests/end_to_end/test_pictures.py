@@ -10,9 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tomli_w
-from PIL import Image
+from images import assert_is_a_picture, texts_of
 
+from incipient.contact import Contacts, Load
+from incipient.contact.verdict import judge
 from incipient.errors import OutputError
+from incipient.files import plain
 from incipient.output.series_file import SeriesFile
 from incipient.pictures import draw, grain
 from incipient.pictures.mesh import QuadraticMesh, enclosed_area
@@ -21,7 +24,6 @@ from incipient.pictures.streamlines import sample, streamlines
 from incipient.pictures.surface import Surface
 
 RADIUS, SIDE = 1.0, 8.0
-SENTENCE = "the grain begins to move: it rolls downstream about the contact point"
 FLOW_PICTURES = ["flow.png", "pressure.png", "vorticity.png"]
 
 
@@ -82,6 +84,16 @@ def write_run(directory, mesh, fields, scene, result, surface=None):
     return directory
 
 
+FLOW, COUPLE, WEIGHT = [np.pi, 0.5, 0.0], [0.0, 0.0, -0.3], [0.0, -2.0, 0.0]
+POINTS = [[-0.5, -np.sqrt(0.75), 0.0], [0.5, -np.sqrt(0.75), 0.0]]  # on the unit circle, so also normals
+
+
+def verdict_on(flow):
+    """Both judges on a disc in a pocket of two, as a result holds them."""
+    load = Load(np.array(flow), np.array(COUPLE), np.array(WEIGHT), np.zeros(3))
+    return plain(judge(load, Contacts(np.array(POINTS), np.array(POINTS)), 0.4, (np.pi, np.eye(3))).to_dict())
+
+
 @pytest.fixture
 def grain_run(tmp_path):
     columns = 24
@@ -103,21 +115,13 @@ def grain_run(tmp_path):
     result = {
         "schema_version": 1,
         "title": "A disc in a square",
-        "force": {"flow": [np.pi, 0.5, 0], "buoyancy": [0, 1.0, 0], "weight": [0, -3.0, 0]},
-        "couple": {"about": [0, 0, 0], "flow": [0, 0, -0.3]},
+        "force": {"flow": FLOW, "buoyancy": [0, 1.0, 0], "weight": [0, -3.0, 0]},
+        "couple": {"about": [0, 0, 0], "flow": COUPLE},
         "coefficients": {"drag": 6.28, "lift": 1.0, "moment": None},
-        "contacts": [
-            {"point": [-0.5, -0.866, 0], "normal": [-0.5, -0.866, 0]},
-            {"point": [0.5, -0.866, 0], "normal": [0.5, -0.866, 0]},
-        ],
+        "contacts": [{"point": point, "normal": point} for point in POINTS],
         "grain": {"centre": [0, 0], "angle": 0.0},
         "gap": {"width": 0.02, "cells": 2, "resolved": True},
-        "verdict": {
-            "moves": True,
-            "sentence": SENTENCE,
-            "judges": {"criteria": {"significant": [1], "force": [0.25, 0, 0], "couple": [0, 0, -0.125]}},
-            "safety_factor": 0.8,
-        },
+        "verdict": verdict_on(FLOW),
     }
     return write_run(tmp_path, mesh, values, scene, result, (shuffled, {"traction": traction}))
 
@@ -135,40 +139,57 @@ def box_run(tmp_path):
     return write_run(tmp_path, mesh, rotation(mesh[0]), scene, result)
 
 
-def assert_is_a_picture(path):
-    pixels = np.asarray(Image.open(path).convert("RGB"))
-    height, width, _ = pixels.shape
-    assert width > 1000 and height > 600
-    assert (pixels[:5] == 255).all() and (pixels[:, :3] == 255).all(), "a white margin"
-    assert 0.02 < np.mean((pixels != 255).any(axis=2)) < 0.98
-    assert len(np.unique(pixels @ np.array([65536, 256, 1]))) > 50  # colours
-    assert path.stat().st_size > 20_000
-
-
 def test_all_pictures_of_a_grain(grain_run):
     written = draw(grain_run)
-    assert [path.name for path in written] == [*FLOW_PICTURES, "traction.png", "verdict.png"]
+    assert [path.name for path in written] == [*FLOW_PICTURES, "traction.png", "verdict.png", "mesh.png"]
     for path in written:
-        assert_is_a_picture(path)
+        assert_is_a_picture(path, margin=path.stem != "mesh")
 
 
 def test_a_box_without_a_grain_has_flow_pictures_and_profiles(box_run):
     written = draw(box_run)
-    assert [path.name for path in written] == [*FLOW_PICTURES, "profiles.png"]
+    assert [path.name for path in written] == [*FLOW_PICTURES, "profiles.png", "mesh.png"]
     for path in written:
-        assert_is_a_picture(path)
+        assert_is_a_picture(path, margin=path.stem != "mesh")
 
 
 def test_the_verdict_is_told_in_words_and_numbers(grain_run):
-    figure = grain.verdict(read(grain_run))
-    texts = [text.get_text() for text in figure.texts] + [text.get_text() for text in figure.axes[0].texts]
-    assert SENTENCE.capitalize() + "." in texts
+    texts = texts_of(grain.verdict(read(grain_run)))
+    said = " ".join(texts[:2]).replace("\n", " ")
+    assert said.startswith("The grain begins to move (pivoting), safety factor ")
+    assert "By the paper's criteria it begins to move" in said
     assert {"flow", "weight", "resultant"} <= set(texts)
-    assert "(3.142, −1.5)" in texts  # flow + buoyancy + weight
-    assert texts[texts.index("Force left by reaction and friction") + 1] == "(0.25, 0)"
-    assert texts[texts.index("Safety factor on the flow") + 1] == "0.8"
+    assert texts[texts.index("Resultant") + 1] == "(3.142, −1.5)"  # flow + buoyancy + weight
     assert texts[texts.index("Cells across the gap") + 1] == "2"
+    assert texts[texts.index("Coefficient of static friction") + 1] == "0.4"
     assert "Moment coefficient" not in texts  # null in the result
+    assert {"contact lifts off", "contact keeps its place while the grain turns"} <= set(texts)
+
+
+def with_verdict(run, verdict):
+    path = run / "result.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"verdict": verdict}))
+    return read(run)
+
+
+def test_a_grain_that_rests_shows_the_forces_that_hold_it(grain_run):
+    texts = texts_of(grain.verdict(with_verdict(grain_run, verdict_on([0.1, 0.0, 0.0]))))
+    assert "contact force on the grain, the smallest that balance the load" in texts
+    assert "Acceleration" not in texts
+
+
+def test_a_grain_that_is_not_judged_shows_its_load(grain_run):
+    texts = texts_of(grain.verdict(with_verdict(grain_run, None)))
+    assert texts[0] == "The forces on the grain; the scene asks for no verdict."
+    assert {"flow", "weight", "resultant", "contact, with its normal"} <= set(texts)
+    assert "Safety factor on the flow" not in texts
+
+
+@pytest.mark.parametrize("missing", ["judges", "sentence", "safety_factor"])
+def test_an_incomplete_verdict_is_named(grain_run, missing):
+    verdict = {key: value for key, value in verdict_on(FLOW).items() if key != missing}
+    with pytest.raises(OutputError, match=rf"result\.json: its verdict holds no {missing}"):
+        grain.verdict(with_verdict(grain_run, verdict))
 
 
 def test_no_screen_no_warning(grain_run):
@@ -189,7 +210,7 @@ def test_still_fluid_is_drawn(grain_run):
     file.add_geometry(np.column_stack([points, np.zeros(len(points))]))
     nothing = np.zeros(len(points))
     file.add_step(0.0, {"velocity": np.zeros((len(points), 3)), "pressure": nothing, "vorticity": nothing})
-    assert len(draw(grain_run)) == 5
+    assert len(draw(grain_run)) == 6
 
 
 @pytest.mark.parametrize(

@@ -70,6 +70,21 @@ class TestBlock:
         assert (result.mode, result.uniqueness) == (Mode.SLIDING, Uniqueness.ONLY)
         assert result.solutions[0].forces_unique
 
+    @pytest.mark.parametrize("friction", [0.2, 0.45])
+    def test_base_of_many_contacts(self, friction):
+        # A row of seven: the same motion as on the two ends, with the smallest of all forces that give it.
+        row = np.column_stack([np.linspace(-1.0, 1.0, 7), np.zeros((7, 2))])
+        acting = load((0.4, 0.0), centre=(0.0, 0.3))
+        ends = incipient_motion(acting, Contacts(row[[0, -1]], [DOWN] * 2), friction, 1.0, np.eye(3))
+        many = incipient_motion(acting, Contacts(row, [DOWN] * 7), friction, 1.0, np.eye(3))
+        assert many.mode is ends.mode is (Mode.SLIDING if friction < 0.4 else Mode.REST)
+        assert many.acceleration == pytest.approx(ends.acceleration, abs=1e-12)
+        assert (many.uniqueness, many.solutions[0].forces_unique) == (Uniqueness.ONLY, False)
+        # Forces of least length under two conditions, sum and moment, vary linearly along the row, unless that
+        # takes them out of a cone: at rest the last one upstream would slip.
+        if many.moves:
+            assert np.diff(many.contact_forces[:, 1], 2) == pytest.approx(np.zeros(5), abs=1e-12)
+
     def test_topples(self):
         # About the downstream edge: (J + m (b^2 + h^2)) alpha = F h - W b, about +y, for friction enough.
         inertia = np.diag([0.7, 0.5, 0.9])
@@ -283,6 +298,15 @@ class TestDegenerate:
         result = incipient_motion(load(couple=0.2, weight=(0.0, 0.0)), contacts, 0.5, 1.0, 0.1 * np.eye(3))
         assert (result.mode, result.uniqueness, result.jams) == (Mode.REST, Uniqueness.FAMILY, True)
         assert result.solutions[-1].angular_acceleration == pytest.approx([0.0, 0.0, 2.0])
+
+    def test_plate_between_facing_contacts(self):
+        # A thin bar gripped by three contacts on one line of action, dragged along: 2 N - 2 N of pressure stay
+        # free, so friction may brake it as hard as one likes.
+        contacts = Contacts([[0.0, -0.1, 0.0], [0.0, 0.1, 0.0], [0.0, -0.2, 0.0]], [DOWN, UP, DOWN])
+        result = incipient_motion(load((1.0, 0.0), weight=(0.0, 0.0)), contacts, 0.5, 1.0, np.eye(3))
+        assert (result.mode, result.uniqueness, result.jams) == (Mode.REST, Uniqueness.FAMILY, True)
+        assert result.solutions[-1].acceleration == pytest.approx([1.0, 0.0, 0.0])
+        assert result.residual < 1e-9
 
     def test_sphere_spinning_on_four_contacts(self):
         # Four normals through the centre: their four forces are not determined, and with them friction's couple.

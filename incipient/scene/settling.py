@@ -1,0 +1,32 @@
+"""Where the grain of a scene comes to rest when it is let go."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+from ..errors import SceneError
+from ..geometry.bed import Bed
+from ..geometry.grain import Grain, Placement
+from ..geometry.settle import settle
+
+DEFAULT_FRICTION = 1.0  # where the scene has no contact: rough enough for slopes of 45 degrees
+
+
+# A scene is asked for its placement many times, and the answer takes a second or two.
+@lru_cache(maxsize=16)
+def rested(
+    grain: Grain, bed: Bed, x: float, angle: float, slope: float, friction: float | None, reach: float
+) -> Placement:
+    """The equilibrium that a grain finds which is let go above `x`, turned by `angle` (radians).
+
+    Gravity is turned by `slope` (radians); `reach` is how far the grain may roll. Raises SceneError if it
+    does not come to rest, or only balances.
+    """
+    gravity = (math.sin(slope), -math.cos(slope))
+    hold = DEFAULT_FRICTION if friction is None else friction
+    start = Placement((x, bed.crest + grain.size), angle)
+    found = settle(grain, bed, start, gravity, hold, reach / grain.size)
+    if not found.stable:
+        raise SceneError(f"the grain {found.outcome.value}; change x or angle, or leave settle out")
+    return found.placement
