@@ -239,6 +239,7 @@ def judge_case(case: Case) -> dict[str, Any]:
     inert = case.mass_and_inertia()
     verdict = judge(acting, contacts, friction, inert)
     said = {"title": case.title, "source": case.source, "verdict": verdict.to_dict(), "probabilities": None}
+    said["case"] = case.model_dump(mode="json", exclude_none=True, warnings=False)
     if case.errors is not None:
         chances = probabilities(
             acting, contacts, friction, case.standard_errors(), case.errors.samples, case.errors.seed, inert

@@ -44,7 +44,8 @@ class Trial:
 class Threshold:
     """The critical flow of a scene, or why there is none.
 
-    factor:          critical speed over that of the scene; 0: moves without flow, inf: no flow moves it
+    factor:          critical speed over that of the scene; 0: any flow moves it, or its weight alone does;
+                     inf: no flow moves it
     shields:         Shields number tau_b / ((rho_s - rho_f) g d), tau_b of the undisturbed flow at the bed
     reynolds:        the scene's Reynolds number, critical
     shear_reynolds:  u* d / nu with u*^2 = tau_b / rho_f
@@ -79,6 +80,8 @@ class Threshold:
 
     def text(self) -> str:
         """The outcome in a few lines."""
+        if self.factor == 0.0 and self.verdict["safety_status"] == "AT_ONCE":
+            return f"threshold           zero: any flow moves the grain, {self.mode}"
         if self.factor == 0.0:
             return "threshold           none: the grain moves without any flow"
         if not np.isfinite(self.factor):

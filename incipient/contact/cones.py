@@ -19,6 +19,7 @@ from incipient.contact.model import Floats
 
 RANK = 1e-10  # singular values below it, relative to the largest, count as zero
 GAP = 1e-11  # tolerance of the cone programs, in numbers of order one
+SNAPPED = 1e-14  # misses below it are round-off
 EDGE, APEX = 1e-6, 3e-8  # room in a cone, and forces relative to the largest, that count as none
 ANSWERED = (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved)
 
@@ -129,7 +130,7 @@ def snapped(start: Floats, basis: Floats, answer: Floats) -> Floats:
         outward[:, 1:] = -table[:, 1:] / np.maximum(shear, 1e-300)[:, None]
         wanted = np.vstack([(outward[edge, None] @ rows[edge])[:, 0], rows[apex].reshape(-1, basis.shape[1])])
         missed = np.concatenate([gaps[edge], table[apex].ravel()])
-        if len(missed) == 0:
+        if len(missed) == 0 or np.abs(missed).max() < SNAPPED:
             break
         moved = answer - np.linalg.lstsq(wanted, missed, rcond=1e-8)[0]
         if slack(start + basis @ moved).min() <= gaps.min():

@@ -16,7 +16,7 @@ from incipient.contact.model import Floats
 
 RANK = 1e-10  # singular values below it, relative to the largest, count as zero
 MISSED = 1e-9  # how far the wrench may be missed, in numbers of order one
-CONVERGED = 1e-13
+CONVERGED, ON_EDGE = 1e-13, 1e-12  # relative to the forces: of the wrench, and of room in a cone
 STEPS = 25
 SHIFT = 1e-3  # of the curvature, which may be singular, by this much of what is missed
 DIAGONAL = np.diag_indices(6)
@@ -113,10 +113,8 @@ def _on_line(by: Allowed, start: Floats, way: Floats) -> Floats | None:
     roots = roots[np.argsort(np.abs(roots))]
     tried = start + roots[:, None, None] * way
     room = by.room(tried).min(axis=1)
-    allowed_roots = np.flatnonzero(
-        room >= -CONVERGED * np.maximum(1.0, np.abs(tried).max(axis=(1, 2))) * 10.0
-    )
-    return tried[allowed_roots[0]] if len(allowed_roots) else None
+    inside = np.flatnonzero(room >= -ON_EDGE * np.maximum(1.0, np.abs(tried).max(axis=(1, 2))))
+    return tried[inside[0]] if len(inside) else None
 
 
 def _edge_roots(by: Allowed, start: Floats, way: Floats) -> Floats:

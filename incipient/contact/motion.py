@@ -173,7 +173,7 @@ def _solution(case: Release, law: Law, carried: Support, candidate: Candidate) -
     residual = math.inf if local is None else _residual(case, law, acceleration, local)
     if (
         residual > GOOD
-    ):  # on a boundary of states round-off decides: see whether the forces found before are better
+    ):  # round-off decides on a boundary of states: perhaps the forces found before are better
         other = candidate.local if acceleration.any() else carried.forces(case.wrench)
         if other is not None and _residual(case, law, acceleration, other) < residual:
             local, residual = other, _residual(case, law, acceleration, other)

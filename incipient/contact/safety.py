@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from incipient.contact.grasp import INFINITE, Grasp, Wrenches, grasp, wrenches
+from incipient.contact.grasp import INFINITE, Grasp, Wrenches, cross, grasp, wrenches
 from incipient.contact.model import Contacts, Floats, Load
 from incipient.contact.support import TOLERANCE, Support, support
 
@@ -86,7 +86,8 @@ def safety_factor(load: Load, contacts: Contacts, friction: float) -> SafetyFact
     carried = support(held_by)
     weight_held = acting.weight_size == 0.0 or carried.holds(acting.weight)
     found = _upper(carried, acting, weight_held)
-    interval = None if found is None else (_lower(carried, acting, weight_held), found[0])
+    low = None if found is None else _lower(carried, acting, weight_held)
+    interval = None if found is None or low is None else (low, found[0])
     value = interval[1] if interval is not None and weight_held else 0.0
     factor, local = _shown(held_by, carried, acting, interval, None if found is None else found[1])
     forces = held_by.forces(local if local is not None else np.zeros((len(held_by), 3)))
@@ -121,13 +122,14 @@ def _upper(carried: Support, acting: Wrenches, weight_held: bool) -> tuple[float
     return share / rest * acting.weight_size / acting.flow_size, local * (acting.weight_size / rest)
 
 
-def _lower(carried: Support, acting: Wrenches, weight_held: bool) -> float:
-    """The smallest factor that is balanced, if one is."""
+def _lower(carried: Support, acting: Wrenches, weight_held: bool) -> float | None:
+    """The smallest factor that is balanced, if one is; None if only an infinite one would."""
     if weight_held:
         return 0.0
     found = carried.largest_share(acting.weight, acting.flow)
-    rest = 0.0 if found is None else 1.0 - found[0]
-    return rest / max(1.0 - rest, 1e-300) * acting.weight_size / acting.flow_size
+    if found is None or found[0] <= TOLERANCE:
+        return None
+    return (1.0 - found[0]) / found[0] * acting.weight_size / acting.flow_size
 
 
 def _shown(
@@ -180,9 +182,10 @@ def _residual(load: Load, contacts: Contacts, friction: float, factor: float, fo
     arms = contacts.points - load.centre
     reach = max(math.hypot(*arm) for arm in arms) or 1.0
     force = factor * load.flow_force + load.weight + forces.sum(axis=0)
-    couple = factor * load.flow_couple + np.cross(arms, forces).sum(axis=0)
+    couple = factor * load.flow_couple + cross(arms, forces).sum(axis=0)
     normal = -(forces * contacts.normals).sum(axis=1)
-    shear = np.linalg.norm(forces + normal[:, None] * contacts.normals, axis=1)
+    along = forces + normal[:, None] * contacts.normals
+    shear = np.sqrt((along * along).sum(axis=1))
     beyond = shear - friction * normal if friction <= INFINITE else -normal
     largest = max(np.abs(forces).max(), np.abs(factor * load.flow_force).max(), np.abs(load.weight).max())
     worst = max(np.abs(force).max(), np.abs(couple).max() / reach, beyond.max(), -normal.min(), 0.0)

@@ -129,12 +129,10 @@ class Search:
     def _on_one(self) -> Floats:
         """For each contact, if they are few, the force that would stop it and friction against it, (k, k, 3)."""
         total = len(self.law.step)
-        count = total if total <= FEW else 0
+        some = np.arange(total if total <= FEW else 0)
         way = self.law.free.reshape(-1, 3)
-        starts = np.zeros((count, total, 3))
-        starts[np.arange(count), np.arange(count)] = self._rubbed(np.abs(way[:, 0]) * self.law.step, way)[
-            :count
-        ]
+        starts = np.zeros((len(some), total, 3))
+        starts[some, some] = self._rubbed(np.abs(way[:, 0]) * self.law.step, way)[some]
         return starts
 
     def _rubbed(self, pressure: Floats, way: Floats) -> Floats:
@@ -180,7 +178,10 @@ def _is_family(law: Law, local: Floats) -> bool:
 
 
 def newton(law: Law, starts: Floats, steps: int = STEPS) -> Floats:
-    """The forces (s', k, 3) that solve the equations, by damped Newton steps from all starts (s, k, 3) at once."""
+    """The forces (s', k, 3) that solve the equations, by damped Newton steps from all starts (s, k, 3) at once.
+
+    More than STEPS steps are made only while there is no solution yet.
+    """
     solved, at = [starts[:0]], _iterate(law, starts)
     for step in range(steps):
         if step == STEPS and len(solved) > 1:

@@ -160,7 +160,7 @@ def checked_balls(centres: ArrayLike, radii: ArrayLike, dimension: int) -> tuple
         reached = linked[reached].any(axis=0)
     if not reached.all():
         raise SceneError(
-            f"ball {int(np.argmin(reached))} of the union does not overlap the others; move it closer"
+            f"number {int(np.argmin(reached))} of the union does not overlap the others; move it closer"
         )
     return points, sizes
 

@@ -137,14 +137,19 @@ class Rectangle(Grain):
             )
 
     @property
+    def _radius(self) -> float:
+        """The corner radius, zero where it is lost in round-off beside the sides."""
+        return self.corner_radius if self.corner_radius > 1e-9 * min(self.width, self.height) else 0.0
+
+    @property
     def _core(self) -> Floats:
         """Half the sides of the rectangle that the corner circle is rolled around."""
-        return 0.5 * np.array([self.width, self.height]) - self.corner_radius
+        return 0.5 * np.array([self.width, self.height]) - self._radius
 
     @property
     def size(self) -> float:
         """The diagonal, less what the rounding takes off."""
-        return float(2.0 * np.hypot(*self._core) + 2.0 * self.corner_radius)
+        return float(2.0 * np.hypot(*self._core) + 2.0 * self._radius)
 
     @property
     def volume(self) -> float:
@@ -154,13 +159,13 @@ class Rectangle(Grain):
     @property
     def polar_moment(self) -> float:
         """By parts: the core, its sides and the four quarter discs."""
-        return float(np.trace(moments.rounded_box(self._core, self.corner_radius).second))
+        return float(np.trace(moments.rounded_box(self._core, self._radius).second))
 
     def level(self, x: ArrayLike) -> Floats:
         """The signed distance at points (n, 2)."""
         beyond = np.abs(rows(x)) - self._core
         outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
-        return np.asarray(outside + np.minimum(beyond.max(axis=1), 0.0) - self.corner_radius)
+        return np.asarray(outside + np.minimum(beyond.max(axis=1), 0.0) - self._radius)
 
     def normal(self, x: ArrayLike) -> Floats:
         """Outward unit normals (n, 2) at points (n, 2), at a sharp corner the bisector."""
@@ -173,7 +178,7 @@ class Rectangle(Grain):
 
     def outline(self) -> tuple[Curve, ...]:
         """Bottom, right, top and left side with the corner arcs between; sides of no length are left out."""
-        r = self.corner_radius
+        r = self._radius
         signs = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
         outward = [(0.0, -r), (r, 0.0), (0.0, r), (-r, 0.0)]
         centres = signs * self._core

@@ -276,7 +276,7 @@ class Triangulated(Solid):
         return self._nearest(table(x))[0]
 
     def normal(self, x: ArrayLike) -> Floats:
-        """The normal (n, 3) of the triangle nearest to each point, of several equally near ones the mean."""
+        """Unit normals (n, 3): off the surface away from its nearest point, on an edge the mean of its sides'."""
         return self._nearest(table(x))[1]
 
     def _nearest(self, x: Floats) -> tuple[Floats, Floats]:
@@ -287,13 +287,15 @@ class Triangulated(Solid):
 
     def _nearest_of_few(self, x: Floats) -> tuple[Floats, Floats]:
         corners = self._surface.corners
-        distance = np.linalg.norm(nearest_on_triangles(x[:, None], corners) - x[:, None], axis=2)
+        away = x[:, None] - nearest_on_triangles(x[:, None], corners)
+        distance = np.linalg.norm(away, axis=2)
         least = distance.min(axis=1)
-        normals = unit(surfaces.vector_areas(corners))
-        near = distance <= least[:, None] + 1e-12 * self.size
-        mean = np.array([_mean_direction(normals[row]) for row in near])
         inside = _winding(x, corners) > 0.5
-        return np.where(inside, -least, least), mean
+        normals = np.where(inside, -1.0, 1.0)[:, None] * unit(away[np.arange(len(x)), distance.argmin(axis=1)])
+        of_triangles = unit(surfaces.vector_areas(corners))
+        for k in np.flatnonzero(least <= 1e-9 * self.size):
+            normals[k] = _mean_direction(of_triangles[distance[k] <= least[k] + 1e-12 * self.size])
+        return np.where(inside, -least, least), normals
 
     def surface(self, spacing: float) -> Surface:
         """The triangles, cut into smaller ones."""

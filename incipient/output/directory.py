@@ -19,11 +19,17 @@ if TYPE_CHECKING:
     from .xdmf import FieldSeries, SurfaceSeries
 
 # What an earlier run into the same directory may have left and this one may not write again.
-PICTURES = ("flow", "pressure", "vorticity", "traction", "verdict", "profiles", "mesh")
-LEFTOVERS = (
-    *("result.json", "history.csv", "fields.xdmf", "fields.h5", "surface.xdmf", "surface.h5"),
-    *(f"{picture}.png" for picture in PICTURES),
+PICTURES = ("flow", "pressure", "vorticity", "traction", "verdict", "profiles", "mesh", "threshold")
+DATA = (
+    "result.json",
+    "history.csv",
+    "fields.xdmf",
+    "fields.h5",
+    "surface.xdmf",
+    "surface.h5",
+    "threshold.json",
 )
+LEFTOVERS = (*DATA, *(f"{name}.png" for name in PICTURES))
 
 
 class ResultDirectory:

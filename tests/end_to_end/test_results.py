@@ -82,7 +82,8 @@ def test_the_cost_is_told(grain, street):
         stages = {name: seconds for name, seconds in cost["wall_time"].items() if name != "total"}
         assert 0 < sum(stages.values()) <= cost["wall_time"]["total"]
         assert all(cost[name] > 0 for name in ("unknowns", "cells", "peak_memory_mib", "ranks"))
-        assert all(cost["iterations"][name] > 0 for name in ("newton", "factorisations", "krylov"))
+        assert all(cost["iterations"][name] > 0 for name in ("newton", "factorisations"))
+        assert cost["iterations"]["krylov"] >= 0  # none where the factors alone will do
         assert {"incipient", "dolfinx", "petsc", "python", "numpy"} <= set(cost["versions"])
     assert result_of(street)["cost"]["iterations"]["steps"] == 10
 

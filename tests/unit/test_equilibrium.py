@@ -350,6 +350,20 @@ class TestSpecialLoads:
         assert result.value == value
         assert result.status is (SafetyStatus.UNLIMITED if value else SafetyStatus.AT_ONCE)
 
+    def test_held_by_an_infinite_flow_only(self):
+        # Weightless contact above a sphere: the flow presses to it, the weight pulls sideways past all friction.
+        contact = Contacts([[0.0, 0.5, 0.0]], [[0.0, 1.0, 0.0]])
+        result = safety_factor(load((0.0, 1.0), weight=(1.0, 0.0)), contact, 0.0)
+        assert (result.value, result.status, result.interval) == (0.0, SafetyStatus.UNHELD, None)
+        assert not result.contact_forces.any()
+        result = safety_factor(load((0.0, 1.0), 0.0, weight=(0.0, -1.0)), contact, 0.5)
+        assert (result.value, result.status, result.interval) == (
+            0.0,
+            SafetyStatus.HELD_BY_FLOW,
+            (1.0, math.inf),
+        )
+        assert result.held
+
     def test_couple_only(self):
         # A block of half base 1 under its weight tips at couple = W half base.
         acting = load((0.0, 0.0), -2.0, centre=(0.0, 0.5))

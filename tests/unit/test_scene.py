@@ -10,10 +10,13 @@ from pydantic import ValidationError
 
 from incipient.errors import SceneError
 from incipient.geometry import bed as bed_geometry
+from incipient.geometry import discs as disc_geometry
 from incipient.geometry import grain as grain_geometry
+from incipient.geometry import smooth as smooth_geometry
 from incipient.scene import (
     Contact,
     Disc,
+    Discs,
     Domain,
     Ellipse,
     ExpressionFlow,
@@ -33,7 +36,9 @@ from incipient.scene import (
     Scene,
     Shear,
     Sinusoidal,
+    Star,
     Still,
+    Superellipse,
     Time,
     Uniform,
 )
@@ -131,6 +136,11 @@ def test_shapes_become_geometry():
         Ellipse(semi_axes=(1, 0.5), x=4): grain_geometry.Ellipse((1.0, 0.5)),
         Rectangle(width=1, height=2, corner_radius=0.1, x=4): grain_geometry.Rectangle(1.0, 2.0, 0.1),
         Polygon(vertices=[(0, 0), (1, 0), (0, 1)], x=4): grain_geometry.Polygon([(0, 0), (1, 0), (0, 1)]),
+        Superellipse(semi_axes=(1, 0.5), exponent=4, x=4): smooth_geometry.Superellipse((1.0, 0.5), 4.0),
+        Star(radius=0.5, cosines=(0, 0.1), x=4): smooth_geometry.Star(
+            smooth_geometry.Harmonics(0.5, (0.0, 0.1))
+        ),
+        Discs(discs=[(0, 0, 0.5), (0.5, 0, 0.4)], x=4): disc_geometry.Discs([(0, 0), (0.5, 0)], [0.5, 0.4]),
     }
     for body, geometry in shapes.items():
         assert scene(body=body).grain == geometry
@@ -167,6 +177,35 @@ def test_a_grain_is_held_where_it_is_put():
     assert scene(body=Disc(diameter=1, centre=(4, 0.5))).placement.centre == (4.0, 0.5)  # just touches
 
 
+def test_a_grain_settles_if_asked_to():
+    """A box tilted by 20 degrees stays so, or falls onto its face: half its height above the bed."""
+    tilted = {"width": 1.0, "height": 0.6, "x": 4.0, "angle": 20.0}
+    assert scene(body=Rectangle(**tilted)).placement.angle == pytest.approx(math.radians(20.0))
+    settled = scene(body=Rectangle(**tilted, settle=True)).placement
+    assert settled.angle == pytest.approx(0.0, abs=1e-12)
+    assert settled.centre[1] == pytest.approx(0.3, rel=1e-12)
+
+
+def test_a_disc_settles_into_the_pocket_of_two_half_discs():
+    """The centres of three discs of diameter 1 that touch form an equilateral triangle."""
+    body = Disc(diameter=1, x=4.2, settle=True)
+    settled = scene(body=body, bed=HalfDiscs(radius=0.5, spacing=1, offset=0)).placement
+    assert settled.centre == pytest.approx((4.5, math.sqrt(0.75)), rel=1e-10)
+
+
+def test_friction_of_the_scene_holds_a_box_on_a_slope():
+    """tan 20 degrees = 0.364: a box stays with friction 0.4 and slides off with 0.3."""
+    changes = {
+        "body": Rectangle(width=1, height=0.5, x=4, settle=True),
+        "bed": Inclined(slope=20),
+        "gravity": Gravity(acceleration=10),
+    }
+    stays = scene(**changes, contact=Contact(friction=0.4)).placement
+    assert stays.centre == pytest.approx((4.0, 0.25), rel=1e-12)
+    refused = message(lambda: scene(**changes, contact=Contact(friction=0.3)))
+    assert refused.startswith("Scene: body.x: the grain rolls off")
+
+
 def test_gap_and_tolerance_are_lengths():
     found = scene(body=Disc(diameter=2, x=4), contact=Contact(friction=0.5, gap=0.02, tolerance=1e-5))
     assert (found.contact_gap, found.contact_tolerance) == (0.04, 2e-5)
@@ -200,7 +239,7 @@ def test_every_key_is_described():
         for name, field in section.model_fields.items():
             assert field.description, f"{section.__name__}.{name}"
             pending += [option for option in variants(field.annotation) if option not in seen]
-    assert len(seen) == 1 + 7 + 7 + 4 + 5  # scene, sections, flows, shapes, beds
+    assert len(seen) == 1 + 7 + 7 + 7 + 5  # scene, sections, flows, shapes, beds
 
 
 def test_import_loads_no_finite_elements():
@@ -301,6 +340,26 @@ ONE_KEY = [
     (
         lambda: Polygon(vertices=[(0, 0), (1,), (2, 2)], x=1),
         "Polygon: vertices[1]: has 1 item; give two, as in [x, y]",
+    ),
+    (
+        lambda: Superellipse(semi_axes=(1, 1), exponent=1.5, x=1),
+        "Superellipse: exponent: is 1.5; give a number of at least 2",
+    ),
+    (
+        lambda: Star(radius=1, cosines=(0, 1.5), x=1),
+        "Star: cosines: the radius of the star is -0.5 at 90 degrees; keep it positive",
+    ),
+    (
+        lambda: Discs(discs=[(0, 0, 1), (3, 0, 1)], x=1),
+        "Discs: discs: number 1 of the union does not overlap the others; move it closer",
+    ),
+    (
+        lambda: Discs(discs=[(0, 0, 0)], x=1),
+        "Discs: discs[0][2]: is 0; give a number greater than 0",
+    ),
+    (
+        lambda: Disc(diameter=1, centre=(1, 2), settle=True),
+        "Disc: settle: a grain held at its centre does not settle; give x instead of centre, or leave settle out",
     ),
     (lambda: Inclined(slope=95), "Inclined: slope: is 95; give a number less than 90"),
     (

@@ -13,6 +13,7 @@ from incipient.errors import OutputError, SceneError
 from incipient.scene import (
     Contact,
     Disc,
+    Discs,
     Domain,
     Ellipse,
     ExpressionFlow,
@@ -32,7 +33,9 @@ from incipient.scene import (
     Scene,
     Shear,
     Sinusoidal,
+    Star,
     Still,
+    Superellipse,
     Time,
     Uniform,
 )
@@ -152,7 +155,8 @@ def test_wrong_overrides(override, expected):
 def test_an_override_may_begin_a_section():
     found = message(lambda: loads(MINIMAL, overrides=["body.x=3"]))
     assert found.endswith(
-        '--set body.x=3: body.shape: is missing; use "disc", "ellipse", "rectangle" or "polygon"'
+        '--set body.x=3: body.shape: is missing; use "disc", "ellipse", "rectangle", "polygon", '
+        '"superellipse", "star" or "discs"'
     )
 
 
@@ -330,6 +334,11 @@ def bodies(at):
         st.builds(Ellipse, semi_axes=st.tuples(HALF, HALF), **common),
         st.builds(Polygon, vertices=TRIANGLES, **common),
         st.builds(Rectangle, width=HALF, height=HALF, corner_radius=numbers(0, 0.005), **common),
+        st.builds(
+            Superellipse, semi_axes=st.tuples(HALF, HALF), exponent=st.sampled_from([2.0, 3.5]), **common
+        ),
+        st.builds(Star, radius=HALF, cosines=st.tuples(numbers(-0.3, 0.3), numbers(-0.3, 0.3)), **common),
+        st.builds(Discs, discs=HALF.map(lambda r: [(0.0, 0.0, r), (r, 0.5 * r, 0.8 * r)]), **common),
     )
 
 
