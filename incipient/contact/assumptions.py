@@ -120,7 +120,8 @@ def _leaves(twist: Twist, paper: Classification, keeping: int | None) -> bool:
     """Whether all contacts, but one that is kept, move away from the bed."""
     velocity = twist.at(paper.contacts.points - paper.load.centre)
     leaving = -(velocity * paper.contacts.normals).sum(axis=1)
-    return bool((np.delete(leaving, [] if keeping is None else [keeping]) > 0.0).all())
+    zero = paper.tolerance * float(np.abs(velocity).max(initial=0.0))  # grazing is not leaving
+    return bool((np.delete(leaving, [] if keeping is None else [keeping]) > zero).all())
 
 
 def _suggested(paper: Classification) -> Iterator[Twist]:

@@ -13,6 +13,7 @@ from incipient.contact.grasp import Grasp
 from incipient.contact.model import Floats
 
 EXACT = 1e-10  # residual, in numbers of order one, up to which a system counts as solved
+CERTAIN = 1e-9  # cosine between a column and what is missed below which it counts as not positive
 PIVOT = 1e-10  # factors below it, relative to the largest, count as zero
 LAST = np.eye(7)[6]  # a wrench of zero, and one for the row below it
 SOLVER = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
@@ -29,12 +30,20 @@ def local(factors: Floats, fan: Floats) -> Floats:
 
 
 def combination(columns: Floats, target: Floats) -> Floats | None:
-    """Factors >= 0, as few as possible not zero, whose sum of columns is the target, or None."""
+    """Factors >= 0, as few as possible not zero, whose sum of columns is the target, or None.
+
+    Either answer is checked: what is missed by the best factors, if it is not nothing, has to be a direction
+    against which no column points and the target does, which proves that there are none.
+    """
     try:
-        factors, rest = nnls(columns, target)
-    except RuntimeError:  # it cycles, which it rarely does: ask the slower program
+        factors = nnls(columns, target)[0]
+    except RuntimeError:  # it cycles, which it rarely does
         return _feasible(columns, target)
-    return factors if rest <= EXACT * max(1.0, math.hypot(*target)) else None
+    missed = target - columns @ factors
+    size = math.hypot(*missed)
+    if size <= EXACT * max(1.0, math.hypot(*target)):
+        return np.asarray(factors)
+    return None if (missed @ columns).max() <= CERTAIN * size else _feasible(columns, target)
 
 
 def largest_share(columns: Floats, flow: Floats, weight: Floats) -> tuple[float, Floats] | None:
@@ -76,7 +85,7 @@ def extent(columns: Floats, target: Floats, bounds: Floats, goal: Floats) -> lis
 
 
 def _feasible(columns: Floats, target: Floats) -> Floats | None:
-    """Factors >= 0 by linear programming."""
+    """Factors >= 0 by linear programming, which is slower and surer."""
     answer = linprog(np.ones(columns.shape[1]), A_eq=columns, b_eq=target, method="highs", options=SOLVER)
     return np.asarray(answer.x) if answer.success else None
 
