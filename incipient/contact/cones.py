@@ -114,6 +114,13 @@ def associated(forces: Balance, mass: Floats, wrench: Floats, rise: Floats) -> t
     return np.array(solution.x), np.array(solution.z)
 
 
+def frictionless(mass: Floats, pressures: Floats, wrench: Floats) -> tuple[Floats, Floats]:
+    """The y that minimises y.mass.y / 2 - wrench.y under pressures^T y >= 0, (6,), and the pressures (k,)."""
+    count = pressures.shape[1]
+    solution = _run(-wrench, -pressures.T, np.zeros(count), nonnegative=count, quadratic=mass)
+    return np.array(solution.x), np.array(solution.z)
+
+
 def snapped(start: Floats, basis: Floats, answer: Floats) -> Floats:
     """The answer moved so that forces near the edge or the apex of their cones are on it, by Newton's method.
 

@@ -56,6 +56,8 @@ def footprint(proximity: SpatialProximity, placement: Placement, tolerance: floa
     for k, core in enumerate(proximity.cores):
         for piece in np.unique(close.origin[:, 2]):
             mine = (close.origin[:, 0] == k) & (close.origin[:, 2] == piece)
+            if not mine.any():
+                continue
             found = _patches(proximity, placement, core, close.only(mine), tolerance)
             for patch in found:
                 loose[mine] &= ~patch.covers(close.points[mine], max(tolerance, 1e-9 * proximity.size))

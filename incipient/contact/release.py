@@ -1,16 +1,19 @@
 """A grain at the instant of its release, in numbers of order one: what the searches for its motion start from."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import nnls
 
+from incipient.contact import cones
 from incipient.contact.candidates import Candidate
 from incipient.contact.grasp import Grasp, grasp, wrenches
 from incipient.contact.model import Contacts, Floats, Load
 from incipient.errors import SceneError
 
 NO_LOAD = 1e-12  # of flow and weight: a sum below it is no load
+CHECKED = 1e-9  # how far motions may enter contacts, relative to the free acceleration
 LARGEST = 1e6  # friction with which motions are computed if it is larger or infinite
 SYMMETRIC = 1e-9  # of the inertia's largest entry
 
@@ -79,11 +82,21 @@ def release(load: Load, contacts: Contacts, friction: float, mass: float, inerti
 
 
 def frictionless(case: Release) -> Candidate:
-    """The only motion without friction: the acceleration nearest to the free one, by non-negative least squares."""
-    root = np.linalg.cholesky(case.inverse)
+    """The only motion without friction: the acceleration nearest to the free one that enters no contact.
+
+    By non-negative least squares for the pressures, or, should that fail its check, by a cone program.
+    """
+    root, pressures = np.linalg.cholesky(case.inverse), case.grasp.matrix[:, :, 0]
     local = np.zeros((len(case.grasp), 3))
-    local[:, 0] = nnls(root.T @ case.grasp.matrix[:, :, 0], -root.T @ case.wrench)[0]
-    return Candidate(case.acceleration(local), local)
+    with suppress(RuntimeError):  # it cycles, which it rarely does
+        local[:, 0] = nnls(root.T @ pressures, -root.T @ case.wrench)[0]
+        acceleration = case.acceleration(local)
+        opening = case.at_contacts(acceleration)[:, 0]
+        work = local[:, 0] @ np.abs(opening)
+        if opening.min() >= -CHECKED * case.scale and work <= CHECKED * case.scale * max(1.0, local.max()):
+            return Candidate(acceleration, local)
+    acceleration, local[:, 0] = cones.frictionless(case.mass, pressures, case.wrench)
+    return Candidate(acceleration, local)
 
 
 def _checked(mass: float, inertia: Floats) -> Floats:

@@ -370,7 +370,7 @@ SETTINGS = {
         Numerics,
         order=st.integers(2, 4),
         geometry_order=st.none() | st.integers(1, 3),
-        mesh_size=POSITIVE,
+        mesh_size=st.floats(0.01, 100.0),
         tolerance=POSITIVE,
         max_iterations=st.integers(1, 10**9),
     ),
