@@ -291,7 +291,9 @@ class Triangulated(Solid):
         distance = np.linalg.norm(away, axis=2)
         least = distance.min(axis=1)
         inside = _winding(x, corners) > 0.5
-        normals = np.where(inside, -1.0, 1.0)[:, None] * unit(away[np.arange(len(x)), distance.argmin(axis=1)])
+        normals = np.where(inside, -1.0, 1.0)[:, None] * unit(
+            away[np.arange(len(x)), distance.argmin(axis=1)]
+        )
         of_triangles = unit(surfaces.vector_areas(corners))
         for k in np.flatnonzero(least <= 1e-9 * self.size):
             normals[k] = _mean_direction(of_triangles[distance[k] <= least[k] + 1e-12 * self.size])

@@ -267,7 +267,9 @@ class Numerics(Section):
     geometry_order: int | None = Field(
         None, ge=1, le=3, description="Order of curved cells, 1 to 3; without it: chosen", examples=[2]
     )
-    mesh_size: float = Field(1.0, ge=0.01, le=100.0, description="Factor on the size of all cells; 0.5 halves them [-]")
+    mesh_size: float = Field(
+        1.0, ge=0.01, le=100.0, description="Factor on the size of all cells; 0.5 halves them [-]"
+    )
     convection: Literal["implicit", "extrapolated"] = Field(
         "implicit", description="By Newton iteration, or linearised about earlier steps"
     )
