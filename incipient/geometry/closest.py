@@ -144,10 +144,27 @@ class SpatialProximity:
             if k < 0:
                 parts.append(self._descended(placement, pieces, points[mine], pieces_of))
             else:
-                near = (points[mine] - self.cores[k].radius * old.normals[mine])[:, :2]
-                table = old.origin[mine, 1], pieces_of, points[mine], near
-                parts.append(self._on_core(placement, pieces, int(k), *table))
+                parts.append(self._tracked_on_core(placement, old.only(mine), int(k)))
         return _together(parts)
+
+    def _tracked_on_core(self, placement: Placement, old: Minima, k: int) -> Minima:
+        """The lowest of the minima over the triangles around each old one; corners stay what they are."""
+        core = self.cores[k]
+        corners = core.points[core.triangles]
+        middle = corners.mean(axis=1)
+        reach = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1) + 0.1 * self.spacing
+        near = np.linalg.norm(old.anchors[:, None] - middle, axis=2) <= reach
+        near[old.origin[:, 1] < 0] = False
+        row, triangle = np.nonzero(near)
+        fixed = np.flatnonzero(old.origin[:, 1] < 0)
+        row, triangle = np.concatenate([row, fixed]), np.concatenate([triangle, old.origin[fixed, 1]])
+        points = placement.to_scene(old.anchors[row])
+        start = placement.to_scene(nearest_on_triangles(old.anchors[row], corners[np.maximum(triangle, 0)]))
+        start[triangle < 0] = points[triangle < 0]
+        feet = (points - core.radius * old.normals[row])[:, :2]
+        found = self._on_core(placement, old.pieces, k, triangle, old.origin[row, 2], start, feet)
+        order = np.lexsort([found.gaps, row])
+        return found.only(order[np.unique(row[order], return_index=True)[1]])
 
     def _valleys(self, placement: Placement, pieces: Pieces, within: float) -> tuple[Floats, np.ndarray]:
         """Sampled points (m, 3) nearer to a piece (m,) than the samples around them."""

@@ -259,7 +259,7 @@ class _Descent:
         """The equilibrium, if it is one, not above the placement before, and stable unless it was there before."""
         near = self._proximity.minima(found, 0.01 * self.size)
         climb = self._depth(before) - self._depth(found)
-        if len(near) == 0 or near.gaps.min() < -CLOSED * self.size or climb > 1e-12 * self.size:
+        if len(near) == 0 or near.gaps.min() < -CLOSED * self.size or climb > TOUCHING * self.size:
             return None
         touching = self._touching(found, near, CLOSED)
         pull = float(np.abs(self._pull(found, touching)).max())
@@ -287,12 +287,24 @@ class _Descent:
             if size > 2.0 * last or size > 2.0 * PROMISING:
                 return None
             last = size
-            motion = -np.linalg.lstsq(self._derivative(placement, carrying), error, rcond=1e-6)[0]
+            motion = self._correction(placement, carrying, error)
             if np.linalg.norm(motion) > LONGEST_STEP:
                 return None
             placement = self._moved(placement, motion)
             carrying = self._proximity.tracked(placement, carrying)
         return placement if last < 1e-11 else None
+
+    def _correction(self, placement: Placement, carrying: Near, error: Floats) -> Floats:
+        """Newton's step; of all that do the same, with friction, that which slips least."""
+        left, values, right = np.linalg.svd(self._derivative(placement, carrying), full_matrices=True)
+        rank = int((values > 1e-6 * max(values[0], 1e-300)).sum())
+        motion = -right[:rank].T @ ((left[:, :rank].T @ error) / values[:rank])
+        if self.friction > 0.0 and rank < len(motion):
+            arms = self._arms(placement, carrying)
+            slips = np.vstack([wrenches(tangent, arms, self.size) for tangent in tangents(carrying.normals)])
+            free = right[rank:].T
+            motion -= free @ np.linalg.lstsq(slips @ free, slips @ motion, rcond=1e-6)[0]
+        return np.asarray(motion)
 
     def _error(self, placement: Placement, carrying: Near) -> Floats:
         """Gaps [grain sizes] of the carrying contacts, and the part of the weight outside what they can exert."""
