@@ -145,6 +145,7 @@ class _Search:
         self.load: Load | None = None
 
     def threshold(self) -> Threshold:
+        """Solve until the safety factor is one, or say why it never is. Collective."""
         first = self._try(1.0)
         if first.safety_factor in (0.0, np.inf):
             return self._found(first.safety_factor)

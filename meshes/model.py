@@ -77,12 +77,14 @@ class _Pen:
         self.points: dict[tuple[int, int], int] = {}
 
     def point(self, x: Point) -> int:
+        """The tag of a point, drawn if there is none there yet."""
         key = (round(x[0] / self.tolerance), round(x[1] / self.tolerance))
         if key not in self.points:
             self.points[key] = gmsh.model.geo.addPoint(float(x[0]), float(x[1]), 0.0)
         return self.points[key]
 
     def curve(self, curve: Curve) -> int:
+        """The tag of the curve, drawn."""
         geo = gmsh.model.geo
         start, end = self.point(curve.start), self.point(curve.end)
         if isinstance(curve, Line):

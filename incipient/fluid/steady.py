@@ -129,6 +129,7 @@ class _Path:
         self.states = [*self.states[-1:], (share, self.fluid.state.x.array.copy())]
 
     def restore(self) -> None:
+        """Put back the last converged state, or the start, and the Reynolds number it belongs to."""
         share, values = self.states[-1]
         self.fluid.state.x.array[:] = values
         # The start belongs to no Reynolds number; zero would make the stress infinite.
