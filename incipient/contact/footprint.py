@@ -62,7 +62,7 @@ def footprint(proximity: SpatialProximity, placement: Placement, tolerance: floa
             for patch in found:
                 loose[mine] &= ~patch.covers(close.points[mine], max(tolerance, 1e-9 * proximity.size))
             patches += found
-    points = proximity.locally_least(placement, close.only(loose))
+    points = proximity.locally_least(placement, close.only(loose), slack=tolerance)
     points = points.only(_extreme(points, 1e-7 * proximity.size))
     return _contacts(points, patches, tolerance)
 
@@ -153,13 +153,14 @@ def _centroid(corners: Floats) -> Floats:
 
 
 def _extreme(minima: Minima, tolerance: float) -> np.ndarray:
-    """Which points to keep where several lie on one straight line of contact: its two ends."""
+    """Which points to keep where several of one normal lie on a straight line of contact: its two ends."""
     keep = np.ones(len(minima), dtype=bool)
-    for one in np.unique(minima.origin[:, 2]):
-        mine = np.flatnonzero((minima.origin[:, 2] == one) & minima.pieces.flat[minima.origin[:, 2]])
-        points = minima.points[mine]
+    label = np.round(minima.normals, 6)
+    for normal in np.unique(label, axis=0):
+        mine = np.flatnonzero((label == normal).all(axis=1))
         if len(mine) < 3:
             continue
+        points = minima.points[mine]
         away = points - points.mean(axis=0)
         direction = np.linalg.svd(away, full_matrices=False)[2][0]
         along = away @ direction

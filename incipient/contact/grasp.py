@@ -17,6 +17,7 @@ from incipient.contact.model import Contacts, Floats, Load, require_outward
 from incipient.errors import SceneError
 
 PLANAR = 1e-12  # how far, in numbers of order one, a planar case may be from its plane
+SOLID = 1e-6  # determinant of the normals' moments above which they certainly are in no plane
 SAME_PLACE = 1e-12  # of the longest arm
 FRICTIONLESS = 1e-9  # friction below it is computed as none
 INFINITE = 1e9  # friction above it is computed as infinite
@@ -160,6 +161,8 @@ def _frames(inward: Floats, across: Floats | None) -> Floats:
 
 def _plane(arms: Floats, inward: Floats, load: Load, inertia: Floats | None) -> Floats | None:
     """(3, 3): two axes in the plane of the case and its normal; None if there is no such plane."""
+    if len(inward) > 2 and np.linalg.det(inward.T @ inward) > SOLID:
+        return None
     inside = [part / _length(part) for part in (load.flow_force, load.weight) if part.any()]
     vectors = np.vstack([arms, inward, *inside])
     couple = load.flow_couple / (_length(load.flow_couple) or 1.0)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from incipient.contact.grasp import INFINITE, Grasp, Wrenches, cross, grasp, wrenches
+from incipient.contact.grasp import Grasp, Wrenches, grasp, wrenches
 from incipient.contact.model import Contacts, Floats, Load
 from incipient.contact.support import TOLERANCE, Support, support
 
@@ -100,7 +100,7 @@ def safety_factor(load: Load, contacts: Contacts, friction: float) -> SafetyFact
         contact_states=_states(held_by, local, acting.at(factor)[1]),
         factor=factor,
         jams=carried.can_jam(),
-        residual=0.0 if local is None else _residual(load, contacts, held_by.friction, factor, forces),
+        residual=0.0 if local is None else _residual(held_by, acting, factor, local),
     )
 
 
@@ -112,6 +112,8 @@ def _upper(carried: Support, acting: Wrenches, weight_held: bool) -> tuple[float
         return (math.inf if carried.holds(acting.flow) else 0.0), None
     if weight_held and carried.holds(acting.flow):
         return math.inf, None
+    if not weight_held and not carried.has_share(acting.flow, acting.weight):
+        return None
     found = carried.largest_share(acting.flow, acting.weight)
     if found is None:
         return (0.0, None) if weight_held else None
@@ -177,16 +179,9 @@ def _states(held_by: Grasp, local: Floats | None, size: float) -> tuple[ConeStat
     return tuple(states[held_by.copy])
 
 
-def _residual(load: Load, contacts: Contacts, friction: float, factor: float, forces: Floats) -> float:
-    """The worst of force, couple and cones, relative to the largest force."""
-    arms = contacts.points - load.centre
-    reach = max(math.hypot(*arm) for arm in arms) or 1.0
-    force = factor * load.flow_force + load.weight + forces.sum(axis=0)
-    couple = factor * load.flow_couple + cross(arms, forces).sum(axis=0)
-    normal = -(forces * contacts.normals).sum(axis=1)
-    along = forces + normal[:, None] * contacts.normals
-    shear = np.sqrt((along * along).sum(axis=1))
-    beyond = shear - friction * normal if friction <= INFINITE else -normal
-    largest = max(np.abs(forces).max(), np.abs(factor * load.flow_force).max(), np.abs(load.weight).max())
-    worst = max(np.abs(force).max(), np.abs(couple).max() / reach, beyond.max(), -normal.min(), 0.0)
-    return float(worst / (largest or 1.0))
+def _residual(held_by: Grasp, acting: Wrenches, factor: float, local: Floats) -> float:
+    """The worst of force, couple over the unit of length, and cones, relative to load or largest force."""
+    wrench, size = acting.at(factor)
+    missed = np.abs(held_by.columns @ local.ravel() + size * wrench).max()
+    beyond = np.abs(held_by.nearest(local) - local).max()
+    return float(max(missed, beyond) / (max(size, np.abs(local).max()) or 1.0))

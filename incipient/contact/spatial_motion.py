@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from incipient.contact import cones
-from incipient.contact.candidates import SAME, Candidate, add
+from incipient.contact.candidates import SAME, Candidate
 from incipient.contact.model import Floats
 from incipient.contact.release import Release
 
@@ -86,16 +86,28 @@ def spatial_solutions(case: Release, law: Law, without_friction: Candidate, rest
     """
     found: list[Candidate] = []
     for starts, steps in Search(case, law, without_friction).starts(rest):
-        for local in newton(law, starts, steps):
-            acceleration = case.acceleration(local)
-            if not rest or np.abs(acceleration).max() > SAME * case.scale:
-                add(found, Candidate(acceleration, local), case.scale)
+        found = _different(case, newton(law, starts, steps), rest)
         if found or rest:
             break
     found = [replace(candidate, family=_is_family(law, candidate.local)) for candidate in found]
     found.sort(key=lambda candidate: case.energy(candidate.acceleration))
     within = [candidate for candidate in found if candidate.family]
     return [candidate for candidate in found if not candidate.family] + within[:1] + within[1:][-1:]
+
+
+def _different(case: Release, forces: Floats, rest: bool) -> list[Candidate]:
+    """One candidate for each of the different accelerations that forces (s, k, 3) give; none at `rest`."""
+    pressed = forces.reshape(len(forces), 3 * len(case.grasp)) @ case.grasp.columns.T
+    accelerations = (case.wrench + pressed) @ case.inverse
+    left = np.arange(len(forces))
+    if rest:
+        left = left[np.abs(accelerations).max(axis=1) > SAME * case.scale]
+    found = []
+    while len(left):
+        first = accelerations[left[0]]
+        found.append(Candidate(first, forces[left[0]]))
+        left = left[np.abs(accelerations[left] - first).max(axis=1) > SAME * case.scale]
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,14 +236,16 @@ def _derivative(law: Law, at: Iterate) -> Floats:
     """The derivative (s, 3k, 3k) of the equations at forces (s, k, 3), on one side where there are two."""
     cases, count = at.kept.shape
     slips = at.kept < 1.0
-    blocks = np.zeros((cases, count, 3, 3))  # of the projection by the trial force
-    blocks[..., 0, 0] = at.closed
-    blocks[..., 1, 1] = blocks[..., 2, 2] = at.kept
-    along = at.along[..., :, None] * at.along[..., None, :]
-    blocks[..., 1:, 1:] -= (at.kept * slips)[..., None, None] * along
-    blocks[..., 1:, 0] = (law.friction * (slips & at.closed))[..., None] * at.along
-    derivative = -(blocks @ law.trial).reshape(cases, 3 * count, -1)
-    derivative[:, np.arange(3 * count), np.arange(3 * count)] += 1.0 + SHIFT
+    blocks = np.zeros((cases, count, 3, 3))  # of minus the projection by the trial force
+    blocks[..., 0, 0] = -1.0 * at.closed
+    blocks[..., 1:, 1:] = (at.kept * slips)[..., None, None] * (
+        at.along[..., :, None] * at.along[..., None, :]
+    )
+    blocks[..., 1, 1] -= at.kept
+    blocks[..., 2, 2] -= at.kept
+    blocks[..., 1:, 0] = (-law.friction * (slips & at.closed))[..., None] * at.along
+    derivative = (blocks @ law.trial).reshape(cases, 3 * count, -1)
+    derivative.reshape(cases, -1)[:, :: 3 * count + 1] += 1.0 + SHIFT
     return derivative
 
 

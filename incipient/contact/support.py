@@ -25,6 +25,9 @@ class Support(Protocol):
     def forces(self, wrench: Floats) -> Floats | None:
         """Local forces that balance a wrench, or None."""
 
+    def has_share(self, flow: Floats, weight: Floats) -> bool:
+        """Whether some mixture of two wrenches can be held; False is certain."""
+
     def largest_share(self, flow: Floats, weight: Floats) -> tuple[float, Floats] | None:
         """The largest a in [0, 1] such that a flow + (1 - a) weight is held, with local forces, or None."""
 
@@ -58,6 +61,10 @@ class Polyhedral:
         """Forces on as few edges as possible."""
         found = fans.combination(self.edges, -wrench)
         return None if found is None else fans.local(found, self.fan)
+
+    def has_share(self, flow: Floats, weight: Floats) -> bool:
+        """By non-negative least squares."""
+        return fans.has_share(self.edges, flow, weight)
 
     def largest_share(self, flow: Floats, weight: Floats) -> tuple[float, Floats] | None:
         """By linear programming."""
@@ -97,12 +104,14 @@ class Circular:
         margin, found = cones.most_inside(self.balance, wrench)
         return self._local(found) if margin >= -TOLERANCE else None
 
+    def has_share(self, flow: Floats, weight: Floats) -> bool:
+        """By pyramids around the cones."""
+        return fans.has_share(self._pyramids[0], flow, weight)
+
     def largest_share(self, flow: Floats, weight: Floats) -> tuple[float, Floats] | None:
         """By a cone program, or by comparison where contacts cannot have every wrench."""
         flow_missed, weight_missed = self._missed(flow), self._missed(weight)
         if max(flow_missed, weight_missed) <= TOLERANCE:
-            if not fans.has_share(self._pyramids[0], flow, weight):
-                return None
             found = cones.largest_share(self.balance, flow, weight)
             return None if found is None else (found[0], self._local(found[1]))
         share = weight_missed / (flow_missed + weight_missed)

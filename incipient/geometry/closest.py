@@ -31,7 +31,8 @@ class Minima:
     gaps:    distances (k,), negative where the grain is in the bed
     points:  on the grain (k, 3); `normals` (k, 3) are the bed's there, into the fluid
     anchors: the points of the core, or of the surface without a core, in the body frame (k, 3)
-    origin:  which core (-1: none), which triangle of it and which of the pieces of the bed, (k, 3)
+    origin:  which core (-1: none), which triangle of it (negative: corner or edge, see `SpatialProximity`) and
+             which of the pieces of the bed, (k, 3)
     """
 
     gaps: Floats
@@ -69,7 +70,10 @@ def _together(parts: list[Minima]) -> Minima:
 
 @dataclass(frozen=True, eq=False)
 class SpatialProximity:
-    """A grain and a bed in space, prepared for questions about many placements."""
+    """A grain and a bed in space, prepared for questions about many placements.
+
+    Parts of a core are numbered: its triangles from 0 on; corner i of n is -1 - i, edge j is -1 - n - j.
+    """
 
     grain: Solid
     bed: Terrain
@@ -119,6 +123,15 @@ class SpatialProximity:
             found.append(np.array([tuple(row) in own for row in mine]))
         return tuple(found)
 
+    @cached_property
+    def _edges(self) -> tuple[np.ndarray, ...]:
+        """The ends of the edges of the grain's own cores, (e, 2 ends, 3) in the body frame."""
+        found = []
+        for core in self.grain.cores:
+            edges = Surface(core.points, core.triangles).edges
+            found.append(core.points[edges[edges[:, 0] != edges[:, 1]]])
+        return tuple(found)
+
     def minima(self, placement: Placement, within: float) -> Minima:
         """All minima whose gap is at most `within` (a length): over the surface, or over each triangle of cores.
 
@@ -148,20 +161,18 @@ class SpatialProximity:
         return _together(parts)
 
     def _tracked_on_core(self, placement: Placement, old: Minima, k: int) -> Minima:
-        """The lowest of the minima over the triangles around each old one; corners stay what they are."""
+        """The lowest of the minima over the triangles around each old one; corners and edges stay what they are."""
         core = self.cores[k]
         corners = core.points[core.triangles]
         middle = corners.mean(axis=1)
         reach = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1) + 0.1 * self.spacing
         near = np.linalg.norm(old.anchors[:, None] - middle, axis=2) <= reach
-        near[old.origin[:, 1] < 0] = False
-        row, triangle = np.nonzero(near)
         fixed = np.flatnonzero(old.origin[:, 1] < 0)
+        near[fixed] = False
+        row, triangle = np.nonzero(near)
         row, triangle = np.concatenate([row, fixed]), np.concatenate([triangle, old.origin[fixed, 1]])
-        points = placement.to_scene(old.anchors[row])
-        start = placement.to_scene(nearest_on_triangles(old.anchors[row], corners[np.maximum(triangle, 0)]))
-        start[triangle < 0] = points[triangle < 0]
-        feet = (points - core.radius * old.normals[row])[:, :2]
+        start = placement.to_scene(nearest_on_triangles(old.anchors[row], self._spanned(k, triangle)))
+        feet = (placement.to_scene(old.anchors[row]) - core.radius * old.normals[row])[:, :2]
         found = self._on_core(placement, old.pieces, k, triangle, old.origin[row, 2], start, feet)
         order = np.lexsort([found.gaps, row])
         return found.only(order[np.unique(row[order], return_index=True)[1]])
@@ -238,12 +249,30 @@ class SpatialProximity:
         wanted = pieces.flat | curved | (len(points) == 1)
         piece, vertex = np.nonzero((rough <= bound) & wanted[:, None] & self._corners[k])
         tables = [(-1 - vertex, piece, points[vertex], points[vertex, :2])]
+        if curved:
+            tables.append(self._edges_near(placement, pieces, k, bound))
         if isinstance(pieces, Graph) and core.radius > 0.0:
             tables.append(self._round_starts(placement, pieces, k, within))
         else:
             tables.append(self._triangles_near(pieces, points[core.triangles], bound))
         columns = [np.concatenate(column) for column in zip(*tables, strict=True)]
         return self._on_core(placement, pieces, k, *columns)
+
+    def _edges_near(
+        self, placement: Placement, pieces: Pieces, k: int, bound: float
+    ) -> tuple[np.ndarray, np.ndarray, Floats, Floats]:
+        """Starts along the edges of a core that are close to a smooth bed: where one lies across a crest."""
+        edges = self._edges[k]
+        lengths = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1)
+        counts = np.maximum(np.ceil(2.0 * lengths / self.bed.feature), 1).astype(int)
+        edge = np.repeat(np.arange(len(edges)), counts)
+        place = (np.concatenate([np.arange(n) for n in counts]) if len(counts) else np.empty(0)) + 0.5
+        s = (place / counts[edge])[:, None]
+        starts = placement.to_scene((1.0 - s) * edges[edge, 0] + s * edges[edge, 1])
+        slack = (0.5 * lengths / counts)[edge] + 0.5 * self.spacing
+        near = np.flatnonzero(pieces.rough(starts)[0] - slack <= bound)
+        number = -1 - len(self.cores[k].points) - edge[near]
+        return number, np.zeros(len(near), dtype=int), starts[near], starts[near, :2]
 
     def _triangles_near(
         self, pieces: Pieces, corners: Floats, bound: float
@@ -282,11 +311,9 @@ class SpatialProximity:
         start: Floats,
         near: Floats,
     ) -> Minima:
-        """Minima over triangles (m,) of a core (-1 - i: its corner i) in distance from pieces (m,)."""
+        """Minima over triangles, corners and edges (m,) of a core in distance from pieces (m,)."""
         core = self.cores[k]
-        corner = np.where(triangle < 0, -1 - triangle, 0)
-        numbers = np.where(triangle[:, None] < 0, corner[:, None], core.triangles[np.maximum(triangle, 0)])
-        corners = placement.to_scene(core.points)[numbers]
+        corners = placement.to_scene(self._spanned(k, triangle))
         points, sight = least_on_triangles(pieces, corners, piece, start, near, self.size)
         origin = np.column_stack([np.full(len(piece), k), triangle, piece]).astype(int)
         surface = points - core.radius * sight.normals
@@ -294,24 +321,52 @@ class SpatialProximity:
             sight.gaps - core.radius, surface, sight.normals, placement.to_body(points), origin, pieces
         )
 
-    def locally_least(self, placement: Placement, minima: Minima, corners: bool = False) -> Minima:
-        """Those minima that are local minima over the whole surface, each once; on request all corners, too."""
+    def _spanned(self, k: int, triangle: np.ndarray) -> Floats:
+        """The corners (m, 3, 3) of triangles of a core, in the body frame; those of corners and edges repeat."""
+        core = self.cores[k]
+        corners = core.points[core.triangles[np.maximum(triangle, 0)]]
+        single = (triangle < 0) & (triangle >= -len(core.points))
+        corners[single] = core.points[-1 - triangle[single]][:, None]
+        along = triangle < -len(core.points)
+        corners[along] = self._edges[k][-1 - len(core.points) - triangle[along]][:, [0, 1, 1]]
+        return corners
+
+    def locally_least(
+        self, placement: Placement, minima: Minima, corners: bool = False, slack: float = 0.0
+    ) -> Minima:
+        """Those minima that are local minima over the whole surface, each once; on request all corners, too.
+
+        Points whose neighbourhood is lower by no more than `slack` (a length) count as minima.
+        """
+        slack = max(slack, 1e-9 * self.size)
         keep = np.ones(len(minima), dtype=bool)
         for k in range(len(self.cores)):
             mine = np.flatnonzero(minima.origin[:, 0] == k)
-            keep[mine] = self._is_least(k, minima.anchors[mine], minima.normals[mine] @ placement.rotation)
+            keep[mine] = self._is_least(
+                k, minima.anchors[mine], minima.normals[mine] @ placement.rotation, slack
+            )
         if len(self.cores) > 1:
             keep &= self.grain.level(placement.to_body(minima.points)) >= -1e-9 * self.size
         if corners:
-            keep |= (minima.origin[:, 0] >= 0) & (minima.origin[:, 1] < 0)
-        return _distinct(minima.only(keep), 1e-7 * self.size)
+            keep |= self._is_corner(placement, minima)
+        return _distinct(minima.only(keep), 1e-6 * self.size)
 
-    def _is_least(self, k: int, anchors: Floats, normals: Floats) -> np.ndarray:
+    def _is_corner(self, placement: Placement, minima: Minima) -> np.ndarray:
+        """Which minima are corners of the grain, or minima along an edge of it."""
+        found = (minima.origin[:, 0] >= 0) & (minima.origin[:, 1] < 0)
+        for k in range(len(self.cores)):
+            mine = found & (minima.origin[:, 0] == k)
+            corners = placement.to_scene(self._spanned(k, minima.origin[mine, 1]))
+            rise = ((corners[:, 1] - corners[:, 0]) * minima.normals[mine]).sum(axis=1)
+            found[mine] = np.abs(rise) <= 1e-6 * self.size
+        return found
+
+    def _is_least(self, k: int, anchors: Floats, normals: Floats, slack: float) -> np.ndarray:
         """Whether the distance grows from anchors (m, 3) into all triangles that meet there, normals in the body."""
         core = self.cores[k]
         corners = core.points[core.triangles]
         blocks = np.array_split(np.arange(len(anchors)), 1 + len(anchors) * len(corners) // BLOCK)
-        return np.concatenate([_grows(corners, anchors[i], normals[i], self.size) for i in blocks])
+        return np.concatenate([_grows(corners, anchors[i], normals[i], slack) for i in blocks])
 
     def lowered(self, placement: Placement) -> Placement:
         """The placement, lowered (or raised) vertically until the grain touches the bed, to round-off."""
@@ -330,15 +385,16 @@ class SpatialProximity:
         return placement
 
 
-def _grows(corners: Floats, anchors: Floats, normals: Floats, size: float) -> np.ndarray:
-    """Whether from anchors (m, 3) no triangle (t, 3, 3) that meets there falls against the normals (m, 3)."""
+def _grows(corners: Floats, anchors: Floats, normals: Floats, slack: float) -> np.ndarray:
+    """Whether from anchors (m, 3) no triangle (t, 3, 3) that meets there falls by more than `slack`."""
+    size = float(np.abs(corners).max())
     middle = corners.mean(axis=1)
     reach = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1) + 1e-9 * size
     row, triangle = np.nonzero(np.linalg.norm(anchors[:, None] - middle, axis=2) <= reach)
     nearest = nearest_on_triangles(anchors[row], corners[triangle])
     beside = np.linalg.norm(nearest - anchors[row], axis=1) <= 1e-9 * size
     away = corners[triangle] - anchors[row, None]
-    falls = ((away * normals[row, None]).sum(axis=2) < -1e-6 * size).any(axis=1)
+    falls = ((away * normals[row, None]).sum(axis=2) < -slack).any(axis=1)
     least = np.ones(len(anchors), dtype=bool)
     least[row[beside & falls]] = False
     return least
@@ -359,7 +415,7 @@ def _distinct(minima: Minima, tolerance: float) -> Minima:
     kept: list[int] = []
     for i in np.argsort(minima.gaps, kind="stable"):
         same = (np.abs(minima.points[kept] - minima.points[i]).max(axis=1, initial=0.0) <= tolerance) & (
-            np.abs(minima.normals[kept] - minima.normals[i]).max(axis=1, initial=0.0) <= 1e-6
+            np.abs(minima.normals[kept] - minima.normals[i]).max(axis=1, initial=0.0) <= 1e-4
         )
         if not same.any():
             kept.append(int(i))

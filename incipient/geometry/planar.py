@@ -85,7 +85,7 @@ class PlanarProximity:
         return PlanarMinima(tuple(self._tracked(outline, row) for row in old.rows))
 
     def locally_least(
-        self, placement: Placement, minima: PlanarMinima, corners: bool = False
+        self, placement: Placement, minima: PlanarMinima, corners: bool = False, slack: float = 0.0
     ) -> PlanarMinima:
         """Those that are local minima, or ends of a straight side of which both are given; or with all corners."""
         if corners:

@@ -35,6 +35,7 @@ TOUCHING = 1e-6  # what counts as touching on the way
 CLOSED = 1e-10  # gaps of contacts at rest
 BALANCED = 1e-9  # unbalanced force and couple at rest, of weight and weight times size
 PROBE = 1e-3  # displacement by which stability is tried
+PUSHES = (0.003, 0.01, 0.03, 0.1)  # displacements by which an unstable equilibrium is left
 PROMISING = 0.05  # pull, in weights, from which on Newton's method is tried
 USED = 1e-9  # share of the weight from which on a contact takes part in carrying it
 SOFTEST = 1e-4  # second derivative of the height, per grain size, that still counts as level
@@ -114,12 +115,20 @@ def _downward(gravity: Sequence[float] | Floats | None, dimension: int) -> Float
 
 @dataclass(frozen=True, eq=False)
 class _Rest:
-    """An equilibrium, its largest gap [grain sizes] and what is left of weight and couple."""
+    """An equilibrium, its largest gap [grain sizes], what is left of weight and couple, the carrying contacts.
+
+    `way_down` is the free motion in which it falls, None if it is stable.
+    """
 
     placement: Placement
     gap: float
     imbalance: float
-    stable: bool
+    carrying: Near
+    way_down: Floats | None
+
+    @property
+    def stable(self) -> bool:
+        return self.way_down is None
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,21 +165,25 @@ class _Descent:
             # An attempt costs some steps: it is made when the pull has halved, or when there is no other way.
             if strength < PROMISING and (strength < 0.5 * tried or length < SHORTEST_STEP):
                 found = self._at_rest(placement, near)
-                if found is not None:
+                if found is not None and (found.stable or step == 0):
                     return self._settled(found, step)
                 tried = strength
+                pushed = None if found is None else self._pushed(found)
+                if pushed is not None and self._depth(pushed) > self._depth(placement):
+                    placement, length, tried = pushed, FIRST_STEP, np.inf
+                    continue
             if length < SHORTEST_STEP:
                 return self._unsettled(placement, Outcome.UNSETTLED, step)
             ahead = self._proximity.locally_least(placement, near, corners=True)
             motion = self._step(placement, ahead, touching, pull, length)
-            trial = self._proximity.lowered(self._moved(placement, motion))
+            trial = self._proximity.lowered(self._followed(placement, ahead, motion))
             gain = self._depth(trial) - self._depth(placement)
             expected = self.size * float(motion @ self._load)
             if gain > max(0.1 * expected, 0.0):
                 placement = trial
                 length = min(1.5 * length, LONGEST_STEP) if gain > 0.5 * expected else length
             else:
-                length *= 0.3
+                length, tried = 0.3 * length, np.inf
             if self._left(placement, start, reach):
                 return self._unsettled(placement, Outcome.ROLLS_OFF, step)
         return self._unsettled(placement, Outcome.UNSETTLED, max_steps)
@@ -188,7 +201,8 @@ class _Descent:
 
     def _touching(self, placement: Placement, near: Near, tolerance: float) -> Near:
         """The places that count as contacts."""
-        return self._proximity.locally_least(placement, near.only(near.gaps <= tolerance * self.size))
+        close = near.only(near.gaps <= tolerance * self.size)
+        return self._proximity.locally_least(placement, close, slack=tolerance * self.size)
 
     def _arms(self, placement: Placement, near: Near) -> Floats:
         return np.asarray(near.points - np.asarray(placement.centre))
@@ -207,14 +221,20 @@ class _Descent:
         gaps = np.maximum(near.gaps, 0.0) / self.size
         wish = self._load / max(float(np.linalg.norm(pull)), 1e-6)
         if self.friction == 0.0:
-            rows, least = np.vstack([hold, closing]), np.concatenate([np.zeros(len(hold)), -gaps / length])
-            motion = length * nearest_motion(rows, least, wish)
+            motion = length * nearest_motion(closing, -gaps / length, wish)
             return motion / max(1.0, 0.5 * float(np.linalg.norm(motion)) / length)
         # With friction the motion ends where a contact is made, because that will hold the grain.
         motion = length * nearest_motion(hold, np.zeros(len(hold)), wish)
         approach = -(closing @ motion)
         meets = (gaps > TOUCHING) & (approach > 0.0)
         return motion * min(1.0, float((gaps[meets] / approach[meets]).min(initial=1.0)))
+
+    def _followed(self, placement: Placement, near: Near, motion: Floats) -> Placement:
+        """The placement after a motion, those contacts closed again that it keeps or makes."""
+        closing = wrenches(near.normals, self._arms(placement, near), self.size)
+        after = near.gaps / self.size + closing @ motion
+        kept = near.only(after <= 1e-6 * float(np.linalg.norm(motion)))
+        return self._kept(placement, kept, motion) if len(kept) > 1 else self._moved(placement, motion)
 
     def _moved(self, placement: Placement, motion: Floats) -> Placement:
         """The placement after a motion in grain sizes and radians."""
@@ -256,7 +276,7 @@ class _Descent:
         return None
 
     def _verified(self, found: Placement, before: Placement) -> _Rest | None:
-        """The equilibrium, if it is one, not above the placement before, and stable unless it was there before."""
+        """The equilibrium, if it is one that is not above the placement before; at once where it is unstable."""
         near = self._proximity.minima(found, 0.01 * self.size)
         climb = self._depth(before) - self._depth(found)
         if len(near) == 0 or near.gaps.min() < -CLOSED * self.size or climb > TOUCHING * self.size:
@@ -266,15 +286,8 @@ class _Descent:
         if pull > BALANCED:
             return None
         carrying = self._carrying(found, touching)
-        stable = self._is_stable(found, carrying)
-        if not stable and self._apart(found, before) > 10.0 * TOUCHING:
-            return None
-        return _Rest(found, float(np.abs(carrying.gaps).max(initial=0.0)) / self.size, pull, stable)
-
-    def _apart(self, first: Placement, second: Placement) -> float:
-        """How far two placements are apart [grain sizes and radians]."""
-        shift = np.abs(np.subtract(first.centre, second.centre)).max() / self.size
-        return float(shift + np.abs(first.rotation - second.rotation).max())
+        gap = float(np.abs(carrying.gaps).max(initial=0.0)) / self.size
+        return _Rest(found, gap, pull, carrying, self._way_down(found, carrying))
 
     def _newton(self, placement: Placement, carrying: Near) -> Placement | None:
         """Close the gaps of the carrying contacts and remove what they leave of the weight."""
@@ -297,7 +310,9 @@ class _Descent:
     def _correction(self, placement: Placement, carrying: Near, error: Floats) -> Floats:
         """Newton's step; of all that do the same, with friction, that which slips least."""
         left, values, right = np.linalg.svd(self._derivative(placement, carrying), full_matrices=True)
-        rank = int((values > 1e-6 * max(values[0], 1e-300)).sum())
+        # Away from equilibrium what is free has small values, too, in proportion to the error.
+        small = float(np.clip(np.abs(error).max(), 1e-6, 1e-2))
+        rank = int((values > small * max(values[0], 1e-300)).sum())
         motion = -right[:rank].T @ ((left[:, :rank].T @ error) / values[:rank])
         if self.friction > 0.0 and rank < len(motion):
             arms = self._arms(placement, carrying)
@@ -323,13 +338,22 @@ class _Descent:
 
     # Stability.
 
-    def _is_stable(self, placement: Placement, carrying: Near) -> bool:
-        """Whether no small free motion that keeps the carrying contacts lowers the centre."""
+    def _way_down(self, placement: Placement, carrying: Near) -> Floats | None:
+        """A small free motion that keeps the carrying contacts and lowers the centre; None if it is stable."""
         free = free_motions(self._held(placement, carrying)).T
         if len(free) == 0:
-            return True
+            return None
         values, vectors = np.linalg.eigh(self._stiffness(placement, carrying, free))
-        return values[0] > -SOFTEST or not self._falls(placement, carrying, vectors[:, 0] @ free)
+        direction = np.asarray(vectors[:, 0] @ free)
+        return direction if values[0] <= -SOFTEST and self._falls(placement, carrying, direction) else None
+
+    def _pushed(self, rest: _Rest) -> Placement | None:
+        """The lowest of some placements to which an unstable equilibrium can fall in one go."""
+        if rest.way_down is None:
+            return None
+        motions = [s * push * rest.way_down for push in PUSHES for s in (1.0, -1.0)]
+        ends = [self._kept(rest.placement, rest.carrying, motion) for motion in motions]
+        return max((self._proximity.lowered(end) for end in ends), key=self._depth)
 
     def _stiffness(self, placement: Placement, carrying: Near, free: Floats) -> Floats:
         """Second derivatives (f, f) of the centre's height [grain sizes] by free motions (f, n)."""
