@@ -1,15 +1,18 @@
 """UFL forms of the flow: one function a term, no assembly, no input or output, no PETSc."""
 
-from .flow import FlowTerms, residual, vorticity
-from .kinematics import ReferenceMap, surface_vector
+from .flow import FlowTerms, energy_stable_rate, residual, vorticity
+from .kinematics import ReferenceMap, surface_vector, swept, volume_before
 from .terms import stress, surface_traction
 
 __all__ = [
     "FlowTerms",
     "ReferenceMap",
+    "energy_stable_rate",
     "residual",
     "stress",
     "surface_traction",
     "surface_vector",
+    "swept",
+    "volume_before",
     "vorticity",
 ]

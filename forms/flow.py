@@ -8,7 +8,7 @@ from typing import Any
 import ufl
 
 from . import terms
-from .kinematics import ReferenceMap
+from .kinematics import ReferenceMap, volume_before
 
 
 @dataclass(frozen=True)
@@ -16,7 +16,8 @@ class FlowTerms:
     """What enters the residual; None, or an empty tuple, means that the term is absent from the generated code.
 
     rate:           time derivative at fixed X as an expression in the unknown velocity (None: steady)
-    carrier:        velocity that convects (None: Stokes)
+    carrier:        velocity that convects, less that of the mesh where the mesh itself has been moved (None: Stokes)
+    skew:           measure of the whole boundary for the energy-stable form of convection; None: as printed
     body_force:     force per unit mass that is not the gradient of a potential (gravity is absorbed in the pressure)
     open_boundary:  measure of the boundary through which fluid leaves freely
     reference_map:  None for the identity
@@ -25,6 +26,7 @@ class FlowTerms:
     reynolds: Any
     rate: Any = None
     carrier: Any = None
+    skew: Any = None
     body_force: Any = None
     open_boundary: Any = None
     reference_map: ReferenceMap | None = None
@@ -36,13 +38,17 @@ def residual(v: Any, p: Any, w: Any, q: Any, present: FlowTerms, dx: Any) -> Any
     integrand = terms.internal_force(v, p, w, present.reynolds, x) + terms.continuity(v, q, x)
     if present.rate is not None:
         integrand += terms.inertia(present.rate, w, x)
-    if present.carrier is not None:
+    if present.carrier is not None and present.skew is not None:
+        integrand += terms.skew_convection(v, present.carrier, w)
+    elif present.carrier is not None:
         integrand += terms.convection(v, present.carrier, w, x)
     if present.body_force is not None:
         integrand += terms.body_force(present.body_force, w, x)
     form = integrand * dx
+    n = ufl.FacetNormal(w.ufl_domain())
+    if present.carrier is not None and present.skew is not None:
+        form += terms.through_boundary(v, present.carrier, w, n) * present.skew
     if present.open_boundary is not None:
-        n = ufl.FacetNormal(w.ufl_domain())
         form += terms.open_boundary(v, w, n, present.reynolds, x) * present.open_boundary
     return form
 
@@ -50,3 +56,18 @@ def residual(v: Any, p: Any, w: Any, q: Any, present: FlowTerms, dx: Any) -> Any
 def vorticity(v: Any) -> Any:
     """curl v: a scalar in two dimensions, a vector in three."""
     return ufl.curl(v) if len(v) == 3 else v[1].dx(0) - v[0].dx(1)
+
+
+def energy_stable_rate(coefficients: Any, velocities: Any, shifts: Any) -> Any:
+    """Rate of change J dv/dt + (1/2) dJ/dt v on a mesh that has moved, for the energy-stable form.
+
+    With J_k the volumes of the past states (see `volume_before`; one where there are no shifts) and a_k the
+    coefficients of the backward difference it is sum a_k J_k v_k - (1/2) (sum a_k J_k) v. Of first order it is
+    J_1 (v - v_1)/dt + (1/2) (1 - J_1)/dt v.
+    """
+    volumes = [1, *(volume_before(shift) for shift in shifts)] if shifts else [1] * len(velocities)
+    terms_of_sum = list(zip(coefficients, volumes, velocities, strict=True))
+    return (
+        sum(a * J * u for a, J, u in terms_of_sum)
+        - sum(a * J for a, J, _ in terms_of_sum) / 2 * velocities[0]
+    )

@@ -33,6 +33,17 @@ def convection(v: Any, carrier: Any, w: Any, reference_map: ReferenceMap | None 
     return weighted(ufl.inner(ufl.dot(gradient(v, reference_map), carrier), w), reference_map)
 
 
+def skew_convection(v: Any, carrier: Any, w: Any) -> Any:
+    """(1/2) [(c . grad v) . w - (c . grad w) . v]: convection that neither makes nor takes kinetic energy."""
+    forth = ufl.inner(ufl.dot(ufl.grad(v), carrier), w)
+    return (forth - ufl.inner(ufl.dot(ufl.grad(w), carrier), v)) / 2
+
+
+def through_boundary(v: Any, carrier: Any, w: Any, n: Any) -> Any:
+    """(1/2) (c . n) v . w: what `skew_convection` lacks where fluid, or its boundary values, cross the boundary."""
+    return ufl.dot(carrier, n) * ufl.inner(v, w) / 2
+
+
 def internal_force(v: Any, p: Any, w: Any, reynolds: Any, reference_map: ReferenceMap | None = None) -> Any:
     """P : grad w with P = J sigma F^-T, the weak form of -div P.
 

@@ -112,6 +112,18 @@ def coordinate_element(mesh: Any) -> Any:
     return mesh.ufl_domain().ufl_coordinate_element()
 
 
+def geometry_degree(mesh: Any) -> int:
+    """Polynomial degree of the mesh's cells."""
+    degree = coordinate_element(mesh).degree
+    return int(degree() if callable(degree) else degree)
+
+
+def scalar_part(vector_element: Any) -> Any:
+    """The element of one component of a vector element."""
+    parts = vector_element.sub_elements
+    return (parts() if callable(parts) else parts)[0]
+
+
 def interpolation_points(function_space: Any) -> np.ndarray:
     """Reference points at which a function is evaluated when it is interpolated into the space."""
     points = function_space.element.interpolation_points

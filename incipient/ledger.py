@@ -16,15 +16,20 @@ class Ledger:
 
     wall_time: dict[str, float] = field(default_factory=dict)
     began: float = field(default_factory=time.perf_counter)
+    _open: list[float] = field(default_factory=list)  # for each open stage, the time its inner stages took
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Add the block's wall time to the stage; stages do not nest. Not collective."""
+        """Add the block's wall time to the stage, less that of stages within it. Not collective."""
         start = time.perf_counter()
+        self._open.append(0.0)
         try:
             yield
         finally:
-            self.wall_time[name] = self.wall_time.get(name, 0.0) + time.perf_counter() - start
+            taken = time.perf_counter() - start
+            self.wall_time[name] = self.wall_time.get(name, 0.0) + taken - self._open.pop()
+            if self._open:
+                self._open[-1] += taken
 
     def total(self) -> float:
         """Seconds since the ledger was opened."""

@@ -48,16 +48,24 @@ class TractionProbe:
 
     def __init__(self, fluid: Fluid, boundary: str, about: Sequence[float]):
         self.fluid, self.boundary = fluid, boundary
-        self.about = _padded(np.asarray(about, dtype=float)[None])[0]
+        self.refer_to(about)
         space = fluid.space.velocity
         owned = space.dofmap.index_map.size_local
         blocks = boundary_blocks(space, fluid.domain.facets_of(boundary))
         self._blocks = blocks[blocks < owned]
         self._surface_form: Any = None
 
+    def refer_to(self, about: Sequence[float]) -> None:
+        """Let couples refer to another point (gdim,), such as the centre of a body that has moved."""
+        self.about = _padded(np.asarray(about, dtype=float)[None])[0]
+
     def resultant(self) -> Resultant:
         """Force and couple by the residual method."""
         return self._sum(self._nodal_forces())
+
+    def resultant_of(self, residual: np.ndarray) -> Resultant:
+        """Force and couple that a residual of the fluid (owned unknowns,), or a change of it, stands for."""
+        return self._sum(-residual[self._unknowns()])
 
     def surface_resultant(self) -> Resultant:
         """Force and couple by integrating sigma n over the boundary: the cross-check."""
@@ -96,9 +104,12 @@ class TractionProbe:
 
     def _nodal_forces(self) -> np.ndarray:
         """(owned nodes on the boundary, gdim): minus the momentum residual there."""
+        return -self.fluid.residual()[self._unknowns()]
+
+    def _unknowns(self) -> np.ndarray:
+        """(owned nodes on the boundary, gdim): numbers of their velocities in the fluid's state."""
         gdim = self.fluid.space.gdim
-        places = self.fluid.space.velocity_map.reshape(-1, gdim)[self._blocks]
-        return -self.fluid.residual()[places]
+        return self.fluid.space.velocity_map.reshape(-1, gdim)[self._blocks]
 
     def _sum(self, forces: np.ndarray) -> Resultant:
         forces = _padded(forces)
@@ -111,7 +122,7 @@ class TractionProbe:
         """Places in space of the boundary's owned nodes, (n, gdim)."""
         gdim = self.fluid.space.gdim
         if self._map is None:
-            return self.fluid.space.velocity_points()[self._blocks, :gdim]
+            return self.fluid.constraints.points[self._blocks, :gdim]
         place = dolfinx.fem.Function(self.fluid.space.velocity)
         points = compat.interpolation_points(self.fluid.space.velocity)
         place.interpolate(dolfinx.fem.Expression(self.fluid.place(), points))

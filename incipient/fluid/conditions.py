@@ -40,7 +40,14 @@ class Open:
     boundary: str
 
 
-Condition = Prescribed | Slip | Open
+@dataclass(frozen=True)
+class Carried:
+    """A boundary whose velocity is given anew within every step, by the body that it belongs to."""
+
+    boundary: str
+
+
+Condition = Prescribed | Slip | Open | Carried
 
 
 def no_slip(boundary: str) -> Prescribed:
@@ -59,13 +66,16 @@ class Constraints:
         self.space = space
         self.open = tuple(c.boundary for c in conditions if isinstance(c, Open))
         self._values = dolfinx.fem.Function(space.velocity)
-        self._points = space.velocity_points()
+        self.points = space.velocity_points()
         prescribed = [c for c in conditions if isinstance(c, Prescribed)]
         self._prescribed = [
             (c.velocity, boundary_blocks(space.velocity, domain.facets_of(c.boundary))) for c in prescribed
         ]
         self._slip = [c for c in conditions if isinstance(c, Slip)]
-        self.dirichlet = self._velocity_conditions(domain, [c.boundary for c in prescribed])
+        carried = [c.boundary for c in conditions if isinstance(c, Carried)]
+        self._carried = {name: boundary_blocks(space.velocity, domain.facets_of(name)) for name in carried}
+        given = [c.boundary for c in prescribed]
+        self.dirichlet = self._velocity_conditions(domain, [*given, *carried])
         self.dirichlet += self._pressure_pin()
 
     @property
@@ -79,11 +89,16 @@ class Constraints:
         values = self._values.x.array.reshape(-1, gdim)
         for velocity, blocks in self._prescribed:
             if len(blocks):
-                values[blocks] = np.asarray(velocity(self._points[blocks].T, t))[:gdim].T
+                values[blocks] = np.asarray(velocity(self.points[blocks].T, t))[:gdim].T
+
+    def carry(self, boundary: str, velocity: Callable[[np.ndarray], np.ndarray]) -> None:
+        """Give a carried boundary its velocity, a function of its nodes' places (n, gdim)."""
+        gdim, blocks = self.space.gdim, self._carried[boundary]
+        self._values.x.array.reshape(-1, gdim)[blocks] = velocity(self.points[blocks, :gdim])
 
     def boundary_points_moved(self) -> None:
         """Read the nodes' places again after the mesh has moved."""
-        self._points = self.space.velocity_points()
+        self.points = self.space.velocity_points()
 
     def _velocity_conditions(self, domain: Domain, prescribed: list[str]) -> list[Any]:
         whole = self.space.mixed.sub(0)

@@ -15,11 +15,11 @@ from petsc4py import PETSc
 from .. import compat
 from ..domain import Domain
 from ..errors import IncipientError
-from ..forms import FlowTerms, ReferenceMap, residual
+from ..forms import FlowTerms, ReferenceMap, energy_stable_rate, residual, swept
 from . import newton
 from .conditions import Condition, Constraints
 from .linear import KeptFactorisation
-from .space import TaylorHood, taylor_hood
+from .space import TaylorHood, geometry_function, set_geometry_function, taylor_hood
 
 # Corrections of a time step after which the kept factors are too old.
 PATIENCE = 8
@@ -36,6 +36,8 @@ class FlowModel:
     body_force:    function of the place and the time (UFL) giving a force per unit mass, or None; gravity
                    is not among them, since a potential force only shifts the pressure
     reference_map: map of a deforming reference domain, or None where nothing moves
+    moving_mesh:   whether the mesh itself is moved between steps (`Fluid.mesh_moved`); the map then is None
+    energy_stable: convection and rate in the form that cannot create kinetic energy, instead of as printed
     """
 
     order: int = 2
@@ -44,6 +46,8 @@ class FlowModel:
     convection: str = "implicit"
     body_force: Callable[[Any, Any], Any] | None = None
     reference_map: ReferenceMap | None = None
+    moving_mesh: bool = False
+    energy_stable: bool = False
 
     @property
     def linear(self) -> bool:
@@ -73,6 +77,7 @@ class Fluid:
         self._reynolds, self._time = _constant(mesh, reynolds), _constant(mesh, 0.0)
         self._rate = tuple(_constant(mesh, 0.0) for _ in range(3))
         self._extrapolation = tuple(_constant(mesh, c) for c in (1.0, 0.0))
+        self._shifts = tuple(geometry_function(mesh) for _ in range(2 * model.moving_mesh))
         self._residual, self._jacobian = self._forms()
         self._matrix = petsc.create_matrix(self._jacobian)
         self._vector = petsc.assemble_vector(self._residual)
@@ -80,28 +85,52 @@ class Fluid:
         self._state_view = compat.vec_view(self.state)
         self.solver = KeptFactorisation(self._matrix)
         self._lift, self._aged = True, True
+        self._direction: Any = None  # made when a response is first asked for
+        self._action: Any = None
 
     def _forms(self) -> tuple[Any, Any]:
         v, p = ufl.split(self.state)
         w, q = ufl.TestFunctions(self.space.mixed)
         dx = self.space.quadrature()
         whole = residual(v, p, w, q, self._terms(v), dx)
-        jacobian = ufl.derivative(whole, self.state, ufl.TrialFunction(self.space.mixed))
-        return compat.form(whole), compat.form(jacobian)
+        self._jacobian_form = ufl.derivative(whole, self.state, ufl.TrialFunction(self.space.mixed))
+        return compat.form(whole), compat.form(self._jacobian_form)
 
     def _terms(self, v: Any) -> FlowTerms:
-        model, past = self.model, [ufl.split(h)[0] for h in self.history]
-        rate = carrier = force = None
-        if model.unsteady:
-            rate = sum(a * u for a, u in zip(self._rate, [v, *past], strict=True))
-        if model.inertia:
-            carrier = v
-            if model.unsteady and model.convection == "extrapolated":
-                carrier = sum(e * u for e, u in zip(self._extrapolation, past, strict=True))
-        if model.body_force is not None:
-            force = model.body_force(self.place(), self._time)
+        model = self.model
+        force = None if model.body_force is None else model.body_force(self.place(), self._time)
         boundary = self.domain.measure(*self.constraints.open) if self.constraints.open else None
-        return FlowTerms(self._reynolds, rate, carrier, force, boundary, model.reference_map)
+        skew = self.space.quadrature("ds") if model.energy_stable else None
+        rate, carrier = self._rate_of_change(v), self._carrier(v)
+        return FlowTerms(self._reynolds, rate, carrier, skew, force, boundary, model.reference_map)
+
+    def _past(self) -> list[Any]:
+        """Velocities of the past states."""
+        return [ufl.split(h)[0] for h in self.history]
+
+    def _rate_of_change(self, v: Any) -> Any:
+        if not self.model.unsteady:
+            return None
+        velocities = [v, *self._past()]
+        if self.model.energy_stable:
+            return energy_stable_rate(self._rate, velocities, self._shifts)
+        return sum(a * u for a, u in zip(self._rate, velocities, strict=True))
+
+    def _carrier(self, v: Any) -> Any:
+        """The velocity that convects, less the mesh's."""
+        model = self.model
+        carrier = None
+        if model.inertia and model.unsteady and model.convection == "extrapolated":
+            carrier = sum(e * u for e, u in zip(self._extrapolation, self._past(), strict=True))
+        elif model.inertia:
+            carrier = v
+        if not model.moving_mesh:
+            return carrier
+        # The rate of the mesh's places by the same backward difference, places past being x - shift; in the
+        # energy-stable form the volume swept at that rate.
+        moved = [swept(shift) if model.energy_stable else shift for shift in self._shifts]
+        of_mesh = sum(-a * shift for a, shift in zip(self._rate[1:], moved, strict=True))
+        return -of_mesh if carrier is None else carrier - of_mesh
 
     def place(self) -> Any:
         """UFL expression of the place x in space, X + d on a reference domain."""
@@ -153,6 +182,16 @@ class Fluid:
             constant.value = value
         for constant, value in zip(self._extrapolation, extrapolation, strict=True):
             constant.value = value
+
+    def mesh_moved(self, *past: np.ndarray) -> None:
+        """Tell that the mesh has been moved: `past` are its places (n, 3) at the last state and the one before.
+
+        Not collective; `compat.geometry_dofs` numbers the places. With one past state give it twice.
+        """
+        places = self.domain.mesh.geometry.x
+        for function, before in zip(self._shifts, past, strict=True):
+            set_geometry_function(function, places - before)
+        self.constraints.boundary_points_moved()
 
     def at_order(self, order: int) -> Fluid:
         """The same flow in elements of another order; the caller destroys it. Collective."""
@@ -211,6 +250,10 @@ class Fluid:
         self._aged = not report.converged or report.iterations > PATIENCE
         return report
 
+    def renew_factors(self) -> None:
+        """Let the next time step factorise anew. Not collective, but to be called on all ranks."""
+        self._aged = True
+
     def chord_correction(self, fresh: bool) -> float:
         """One correction with the factors at hand; `fresh` assembles and factorises first (see `newton.System`)."""
         self._assemble_constrained_residual()
@@ -254,6 +297,34 @@ class Fluid:
             local.set(0.0)
         petsc.assemble_vector(vector, self._residual)
 
+    def response(self, boundary: np.ndarray, forcing: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """How the flow answers to a change of boundary velocities, with the factors at hand. Collective.
+
+        `boundary` is a change of the state (local unknowns,) that vanishes off a carried boundary, `forcing` the
+        change of the residual (owned unknowns,) that comes with it for other reasons. Returns the change of the
+        state completed so that the residual within the flow stays as it is, and the change of the residual on
+        the boundary (owned unknowns,): of the tractions, by the exact derivative where the factors are fresh.
+        """
+        if self._direction is None:
+            self._direction = dolfinx.fem.Function(self.space.mixed)
+            self._action = compat.form(ufl.action(self._jacobian_form, self._direction))
+        self._direction.x.array[:] = boundary
+        self._assemble_action(forcing)
+        petsc.set_bc(self._vector, self.constraints.dirichlet, scale=0.0)
+        self.solver.apply(self._vector, self._correction)
+        self._direction.x.array[: self._vector.getLocalSize()] -= self._correction.array_r
+        self._direction.x.scatter_forward()
+        self._assemble_action(forcing)
+        return self._direction.x.array.copy(), self._vector.array_r.copy()
+
+    def _assemble_action(self, forcing: np.ndarray) -> None:
+        """The Jacobian, conditions not applied, times the direction, and the forcing."""
+        with self._vector.localForm() as local:
+            local.set(0.0)
+        petsc.assemble_vector(self._vector, self._action)
+        self._vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        self._vector.setArray(self._vector.array_r + forcing)
+
     def residual(self) -> np.ndarray:
         """Residual of the present state against every test function, conditions not applied: (owned unknowns,).
 
@@ -263,9 +334,21 @@ class Fluid:
         self._vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         return self._vector.array_r.copy()
 
-    def _relative_size(self) -> float:
+    def speed(self) -> float:
+        """Root mean square of the speed over the velocity nodes. Collective."""
+        return float(np.sqrt(self.squared_velocities(self.state.x.array) / self.space.velocity_nodes()))
+
+    def squared_velocities(self, values: np.ndarray) -> float:
+        """Sum over all ranks of the squares of the velocities in a state, or a change of it. Collective."""
+        return float(self.domain.comm.allreduce(float(np.sum(values[self._velocities()] ** 2))))
+
+    def _velocities(self) -> np.ndarray:
+        """Numbers of the owned velocity unknowns."""
         owned = self._state_view.getLocalSize()
-        mine = self.space.velocity_map[self.space.velocity_map < owned]
+        return self.space.velocity_map[self.space.velocity_map < owned]
+
+    def _relative_size(self) -> float:
+        mine = self._velocities()
         parts = [np.sum(a[mine] ** 2) for a in (self._correction.array_r, self.state.x.array)]
         change, whole = self.domain.comm.allreduce(np.array(parts))
         if whole == 0.0:

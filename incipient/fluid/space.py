@@ -33,13 +33,18 @@ class TaylorHood:
         """Number of unknowns over all ranks."""
         return int(self.mixed.dofmap.index_map.size_global * self.mixed.dofmap.index_map_bs)
 
-    def quadrature(self) -> Any:
-        """Cell measure exact for convection on straight cells, with two orders more per order of curvature."""
+    def velocity_nodes(self) -> int:
+        """Number of velocity nodes over all ranks."""
+        return int(self.velocity.dofmap.index_map.size_global)
+
+    def quadrature(self, kind: str = "dx") -> Any:
+        """Measure of the cells, or of the boundary ("ds"), exact for convection on straight cells.
+
+        With every order of curvature it has two orders more.
+        """
         mesh = self.mixed.mesh
-        curvature = compat.coordinate_element(mesh).degree
-        geometry_order = curvature() if callable(curvature) else curvature
-        degree = 3 * self.order - 1 + 2 * (geometry_order - 1)
-        return ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": degree})
+        degree = 3 * self.order - 1 + 2 * (compat.geometry_degree(mesh) - 1)
+        return ufl.Measure(kind, domain=mesh, metadata={"quadrature_degree": degree})
 
     def velocity_points(self) -> np.ndarray:
         """(n, 3) place of each local velocity node, in the present geometry of the mesh."""
@@ -74,3 +79,16 @@ def boundary_blocks(space: Any, facets: np.ndarray) -> np.ndarray:
     """Local nodes (blocks) of a Lagrange space on the given facets; collective, ranks agree on shared nodes."""
     dimension = space.mesh.topology.dim - 1
     return dolfinx.fem.locate_dofs_topological(space, dimension, facets)
+
+
+def geometry_function(mesh: Any) -> Any:
+    """A vector function on the nodes of the mesh's own geometry, such as a displacement of the mesh. Collective."""
+    return dolfinx.fem.Function(compat.function_space(mesh, compat.coordinate_element(mesh)))
+
+
+def set_geometry_function(function: Any, values: np.ndarray) -> None:
+    """Give a function made by `geometry_function` its values (n, 3) at the rows of `mesh.geometry.x`."""
+    space = function.function_space
+    mesh = space.mesh
+    nodes = function.x.array.reshape(-1, mesh.geometry.dim)
+    nodes[compat.cell_dofs(space)] = values[compat.geometry_dofs(mesh), : mesh.geometry.dim]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -13,6 +13,26 @@ from .flow import Fluid
 from .newton import NewtonReport
 
 SAFETY, LARGEST_GROWTH, LARGEST_CUT = 0.9, 2.0, 0.3
+
+
+class Interface(Protocol):
+    """What moves with the fluid and is solved together with it; all methods are collective."""
+
+    def attempt(self, length: float, order: int) -> NewtonReport:
+        """Solve for the end of a step of this length and order from the last state, the fluid's state included."""
+        ...
+
+    def accept(self) -> None:
+        """The attempt holds: it is the last state now."""
+        ...
+
+    def restore(self) -> None:
+        """Go back to the last state."""
+        ...
+
+    def velocities(self) -> np.ndarray:
+        """(n,) velocities of what moves, whose error limits the steps, too."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -40,6 +60,15 @@ def backward_difference(order: int, step: float, ratio: float) -> tuple[tuple[fl
     return tuple(a / step for a in rate), (1 + r, -r)
 
 
+@dataclass(frozen=True)
+class Past:
+    """A state that has been: its time, the fluid's unknowns, and the velocities of what moves with the fluid."""
+
+    time: float
+    state: np.ndarray
+    velocities: np.ndarray
+
+
 class Transient:
     """Advances an unsteady fluid. All methods are collective.
 
@@ -48,11 +77,20 @@ class Transient:
         order: 1 (the paper's backward difference) or 2.
         tolerance: of the algebraic solution within a step, relative.
         accuracy: local error of the velocity a step may make, relative; None keeps the steps as given.
+        interface: what moves with the fluid, or None.
     """
 
-    def __init__(self, fluid: Fluid, order: int = 2, tolerance: float = 1e-8, accuracy: float | None = None):
+    def __init__(
+        self,
+        fluid: Fluid,
+        order: int = 2,
+        tolerance: float = 1e-8,
+        accuracy: float | None = None,
+        interface: Interface | None = None,
+    ):
         self.fluid, self.order, self.tolerance, self.accuracy = fluid, order, tolerance, accuracy
-        self._past: list[tuple[float, np.ndarray]] = []
+        self.interface = interface
+        self._past: list[Past] = []
         self._count = 0
 
     def march(self, end: float, step: float) -> Iterator[TimeStep]:
@@ -80,11 +118,14 @@ class Transient:
         """
         self._remember()
         try:
-            return self._accepted(length)
+            taken = self._accepted(length)
         except ConvergenceError:
             self._restore()
             del self._past[0]
             raise
+        if self.interface is not None:
+            self.interface.accept()
+        return taken
 
     def _accepted(self, length: float) -> TimeStep:
         for rejected in range(11):
@@ -102,47 +143,55 @@ class Transient:
 
     def _remember(self) -> None:
         """Put the present state at the head of the past, which holds at most three."""
-        self._past = [(self.fluid.time, self.fluid.state.x.array.copy()), *self._past[:2]]
+        velocities = np.empty(0) if self.interface is None else self.interface.velocities()
+        self._past = [Past(self.fluid.time, self.fluid.state.x.array.copy(), velocities), *self._past[:2]]
 
     def _attempt(self, length: float) -> NewtonReport:
         fluid, past = self.fluid, self._past
         second = self.order == 2 and len(past) > 1
-        ratio = length / (past[0][0] - past[1][0]) if len(past) > 1 else 1.0
+        ratio = length / (past[0].time - past[1].time) if len(past) > 1 else 1.0
         rate, extrapolation = backward_difference(2 if second else 1, length, ratio)
         fluid.discretise_time(rate, extrapolation)
-        for function, (_, values) in zip(fluid.history, [*past[:2], past[-1]], strict=False):
-            function.x.array[:] = values
+        for function, before in zip(fluid.history, [*past[:2], past[-1]], strict=False):
+            function.x.array[:] = before.state
         if second:
-            fluid.state.x.array[:] = extrapolation[0] * past[0][1] + extrapolation[1] * past[1][1]
-        fluid.time = past[0][0] + length
+            fluid.state.x.array[:] = extrapolation[0] * past[0].state + extrapolation[1] * past[1].state
+        fluid.time = past[0].time + length
+        if self.interface is not None:
+            return self.interface.attempt(length, 2 if second else 1)
         return fluid.solve(self.tolerance)
 
     def _restore(self) -> None:
-        self.fluid.time = self._past[0][0]
-        self.fluid.state.x.array[:] = self._past[0][1]
+        self.fluid.time = self._past[0].time
+        self.fluid.state.x.array[:] = self._past[0].state
+        if self.interface is not None:
+            self.interface.restore()
 
     def _too_large(self, error: float | None) -> bool:
         return self.accuracy is not None and error is not None and error > 1.5 * self.accuracy
 
     def _error(self, length: float) -> float | None:
-        """Local error of the velocity relative to it, from divided differences over the past states."""
+        """Local error of the velocities relative to them, from divided differences over the past states."""
         second = self.order == 2 and len(self._past) > 1
         needed = 3 if second else 2
         if len(self._past) < needed:
             return None
-        times = [self.fluid.time, *(t for t, _ in self._past[:needed])]
-        states = [self.fluid.state.x.array, *(s for _, s in self._past[:needed])]
-        # (a0 times the) leading term of the truncation: v''/2 dt, and v'''/6 dt (dt + dt before).
-        difference = _divided_difference(times, states) * np.prod([times[0] - t for t in times[1:-1]])
+        past = self._past[:needed]
+        times = [self.fluid.time, *(p.time for p in past)]
+        # (a0 times the) leading term of the truncation: v_tt/2 dt, and v_ttt/6 dt (dt + dt before).
         a0 = backward_difference(2 if second else 1, length, length / (times[1] - times[2]))[0][0]
-        return self._relative(difference / a0)
+        factor = np.prod([times[0] - t for t in times[1:-1]]) / a0
+        states = [self.fluid.state.x.array, *(p.state for p in past)]
+        error = self._relative(factor * _divided_difference(times, states))
+        if self.interface is None:
+            return error
+        velocities = [self.interface.velocities(), *(p.velocities for p in past)]
+        change = float(np.linalg.norm(factor * _divided_difference(times, velocities)))
+        size = max(float(np.linalg.norm(velocities[0])), self.fluid.speed())
+        return max(error, change / size if size else 0.0)
 
     def _relative(self, values: np.ndarray) -> float:
-        space = self.fluid.space
-        owned = space.mixed.dofmap.index_map.size_local * space.mixed.dofmap.index_map_bs
-        mine = space.velocity_map[space.velocity_map < owned]
-        squares = [np.sum(a[mine] ** 2) for a in (values, self.fluid.state.x.array)]
-        error, whole = self.fluid.domain.comm.allreduce(np.array(squares))
+        error, whole = (self.fluid.squared_velocities(a) for a in (values, self.fluid.state.x.array))
         return float(np.sqrt(error / whole)) if whole else 0.0
 
     def _next_length(self, taken: TimeStep) -> float:

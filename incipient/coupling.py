@@ -1,0 +1,302 @@
+"""Fluid and body, solved together within each step by one iteration on the body's velocities.
+
+A body accelerates with the fluid around it. For a light body that added mass is most of what has to be moved,
+and passing forces and velocities back and forth diverges. The iteration here knows the exact derivative of
+the traction by the body's velocity, A_u = R^T A (R - A_0^-1 A R): R are the rigid motions (3 in the plane, 6 in
+space) of the body's boundary, A the Jacobian of the flow and A_0 the same with the boundary held, whose
+factors the fluid has anyway. With A_u beside the mass, bodies without mass are no exception.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+from numpy.typing import NDArray
+
+from .fluid import Fluid
+from .fluid.newton import NewtonReport
+from .fluid.space import boundary_blocks
+from .meshmotion import MeshMotion
+from .rigidbody import BodyState, MeanLoad, RigidBody
+from .tractions import Resultant, TractionProbe
+
+Floats = NDArray[np.float64]
+Stage = Callable[[str], AbstractContextManager[Any]]
+
+# A step whose length differs by more than this share from that of the derivative at hand takes a new one.
+SAME_LENGTH = 0.1
+# The flow is solved to this share of the residual of the body's equation at hand.
+SHARE = 1e-4
+# Displacement of the body, relative to its extent, by which derivatives are formed.
+NUDGE = 1e-6
+# Corrections of the body's velocities in a step after which the fluid's factors are taken for too old.
+PATIENCE = 3
+# Smallest change of the body's velocities, relative to the flow's, from which the change of load can be told.
+SEEN = 1e-8
+
+
+@dataclass(frozen=True)
+class InterfaceReport(NewtonReport):
+    """How the iteration of a step went: `residuals` of the body's equation of motion, relative to its load."""
+
+    residuals: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Position:
+    """A past state of body and mesh: time, the body's velocities (k,), places of the mesh's nodes (n, 3)."""
+
+    time: float
+    velocities: Floats
+    places: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class End:
+    """The end of a step: the body, the load (k,) on it, the part of that which is the flow's, the step's length."""
+
+    state: BodyState
+    load: Floats
+    flow_load: Floats
+    length: float
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """The flow's answer to rigid motions of its body: changes of its state (k, unknowns), and of the load.
+
+    `resistance` (k, k) is A_u, minus the derivative of the load by the velocities, for steps of a `length`.
+    """
+
+    changes: Floats
+    resistance: Floats
+    length: float
+
+
+class Coupling:
+    """A body in a fluid whose mesh follows it (see `fluid.Interface`). Every method is collective.
+
+    Args:
+        fluid: with `Carried(boundary)` among its conditions and `FlowModel.moving_mesh`.
+        body: its mass, moments and freedom.
+        state: where it is and how it moves at the fluid's time.
+        motion: of the mesh.
+        load: (k,) steady force and couple on the body that are not the flow's traction: weight and buoyancy.
+        tolerance: of the body's equation of motion, relative to its load.
+        stage: context managers by name that take the time.
+    """
+
+    def __init__(
+        self,
+        fluid: Fluid,
+        body: RigidBody,
+        state: BodyState,
+        motion: MeshMotion,
+        load: Floats,
+        boundary: str = "body",
+        tolerance: float = 1e-9,
+        max_iterations: int = 12,
+        stage: Stage = lambda name: nullcontext(),
+    ):
+        self.fluid, self.body, self.motion, self.boundary = fluid, body, motion, boundary
+        self.load, self.tolerance, self.max_iterations, self._stage = load, tolerance, max_iterations, stage
+        self.state = body.consistent(state)
+        self.mean_load = MeanLoad()
+        self.past = [Position(state.time, self.state.velocities, motion.places(state.placement))]
+        self.end = End(self.state, np.zeros(body.size), np.zeros(body.size), 0.0)
+        self.probe = TractionProbe(fluid, boundary, state.place.tolist())
+        self._blocks = boundary_blocks(fluid.space.velocity, fluid.domain.facets_of(boundary))
+        self._extent = self._largest_arm()
+        self._response: Response | None = None
+        self._factors, self._first_residual = -1, 0.0
+
+    # -- the step, as the time integration sees it ------------------------------------------------
+
+    def attempt(self, length: float, order: int) -> InterfaceReport:
+        """Iterate on the body's velocities at the end of a step from the last state."""
+        self.mean_load = replace(self.mean_load, order=order)
+        end = self._predicted(length, order)
+        sizes: list[float] = []
+        residuals: list[float] = []
+        while len(residuals) < self.max_iterations:
+            self._follow(end)
+            flow = self.fluid.solve(self._inner_tolerance(residuals))
+            sizes.extend(flow.corrections)
+            if not flow.converged:
+                break
+            improved, residual = self._improved(end, length)
+            residuals.append(residual)
+            if residual <= self.tolerance:
+                self._first_residual = residuals[0]
+                if len(residuals) > 1 + PATIENCE:
+                    self.fluid.renew_factors()
+                return InterfaceReport(True, tuple(sizes), flow.error, tuple(residuals))
+            if not np.isfinite(residual):
+                break
+            self._answer(improved.velocities - end.velocities)
+            end = improved
+        self._response = None
+        return InterfaceReport(False, tuple(sizes), np.inf, tuple(residuals))
+
+    def _inner_tolerance(self, residuals: list[float]) -> float:
+        """The flow is solved as well as this iteration can use."""
+        last = residuals[-1] if residuals else self._first_residual
+        # From one iteration to the next the residual falls by two orders or more.
+        return float(np.clip(SHARE * last, 0.1 * self.tolerance, 1e-5))
+
+    def accept(self) -> None:
+        """The end of the attempt is the last state now."""
+        end, mesh = self.end, self.fluid.domain.mesh
+        self.mean_load = self.mean_load.accept(end.load, end.length)
+        self.state = end.state
+        now = Position(end.state.time, end.state.velocities, mesh.geometry.x.copy())
+        self.past = [now, *self.past[:1]]
+
+    def restore(self) -> None:
+        """Put body and mesh back to the last state."""
+        self.end = replace(self.end, state=self.state)
+        self.fluid.domain.mesh.geometry.x[:] = self.past[0].places
+        self.fluid.constraints.boundary_points_moved()
+
+    def velocities(self) -> Floats:
+        """(k,) velocity, and spin times the body's largest arm, at the end of the last attempt."""
+        return self.end.state.velocities * self._unit()
+
+    # -- one iteration ----------------------------------------------------------------------------
+
+    def _predicted(self, length: float, order: int) -> BodyState:
+        """The end of a step with velocities extrapolated as the fluid's are."""
+        start, free = self.state, self.body.mask
+        if not free.any():
+            return self.body.advance(start, length, np.zeros(self.body.size))
+        velocities = start.velocities
+        if order == 2:
+            ratio = length / (self.past[0].time - self.past[1].time)
+            velocities = velocities + ratio * (velocities - self.past[1].velocities)
+        velocities = np.where(free, velocities, self.body.freedom.imposed(start.time + length))
+        way = 0.5 * length * (start.velocities + velocities)
+        d = self.body.gdim
+        return BodyState.at(start.placement.moved(way[:d], way[d:]), velocities, start.time + length)
+
+    def _follow(self, end: BodyState) -> None:
+        """Bring mesh and boundary values to where the body is."""
+        with self._stage("mesh motion"):
+            self.motion.move(end.placement)
+            self.fluid.mesh_moved(self.past[0].places, self.past[-1].places)
+            self.fluid.constraints.carry(self.boundary, lambda x: rigid_velocity(end, x))
+
+    def _improved(self, end: BodyState, length: float) -> tuple[BodyState, float]:
+        """The end under the load at hand, and by how much that load misses the body's motion."""
+        with self._stage("tractions"):
+            self.probe.refer_to(end.place.tolist())
+            flow_load = self._load_of(self.probe.resultant())
+        load = flow_load + self.load
+        before, self.end = self.end, End(end, load, flow_load, length)
+        if not self.body.mask.any():
+            return end, 0.0
+        with self._stage("interface"):
+            resistance = self._responded(before, self.end).resistance
+            added = self.mean_load.added(resistance, length)
+            mean = self.mean_load.mean(load, length)
+            improved = self.body.advance(self.state, length, mean, added, end.velocities)
+            change = improved.velocities - end.velocities
+            missed = self.body.momentum(improved) - self.body.momentum(end) + added @ change
+            return improved, self._relative(missed / length, resistance)
+
+    def _relative(self, missed: Floats, resistance: Floats) -> float:
+        """A load missed, relative to the loads at hand: the flow's, the rest, what resists the motion."""
+        end, free = self.end, self.body.mask
+        unit = self._unit()
+        loads = (end.flow_load, self.load, resistance @ end.state.velocities)
+        largest = max(float(np.linalg.norm((load / unit)[free])) for load in loads)
+        size = float(np.linalg.norm((missed / unit)[free]))
+        return size / largest if size > 0.0 else 0.0
+
+    def _answer(self, change: Floats) -> None:
+        """Let the flow answer linearly to a change of the body's velocities."""
+        with self._stage("interface"):
+            assert self._response is not None
+            self.fluid.state.x.array[:] += change @ self._response.changes
+
+    # -- the derivative ---------------------------------------------------------------------------
+
+    def _responded(self, before: End, end: End) -> Response:
+        """The response at hand, corrected by what the last iteration has shown, or a new one.
+
+        New where the factors or the length of the step have changed. The correction is Broyden's: the least
+        that explains the change of load seen with the last change of velocities. It accounts for what A_u
+        leaves out, the change of the load with the body's place, and for factors that have aged.
+        """
+        factors, known = self.fluid.solver.statistics.factorisations, self._response
+        if known is None or factors != self._factors or abs(end.length / known.length - 1.0) > SAME_LENGTH:
+            known = self._response = self._respond(end.state, end.length)
+            self._factors = self.fluid.solver.statistics.factorisations
+        elif before.state.time == end.state.time and before.length == end.length:
+            known = self._response = self._corrected(known, before, end)
+        return known
+
+    def _corrected(self, known: Response, before: End, end: End) -> Response:
+        step = end.state.velocities - before.state.velocities
+        scaled = step * self._unit() ** 2
+        size = float(step @ scaled)
+        if size <= (SEEN * self.fluid.speed()) ** 2:
+            return known
+        missed = before.flow_load - end.flow_load - known.resistance @ step
+        return replace(known, resistance=known.resistance + np.outer(missed, scaled) / size)
+
+    def _unit(self) -> Floats:
+        """(k,) lengths that turn spins into velocities: one, and the body's largest arm."""
+        d = self.body.gdim
+        return np.concatenate([np.ones(d), np.full(self.body.size - d, self._extent)])
+
+    def _respond(self, end: BodyState, length: float) -> Response:
+        space, size = self.fluid.space, self.body.size
+        arms = self.fluid.constraints.points[self._blocks, : space.gdim] - end.place
+        changes, resistance = np.zeros((size, len(self.fluid.state.x.array))), np.zeros((size, size))
+        places = space.velocity_map.reshape(-1, space.gdim)[self._blocks]
+        for k in np.flatnonzero(self.body.mask):
+            motion = np.zeros_like(self.fluid.state.x.array)
+            unit = np.eye(size)[k]
+            motion[places] = unit[: space.gdim] + turned(unit[space.gdim :], arms)
+            changes[k], residual = self.fluid.response(motion, self._of_displacement(end, length, unit))
+            resistance[:, k] = -self._load_of(self.probe.resultant_of(residual))
+        return Response(changes, resistance, length)
+
+    def _of_displacement(self, end: BodyState, length: float, unit: Floats) -> Floats:
+        """Derivative of the fluid's residual by a velocity of the body through the place of the mesh at the end."""
+        way = NUDGE * self._extent * unit / self._unit()
+        d = self.body.gdim
+        before = self.fluid.residual()
+        placement = end.placement.moved(way[:d], way[d:])
+        self._follow(BodyState.at(placement, end.velocities, end.time))
+        after = self.fluid.residual()
+        self._follow(end)
+        # At the end of a step the body has gone half the step's length times its velocity there.
+        return (after - before) * (0.5 * length / float(np.linalg.norm(way)))
+
+    def _load_of(self, resultant: Resultant) -> Floats:
+        """Force and couple as the body takes them, (k,)."""
+        d = self.body.gdim
+        return np.concatenate([resultant.force[:d], resultant.couple[2:] if d == 2 else resultant.couple])
+
+    def _largest_arm(self) -> float:
+        arms = self.fluid.constraints.points[self._blocks, : self.body.gdim] - self.state.place
+        mine = float(np.sqrt((arms**2).sum(axis=1)).max(initial=0.0))
+        return float(self.fluid.domain.comm.allreduce(mine, op=MPI.MAX))
+
+
+def rigid_velocity(state: BodyState, x: Floats) -> Floats:
+    """Velocities (n, gdim) of a body's points (n, gdim)."""
+    return state.velocity + turned(state.spin, x - state.place)
+
+
+def turned(spin: Floats, arms: Floats) -> Floats:
+    """spin x arms, (n, gdim); the spin is (1,) in the plane."""
+    if arms.shape[1] == 2:
+        return spin[0] * np.column_stack([-arms[:, 1], arms[:, 0]])
+    return np.cross(spin, arms)
