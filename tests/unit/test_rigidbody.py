@@ -1,0 +1,453 @@
+"""The rigid body of equations (331)-(336) against mechanics: projectiles, tops, drag; without mass, too."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.special import ellipj, ellipk
+
+from incipient.bodystate import BodyState, Freedom, Inertia, rotation_matrix
+from incipient.errors import ConvergenceError, SceneError
+from incipient.geometry import Box, Disc, Ellipse, Ellipsoid, Placement, Rectangle, Sphere
+from incipient.geometry.placement import rotation_by
+from incipient.integrator import Tolerances
+from incipient.rigidbody import MeanLoad, RigidBody
+
+TOP = Inertia(2.0, np.array([1.0, 2.0, 2.5]))
+ASKEW = rotation_by([0.3, -0.8, 0.5])  # an orientation like any other
+
+
+def planar(mass: float, moment: float) -> Inertia:
+    return Inertia(mass, np.array([moment]))
+
+
+def at_rest(gdim: int) -> BodyState:
+    return BodyState.at(Placement((0.0,) * gdim))
+
+
+def spinning(spin) -> BodyState:
+    """In space, placed askew, with a spin given in the body's axes."""
+    turned = rotation_matrix(np.array(ASKEW)) @ np.asarray(spin, dtype=float)
+    return BodyState.at(Placement((0.0, 0.0, 0.0), 0.0, ASKEW), np.concatenate([np.zeros(3), turned]))
+
+
+def converged(body: RigidBody, state: BodyState, dt: float, load, added) -> BodyState:
+    """The step with its own result as the guess: where a coupling with a constant load converges to."""
+    guess = body.advance(state, dt, load).velocities
+    return body.advance(state, dt, load, added, guess)
+
+
+def rates(errors) -> np.ndarray:
+    errors = np.asarray(errors)
+    return np.log2(errors[:-1] / errors[1:])
+
+
+# Inertia -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("grain", "mass", "moment"),
+    [
+        (Disc(2.0), 40 * np.pi, 20 * np.pi),  # m r^2 / 2
+        (Ellipse((2.0, 1.0)), 80 * np.pi, 100 * np.pi),  # the paper's m = 251.3, J33 = 314.2 of Fig. 1
+        (Rectangle(3.0, 1.0), 120.0, 100.0),  # m (a^2 + b^2) / 12
+    ],
+)
+def test_inertia_in_the_plane(grain, mass: float, moment: float) -> None:
+    inertia = Inertia.of(grain, 40.0)
+    assert inertia.gdim == 2
+    assert inertia.mass == pytest.approx(mass, rel=1e-12)
+    np.testing.assert_allclose(inertia.moments, [moment], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("grain", "mass", "moments"),
+    [
+        (Sphere(2.0), 4 / 3 * np.pi, 2 / 5 * np.ones(3)),
+        (Box((1.0, 2.0, 3.0)), 6.0, np.array([13, 10, 5]) / 12),
+        (Ellipsoid((3.0, 2.0, 1.0)), 8 * np.pi, np.array([5, 10, 13]) / 5),
+    ],
+)
+def test_inertia_in_space(grain, mass: float, moments) -> None:
+    """Textbook formulas, per mass; the axes give back the tensor."""
+    inertia = Inertia.of(grain, 3.0)
+    assert inertia.mass == pytest.approx(3 * mass, rel=1e-9)
+    np.testing.assert_allclose(np.sort(inertia.moments), np.sort(3 * mass * moments), rtol=1e-9)
+    np.testing.assert_allclose(
+        (inertia.axes * inertia.moments) @ inertia.axes.T, 3 * np.asarray(grain.inertia)
+    )
+    assert np.linalg.det(inertia.axes) == pytest.approx(1.0)
+
+
+def test_impossible_inertia_is_refused() -> None:
+    for mass, moments in (
+        (-1.0, [1.0]),
+        (1.0, [-1.0]),
+        (np.nan, [1.0]),
+        (1.0, [1.0, 1.0]),
+        (1.0, [1.0, 1.0, 2.1]),
+    ):
+        with pytest.raises(SceneError):
+            Inertia(mass, np.array(moments))
+    with pytest.raises(SceneError, match="axes"):
+        Inertia(1.0, np.ones(3), np.ones((3, 3)))
+    assert Inertia(0.0, np.zeros(3)).gdim == 3  # no mass at all is a body, too
+
+
+# States ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "state", [BodyState.at(Placement((1.0, 2.0), 7.5), [1, 2, 3], 4.0), spinning([1, 2, 3])]
+)
+def test_states_are_vectors(state: BodyState) -> None:
+    again = BodyState.unpacked(state.packed(), state.time)
+    np.testing.assert_allclose(again.packed(), state.packed(), rtol=1e-15)
+    np.testing.assert_allclose(again.rotation(), state.placement.rotation, rtol=1e-15)
+    assert again.placement.centre == state.placement.centre and again.time == state.time
+
+
+def test_rotation_matrix_is_that_of_the_geometry() -> None:
+    np.testing.assert_allclose(
+        rotation_matrix(3.0 * np.array(ASKEW)), spinning([0, 0, 0]).placement.rotation, atol=1e-15
+    )
+
+
+# In the plane ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("steps", [1, 7])
+def test_projectile(steps: int) -> None:
+    """x = V t, y = W t - g t^2 / 2, angle = W3 t: exact in any number of steps; the angle is not wrapped."""
+    body = RigidBody(planar(3.0, 0.5), body_force=[0.0, -9.81])
+    state = BodyState.at(Placement((1.0, 2.0)), [3.0, 4.0, 20.0])
+    for _ in range(steps):
+        state = body.advance(state, 2.0 / steps, np.zeros(3))
+    np.testing.assert_allclose(state.packed(), [7, 10 - 2 * 9.81, 40, 3, 4 - 2 * 9.81, 20], rtol=1e-13)
+    assert state.time == pytest.approx(2.0, rel=1e-15)
+
+
+@pytest.mark.parametrize("added", [0.0, 1.0, 30.0])
+def test_mean_load_is_an_impulse(added: float) -> None:
+    """V(n+1) = V(n) + dt (F + m b) / m and the place in the middle of the velocities, whatever the added mass."""
+    body = RigidBody(planar(2.0, 0.5), body_force=[0.0, -1.0])
+    state = BodyState.at(Placement((0.0, 0.0)), [1.0, 0.0, 2.0])
+    coupled = added * np.array([[2.0, 0.5, 0.1], [0.5, 1.0, 0.2], [0.1, 0.2, 1.0]])
+    end = converged(body, state, 0.5, [4.0, 3.0, 1.5], coupled)
+    np.testing.assert_allclose(end.velocities, [2.0, 0.25, 3.5], rtol=1e-10)
+    np.testing.assert_allclose(end.place, 0.25 * (state.velocity + end.velocity), rtol=1e-10, atol=1e-12)
+    assert end.orientation[0] == pytest.approx(0.25 * (2.0 + 3.5), rel=1e-10)
+
+
+def test_first_iterate_solves_the_linearised_balance() -> None:
+    """(M + A) (U - U(n)) = dt F + A (U* - U(n)), by hand."""
+    mass, added = np.diag([2.0, 2.0, 0.5]), np.array([[3.0, 1.0, 0.2], [1.0, 2.0, 0.1], [0.2, 0.1, 0.7]])
+    start, guess, load = np.array([1.0, 0.0, 2.0]), np.array([1.5, 0.3, 1.0]), np.array([4.0, 3.0, 1.5])
+    end = RigidBody(planar(2.0, 0.5)).advance(
+        BodyState.at(Placement((0.0, 0.0)), start), 0.1, load, added, guess
+    )
+    exact = start + np.linalg.solve(mass + added, 0.1 * load + added @ (guess - start))
+    np.testing.assert_allclose(end.velocities, exact, rtol=1e-13)
+
+
+def test_body_force_that_varies() -> None:
+    """Gravity cos t: the velocity gains sin t, the place 1 - cos t, to the integrator's tolerance."""
+    body = RigidBody(planar(2.0, 1.0), body_force=lambda t: np.array([np.cos(t), 0.0]))
+    end = body.advance(body.advance(at_rest(2), 0.4, np.zeros(3)), 0.6, np.zeros(3))
+    np.testing.assert_allclose([end.velocity[0], end.place[0]], [np.sin(1.0), 1 - np.cos(1.0)], rtol=1e-10)
+
+
+def test_prescribed_motion() -> None:
+    """Place and angle follow the imposed velocities whatever the load, without inertia, too."""
+    freedom = Freedom.none(2, lambda t: [np.cos(t), t, -1.0])
+    for inertia in (planar(1.0, 1.0), planar(0.0, 0.0)):
+        end = RigidBody(inertia, freedom).advance(at_rest(2), 1.5, [7.0, -3.0, 2.0])
+        exact = [np.sin(1.5), 1.5**2 / 2, -1.5, np.cos(1.5), 1.5, -1.0]
+        np.testing.assert_allclose(end.packed(), exact, rtol=1e-10)
+    still = RigidBody(planar(1.0, 1.0), Freedom.none(2)).advance(at_rest(2), 1.5, [7.0, -3.0, 2.0])
+    np.testing.assert_array_equal(still.packed(), np.zeros(6))
+
+
+def test_locked_degrees() -> None:
+    """A bead on a rod: only x is free; the angle follows what is imposed."""
+    freedom = Freedom((True, False, False), lambda t: [99.0, 0.0, 2.0])
+    body = RigidBody(planar(2.0, 1.0), freedom, [0.0, -9.81])
+    end = body.advance(at_rest(2), 0.5, [4.0, 1.0, 5.0], np.ones((3, 3)), [1.0, 9.0, 9.0])
+    np.testing.assert_allclose(end.velocities, [1.0, 0.0, 2.0], rtol=1e-12)  # 4 / 2 x 0.5: the guess is right
+    np.testing.assert_allclose([*end.place, *end.orientation], [0.25, 0.0, 1.0], rtol=1e-12)
+
+
+def test_state_within_the_step_and_contact_time() -> None:
+    """Dropped from 1: at sqrt(2 / g) on the ground, found within a step of 1."""
+    body = RigidBody(planar(1.0, 1.0), body_force=[0.0, -9.81])
+    motion = body.motion(BodyState.at(Placement((0.0, 1.0)), time=3.0), 1.0, np.zeros(3))
+    assert motion.at(3.25).place[1] == pytest.approx(1 - 9.81 / 32, rel=1e-13)
+    touching = motion.first(lambda state: state.place[1])
+    assert touching is not None and touching.time == pytest.approx(3 + np.sqrt(2 / 9.81), rel=1e-14)
+    assert touching.place[1] == pytest.approx(0.0, abs=1e-13)
+    assert motion.first(lambda state: state.place[1] + 5) is None
+
+
+# In space ----------------------------------------------------------------------------------------------------
+
+
+def jacobi(inertia: Inertia, spin, times):
+    """Spin in principal axes (n, 3) of a free top, from (w1, 0, w3) with M^2 > 2 E J2: Landau & Lifshitz, par. 37."""
+    a, b, c = inertia.moments
+    energy2, square = inertia.moments @ np.square(spin), np.square(inertia.moments * spin).sum()
+    assert square > energy2 * b and spin[1] == 0.0
+    rate = np.sqrt((c - b) * (square - energy2 * a) / (a * b * c))
+    modulus = (b - a) * (energy2 * c - square) / ((c - b) * (square - energy2 * a))
+    sn, cn, dn, _ = ellipj(rate * times, modulus)
+    second = np.sqrt((energy2 * c - square) / (b * (c - b)))
+    return np.column_stack([spin[0] * cn, second * sn, spin[2] * dn]), 4 * ellipk(modulus) / rate
+
+
+@pytest.mark.parametrize(
+    "spin",
+    [
+        (0.5, 0.0, 1.0),
+        # Within 1e-3 of turning about the intermediate axis: it flips over and over (Dzhanibekov).
+        (np.sqrt(5 / 4) * 0.999, 0.0, 1.0),
+    ],
+)
+def test_free_asymmetric_top(spin) -> None:
+    """Energy, angular momentum, unit quaternion and Jacobi's elliptic functions over three periods.
+
+    Beside the separatrix errors grow by the ratio of the largest to the smallest distance from it, about 1e3.
+    """
+    body, state = RigidBody(TOP), spinning(spin)
+    period = jacobi(TOP, np.array(spin), 0.0)[1]
+    steps = 60
+    times = 3 * period / steps * np.arange(steps + 1)
+    exact, _ = jacobi(TOP, np.array(spin), times)
+    energy, momentum = body.kinetic_energy(state), body.angular_momentum(state)
+    second, worst = [], np.zeros(4)
+    for k in range(1, steps + 1):
+        state = body.advance(state, times[k] - times[k - 1], np.zeros(6))
+        seen = state.rotation().T @ state.spin
+        second.append(seen[1])
+        errors = (
+            np.abs(seen - exact[k]).max(),
+            abs(body.kinetic_energy(state) / energy - 1),
+            np.abs(body.angular_momentum(state) - momentum).max(),
+            abs(np.linalg.norm(state.orientation) - 1),
+        )
+        worst = np.maximum(worst, errors)
+    print(f"period {period:.4g}, errors: spin, energy, momentum, norm {worst}")
+    assert worst[0] < 1e-6 and worst[1] < 1e-9 and worst[2] < 1e-9 and worst[3] < 1e-15
+    flips = np.count_nonzero(np.diff(np.sign(second)))
+    assert flips == 5  # three periods, without the zeros at both ends
+
+
+@pytest.mark.parametrize("added", [0.0, 3.0, 1e3])
+def test_constant_couple_in_space(added: float) -> None:
+    """Euler's equations under a couple of constant direction in space: scipy's DOP853, whatever the added mass."""
+    body, start, couple = RigidBody(TOP), spinning([1.0, 0.4, -0.7]), np.array([0.5, -1.0, 0.8])
+    momentum = body.angular_momentum(start)
+
+    def rate(t, q):
+        turned = rotation_matrix(q)
+        spin = turned @ ((turned.T @ (momentum + t * couple)) / TOP.moments)
+        return 0.5 * np.array([-spin @ q[1:], *(q[0] * spin + np.cross(spin, q[1:]))])
+
+    q = solve_ivp(rate, (0, 0.5), start.orientation, "DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
+    load = np.concatenate([[1.0, 0.0, 2.0], couple])
+    end = converged(body, start, 0.5, load, added * np.diag([1, 2, 1, 1, 3, 2]))
+    np.testing.assert_allclose(body.angular_momentum(end), momentum + 0.5 * couple, rtol=1e-9)
+    np.testing.assert_allclose(end.orientation, q / np.linalg.norm(q), atol=1e-9)
+    np.testing.assert_allclose(end.velocity, [0.25, 0.0, 0.5], atol=1e-9)
+
+
+def test_principal_axes_off_the_frame() -> None:
+    """The same body described in a turned frame moves in the same way."""
+    turn = rotation_matrix(np.array(ASKEW))
+    ends = []
+    for inertia, orientation in (
+        (TOP, (1.0, 0.0, 0.0, 0.0)),
+        (Inertia(2.0, TOP.moments, turn), (ASKEW[0], -ASKEW[1], -ASKEW[2], -ASKEW[3])),
+    ):
+        state = BodyState.at(Placement((0.0,) * 3, 0.0, orientation), [0, 0, 0, 1.0, 0.4, -0.7])
+        ends.append(RigidBody(inertia).advance(state, 0.5, [0, 0, 0, 0.5, -1.0, 0.8]))
+    np.testing.assert_allclose(ends[0].spin, ends[1].spin, rtol=1e-10)
+    np.testing.assert_allclose(ends[0].rotation() @ np.eye(3), ends[1].rotation() @ turn, atol=1e-10)
+
+
+def test_partly_locked_in_space() -> None:
+    """No spin about x: the other momenta and the energy are kept, for the constraint does no work."""
+    body = RigidBody(TOP, Freedom((True, True, True, False, True, True)))
+    state = body.consistent(spinning([1.0, 0.4, -0.7]))
+    energy, momentum = body.kinetic_energy(state), body.angular_momentum(state)
+    for _ in range(10):
+        state = body.advance(state, 0.3, np.zeros(6))
+        assert state.spin[0] == 0.0
+        np.testing.assert_allclose(body.angular_momentum(state)[1:], momentum[1:], rtol=1e-8)
+        assert body.kinetic_energy(state) == pytest.approx(energy, rel=1e-8)
+
+
+@pytest.mark.parametrize("moments", [(0.0, 0.0, 0.0), (0.0, 1.0, 1.0), (1e-4, 1.0, 1.0)])
+def test_without_inertia_in_space(moments) -> None:
+    """No moments, and a needle: with drag the spin is that in which couple and drag balance, after two steps."""
+    body = RigidBody(Inertia(0.0, np.array(moments)))
+    couple, resistance = np.array([0.0, 0.0, 0.0, 0.3, -0.2, 0.1]), np.diag([1.0, 1.0, 1.0, 1e3, 2e3, 1.5e3])
+    state = march(body, at_rest(3), 3, 0.1, lambda t, u: couple - resistance @ u, resistance)[-1]
+    np.testing.assert_allclose(state.velocities, np.linalg.solve(resistance, couple), rtol=2e-2, atol=1e-15)
+
+
+# With the fluid's backward difference ------------------------------------------------------------------------
+
+
+def march(body, state, steps, dt, load, resistance, tolerance=1e-12, most=20):
+    """The coupling in small: load(t, U), its derivative -resistance, iterated to a tolerance; all states."""
+    lengths = np.full(steps, dt) if np.isscalar(dt) else np.asarray(dt)
+    states, mean = [state], MeanLoad()
+    for length in lengths:
+        guess, t = state.velocities, state.time + length
+        for _ in range(most):
+            force = mean.mean(load(t, guess), length)
+            end = body.advance(state, length, force, mean.added(resistance, length), guess)
+            change, guess = np.abs(end.velocities - guess).max(), end.velocities
+            if change <= tolerance * max(np.abs(guess).max(), np.abs(state.velocities).max()):
+                break
+        else:
+            pytest.fail(f"the coupling needs more than {most} iterations")
+        mean, state = mean.accept(load(t, guess), length), end
+        states.append(state)
+    return states
+
+
+@pytest.mark.parametrize("mass", [0.0, 0.01, 1.0, 1e6])
+def test_drag_converges_at_once_and_is_bdf2(mass: float) -> None:
+    """F = f - K U with its exact derivative: two iterations (the second only finds no change), any mass.
+
+    The pair is BDF2 with variable steps to round-off, started by BDF1, by its own three-term formula.
+    """
+    resistance = np.array([[3.0, 0.5, 0.1], [0.5, 2.0, 0.2], [0.1, 0.2, 1.0]])
+    inertia, lengths = np.diag([mass, mass, 0.3 * mass]), np.array([0.1, 0.1, 0.2, 0.15, 0.05, 0.05, 0.1])
+
+    def drive(t):
+        return np.array([np.sin(3 * t), 1.0, np.cos(t)])
+
+    body = RigidBody(planar(mass, 0.3 * mass))
+    states = march(
+        body, at_rest(2), 7, lengths, lambda t, u: drive(t) - resistance @ u, resistance, 1e-11, most=2
+    )
+    old, older, t, before = np.zeros(3), np.zeros(3), 0.0, None
+    for length, state in zip(lengths, states[1:], strict=True):
+        r = 0.0 if before is None else length / before
+        a0, a1, a2 = (1 + 2 * r) / (1 + r), -(1 + r), r**2 / (1 + r)
+        t, before = t + length, length
+        right = length * drive(t) - inertia @ (a1 * old + a2 * older)
+        old, older = np.linalg.solve(a0 * inertia + length * resistance, right), old
+        np.testing.assert_allclose(state.velocities, old, rtol=1e-11, atol=1e-13 * np.abs(old).max())
+
+
+@pytest.mark.parametrize("mass", [0.0, 0.01, 1.0, 1e6])
+def test_second_order_in_time(mass: float) -> None:
+    """m U' = f(t) - U with f = t^2 / (1 + t): velocity and place against scipy, halving the step four times."""
+
+    def drive(t):
+        return max(1.0, mass) * t**2 / (1 + t)
+
+    if mass > 0.0:
+        reference = solve_ivp(
+            lambda t, y: [y[1], (drive(t) - y[1]) / mass], (0, 2), [0, 0], "Radau", rtol=1e-11, atol=1e-13
+        ).y[:, -1]
+    else:
+        reference = np.array([np.log(3.0), 4 / 3])  # of t^2 / (1 + t): t^2 / 2 - t + log(1 + t)
+    body, resistance = RigidBody(planar(mass, mass)), np.eye(3)
+    errors = []
+    for steps in (20, 40, 80, 160):
+        end = march(
+            body, at_rest(2), steps, 2 / steps, lambda t, u: np.array([drive(t), 0, 0]) - u, resistance, 1e-9
+        )[-1]
+        errors.append([abs(end.place[0] - reference[0]), abs(end.velocity[0] - reference[1])])
+    place, velocity = np.transpose(errors)
+    assert rates(place)[-1] == pytest.approx(2.0, abs=0.15)
+    assert velocity[-1] < 1e-10 if mass == 0.0 else rates(velocity)[-1] == pytest.approx(2.0, abs=0.15)
+
+
+@pytest.mark.parametrize("mass", [0.0, 1e-6, 1e-2])
+def test_no_ringing(mass: float) -> None:
+    """Released at a speed of 1 in still, viscous fluid: after two steps all but gone, and ever less after.
+
+    The trapezoidal rule would go on with -1, 1, -1, ...; BDF2 multiplies by about m / (k dt) every two steps.
+    """
+    body, resistance = RigidBody(planar(mass, mass)), 100.0 * np.eye(3)
+    start = BodyState.at(Placement((0.0, 0.0)), [1.0, 0.0, 1.0])
+    states = march(body, start, 6, 0.1, lambda t, u: -resistance @ u, resistance)
+    speeds = np.array([abs(state.velocity[0]) for state in states])
+    ratio = mass / (100.0 * 0.1)
+    assert (speeds[1:3] <= ratio + 1e-15).all()
+    assert (speeds[3:] <= 2.0 * ratio * speeds[1:-2] + 1e-15).all()
+
+
+def test_second_order_in_space() -> None:
+    """An asymmetric top with drag and a turning couple: orientation and spin halve to a quarter."""
+    body, start = RigidBody(TOP), spinning([1.0, 0.4, -0.7])
+    resistance = np.diag([1.0, 1.0, 1.0, 0.5, 1.0, 2.0])
+
+    def load(t, u):
+        return np.array([0, 0, 0, np.sin(2 * t), 0.5, np.cos(t)]) - resistance @ u
+
+    ends = [march(body, start, n, 1.0 / n, load, resistance, 1e-9)[-1].packed() for n in (10, 20, 40)]
+    changes = [np.abs(b - a).max() for a, b in pairwise(ends)]
+    assert rates(changes)[-1] == pytest.approx(2.0, abs=0.25)
+
+
+def test_mean_load() -> None:
+    """A constant load is its own mean; a linear one is, in the long run, that in the middle of the step."""
+    mean = MeanLoad()
+    for dt in (0.1, 0.2, 0.05):
+        assert sum(mean.coefficients(dt)) == pytest.approx(0.0, abs=1e-15)
+        np.testing.assert_allclose(mean.mean([2.0, 3.0], dt), [2.0, 3.0], rtol=1e-14)
+        mean = mean.accept([2.0, 3.0], dt)
+    mean = MeanLoad()
+    for k in range(1, 40):
+        last, mean = mean, mean.accept([0.1 * k], 0.1)
+    np.testing.assert_allclose(mean.previous, [0.1 * 38.5], rtol=1e-13)
+    np.testing.assert_array_equal(last.accept([3.9], 0.1).previous, mean.previous)  # going back: a value
+    first = MeanLoad(order=1).accept([1.0], 0.1)
+    np.testing.assert_array_equal(first.mean([5.0], 0.1), [5.0])
+    assert mean.restarted().coefficients(0.3) == (1.0, -1.0, 0.0)
+    np.testing.assert_allclose(mean.added(np.eye(2), 0.3), 0.3 / mean.coefficients(0.3)[0] * np.eye(2))
+
+
+# Errors ------------------------------------------------------------------------------------------------------
+
+
+def test_nothing_resists() -> None:
+    with pytest.raises(SceneError, match="velocity along x"):
+        RigidBody(planar(0.0, 1.0)).advance(at_rest(2), 0.1, np.zeros(3))
+    with pytest.raises(SceneError, match="spin"):
+        RigidBody(planar(1.0, 0.0)).advance(at_rest(2), 0.1, np.zeros(3), np.diag([1.0, 1.0, 0.0]))
+    needle = RigidBody(Inertia(1.0, np.array([0.0, 1.0, 1.0])))
+    with pytest.raises(SceneError, match="spin"):
+        needle.advance(spinning([0.0, 0.1, 0.0]), 0.1, np.zeros(6))
+    RigidBody(planar(0.0, 1.0), Freedom((False, False, True))).advance(at_rest(2), 0.1, np.zeros(3))
+
+
+def test_named_errors() -> None:
+    body = RigidBody(planar(1.0, 1.0))
+    with pytest.raises(ConvergenceError, match="not finite"):
+        body.advance(at_rest(2), 0.1, [np.nan, 0.0, 0.0])
+    with pytest.raises(ValueError, match="positive"):
+        body.advance(at_rest(2), 0.0, np.zeros(3))
+    with pytest.raises(ValueError, match=r"\(3,\)"):
+        body.advance(at_rest(2), 0.1, np.zeros(6))
+    with pytest.raises(SceneError, match="dimension"):
+        RigidBody(planar(1.0, 1.0), Freedom.whole(3))
+    with pytest.raises(SceneError, match="degrees"):
+        Freedom((True, False))
+
+
+def test_corrections_run_out(monkeypatch) -> None:
+    """A body that turns several times in a step still converges; were it not to, it would say so."""
+    body, wild = RigidBody(TOP, tolerances=Tolerances(1e-6, 1e-8)), spinning([30.0, 20.0, 10.0])
+    args = (0.2, np.ones(6), 10.0 * np.diag(np.arange(1.0, 7.0)), np.ones(6))
+    gained = body.angular_momentum(body.advance(wild, *args)) - body.angular_momentum(wild)
+    assert np.linalg.norm(gained) > 1.0
+    monkeypatch.setattr("incipient.rigidbody.MOST_CORRECTIONS", 2)
+    with pytest.raises(ConvergenceError, match="turns too far"):
+        body.advance(wild, *args)
