@@ -55,9 +55,12 @@ def _from_expressions(flow: ExpressionFlow) -> Velocity:
     return lambda x, t: np.vstack([component(x, t) for component in components])
 
 
-def conditions(scene: Scene) -> list[Condition]:
-    """Boundary conditions in the order in which they override each other: walls last, so corners are watertight."""
-    from .fluid import Open, Prescribed, Slip, no_slip
+def conditions(scene: Scene, held: bool = False) -> list[Condition]:
+    """Boundary conditions in the order in which they override each other: walls last, so corners are watertight.
+
+    The velocity of a moving grain's surface is given within each step, or is that of time zero if it is `held`.
+    """
+    from .fluid import Carried, Open, Prescribed, Slip, no_slip
 
     bottom, right, top, left = side_names(scene)
     stream = undisturbed(scene)
@@ -76,9 +79,22 @@ def conditions(scene: Scene) -> list[Condition]:
         walls.append(top)
     else:
         moving.insert(0, top)
-    if scene.body is not None:
+    if scene.body is not None and scene.body.moves and held:
+        free.append(Prescribed("body", _velocity_at_first(scene)))
+    elif scene.body is not None and scene.body.moves:
+        free.append(Carried("body"))
+    elif scene.body is not None:
         walls.append("body")
     return [*free, *(Prescribed(name, stream) for name in moving), *(no_slip(name) for name in walls)]
+
+
+def _velocity_at_first(scene: Scene) -> Velocity:
+    """Of the surface of a moving grain at time zero."""
+    from .coupling import rigid_velocity
+    from .trajectory import initial_state
+
+    state = initial_state(scene)
+    return lambda x, t: rigid_velocity(state, x[:2].T).T
 
 
 def _is_wall(scene: Scene) -> bool:

@@ -130,6 +130,24 @@ def interpolation_points(function_space: Any) -> np.ndarray:
     return points() if callable(points) else points
 
 
+def tabulate(function_space: Any, reference: np.ndarray) -> np.ndarray:
+    """(n, nodes) shape functions of a scalar space, or of one component of a vector space, at reference points.
+
+    Their order is that of `cell_dofs`: in Lagrange spaces turned edges and faces only permute the nodes, which
+    the library has done in the table.
+    """
+    return function_space.element.basix_element.tabulate(0, reference)[0, :, :, 0]
+
+
+def impose(values: np.ndarray, conditions: list[Any]) -> None:
+    """Put the values of Dirichlet conditions into local values (unknowns,), ghosts included."""
+    if hasattr(dolfinx.fem, "set_bc"):
+        dolfinx.fem.set_bc(values, conditions)
+        return
+    for condition in conditions:
+        condition.set(values)
+
+
 def vec_view(function: Any) -> Any:
     """PETSc vector sharing memory, ghosts included, with a dolfinx function."""
     space = function.function_space
@@ -146,49 +164,6 @@ def cell_size(mesh: Any, cells: np.ndarray) -> np.ndarray:
     if hasattr(mesh, "h"):
         return mesh.h(mesh.topology.dim, cells)
     return dolfinx.cpp.mesh.h(mesh._mesh if hasattr(mesh, "_mesh") else mesh, mesh.topology.dim, cells)
-
-
-def cells_at(mesh: Any, points: np.ndarray) -> np.ndarray:
-    """(n,) a local cell that holds each of the (n, 3) points, -1 where no local cell does. Not collective.
-
-    Cells are simplices. The library's own collision test (of 0.5.2) can name a neighbour of the right cell,
-    in which a polynomial is then extrapolated; here the reference coordinates decide.
-    """
-    geometry = dolfinx.geometry
-    make = getattr(geometry, "bb_tree", None) or geometry.BoundingBoxTree
-    tree = make(mesh, mesh.topology.dim, padding=1e-12)
-    collide = getattr(geometry, "compute_collisions_points", None) or geometry.compute_collisions
-    candidates = collide(tree, points)
-    return np.array([_holder(mesh, x, candidates.links(i)) for i, x in enumerate(points)], dtype=np.int32)
-
-
-def _holder(mesh: Any, point: np.ndarray, candidates: Any, tolerance: float = 1e-9) -> int:
-    """The candidate cell in which the point lies deepest, -1 if it lies in none."""
-    best, depth = -1, -tolerance
-    for cell in candidates:
-        inside = _depth(mesh, point, int(cell))
-        if inside > depth:
-            best, depth = int(cell), inside
-    return best
-
-
-def _depth(mesh: Any, point: np.ndarray, cell: int) -> float:
-    """Smallest barycentric coordinate of the point in a cell; -inf where the cell's map has no inverse."""
-    gdim = mesh.geometry.dim
-    cmap = getattr(mesh.geometry, "cmaps", None)
-    cmap = mesh.geometry.cmap if cmap is None or callable(cmap) else cmap[0]
-    nodes = mesh.geometry.x[_geometry_links(mesh, cell), :gdim]
-    try:
-        reference = cmap.pull_back(np.array(point[None, :gdim]), np.array(nodes))
-    except RuntimeError:
-        return -np.inf
-    return float(min(reference.min(), 1.0 - reference.sum()))
-
-
-def _geometry_links(mesh: Any, cell: int) -> np.ndarray:
-    dofmaps = getattr(mesh.geometry, "dofmaps", None)
-    table = dofmaps[0] if dofmaps is not None else mesh.geometry.dofmap
-    return table.links(cell) if hasattr(table, "links") else table[cell]
 
 
 def versions() -> dict[str, str]:

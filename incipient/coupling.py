@@ -18,11 +18,12 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
 
+from .bodystate import BodyState
 from .fluid import Fluid
 from .fluid.newton import NewtonReport
 from .fluid.space import boundary_blocks
 from .meshmotion import MeshMotion
-from .rigidbody import BodyState, MeanLoad, RigidBody
+from .rigidbody import MeanLoad, Motion, RigidBody
 from .tractions import Resultant, TractionProbe
 
 Floats = NDArray[np.float64]
@@ -32,6 +33,10 @@ Stage = Callable[[str], AbstractContextManager[Any]]
 SAME_LENGTH = 0.1
 # The flow is solved to this share of the residual of the body's equation at hand.
 SHARE = 1e-4
+# Room left, relative to the body's extent, at which a body counts as having met something.
+CLOSE = 1e-6
+# The shortest step to a meeting, relative to the step it was found in.
+TOUCHING_STEP = 1e-6
 # Displacement of the body, relative to its extent, by which derivatives are formed.
 NUDGE = 1e-6
 # Corrections of the body's velocities in a step after which the fluid's factors are taken for too old.
@@ -46,13 +51,17 @@ class InterfaceReport(NewtonReport):
 
     residuals: tuple[float, ...] = ()
 
+    @property
+    def corrected(self) -> int:
+        """How often the body's velocities were corrected."""
+        return max(len(self.residuals) - 1, 0)
+
 
 @dataclass(frozen=True, eq=False)
 class Position:
-    """A past state of body and mesh: time, the body's velocities (k,), places of the mesh's nodes (n, 3)."""
+    """A past state of the body, and the places (n, 3) that the mesh's nodes had then."""
 
-    time: float
-    velocities: Floats
+    state: BodyState
     places: Floats
 
 
@@ -86,7 +95,8 @@ class Coupling:
         body: its mass, moments and freedom.
         state: where it is and how it moves at the fluid's time.
         motion: of the mesh.
-        load: (k,) steady force and couple on the body that are not the flow's traction: weight and buoyancy.
+        load: force and couple (k,) on the body in a state that are not the flow's traction: weight, buoyancy.
+        room: how far [length] a body in a state may still go before it meets something; None: it meets nothing.
         tolerance: of the body's equation of motion, relative to its load.
         stage: context managers by name that take the time.
     """
@@ -97,22 +107,25 @@ class Coupling:
         body: RigidBody,
         state: BodyState,
         motion: MeshMotion,
-        load: Floats,
+        load: Callable[[BodyState], Floats],
+        room: Callable[[BodyState], float] | None = None,
         boundary: str = "body",
         tolerance: float = 1e-9,
         max_iterations: int = 12,
         stage: Stage = lambda name: nullcontext(),
     ):
         self.fluid, self.body, self.motion, self.boundary = fluid, body, motion, boundary
-        self.load, self.tolerance, self.max_iterations, self._stage = load, tolerance, max_iterations, stage
+        self._load, self._room, self._stage = load, room, stage
+        self.tolerance, self.max_iterations, self.met = tolerance, max_iterations, False
         self.state = body.consistent(state)
         self.mean_load = MeanLoad()
-        self.past = [Position(state.time, self.state.velocities, motion.places(state.placement))]
+        self.past = [Position(self.state, motion.places(state.placement))]
         self.end = End(self.state, np.zeros(body.size), np.zeros(body.size), 0.0)
         self.probe = TractionProbe(fluid, boundary, state.place.tolist())
         self._blocks = boundary_blocks(fluid.space.velocity, fluid.domain.facets_of(boundary))
         self._extent = self._largest_arm()
         self._response: Response | None = None
+        self._motion: Motion | None = None
         self._factors, self._first_residual = -1, 0.0
 
     # -- the step, as the time integration sees it ------------------------------------------------
@@ -120,7 +133,7 @@ class Coupling:
     def attempt(self, length: float, order: int) -> InterfaceReport:
         """Iterate on the body's velocities at the end of a step from the last state."""
         self.mean_load = replace(self.mean_load, order=order)
-        end = self._predicted(length, order)
+        end = self.predicted(length, order)
         sizes: list[float] = []
         residuals: list[float] = []
         while len(residuals) < self.max_iterations:
@@ -131,7 +144,7 @@ class Coupling:
                 break
             improved, residual = self._improved(end, length)
             residuals.append(residual)
-            if residual <= self.tolerance:
+            if residual <= self.tolerance and self.motion.quality().worst > 0.0:
                 self._first_residual = residuals[0]
                 if len(residuals) > 1 + PATIENCE:
                     self.fluid.renew_factors()
@@ -149,13 +162,24 @@ class Coupling:
         # From one iteration to the next the residual falls by two orders or more.
         return float(np.clip(SHARE * last, 0.1 * self.tolerance, 1e-5))
 
+    def allowed(self, length: float) -> float:
+        """The length, or the shorter one after which the body meets something on the way it has taken."""
+        if self._room is None or self._motion is None:
+            return length
+        left, close = self._room(self.end.state), CLOSE * self._extent
+        self.met = left <= close
+        if left >= -close:
+            return length
+        first = self._motion.first(self._room)
+        # Already within at the start of the step: nothing is shorter than the step itself.
+        return length if first is None else max(first.time - self.state.time, TOUCHING_STEP * length)
+
     def accept(self) -> None:
         """The end of the attempt is the last state now."""
         end, mesh = self.end, self.fluid.domain.mesh
         self.mean_load = self.mean_load.accept(end.load, end.length)
         self.state = end.state
-        now = Position(end.state.time, end.state.velocities, mesh.geometry.x.copy())
-        self.past = [now, *self.past[:1]]
+        self.past = [Position(end.state, mesh.geometry.x.copy()), *self.past[:1]]
 
     def restore(self) -> None:
         """Put body and mesh back to the last state."""
@@ -167,21 +191,23 @@ class Coupling:
         """(k,) velocity, and spin times the body's largest arm, at the end of the last attempt."""
         return self.end.state.velocities * self._unit()
 
-    # -- one iteration ----------------------------------------------------------------------------
-
-    def _predicted(self, length: float, order: int) -> BodyState:
-        """The end of a step with velocities extrapolated as the fluid's are."""
+    def predicted(self, length: float, order: int) -> BodyState:
+        """The body at the end of a step, with velocities extrapolated as the fluid's are. Not collective."""
         start, free = self.state, self.body.mask
         if not free.any():
-            return self.body.advance(start, length, np.zeros(self.body.size))
+            self._motion = self.body.motion(start, length, np.zeros(self.body.size))
+            return self._motion.end
         velocities = start.velocities
         if order == 2:
-            ratio = length / (self.past[0].time - self.past[1].time)
-            velocities = velocities + ratio * (velocities - self.past[1].velocities)
+            before = self.past[1].state
+            ratio = length / (start.time - before.time)
+            velocities = velocities + ratio * (velocities - before.velocities)
         velocities = np.where(free, velocities, self.body.freedom.imposed(start.time + length))
         way = 0.5 * length * (start.velocities + velocities)
         d = self.body.gdim
         return BodyState.at(start.placement.moved(way[:d], way[d:]), velocities, start.time + length)
+
+    # -- one iteration ----------------------------------------------------------------------------
 
     def _follow(self, end: BodyState) -> None:
         """Bring mesh and boundary values to where the body is."""
@@ -195,7 +221,7 @@ class Coupling:
         with self._stage("tractions"):
             self.probe.refer_to(end.place.tolist())
             flow_load = self._load_of(self.probe.resultant())
-        load = flow_load + self.load
+        load = flow_load + self._load(end)
         before, self.end = self.end, End(end, load, flow_load, length)
         if not self.body.mask.any():
             return end, 0.0
@@ -203,7 +229,8 @@ class Coupling:
             resistance = self._responded(before, self.end).resistance
             added = self.mean_load.added(resistance, length)
             mean = self.mean_load.mean(load, length)
-            improved = self.body.advance(self.state, length, mean, added, end.velocities)
+            self._motion = self.body.motion(self.state, length, mean, added, end.velocities)
+            improved = self._motion.end
             change = improved.velocities - end.velocities
             missed = self.body.momentum(improved) - self.body.momentum(end) + added @ change
             return improved, self._relative(missed / length, resistance)
@@ -212,7 +239,7 @@ class Coupling:
         """A load missed, relative to the loads at hand: the flow's, the rest, what resists the motion."""
         end, free = self.end, self.body.mask
         unit = self._unit()
-        loads = (end.flow_load, self.load, resistance @ end.state.velocities)
+        loads = (end.flow_load, end.load - end.flow_load, resistance @ end.state.velocities)
         largest = max(float(np.linalg.norm((load / unit)[free])) for load in loads)
         size = float(np.linalg.norm((missed / unit)[free]))
         return size / largest if size > 0.0 else 0.0

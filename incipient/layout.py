@@ -14,6 +14,7 @@ from .geometry.rest import clearance, lifted
 from .meshes import Grid, Near, Region, Sizes
 from .plan import Estimate, Plan
 from .scene import Scene
+from .surroundings import Surroundings
 
 # Cell sizes for mesh_size = 1 by order of the velocity, chosen so that the orders err alike (docs/numerics.md).
 GRAIN_CELL = {2: 0.05, 3: 0.1, 4: 0.15}  # of the grain's size, at its surface
@@ -58,17 +59,26 @@ class Layout:
         return region_model(self.shape, self.sizes, self.geometry_order)
 
 
-def lay_out(scene: Scene, plan: Plan) -> Layout:
-    """Place the grain and decide cell sizes. Not collective."""
+def lay_out(scene: Scene, plan: Plan, moved: Placement | None = None) -> Layout:
+    """Place the grain, where the scene has it or where it has `moved`, and decide cell sizes. Not collective."""
     if scene.domain.kind == "box" and scene.body is None and scene.bed is None:
         return Layout(_grid(scene, plan), Sizes(1.0), plan.geometry_order)
-    resting, placement, gap, ends = _placed(scene, plan)
+    resting, placement, gap, ends = _placed(scene, plan) if moved is None else (moved, moved, np.inf, None)
+    if plan.has("moving mesh") and placement is not None:
+        near = surroundings(scene).clearance(placement)
+        gap, ends = near.distance, (near.on_grain, near.on_other)
     holes = {}
     if scene.grain is not None and placement is not None:
         holes["body"] = tuple(curve.moved(placement) for curve in scene.grain.outline())
     region = Region(_bottom(scene), scene.domain.ceiling, holes, side_names(scene))
     sizes = _sizes(scene, plan, holes.get("body", ()), gap, ends).scaled(plan.mesh_size)
     return Layout(region, sizes, plan.geometry_order, resting, placement, gap, ends)
+
+
+def surroundings(scene: Scene) -> Surroundings:
+    """What the grain of a scene may run into."""
+    assert scene.grain is not None
+    return Surroundings(scene.grain, scene.domain, side_names(scene), scene.bed_shape)
 
 
 def side_names(scene: Scene) -> tuple[str, str, str, str]:
@@ -122,7 +132,7 @@ def _sizes(
 def _gap_points(scene: Scene, plan: Plan, ends: tuple[Point, Point]) -> tuple[Point, ...]:
     """Where grain and bed nearly touch: the narrowest place, and every contact of a resting grain."""
     if not plan.has("contact"):
-        return (ends[0],)
+        return ends if plan.has("moving mesh") else (ends[0],)
     from .contact.search import touching
 
     grain, bed, resting = scene.grain, scene.bed_shape, scene.placement

@@ -72,9 +72,10 @@ class MeshMotion:
         """Move the mesh to where it belongs when the body is there. Not collective."""
         self.domain.mesh.geometry.x[:] = self.places(placement)
 
-    def quality(self) -> MeshQuality:
-        """Of the mesh as it is now."""
-        qualities = self._cell_qualities(self.domain.mesh.geometry.x)
+    def quality(self, placement: Placement | None = None) -> MeshQuality:
+        """Of the mesh as it is now, or as it would be with the body somewhere else."""
+        places = self.domain.mesh.geometry.x if placement is None else self.places(placement)
+        qualities = self._cell_qualities(places)
         worst, relative = qualities.min(initial=1.0), (qualities / self._qualities).min(initial=1.0)
         comm = self.domain.comm
         return MeshQuality(

@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from .geometry.curves import Line
+from .geometry.grain import Disc
 from .scene import Scene
 
 GEOMETRY_ORDER = {2: 2, 3: 3, 4: 3}
@@ -98,8 +99,8 @@ def _effects(scene: Scene) -> list[Effect]:
         Effect("gravity", gravity is not None, _gravity(scene)),
         Effect("contact", contact, "the grain rests on the bed" if contact else "no grain rests on a bed"),
         Effect("flow", moving, f"{scene.flow.kind} flow" if moving else "the fluid is at rest"),
-        Effect("moving mesh", False, "nothing moves"),
-        Effect("free body", False, 'body.motion = "fixed"' if body else "no [body] section"),
+        Effect("moving mesh", _moves(scene), _mesh_motion(scene)),
+        Effect("free body", body is not None and body.motion == "free", _motion(scene)),
         Effect("free surface", False, f'the top is "{scene.top}"'),
         Effect("turbulence", False, absent),
         Effect("third dimension", False, "the scene is two-dimensional"),
@@ -109,9 +110,28 @@ def _effects(scene: Scene) -> list[Effect]:
 def _inertia(scene: Scene) -> tuple[bool, str]:
     if not scene.fluid.inertia:
         return False, "fluid.inertia = false"
-    if scene.flow.kind == "still":
+    if scene.flow.kind == "still" and not _moves(scene):
         return False, "the fluid is at rest"
     return True, f"Re = {scene.fluid.reynolds:g} on {scene.fluid.scale} scale"
+
+
+def _moves(scene: Scene) -> bool:
+    return scene.body is not None and scene.body.moves
+
+
+def _mesh_motion(scene: Scene) -> str:
+    if not _moves(scene):
+        return "nothing moves"
+    if isinstance(scene.grain, Disc):
+        return "the mesh follows the grain; it need not turn with a disc"
+    return "the mesh follows the grain"
+
+
+def _motion(scene: Scene) -> str:
+    if scene.body is None:
+        return "no [body] section"
+    locked = f" but for {', '.join(scene.body.locked)}" if scene.body.locked else ""
+    return f'body.motion = "{scene.body.motion}"{locked}'
 
 
 def _gravity(scene: Scene) -> str:
@@ -131,6 +151,6 @@ def _geometry_order(scene: Scene) -> int:
 
 
 def _convection(scene: Scene) -> str:
-    if not scene.fluid.inertia or scene.flow.kind == "still":
+    if not _inertia(scene)[0]:
         return "no"
     return scene.numerics.convection if scene.time else "implicit"

@@ -86,6 +86,7 @@ class Result:
     verdict: dict[str, Any] | None
     centrelines: dict[str, Extremum] | None
     cost: dict[str, Any]
+    trajectory: dict[str, Any] | None = None
     status: str = "complete"
     error: str = ""
     velocity: Any = field(default=None, repr=False)
@@ -93,7 +94,7 @@ class Result:
 
     def to_dict(self) -> dict[str, Any]:
         """Everything but the fields, as result.json holds it."""
-        names = ("title", "status", "error", "scene", "grain", "contacts", "verdict", "cost")
+        names = ("title", "status", "error", "scene", "grain", "contacts", "verdict", "trajectory", "cost")
         stored: dict[str, Any] = {"schema_version": SCHEMA_VERSION, **{n: getattr(self, n) for n in names}}
         stored["plan"] = self.plan.to_dict()
         for name in ("force", "couple", "coefficients", "gap"):
@@ -126,9 +127,26 @@ def _lines(result: Result) -> list[str]:
             "resolved" if result.gap.resolved else "NOT resolved: refine with a smaller numerics.mesh_size"
         )
         lines.append(f"gap                 {result.gap.width:.4g}, {result.gap.cells} cells across: {state}")
+    if result.trajectory is not None:
+        lines += _path(result.trajectory)
     for name, extreme in (result.centrelines or {}).items():
         lines.append(f"{name:<20}{extreme.value:.6f} at {extreme.position:.4f}")
     if result.verdict is not None:
         said = result.verdict["sentence"].split("; ", 1)
         lines += [f"{'' if row else 'verdict':<20}{part}" for row, part in enumerate(said)]
     return lines
+
+
+def _path(trajectory: dict[str, Any]) -> list[str]:
+    """Where a moving grain has come to."""
+    (x, y), (u, v), ended = trajectory["place"], trajectory["velocity"], trajectory["ended"]
+    nearest = f"{ended['clearance']:.3g} from the {ended['nearest']}"
+    end = f"met the {ended['nearest']}" if ended["by"] == "contact" else nearest
+    iterations = trajectory["interface_iterations"]
+    return [
+        f"grain at            ({x:.6g}, {y:.6g}), turned by {trajectory['angle']:.6g} rad; "
+        f"t = {ended['time']:.6g}, {end}",
+        f"velocity            ({u:.6g}, {v:.6g}), spin {trajectory['spin']:.6g} rad per unit of time",
+        f"interface           {iterations['mean']:.1f} iterations a step, {iterations['most']} at most; "
+        f"{len(trajectory['remeshings'])} new meshes",
+    ]

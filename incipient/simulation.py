@@ -7,7 +7,7 @@ told through a `Recorder` and a voice; this module writes nothing.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from .result import Couples, Forces, Gap, Result
     from .sampling import Extremum
     from .tractions import TractionProbe
+    from .trajectory import Trajectory
 
 
 class Recorder(Protocol):
@@ -42,6 +43,9 @@ class Recorder(Protocol):
 
     def step(self, row: dict[str, Any]) -> None:
         """A time step was accepted."""
+
+    def remeshed(self, domain: Domain) -> None:
+        """From now on fields are on another mesh."""
 
     def fields(self, time: float, fields: dict[str, Any], traction: Any) -> None:
         """Fields on the mesh, and the traction on the grain's surface (None without a grain)."""
@@ -61,6 +65,9 @@ class Unrecorded:
         return False
 
     def step(self, row: dict[str, Any]) -> None:
+        """Nothing."""
+
+    def remeshed(self, domain: Domain) -> None:
         """Nothing."""
 
     def fields(self, time: float, fields: dict[str, Any], traction: Any) -> None:
@@ -93,6 +100,7 @@ class Simulation:
     ledger: Ledger = field(default_factory=Ledger)
     iterations: dict[str, int] = field(default_factory=dict)
     first_motion: float | None = None
+    trajectory: Trajectory | None = None
 
     def run(self) -> Result:
         """Plan, mesh, solve, judge. Collective."""
@@ -117,7 +125,9 @@ class Simulation:
             conditions = boundaries.conditions(scene)
             self.fluid: Fluid = fluid.Fluid(self.domain, model, conditions, self.plan.reynolds)
             self.probe = self._probe()
-        with self.fluid:
+        with ExitStack() as stack:
+            # Another fluid may have taken its place by then.
+            stack.push(lambda *exception: self.fluid.__exit__(*exception))
             yield
 
     def loads_at(self, factor: float) -> tuple[Forces, Couples]:
@@ -135,6 +145,8 @@ class Simulation:
             if self.scene.time is None:
                 self._solve_steadily(self.fluid)
                 self._hand_over_fields(0, last=True)
+            elif self.plan.has("moving mesh"):
+                self._travel()
             else:
                 self._march()
         except IncipientError as error:
@@ -158,6 +170,8 @@ class Simulation:
             inertia=inertia and self.plan.has("inertia"),
             unsteady=unsteady,
             convection=convection,
+            moving_mesh=unsteady and self.plan.has("moving mesh"),
+            energy_stable=unsteady and self.scene.numerics.form == "energy-stable",
         )
 
     def _contacts(self) -> Contacts | None:
@@ -216,6 +230,33 @@ class Simulation:
             self.voice.advance(step.time, time.end)
             self._hand_over_fields(step.number, last=step.time >= time.end * (1 - 1e-9))
 
+    def _travel(self) -> None:
+        """March with a grain that moves."""
+        from .trajectory import Trajectory
+
+        time = self.scene.time
+        assert time is not None
+        self._start()
+        with self._stage("mesh motion"):
+            travel = self.trajectory = Trajectory(
+                self.scene, self.plan, self.fluid, self.ledger.stage, self.voice
+            )
+        steps = travel.steps()
+        while True:
+            with self._stage("flow"):
+                step = next(steps, None)
+            if step is None:
+                return
+            if travel.fluid is not self.fluid:
+                self.fluid, self.domain = travel.fluid, travel.fluid.domain
+                self.recorder.remeshed(self.domain)
+            self.probe = travel.coupling.probe
+            self._count(step)
+            self.recorder.step(travel.row(step))
+            self.voice.advance(step.time, time.end)
+            last = travel.coupling.met or step.time >= time.end * (1 - 1e-9)
+            self._hand_over_fields(step.number, last)
+
     def _start(self) -> None:
         """Put the flow at time zero into the fluid's state: rest, the Stokes flow or the steady flow."""
         from . import boundaries
@@ -225,7 +266,8 @@ class Simulation:
         if start == "rest":
             return
         model = self._model(unsteady=False, inertia=start == "steady")
-        with Fluid(self.domain, model, boundaries.conditions(self.scene), self.plan.reynolds) as initial:
+        conditions = boundaries.conditions(self.scene, held=True)
+        with Fluid(self.domain, model, conditions, self.plan.reynolds) as initial:
             self._solve_steadily(initial)
             self.fluid.state.x.array[:] = initial.state.x.array
 
@@ -271,9 +313,9 @@ class Simulation:
         flow = self.probe.resultant()
         check = self.probe.surface_resultant() if surface else flow
         volume, gravity = self.scene.grain.volume, np.append(self.scene.gravity_vector, 0.0)
-        density = self.scene.body.density if self.scene.body and self.scene.body.density else 0.0
+        mass = self.scene.mass or 0.0
         unit = speed**2
-        force = Forces(unit * flow.force, unit * check.force, -volume * gravity, density * volume * gravity)
+        force = Forces(unit * flow.force, unit * check.force, -volume * gravity, mass * gravity)
         return force, Couples(unit * flow.couple, unit * check.couple, flow.about)
 
     def _coefficients(self, force: Forces, couple: Couples) -> Any:
@@ -317,6 +359,7 @@ class Simulation:
             gap=gap,
             contacts=self.described_contacts(),
             verdict=verdict,
+            trajectory=None if self.trajectory is None else self.trajectory.summary(),
             centrelines=lines,
             cost=self.cost(),
             status=status,
@@ -336,6 +379,8 @@ class Simulation:
     def _grain(self) -> dict[str, Any] | None:
         """Place of the grain at rest and where the flow was computed, and its outline there."""
         resting, placement, grain = self.layout.resting, self.layout.placement, self.scene.grain
+        if self.trajectory is not None:
+            resting = placement = self.trajectory.state.placement
         if resting is None or placement is None or grain is None:
             return None
         return {
@@ -350,7 +395,7 @@ class Simulation:
         from .result import Gap
         from .sampling import cells_between
 
-        if self.layout.gap_ends is None:
+        if self.layout.gap_ends is None or self.trajectory is not None:
             return None
         return Gap(self.layout.gap, cells_between(self.domain.mesh, *self.layout.gap_ends))
 

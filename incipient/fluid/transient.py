@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -12,6 +12,7 @@ from ..errors import ConvergenceError
 from .flow import Fluid
 from .newton import NewtonReport
 
+MOST_REJECTED = 11  # attempts at one step: ten halvings
 SAFETY, LARGEST_GROWTH, LARGEST_CUT = 0.9, 2.0, 0.3
 
 
@@ -20,6 +21,10 @@ class Interface(Protocol):
 
     def attempt(self, length: float, order: int) -> NewtonReport:
         """Solve for the end of a step of this length and order from the last state, the fluid's state included."""
+        ...
+
+    def allowed(self, length: float) -> float:
+        """How long the step just attempted may be: less than its length where something is met on the way."""
         ...
 
     def accept(self) -> None:
@@ -127,19 +132,35 @@ class Transient:
             self.interface.accept()
         return taken
 
+    def continue_on(self, fluid: Fluid, interface: Interface, past: Sequence[Past]) -> None:
+        """Go on with a fluid on another mesh, whose state is the present one, and its past there. Collective."""
+        self.fluid, self.interface, self._past = fluid, interface, list(past)
+
+    @property
+    def past(self) -> tuple[Past, ...]:
+        """States before the present one, the newest first."""
+        return tuple(self._past[:2])
+
     def _accepted(self, length: float) -> TimeStep:
-        for rejected in range(11):
+        for rejected in range(MOST_REJECTED):
             report = self._attempt(length)
             error = self._error(length) if report.converged else None
-            if report.converged and not self._too_large(error):
+            allowed = self._allowed(length, report.converged and not self._too_large(error))
+            if allowed >= length:
                 self._count += 1
                 return TimeStep(self._count, self.fluid.time, length, error, rejected, report)
             self._restore()
-            length *= 0.5
+            length = allowed
         raise ConvergenceError(
             f"the step from t = {self.fluid.time:.6g} does not converge even at length {length:.3g}: "
             "use a finer mesh (smaller numerics.mesh_size) or a smaller Reynolds number"
         )
+
+    def _allowed(self, length: float, good: bool) -> float:
+        """The length itself if the attempt holds, half of it if it was not good, less where something was met."""
+        if not good:
+            return 0.5 * length
+        return length if self.interface is None else self.interface.allowed(length)
 
     def _remember(self) -> None:
         """Put the present state at the head of the past, which holds at most three."""

@@ -81,6 +81,13 @@ class ResultDirectory:
             if self.comm.rank == 0:
                 append_row(self.path / "history.csv", row)
 
+    def remeshed(self, domain: Domain) -> None:
+        """Go on with the XDMF series on another mesh."""
+        if self._series is not None:
+            self._series.remeshed(domain.mesh)
+        if self._surface is not None:
+            self._surface.remeshed(domain.mesh, domain.facets_of("body"))
+
     def fields(self, time: float, fields: dict[str, Any], traction: Any) -> None:
         """Append to the XDMF series."""
         if self._series is not None:

@@ -24,7 +24,7 @@ _TOPS_OF_FLOWS = {
 
 def contradictions(scene: Scene) -> list[Problem]:
     """All contradictions between sections; those of places and extents only when there are no others."""
-    checks = (_flow, _scale, _bed_needed, _body_needed, _slope, _time)
+    checks = (_flow, _scale, _bed_needed, _body_needed, _slope, _time, _motion)
     found = [problem for check in checks for problem in check(scene)]
     return found or [*_bed_extent(scene)] or [*_body_place(scene)]
 
@@ -59,7 +59,7 @@ def _scale(scene: Scene) -> Iterator[Problem]:
 def _bed_needed(scene: Scene) -> Iterator[Problem]:
     if scene.bed is not None:
         return
-    if scene.contact is not None:
+    if scene.contact is not None and not (scene.body is not None and scene.body.moves):
         why = "friction needs a bed to rub against but there is none"
         yield Problem(("contact", "friction"), why, "add a section [bed] or leave [contact] out")
     if scene.body is not None and scene.body.x is not None:
@@ -90,6 +90,17 @@ def _time(scene: Scene) -> Iterator[Problem]:
         yield Problem(("numerics", "convection"), why, f'{remedy} or use "implicit"')
     if scene.output.every > 0:
         yield Problem(("output", "every"), f"counts time steps {steady}", f"{remedy} or leave it out")
+    if scene.output.checkpoint > 0:
+        yield Problem(("output", "checkpoint"), f"counts time steps {steady}", f"{remedy} or leave it out")
+
+
+def _motion(scene: Scene) -> Iterator[Problem]:
+    if scene.body is None or not scene.body.moves:
+        return
+    if scene.time is None:
+        yield Problem(("body", "motion"), "a grain moves in time", "add a section [time]")
+    if scene.body.course is not None and len(scene.body.locked) > 0:
+        yield Problem(("body", "locked"), "all of a prescribed motion is locked", "leave it out")
 
 
 def _bed_extent(scene: Scene) -> Iterator[Problem]:

@@ -273,6 +273,18 @@ class Numerics(Section):
     convection: Literal["implicit", "extrapolated"] = Field(
         "implicit", description="By Newton iteration, or linearised about earlier steps"
     )
+    form: Literal["printed", "energy-stable"] = Field(
+        "printed", description="Of convection: as in the paper, or such that it cannot create energy"
+    )
+    interface_tolerance: Positive = Field(
+        1e-9, description="Error of a moving grain's equation of motion relative to its load [-]"
+    )
+    remesh_below: float = Field(
+        0.35,
+        gt=0,
+        lt=1,
+        description="Quality of the worst cell, relative to when made, that calls for a new mesh",
+    )
     tolerance: Positive = Field(1e-9, description="Relative residual at which the Newton iteration stops [-]")
     max_iterations: int = Field(25, ge=1, description="Newton iterations after which to give up")
 
@@ -283,6 +295,11 @@ class Output(Section):
     fields: bool = Field(True, description="Write velocity, pressure and tractions for ParaView")
     pictures: bool = Field(False, description="Draw pictures")
     every: int = Field(0, ge=0, description="Write fields every so many time steps; 0: the last only")
+    checkpoint: int = Field(
+        0,
+        ge=0,
+        description="Save all that a run needs to go on every so many time steps; 0: only if it is cut short",
+    )
 
 
 class Scene(Section):
@@ -329,6 +346,15 @@ class Scene(Section):
     def grain(self) -> Grain | None:
         """The grain's shape in its body frame, if there is a grain."""
         return None if self.body is None else self.body.grain()
+
+    @property
+    def mass(self) -> float | None:
+        """Mass of the grain per unit depth (fluid density one), None where neither it nor a density is given."""
+        if self.body is None or self.grain is None:
+            return None
+        if self.body.mass is not None:
+            return self.body.mass
+        return None if self.body.density is None else self.body.density * self.grain.volume
 
     @property
     def bed_shape(self) -> BedSurface | None:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 Point = tuple[float, float]
 Numbers = Annotated[tuple[float, ...], Field(strict=False)]
+Course = Annotated[tuple[str, str, str], Field(strict=False)]
 Circle = Annotated[tuple[float, float, Positive], Field(strict=False)]
 
 
@@ -42,14 +43,59 @@ class GrainSection(Section):
     settle: bool = Field(
         False, description="Let the grain roll and tip from x and angle until it is in equilibrium on the bed"
     )
-    motion: Literal["fixed"] = Field("fixed", description="How the grain moves while the flow is computed")
+    motion: Literal["fixed", "free", "prescribed"] = Field(
+        "fixed", description="How the grain moves: not, as flow and weight move it, or as `course` says"
+    )
+    mass: NotNegative | None = Field(
+        None, description="Mass of a free grain, fluid density times area; by default from density"
+    )
+    inertia: NotNegative | None = Field(
+        None, description="Its moment of inertia about the centroid; by default from density and shape"
+    )
+    velocity: Pair = Field((0.0, 0.0), description="Velocity of a free grain at time 0 [length/time]")
+    spin: float = Field(0.0, description="Angular velocity of a free grain at time 0 [radians/time]")
+    locked: Annotated[tuple[Literal["x", "y", "angle"], ...], Field(strict=False)] = Field(
+        (), description="What a free grain cannot do: x, y, angle", examples=[("x", "y")]
+    )
+    course: Course | None = Field(
+        None,
+        description="Formulas in t for velocity along x, along y and spin of a prescribed motion",
+        examples=[("0.1*cos(t)", "0", "0")],
+    )
+    on_contact: Literal["stop", "repel"] = Field(
+        "stop",
+        description="What a moving grain does within contact.gap of a wall: end the run, or be repelled",
+    )
 
-    @field_validator("motion", mode="before")
+    @field_validator("course")
     @classmethod
-    def _held(cls, value: Any) -> Any:
-        if value == "fixed":
-            return value
-        raise contradiction("a moving grain is not simulated by this version", 'use "fixed"')
+    def _are_formulas_of_time(cls, course: tuple[str, str, str] | None) -> tuple[str, str, str] | None:
+        from .expression import Expression
+
+        for text in course or ():
+            try:
+                variables = Expression(text).variables
+            except SceneError as error:
+                raise contradiction(*split(str(error))) from None
+            if variables - {"t"}:
+                raise contradiction(f'"{text}" depends on more than the time', "use t only")
+        return course
+
+    @model_validator(mode="after")
+    def _moves_consistently(self) -> GrainSection:
+        if self.motion == "prescribed" and self.course is None:
+            raise self.refused(
+                "course", "is missing though the motion is prescribed", "add it, or hold the grain"
+            )
+        if self.motion != "prescribed" and self.course is not None:
+            raise self.refused("course", "is given though the motion is not", 'set motion = "prescribed"')
+        if self.motion == "free" and self.density is None and None in (self.mass, self.inertia):
+            why = "a free grain needs a mass and a moment of inertia, which may be zero"
+            raise self.refused("density", why, "give density, or mass and inertia")
+        if self.motion != "fixed" and self.centre is None:
+            why = "a moving grain starts away from the bed"
+            raise self.refused("x", why, "give centre instead of x")
+        return self
 
     @model_validator(mode="after")
     def _placed_once(self) -> GrainSection:
@@ -61,6 +107,11 @@ class GrainSection(Section):
             why = "a grain held at its centre does not settle"
             raise self.refused("settle", why, "give x instead of centre, or leave settle out")
         return self
+
+    @property
+    def moves(self) -> bool:
+        """Whether the grain moves while the flow is computed."""
+        return self.motion != "fixed"
 
     def grain(self) -> grain_geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
