@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import callers
-from cases import cavity, cylinder
+from cases import cavity, contact, cylinder
 from references import VORTEX_STREET
 from tables import Row, cheapest, table
 
@@ -30,19 +30,47 @@ class Goal:
 
     def cells(self) -> list[str]:
         """Cells of the table."""
-        limit = f"{self.wall:g} s" + (f", {self.memory:g} MiB" if self.memory else "")
+        limit = self.limit + (f", {self.memory:g} MiB" if self.memory else "")
         if self.row is None or "error" in self.row:
             return [self.work, limit, "-", "**no**"]
         found = f"{self.row['wall']:.2f} s, {self.row['peak_mib']:.0f} MiB"
         return [self.work, limit, found, "yes" if self.reached else "**no**"]
 
+    @property
+    def limit(self) -> str:
+        """The limit on time in words."""
+        return f"{self.wall:g} s"
 
-def goals(measured: dict[str, Any]) -> list[Goal]:
+
+@dataclass(frozen=True)
+class Rate:
+    """So many answers a second, and how many there were."""
+
+    work: str
+    least: float
+    found: float
+
+    @property
+    def reached(self) -> bool:
+        """Whether there were enough."""
+        return self.found >= self.least
+
+    def cells(self) -> list[str]:
+        """Cells of the table."""
+        return [self.work, self.limit, f"{self.found:.0f} a second", "yes" if self.reached else "**no**"]
+
+    @property
+    def limit(self) -> str:
+        """The limit in words."""
+        return f"{self.least:g} a second"
+
+
+def goals(measured: dict[str, Any]) -> list[Goal | Rate]:
     """All goals whose case has been measured."""
     return list(_goals(measured))
 
 
-def _goals(measured: dict[str, Any]) -> Iterator[Goal]:
+def _goals(measured: dict[str, Any]) -> Iterator[Goal | Rate]:
     own = callers.INCIPIENT
     if rows := measured.get("cylinder", {}).get("rows"):
         best = cheapest(rows, cylinder.reaches).get(own)
@@ -56,6 +84,9 @@ def _goals(measured: dict[str, Any]) -> Iterator[Goal]:
     if runs := measured.get("grain", {}).get("runs"):
         yield Goal("grain on a bed, first run", 30.0, 1024, runs[0])
         yield Goal("grain on a bed, later runs", 6.0, 1024, runs[1])
+    if rates := measured.get("contact", {}).get("rates"):
+        for name, least in contact.GOALS.items():
+            yield Rate(f"{contact.WORK[name]}, 4 contacts in space", least, rates[name])
 
 
 def summary(measured: dict[str, Any]) -> str:
@@ -71,7 +102,7 @@ def shortcomings(measured: dict[str, Any]) -> list[str]:
 def _missed(measured: dict[str, Any]) -> Iterator[str]:
     for goal in goals(measured):
         if not goal.reached:
-            yield f"Missed: {goal.work}, in {goal.wall:g} s."
+            yield f"Missed: {goal.work}, {goal.limit}."
 
 
 def _slower(measured: dict[str, Any]) -> Iterator[str]:

@@ -33,8 +33,14 @@ class FlowTerms:
 
 
 def residual(v: Any, p: Any, w: Any, q: Any, present: FlowTerms, dx: Any) -> Any:
-    """Weak residual of momentum and continuity, (338) and (339), tested with w and q over the measure dx."""
+    """Weak residual of momentum and continuity, (338) and (339), tested with w and q over the measure dx.
+
+    Raises:
+        ValueError: the energy-stable form is asked for on a reference map; it is written for moved meshes.
+    """
     x = present.reference_map
+    if present.skew is not None and x is not None:
+        raise ValueError("the energy-stable form is for a mesh that is itself moved, not for a reference map")
     integrand = terms.internal_force(v, p, w, present.reynolds, x) + terms.continuity(v, q, x)
     if present.rate is not None:
         integrand += terms.inertia(present.rate, w, x)

@@ -82,7 +82,7 @@ def _parser() -> argparse.ArgumentParser:
         nargs="?",
         const="",
         metavar="DIRECTORY",
-        help="write judgement.json there; without a DIRECTORY next to the case",
+        help="write judgement.json and its picture there; without a DIRECTORY next to the case",
     )
     new = command("new", _new, "write a commented example scene")
     new.add_argument("name", help="name of the scene; NAME.toml is written")
@@ -187,8 +187,18 @@ def _judge(options: argparse.Namespace, comm: MPI.Comm) -> int:
             judgement = cases.judge_case(case)
             print(cases.text(case, judgement))
             if options.out is not None:
-                cases.save(judgement, Path(options.out or options.case.parent))
+                _keep(judgement, Path(options.out or options.case.parent))
     return 0
+
+
+def _keep(judgement: dict[str, Any], directory: Path) -> None:
+    """Write a judgement and its picture, and say where they are."""
+    from . import case as cases
+    from .pictures.apart import draw_apart
+
+    cases.save(judgement, directory)
+    print(f"numbers             {directory / 'judgement.json'}")
+    print(f"pictures            {', '.join(map(str, draw_apart(directory)))}")
 
 
 def _new(options: argparse.Namespace, comm: MPI.Comm) -> int:

@@ -82,6 +82,24 @@ def partitioner() -> Any:
     return dolfinx.mesh.create_cell_partitioner()
 
 
+def create_mesh(comm: MPI.Comm, cells: np.ndarray, nodes: np.ndarray, degree: int) -> Any:
+    """Mesh of simplices of a degree, ghosted across shared facets. Collective.
+
+    Cells (cells, nodes per cell) in the library's order and nodes (n, gdim); of each every rank gives a part.
+    """
+    gdim = nodes.shape[1]
+    cell = {2: "triangle", 3: "tetrahedron"}[gdim]
+    make, keywords = dolfinx.mesh.create_mesh, {"partitioner": partitioner()}
+    if hasattr(ufl, "VectorElement"):
+        keywords["domain"] = ufl.Mesh(ufl.VectorElement("Lagrange", cell, degree, dim=gdim))
+    else:
+        import basix.ufl
+
+        variant = basix.LagrangeVariant.equispaced
+        keywords["e"] = basix.ufl.element("Lagrange", cell, degree, variant, shape=(gdim,))
+    return make(comm, cells=cells, x=nodes, **keywords)
+
+
 def exterior_facets(mesh: Any) -> np.ndarray:
     """Local indices of the owned facets on the domain's boundary. Collective."""
     dimension = mesh.topology.dim

@@ -39,7 +39,7 @@ CLOSE = 1e-6
 TOUCHING_STEP = 1e-6
 # Displacement of the body, relative to its extent, by which derivatives are formed.
 NUDGE = 1e-6
-# Corrections of the body's velocities in a step after which the fluid's factors are taken for too old.
+# Corrections of the body's velocities in a step from which on the fluid's factors are taken for too old.
 PATIENCE = 3
 # Smallest change of the body's velocities, relative to the flow's, from which the change of load can be told.
 SEEN = 1e-8
@@ -125,6 +125,7 @@ class Coupling:
         self._blocks = boundary_blocks(fluid.space.velocity, fluid.domain.facets_of(boundary))
         self._extent = self._largest_arm()
         self._response: Response | None = None
+        self.quality = motion.quality()
         self._motion: Motion | None = None
         self._factors, self._first_residual = -1, 0.0
 
@@ -144,9 +145,12 @@ class Coupling:
                 break
             improved, residual = self._improved(end, length)
             residuals.append(residual)
-            if residual <= self.tolerance and self.motion.quality().worst > 0.0:
+            if residual <= self.tolerance:
+                self.quality = self.motion.quality()
+                if self.quality.worst <= 0.0:
+                    break
                 self._first_residual = residuals[0]
-                if len(residuals) > 1 + PATIENCE:
+                if len(residuals) > PATIENCE:
                     self.fluid.renew_factors()
                 return InterfaceReport(True, tuple(sizes), flow.error, tuple(residuals))
             if not np.isfinite(residual):

@@ -29,3 +29,9 @@ class OutputError(IncipientError):
     """A result could not be written (disk full, no permission) or read back."""
 
     exit_code = 5
+
+
+class Interrupted(IncipientError):
+    """The run was asked to end; what it needs to go on has been kept."""
+
+    exit_code = 130

@@ -61,11 +61,16 @@ def write_text_atomically(path: Path, text: str) -> None:
     Raises:
         OutputError: when it cannot be written.
     """
+    write_bytes_atomically(path, text.encode())
+
+
+def write_bytes_atomically(path: Path, data: bytes) -> None:
+    """The same with content of any kind."""
     part = path.with_name(path.name + ".part")
     with reported(path):
         try:
-            with part.open("w", encoding="utf-8", newline="\n") as stream:
-                stream.write(text)
+            with part.open("wb") as stream:
+                stream.write(data)
                 stream.flush()
                 os.fsync(stream.fileno())  # some file systems tell of a full disk only here
             part.replace(path)

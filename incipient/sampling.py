@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from . import compat
+from .location import Locator, evaluate
 
 
 def sample(function: Any, points: np.ndarray) -> np.ndarray:
@@ -16,15 +16,10 @@ def sample(function: Any, points: np.ndarray) -> np.ndarray:
 
     Points outside the mesh give NaN.
     """
-    points = np.asarray(points, dtype=float)
-    points = np.ascontiguousarray(np.pad(points, ((0, 0), (0, 3 - points.shape[1]))))
     mesh = function.function_space.mesh
-    cells = compat.cells_at(mesh, points)
-    here = cells >= 0
-    components = max(1, int(np.prod(function.ufl_shape, dtype=int)))
-    values = np.full((len(points), components), np.nan)
-    if here.any():
-        values[here] = np.reshape(function.eval(points[here], cells[here]), (-1, components))
+    places = Locator(mesh).inside(points)
+    values = np.full((len(points), function.function_space.dofmap.index_map_bs), np.nan)
+    values[places.found] = evaluate(function, places.at(places.found))
     for other in mesh.comm.allgather(values):
         missing = np.isnan(values).any(axis=1)
         values[missing] = other[missing]
@@ -63,8 +58,5 @@ def cells_between(mesh: Any, start: Sequence[float], end: Sequence[float]) -> in
     """Number of cells that a straight line crosses. Collective."""
     s = np.linspace(0.0, 1.0, 201)[:, None]
     points = (1 - s) * np.asarray(start) + s * np.asarray(end)
-    points = np.ascontiguousarray(np.pad(points, ((0, 0), (0, 3 - points.shape[1]))))
-    local = compat.cells_at(mesh, points)
-    owned = mesh.topology.index_map(mesh.topology.dim).size_local
-    local = np.unique(local[(local >= 0) & (local < owned)])
-    return int(mesh.comm.allreduce(len(local)))
+    places = Locator(mesh).inside(points)
+    return int(mesh.comm.allreduce(len(np.unique(places.cells[places.found]))))

@@ -75,7 +75,7 @@ class Trajectory:
             assert isinstance(step.report, InterfaceReport)
             self.interface_iterations.append(step.report.corrected)
             yield step
-            if self.coupling.met:
+            if self.coupling.met or self.time.end - step.time <= 1e-9 * self.time.end:
                 return
             ahead = self.coupling.predicted(step.length, self.transient.order).placement
             if self.coupling.motion.quality(ahead).relative < self.scene.numerics.remesh_below:
@@ -110,7 +110,7 @@ class Trajectory:
             "couple": load[2],
             "interface": step.report.corrected,
             "interface_residual": residuals[-1],
-            "mesh_quality": self.coupling.motion.quality().worst,
+            "mesh_quality": self.coupling.quality.worst,
             "meshes": 1 + len(self.remeshings),
             "energy_fluid": kinetic,
             "energy_body": self.body.kinetic_energy(state),

@@ -1,6 +1,6 @@
 """The benchmarks: each measures (`measure`) and tells what it found (`describe`)."""
 
-from . import cavity, cylinder, grain, memory, ranks, steep_cavity, vortex_street
+from . import cavity, contact, cylinder, grain, memory, ranks, steep_cavity, vortex_street
 
 ALL = {
     "cylinder": cylinder,
@@ -10,4 +10,5 @@ ALL = {
     "grain": grain,
     "ranks": ranks,
     "memory": memory,
+    "contact": contact,
 }

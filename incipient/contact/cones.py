@@ -5,14 +5,13 @@ A scaled force phi = (normal, two tangential) of a contact is in the unit cone |
 -inverse w + null z, so equilibrium holds to round-off whatever the program leaves.
 """
 
-from copy import copy
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
 import clarabel
 import numpy as np
-from scipy.sparse import csc_matrix
+from numpy.typing import NDArray
 
 from incipient.contact.grasp import Grasp
 from incipient.contact.model import Floats
@@ -21,6 +20,7 @@ RANK = 1e-10  # singular values below it, relative to the largest, count as zero
 GAP = 1e-11  # tolerance of the cone programs, in numbers of order one
 SNAPPED = 1e-14  # misses below it are round-off
 EDGE, APEX = 1e-6, 3e-8  # room in a cone, and forces relative to the largest, that count as none
+TRIPLE = clarabel.SecondOrderConeT(3)
 ANSWERED = (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved)
 
 
@@ -161,28 +161,45 @@ def _run(
 
     `nonnegative` rows are plain inequalities, the others triples in unit circular cones.
     """
+    height, width = rows.shape
+    table, square = Table(rows.T.ravel(), *_full(height, width)), _none(width)
+    if quadratic is not None:
+        square = Table(np.triu(quadratic).T.ravel(), *_full(width, width))
+    cones = [clarabel.NonnegativeConeT(nonnegative)] if nonnegative else []
+    cones += [TRIPLE] * ((height - nonnegative) // 3)
+    return clarabel.DefaultSolver(square, linear, table, limits, cones, _settings()).solve()
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """A matrix as Clarabel reads it, column by column, by the names that scipy's has; making that takes longer."""
+
+    data: Floats
+    indices: NDArray[np.int32]
+    indptr: NDArray[np.int32]
+    shape: tuple[int, int]
+    has_canonical_format: bool = True
+
+
+@lru_cache(maxsize=256)
+def _full(height: int, width: int) -> tuple[NDArray[np.int32], NDArray[np.int32], tuple[int, int]]:
+    """Row indices, starts of columns and shape of a table without zeros."""
+    indices = np.tile(np.arange(height, dtype=np.int32), width)
+    return indices, np.arange(width + 1, dtype=np.int32) * np.int32(height), (height, width)
+
+
+@lru_cache(maxsize=256)
+def _none(width: int) -> Table:
+    """A square table of zeros."""
+    nothing, starts = np.zeros(0, dtype=np.int32), np.zeros(width + 1, dtype=np.int32)
+    return Table(np.zeros(0), nothing, starts, (width, width))
+
+
+@lru_cache(maxsize=1)
+def _settings() -> Any:
+    """Clarabel's settings, which every solver copies."""
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.presolve_enable = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = GAP
-    height, width = rows.shape
-    table, square = copy(_full(height, width)), _none(width)
-    table.data = rows.T.ravel()
-    if quadratic is not None:
-        square = copy(_full(width, width))
-        square.data = np.triu(quadratic).T.ravel()
-    cones = [clarabel.NonnegativeConeT(nonnegative)] if nonnegative else []
-    cones += [clarabel.SecondOrderConeT(3)] * ((height - nonnegative) // 3)
-    return clarabel.DefaultSolver(square, linear, table, limits, cones, settings).solve()
-
-
-@lru_cache(maxsize=256)
-def _full(height: int, width: int) -> csc_matrix:
-    """The sparse form of a table without zeros, to be copied: most of the time to make one is spent on checks."""
-    return csc_matrix(np.ones((height, width)))
-
-
-@lru_cache(maxsize=256)
-def _none(width: int) -> csc_matrix:
-    """The sparse form of a square table of zeros."""
-    return csc_matrix((width, width))
+    return settings

@@ -125,6 +125,7 @@ def _hull(points: Floats) -> list[int]:
     order = [int(i) for i in np.lexsort(np.round(points / (1e-9 * extent)).T[::-1])]
 
     def chain(sequence: list[int]) -> list[int]:
+        """Those of a sequence of points that turn left all the way, without the last."""
         kept: list[int] = []
         for i in sequence:
             while len(kept) > 1 and _turn(points[kept[-2]], points[kept[-1]], points[i]) <= 1e-9 * extent**2:

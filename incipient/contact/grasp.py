@@ -21,6 +21,8 @@ SOLID = 1e-6  # determinant of the normals' moments above which they certainly a
 SAME_PLACE = 1e-12  # of the longest arm
 FRICTIONLESS = 1e-9  # friction below it is computed as none
 INFINITE = 1e9  # friction above it is computed as infinite
+SKEW = np.zeros((3, 9))  # of a vector: the nine entries of the matrix of its vector product
+SKEW[[2, 1, 2, 0, 1, 0], [1, 2, 3, 5, 6, 7]] = -1.0, 1.0, 1.0, -1.0, -1.0, 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,22 +114,23 @@ def grasp(load: Load, contacts: Contacts, friction: float, inertia: Floats | Non
         raise SceneError(f"friction {friction} is not a coefficient; give a number that is not negative")
     require_outward(contacts, load.centre)
     arms = contacts.points - load.centre
-    reach = max(_length(arm) for arm in arms) or 1.0
+    reach = max(math.hypot(*arm) for arm in arms.tolist()) or 1.0
     kept, copy, share = _distinct(arms / reach, contacts.normals)
     arms, inward = arms[kept] / reach, -contacts.normals[kept]
     plane = _plane(arms, inward, load, inertia)
     frames = _frames(inward, None if plane is None else plane[2])
-    wrench = np.concatenate([frames, cross(arms[:, None], frames)], axis=2)
-    return Grasp(frames, wrench.transpose(2, 0, 1).copy(), copy, share, reach, float(friction), plane)
+    matrix = np.empty((6, *frames.shape[:2]))
+    matrix[:3] = frames.transpose(2, 0, 1)
+    matrix[3:] = (_skew(arms) @ frames.transpose(0, 2, 1)).transpose(1, 0, 2)
+    return Grasp(frames, matrix, copy, share, reach, float(friction), plane)
 
 
 def wrenches(load: Load, reach: float) -> Wrenches:
     """The two wrenches of a load about its centre, couples divided by the unit of length."""
-    flow = np.concatenate([load.flow_force, load.flow_couple / reach])
-    weight = np.concatenate([load.weight, np.zeros(3)])
-    sizes = [_length(part) for part in (flow, weight)]
-    units = [part / size if size > 0.0 else part for part, size in zip((flow, weight), sizes, strict=True)]
-    return Wrenches(units[0], units[1], sizes[0], sizes[1])
+    parts = np.zeros((2, 6))
+    parts[0, :3], parts[0, 3:], parts[1, :3] = load.flow_force, load.flow_couple / reach, load.weight
+    flow, weight = (_length(part) for part in parts)
+    return Wrenches(parts[0] / (flow or 1.0), parts[1] / (weight or 1.0), flow, weight)
 
 
 def cross(a: Floats, b: Floats) -> Floats:
@@ -136,32 +139,38 @@ def cross(a: Floats, b: Floats) -> Floats:
     return np.asarray(a[..., ahead] * b[..., behind] - a[..., behind] * b[..., ahead])
 
 
+def _skew(vectors: Floats) -> Floats:
+    """The matrices (k, 3, 3) that take others to the vector products of vectors (k, 3) with them."""
+    return np.asarray((vectors @ SKEW).reshape(-1, 3, 3))
+
+
 def _distinct(arms: Floats, normals: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
     """Indices of the different contacts, for every contact which of them it is, and its share."""
     rows = np.concatenate([arms, normals], axis=1)
-    same = (np.abs(rows[:, None] - rows) <= SAME_PLACE).all(axis=2)
-    copies = same.sum(axis=1)
-    if copies.max() == 1:
-        return np.arange(len(rows)), np.arange(len(rows)), np.ones(len(rows))
+    same = np.abs(rows[:, None] - rows).max(axis=2) <= SAME_PLACE
+    count = len(rows)
+    if np.count_nonzero(same) == count:
+        return np.arange(count), np.arange(count), np.ones(count)
     kept, copy = np.unique(same.argmax(axis=1), return_inverse=True)
-    return kept, copy, 1.0 / copies
+    return kept, copy, 1.0 / same.sum(axis=1)
 
 
 def _frames(inward: Floats, across: Floats | None) -> Floats:
     """(k, 3, 3): normal, tangent, tangent; the last is `across` if that is given."""
+    turns, frames = _skew(inward), np.empty((len(inward), 3, 3))
     if across is None:
-        axis = np.zeros_like(inward)
-        axis[np.arange(len(inward)), np.abs(inward).argmin(axis=1)] = 1.0
-        first = cross(inward, axis)
-        first /= np.sqrt((first * first).sum(axis=1))[:, None]
+        first = turns[np.arange(len(inward)), :, np.abs(inward).argmin(axis=1)]
+        first /= np.sqrt(np.einsum("kj,kj->k", first, first))[:, None]
     else:
-        first = cross(np.broadcast_to(across, inward.shape), inward)
-    return np.stack([inward, first, cross(inward, first)], axis=1)
+        first = -turns @ across
+    frames[:, 0], frames[:, 1] = inward, first
+    frames[:, 2] = (turns @ first[:, :, None])[:, :, 0]
+    return frames
 
 
 def _plane(arms: Floats, inward: Floats, load: Load, inertia: Floats | None) -> Floats | None:
     """(3, 3): two axes in the plane of the case and its normal; None if there is no such plane."""
-    if len(inward) > 2 and np.linalg.det(inward.T @ inward) > SOLID:
+    if len(inward) > 2 and _determinant(inward.T @ inward) > SOLID:
         return None
     inside = [part / _length(part) for part in (load.flow_force, load.weight) if part.any()]
     vectors = np.vstack([arms, inward, *inside])
@@ -185,6 +194,11 @@ def _axes(vectors: Floats, couple: Floats) -> Floats:
     return np.asarray(axes)
 
 
+def _determinant(matrix: Floats) -> float:
+    (a, b, c), (d, e, f), (g, h, i) = matrix.tolist()
+    return float(a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g))
+
+
 def _keeps(inertia: Floats, axis: Floats) -> bool:
     """Whether the axis is a principal axis, so that a planar load gives a planar motion."""
     along = inertia @ axis
@@ -192,4 +206,4 @@ def _keeps(inertia: Floats, axis: Floats) -> bool:
 
 
 def _length(vector: Floats) -> float:
-    return math.hypot(*vector)  # which neither overflows nor underflows, whatever the units
+    return math.hypot(*vector.tolist())  # which neither overflows nor underflows, whatever the units

@@ -6,6 +6,7 @@ condition for a minimum of the convex function |P(columns^T v)|^2 / 2 + w . v.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ CONVERGED, ON_EDGE = 1e-13, 1e-12  # relative to the forces: of the wrench, and 
 STEPS = 25
 SHIFT = 1e-3  # of the curvature, which may be singular, by this much of what is missed
 DIAGONAL = np.diag_indices(6)
+UNIT = np.eye(3)
 DAMPING = 0.5 ** np.arange(10)
 
 
@@ -37,12 +39,26 @@ class Allowed:
     slides: NDArray[np.bool_]
     edges: Floats
 
-    def basis(self) -> tuple[NDArray[np.int64], Floats]:
-        """Unit forces (m, 3) whose sums are all forces, free of their limits, and the contacts (m,) they act at."""
-        counts = np.where(self.slides, 1, self.axes)
-        places = np.repeat(np.arange(len(counts)), counts)
-        order = np.arange(len(places)) - np.repeat(np.cumsum(counts) - counts, counts)
-        return places, np.where(self.slides[places, None], self.edges[places], np.eye(3)[order])
+    @cached_property
+    def free(self) -> NDArray[np.bool_]:
+        """(k, 4): which of three local forces and the edge are those whose sums are all forces, free of limits."""
+        free = np.empty((len(self.slides), 4), dtype=bool)
+        free[:, :3] = ~self.slides[:, None]
+        free[:, self.axes : 3] = False
+        free[:, 3] = self.slides
+        return free
+
+    @cached_property
+    def columns(self) -> Floats:
+        """The wrenches (6, m) of those forces."""
+        edges = np.einsum("ikj,kj->ik", self.matrix, self.edges)
+        return np.asarray(np.concatenate([self.matrix, edges[:, :, None]], axis=2)[:, self.free])
+
+    def forces(self, factors: Floats) -> Floats:
+        """The sums (k, 3) of those forces with factors (m,)."""
+        whole = np.zeros(self.free.shape)
+        whole[self.free] = factors
+        return np.asarray(whole[:, :3] + whole[:, 3:] * self.edges)
 
     def room(self, forces: Floats) -> Floats:
         """How far forces (..., k, 3), that are multiples of the edge where a contact slides, are inside, (..., k)."""
@@ -50,20 +66,49 @@ class Allowed:
         inside = sine * forces[..., 0] - cosine * np.hypot(forces[..., 1], forces[..., 2])
         return np.where(self.slides | (self.axes == 1), forces[..., 0], inside)
 
-    def projection(self, forces: Floats) -> tuple[Floats, Floats]:
-        """The nearest forces (k, 3) that are allowed, and the derivative (k, 3, 3) of that."""
+    def nearest(self, forces: Floats) -> "Nearest":
+        """The nearest forces (k, 3) that are allowed."""
         cosine, sine = self.scaling[:2]
         shear = np.maximum(np.hypot(forces[:, 1], forces[:, 2]), 1e-300)
-        along = forces[:, 1:] / shear[:, None]
-        edge = np.column_stack([np.full(len(forces), cosine), sine * along])
+        edge = np.empty_like(forces)
+        edge[:, 0] = cosine
+        edge[:, 1:] = forces[:, 1:] * (sine / shear)[:, None]
         edge[self.slides] = self.edges[self.slides]
-        size = np.maximum((edge * forces).sum(axis=1), 0.0)
-        slope = (size > 0.0)[:, None, None] * edge[:, :, None] * edge[:, None, :]
-        turning = np.where(self.slides, 0.0, sine * size / shear)[:, None, None]
-        slope[:, 1:, 1:] += turning * (np.eye(2) - along[:, :, None] * along[:, None, :])
-        inside = ~self.slides & (cosine * shear <= sine * forces[:, 0])
-        slope[inside] = np.eye(3)
-        return np.where(inside[:, None], forces, size[:, None] * edge), slope
+        size = np.maximum(np.einsum("kj,kj->k", edge, forces), 0.0)
+        inside = (cosine * shear <= sine * forces[:, 0]) & ~self.slides
+        return Nearest(np.where(inside[:, None], forces, size[:, None] * edge), inside, edge, size, shear)
+
+    def curvature(self, at: "Nearest") -> Floats:
+        """The derivative (6, 6) of the wrench of forces nearest to columns^T v, by v."""
+        sides, sine = self.sides, max(self.scaling[1], 1e-300)  # without friction nothing is across
+        across = np.zeros_like(at.edge)  # a unit vector along the surface, across the force
+        across[:, 1], across[:, 2] = -at.edge[:, 2] / sine, at.edge[:, 1] / sine
+        along = (sides @ at.edge[:, :, None])[:, :, 0]
+        aside = (sides @ across[:, :, None])[:, :, 0]
+        beyond = ~at.inside
+        turning = np.where(self.slides, 0.0, beyond * (sine * at.size / at.shear))
+        pushed = (beyond & (at.size > 0.0)).astype(float)
+        kept = sides[at.inside].transpose(1, 0, 2).reshape(6, -1)
+        return np.asarray(kept @ kept.T + (along.T * pushed) @ along + (aside.T * turning) @ aside)
+
+    @cached_property
+    def sides(self) -> Floats:
+        """`matrix` by contacts, (k, 6, 3)."""
+        return np.ascontiguousarray(self.matrix.transpose(1, 0, 2))
+
+
+@dataclass(frozen=True, eq=False)
+class Nearest:
+    """Allowed `forces` (k, 3) nearest to others: those `inside` are the same, else `size` times `edge`.
+
+    `shear` (k,): the size along the surface of the others.
+    """
+
+    forces: Floats
+    inside: NDArray[np.bool_]
+    edge: Floats
+    size: Floats
+    shear: Floats
 
 
 def allowed(grasp: Grasp, at_contacts: Floats, slides: NDArray[np.bool_], kept: NDArray[np.int64]) -> Allowed:
@@ -81,26 +126,18 @@ def least_forces(by: Allowed, wrench: Floats) -> tuple[Floats | None, bool]:
 
     None if there are none, or they are not found.
     """
-    places, directions = by.basis()
-    left, sizes, right = np.linalg.svd((by.matrix[:, places] * directions).sum(axis=2))
-    rank = int((sizes > RANK * sizes[0]).sum())
-    factors = -(right[:rank].T / sizes[:rank]) @ (left[:, :rank].T @ wrench)
-    start = _spread(by, places, factors[:, None] * directions)
-    if np.abs(by.matrix.reshape(6, -1) @ start.ravel() + wrench).max() > MISSED:
+    left, sizes, right = np.linalg.svd(by.columns)
+    rank, count = int((sizes > RANK * sizes[0]).sum()), len(right)
+    factors = -right[:rank].T @ ((wrench @ left[:, :rank]) / sizes[:rank])
+    start = by.forces(factors)
+    if np.abs(by.columns @ factors + wrench).max() > MISSED:
         return None, False
-    if rank == len(places) or np.abs(by.projection(start)[0] - start).max() <= CONVERGED:
-        return start, rank == len(places)
-    if rank == len(places) - 1:
-        return _on_line(by, start, _spread(by, places, right[rank][:, None] * directions)), False
+    if rank == count or np.abs(by.nearest(start).forces - start).max() <= CONVERGED:
+        return start, rank == count
+    if rank == count - 1:
+        return _on_line(by, start, by.forces(right[rank])), False
     found = _projected(by, wrench)
     return (_by_cones(by, factors, right[rank:].T) if found is None else found), False
-
-
-def _spread(by: Allowed, places: NDArray[np.int64], forces: Floats) -> Floats:
-    """Local forces (k, 3) as the sums of forces (m, 3) at places (m,)."""
-    whole = np.zeros((len(by.slides), 3))
-    np.add.at(whole, places, forces)
-    return whole
 
 
 def _on_line(by: Allowed, start: Floats, way: Floats) -> Floats | None:
@@ -134,19 +171,18 @@ def _edge_roots(by: Allowed, start: Floats, way: Floats) -> Floats:
 def _projected(by: Allowed, wrench: Floats) -> Floats | None:
     """By Newton's method for v, damped until the convex function falls; None if that does not converge."""
     columns = by.matrix.reshape(6, -1)
-    sides = by.matrix.transpose(1, 0, 2)
-    v = -np.linalg.lstsq(columns @ columns.T, wrench, rcond=RANK)[0]
-    at = _trial(by, columns, wrench, v)
+    at = _trial(by, columns, wrench, -np.linalg.lstsq(columns @ columns.T, wrench, rcond=RANK)[0])
     for _ in range(STEPS):
-        if np.abs(at.missed).max() <= CONVERGED * max(1.0, float(np.abs(at.forces).max())):
-            return at.forces
-        curvature = (sides @ at.slope @ sides.transpose(0, 2, 1)).sum(axis=0)
+        if np.abs(at.missed).max() <= CONVERGED * max(1.0, float(np.abs(at.nearest.forces).max())):
+            return at.nearest.forces
+        curvature = by.curvature(at.nearest)
         curvature[DIAGONAL] += max(SHIFT * float(np.abs(at.missed).max()), 1e-13)
         change = -np.linalg.solve(curvature, at.missed)
+        falling = 1e-4 * float(at.missed @ change)
+        enough = 0.25 * float(at.missed @ at.missed)
         for size in DAMPING:
             ahead = _trial(by, columns, wrench, at.v + size * change)
-            falls = ahead.value < at.value + 1e-4 * size * (at.missed @ change)
-            if falls or ahead.missed @ ahead.missed < 0.25 * at.missed @ at.missed:
+            if ahead.value < at.value + size * falling or ahead.missed @ ahead.missed < enough:
                 break
         at = ahead
     return None
@@ -154,27 +190,27 @@ def _projected(by: Allowed, wrench: Floats) -> Floats | None:
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """The convex function of v (6,): its `value`, its gradient `missed` (6,), and the forces with their slope."""
+    """The convex function of v (6,): its `value`, its gradient `missed` (6,), and the nearest forces."""
 
     v: Floats
-    forces: Floats
-    slope: Floats
+    nearest: Nearest
     missed: Floats
     value: float
 
 
 def _trial(by: Allowed, columns: Floats, wrench: Floats, v: Floats) -> Trial:
-    forces, slope = by.projection((v @ columns).reshape(-1, 3))
-    flat = forces.ravel()
-    return Trial(v, forces, slope, columns @ flat + wrench, float(0.5 * flat @ flat + wrench @ v))
+    nearest = by.nearest((v @ columns).reshape(-1, 3))
+    flat = nearest.forces.ravel()
+    return Trial(v, nearest, columns @ flat + wrench, float(0.5 * flat @ flat + wrench @ v))
 
 
 def _by_cones(by: Allowed, factors: Floats, null: Floats) -> Floats | None:
     """By a cone program for z in factors + null z, the factors of the basis: slower, where Newton's method fails."""
     cosine, sine = by.scaling[:2]
-    places, directions = by.basis()
+    places, kinds = np.nonzero(by.free)
     parts = np.zeros((len(by.slides), 3, len(places)))
-    parts[places, :, np.arange(len(places))] = directions
+    directions = np.concatenate([np.broadcast_to(UNIT, (len(by.slides), 3, 3)), by.edges[:, None]], axis=1)
+    parts[places, :, np.arange(len(places))] = directions[places, kinds]
     single = by.slides | (by.axes == 1)
     ways = np.where(by.slides[:, None], by.edges, np.eye(3)[0])
     rows = np.einsum("kj,kjm->km", ways[single], parts[single])

@@ -12,10 +12,10 @@ method may miss: it is then started from the convex problems whose fixed point C
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from incipient.contact import cones
 from incipient.contact.candidates import SAME, Candidate
@@ -23,9 +23,11 @@ from incipient.contact.model import Floats
 from incipient.contact.release import Release
 
 CONVERGED = 1e-12  # of Newton's method, relative to load and contact forces
+STALLED = 1e-11  # the same after one more step: round-off leaves no better
 STEPS = 14  # of Newton's method
 PATIENCE = 300  # steps where the usual number did not do
 DAMPING = 0.5 ** np.arange(4)
+ENOUGH = 1.0 - 0.1 * DAMPING  # of the merit before, at which a damped step is taken
 SHIFT = 1e-11  # of the derivative, which is singular where contact forces are not unique
 FIXED_POINT_STEPS = 40
 RANDOM_STARTS = 40
@@ -37,45 +39,62 @@ SINGULAR = 1e-9  # singular values below it count as zero: several forces or acc
 class Law:
     """Coulomb's law at the contacts: `compliance` D (3k, 3k), `free` b (3k,), `step` r (k,), friction.
 
-    `trial` (k, 3, 3k): the derivative of f - r A by f.
+    `onto` (3k, 3k), `offset` (3k,): f - r A is f onto + offset.
     """
 
     compliance: Floats
     free: Floats
     step: Floats
-    trial: Floats
+    onto: Floats
+    offset: Floats
     friction: float
+
+    @cached_property
+    def trial(self) -> Floats:
+        """(k, 3, 3k): the derivative of f - r A by f."""
+        return np.ascontiguousarray(self.onto.T).reshape(len(self.step), 3, -1)
+
+    @cached_property
+    def unit(self) -> Floats:
+        """(3k, 3k): the derivative of f by f, and a shift."""
+        return (1.0 + SHIFT) * np.eye(len(self.free))
 
 
 @dataclass(frozen=True, eq=False)
 class Iterate:
-    """The equations at s sets of forces f = (N, T), with all that their derivative needs.
+    """The equations at sets of forces f = (N, T), with all that their derivative needs; (...) are any axes.
 
-    `force` (s, k, 3); `projection`: that of (N - r A_N, T - r A_T); `miss`: force minus projection; `merit`
-    (s,): its sum of squares; `closed` (s, k): whether N - r A_N presses; `along` (s, k, 2): the direction of
-    T - r A_T; `kept` (s, k): the part of it inside the disc, 1 where the contact holds.
+    `force` (..., 3k); `trial` (..., k, 3): (N - r A_N, T - r A_T); `size`, `kept` (..., k): of T - r A_T, and the
+    part of it inside the disc, 1 where the contact holds; `miss` (..., 3k): force minus projection of the trial;
+    `merit` (...): its sum of squares.
     """
 
     force: Floats
-    projection: Floats
+    trial: Floats
+    size: Floats
+    kept: Floats
     miss: Floats
     merit: Floats
-    closed: NDArray[np.bool_]
-    along: Floats
-    kept: Floats
 
     def of(self, some: Any) -> "Iterate":
-        """The same for some of the s, by any index that numpy takes."""
-        parts = (self.force, self.projection, self.miss, self.merit, self.closed, self.along, self.kept)
-        return Iterate(*(part[some] for part in parts))
+        """The same for some of the sets, by any index of the first axes that numpy takes."""
+        return Iterate(
+            self.force[some],
+            self.trial[some],
+            self.size[some],
+            self.kept[some],
+            self.miss[some],
+            self.merit[some],
+        )
 
 
 def coulomb(case: Release) -> Law:
     """The law at the contacts of a case, with r = 1 / mean diagonal of D at each contact."""
     step = 3.0 / case.compliance.diagonal().reshape(-1, 3).sum(axis=1)
-    trial = np.eye(3 * len(step)) - np.repeat(step, 3)[:, None] * case.compliance
-    blocks = trial.reshape(len(step), 3, -1)
-    return Law(case.compliance, case.free_at_contacts, step, blocks, case.grasp.friction)
+    each = np.repeat(step, 3)
+    onto = np.eye(len(each)) - case.compliance * each
+    offset = -each * case.free_at_contacts
+    return Law(case.compliance, case.free_at_contacts, step, onto, offset, case.grasp.friction)
 
 
 def spatial_solutions(case: Release, law: Law, without_friction: Candidate, rest: bool) -> list[Candidate]:
@@ -178,15 +197,27 @@ class Search:
 
 def law_residual(law: Law, local: Floats) -> float:
     """How far forces (k, 3), with the accelerations they give, miss Coulomb's law as written above."""
-    return float(np.abs(_iterate(law, local[None]).miss).max())
+    return float(np.abs(_iterate(law, local.ravel()).miss).max())
 
 
 def _is_family(law: Law, local: Floats) -> bool:
     """Whether the equations at a solution leave a direction open in which accelerations change."""
-    derivative = _derivative(law, _iterate(law, local[None]))[0]
+    derivative = _derivative(law, _iterate(law, local.reshape(1, -1)))[0]
+    if _certainly_regular(derivative):
+        return False
     _, sizes, right = np.linalg.svd(derivative)
     open_ways = right[sizes <= SINGULAR * max(1.0, sizes[0])]
     return bool((np.abs(open_ways @ law.compliance) > 1e3 * SINGULAR).any())
+
+
+def _certainly_regular(derivative: Floats) -> bool:
+    """Whether the norms of a matrix and its inverse leave all singular values above those that count as zero."""
+    try:
+        inverse = np.linalg.inv(derivative).ravel()
+    except np.linalg.LinAlgError:
+        return False
+    flat = derivative.ravel()
+    return bool((inverse @ inverse) * max(1.0, flat @ flat) < (0.1 / SINGULAR) ** 2)
 
 
 def newton(law: Law, starts: Floats, steps: int = STEPS) -> Floats:
@@ -194,66 +225,68 @@ def newton(law: Law, starts: Floats, steps: int = STEPS) -> Floats:
 
     More than STEPS steps are made only while there is no solution yet.
     """
-    solved, at = [starts[:0]], _iterate(law, starts)
+    solved: list[Floats] = []
+    at = _iterate(law, starts.reshape(len(starts), -1))
+    near = np.zeros(len(starts), dtype=bool)
     for step in range(steps):
-        if step == STEPS and len(solved) > 1:
+        if step == STEPS and solved:
             break
-        done = at.merit <= CONVERGED**2 * np.maximum(1.0, (at.force * at.force).sum(axis=(1, 2)))
+        size = np.maximum(1.0, np.einsum("sj,sj->s", at.force, at.force))
+        was_near, near = near, at.merit <= STALLED**2 * size
+        done = (at.merit <= CONVERGED**2 * size) | (was_near & near)
         if done.any():
-            solved.append(at.projection[done])
-            at = at.of(~done)
-            if done.all():
+            solved.append(at.force[done] - at.miss[done])
+            at, near = at.of(~done), near[~done]
+            if len(near) == 0:
                 break
         at = _moved(law, at, _step(law, at))
-    return np.concatenate(solved)
+    return np.concatenate([starts[:0].reshape(0, len(law.free)), *solved]).reshape(-1, *starts.shape[1:])
 
 
 def _moved(law: Law, at: Iterate, change: Floats) -> Iterate:
-    """Each of the forces moved by the largest part of its change (s, k, 3) that lowers its merit enough."""
-    tried = _iterate(law, at.force[:, None] + DAMPING[:, None, None] * change[:, None])
-    enough = tried.merit < (1.0 - 0.1 * DAMPING) * at.merit[:, None]
+    """Each of the forces moved by the largest part of its change (s, 3k) that lowers its merit enough."""
+    tried = _iterate(law, at.force[:, None] + DAMPING[:, None] * change[:, None])
+    enough = tried.merit < ENOUGH * at.merit[:, None]
+    if enough[:, 0].all():
+        return tried.of((slice(None), 0))
     chosen = np.where(enough.any(axis=1), enough.argmax(axis=1), tried.merit.argmin(axis=1))
     return tried.of((np.arange(len(chosen)), chosen))
 
 
 def _iterate(law: Law, force: Floats) -> Iterate:
-    """The equations at forces (..., k, 3)."""
-    acceleration = (force.reshape(*force.shape[:-2], -1) @ law.compliance + law.free).reshape(force.shape)
-    trial = force - law.step[:, None] * acceleration
+    """The equations at forces (..., 3k)."""
+    trial = (force @ law.onto + law.offset).reshape(*force.shape[:-1], -1, 3)
+    size = np.maximum(np.hypot(trial[..., 1], trial[..., 2]), 1e-300)
     pressure = np.maximum(trial[..., 0], 0.0)
-    shear = trial[..., 1:]
-    size = np.maximum(np.hypot(shear[..., 0], shear[..., 1]), 1e-300)
     kept = np.minimum(law.friction * pressure / size, 1.0)
-    projection = np.empty_like(trial)
+    projection = trial * kept[..., None]
     projection[..., 0] = pressure
-    projection[..., 1:] = shear * kept[..., None]
-    miss = force - projection
-    merit = (miss * miss).sum(axis=(-2, -1))
-    return Iterate(force, projection, miss, merit, pressure > 0.0, shear / size[..., None], kept)
+    miss = force - projection.reshape(force.shape)
+    return Iterate(force, trial, size, kept, miss, np.einsum("...j,...j->...", miss, miss))
 
 
 def _derivative(law: Law, at: Iterate) -> Floats:
-    """The derivative (s, 3k, 3k) of the equations at forces (s, k, 3), on one side where there are two."""
-    cases, count = at.kept.shape
-    slips = at.kept < 1.0
-    blocks = np.zeros((cases, count, 3, 3))  # of minus the projection by the trial force
-    blocks[..., 0, 0] = -1.0 * at.closed
-    blocks[..., 1:, 1:] = (at.kept * slips)[..., None, None] * (
-        at.along[..., :, None] * at.along[..., None, :]
-    )
-    blocks[..., 1, 1] -= at.kept
-    blocks[..., 2, 2] -= at.kept
-    blocks[..., 1:, 0] = (-law.friction * (slips & at.closed))[..., None] * at.along
-    derivative = (blocks @ law.trial).reshape(cases, 3 * count, -1)
-    derivative.reshape(cases, -1)[:, :: 3 * count + 1] += 1.0 + SHIFT
-    return derivative
+    """The derivative (s, 3k, 3k) of the equations at forces (s, 3k), on one side where there are two."""
+    closed, slips = at.trial[..., 0] > 0.0, at.kept < 1.0
+    along = at.trial[..., 1:] / at.size[..., None]
+    left, right, same = np.zeros(
+        (3, *at.trial.shape)
+    )  # of the projection by the trial: left x right + diag(same)
+    left[..., 1:] = slips[..., None] * along
+    right[..., 0] = law.friction * closed
+    right[..., 1:] = -at.kept[..., None] * along
+    same[..., 0] = closed
+    same[..., 1:] = at.kept[..., None]
+    blocks = left[..., :, None] * right[..., None, :]
+    blocks.reshape(*at.kept.shape, 9)[..., ::4] += same
+    return np.asarray(law.unit - (blocks @ law.trial).reshape(len(blocks), *law.unit.shape))
 
 
 def _step(law: Law, at: Iterate) -> Floats:
-    """The Newton steps (s, k, 3)."""
-    miss = at.miss.reshape(len(at.miss), -1, 1)
+    """The Newton steps (s, 3k)."""
+    derivative, miss = _derivative(law, at), at.miss[..., None]
     try:
-        change = np.linalg.solve(_derivative(law, at), -miss)
+        change = np.linalg.solve(derivative, -miss)
     except np.linalg.LinAlgError:
-        change = np.linalg.pinv(_derivative(law, at), 1e-11) @ -miss
-    return np.asarray(change.reshape(at.miss.shape))
+        change = np.linalg.pinv(derivative, 1e-11) @ -miss
+    return np.asarray(change[..., 0])

@@ -11,9 +11,10 @@ from incipient.contact.grasp import Grasp
 from incipient.contact.model import Floats
 
 TOLERANCE = 1e-9  # in numbers of order one: what counts as balanced
-SIDES = (
-    16  # of the pyramids inside and around a circular cone that answer nearly every question about holding
-)
+SIDES = 16  # of pyramids inside and around a circular cone that answer nearly every question about holding
+ANGLES = np.arange(SIDES) * (2.0 * np.pi / SIDES)
+RING = np.stack([np.ones(SIDES), np.cos(ANGLES), np.sin(ANGLES)], axis=1)  # edges of the one inside
+RING_AROUND = RING / [1.0, np.cos(np.pi / SIDES), np.cos(np.pi / SIDES)]
 
 
 class Support(Protocol):
@@ -131,10 +132,8 @@ class Circular:
     @cached_property
     def _pyramids(self) -> tuple[Floats, Floats]:
         """Wrenches (6, k SIDES) of the edges of pyramids around the friction cones and of pyramids inside."""
-        angles = np.arange(SIDES) * (2.0 * np.pi / SIDES)
-        ring = np.stack([np.ones(SIDES), np.cos(angles), np.sin(angles)], axis=1) * self.grasp.scaling
-        wider = 1.0 / np.cos(np.pi / SIDES)
-        return fans.edges(self.grasp, ring * [1.0, wider, wider]), fans.edges(self.grasp, ring)
+        inside = fans.edges(self.grasp, RING * self.grasp.scaling)
+        return fans.edges(self.grasp, RING_AROUND * self.grasp.scaling), inside
 
     def _missed(self, wrench: Floats) -> float:
         """The size of the part of a wrench that no contact force can have."""

@@ -19,7 +19,7 @@ from ..forms import FlowTerms, ReferenceMap, energy_stable_rate, residual, swept
 from . import newton
 from .conditions import Condition, Constraints
 from .linear import KeptFactorisation
-from .space import TaylorHood, geometry_function, set_geometry_function, taylor_hood
+from .space import TaylorHood, geometry_function, geometry_rows, set_geometry_function, taylor_hood
 
 # Corrections of a time step after which the kept factors are too old.
 PATIENCE = 8
@@ -78,6 +78,7 @@ class Fluid:
         self._rate = tuple(_constant(mesh, 0.0) for _ in range(3))
         self._extrapolation = tuple(_constant(mesh, c) for c in (1.0, 0.0))
         self._shifts = tuple(geometry_function(mesh) for _ in range(2 * model.moving_mesh))
+        self._rows = geometry_rows(self._shifts[0]) if self._shifts else None
         self._residual, self._jacobian = self._forms()
         self._matrix = petsc.create_matrix(self._jacobian)
         self._vector = petsc.assemble_vector(self._residual)
@@ -190,7 +191,7 @@ class Fluid:
         """
         places = self.domain.mesh.geometry.x
         for function, before in zip(self._shifts, past, strict=True):
-            set_geometry_function(function, places - before)
+            set_geometry_function(function, places - before, self._rows)
         self.constraints.boundary_points_moved()
 
     def at_order(self, order: int) -> Fluid:

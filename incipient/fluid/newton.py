@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-WORST_CONTRACTION = 0.4
+WORST_CONTRACTION = 0.3
 
 
 class System(Protocol):

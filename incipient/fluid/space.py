@@ -43,7 +43,7 @@ class TaylorHood:
         With every order of curvature it has two orders more.
         """
         mesh = self.mixed.mesh
-        degree = 3 * self.order - 1 + 2 * (compat.geometry_degree(mesh) - 1)
+        degree = 3 * self.order - (kind == "dx") + 2 * (compat.geometry_degree(mesh) - 1)
         return ufl.Measure(kind, domain=mesh, metadata={"quadrature_degree": degree})
 
     def velocity_points(self) -> np.ndarray:
@@ -86,9 +86,16 @@ def geometry_function(mesh: Any) -> Any:
     return dolfinx.fem.Function(compat.function_space(mesh, compat.coordinate_element(mesh)))
 
 
-def set_geometry_function(function: Any, values: np.ndarray) -> None:
-    """Give a function made by `geometry_function` its values (n, 3) at the rows of `mesh.geometry.x`."""
+def geometry_rows(function: Any) -> np.ndarray:
+    """For each node of a function made by `geometry_function`, its row in `mesh.geometry.x`."""
     space = function.function_space
-    mesh = space.mesh
-    nodes = function.x.array.reshape(-1, mesh.geometry.dim)
-    nodes[compat.cell_dofs(space)] = values[compat.geometry_dofs(mesh), : mesh.geometry.dim]
+    rows = np.zeros(len(function.x.array) // space.mesh.geometry.dim, dtype=np.int64)
+    rows[compat.cell_dofs(space)] = compat.geometry_dofs(space.mesh)
+    return rows
+
+
+def set_geometry_function(function: Any, values: np.ndarray, rows: np.ndarray | None = None) -> None:
+    """Give a function made by `geometry_function` its values (n, 3) at the rows of `mesh.geometry.x`."""
+    gdim = function.function_space.mesh.geometry.dim
+    chosen = geometry_rows(function) if rows is None else rows
+    function.x.array.reshape(-1, gdim)[:] = values[chosen, :gdim]

@@ -12,6 +12,7 @@ from incipient.geometry.grain import Grain
 from incipient.geometry.placement import Placement
 from incipient.geometry.rest import rest
 
+MOST_SAMPLES = 30  # that a minimum is followed from one placement to the next
 ON_CORNER = 1e-9  # of the grain's size: nearer than this a corner of the grain touches a corner of the bed
 
 
@@ -125,8 +126,20 @@ class PlanarProximity:
         if old.parameter is None:
             rows = self._joint(outline, old.curve, np.inf)
         else:
-            rows = self._rows(refined(outline, self._brackets(outline, old.curve, old.parameter), self.bed))
+            rows = self._rows(self._followed(outline, old.curve, old.parameter))
         return min(rows, key=lambda row: float(np.abs(row.normal - old.normal).max()), default=old)
+
+    def _followed(self, outline: tuple[Curve, ...], k: int, s: float) -> Approach:
+        """The minimum downhill from a parameter, which may be some samples away: a grain that rolls moves it."""
+        for _ in range(MOST_SAMPLES):
+            approach = refined(outline, self._brackets(outline, k, s), self.bed)
+            on, at = approach.place
+            step = 1.0 / (len(samples(outline[k], self.bed, self.size)) - 1)
+            # Along a straight side that nearly lies on the bed the minimum would jump to the other end.
+            if isinstance(outline[on], Line) or (on == k and abs(at - s) < 0.999 * step):
+                break
+            k, s = on, at
+        return approach
 
     def _brackets(self, outline: tuple[Curve, ...], k: int, s: float) -> list[tuple[int, float, float]]:
         """The surroundings of a parameter, also on the next curve where it is near an end."""

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 # In grain sizes.
 FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.05, 0.4, 1e-9
+SHORT_STEP = 1e-4  # from which on bisection is tried where Newton's method fails
 TOUCHING = 1e-6  # what counts as touching on the way
 CLOSED = 1e-10  # gaps of contacts at rest
 BALANCED = 1e-9  # unbalanced force and couple at rest, of weight and weight times size
@@ -156,30 +157,40 @@ class _Descent:
     def run(self, start: Placement, reach: float, max_steps: int) -> Settled:
         """Step by step down to a rest."""
         placement = self._proximity.lowered(start)
-        length, tried = FIRST_STEP, np.inf
+        length, tried, turned = FIRST_STEP, np.inf, False
         for step in range(max_steps):
             near = self._proximity.minima(placement, 2.5 * length * self.size)
             touching = self._touching(placement, near, TOUCHING)
             pull = self._pull(placement, touching)
             strength = float(np.linalg.norm(pull))
-            # An attempt costs some steps: it is made when the pull has halved, or when there is no other way.
+            # An attempt costs some steps: it is made when the pull has halved, or when there is no other way;
+            # not again next to an unstable equilibrium that the grain is leaving.
+            tried = np.inf if strength >= PROMISING else tried
             if strength < PROMISING and (strength < 0.5 * tried or length < SHORTEST_STEP):
                 found = self._at_rest(placement, near)
                 if found is not None and (found.stable or step == 0):
                     return self._settled(found, step)
                 tried = strength
+                if found is None and turned and length < SHORT_STEP:
+                    found = self._pinched(placement, 10.0 * length)
+                    if found is not None and found.stable and found.imbalance <= BALANCED:
+                        return self._settled(found, step)
                 pushed = None if found is None else self._pushed(found)
                 if pushed is not None and self._depth(pushed) > self._depth(placement):
-                    placement, length, tried = pushed, FIRST_STEP, np.inf
+                    placement, length, tried = pushed, FIRST_STEP, 0.0
                     continue
             if length < SHORTEST_STEP:
+                found = self._pinched(placement, TOUCHING)
+                if found is not None and found.stable:
+                    return self._settled(found, step)
                 return self._unsettled(placement, Outcome.UNSETTLED, step)
             ahead = self._proximity.locally_least(placement, near, corners=True)
             motion = self._step(placement, ahead, touching, pull, length)
             trial = self._proximity.lowered(self._followed(placement, ahead, motion))
             gain = self._depth(trial) - self._depth(placement)
             expected = self.size * float(motion @ self._load)
-            if gain > max(0.1 * expected, 0.0):
+            turned = not gain > max(0.1 * expected, 0.0)
+            if not turned:
                 placement = trial
                 length = min(1.5 * length, LONGEST_STEP) if gain > 0.5 * expected else length
             else:
@@ -291,14 +302,15 @@ class _Descent:
 
     def _newton(self, placement: Placement, carrying: Near) -> Placement | None:
         """Close the gaps of the carrying contacts and remove what they leave of the weight."""
-        last = np.inf
+        last, rises = np.inf, 0
         for _ in range(20):
             error = self._error(placement, carrying)
             size = float(np.abs(error).max())
             if size < 1e-15 or (size > 0.5 * last and size < 1e-12):
                 return placement
-            if size > 2.0 * last or size > 2.0 * PROMISING:
-                return None
+            rises += size > last
+            if size > 2.0 * last or size > 2.0 * PROMISING or rises > 2:
+                return placement if size < BALANCED else None
             last = size
             motion = self._correction(placement, carrying, error)
             if np.linalg.norm(motion) > LONGEST_STEP:
@@ -306,6 +318,53 @@ class _Descent:
             placement = self._moved(placement, motion)
             carrying = self._proximity.tracked(placement, carrying)
         return placement if last < 1e-11 else None
+
+    def _pinched(self, placement: Placement, window: float) -> _Rest | None:
+        """The rest on a pole without curvature, as superellipses have, found by bisection along the pull.
+
+        There the couple is a root of the angle, so that Newton's method fails, and round-off of the angle may
+        leave some of it. `window` (grain sizes) is how far the rest may be; None if the pull does not turn
+        round within it.
+        """
+        carrying = self._touching_at(placement)
+        for _ in range(2 * len(self._load)):
+            pull = self._pull(placement, carrying)
+            if len(carrying) == 0 or np.abs(pull).max() <= BALANCED:
+                break
+            pinched = self._bisected(placement, carrying, pull / np.linalg.norm(pull), window)
+            if pinched is None:
+                return None
+            placement, carrying = pinched, self._touching_at(pinched)
+        if len(carrying) == 0 or np.abs(carrying.gaps).max() > CLOSED * self.size:
+            return None
+        imbalance = float(np.abs(self._pull(placement, carrying)).max())
+        gap, way_down = float(np.abs(carrying.gaps).max()), self._way_down(placement, carrying)
+        return _Rest(placement, gap / self.size, imbalance, carrying, way_down)
+
+    def _touching_at(self, placement: Placement) -> Near:
+        """The places that carry the grain there."""
+        near = self._proximity.minima(placement, TOUCHING * self.size)
+        return self._carrying(placement, self._touching(placement, near, TOUCHING))
+
+    def _bisected(
+        self, placement: Placement, carrying: Near, direction: Floats, window: float
+    ) -> Placement | None:
+        """Where along a motion of at most `window` the pull turns round; None if it does not."""
+
+        def tried(length: float) -> tuple[Placement, bool]:
+            motion = length * direction
+            many = len(carrying) > 1
+            end = self._kept(placement, carrying, motion) if many else self._moved(placement, motion)
+            end = self._proximity.lowered(end)
+            return end, bool(self._pull(end, self._touching_at(end)) @ direction > 0.0)
+
+        low, high = 0.0, window
+        if tried(high)[1]:
+            return None
+        while high - low > 1e-17:
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if tried(middle)[1] else (low, middle)
+        return tried(high)[0]
 
     def _correction(self, placement: Placement, carrying: Near, error: Floats) -> Floats:
         """Newton's step; of all that do the same, with friction, that which slips least."""

@@ -31,7 +31,7 @@ class QuadraticNodes:
     """
 
     def __init__(self, mesh: Any, facets: np.ndarray | None = None):
-        self._mesh, self._comm = mesh, mesh.comm
+        self.mesh, self._comm = mesh, mesh.comm
         self._space = compat.space(mesh, ("Lagrange", 2))
         self._dofs = compat.cell_dofs(self._space)
         self._targets: dict[tuple[int, ...], tuple[Any, np.ndarray]] = {}
@@ -69,7 +69,7 @@ class QuadraticNodes:
         if shape not in self._targets:
             from dolfinx.fem import Function
 
-            space = compat.space(self._mesh, ("Lagrange", 2), shape)
+            space = compat.space(self.mesh, ("Lagrange", 2), shape)
             self._targets[shape] = Function(space), compat.cell_dofs(space)
         return self._targets[shape]
 

@@ -1,18 +1,21 @@
 """A pair of files, XDMF beside HDF5, that holds fields on a mesh at successive times; no dolfinx, no MPI.
 
 Layout of the HDF5 file (version 1): `mesh0/topology` (cells, nodes per cell) node numbers in VTK's order,
-`mesh0/geometry0` (nodes, 3), `mesh0/geometry1` after the mesh has moved, `step0/velocity` (nodes, 3) and
-so on. Each group `step<n>` has the attributes `time`, `topology` and `geometry`. The XDMF file is a temporal
-collection that points there; Xdmf2 and both Xdmf3 readers of ParaView open it.
+`mesh0/geometry0` (nodes, 3), `mesh0/geometry1` after the mesh has moved, `mesh1/topology` after a remeshing,
+`step0/velocity` (nodes, 3) and so on. Each group `step<n>` has the attributes `time`, `topology` and `geometry`.
+The XDMF file is a temporal collection that points there; Xdmf2 and both Xdmf3 readers of ParaView open it.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -21,6 +24,7 @@ from ..files import reported, write_text_atomically
 
 _METADATA_BYTES = 1 << 16
 _ATTRIBUTE_TYPES = {1: "Scalar", 2: "Vector"}
+_SAME_TIME = 1e-12  # relative; steps further apart are different
 
 
 @dataclass(frozen=True)
@@ -33,24 +37,49 @@ class Step:
     fields: dict[str, np.ndarray]
 
 
+@dataclass(frozen=True)
+class _Dataset:
+    """An array in the HDF5 file: its name and shape."""
+
+    name: str
+    shape: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class _Mesh:
+    """The mesh of a step: which one, the how manieth geometry of it, and where both are stored."""
+
+    number: int = -1
+    version: int = -1
+    topology: _Dataset = _Dataset("", ())
+    geometry: _Dataset = _Dataset("", ())
+
+    def changed(self, waiting: Mapping[str, np.ndarray]) -> _Mesh:
+        """The mesh when the topology and geometry that wait have been stored."""
+        mesh = self
+        if "topology" in waiting:
+            name = f"mesh{self.number + 1}/topology"
+            mesh = _Mesh(self.number + 1, -1, _Dataset(name, waiting["topology"].shape))
+        if "geometry" in waiting:
+            name = f"mesh{mesh.number}/geometry{mesh.version + 1}"
+            stored = _Dataset(name, waiting["geometry"].shape)
+            mesh = replace(mesh, version=mesh.version + 1, geometry=stored)
+        return mesh
+
+
 class SeriesFile:
     """Writes the pair; the files are closed, complete and readable after every call.
 
+    A mesh or a geometry is written with the first step on it; one that no step is on is not written.
     `stem` is the path without ending, `cell_type` XDMF's name of the cells, such as "Triangle_6".
     """
 
     def __init__(self, stem: Path, cell_type: str):
         self._xdmf, self._hdf5 = _pair(stem)
-        self._cell_type = cell_type
-        self._root = ElementTree.Element("Xdmf", Version="3.0")
-        domain = ElementTree.SubElement(self._root, "Domain")
-        self._steps = ElementTree.SubElement(
-            domain, "Grid", Name=f"{stem.name} in time", GridType="Collection", CollectionType="Temporal"
-        )
-        self._name = stem.name
-        self._meshes = self._geometries = 0
-        self._topology = self._geometry = ""
-        self._shapes: dict[str, tuple[int, ...]] = {}
+        self._cell_type, self._name = cell_type, stem.name
+        self._grids: list[str] = []  # of the steps written, as XML
+        self._mesh = _Mesh()  # of the last step written
+        self._waiting: dict[str, np.ndarray] = {}  # to be written with the next step, by what they are
 
     def create(self) -> None:
         """Start the HDF5 file anew and remove an old XDMF file, which would point into it."""
@@ -61,76 +90,104 @@ class SeriesFile:
         with reported(self._hdf5, (RuntimeError,)), h5py.File(self._hdf5, "w", locking=False) as file:
             file.attrs["format"] = "incipient fields, version 1"
 
+    def resume(self, time: float) -> None:
+        """Go on with the pair that is there after its last step at or before a time; later steps are dropped.
+
+        A mesh must be added before the next step.
+
+        Raises:
+            OutputError: when there is no such pair, or it is damaged.
+        """
+        with _opened(self._hdf5, "r+") as file:
+            for index in range(_count(file)):
+                step = file[f"step{index}"]
+                if float(step.attrs["time"]) > time + _SAME_TIME * abs(time):
+                    del file[f"step{index}"]
+                    continue
+                cells, points = (_found(file, step.attrs[part]) for part in ("topology", "geometry"))
+                fields = {name: _found(file, f"step{index}/{name}") for name in step}
+                self._grids.append(self._grid(float(step.attrs["time"]), cells, points, fields))
+            self._mesh = _Mesh(sum(name.startswith("mesh") for name in file) - 1)
+        self._write_xdmf(self._grids)
+
     def add_mesh(self, topology: np.ndarray) -> None:
-        """Store cells (cells, nodes per cell) for the steps to come; a geometry must follow."""
-        name = f"mesh{self._meshes}/topology"
-        self._write({name: topology.astype(np.int64)})
-        self._topology, self._geometry = name, ""
-        self._meshes, self._geometries = self._meshes + 1, 0
+        """Cells (cells, nodes per cell) for the steps to come; a geometry must follow."""
+        self._waiting = {"topology": topology.astype(np.int64)}
 
     def add_geometry(self, points: np.ndarray) -> None:
-        """Store node coordinates (nodes, 3) of the newest mesh for the steps to come."""
-        name = f"mesh{self._meshes - 1}/geometry{self._geometries}"
-        self._write({name: points.astype(np.float64)})
-        self._geometry = name
-        self._geometries += 1
+        """Node coordinates (nodes, 3) of the newest mesh for the steps to come."""
+        self._waiting["geometry"] = points.astype(np.float64)
 
     def add_step(self, time: float, fields: Mapping[str, np.ndarray]) -> None:
         """Store fields, (nodes,) or (nodes, 3) each, at a time; the HDF5 file first, then the XDMF file."""
-        step = f"step{len(self._steps)}"
-        named = {f"{step}/{name}": values.astype(np.float64) for name, values in fields.items()}
-        about = {"time": float(time), "topology": self._topology, "geometry": self._geometry}
-        self._write(named, step, about)
-        grid = self._grid(time, {name: f"{step}/{name}" for name in fields})
-        self._steps.append(grid)
-        ElementTree.indent(self._root)
-        text = ElementTree.tostring(self._root, encoding="unicode", xml_declaration=False)
-        try:
-            write_text_atomically(self._xdmf, f'<?xml version="1.0"?>\n{text}\n')
-        except OutputError:
-            self._steps.remove(grid)
-            raise
+        step, values = f"step{len(self._grids)}", {k: v.astype(np.float64) for k, v in fields.items()}
+        stored = {name: _Dataset(f"{step}/{name}", array.shape) for name, array in values.items()}
+        arrays = {stored[name].name: array for name, array in values.items()}
+        mesh = self._mesh.changed(self._waiting)
+        for part, array in self._waiting.items():
+            arrays[getattr(mesh, part).name] = array
+        about = {"time": float(time), "topology": mesh.topology.name, "geometry": mesh.geometry.name}
+        self._write(step, arrays, about)
+        grids = [*self._grids, self._grid(time, mesh.topology, mesh.geometry, stored)]
+        self._write_xdmf(grids)
+        self._grids, self._waiting, self._mesh = grids, {}, mesh
 
-    def _write(
-        self, arrays: Mapping[str, np.ndarray], group: str = "", about: Mapping[str, object] | None = None
-    ) -> None:
+    def _write(self, step: str, arrays: Mapping[str, np.ndarray], about: Mapping[str, object]) -> None:
         """Append arrays to the HDF5 file; what does not fit is refused before the file is touched."""
         import h5py
 
         with reported(self._hdf5, (RuntimeError, ValueError)):
             _reserve(self._hdf5, sum(array.nbytes for array in arrays.values()) + _METADATA_BYTES)
             with h5py.File(self._hdf5, "r+", locking=False) as file:
-                if group in file and group:  # what an earlier, failed attempt at this step has left
-                    del file[group]
+                for name in (step, *arrays):  # what an earlier, failed attempt at this step has left
+                    if name in file:
+                        del file[name]
                 for name, array in arrays.items():
                     file.create_dataset(name, data=array)
-                if group:
-                    file.require_group(group).attrs.update(about or {})
-        self._shapes.update({name: array.shape for name, array in arrays.items()})
+                file.require_group(step).attrs.update(about)
 
-    def _grid(self, time: float, datasets: Mapping[str, str]) -> ElementTree.Element:
+    def _write_xdmf(self, grids: list[str]) -> None:
+        name = quoteattr(f"{self._name} in time")
+        collection = f'    <Grid Name={name} GridType="Collection" CollectionType="Temporal">\n'
+        head = f'<?xml version="1.0"?>\n<Xdmf Version="3.0">\n  <Domain>\n{collection}'
+        write_text_atomically(self._xdmf, f"{head}{''.join(grids)}    </Grid>\n  </Domain>\n</Xdmf>\n")
+
+    def _grid(self, time: float, cells: _Dataset, points: _Dataset, fields: Mapping[str, _Dataset]) -> str:
+        """The XML of one step."""
         grid = ElementTree.Element("Grid", Name=self._name, GridType="Uniform")
         ElementTree.SubElement(grid, "Time", Value=repr(float(time)))
-        cells = str(self._shapes[self._topology][0])
+        count = str(cells.shape[0])
         topology = ElementTree.SubElement(
-            grid, "Topology", TopologyType=self._cell_type, NumberOfElements=cells
+            grid, "Topology", TopologyType=self._cell_type, NumberOfElements=count
         )
-        self._item(topology, self._topology, "Int")
-        self._item(ElementTree.SubElement(grid, "Geometry", GeometryType="XYZ"), self._geometry, "Float")
-        for name, dataset in datasets.items():
-            kind = _ATTRIBUTE_TYPES[len(self._shapes[dataset])]
+        self._item(topology, cells, "Int")
+        self._item(ElementTree.SubElement(grid, "Geometry", GeometryType="XYZ"), points, "Float")
+        for name, dataset in fields.items():
+            kind = _ATTRIBUTE_TYPES[len(dataset.shape)]
             attribute = ElementTree.SubElement(
                 grid, "Attribute", Name=name, AttributeType=kind, Center="Node"
             )
             self._item(attribute, dataset, "Float")
-        return grid
+        ElementTree.indent(grid, level=3)
+        return f"      {ElementTree.tostring(grid, encoding='unicode')}\n"
 
-    def _item(self, parent: ElementTree.Element, dataset: str, number: str) -> None:
-        dimensions = " ".join(map(str, self._shapes[dataset]))
+    def _item(self, parent: ElementTree.Element, dataset: _Dataset, number: str) -> None:
+        dimensions = " ".join(map(str, dataset.shape))
         item = ElementTree.SubElement(
             parent, "DataItem", Dimensions=dimensions, NumberType=number, Precision="8", Format="HDF"
         )
-        item.text = f"{self._hdf5.name}:/{dataset}"
+        item.text = f"{self._hdf5.name}:/{dataset.name}"
+
+
+def times(stem: Path) -> list[float]:
+    """The times of the steps of a pair written by `SeriesFile`, in the order written. Not collective.
+
+    Raises:
+        OutputError: when the file is missing, damaged, or holds no step.
+    """
+    path = _pair(stem)[1]
+    with _opened(path, "r") as file:
+        return [float(file[f"step{index}"].attrs["time"]) for index in range(_some(file, path))]
 
 
 def read_step(stem: Path, index: int = -1) -> Step:
@@ -139,24 +196,42 @@ def read_step(stem: Path, index: int = -1) -> Step:
     Raises:
         OutputError: when the file is missing, damaged, or has no such step.
     """
+    path = _pair(stem)[1]
+    with _opened(path, "r") as file:
+        group = file[f"step{range(_some(file, path))[index]}"]
+        about = group.attrs
+        fields = {name: dataset[()] for name, dataset in group.items()}
+        return Step(float(about["time"]), file[about["geometry"]][()], file[about["topology"]][()], fields)
+
+
+@contextmanager
+def _opened(path: Path, mode: str) -> Iterator[Any]:
+    """The HDF5 file; what goes wrong with it inside the block is one line with a remedy."""
     import h5py
 
-    path = _pair(stem)[1]
     if not path.is_file():
         raise OutputError(f"{path}: no such file; run the scene with output.fields = true")
     try:
-        with h5py.File(path, "r", locking=False) as file:
-            steps = sorted((name for name in file if name.startswith("step")), key=lambda name: int(name[4:]))
-            if not steps:
-                raise OutputError(f"{path}: holds no step; the run ended before its first result")
-            group = file[steps[index]]
-            about = group.attrs
-            fields = {name: dataset[()] for name, dataset in group.items()}
-            return Step(
-                float(about["time"]), file[about["geometry"]][()], file[about["topology"]][()], fields
-            )
+        with h5py.File(path, mode, locking=False) as file:
+            yield file
     except (OSError, KeyError, IndexError, RuntimeError, ValueError) as error:
         raise OutputError(f"{path}: cannot be read: {error}; run the scene again") from error
+
+
+def _count(file: Any) -> int:
+    return sum(name.startswith("step") for name in file)
+
+
+def _some(file: Any, path: Path) -> int:
+    """The number of steps, which is not zero."""
+    count = _count(file)
+    if not count:
+        raise OutputError(f"{path}: holds no step; the run ended before its first result")
+    return count
+
+
+def _found(file: Any, name: str) -> _Dataset:
+    return _Dataset(name, file[name].shape)
 
 
 def _pair(stem: Path) -> tuple[Path, Path]:

@@ -9,7 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
+from pydantic import BeforeValidator, Field, ValidationError, ValidationInfo, field_validator, model_validator
 
 from ..errors import SceneError
 from .messages import Problem, counted, refusal, split
@@ -22,7 +22,16 @@ if TYPE_CHECKING:
 Point = tuple[float, float]
 Numbers = Annotated[tuple[float, ...], Field(strict=False)]
 Course = Annotated[tuple[str, str, str], Field(strict=False)]
-Circle = Annotated[tuple[float, float, Positive], Field(strict=False)]
+
+
+def _three(value: Any) -> Any:
+    """Refuse what is not three numbers by what they would mean."""
+    if isinstance(value, list | tuple) and len(value) != 3:
+        raise contradiction(f"has {counted(len(value), 'item')}", "give three, as in [x, y, radius]")
+    return value
+
+
+Circle = Annotated[tuple[float, float, Positive], Field(strict=False), BeforeValidator(_three)]
 
 
 class GrainSection(Section):

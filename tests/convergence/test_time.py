@@ -16,6 +16,7 @@ import pytest
 import ufl
 from domains import unit_box
 from manufactured import Flow, Motion, errors, fluid_of, orders, start_from
+from moving import Steps
 
 from incipient import forms
 from incipient.fluid import FlowModel, Fluid, Transient
@@ -103,6 +104,32 @@ def test_order_in_time(order: int, steps: Any, convection: str, motion: Motion |
     found = np.array([errors_after(steps(n), order, convection, motion) for n in counts])
     observed = [orders([1 / n for n in counts], column) for column in found.T]
     print(order, steps.__name__, convection, motion is not None, found[-1], observed)
+    assert [o[-1] for o in observed] == pytest.approx([order, order], abs=0.15)
+
+
+def errors_on_a_moved_mesh(steps: Sequence[float], order: int, model: FlowModel) -> np.ndarray:
+    """The same with the mesh itself moved before each step."""
+    domain = unit_box(2, 2)
+    made = domain.mesh.geometry.x.copy()
+    with fluid_of(FLOW, domain, model, REYNOLDS) as fluid:
+        start_from(fluid, FLOW)
+        by_hand = Steps(fluid, order, tolerance=1e-10)
+        for step in steps:
+            by_hand.advance(step, STRETCHING.place(made.T, fluid.time + step).T)
+        found = errors(fluid, FLOW)
+    return np.array([found.velocity, found.pressure])
+
+
+@pytest.mark.parametrize("energy_stable", [False, True], ids=["printed", "energy-stable"])
+@pytest.mark.parametrize("convection", ["implicit", "extrapolated"])
+@pytest.mark.parametrize("steps", [constant, alternating])
+@pytest.mark.parametrize("order", [1, 2])
+def test_order_in_time_on_a_moved_mesh(order: int, steps: Any, convection: str, energy_stable: bool) -> None:
+    counts = [64, 128]
+    model = FlowModel(unsteady=True, convection=convection, moving_mesh=True, energy_stable=energy_stable)
+    found = np.array([errors_on_a_moved_mesh(steps(n), order, model) for n in counts])
+    observed = [orders([1 / n for n in counts], column) for column in found.T]
+    print(order, steps.__name__, convection, energy_stable, found[-1], observed)
     assert [o[-1] for o in observed] == pytest.approx([order, order], abs=0.15)
 
 

@@ -8,6 +8,7 @@ import pytest
 
 import incipient
 from incipient.cli import main
+from incipient.errors import OutputError
 
 ROOT = Path(__file__).parents[2]
 CASES = ROOT / "demos" / "cases"
@@ -36,6 +37,12 @@ def test_demo_cases(name, tmp_path, capsys):
     assert verdict["safety_factor"] == pytest.approx(SAFETY_FACTORS[name], rel=1e-5)
     assert not verdict["moves"]
     assert set(verdict["judges"]) == {"criteria", "equilibrium"}
+    picture = tmp_path / "judgement.png"
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert said.splitlines()[-2:] == [
+        f"numbers             {tmp_path / 'judgement.json'}",
+        f"pictures            {picture}",
+    ]
     title, exact, paper, *_ = said.splitlines()
     assert title == stored["title"]
     assert exact == (
@@ -70,7 +77,7 @@ def test_out_without_a_directory_writes_next_to_the_case(tmp_path, capsys):
     case = tmp_path / "block.toml"
     case.write_text((CASES / "block_on_incline.toml").read_text())
     assert judged(case, capsys, "--out")[0] == 0
-    assert (tmp_path / "judgement.json").exists()
+    assert {path.name for path in tmp_path.iterdir()} == {"block.toml", "judgement.json", "judgement.png"}
 
 
 @pytest.mark.parametrize(
@@ -81,8 +88,10 @@ def test_out_without_a_directory_writes_next_to_the_case(tmp_path, capsys):
         ("contacts.points=[]", "contacts.points: there is no contact"),
     ],
 )
-def test_bad_input_is_one_line(override, message, capsys):
-    code, said, error = judged(CASES / "block_on_incline.toml", capsys, "--set", override)
+def test_bad_input_is_one_line_and_writes_nothing(override, message, tmp_path, capsys):
+    out = tmp_path / "results"
+    code, said, error = judged(CASES / "block_on_incline.toml", capsys, "--set", override, "--out", str(out))
+    assert not out.exists()
     assert (code, said) == (2, "")
     assert error.startswith(f"incipient: --set {override}: {message}")
     assert error.count("\n") == 1
@@ -95,6 +104,14 @@ def test_missing_weight_names_the_file(tmp_path, capsys):
     code, _, error = judged(case, capsys)
     assert code == 2
     assert error.startswith(f"incipient: {case}: load.weight: is missing; add it")
+
+
+def test_a_picture_that_cannot_be_drawn_is_one_line(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("incipient.pictures.apart.sys.executable", "/bin/false")
+    code, _, error = judged(CASES / "block_on_incline.toml", capsys, "--out", str(tmp_path))
+    assert code == OutputError.exit_code
+    assert error == "incipient: no pictures: the drawing ended with code 1\n"
+    assert (tmp_path / "judgement.json").exists()  # the numbers are kept
 
 
 def test_both_judges_in_the_result_of_a_scene(tmp_path):

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import ufl
 from domains import unit_box
+from energy import swirl
 
 from incipient import compat
 from incipient.errors import ConvergenceError
@@ -68,10 +69,9 @@ def test_memory_of_a_fluid_is_given_back() -> None:
 
 
 def decaying_energies(
-    reynolds: float, convection: str, order: int, step: float
+    reynolds: float, model: FlowModel, order: int, step: float
 ) -> tuple[np.ndarray, np.ndarray, int]:
     """A swirl in a closed box at rest: |v|^2, |2 v - v_before|^2 at up to ten steps, and how many were rejected."""
-    model = FlowModel(unsteady=True, convection=convection)
     with Fluid(unit_box(2, 6), model, [no_slip(name) for name in SIDES], reynolds) as fluid:
         fluid.state.sub(0).interpolate(swirl)
         before = dolfinx.fem.Function(fluid.space.mixed)
@@ -91,25 +91,14 @@ def decaying_energies(
         return *np.array(energies).T, rejected
 
 
-def swirl(x: np.ndarray) -> np.ndarray:
-    """From psi = 100 (x (1 - x) y (1 - y))^2 (1 + x): no flow at the walls."""
-    f, g = (lambda s: (s * (1 - s)) ** 2), (lambda s: 2 * s * (1 - s) * (1 - 2 * s))
-    along, across = f(x[0]) * (1 + x[0]), g(x[0]) * (1 + x[0]) + f(x[0])
-    return 100 * np.vstack([along * g(x[1]), -across * f(x[1])])
-
-
 def never_grows(values: np.ndarray) -> bool:
     """Down to what round-off leaves of the first value."""
     return bool(np.all(values[1:] <= values[:-1] * (1 + 1e-9) + 1e-20 * values[0]))
 
 
-@pytest.mark.parametrize("step", STEPS)
-@pytest.mark.parametrize("order", [1, 2])
-@pytest.mark.parametrize("convection", ["implicit", "extrapolated"])
-@pytest.mark.parametrize("reynolds", [1.0, 100.0])
-def test_energy_of_a_decaying_flow(reynolds: float, convection: str, order: int, step: float) -> None:
+def assert_energy_never_grows(reynolds: float, model: FlowModel, order: int, step: float) -> None:
     """BDF1: |v|^2 never grows. BDF2: |v|^2 + |2 v - v_before|^2 does not (Dahlquist's G-norm, steps alike)."""
-    kinetic, of_extrapolation, rejected = decaying_energies(reynolds, convection, order, step)
+    kinetic, of_extrapolation, rejected = decaying_energies(reynolds, model, order, step)
     assert np.isfinite(kinetic).all()
     assert kinetic.max() <= kinetic[0] * (1 + 1e-9)
     if order == 1:
@@ -119,25 +108,32 @@ def test_energy_of_a_decaying_flow(reynolds: float, convection: str, order: int,
         assert never_grows((kinetic + of_extrapolation)[1:])
 
 
-RUNS_AWAY = pytest.mark.xfail(
-    reason="the printed, non-conservative convection feeds energy in: 1e4 times that of the start, for a while"
-)
+@pytest.mark.parametrize("step", STEPS)
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("convection", ["implicit", "extrapolated"])
+@pytest.mark.parametrize("reynolds", [1.0, 100.0])
+def test_energy_of_a_decaying_flow(reynolds: float, convection: str, order: int, step: float) -> None:
+    """Convection as printed, which viscosity is strong enough for."""
+    assert_energy_never_grows(reynolds, FlowModel(unsteady=True, convection=convection), order, step)
 
 
-@pytest.mark.parametrize(
-    ("convection", "order", "step"),
-    [
-        *(
-            (convection, order, step)
-            for convection in ("implicit", "extrapolated")
-            for order, step in BOUNDED
-        ),
-        pytest.param("extrapolated", 2, 1.0, marks=RUNS_AWAY),
-    ],
-)
-def test_energy_stays_bounded_when_convection_dominates(convection: str, order: int, step: float) -> None:
-    """Re = 1e4 on six cells a side."""
-    kinetic, _, _ = decaying_energies(1e4, convection, order, step)
+@pytest.mark.parametrize("step", STEPS)
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("convection", ["implicit", "extrapolated"])
+def test_energy_stable_form_when_convection_dominates(convection: str, order: int, step: float) -> None:
+    """Re = 1e4 on six cells a side. As printed, extrapolated BDF2 with a step of 1 grows 1e4 times for a while."""
+    model = FlowModel(unsteady=True, convection=convection, energy_stable=True)
+    assert_energy_never_grows(1e4, model, order, step)
+
+
+@pytest.mark.parametrize(("order", "step"), BOUNDED)
+@pytest.mark.parametrize("convection", ["implicit", "extrapolated"])
+def test_printed_form_stays_bounded_when_convection_dominates(
+    convection: str, order: int, step: float
+) -> None:
+    """The same flow; BDF2 with a step of 1 is not among the cases."""
+    model = FlowModel(unsteady=True, convection=convection)
+    kinetic, _, _ = decaying_energies(1e4, model, order, step)
     assert np.isfinite(kinetic).all()
     assert kinetic.max() < 100 * kinetic[0]
 

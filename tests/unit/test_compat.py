@@ -160,28 +160,16 @@ def test_cell_size(gdim: int) -> None:
     assert compat.cell_size(mesh, cells) == pytest.approx(np.full(4, 0.5 * np.sqrt(gdim)))
 
 
-def test_cells_at() -> None:
-    """Each point is in the cell found for it; outside and inside the hole there is none."""
-    mesh = square_in_box(0.3, 0.2).mesh
-    points = np.array([[0.1, 0.1, 0.0], [1.9, 0.9, 0.0], [0.8, 0.55, 0.0], [3.0, 0.5, 0.0]])
-    cells = compat.cells_at(mesh, points)
-    assert (cells < 0).tolist() == [False, False, True, True]
-    space = compat.space(mesh, ("Lagrange", 1), (2,))
-    place = dolfinx.fem.Function(space)
-    place.interpolate(lambda x: x[:2])
-    assert place.eval(points[:2], cells[:2]) == pytest.approx(points[:2, :2], abs=1e-12)
-
-
-@pytest.mark.parametrize("order", [2, 3])
-def test_cells_at_in_curved_cells(order: int) -> None:
-    """A point between a curved side and its chord has a cell too: the square is bent by d = (0.2 y^2, 0.3 x y)."""
-    mesh = curved_box(2, 2, order).mesh
-    x, y = mesh.geometry.x[:, :2].T.copy()
-    mesh.geometry.x[:, :2] = np.column_stack([x + 0.2 * y**2, y + 0.3 * x * y])
-    s = np.linspace(0.01, 0.99, 23)
-    left = np.column_stack([0.2 * s**2 + 1e-6, s, 0 * s])
-    right = np.column_stack([1 + 0.2 * s**2 - 1e-6, 1.3 * s, 0 * s])
-    assert np.all(compat.cells_at(mesh, np.vstack([left, right])) >= 0)
+@pytest.mark.parametrize("order", [1, 3])
+def test_tabulate(order: int) -> None:
+    """Shape functions times the values at a cell's nodes are the function there; one component's for a vector."""
+    mesh = square_in_box(0.3, 0.3).mesh
+    function = dolfinx.fem.Function(compat.space(mesh, ("Lagrange", order), (2,)))
+    function.x.array[:] = np.random.default_rng(1).random(len(function.x.array))
+    nodes = function.x.array.reshape(-1, 2)[compat.cell_dofs(function.function_space)[7]]
+    values = compat.tabulate(function.function_space, np.array([[1 / 3, 1 / 3]])) @ nodes
+    middle = mesh.geometry.x[compat.geometry_dofs(mesh)[7]].mean(axis=0)
+    assert values[0] == pytest.approx(function.eval(middle[None], np.array([7], dtype=np.int32)), abs=1e-12)
 
 
 SUM = """

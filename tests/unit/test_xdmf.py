@@ -1,10 +1,14 @@
 """Fields written on one and two ranks, read back with VTK's Xdmf2 reader; as a script this file writes them.
 
+ParaView's own readers, three of them, read the same files where pvpython is installed.
+
 Expected values are the polynomials written; mid-side nodes are recomputed from their definition.
 """
 
+import json
 import os
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -16,6 +20,9 @@ import pytest
 MAKE = {1: [sys.executable], 2: ["mpirun", "-n", "2", "--oversubscribe", sys.executable]}
 QUADRATIC_EDGE, QUADRATIC_TRIANGLE, QUADRATIC_TETRAHEDRON = 21, 22, 24  # vtkCellType.h
 RADIUS = 0.4
+SEMI_AXES = (0.2, 0.1)  # of the ellipse that moves in the box (0, 2) x (0, 1)
+CELLS = (0.3, 0.22, 0.18, 0.26)  # their sizes, before and after each remeshing
+STEPS_A_MESH = 3
 
 
 def spawn(ranks: int, task: str, directory: Path) -> subprocess.CompletedProcess:
@@ -23,6 +30,7 @@ def spawn(ranks: int, task: str, directory: Path) -> subprocess.CompletedProcess
         "OMPI_ALLOW_RUN_AS_ROOT": "1",
         "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
         "OMP_NUM_THREADS": "1",
+        "PYTHONPATH": str(Path(__file__).parents[1]),
     }
     command = [*MAKE[ranks], __file__, task, str(directory)]
     return subprocess.run(command, env=environment, timeout=120, capture_output=True, text=True)
@@ -99,6 +107,90 @@ def write_all(directory: Path) -> None:
     FieldSeries(directory / "cube", cube, comm).write(0.0, functions(cube))
     skin = SurfaceSeries(directory / "skin", cube, compat.exterior_facets(cube), comm)
     skin.write(0.0, functions(cube))
+
+
+def placement(number):
+    """Where the ellipse is at a step."""
+    from incipient.geometry.placement import Placement
+
+    return Placement((0.5 + 0.08 * number, 0.5 + 0.01 * number), 0.15 * number)
+
+
+def ellipse():
+    from incipient.geometry.grain import Ellipse
+
+    return Ellipse(SEMI_AXES)
+
+
+def around_ellipse(number, cell):
+    """The box less the ellipse at a step, in quadratic cells."""
+    from functools import partial
+
+    from incipient.meshes import Near, Region, Sizes
+    from incipient.meshes.model import region_model
+    from mpi4py import MPI
+
+    from incipient.domain import build
+    from incipient.geometry.curves import Line
+
+    outline = tuple(curve.moved(placement(number)) for curve in ellipse().outline())
+    sides = ("bottom", "right", "top", "left")
+    region = Region((Line((0.0, 0.0), (2.0, 0.0)),), 1.0, {"body": outline}, sides)
+    sizes = Sizes(cell, (Near(cell / 4, 0.3, boundary="body"),))
+    return build(MPI.COMM_WORLD, partial(region_model, region, sizes, 2), 2)
+
+
+def counts(mesh):
+    """Cells and quadratic nodes on all ranks."""
+    mesh.topology.create_entities(1)
+    vertices, edges, cells = (mesh.topology.index_map(dimension).size_global for dimension in range(3))
+    return {"cells": cells, "nodes": vertices + edges}
+
+
+def write_moving(directory: Path) -> None:
+    """A mesh that follows the ellipse and is made anew three times; what was written is told in steps.json."""
+    from mpi4py import MPI
+
+    from incipient.meshmotion import MeshMotion
+    from incipient.output.xdmf import FieldSeries, SurfaceSeries
+
+    comm, told, fields, surface = MPI.COMM_WORLD, [], None, None
+    for made, cell in enumerate(CELLS):
+        first = STEPS_A_MESH * made
+        domain = around_ellipse(first, cell)
+        motion = MeshMotion(domain, "body", placement(first), turning=True)
+        body = domain.facets_of("body")
+        if fields is None:
+            fields = FieldSeries(directory / "fields", domain.mesh, comm)
+            surface = SurfaceSeries(directory / "surface", domain.mesh, body, comm)
+        else:
+            fields.remeshed(domain.mesh)
+            surface.remeshed(domain.mesh, body)
+        for number in range(first, first + STEPS_A_MESH):
+            motion.move(placement(number))
+            values = functions(domain.mesh, degree=4)
+            fields.write(0.25 * number, values)
+            surface.write(0.25 * number, values)
+            told.append({"time": 0.25 * number, **counts(domain.mesh)})
+    if comm.rank == 0:
+        (directory / "steps.json").write_text(json.dumps(told))
+
+
+def write_and_resume(directory: Path) -> None:
+    """Four steps, then again from the second on, with another mesh."""
+    from mpi4py import MPI
+
+    from incipient.output.xdmf import FieldSeries
+
+    mesh, _ = holed_square(2, 0.8)
+    series = FieldSeries(directory / "fields", mesh, MPI.COMM_WORLD)
+    for time in (0.0, 0.1, 0.2, 0.3):
+        mesh.geometry.x[:, 0] += 0.1
+        series.write(time, functions(mesh))
+    mesh, _ = holed_square(2, 0.25)
+    series = FieldSeries(directory / "fields", mesh, MPI.COMM_WORLD, after=0.1)
+    for time in (0.15, 0.2):
+        series.write(time, functions(mesh))
 
 
 def write_and_crash(directory: Path) -> None:
@@ -266,6 +358,120 @@ def test_order_of_nodes_in_space(written, name, cell_type, edges):
     assert np.isclose(sizes["Volume"].sum(), 1) if name == "cube" else np.isclose(sizes["Area"].sum(), 6)
     x, y, z = grid.points.T
     assert np.allclose(grid["velocity"], np.column_stack([x * y, x**2 - y, x * z]))
+
+
+@pytest.fixture(scope="module", params=MAKE)
+def moving(request, tmp_path_factory):
+    """Series of a body that moves, with what was written at each step."""
+    directory = tmp_path_factory.mktemp(f"moving{request.param}")
+    process = spawn(request.param, "write_moving", directory)
+    assert process.returncode == 0, process.stderr
+    return directory, json.loads((directory / "steps.json").read_text())
+
+
+def test_a_mesh_that_moves_and_is_made_anew(moving):
+    directory, told = moving
+    found = grids(directory / "fields")
+    assert [time for time, _ in found] == [step["time"] for step in told]
+    assert [grid.n_cells for _, grid in found] == [step["cells"] for step in told]
+    assert [grid.n_points for _, grid in found] == [step["nodes"] for step in told]
+    assert len({step["cells"] for step in told}) == len(CELLS)
+    for _, grid in found:
+        assert np.allclose(grid.bounds, (0, 2, 0, 1, 0, 0), atol=1e-12)
+        expected = np.column_stack([*velocity(grid.points.T), np.zeros(grid.n_points)])
+        assert np.allclose(grid["velocity"], expected, atol=1e-13)
+        assert np.allclose(grid["pressure"], pressure(grid.points.T), atol=1e-13)
+
+
+def test_the_surface_of_a_body_that_moves(moving):
+    directory, told = moving
+    found = grids(directory / "surface")
+    assert [time for time, _ in found] == [step["time"] for step in told]
+    assert len({grid.n_cells for _, grid in found}) > 1
+    for number, (_, grid) in enumerate(found):
+        place = placement(number)
+        vertices = np.unique(connectivity(grid)[:, :2])
+        across, up = place.to_body(grid.points[vertices, :2]).T / np.array(SEMI_AXES)[:, None]
+        assert np.allclose(np.hypot(across, up), 1.0, atol=1e-6)
+        assert np.allclose(grid["pressure"], pressure(grid.points.T), atol=1e-13)
+
+
+def test_one_topology_for_each_mesh_and_one_geometry_for_each_step(moving):
+    h5py = pytest.importorskip("h5py")
+    geometries = {f"geometry{number}" for number in range(STEPS_A_MESH)}
+    for name in ("fields", "surface"):
+        with h5py.File(moving[0] / f"{name}.h5") as file:
+            meshes = [key for key in file if key.startswith("mesh")]
+            assert len(meshes) == len(CELLS)
+            for mesh in meshes:
+                assert set(file[mesh]) == {"topology", *geometries}
+
+
+PARAVIEW = """
+import json, sys
+from paraview import simple
+
+found = {}
+for reader, files in {"XDMFReader": "FileNames", "Xdmf3ReaderS": "FileName", "Xdmf3ReaderT": "FileName"}.items():
+    for name in ("fields", "surface"):
+        source = getattr(simple, reader)(**{files: [f"{sys.argv[1]}/{name}.xdmf"]})
+        source.UpdatePipelineInformation()
+        steps = found[f"{reader} {name}"] = []
+        for time in source.TimestepValues:
+            source.UpdatePipeline(time)
+            about = source.GetDataInformation()
+            arrays = {a.GetName(): [a.GetRange(-1), a.GetRange(0)] for a in source.PointData}
+            steps.append([time, about.GetNumberOfCells(), about.GetNumberOfPoints(), about.GetBounds(), arrays])
+print(json.dumps(found))
+"""
+
+
+@pytest.mark.slow
+def test_paraview_opens_it(moving, tmp_path):
+    """All of ParaView's own XDMF readers; whole fields vary with the place, so a wrong step or mesh shows."""
+    pvpython = shutil.which("pvpython") or pytest.skip("pvpython is not installed (python3-paraview)")
+    directory, told = moving
+    script = tmp_path / "read.py"
+    script.write_text(PARAVIEW)
+    process = subprocess.run([pvpython, script, directory], capture_output=True, text=True, timeout=300)
+    assert process.returncode == 0, process.stderr
+    assert "error" not in process.stderr.lower(), process.stderr
+    seen = json.loads(process.stdout.splitlines()[-1])
+    assert len(seen) == 6
+    for (reader, name), steps in zip((key.split() for key in seen), seen.values(), strict=True):
+        expected = grids(directory / name)
+        assert [step[0] for step in steps] == [step["time"] for step in told], reader
+        for (_, cells, points, bounds, arrays), (_, grid) in zip(steps, expected, strict=True):
+            assert (cells, points) == (grid.n_cells, grid.n_points), reader
+            assert np.allclose(bounds, grid.bounds), reader
+            speed, p = np.linalg.norm(grid["velocity"], axis=1), grid["pressure"]
+            assert np.allclose(arrays["velocity"][0], (speed.min(), speed.max())), reader
+            assert np.allclose(arrays["pressure"][1], (p.min(), p.max())), reader
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_series_is_resumed(ranks, tmp_path):
+    """What is later than the point from which it goes on is dropped."""
+    from incipient.output.series_file import read_step, times
+
+    process = spawn(ranks, "write_and_resume", tmp_path)
+    assert process.returncode == 0, process.stderr
+    found = grids(tmp_path / "fields")
+    assert [time for time, _ in found] == times(tmp_path / "fields") == [0.0, 0.1, 0.15, 0.2]
+    assert np.allclose([grid.bounds[0] for _, grid in found], [-0.9, -0.8, -1.0, -1.0])
+    assert found[1][1].n_cells < found[2][1].n_cells == found[3][1].n_cells
+    assert np.isclose(read_step(tmp_path / "fields", 1).points[:, 0].min(), -0.8)
+    for _, grid in found:
+        expected = np.column_stack([*velocity(grid.points.T), np.zeros(grid.n_points)])
+        assert np.allclose(grid["velocity"], expected, atol=1e-13)
+
+
+def test_a_series_that_is_not_there_is_not_resumed(tmp_path):
+    from incipient.errors import OutputError
+    from incipient.output.series_file import SeriesFile
+
+    with pytest.raises(OutputError, match=r"fields\.h5: no such file"):
+        SeriesFile(tmp_path / "fields", "Triangle_6").resume(1.0)
 
 
 def test_same_data_from_any_number_of_ranks(directories):

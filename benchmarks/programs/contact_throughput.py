@@ -1,0 +1,58 @@
+"""Safety factors and incipient motions a second, on random grains with four contacts in space.
+
+Usage: contact_throughput.py CASES. One process, processor time, cases made beforehand: those of
+tests/stability/random_contacts.py that have four contacts, all three kinds of grains.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "stability"))
+
+from random_contacts import Case, random_case
+
+from incipient.contact.equilibrium import incipient_motion, safety_factor
+
+CONTACTS, FIRST, WARM_UP = 4, 5_000_000, 50
+
+
+def main() -> None:
+    """Print one line of JSON."""
+    cases = _cases(int(sys.argv[1]))
+    questions: dict[str, Callable[[Case], Any]] = {
+        "safety_factors": lambda case: safety_factor(case.load, case.contacts, case.friction),
+        "incipient_motions": lambda case: incipient_motion(
+            case.load, case.contacts, case.friction, case.mass, case.inertia
+        ),
+    }
+    found = {name: _milliseconds(ask, cases) for name, ask in questions.items()}
+    print(json.dumps({"cases": len(cases), "contacts": CONTACTS, "milliseconds": found}))
+
+
+def _cases(count: int) -> list[Case]:
+    found: list[Case] = []
+    seed = FIRST
+    while len(found) < count:
+        case = random_case(seed)
+        if len(case.contacts) == CONTACTS:
+            found.append(case)
+        seed += 1
+    return found
+
+
+def _milliseconds(ask: Callable[[Case], Any], cases: list[Case]) -> float:
+    for case in cases[:WARM_UP]:
+        ask(case)
+    began = time.process_time()
+    for case in cases:
+        ask(case)
+    return 1e3 * (time.process_time() - began) / len(cases)
+
+
+main()

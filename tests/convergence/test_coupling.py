@@ -1,0 +1,182 @@
+"""A body in a driven cavity: order in time, iterations, silence and balance, for masses from none to a million.
+
+Sources: the order is that of BDF2 (2). A body of mass m under a load F obeys m dU/dt = F with the flow's own
+backward difference, so F = 0 at zero mass. Light bodies are those of Banks, Henshaw, Schwendeman & Tang (2017),
+"A stable partitioned FSI algorithm for rigid bodies and incompressible flow", whose masses reach zero, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+from floating import Floating, Floats, box_around, floating
+
+from incipient.fluid import Prescribed, TimeStep, no_slip
+from incipient.fluid.transient import backward_difference
+from incipient.geometry.grain import Disc, Ellipse, Grain
+from incipient.geometry.placement import Placement
+
+END, REYNOLDS = 0.5, 10.0
+DISC, ELLIPSE = Disc(0.3), Ellipse((0.2, 0.1))
+MASS_RATIOS = [0.0, 0.01, 1.0, 100.0, 1e6]
+# What each is free to do, and the ratio of its mass to the fluid's.
+PARTLY_FREE = [
+    (DISC, 0.0, (True, True, False)),
+    (DISC, 1.0, (True, False, True)),
+    (ELLIPSE, 0.0, (True, True, True)),
+    (ELLIPSE, 1.0, (True, True, True)),
+    (ELLIPSE, 0.0, (False, False, True)),
+]
+
+
+def lid(x: Floats, t: float) -> Floats:
+    """Starts smoothly, and leaves the corners at rest."""
+    return np.vstack([16 * np.sin(np.pi * t) ** 2 * x[0] ** 2 * (1 - x[0]) ** 2, 0 * x[0]])
+
+
+@contextmanager
+def in_the_cavity(
+    grain: Grain, ratio: float, free: tuple[bool, bool, bool] = (True, True, True), **more: Any
+) -> Iterator[Floating]:
+    """A uniform body of a ratio of densities in the unit cavity."""
+    placement = Placement((0.55, 0.6), 0.3)
+    conditions = [Prescribed("top", lid), *(no_slip(name) for name in ("left", "right", "bottom"))]
+    domain = box_around(grain, placement, cell=0.08, far=0.15)
+    mass, moment = ratio * grain.volume, ratio * grain.polar_moment
+    with floating(domain, grain, placement, conditions, REYNOLDS, mass, moment, free, **more) as found:
+        yield found
+
+
+@dataclass(frozen=True)
+class Run:
+    """Steps, velocities and places (steps + 1, 3) with angles times the body's size, loads (steps, 3)."""
+
+    steps: list[TimeStep]
+    velocities: Floats
+    places: Floats
+
+    @property
+    def corrections(self) -> list[int]:
+        return [step.report.corrected for step in self.steps]  # type: ignore[attr-defined]
+
+
+def run(grain: Grain, ratio: float, count: int, free: tuple[bool, bool, bool] = (True, True, True)) -> Run:
+    with in_the_cavity(grain, ratio, free) as found:
+        steps, readings = found.march(END, END / count)
+    unit = np.array([1.0, 1.0, 0.5 * grain.size])
+    return Run(steps, readings[:, :3] * unit, readings[:, 3:] * unit)
+
+
+def rates(runs: list[Run]) -> tuple[Floats, Floats]:
+    """Observed orders of velocities and of places at the end, from runs each with half the last one's step."""
+
+    def order(ends: list[Floats]) -> Floats:
+        changes = np.linalg.norm(np.diff(ends, axis=0), axis=1)
+        return np.asarray(np.log2(changes[:-1] / changes[1:]))
+
+    return order([r.velocities[-1] for r in runs]), order([r.places[-1] for r in runs])
+
+
+def sign_changes(values: Floats) -> int:
+    """The most changes of sign in one column."""
+    signs = np.sign(values)
+    return int((signs[:-1] * signs[1:] < 0).sum(axis=0).max())
+
+
+# -- order, iterations, silence -----------------------------------------------------------------
+
+
+@pytest.mark.parametrize("ratio", MASS_RATIOS)
+def test_second_order_for_every_mass(ratio: float) -> None:
+    """Velocities 1.93, 1.93, 1.94, 2.5, 2.6 when written: the heaviest come down to two from above."""
+    of_velocities, of_places = rates([run(DISC, ratio, count) for count in (10, 20, 40)])
+    assert 1.8 < of_velocities[-1] < 2.7
+    assert 1.8 < of_places[-1] < 2.6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ratio", MASS_RATIOS)
+def test_second_order_in_small_steps(ratio: float) -> None:
+    of_velocities, of_places = rates([run(DISC, ratio, count) for count in (80, 160, 320)])
+    assert of_velocities[-1] == pytest.approx(2.0, abs=0.2)
+    assert of_places[-1] == pytest.approx(2.0, abs=0.2)
+
+
+@pytest.mark.parametrize(("grain", "ratio", "free"), PARTLY_FREE)
+def test_second_order_of_others(grain: Grain, ratio: float, free: tuple[bool, bool, bool]) -> None:
+    """Discs that cannot turn or fall, ellipses, one with its centre held."""
+    runs = [run(grain, ratio, count, free) for count in (20, 40, 80)]
+    of_velocities, of_places = rates(runs)
+    assert 1.8 < of_velocities[-1] < 2.4
+    assert 1.6 < of_places[-1] < 2.6
+    locked = ~np.array(free)
+    assert not runs[-1].velocities[:, locked].any()
+    assert np.ptp(runs[-1].places[:, locked], axis=0) == pytest.approx(0.0, abs=1e-15)
+    assert np.abs(runs[-1].velocities[-1][~locked]).min() > 1e-3
+
+
+@pytest.mark.parametrize("grain", [DISC, ELLIPSE])
+@pytest.mark.parametrize("count", [10, 20, 40])
+def test_three_corrections_without_mass(grain: Grain, count: int) -> None:
+    """The first step of ten takes the disc a diameter's hundredth; in the fastest it moves a twentieth."""
+    found = run(grain, 0.0, count)
+    assert max(found.corrections) <= 3
+    residuals = [step.report.residuals for step in found.steps]  # type: ignore[attr-defined]
+    assert max(r[-1] for r in residuals) <= 1e-9
+    # The exact derivative: the first correction takes all but a hundredth away.
+    assert all(r[1] < 1e-2 * r[0] for r in residuals if r[0] > 1e-6)
+
+
+@pytest.mark.parametrize("ratio", MASS_RATIOS)
+def test_no_ringing(ratio: float) -> None:
+    """The lid's speed has one turning point: the increments of the acceleration change sign once or never,
+    however short the step. Ringing changes it in every step."""
+    for count in (20, 80):
+        found = run(DISC, ratio, count)
+        assert sign_changes(np.diff(found.velocities, 2, axis=0)) <= 1
+        # After the start, where the flow itself is not smooth, third differences are of the step's third power.
+        third = np.diff(found.velocities, 3, axis=0)[count // 4 :]
+        assert np.abs(third).max() < 40.0 * (END / count) ** 3
+
+
+def test_a_sudden_load_does_not_make_a_massless_body_ring() -> None:
+    """From rest under a constant force: ever faster, at an ever smaller acceleration (Stokes flow dissipates)."""
+    load = np.array([0.02, -0.01, 0.001])
+    still = {"load": lambda state: load, "with_inertia": False}
+    for step in (0.002, 0.02, 0.2):
+        with in_the_cavity(DISC, 0.0, **still) as found:
+            # The lid takes no part in the first hundredths; the body meets nothing.
+            found.fluid.conditions, found.fluid.constraints._prescribed[0:1] = (), []
+            _, readings = found.march(12 * step, step)
+        along = readings[:, :3] @ load
+        # The second step is the first of second order.
+        assert np.all(np.diff(along) > -1e-9 * along.max())
+        assert np.all(np.diff(along, 2)[2:] < 1e-9 * along.max())
+
+
+# -- balance ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("ratio", [0.0, 0.3, 30.0])
+def test_momentum_is_balanced_at_the_end_of_every_step(ratio: float) -> None:
+    """m dU/dt and J dW/dt by the backward difference are the flow's load, which vanishes without mass."""
+    with in_the_cavity(ELLIPSE, ratio) as found:
+        inertia = found.coupling.body.inertia
+        masses = np.array([inertia.mass, inertia.mass, inertia.moments[0]])
+        past, lengths, largest = [np.zeros(3)], [1.0], 1e-300
+        for taken in found.transient.march(0.3, 0.03):
+            order = 1 if len(lengths) == 1 else 2
+            rate, _ = backward_difference(order, taken.length, taken.length / lengths[-1])
+            state = found.coupling.state.velocities
+            momentum = masses * sum(a * u for a, u in zip(rate, [state, *past[::-1], 0.0], strict=False))
+            probe = found.coupling.probe.resultant()
+            load = np.array([*probe.force[:2], probe.couple[2]])
+            resisting = found.coupling._response.resistance @ state  # type: ignore[union-attr]
+            largest = max(largest, float(np.abs(resisting).max()), float(np.abs(load).max()))
+            assert np.abs(load - momentum).max() < 1e-8 * largest
+            past, lengths = [*past[-1:], state], [*lengths, taken.length]

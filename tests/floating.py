@@ -1,0 +1,97 @@
+"""Bodies that a small flow carries along, put together by hand: domain, fluid, body, coupling, time integration."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from incipient.meshes import Near, Region, Sizes
+from incipient.meshes.model import region_model
+from mpi4py import MPI
+from numpy.typing import NDArray
+
+from incipient.bodystate import BodyState, Freedom, Inertia
+from incipient.coupling import Coupling
+from incipient.domain import Domain, build
+from incipient.fluid import Carried, Condition, FlowModel, Fluid, TimeStep, Transient
+from incipient.geometry.curves import Line
+from incipient.geometry.grain import Disc, Grain
+from incipient.geometry.placement import Placement
+from incipient.meshmotion import MeshMotion
+from incipient.rigidbody import RigidBody
+
+Floats = NDArray[np.float64]
+
+
+def box_around(
+    grain: Grain,
+    placement: Placement,
+    cell: float,
+    far: float,
+    low: tuple[float, float] = (0.0, 0.0),
+    high: tuple[float, float] = (1.0, 1.0),
+    order: int = 2,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+) -> Domain:
+    """The box from `low` to `high` less a grain ("body"), of cells that grow from `cell` at it to `far` away."""
+    holes = {"body": tuple(curve.moved(placement) for curve in grain.outline())}
+    region = Region(
+        (Line(low, (high[0], low[1])),), high[1], holes, sides=("bottom", "right", "top", "left")
+    )
+    sizes = Sizes(far, (Near(cell, 0.3, boundary="body"),))
+    return build(comm, partial(region_model, region, sizes, order), 2)
+
+
+@dataclass(frozen=True)
+class Floating:
+    """A body in its flow, and what it did: steps, and velocities (steps + 1, 3) at their ends."""
+
+    fluid: Fluid
+    coupling: Coupling
+    transient: Transient
+
+    def march(self, end: float, step: float) -> tuple[list[TimeStep], Floats]:
+        """Advance; the steps, and the body's velocities and place at the start and after each, (steps + 1, 6)."""
+        found = [self.reading()]
+        steps = []
+        for taken in self.transient.march(end, step):
+            steps.append(taken)
+            found.append(self.reading())
+        return steps, np.array(found)
+
+    def reading(self) -> Floats:
+        """Velocities, place and angle (6,) of the body."""
+        state = self.coupling.state
+        return np.concatenate([state.velocities, state.place, state.orientation])
+
+
+@contextmanager
+def floating(
+    domain: Domain,
+    grain: Grain,
+    placement: Placement,
+    conditions: Sequence[Condition],
+    reynolds: float,
+    mass: float = 0.0,
+    inertia: float = 0.0,
+    free: tuple[bool, bool, bool] = (True, True, True),
+    velocities: Sequence[float] = (0.0, 0.0, 0.0),
+    load: Callable[[BodyState], Any] = lambda state: np.zeros(3),
+    motion: Callable[[float], Any] | None = None,
+    boundary: str = "body",
+    order: int = 2,
+    energy_stable: bool = False,
+    with_inertia: bool = True,
+) -> Iterator[Floating]:
+    """A body of a mass and a moment of inertia in a flow that starts from rest."""
+    model = FlowModel(unsteady=True, moving_mesh=True, energy_stable=energy_stable, inertia=with_inertia)
+    with Fluid(domain, model, [Carried(boundary), *conditions], reynolds) as fluid:
+        body = RigidBody(Inertia(mass, np.array([inertia])), Freedom(free, motion))
+        state = BodyState.at(placement, velocities, fluid.time)
+        mesh_motion = MeshMotion(domain, boundary, placement, turning=not isinstance(grain, Disc))
+        coupling = Coupling(fluid, body, state, mesh_motion, load, boundary=boundary)
+        yield Floating(fluid, coupling, Transient(fluid, order, 1e-9, interface=coupling))

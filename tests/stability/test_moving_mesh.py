@@ -1,0 +1,110 @@
+"""Meshes in violent motion: a uniform stream stays what it is, and energy never grows.
+
+Nodes are thrown anew at random in every step, so that the mesh's velocity has no limit as steps shrink. The
+energy-stable form is docs/numerics.md's, "Energy on moving meshes".
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from domains import SIDES, curved_box, unit_box
+from energy import energies, thrown
+from moving import RandomMotion, Steps
+
+from incipient.domain import Domain
+from incipient.fluid import FlowModel, Fluid, Open, Prescribed
+
+FORM = pytest.mark.parametrize("energy_stable", [False, True], ids=["printed", "energy-stable"])
+CONVECTION = pytest.mark.parametrize("convection", ["implicit", "extrapolated"])
+GEOMETRY = pytest.mark.parametrize("geometry_order", [1, 2], ids=["straight", "curved"])
+
+# -- a uniform stream ---------------------------------------------------------------------------
+
+STREAM = np.array([1.0, -0.3, 0.2])
+# Of changing length, the ratio below 1 + sqrt(2), which BDF2 needs.
+LENGTHS = [1e-2, 2e-2] * 25
+
+
+def deviation_from_stream(
+    domain: Domain, motion: RandomMotion, model: FlowModel, order: int, boundary: str
+) -> float:
+    """The largest deviation of a velocity from the stream that it was, or of a traction from zero, after many steps.
+
+    The stream is prescribed all round where the whole boundary is in motion; else it may leave to the right.
+    """
+
+    def stream(x: np.ndarray, t: float) -> np.ndarray:
+        return np.repeat(STREAM[:, None], x.shape[1], axis=1)
+
+    sides = SIDES[: 2 * domain.gdim]
+    given = [Prescribed(name, stream) for name in sides if boundary == "free" or name != "right"]
+    conditions = given if boundary == "free" else [Open("right"), *given]
+    with Fluid(domain, model, conditions, 100.0) as fluid:
+        fluid.state.sub(0).interpolate(lambda x: stream(x, 0.0)[: domain.gdim])
+        steps = Steps(fluid, order)
+        for length in LENGTHS:
+            steps.advance(length, motion.places())
+        velocities = fluid.velocity.x.array.reshape(-1, domain.gdim)
+        tractions = fluid.residual()
+    return float(max(np.abs(velocities - STREAM[: domain.gdim]).max(), np.abs(tractions).max()))
+
+
+@FORM
+@CONVECTION
+@GEOMETRY
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("boundary", ["slides", "free"])
+def test_uniform_stream_stays(
+    energy_stable: bool, convection: str, geometry_order: int, order: int, boundary: str
+) -> None:
+    domain = curved_box(2, 3, geometry_order)
+    model = FlowModel(unsteady=True, convection=convection, moving_mesh=True, energy_stable=energy_stable)
+    motion = thrown(domain.mesh, 3, geometry_order, boundary)
+    assert deviation_from_stream(domain, motion, model, order, boundary) < 1e-11
+
+
+@FORM
+def test_uniform_stream_stays_in_space(energy_stable: bool) -> None:
+    """Where the swept volume takes Simpson's rule."""
+    domain = unit_box(3, 2)
+    model = FlowModel(unsteady=True, convection="extrapolated", moving_mesh=True, energy_stable=energy_stable)
+    motion = RandomMotion(domain.mesh, 0.25 / 2, boundary="free")
+    assert deviation_from_stream(domain, motion, model, 2, "free") < 1e-11
+
+
+# -- energy -------------------------------------------------------------------------------------
+
+# A velocity solved to 1e-12 has an energy exact to twice that.
+SOLVED = 1e-11
+# Newton's method finds no solution of the longest steps: they are taken with extrapolated convection alone.
+STEPS = [
+    ("extrapolated", 1e-3),
+    ("extrapolated", 1e-1),
+    ("extrapolated", 10.0),
+    ("implicit", 1e-3),
+    ("implicit", 1e-1),
+]
+
+
+def assert_energy_is_only_spent(
+    reynolds: float, convection: str, step: float, count: int, geometry_order: int
+) -> None:
+    """No step gains energy, and each loses what viscosity and the increment took: BDF1, nearly inviscid."""
+    model = FlowModel(unsteady=True, convection=convection, moving_mesh=True, energy_stable=True)
+    kinetic, spent = energies(reynolds, model, 1, step, count, geometry_order)
+    assert np.all(kinetic[1:] <= kinetic[:-1] * (1 + SOLVED))
+    assert np.all(np.abs(kinetic[1:] - kinetic[:-1] + spent) < 1e-10 * kinetic[:-1])
+
+
+@pytest.mark.parametrize(("convection", "step"), STEPS)
+@GEOMETRY
+def test_energy_never_grows(convection: str, step: float, geometry_order: int) -> None:
+    assert_energy_is_only_spent(1e6, convection, step, 40, geometry_order)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("convection", "step"), STEPS)
+@pytest.mark.parametrize("reynolds", [1e4, 1e6])
+def test_energy_never_grows_in_a_thousand_steps(reynolds: float, convection: str, step: float) -> None:
+    assert_energy_is_only_spent(reynolds, convection, step, 1000, geometry_order=1)

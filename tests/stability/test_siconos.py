@@ -1,0 +1,174 @@
+"""Incipient accelerations beside Siconos, which solves the same laws by methods of its own.
+
+Siconos (Acary et al., INRIA; Debian's python3-siconos) has solvers for the frictional contact problem
+v = W r + q, r in the friction cones, v and r obeying Signorini's and Coulomb's laws. With W = H M^-1 H^T the
+Delassus matrix and q = H M^-1 load that is the incipient problem, v the accelerations at the contacts. Two
+solvers are asked: nonsmooth Gauss-Seidel (NSGS) and the nonsmooth Newton method of Alart and Curnier (NSN_AC).
+
+Mechanics may allow several motions, of which Siconos gives one. Then:
+
+- it must be among ours (AGREED); contact forces may differ where they are not determined, so accelerations count;
+- if not, it must obey the laws, by the check of random_contacts.py, and ours must not claim to be complete: ours is
+  a FAMILY of which only the ends found are listed, or ANOTHER motion was found by Siconos and not by our search;
+- Siconos may give up (UNSOLVED), or call solved what does not obey the laws (WRONG).
+
+Whatever Siconos finds, every solution of ours is put to its own measure of error.
+Cost: a quarter of a minute.
+"""
+
+from collections import Counter
+from dataclasses import dataclass
+from enum import Enum
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from random_contacts import Case, motion_misses, random_case
+
+from incipient.contact.equilibrium import IncipientMotion, Uniqueness, incipient_motion
+
+numerics = pytest.importorskip("siconos.numerics")
+
+FIRST, COUNT = 2_000_000, 1000
+SAME = 1e-6  # accelerations nearer than this, relative to those without contacts, agree
+LAWFUL = 1e-6  # how far the laws may be missed by what Siconos calls solved
+TOLERANCE, ITERATIONS = 1e-11, 50_000
+
+
+class Outcome(Enum):
+    """What became of the comparison of one case."""
+
+    AGREED = "agreed"
+    FAMILY = "another member of a continuous family"
+    ANOTHER = "another motion, not among ours"
+    UNSOLVED = "Siconos did not solve it"
+    WRONG = "Siconos called solved what does not obey the laws"
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A case as Siconos sees it: local `frames` (k, 3, 3), inward normal first; v = W r + q."""
+
+    case: Case
+    frames: np.ndarray
+    rows: np.ndarray  # (3k, 6): accelerations at the contacts by those of the grain
+    inverse: np.ndarray  # (6, 6): of mass and inertia
+    load: np.ndarray
+
+    @classmethod
+    def of(cls, case: Case) -> "Problem":
+        arms, inward = case.contacts.points - case.load.centre, -case.contacts.normals
+        first = np.array([np.linalg.svd(normal[None])[2][1] for normal in inward])
+        frames = np.stack([inward, first, np.cross(inward, first)], axis=1)
+        rows = np.concatenate([frames, np.cross(arms[:, None], frames)], axis=2).reshape(-1, 6)
+        inverse = np.zeros((6, 6))
+        inverse[:3, :3], inverse[3:, 3:] = np.eye(3) / case.mass, np.linalg.inv(case.inertia)
+        force = case.load.flow_force + case.load.weight
+        return cls(case, frames, rows, inverse, np.concatenate([force, case.load.flow_couple]))
+
+    @property
+    def free(self) -> np.ndarray:
+        """The acceleration without contacts, (6,)."""
+        return self.inverse @ self.load
+
+    def posed(self):
+        """Siconos's object."""
+        delassus = np.asfortranarray(self.rows @ self.inverse @ self.rows.T)
+        friction = np.full(len(self.frames), self.case.friction)
+        return numerics.FrictionContactProblem(3, len(friction), delassus, self.rows @ self.free, friction)
+
+    def solved(self, solver: str) -> tuple[bool, np.ndarray, np.ndarray]:
+        """Whether Siconos says that it solved the problem, the acceleration (6,), and the forces (k, 3)."""
+        options = numerics.SolverOptions(getattr(numerics, f"SICONOS_FRICTION_3D_{solver}"))
+        options.iparam[numerics.SICONOS_IPARAM_MAX_ITER] = ITERATIONS
+        options.dparam[numerics.SICONOS_DPARAM_TOL] = TOLERANCE
+        local, velocity = np.zeros(3 * len(self.frames)), np.zeros(3 * len(self.frames))
+        code = numerics.fc3d_driver(self.posed(), local, velocity, options)
+        forces = (local.reshape(-1, 1, 3) @ self.frames)[:, 0]
+        return code == 0, self.free + self.inverse @ (self.rows.T @ local), forces
+
+    def error_of(self, forces: np.ndarray) -> float:
+        """Siconos's own measure of how far contact forces (k, 3) are from a solution, relative to q."""
+        posed, local = self.posed(), (self.frames @ forces[:, :, None]).ravel()
+        options = numerics.SolverOptions(numerics.SICONOS_FRICTION_3D_NSGS)
+        size = float(np.linalg.norm(self.rows @ self.free))
+        return numerics.fc3d_compute_error(posed, local, np.zeros_like(local), TOLERANCE, options, size)[1]
+
+
+def compared(problem: Problem, ours: IncipientMotion, solver: str) -> tuple[Outcome, float]:
+    """What became of a case, and how far Siconos's acceleration is from the nearest of ours."""
+    solved, acceleration, forces = problem.solved(solver)
+    if not solved:
+        return Outcome.UNSOLVED, 0.0
+    size = np.abs(problem.free).max()
+    near = min(
+        np.abs(np.append(one.acceleration, one.angular_acceleration) - acceleration).max() / size
+        for one in ours.solutions
+    )
+    if near <= SAME:
+        return Outcome.AGREED, near
+    theirs = SimpleNamespace(
+        acceleration=acceleration[:3], angular_acceleration=acceleration[3:], contact_forces=forces
+    )
+    # Relative to the load: what has run away to enormous forces is small beside these.
+    beyond = max(1.0, np.abs(forces).max() / np.abs(problem.load).max())
+    if beyond * motion_misses(problem.case, theirs) > LAWFUL:
+        return Outcome.WRONG, near
+    assert ours.uniqueness is not Uniqueness.ONLY
+    return Outcome.FAMILY if ours.uniqueness is Uniqueness.FAMILY else Outcome.ANOTHER, near
+
+
+@dataclass
+class Tally:
+    """What was found in all cases."""
+
+    outcomes: dict[str, Counter[Outcome]]
+    worst: float = 0.0  # difference of accelerations where a solver agrees
+    error: float = 0.0  # of our solutions, by Siconos
+    agreed: int = 0  # cases in which one solver at least agrees
+    explained: int = 0  # cases in which one at least agrees, or finds another member of a family
+    unsolved: int = 0  # cases that neither solves
+    without_jamming: int = 0  # other motions where contacts cannot jam
+
+    def add(self, case: Case) -> None:
+        problem = Problem.of(case)
+        ours = incipient_motion(case.load, case.contacts, case.friction, case.mass, case.inertia)
+        self.error = max([self.error, *(problem.error_of(one.contact_forces) for one in ours.solutions)])
+        found = {solver: compared(problem, ours, solver) for solver in self.outcomes}
+        for solver, (outcome, near) in found.items():
+            self.outcomes[solver][outcome] += 1
+            self.worst = max(self.worst, near if outcome is Outcome.AGREED else 0.0)
+            self.without_jamming += outcome is Outcome.ANOTHER and not ours.jams
+        seen = {outcome for outcome, _ in found.values()}
+        self.agreed += Outcome.AGREED in seen
+        self.explained += bool({Outcome.AGREED, Outcome.FAMILY} & seen)
+        self.unsolved += seen <= {Outcome.UNSOLVED, Outcome.WRONG}
+
+    def __str__(self) -> str:
+        lines = [
+            f"{solver}: " + ", ".join(f"{count[outcome]} {outcome.value}" for outcome in Outcome)
+            for solver, count in self.outcomes.items()
+        ]
+        lines.append(f"agreed with one at least {self.agreed}, with families {self.explained}")
+        lines.append(
+            f"solved by neither {self.unsolved}; another motion without jamming {self.without_jamming}"
+        )
+        lines.append(
+            f"worst difference where agreed {self.worst:.1e}; error of ours by Siconos {self.error:.1e}"
+        )
+        return "\n".join(lines)
+
+
+@pytest.mark.slow
+def test_a_thousand_cases_beside_siconos(capsys):
+    tally = Tally({"NSGS": Counter(), "NSN_AC": Counter()})
+    for seed in range(FIRST, FIRST + COUNT):
+        tally.add(random_case(seed))
+    with capsys.disabled():
+        print(f"\n{tally}")
+    assert tally.error < 1e-8
+    assert tally.explained >= 0.985 * COUNT
+    for count in tally.outcomes.values():
+        assert count[Outcome.AGREED] >= 0.95 * COUNT
+        assert count[Outcome.ANOTHER] <= 0.015 * COUNT
+        assert count[Outcome.WRONG] <= 0.002 * COUNT

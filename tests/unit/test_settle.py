@@ -1,0 +1,472 @@
+"""Settling onto a bed: closed-form rests in the plane and in space, and equilibrium checked from the outside.
+
+Every rest is checked by `assert_rests`: contacts on both surfaces, nothing in the bed, and the weight balanced
+by non-negative least squares over forces in the friction cones, none of which uses the code under test.
+"""
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.optimize import nnls
+
+from incipient.errors import SceneError
+from incipient.geometry import (
+    Box,
+    Disc,
+    Discs,
+    EggCrate,
+    Ellipse,
+    Ellipsoid,
+    Flat,
+    HalfDiscs,
+    Harmonics,
+    HeightMap,
+    Hemispheres,
+    Outcome,
+    Placement,
+    Plane,
+    Polygon,
+    Polyhedron,
+    Polyline,
+    Rectangle,
+    Relief,
+    Ridges,
+    Sinusoidal,
+    Sphere,
+    Spheres,
+    Star,
+    StarSolid,
+    Superellipse,
+    Superquadric,
+    Triangulated,
+    settle,
+)
+from incipient.geometry.placement import rotation_by
+
+TILT = rotation_by((0.3, 0.2, 0.1))
+TETRAHEDRON = Polyhedron([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)])
+CUBE = Polyhedron([(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+
+
+def above(x, y, tilt=TILT):
+    """A start high above the bed in space."""
+    return Placement((x, y, 5.0), 0.0, tilt)
+
+
+def turned(x, angle):
+    """A start high above the bed in the plane."""
+    return Placement((x, 5.0), angle)
+
+
+def down(slope, dimension=2):
+    """Gravity as on a plane that falls towards positive x."""
+    return (np.sin(slope), -np.cos(slope)) if dimension == 2 else (np.sin(slope), 0.0, -np.cos(slope))
+
+
+def surface_points(grain):
+    """Points all over the grain's surface, in the body frame."""
+    if grain.gdim == 2:
+        return np.vstack([curve.point(np.linspace(0.0, 1.0, 801)) for curve in grain.outline()])
+    points = grain.surface(grain.size / 40.0).points
+    return points[np.abs(grain.level(points)) < 1e-12 * grain.size]
+
+
+def assert_rests(found, grain, bed, gravity=None, friction=1.0):
+    """An equilibrium, seen from the outside; `friction` as it was given to settle."""
+    d, size, placement = grain.gdim, grain.size, found.placement
+    assert found.outcome is Outcome.RESTS and found.stable, found
+    assert max(found.gap, found.imbalance) <= 1e-9
+    points, normals = found.contacts.points[:, :d], found.contacts.normals[:, :d]
+    assert np.abs(grain.level(placement.to_body(points))).max() <= 1e-9 * size
+    assert np.abs(bed.distance(points)).max() <= 1e-9 * size
+    x = placement.to_scene(surface_points(grain))
+    # Beds and outlines are evaluated to round-off; a corner of the bed may be met between the points.
+    assert (x[:, -1] - bed.height(x[:, 0] if d == 2 else x[:, :2])).min() >= -1e-9 * size
+    gravity = np.array(([0.0] * (d - 1) + [-1.0]) if gravity is None else gravity, dtype=float)
+    assert unbalanced(points - placement.centre, -normals, gravity, friction, size) <= 1e-8
+
+
+def unbalanced(arms, inward, gravity, friction, size):
+    """What is left of the weight and its couple by the best forces within the friction cones."""
+    arms, inward = (np.pad(a, ((0, 0), (0, 3 - a.shape[1]))) for a in (arms, inward))
+    rows = []
+    for arm, normal in zip(arms, inward, strict=True):
+        rim = [np.eye(3)[2]] if len(gravity) == 2 else np.linalg.svd(normal[None])[2][1:]
+        first = np.cross(normal, rim[0])
+        around = [first, -first]
+        if len(gravity) == 3:
+            angles = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
+            around = [np.cos(a) * rim[0] + np.sin(a) * rim[1] for a in angles]
+        forces = [normal, *(normal + min(friction, 1e3) * side for side in around)]
+        rows += [np.concatenate([force, np.cross(arm, force) / size]) for force in forces]
+    load = np.zeros(6)
+    load[: len(gravity)] = gravity
+    return nnls(np.array(rows).T, -load)[1]
+
+
+def assert_period(found, grain, bed, start, period, **how):
+    """Started one period of the bed further on, the grain rests one period further on."""
+    moved = Placement(np.add(start.centre, period), start.angle, start.quaternion)
+    other = settle(grain, bed, moved, **how).placement
+    assert np.subtract(other.centre, found.placement.centre) == pytest.approx(period, abs=1e-9)
+    assert other.rotation == pytest.approx(found.placement.rotation, abs=1e-9)
+
+
+class TestDiscs:
+    @pytest.mark.parametrize("friction", [0.0, 0.3, np.inf])
+    @pytest.mark.parametrize("x", [0.05, 0.7])
+    @pytest.mark.parametrize(("radius", "spacing", "diameter"), [(0.5, 1.0, 1.0), (0.3, 1.0, 1.0)])
+    def test_in_the_pocket_of_two_half_discs(self, radius, spacing, diameter, x, friction):
+        # Sides R + r, R + r and s of the triangle of centres.
+        grain, bed = Disc(diameter), HalfDiscs(radius, spacing)
+        found = settle(grain, bed, turned(x, 0.0), friction=friction)
+        expected = np.sqrt((radius + 0.5 * diameter) ** 2 - 0.25 * spacing**2)
+        assert found.placement.centre == pytest.approx((0.5 * spacing, expected), abs=1e-10)
+        assert len(found.contacts) == 2
+        assert_rests(found, grain, bed, friction=friction)
+
+    def test_in_the_pocket_of_the_next_period(self):
+        grain, bed, start = Disc(0.8), HalfDiscs(0.5, 1.4, 0.1), turned(0.4, 0.0)
+        assert_period(settle(grain, bed, start), grain, bed, start, (1.4, 0.0))
+
+    def test_on_a_plane_where_it_was_put(self):
+        found = settle(Disc(1.0), Flat(0.2), turned(0.3, 0.0))
+        assert found.placement.centre == pytest.approx((0.3, 0.7), abs=1e-12)
+        assert len(found.contacts) == 1
+        assert_rests(found, Disc(1.0), Flat(0.2))
+
+    def test_in_a_trough_of_ripples(self):
+        # r = 0.2 is below the radius of curvature 1/(a k^2) = 0.253 in the trough at 3/4 of a wavelength.
+        grain, bed = Disc(0.4), Sinusoidal(0.1, 1.0)
+        found = settle(grain, bed, turned(0.6, 0.0))
+        assert found.placement.centre == pytest.approx((0.75, 0.1), abs=1e-9)
+        assert_rests(found, grain, bed)
+        assert_period(found, grain, bed, turned(0.6, 0.0), (2.0, 0.0))
+
+    def test_in_a_valley_of_lines(self):
+        # Sides of slope -1 and 1: the centre is sqrt(2) r above the corner.
+        grain, bed = Disc(1.0), Polyline([(-3, 3), (0, 0), (3, 3)])
+        found = settle(grain, bed, turned(0.8, 0.0))
+        assert found.placement.centre == pytest.approx((0.0, np.sqrt(0.5)), abs=1e-10)
+        assert_rests(found, grain, bed)
+
+
+class TestEllipses:
+    @pytest.mark.parametrize("friction", [0.0, 0.4, np.inf])
+    @pytest.mark.parametrize("angle", [0.2, 2.0, -1.5])
+    def test_falls_flat(self, angle, friction):
+        grain = Ellipse((0.7, 0.3))
+        found = settle(grain, Flat(), turned(0.3, angle), friction=friction)
+        assert found.placement.centre[1] == pytest.approx(0.3, abs=1e-12)
+        assert np.sin(found.placement.angle) == pytest.approx(0.0, abs=1e-9)
+        if friction == 0.0:
+            assert found.placement.centre[0] == pytest.approx(0.3, abs=1e-9)
+        assert_rests(found, grain, Flat(), friction=friction)
+
+    def test_rolls_as_far_as_its_arc_is_long(self):
+        # Without slip it moves by the arc from the first to the last contact; steps of the descent err a little.
+        a, b, angle = 0.7, 0.3, 0.9
+        found = settle(Ellipse((a, b)), Flat(), turned(0.0, angle), friction=np.inf)
+        # Lowest point of the turned ellipse: parameter with tangent along x.
+        lowest = np.arctan2(-b * np.cos(angle), -a * np.sin(angle))
+        t = np.linspace(lowest, -0.5 * np.pi, 20001)
+        speed = np.hypot(a * np.sin(t), b * np.cos(t))
+        arc = abs(np.sum(0.5 * (speed[1:] + speed[:-1])) * (t[1] - t[0]))
+        foot = np.cos(angle) * a * np.cos(lowest) - np.sin(angle) * b * np.sin(lowest)
+        assert abs(found.placement.centre[0] - foot) == pytest.approx(arc, rel=0.05)
+
+    @pytest.mark.parametrize("friction", [0.0, 1.0])
+    def test_in_a_pocket_lines_of_force_meet(self, friction):
+        grain, bed, start = Ellipse((0.7, 0.4)), HalfDiscs(0.5, 1.0), turned(0.4, 0.6)
+        found = settle(grain, bed, start, friction=friction)
+        assert len(found.contacts) == 2
+        assert_rests(found, grain, bed, friction=friction)
+        assert_period(found, grain, bed, start, (1.0, 0.0), friction=friction)
+        if friction == 0.0:
+            # Three forces balance if their lines meet: the normals' on the vertical through the centre.
+            (p, q), (m, n) = found.contacts.points[:, :2], found.contacts.normals[:, :2]
+            s = np.linalg.solve(np.column_stack([m, -n]), q - p)[0]
+            assert (p + s * m)[0] == pytest.approx(found.placement.centre[0], abs=1e-9)
+
+
+class TestBoxes:
+    @pytest.mark.parametrize("radius", [0.0, 0.1])
+    @pytest.mark.parametrize(
+        ("angle", "height"), [(0.4, 0.25), (-0.9, 0.25), (1.4, 0.5), (1.7, 0.5), (3.0, 0.25)]
+    )
+    def test_falls_onto_the_side_beneath_it(self, angle, height, radius):
+        grain = Rectangle(1.0, 0.5, radius)
+        found = settle(grain, Flat(), turned(0.3, angle))
+        assert found.placement.centre[1] == pytest.approx(height, abs=1e-12)
+        # A patch: both ends of the side, which share its length.
+        side = (1.0 if height == 0.25 else 0.5) - 2.0 * radius
+        assert found.contacts.areas == pytest.approx([0.5 * side] * 2)
+        assert_rests(found, grain, Flat())
+
+    @pytest.mark.parametrize(("slope", "stays"), [(0.3, True), (0.46, True), (0.47, False)])
+    def test_on_a_slope_it_stays_within_friction(self, slope, stays):
+        # tan(0.4636) = 1/2.
+        grain, how = Rectangle(1.0, 0.5), {"gravity": down(slope), "friction": 0.5}
+        found = settle(grain, Flat(), turned(0.3, 0.0), **how)
+        if stays:
+            assert found.placement.centre == pytest.approx((0.3, 0.25))
+            assert_rests(found, grain, Flat(), **how)
+        else:
+            assert (found.outcome, found.contacts, found.stable) == (Outcome.ROLLS_OFF, None, False)
+
+    @pytest.mark.parametrize(("width", "topples"), [(0.67, True), (0.70, False)])
+    def test_on_a_slope_a_tall_one_topples(self, width, topples):
+        # The weight leaves the base if tan(slope) > w/h; tan(0.6) = 0.684. It then lies on its long side.
+        grain, how = Rectangle(width, 1.0), {"gravity": down(0.6), "friction": 1.0}
+        found = settle(grain, Flat(), turned(0.3, 0.0), **how)
+        assert found.placement.centre[1] == pytest.approx(0.5 * width if topples else 0.5)
+        assert_rests(found, grain, Flat(), **how)
+
+    def test_on_a_slope_of_the_bed(self):
+        bed = Polyline([(-8.0, -2.4), (8.0, 2.4)])
+        found = settle(Rectangle(1.0, 0.5), bed, turned(0.0, 0.0), friction=0.5)
+        assert np.tan(found.placement.angle) == pytest.approx(0.3)
+        assert_rests(found, Rectangle(1.0, 0.5), bed, friction=0.5)
+
+
+class TestOtherGrainsInThePlane:
+    GRAINS = (
+        Superellipse((0.7, 0.3), 4.0),
+        Star(Harmonics(0.5, (0.0, 0.2), (0.0, 0.1))),
+        Discs([(0, 0), (0.7, 0.2), (-0.3, 0.6)], [0.5, 0.3, 0.4]),
+        Polygon([(0, 0), (2, 0.5), (1.5, 1.5), (-0.2, 1.0)]),
+    )
+    BEDS = (
+        HalfDiscs(0.5, 1.2),
+        Sinusoidal(0.1, 1.2),
+        Polyline([(-6, 0), (-0.5, 0.3), (0, 0.6), (0.4, -0.2), (6, 0.2)]),
+    )
+
+    @pytest.mark.parametrize("grain", GRAINS, ids=lambda grain: type(grain).__name__)
+    @pytest.mark.parametrize("bed", BEDS, ids=lambda bed: type(bed).__name__)
+    def test_rests_on_every_bed(self, grain, bed):
+        assert_rests(settle(grain, bed, turned(0.2, 0.5)), grain, bed)
+
+    @pytest.mark.parametrize("exponent", [4.0, 20.0])
+    def test_superellipse_lies_on_its_flat_side(self, exponent):
+        # Its flat side has no curvature: the couple is a root of the angle.
+        found = settle(Superellipse((0.7, 0.3), exponent), Flat(), turned(0.2, 0.3), friction=0.0)
+        assert found.stable
+        assert found.placement.centre == pytest.approx((0.2, 0.3), abs=1e-9)
+        assert found.placement.angle == pytest.approx(0.0, abs=1e-9)
+
+    def test_two_discs_lie_side_by_side(self):
+        grain = Discs([(0, 0), (0.7, 0)], [0.4, 0.4])
+        found = settle(grain, Flat(), turned(0.0, 1.0))
+        assert found.placement.centre[1] == pytest.approx(0.4)
+        assert len(found.contacts) == 2
+        assert_rests(found, grain, Flat())
+
+
+class TestSpheres:
+    def test_on_a_plane(self):
+        found = settle(Sphere(1.0), Plane(), above(0.1, 0.2))
+        assert found.placement.centre == pytest.approx((0.1, 0.2, 0.5), abs=1e-12)
+        assert_rests(found, Sphere(1.0), Plane())
+
+    @pytest.mark.parametrize("friction", [0.0, 0.5])
+    @pytest.mark.parametrize("x", [(0.3, 0.1), (0.45, 0.3), (0.6, 0.02)])
+    @pytest.mark.parametrize("spacing", [0.9, 1.0, 1.3])
+    def test_in_a_pocket_of_three(self, spacing, x, friction):
+        # The centre is above that of an equilateral triangle, s/sqrt(3) from its corners.
+        grain, bed = Sphere(1.0), Hemispheres(0.5, spacing, "triangular")
+        found = settle(grain, bed, above(x[0] * spacing, x[1] * spacing), friction=friction)
+        expected = (0.5 * spacing, spacing / np.sqrt(12.0), np.sqrt(1.0 - spacing**2 / 3.0))
+        assert found.placement.centre == pytest.approx(expected, abs=1e-10)
+        assert len(found.contacts) == 3
+        assert_rests(found, grain, bed, friction=friction)
+
+    @pytest.mark.parametrize("x", [(0.3, 0.1), (0.5, 0.4), (0.9, 0.8)])
+    @pytest.mark.parametrize("spacing", [0.9, 1.0, 1.2])
+    def test_in_a_pocket_of_four(self, spacing, x):
+        # Half a diagonal, s/sqrt(2), from the corners of the square.
+        grain, bed = Sphere(1.0), Hemispheres(0.5, spacing, "square")
+        found = settle(grain, bed, above(x[0] * spacing, x[1] * spacing))
+        expected = (0.5 * spacing, 0.5 * spacing, np.sqrt(1.0 - 0.5 * spacing**2))
+        assert found.placement.centre == pytest.approx(expected, abs=1e-10)
+        assert len(found.contacts) == 4
+        assert_rests(found, grain, bed)
+
+    @pytest.mark.parametrize(
+        ("arrangement", "period"),
+        [("square", (1.2, 2.4, 0.0)), ("triangular", (0.6, 1.2 * np.sqrt(0.75), 0.0))],
+    )
+    def test_in_a_pocket_of_another_period(self, arrangement, period):
+        bed, start = Hemispheres(0.5, 1.2, arrangement), above(0.3, 0.25)
+        assert_period(settle(Sphere(1.0), bed, start), Sphere(1.0), bed, start, period)
+
+    def test_on_the_base_plane_of_sparse_half_balls(self):
+        found = settle(Sphere(1.0), Hemispheres(0.2, 4.0), above(2.0, 2.0))
+        assert found.placement.centre == pytest.approx((2.0, 2.0, 0.5))
+
+
+class TestSolidsOnPlanes:
+    @pytest.mark.parametrize("friction", [0.0, 1.0])
+    def test_ellipsoid_lies_on_its_shortest_axis(self, friction):
+        grain = Ellipsoid((0.7, 0.5, 0.3))
+        found = settle(
+            grain, Plane(), Placement((0, 0, 3), 0.0, rotation_by((0.4, 0.7, 0.2))), friction=friction
+        )
+        assert found.placement.centre[2] == pytest.approx(0.3, abs=1e-12)
+        assert np.abs(found.placement.rotation[2]) == pytest.approx([0, 0, 1], abs=1e-8)
+        assert_rests(found, grain, Plane(), friction=friction)
+
+    @pytest.mark.parametrize(
+        ("grain", "height", "contacts"),
+        [
+            (Box((1.0, 0.6, 0.4)), 0.2, 4),
+            (Box((1.0, 0.6, 0.4), 0.1), 0.2, 4),
+            # Side 2 sqrt(2): a quarter of the height sqrt(2/3) s.
+            (TETRAHEDRON, 1.0 / np.sqrt(3.0), 3),
+            (CUBE, 0.5, 4),
+            (Spheres([(0, 0, 0), (0.8, 0, 0), (0.4, 0.7, 0)], [0.5, 0.5, 0.5]), 0.5, 3),
+        ],
+        ids=["box", "rounded box", "tetrahedron", "cube", "triad"],
+    )
+    def test_falls_onto_a_face(self, grain, height, contacts):
+        found = settle(grain, Plane(), above(0.0, 0.0))
+        assert found.placement.centre[2] == pytest.approx(height, abs=1e-11)
+        assert len(found.contacts) == contacts
+        assert_rests(found, grain, Plane())
+
+    @pytest.mark.parametrize("subdivisions", [0, 1, 2])
+    def test_a_ball_of_triangles_rests_on_one_of_them(self, subdivisions):
+        ball = trimesh.creation.icosphere(subdivisions, 0.5)
+        grain = Triangulated(ball.vertices, ball.faces)
+        found = settle(grain, Plane(), above(0.0, 0.0))
+        # It comes as low as one of its triangles is near the centre.
+        distances = (ball.face_normals * ball.triangles[:, 0]).sum(axis=1)
+        assert np.abs(distances - found.placement.centre[2]).min() < 1e-9
+        assert len(found.contacts) == 3
+        assert_rests(found, grain, Plane())
+
+    def test_a_box_of_triangles_is_a_box(self):
+        mesh = trimesh.creation.box((1.0, 0.6, 0.4))
+        one, other = Triangulated(mesh.vertices, mesh.faces), Box((1.0, 0.6, 0.4))
+        places = [settle(grain, Plane(), above(0.0, 0.0)).placement for grain in (one, other)]
+        assert places[0].centre == pytest.approx(places[1].centre, abs=1e-9)
+        assert places[0].rotation == pytest.approx(places[1].rotation, abs=1e-9)
+
+    @pytest.mark.parametrize(("slope", "stays"), [(0.3, True), (0.45, True), (0.48, False)])
+    def test_box_on_a_slope(self, slope, stays):
+        grain, how = Box((1.0, 0.6, 0.4)), {"gravity": down(slope, 3), "friction": 0.5}
+        found = settle(grain, Plane(), above(0.0, 0.0, rotation_by((0, 0, 0.5))), **how)
+        if stays:
+            assert_rests(found, grain, Plane(), **how)
+        else:
+            assert (found.outcome, found.contacts) == (Outcome.ROLLS_OFF, None)
+
+    @pytest.mark.slow
+    @pytest.mark.parametrize("exponents", [(4.0, 2.0), (4.0, 4.0), (2.0, 4.0)])
+    def test_superquadric_lies_on_a_pole_without_curvature(self, exponents):
+        found = settle(Superquadric((0.5, 0.4, 0.3), exponents), Plane(), above(0.6, 0.3))
+        assert found.stable
+        assert found.placement.centre[2] == pytest.approx(0.3, abs=1e-11)
+
+    def test_box_on_a_sloping_plane(self):
+        bed = Plane((0.2, 0.1), 0.3)
+        found = settle(Box((1.0, 0.6, 0.4)), bed, above(0.0, 0.0), friction=0.5)
+        assert found.placement.rotation @ [0, 0, 1] == pytest.approx(bed.normal([[0, 0]])[0], abs=1e-9)
+        assert_rests(found, Box((1.0, 0.6, 0.4)), bed, friction=0.5)
+
+
+X, Y = np.meshgrid(np.linspace(-2.0, 2.0, 81), np.linspace(-2.0, 2.0, 81))
+BOWL = HeightMap(0.3 * (X**2 + Y**2), (0.05, 0.05), (-2.0, -2.0, 0.1))
+
+
+def trough(x):
+    """A bowl twice as steep along y as along x."""
+    return 0.3 * (x[:, 0] ** 2 + 2.0 * x[:, 1] ** 2)
+
+
+class TestSolidsOnRoughBeds:
+    @pytest.mark.parametrize("bed", [BOWL, Relief(trough, 0.5, 0.1)], ids=["height map", "callable"])
+    def test_a_sphere_finds_the_bottom_of_a_bowl(self, bed):
+        # Curvatures 0.6 and 1.2 there, less than 1/r: cubics reproduce the parabola.
+        found = settle(Sphere(0.6), bed, above(0.6, 0.3))
+        assert found.placement.centre == pytest.approx((0.0, 0.0, 0.4), abs=1e-7)
+        assert_rests(found, Sphere(0.6), bed)
+
+    @pytest.mark.parametrize(
+        ("grain", "bed", "friction"),
+        [
+            (Ellipsoid((0.7, 0.5, 0.4)), Hemispheres(0.5, 1.0, "triangular"), 1.0),
+            (Ellipsoid((0.7, 0.5, 0.4)), Hemispheres(0.5, 1.0, "triangular"), 0.0),
+            (CUBE, Hemispheres(0.5, 1.0), 1.0),
+            (Spheres([(0, 0, 0), (0.7, 0, 0), (0.4, 0.5, 0)], [0.5, 0.4, 0.3]), Hemispheres(0.5, 1.0), 1.0),
+            (Box((0.6, 0.4, 0.3)), Relief(trough, 0.5), 1.0),
+            (Box((1.0, 0.6, 0.4), 0.1), Ridges(0.1, 1.0), 1.0),
+            (Ellipsoid((0.5, 0.4, 0.3)), Ridges(0.1, 1.0), 1.0),
+            (Sphere(0.6), EggCrate(0.2, (1.0, 1.2)), 1.0),
+            (
+                StarSolid(lambda d: 0.5 + 0.1 * d[:, 0] * d[:, 1] + 0.1 * d[:, 2] ** 3),
+                Hemispheres(0.5, 1.0),
+                1.0,
+            ),
+            (Superquadric((0.5, 0.4, 0.3), (3.0, 3.0)), Hemispheres(0.5, 1.0), 1.0),
+        ],
+        ids=lambda value: type(value).__name__,
+    )
+    def test_equilibrium(self, grain, bed, friction):
+        found = settle(grain, bed, above(0.3, 0.15), friction=friction)
+        assert_rests(found, grain, bed, friction=friction)
+
+
+class TestOutcomes:
+    @pytest.mark.parametrize(
+        ("grain", "bed", "start"),
+        [
+            (Ellipse((0.7, 0.3)), Flat(), turned(0.3, 0.5 * np.pi)),
+            (Rectangle(1.0, 1.0), Flat(), turned(0.3, 0.25 * np.pi)),
+            (Disc(1.0), HalfDiscs(0.5, 1.0), turned(0.0, 0.0)),
+            (Sphere(1.0), Hemispheres(0.5, 1.0), Placement((0, 0, 3))),
+            (Ellipsoid((0.3, 0.3, 0.6)), Plane(), Placement((0, 0, 3))),
+        ],
+    )
+    def test_started_on_its_summit_it_balances(self, grain, bed, start):
+        found = settle(grain, bed, start)
+        assert (found.outcome, found.stable, len(found.contacts)) == (Outcome.BALANCES, False, 1)
+        assert found.placement.centre[:-1] == pytest.approx(start.centre[:-1])
+
+    @pytest.mark.parametrize(
+        ("grain", "bed", "how"),
+        [
+            (Disc(1.0), Flat(), {"gravity": down(0.1)}),
+            (Sphere(1.0), Plane((0.2, 0.1)), {}),
+            (Disc(1.0), Polyline([(-1.0, 0.2), (1.0, -0.2)]), {"reach": 100.0}),
+        ],
+        ids=["disc", "sphere", "off the end of the bed"],
+    )
+    def test_what_is_round_rolls_off_a_slope(self, grain, bed, how):
+        found = settle(grain, bed, Placement((*[0.0] * (grain.gdim - 1), 3.0)), **how)
+        assert (found.outcome, found.contacts) == (Outcome.ROLLS_OFF, None)
+
+    def test_too_few_steps(self):
+        found = settle(Disc(1.0), HalfDiscs(0.5, 1.0), turned(0.3, 0.0), max_steps=2)
+        assert (found.outcome, found.contacts, found.steps) == (Outcome.UNSETTLED, None, 2)
+        assert found.imbalance > 0.1
+
+    @pytest.mark.parametrize(
+        ("how", "reason"),
+        [
+            ({"friction": -0.1}, "friction -0.1 is not a coefficient"),
+            ({"friction": float("nan")}, "friction nan"),
+            ({"gravity": (0.0, 1.0)}, r"gravity \[0.0, 1.0\] does not point down; give 2 numbers"),
+            ({"gravity": (1.0, 0.0)}, "does not point down"),
+            ({"gravity": (0.0, 0.0, -1.0)}, "give 2 numbers"),
+            ({"gravity": (np.nan, -1.0)}, "does not point down"),
+            ({"start": Placement((0, 0, 3))}, "placement in 3 dimensions does not fit a grain in 2"),
+            ({"bed": Plane()}, "one is planar, the other is not"),
+            ({"grain": Sphere(1.0), "start": Placement((0, 0, 3))}, "one is planar, the other is not"),
+        ],
+    )
+    def test_bad_input_is_one_line(self, how, reason):
+        arguments = {"grain": Disc(1.0), "bed": Flat(), "start": turned(0.0, 0.0)} | how
+        with pytest.raises(SceneError, match=reason) as caught:
+            settle(**arguments)
+        assert "\n" not in str(caught.value)
