@@ -1,10 +1,58 @@
-"""What an interrupt must not leave behind: half-compiled forms, for which every later run would wait in vain."""
+"""Interrupts: a run stops between steps, ranks together, and leaves nothing behind that harms later runs."""
 
 from __future__ import annotations
 
+import os
+import signal
+import threading
+import time
 import traceback
 from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+# Seconds in which further signals are taken for the same: mpirun passes on those that its ranks have had already.
+SAME_WISH = 2.0
+NOTICE = b"stopping after this step; once more to stop at once\n"
+
+
+class Interruption:
+    """Takes the first SIGINT or SIGTERM for a wish to stop after the step; a later one interrupts at once.
+
+    A context manager. Until `armed`, and always off the main thread, signals do what they did before, except that
+    SIGTERM interrupts, too. The handlers there were come back at the end. Only `asked` is collective.
+    """
+
+    def __init__(self, comm: MPI.Comm):
+        self.armed, self._comm = False, comm
+        self._since: float | None = None
+        self._before: dict[int, Any] = {}
+
+    def __enter__(self) -> Self:
+        if threading.current_thread() is threading.main_thread():
+            self._before = {number: signal.signal(number, self._note) for number in SIGNALS}
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, signal.SIG_DFL if handler is None else handler)
+
+    def asked(self) -> bool:
+        """Whether a rank has been asked to stop; the same on all ranks. Collective."""
+        return any(self._comm.allgather(self._since is not None))
+
+    def _note(self, number: int, frame: object) -> None:
+        now = time.monotonic()
+        if not self.armed or (self._since is not None and now - self._since > SAME_WISH):
+            raise KeyboardInterrupt
+        if self._since is None:
+            self._since = now
+            if self._comm.rank == 0:
+                os.write(2, NOTICE)
 
 
 def forget_unfinished_form(interrupt: BaseException) -> None:

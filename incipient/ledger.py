@@ -35,6 +35,12 @@ class Ledger:
         """Seconds since the ledger was opened."""
         return time.perf_counter() - self.began
 
+    def count(self, wall_time: dict[str, float], total: float) -> None:
+        """Count what an earlier session has taken as well: by stage, and in all."""
+        for name, taken in wall_time.items():
+            self.wall_time[name] = self.wall_time.get(name, 0.0) + taken
+        self.began -= total
+
     def to_dict(self) -> dict[str, Any]:
         """Wall times by stage, and the total."""
         return {**self.wall_time, "total": self.total()}

@@ -52,7 +52,7 @@ class MeshMotion:
     def __init__(self, domain: Domain, boundary: str, placement: Placement, turning: bool):
         self.domain, self.placement, self.turning = domain, placement, turning
         self.reference: Floats = domain.mesh.geometry.x.copy()
-        self._weights = _weights(domain, boundary)
+        self.weights = _weights(domain, boundary)
         self._cells = compat.geometry_dofs(domain.mesh)
         self._slopes = _slopes(domain.mesh)
         self._qualities = self._cell_qualities(self.reference)
@@ -60,7 +60,7 @@ class MeshMotion:
     def places(self, placement: Placement) -> Floats:
         """(n, 3) places of the mesh's nodes when the body is there. Not collective."""
         gdim = self.domain.gdim
-        w = self._weights[:, None]
+        w = self.weights[:, None]
         start, end = (np.asarray(p.centre) for p in (self.placement, placement))
         moved = self.reference.copy()
         arms = self.reference[:, :gdim] - start

@@ -23,9 +23,10 @@ from .scene import Scene
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from .checkpoint import Checkpoint
     from .contact import Contacts
     from .domain import Domain
-    from .fluid import Fluid, TimeStep
+    from .fluid import Fluid, TimeStep, Transient
     from .result import Couples, Forces, Gap, Result
     from .sampling import Extremum
     from .tractions import TractionProbe
@@ -33,7 +34,12 @@ if TYPE_CHECKING:
 
 
 class Recorder(Protocol):
-    """Where a run leaves its results while it goes on. All methods are collective."""
+    """Where a run leaves its results while it goes on. All methods are collective.
+
+    `keeps` says whether `keep` does anything.
+    """
+
+    keeps: bool
 
     def begin(self, scene: Scene, plan: Plan, domain: Domain) -> None:
         """The mesh is there; computation begins."""
@@ -50,12 +56,17 @@ class Recorder(Protocol):
     def fields(self, time: float, fields: dict[str, Any], traction: Any) -> None:
         """Fields on the mesh, and the traction on the grain's surface (None without a grain)."""
 
+    def keep(self, checkpoint: Checkpoint) -> Path | None:
+        """Keep what the run needs to go on; where, None if nowhere."""
+
     def finish(self, result: Result) -> None:
         """The run is over, whether complete or not."""
 
 
 class Unrecorded:
     """Keeps nothing; the result object is all there is."""
+
+    keeps = False
 
     def begin(self, scene: Scene, plan: Plan, domain: Domain) -> None:
         """Nothing."""
@@ -73,19 +84,26 @@ class Unrecorded:
     def fields(self, time: float, fields: dict[str, Any], traction: Any) -> None:
         """Nothing."""
 
+    def keep(self, checkpoint: Checkpoint) -> Path | None:
+        """Nowhere."""
+
     def finish(self, result: Result) -> None:
         """Nothing."""
 
 
 def simulate(
-    scene: Scene, comm: MPI.Comm, recorder: Recorder | None = None, voice: Silent | None = None
+    scene: Scene,
+    comm: MPI.Comm,
+    recorder: Recorder | None = None,
+    voice: Silent | None = None,
+    checkpoint: Checkpoint | None = None,
 ) -> Result:
-    """Run a scene from plan to verdict. Collective over `comm`.
+    """Run a scene from plan to verdict, from the start or from a checkpoint of it. Collective over `comm`.
 
     Raises:
         IncipientError: on all ranks; what was computed before it has been handed to the recorder.
     """
-    simulation = Simulation(scene, comm, recorder or Unrecorded(), voice or Silent())
+    simulation = Simulation(scene, comm, recorder or Unrecorded(), voice or Silent(), checkpoint)
     return simulation.run()
 
 
@@ -97,10 +115,13 @@ class Simulation:
     comm: MPI.Comm
     recorder: Recorder
     voice: Silent
+    checkpoint: Checkpoint | None = None
     ledger: Ledger = field(default_factory=Ledger)
     iterations: dict[str, int] = field(default_factory=dict)
     first_motion: float | None = None
     trajectory: Trajectory | None = None
+    transient: Transient | None = None
+    _recorded: float = 0.0  # time of the last step that has been recorded
 
     def run(self) -> Result:
         """Plan, mesh, solve, judge. Collective."""
@@ -118,7 +139,7 @@ class Simulation:
             from . import boundaries, domain, fluid
         with self._stage("mesh"):
             self.contacts = self._contacts()
-            self.domain = domain.build(self.comm, self.layout.drawing, scene.gdim)
+            self.domain = self._resumed_domain() or domain.build(self.comm, self.layout.drawing, scene.gdim)
         self.recorder.begin(scene, self.plan, self.domain)
         with self._stage("forms"):
             model = self._model(unsteady=scene.time is not None)
@@ -149,10 +170,13 @@ class Simulation:
                 self._travel()
             else:
                 self._march()
-        except IncipientError as error:
-            with suppress(OutputError):  # a full disk is told of once, and another failure before it
-                self.recorder.finish(self._result("failed", str(error)))
+        except Interrupted:
             raise
+        except IncipientError as error:
+            told = self._kept_after(error)
+            with suppress(OutputError):  # a full disk is told of once, and another failure before it
+                self.recorder.finish(self._result("failed", str(told)))
+            raise told from error.__cause__
         result = self._result()
         self.recorder.finish(result)
         return result
@@ -219,16 +243,12 @@ class Simulation:
         self._start()
         order = 2 if time.scheme == "bdf2" else 1
         transient = Transient(self.fluid, order, max(numerics.tolerance, 1e-9), time.tolerance)
-        steps = transient.march(time.end, time.step)
-        while True:
-            with self._stage("flow"):
-                step = next(steps, None)
-            if step is None:
-                return
-            self._count(step)
-            self.recorder.step(self._row(step))
-            self.voice.advance(step.time, time.end)
-            self._hand_over_fields(step.number, last=step.time >= time.end * (1 - 1e-9))
+        if self.checkpoint is not None:
+            resumption.put_back_flow(self.checkpoint, transient)
+        self.transient = transient
+        for step in self._timed(transient.march(time.end, time.step)):
+            last = step.time >= time.end * (1 - 1e-9)
+            self._record(step, self._row(step), last)
 
     def _travel(self) -> None:
         """March with a grain that moves."""
@@ -237,25 +257,49 @@ class Simulation:
         time = self.scene.time
         assert time is not None
         self._start()
+        kept = self.checkpoint.body if self.checkpoint else None
         with self._stage("mesh motion"):
-            travel = self.trajectory = Trajectory(
-                self.scene, self.plan, self.fluid, self.ledger.stage, self.voice
-            )
-        steps = travel.steps()
+            state = resumption.state_of_mesh(kept) if kept else None
+            travel = Trajectory(self.scene, self.plan, self.fluid, self.ledger.stage, self.voice, state)
+            if self.checkpoint is not None:
+                resumption.put_back_body(self.checkpoint, travel)
+        self.trajectory, self.transient = travel, travel.transient
+        for step in self._timed(travel.steps()):
+            if travel.fluid is not self.fluid:
+                self._take_over(travel)
+                self.recorder.remeshed(self.domain)
+            self.probe = travel.coupling.probe
+            last = travel.coupling.met or step.time >= time.end * (1 - 1e-9)
+            self._record(step, travel.row(step), last)
+
+    def _take_over(self, travel: Trajectory) -> None:
+        """The fluid is now that on the trajectory's newest mesh."""
+        self.fluid, self.domain, self.probe = travel.fluid, travel.domain, travel.coupling.probe
+
+    def _timed(self, steps: Iterator[TimeStep]) -> Iterator[TimeStep]:
+        """The steps, each counted and its time taken."""
         while True:
             with self._stage("flow"):
                 step = next(steps, None)
             if step is None:
                 return
-            if travel.fluid is not self.fluid:
-                self.fluid, self.domain = travel.fluid, travel.fluid.domain
-                self.recorder.remeshed(self.domain)
-            self.probe = travel.coupling.probe
             self._count(step)
-            self.recorder.step(travel.row(step))
-            self.voice.advance(step.time, time.end)
-            last = travel.coupling.met or step.time >= time.end * (1 - 1e-9)
-            self._hand_over_fields(step.number, last)
+            yield step
+
+    def _record(self, step: TimeStep, row: dict[str, Any], last: bool) -> None:
+        """Hand a step over to the recorder, with a checkpoint where one is due, and stop if that was asked for."""
+        self.recorder.step(row)
+        if self.scene.time is not None:
+            self.voice.advance(step.time, self.scene.time.end)
+        self._hand_over_fields(step.number, last)
+        self._recorded = step.time
+        if not self.recorder.keeps:
+            return
+        every, stop = self.scene.output.checkpoint, self.interruption.asked() and not last
+        if stop or (every > 0 and step.number % every == 0):
+            kept = self._keep()
+        if stop:
+            raise Interrupted(f"interrupted at t = {step.time:.6g}; to go on: incipient resume {kept}")
 
     def _start(self) -> None:
         """Put the flow at time zero into the fluid's state: rest, the Stokes flow or the steady flow."""

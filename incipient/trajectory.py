@@ -38,9 +38,18 @@ class Trajectory:
         fluid: at time zero, on the mesh that was made for the scene; replaced and destroyed with each new mesh.
         stage: context managers by name that take the time.
         voice: told of new meshes and of contact.
+        state: of the grain for which the mesh was made; None: that of the scene.
     """
 
-    def __init__(self, scene: Scene, plan: Plan, fluid: Fluid, stage: Stage, voice: Silent):
+    def __init__(
+        self,
+        scene: Scene,
+        plan: Plan,
+        fluid: Fluid,
+        stage: Stage,
+        voice: Silent,
+        state: BodyState | None = None,
+    ):
         self.scene, self.plan, self.fluid, self._stage, self._voice = scene, plan, fluid, stage, voice
         assert scene.grain is not None and scene.placement is not None and scene.time is not None
         self.grain, self.time = scene.grain, scene.time
@@ -48,7 +57,7 @@ class Trajectory:
         self.body = rigid_body(scene)
         self.remeshings: list[Remeshing] = []
         self.interface_iterations: list[int] = []
-        self.coupling = self._coupled(fluid, initial_state(scene))
+        self.coupling = self._coupled(fluid, state or initial_state(scene))
         self.energy = EnergyBudget(fluid)
         order = 2 if self.time.scheme == "bdf2" else 1
         tolerance = max(scene.numerics.tolerance, 1e-9)
@@ -71,15 +80,14 @@ class Trajectory:
             ConvergenceError: a step failed; the last good state is kept.
             MeshError: the grain's new place cannot be meshed, or fields do not survive the transfer.
         """
+        self._renew_worn_mesh()
         for step in self.transient.march(self.time.end, self.time.step):
             assert isinstance(step.report, InterfaceReport)
             self.interface_iterations.append(step.report.corrected)
             yield step
             if self.coupling.met or self.time.end - step.time <= 1e-9 * self.time.end:
                 return
-            ahead = self.coupling.predicted(step.length, self.transient.order).placement
-            if self.coupling.motion.quality(ahead).relative < self.scene.numerics.remesh_below:
-                self._remesh()
+            self._renew_worn_mesh()
 
     # -- what is told -----------------------------------------------------------------------------
 
@@ -193,6 +201,15 @@ class Trajectory:
         return np.array([*force, arm[0] * force[1] - arm[1] * force[0]])
 
     # -- a new mesh -------------------------------------------------------------------------------
+
+    def _renew_worn_mesh(self) -> None:
+        """Remesh if a step as long as the last would spoil the mesh."""
+        times = [one.state.time for one in self.coupling.past]
+        if len(times) == 1:
+            return
+        ahead = self.coupling.predicted(times[0] - times[1], self.transient.order).placement
+        if self.coupling.motion.quality(ahead).relative < self.scene.numerics.remesh_below:
+            self._remesh()
 
     def _remesh(self) -> None:
         """Mesh the fluid anew around the grain and carry everything over; the old mesh goes last."""

@@ -39,9 +39,7 @@ def box_around(
 ) -> Domain:
     """The box from `low` to `high` less a grain ("body"), of cells that grow from `cell` at it to `far` away."""
     holes = {"body": tuple(curve.moved(placement) for curve in grain.outline())}
-    region = Region(
-        (Line(low, (high[0], low[1])),), high[1], holes, sides=("bottom", "right", "top", "left")
-    )
+    region = Region((Line(low, (high[0], low[1])),), high[1], holes, sides=("bottom", "right", "top", "left"))
     sizes = Sizes(far, (Near(cell, 0.3, boundary="body"),))
     return build(comm, partial(region_model, region, sizes, order), 2)
 

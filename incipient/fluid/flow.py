@@ -89,11 +89,13 @@ class Fluid:
         self._direction: Any = None  # made when a response is first asked for
         self._action: Any = None
 
-    def _forms(self) -> tuple[Any, Any]:
+    def residual_form(self, w: Any, q: Any) -> Any:
+        """The residual of the present state as a UFL form, tested with velocity w and pressure q."""
         v, p = ufl.split(self.state)
-        w, q = ufl.TestFunctions(self.space.mixed)
-        dx = self.space.quadrature()
-        whole = residual(v, p, w, q, self._terms(v), dx)
+        return residual(v, p, w, q, self._terms(v), self.space.quadrature())
+
+    def _forms(self) -> tuple[Any, Any]:
+        whole = self.residual_form(*ufl.TestFunctions(self.space.mixed))
         self._jacobian_form = ufl.derivative(whole, self.state, ufl.TrialFunction(self.space.mixed))
         return compat.form(whole), compat.form(self._jacobian_form)
 
@@ -251,6 +253,29 @@ class Fluid:
         self._aged = not report.converged or report.iterations > PATIENCE
         return report
 
+    def correct(self) -> float:
+        """One Newton correction from the present state with fresh factors; its size relative to the state."""
+        self.constraints.update(self.time)
+        self._lift = True
+        return self.chord_correction(fresh=True)
+
+    def dual(self, boundary: np.ndarray) -> np.ndarray:
+        """The dual solution with boundary values, by the factors at hand: (local unknowns,). Collective.
+
+        `boundary` (local unknowns,) vanishes off prescribed boundaries. The result z equals it there and makes
+        z . A change = 0 for every change of the state that leaves the boundary as it is, A the Jacobian.
+        """
+        if self._direction is None:
+            self._direction = dolfinx.fem.Function(self.space.mixed)
+        self._direction.x.array[:] = boundary
+        transposed = compat.form(ufl.action(ufl.adjoint(self._jacobian_form), self._direction))
+        self._assemble_into(self._vector, transposed)
+        petsc.set_bc(self._vector, self.constraints.dirichlet, scale=0.0)
+        self.solver.apply_transposed(self._vector, self._correction)
+        self._direction.x.array[: self._vector.getLocalSize()] -= self._correction.array_r
+        self._direction.x.scatter_forward()
+        return np.asarray(self._direction.x.array.copy())
+
     def renew_factors(self) -> None:
         """Let the next time step factorise anew. Not collective, but to be called on all ranks."""
         self._aged = True
@@ -286,17 +311,22 @@ class Fluid:
 
     def _assemble_constrained_residual(self) -> None:
         conditions = self.constraints.dirichlet
-        self._assemble(self._vector)
+        self._assemble_local(self._vector, self._residual)
         if self._lift:
             # Only the first correction changes boundary values; later ones vanish there.
             petsc.apply_lifting(self._vector, [self._jacobian], [conditions], [self._state_view], -1.0)
         self._vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         petsc.set_bc(self._vector, conditions, self._state_view, -1.0)
 
-    def _assemble(self, vector: Any) -> None:
+    def _assemble_local(self, vector: Any, form: Any) -> None:
+        """A linear form; what ranks owe each other is not added yet."""
         with vector.localForm() as local:
             local.set(0.0)
-        petsc.assemble_vector(vector, self._residual)
+        petsc.assemble_vector(vector, form)
+
+    def _assemble_into(self, vector: Any, form: Any) -> None:
+        self._assemble_local(vector, form)
+        vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
 
     def response(self, boundary: np.ndarray, forcing: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """How the flow answers to a change of boundary velocities, with the factors at hand. Collective.
@@ -320,10 +350,7 @@ class Fluid:
 
     def _assemble_action(self, forcing: np.ndarray) -> None:
         """The Jacobian, conditions not applied, times the direction, and the forcing."""
-        with self._vector.localForm() as local:
-            local.set(0.0)
-        petsc.assemble_vector(self._vector, self._action)
-        self._vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        self._assemble_into(self._vector, self._action)
         self._vector.setArray(self._vector.array_r + forcing)
 
     def residual(self) -> np.ndarray:
@@ -331,8 +358,7 @@ class Fluid:
 
         Its momentum entries on a boundary are the consistent nodal tractions there.
         """
-        self._assemble(self._vector)
-        self._vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        self._assemble_into(self._vector, self._residual)
         return self._vector.array_r.copy()
 
     def speed(self) -> float:

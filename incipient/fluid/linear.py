@@ -91,6 +91,11 @@ class KeptFactorisation:
         self._solver.getPC().apply(b, x)
         self.statistics.solves += 1
 
+    def apply_transposed(self, b: Any, x: Any) -> None:
+        """x = b solved with the transposed factors at hand. Collective."""
+        self._solver.getPC().applyTranspose(b, x)
+        self.statistics.solves += 1
+
     def _iterate(self, b: Any, x: Any, rtol: float) -> int | None:
         """Number of iterations, or None if GMRES with the factors at hand does not converge."""
         self._solver.getPC().setReusePreconditioner(True)

@@ -96,7 +96,8 @@ class Transient:
         self.fluid, self.order, self.tolerance, self.accuracy = fluid, order, tolerance, accuracy
         self.interface = interface
         self._past: list[Past] = []
-        self._count = 0
+        self._count, self.next_length = 0, 0.0
+        self._length_kept: float | None = None
 
     def march(self, end: float, step: float) -> Iterator[TimeStep]:
         """Advance to `end`, yielding after each accepted step; lengths follow `accuracy` if it is set.
@@ -107,12 +108,13 @@ class Transient:
             ConvergenceError: a step failed even after ten halvings; the fluid holds the last good state.
         """
         start = self.fluid.time
+        step, self._length_kept = self._length_kept or step, None
         if self.accuracy is not None and not self._past:
             step *= np.sqrt(self.accuracy)
+        self.next_length = step
         while end - self.fluid.time > 1e-9 * (end - start):
-            length = _landing(end - self.fluid.time, step)
-            taken = self.advance(length)
-            step = step if self.accuracy is None else self._next_length(taken)
+            taken = self.advance(_landing(end - self.fluid.time, self.next_length))
+            self.next_length = step if self.accuracy is None else self._next_length(taken)
             yield taken
 
     def advance(self, length: float) -> TimeStep:
@@ -135,6 +137,19 @@ class Transient:
     def continue_on(self, fluid: Fluid, interface: Interface, past: Sequence[Past]) -> None:
         """Go on with a fluid on another mesh, whose state is the present one, and its past there. Collective."""
         self.fluid, self.interface, self._past = fluid, interface, list(past)
+
+    def resume(self, number: int, next_length: float, past: Sequence[Past]) -> None:
+        """Go on after so many steps with these states before the fluid's present one. Not collective.
+
+        The next march then begins with this length, whatever it is told.
+        """
+        self._count, self._past = number, list(past)
+        self._length_kept = next_length if number else None
+
+    @property
+    def number(self) -> int:
+        """How many steps have been accepted."""
+        return self._count
 
     @property
     def past(self) -> tuple[Past, ...]:

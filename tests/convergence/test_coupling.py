@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from floating import Floating, Floats, box_around, floating
 
-from incipient.fluid import Prescribed, TimeStep, no_slip
+from incipient.fluid import Condition, Prescribed, TimeStep, no_slip
 from incipient.fluid.transient import backward_difference
 from incipient.geometry.grain import Disc, Ellipse, Grain
 from incipient.geometry.placement import Placement
@@ -39,13 +39,20 @@ def lid(x: Floats, t: float) -> Floats:
     return np.vstack([16 * np.sin(np.pi * t) ** 2 * x[0] ** 2 * (1 - x[0]) ** 2, 0 * x[0]])
 
 
+LID = Prescribed("top", lid)
+
+
 @contextmanager
 def in_the_cavity(
-    grain: Grain, ratio: float, free: tuple[bool, bool, bool] = (True, True, True), **more: Any
+    grain: Grain,
+    ratio: float,
+    free: tuple[bool, bool, bool] = (True, True, True),
+    top: Condition = LID,
+    **more: Any,
 ) -> Iterator[Floating]:
     """A uniform body of a ratio of densities in the unit cavity."""
     placement = Placement((0.55, 0.6), 0.3)
-    conditions = [Prescribed("top", lid), *(no_slip(name) for name in ("left", "right", "bottom"))]
+    conditions = [top, *(no_slip(name) for name in ("left", "right", "bottom"))]
     domain = box_around(grain, placement, cell=0.08, far=0.15)
     mass, moment = ratio * grain.volume, ratio * grain.polar_moment
     with floating(domain, grain, placement, conditions, REYNOLDS, mass, moment, free, **more) as found:
@@ -144,19 +151,16 @@ def test_no_ringing(ratio: float) -> None:
         assert np.abs(third).max() < 40.0 * (END / count) ** 3
 
 
-def test_a_sudden_load_does_not_make_a_massless_body_ring() -> None:
-    """From rest under a constant force: ever faster, at an ever smaller acceleration (Stokes flow dissipates)."""
+@pytest.mark.parametrize("step", [0.002, 0.02, 0.2])
+def test_a_sudden_load_does_not_make_a_massless_body_ring(step: float) -> None:
+    """A constant force from rest: BDF2 overshoots by a hundredth, as on any stiff decay, and swings out at once."""
     load = np.array([0.02, -0.01, 0.001])
-    still = {"load": lambda state: load, "with_inertia": False}
-    for step in (0.002, 0.02, 0.2):
-        with in_the_cavity(DISC, 0.0, **still) as found:
-            # The lid takes no part in the first hundredths; the body meets nothing.
-            found.fluid.conditions, found.fluid.constraints._prescribed[0:1] = (), []
-            _, readings = found.march(12 * step, step)
-        along = readings[:, :3] @ load
-        # The second step is the first of second order.
-        assert np.all(np.diff(along) > -1e-9 * along.max())
-        assert np.all(np.diff(along, 2)[2:] < 1e-9 * along.max())
+    more = {"load": lambda state: load, "with_inertia": False, "top": no_slip("top")}
+    with in_the_cavity(DISC, 0.0, **more) as found:
+        _, readings = found.march(15 * step, step)
+    speed = readings[:, :3] @ load
+    assert speed.max() < 1.01 * speed[-1]
+    assert sign_changes(np.diff(speed, 2)[:, None]) <= 3
 
 
 # -- balance ------------------------------------------------------------------------------------
@@ -173,7 +177,7 @@ def test_momentum_is_balanced_at_the_end_of_every_step(ratio: float) -> None:
             order = 1 if len(lengths) == 1 else 2
             rate, _ = backward_difference(order, taken.length, taken.length / lengths[-1])
             state = found.coupling.state.velocities
-            momentum = masses * sum(a * u for a, u in zip(rate, [state, *past[::-1], 0.0], strict=False))
+            momentum = masses * sum(a * u for a, u in zip(rate, [state, *past[::-1]], strict=False))
             probe = found.coupling.probe.resultant()
             load = np.array([*probe.force[:2], probe.couple[2]])
             resisting = found.coupling._response.resistance @ state  # type: ignore[union-attr]

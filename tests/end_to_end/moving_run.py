@@ -49,10 +49,29 @@ RESULT = {
     "grain": {"centre": [4.4, 2.0], "angle": 2 * np.pi * TURNS, "size": 1.0},
     "verdict": None,
 }
-COLUMNS = (
-    "time step newton error x y angle velocity_x velocity_y spin force_x force_y couple interface "
-    "interface_residual mesh_quality meshes energy_fluid energy_body dissipation power"
-).split()
+COLUMNS = [
+    "time",
+    "step",
+    "newton",
+    "error",
+    "x",
+    "y",
+    "angle",
+    "velocity_x",
+    "velocity_y",
+    "spin",
+    "force_x",
+    "force_y",
+    "couple",
+    "interface",
+    "interface_residual",
+    "mesh_quality",
+    "meshes",
+    "energy_fluid",
+    "energy_body",
+    "dissipation",
+    "power",
+]
 
 
 def course(times):

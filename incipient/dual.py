@@ -1,0 +1,125 @@
+"""How far a steady force and couple are from converged: the dual-weighted residual, goal by goal.
+
+The computed flow is put into elements of one order more on the same mesh. One Newton correction there, with
+fresh factors, gives force and couple as they would be with that order: the difference is the estimated error.
+The same number is minus the residual of the computed flow weighted with the solution of the dual problem, the
+sensitivity of the goal to forces anywhere in the fluid (Becker and Rannacher 2001). The weighted residual,
+split by the hat functions of the mesh (Richter and Wick 2015), says where the error comes from.
+
+What neither sees: the geometry of curved boundaries, which both orders share, and whatever the scene
+leaves out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import dolfinx
+import numpy as np
+import ufl
+from dolfinx.fem import petsc
+from numpy.typing import NDArray
+from petsc4py import PETSc
+
+from . import compat
+from .fluid import Fluid
+from .fluid.space import boundary_blocks
+from .tractions import Resultant, TractionProbe
+
+Floats = NDArray[np.float64]
+
+
+class GoalErrors:
+    """Estimated errors of the force and couple on a boundary. Every method is collective.
+
+    Holds PETSc objects: use it as a context manager.
+
+    Args:
+        fluid: the solved steady flow; left as it is.
+        boundary: whose force and couple are looked at.
+        about: point (gdim,) that couples refer to.
+    """
+
+    def __init__(self, fluid: Fluid, boundary: str, about: Sequence[float]):
+        self.fluid = fluid
+        self.computed = TractionProbe(fluid, boundary, about).resultant()
+        self._boundary, self._about = boundary, np.asarray(about, dtype=float)
+        self.finer = fluid.at_order(fluid.space.order + 1)
+        self.finer.interpolate(fluid)
+        self._before = self.finer.state.x.array.copy()
+        self.finer.correct()
+        self._probe = TractionProbe(self.finer, boundary, about)
+        self.improved: Resultant = self._probe.resultant()
+
+    def __enter__(self) -> GoalErrors:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.finer.destroy()
+
+    @property
+    def force(self) -> Floats:
+        """(3,) computed force less that of the finer elements."""
+        return self.computed.force - self.improved.force
+
+    @property
+    def couple(self) -> Floats:
+        """(3,) computed couple less that of the finer elements."""
+        return self.computed.couple - self.improved.couple
+
+    def shares(self, goal: Floats) -> Floats:
+        """What each local vertex of the mesh contributes to the error of a goal: (vertices, ghosts included).
+
+        `goal` (k,), k = 3 in the plane and 6 in space, weights force and couple: the goal is their sum. The
+        contributions of all owned vertices add up to the error up to what the correction leaves of it.
+        """
+        weight = self._weight(goal)
+        mesh = self.fluid.domain.mesh
+        hats = compat.space(mesh, ("Lagrange", 1))
+        hat = ufl.TestFunction(hats)
+        finer, corrected = self.finer, self.finer.state.x.array.copy()
+        finer.state.x.array[:] = self._before
+        w, q = ufl.split(weight)
+        vector = petsc.assemble_vector(compat.form(finer.residual_form(hat * w, hat * q)))
+        vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        shares = dolfinx.fem.Function(hats)
+        shares.x.array[: vector.getLocalSize()] = vector.array_r
+        shares.x.scatter_forward()
+        vector.destroy()
+        finer.state.x.array[:] = corrected
+        return np.asarray(shares.x.array)
+
+    def _weight(self, goal: Floats) -> Any:
+        """The dual solution with the goal's boundary values, less its part in the computed flow's elements."""
+        finer = self.finer
+        weight = dolfinx.fem.Function(finer.space.mixed)
+        weight.x.array[:] = finer.dual(self._rigid_motion(goal))
+        weight.x.scatter_forward()
+        coarse = [
+            dolfinx.fem.Function(space) for space in (self.fluid.space.velocity, self.fluid.space.pressure)
+        ]
+        places = (finer.space.velocity_map, finer.space.pressure_map)
+        for space, function, mine in zip(
+            (finer.space.velocity, finer.space.pressure), coarse, places, strict=True
+        ):
+            part = dolfinx.fem.Function(space)
+            part.x.array[:] = weight.x.array[mine]
+            function.interpolate(part)
+            part.interpolate(function)
+            weight.x.array[mine] -= part.x.array
+        return weight
+
+    def _rigid_motion(self, goal: Floats) -> Floats:
+        """(local unknowns,) the goal's rigid motion on the boundary, zero elsewhere."""
+        space = self.finer.space
+        gdim = space.gdim
+        blocks = boundary_blocks(space.velocity, self.fluid.domain.facets_of(self._boundary))
+        arms = self.finer.constraints.points[blocks, :gdim] - self._about
+        if gdim == 2:
+            turned = goal[2] * np.column_stack([-arms[:, 1], arms[:, 0]])
+        else:
+            turned = np.cross(goal[3:], arms)
+        values = np.zeros_like(self.finer.state.x.array)
+        values[space.velocity_map.reshape(-1, gdim)[blocks]] = goal[:gdim] + turned
+        return values

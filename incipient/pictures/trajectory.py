@@ -1,0 +1,304 @@
+"""The picture of a moving grain: its path through the domain, and place and velocities against time."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Polygon
+from matplotlib.ticker import FuncFormatter, MaxNLocator
+
+from ..errors import OutputError
+from ..files import reported
+from ..geometry.placement import Placement
+from ..scene import Scene, load
+from . import style
+from .history import History, read_history
+from .outlines import bed_line, grain_outline
+from .plane import draw_bed
+from .style import GRAIN, INK, View
+
+_COLOURS = "viridis_r"
+_SEGMENTS = 3000  # of the path; more cannot be told apart
+_MOMENTS, _APART = 25, 0.5  # at which the grain may be drawn; smallest distance of two drawings [grain sizes]
+_FEW_TURNS = 3.0  # up to which the angle is shown in degrees
+_NEAR = 0.5  # of the domain: a path of smaller extent is shown enlarged beside it
+# Inches. A drawing in its axes, the axes of one quantity, and what is between and around them.
+_UP, _ACROSS, _WIDEST = 4.3, 4.3, 7.6
+_PANEL_ACROSS, _PANEL_UP, _BESIDE, _ABOVE = 2.0, 1.12, 0.62, 0.36
+_LEFT, _TOP, _BOTTOM, _BAR, _AXIS = 0.65, 0.85, 0.75, 0.95, 0.62
+
+Place = tuple[float, float, float, float]  # left, bottom, width, height in inches
+Shown = tuple[str, np.ndarray, float]  # title, values (n,), smallest range of the axis
+
+
+def draw(directory: Path, title: str = "") -> list[Path]:
+    """Draw trajectory.png from the history.csv and scene.toml of a directory. Not collective.
+
+    Raises:
+        OutputError: when one of them is missing or damaged, or the picture cannot be written.
+    """
+    path = directory / "trajectory.png"
+    scene = load(directory / "scene.toml")
+    if scene.grain is None or scene.placement is None:
+        raise OutputError(f"{directory / 'scene.toml'}: has no grain; run the scene again")
+    history = read_history(directory / "history.csv").started(scene.placement)
+    with style.applied(), reported(path):
+        made = figure(scene, history, title or scene.title)
+        made.savefig(path, dpi=style.DOTS_PER_INCH, pil_kwargs={"compress_level": 3})
+    return [path]
+
+
+def figure(scene: Scene, history: History, title: str) -> Figure:
+    """The path in the domain, enlarged if it is short, beside or above six quantities against time."""
+    views = _views(scene, history)
+    made, maps, bar, panels = _laid_out(views)
+    width, height = made.get_size_inches()
+    heading = textwrap.wrap(title, int(width * 11))[:2]
+    made.text(_LEFT / width, 1 - 0.2 / height, "\n".join(heading), fontsize=11, va="top")
+    norm = Normalize(history.times[0], max(history.times[-1], history.times[0] + 1e-12))
+    names = ("Path of the grain",) if len(maps) == 1 else ("Whole domain", "Path of the grain, enlarged")
+    for axes, view, name in zip(maps, views, names, strict=True):
+        axes.set(xlim=view[:2], ylim=view[2:], xlabel="x [scene units]", ylabel="y [scene units]", title=name)
+        _draw_domain(axes, scene, view)
+        marks = _draw_path(axes, scene, history, norm, view)
+    made.colorbar(ScalarMappable(norm, _COLOURS), cax=bar).set_label("time [scene units]")
+    new = _draw_quantities(panels, scene, history, norm)
+    handles, labels = zip(*marks, *new, strict=True)
+    made.legend(
+        handles, labels, loc="lower left", ncols=4, fontsize=8, borderpad=0, borderaxespad=0,
+        bbox_to_anchor=(_LEFT / width, 0.12 / height), columnspacing=1.6, handlelength=1.8,
+    )  # fmt: skip
+    return made
+
+
+# -- where things are on the sheet -------------------------------------------------------------------------
+
+
+def _views(scene: Scene, history: History) -> list[View]:
+    """The domain and, if the grain stays in a small part of it, that part."""
+    domain, grain = scene.domain, scene.grain
+    assert grain is not None
+    pad = 0.015 * max(domain.length, domain.height)
+    whole = (domain.left - pad, domain.right + pad, domain.bottom - pad, domain.ceiling + pad)
+    low, high = history.centres.min(axis=0) - 0.7 * grain.size, history.centres.max(axis=0) + 0.7 * grain.size
+    across, up = high - low
+    if max(across / domain.length, up / domain.height) >= _NEAR:
+        return [whole]
+    across, up = max(across, 0.8 * up), max(up, 0.6 * across)
+    x, y = (low + high) / 2
+    return [whole, (x - across / 2, x + across / 2, y - up / 2, y + up / 2)]
+
+
+def _laid_out(views: Sequence[View]) -> tuple[Figure, list[Axes], Axes, list[Axes]]:
+    """The sheet, axes for each view, for the colour bar, and for x, y, angle and their rates, in this order."""
+    aspects = np.array([(y1 - y0) / (x1 - x0) for x0, x1, y0, y1 in views])
+    beside = len(views) == 1 and aspects[0] > 0.55
+    widths = np.minimum(
+        _ACROSS if beside or len(views) > 1 else _WIDEST, _UP * np.maximum(aspects / 2, 1) / aspects
+    )
+    heights = widths * aspects
+    lefts = _LEFT + np.concatenate([[0.0], np.cumsum(widths + _AXIS + 0.1)[:-1]])
+    end, up = float(lefts[-1] + widths[-1]), float(heights.max())
+    size, panels = _panels_beside(end, up) if beside else _panels_below(end, up)
+    made, top = Figure(figsize=size), size[1] - _TOP
+    maps = [(x, top - h, w, h) for x, w, h in zip(lefts, widths, heights, strict=True)]
+    bar = (end + 0.12, top - heights[-1], 0.14, heights[-1])
+    axes = [_put(made, place) for place in (*maps, bar, *panels)]
+    return made, axes[: len(maps)], axes[len(maps)], axes[len(maps) + 1 :]
+
+
+def _panels_beside(end: float, up: float) -> tuple[tuple[float, float], list[Place]]:
+    """Size of the sheet and places of the quantities on the right of drawings: rates beside what they change."""
+    panel_up = max(_PANEL_UP, (up - 2 * _ABOVE) / 3)
+    high = 3 * panel_up + 2 * _ABOVE
+    left, bottom = end + _BAR + 0.45, _BOTTOM + max(up - high, 0.0)
+    places = [
+        (
+            left + column * (_PANEL_ACROSS + _BESIDE),
+            bottom + row * (panel_up + _ABOVE),
+            _PANEL_ACROSS,
+            panel_up,
+        )
+        for column in range(2)
+        for row in (2, 1, 0)
+    ]
+    return (left + 2 * _PANEL_ACROSS + _BESIDE + 0.25, _BOTTOM + max(up, high) + _TOP), places
+
+
+def _panels_below(end: float, up: float) -> tuple[tuple[float, float], list[Place]]:
+    """Size of the sheet and places of the quantities below drawings: rates below what they change."""
+    width = max(end + _BAR, _WIDEST)
+    across = (width - _LEFT - 0.25 - 2 * _BESIDE) / 3
+    places = [
+        (_LEFT + column * (across + _BESIDE), _BOTTOM + row * (_PANEL_UP + _ABOVE), across, _PANEL_UP)
+        for row in (1, 0)
+        for column in range(3)
+    ]
+    return (width, _BOTTOM + 2 * _PANEL_UP + 2 * _ABOVE + _AXIS + up + _TOP), places
+
+
+def _put(made: Figure, place: Place) -> Axes:
+    across, up = made.get_size_inches()
+    left, bottom, width, height = place
+    return made.add_axes((left / across, bottom / up, width / across, height / up))
+
+
+# -- the path ----------------------------------------------------------------------------------------------
+
+
+def _draw_domain(axes: Axes, scene: Scene, view: View) -> None:
+    """Walls as full lines, where fluid or stream comes and goes as broken ones, the bed with its ground."""
+    domain, bed = scene.domain, scene.bed_shape
+    left, right, low, high = domain.left, domain.right, domain.bottom, domain.ceiling
+    closed = domain.kind == "box"
+    on_top = closed or scene.top == "wall"
+    sides = [
+        ((left, left), (low, high), closed),
+        ((right, right), (low, high), closed),
+        ((left, right), (high, high), on_top),
+    ]
+    if bed is None:
+        sides.append(((left, right), (low, low), on_top or scene.flow.kind == "open-channel"))
+    else:
+        draw_bed(axes, bed_line(bed, left, right))
+    for x, y, wall in sides:
+        look = {"lw": 1.4} if wall else {"lw": 0.8, "ls": (0, (4, 3)), "alpha": 0.7}
+        axes.add_artist(Line2D(x, y, color=INK, zorder=3, **look))
+
+
+def _draw_path(
+    axes: Axes, scene: Scene, history: History, norm: Normalize, view: View
+) -> list[tuple[Artist, str]]:
+    """The centre's path and the grain at several moments, all in the colour of their time; what the marks mean."""
+    stride = max(1, len(history.times) // _SEGMENTS)
+    kept = np.unique(np.append(np.arange(0, len(history.times), stride), len(history.times) - 1))
+    points, times = history.centres[kept], history.times[kept]
+    pieces = np.stack([points[:-1], points[1:]], axis=1)
+    path = LineCollection(pieces, cmap=_COLOURS, norm=norm, lw=1.6, zorder=4, capstyle="round")
+    path.set_array((times[:-1] + times[1:]) / 2)
+    axes.add_collection(path, autolim=False)
+    colour = ScalarMappable(norm, _COLOURS).to_rgba
+    first, *between, last = _moments(scene, history)
+    for time in between:
+        _draw_grain(
+            axes, scene, history.at(time), {"ec": colour(time), "fc": "none", "lw": 0.8, "zorder": 4.5}
+        )
+    # The beginning is drawn in ink and broken, so that it shows below the end where both are one place.
+    start = _draw_grain(
+        axes,
+        scene,
+        history.at(first),
+        {"ec": INK, "fc": "none", "lw": 1.3, "ls": (0, (3, 1.5)), "zorder": 5.5},
+    )
+    end = _draw_grain(axes, scene, history.at(last), {"ec": INK, "fc": GRAIN, "lw": 1.7, "zorder": 5})
+    middle = Line2D([], [], color=colour(norm.vmin + 0.5 * (norm.vmax - norm.vmin)), lw=1.6)
+    spoke = Line2D([], [], color=INK, lw=1.2, marker="o", markevery=[0], ms=3)
+    return [
+        (start, f"grain at t = {first:.4g}"),
+        (end, f"grain at t = {last:.4g}"),
+        (middle, "its centre's path"),
+        (spoke, "its first axis"),
+    ]
+
+
+def _moments(scene: Scene, history: History) -> list[float]:
+    """First and last time and, of evenly spaced ones between, those at which the grain is clear of other places."""
+    assert scene.grain is not None
+    first, last = float(history.times[0]), float(history.times[-1])
+    kept = [first, last]
+    for time in np.linspace(first, last, _MOMENTS)[1:-1]:
+        here = np.array(history.at(time).centre)
+        distances = [np.linalg.norm(here - np.array(history.at(other).centre)) for other in kept]
+        if min(distances) > _APART * scene.grain.size:
+            kept.append(float(time))
+    return sorted(kept)
+
+
+def _draw_grain(axes: Axes, scene: Scene, placement: Placement, look: dict[str, object]) -> Artist:
+    """The outline, the centre, and a spoke along the grain's first axis."""
+    outline = grain_outline(scene.grain, placement)
+    body = axes.add_artist(Polygon(outline, joinstyle="round", **look))
+    local = placement.to_body(outline)
+    tip = outline[np.argmin(np.abs(np.arctan2(local[:, 1], local[:, 0])))]
+    spoke = np.array([placement.centre, tip])
+    width = 0.75 * float(str(look["lw"]))
+    axes.add_artist(
+        Line2D(
+            *spoke.T,
+            color=look["ec"],
+            lw=width,
+            marker="o",
+            markevery=[0],
+            ms=2.5 * width,
+            zorder=look["zorder"],
+        )
+    )
+    return body
+
+
+# -- against time ------------------------------------------------------------------------------------------
+
+
+def _draw_quantities(
+    panels: Sequence[Axes], scene: Scene, history: History, norm: Normalize
+) -> list[tuple[Artist, str]]:
+    """Place and rates; what the mark of a new mesh means, if there is one."""
+    made = history.remeshings
+    new = []
+    for k, (axes, (title, values, least)) in enumerate(zip(panels, _quantities(scene, history), strict=True)):
+        new = [axes.axvline(time, color="#9a9a9a", lw=0.6, ls=":") for time in made]
+        axes.plot(history.times, values, color=style.FLOW if k < 3 else style.MOTION, lw=1.2)
+        axes.set_title(title, fontsize=8.5)
+        axes.set_xlim(norm.vmin, norm.vmax)
+        _widen(axes, values, least)
+        axes.grid(color="#e2e2e2", lw=0.5)
+        axes.tick_params(labelsize=7.5)
+        axes.xaxis.set_major_locator(MaxNLocator(5))
+        axes.yaxis.set_major_locator(MaxNLocator(4))
+        axes.yaxis.set_major_formatter(FuncFormatter(_in_short))
+    lowest = min(axes.get_position().y0 for axes in panels)
+    for axes in panels:
+        if axes.get_position().y0 < lowest + 1e-6:
+            axes.set_xlabel("time [scene units]", fontsize=8)
+        else:
+            axes.tick_params(labelbottom=False)
+    return [(mark, "new mesh") for mark in new[:1]]
+
+
+def _quantities(scene: Scene, history: History) -> list[Shown]:
+    """Title, values and smallest range of axes: what is smaller is as good as constant."""
+    assert scene.grain is not None
+    size, velocity = scene.grain.size, scene.reference_velocity
+    angle = history["angle"]
+    turned = np.ptp(angle) > _FEW_TURNS * 2 * np.pi
+    unit, scale = ("turns", 2 * np.pi) if turned else ("degrees", np.pi / 180)
+    return [
+        ("x [scene units]", history["x"], 1e-3 * size),
+        ("y [scene units]", history["y"], 1e-3 * size),
+        (f"angle [{unit}]", angle / scale, 1e-2 if turned else 1.0),
+        ("velocity along x [scene units]", history["velocity_x"], 1e-4 * velocity),
+        ("velocity along y [scene units]", history["velocity_y"], 1e-4 * velocity),
+        ("spin [radians per unit of time]", history["spin"], 1e-4 * velocity / size),
+    ]
+
+
+def _widen(axes: Axes, values: np.ndarray, least: float) -> None:
+    """Limits around the values, at least `least` apart: round-off is not blown up."""
+    known = values[np.isfinite(values)]
+    low, high = (known.min(), known.max()) if len(known) else (0.0, 0.0)
+    middle, half = (low + high) / 2, max(high - low, least) / 2
+    axes.set_ylim(middle - 1.1 * half, middle + 1.1 * half)
+
+
+def _in_short(value: float, position: int) -> str:
+    return f"{value:.5g}".replace("-", "−")

@@ -1,0 +1,203 @@
+"""From a running simulation to its checkpoint, and back: into a simulation made anew, on any number of ranks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import checkpoint as checkpoints
+from .bodystate import BodyState
+from .checkpoint import Body, Checkpoint, Progress
+from .coupling import Coupling, End, Position
+from .domain import Domain
+from .errors import SceneError
+from .fluid import Transient
+from .fluid.transient import Past
+from .parallel import collectively
+from .redistribution import node_gatherer, spread_flow, spread_mesh, spread_nodes, whole_flow, whole_mesh
+from .remeshing import Remeshing
+from .rigidbody import MeanLoad
+from .scene import Scene, load
+from .scene.file import dumps, loads
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from .simulation import Simulation
+    from .trajectory import Trajectory
+
+Floats = NDArray[np.float64]
+
+# What a scene may be resumed with in place of what it was run with.
+MAY_CHANGE = ("time.end",)
+
+
+def reopened(directory: Path, overrides: Sequence[str], comm: MPI.Comm) -> tuple[Scene, Checkpoint]:
+    """The scene and the checkpoint of a run that was cut short, on every rank. Collective.
+
+    Raises:
+        OutputError: the checkpoint is missing, damaged, incomplete or of another version.
+        SceneError: the scene differs from that of the checkpoint, or there is nothing left to compute.
+    """
+    found = None
+    with collectively(comm):
+        if comm.rank == 0:
+            kept = checkpoints.read(directory / checkpoints.NAME)
+            scene = load(directory / "scene.toml", overrides)
+            _require_same(directory / "scene.toml", scene, loads(kept.scene))
+            _require_work(scene, kept)
+            found = scene, kept
+    reopened: tuple[Scene, Checkpoint] = comm.bcast(found)
+    return reopened
+
+
+def _require_same(path: Path, scene: Scene, of_checkpoint: Scene) -> None:
+    now, before = (dict(_flat(one.model_dump(mode="json"))) for one in (scene, of_checkpoint))
+    for key in sorted(now.keys() | before.keys()):
+        if now.get(key) != before.get(key) and key not in MAY_CHANGE:
+            raise SceneError(
+                f"{path}: {key} is {now.get(key)}, but the run to resume has {before.get(key)}; "
+                f"leave it so (only {', '.join(MAY_CHANGE)} may change) or start anew with: incipient run"
+            )
+
+
+def _require_work(scene: Scene, kept: Checkpoint) -> None:
+    assert scene.time is not None
+    if kept.body is not None and kept.body.met:
+        raise SceneError("the run has ended: its grain met something; there is nothing to resume")
+    if scene.time.end - kept.time <= 1e-9 * scene.time.end:
+        raise SceneError(
+            f"the run has come to t = {kept.time:g} already and time.end is {scene.time.end:g}; "
+            "to go on give a later one, such as --set time.end=" + f"{2 * kept.time:g}"
+        )
+
+
+def _flat(data: Any, key: str = "") -> list[tuple[str, Any]]:
+    if not isinstance(data, dict):
+        return [(key, data)]
+    return [pair for k, value in data.items() for pair in _flat(value, f"{key}.{k}" if key else k)]
+
+
+# -- to the checkpoint ------------------------------------------------------------------------------
+
+
+def collected(simulation: Simulation) -> Checkpoint:
+    """All that the simulation needs to go on; arrays are empty but on rank 0. Collective.
+
+    To be called between steps, when the last one has been recorded.
+    """
+    transient = simulation.transient
+    assert transient is not None
+    fluid = transient.fluid
+    states = [fluid.state.x.array, *(one.state for one in transient.past)]
+    return Checkpoint(
+        scene=dumps(simulation.scene),
+        progress=_progress(simulation, transient),
+        mesh=whole_mesh(fluid.domain),
+        times=np.array([fluid.time, *(one.time for one in transient.past)]),
+        flow=whole_flow(fluid, states),
+        body=None if simulation.trajectory is None else _body(simulation.trajectory),
+    )
+
+
+def _progress(simulation: Simulation, transient: Transient) -> Progress:
+    statistics = transient.fluid.solver.statistics
+    return Progress(
+        number=transient.number,
+        next_length=transient.next_length,
+        first_motion=simulation.first_motion,
+        iterations=dict(simulation.iterations),
+        linear=asdict(statistics),
+        wall_time=dict(simulation.ledger.wall_time),
+        total=simulation.ledger.total(),
+    )
+
+
+def _body(travel: Trajectory) -> Body:
+    coupling, transient, mesh = travel.coupling, travel.transient, travel.domain.mesh
+    nodes, motion, mean = node_gatherer(mesh), travel.coupling.motion, travel.coupling.mean_load
+    size = travel.body.size
+    return Body(
+        made=nodes.gathered(motion.reference),
+        weights=nodes.gathered(motion.weights),
+        made_for=BodyState.at(motion.placement).packed(),
+        states=np.array([one.state.packed() for one in coupling.past]),
+        times=np.array([one.state.time for one in coupling.past]),
+        places=np.array([nodes.gathered(one.places) for one in coupling.past]),
+        mean_load=mean.previous,
+        mean_load_order=mean.order,
+        mean_load_step=mean.last_step,
+        load=coupling.end.load,
+        flow_load=coupling.end.flow_load,
+        length=coupling.end.length,
+        velocities=np.array([one.velocities for one in transient.past]).reshape(-1, size),
+        met=coupling.met,
+        remeshings=[asdict(one) for one in travel.remeshings],
+        interface_iterations=np.array(travel.interface_iterations),
+    )
+
+
+# -- from the checkpoint ----------------------------------------------------------------------------
+
+
+def domain_of(kept: Checkpoint, comm: MPI.Comm) -> Domain:
+    """The mesh, where it was when it was made. Collective."""
+    domain = spread_mesh(comm, kept.mesh)
+    if kept.body is not None:
+        domain.mesh.geometry.x[:] = spread_nodes(domain.mesh, kept.body.made)
+    return domain
+
+
+def put_back_costs(kept: Progress, simulation: Simulation) -> None:
+    """Let the simulation count on from what the sessions before have cost. Not collective."""
+    simulation.first_motion, simulation.iterations = kept.first_motion, dict(kept.iterations)
+    simulation.ledger.count(kept.wall_time, kept.total)
+
+
+def put_back_flow(kept: Checkpoint, transient: Transient) -> None:
+    """Give the fluid its state, and the time integration its past. Collective."""
+    fluid = transient.fluid
+    present, *past = spread_flow(fluid, kept.flow)
+    fluid.state.x.array[:], fluid.time = present, kept.time
+    velocities = np.zeros((len(past), 0)) if kept.body is None else kept.body.velocities
+    pasts = [Past(*one) for one in zip(kept.times[1:].tolist(), past, velocities, strict=True)]
+    transient.resume(kept.progress.number, kept.progress.next_length, pasts)
+    for name, number in kept.progress.linear.items():
+        setattr(fluid.solver.statistics, name, number)
+
+
+def state_of_mesh(kept: Body) -> BodyState:
+    """The grain's place for which the stored mesh was made, with which the coupling is to be made anew."""
+    return BodyState.unpacked(kept.made_for)
+
+
+def put_back_body(kept: Checkpoint, travel: Trajectory) -> None:
+    """Move the mesh to where it was, give the grain its state and past, then the flow. Collective.
+
+    The trajectory is one made on the stored mesh, with the grain where `state_of_mesh` says.
+    """
+    body, coupling = kept.body, travel.coupling
+    assert body is not None
+    mesh = travel.domain.mesh
+    coupling.motion.weights[:] = spread_nodes(mesh, body.weights)
+    travel.remeshings = [Remeshing(**one) for one in body.remeshings]
+    travel.interface_iterations = body.interface_iterations.astype(int).tolist()
+    _put_back_coupling(body, coupling, mesh)
+    mesh.geometry.x[:] = coupling.past[0].places
+    coupling.fluid.constraints.boundary_points_moved()
+    put_back_flow(kept, travel.transient)
+
+
+def _put_back_coupling(body: Body, coupling: Coupling, mesh: Any) -> None:
+    states = [BodyState.unpacked(*one) for one in zip(body.states, body.times.tolist(), strict=True)]
+    coupling.past = [
+        Position(state, spread_nodes(mesh, places)) for state, places in zip(states, body.places, strict=True)
+    ]
+    coupling.state, coupling.met = states[0], body.met
+    coupling.end = End(states[0], body.load, body.flow_load, body.length)
+    coupling.mean_load = MeanLoad(body.mean_load_order, body.mean_load, body.mean_load_step)

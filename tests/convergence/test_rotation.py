@@ -1,0 +1,144 @@
+"""A disc that turns in an annulus full of fluid, against the exact solution.
+
+Source: the azimuthal velocity v(r, t) between concentric circles obeys dv/dt = nu (v'' + v'/r - v/r^2), the couple
+on the inner one is 2 pi a^2 nu (v' - v/r) there, and J d(spin)/dt = couple (Batchelor, An Introduction to Fluid
+Dynamics, section 4.5). It is solved here by Chebyshev collocation in r and an implicit Runge-Kutta method in t, to
+eight digits, independently of the program.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from domains import ring
+from floating import Floats, floating
+from scipy.integrate import solve_ivp
+
+from incipient.fluid import Prescribed
+from incipient.geometry.grain import Disc
+from incipient.geometry.placement import Placement
+
+INNER, OUTER, VISCOSITY, END = 0.5, 1.0, 0.1, 0.8
+FREE, TURNS_ONLY = (True, True, True), (False, False, True)
+
+
+def at_rest(t: float) -> float:
+    return 0.0
+
+
+def ramp(t: float) -> float:
+    """From zero to one until t = 0.4, twice differentiable."""
+    s = np.clip(t / 0.4, 0.0, 1.0)
+    return float(s**3 * (10 - 15 * s + 6 * s**2))
+
+
+# -- the exact solution -------------------------------------------------------------------------
+
+
+def differentiation(n: int) -> tuple[Floats, Floats]:
+    """Chebyshev's matrix of derivatives (n + 1, n + 1) and points from 1 to -1 (Trefethen 2000, chapter 6)."""
+    x = np.cos(np.pi * np.arange(n + 1) / n)
+    ends = np.r_[2.0, np.ones(n - 1), 2.0] * (-1.0) ** np.arange(n + 1)
+    matrix = np.outer(ends, 1 / ends) / (x[:, None] - x + np.eye(n + 1))
+    return matrix - np.diag(matrix.sum(axis=1)), x
+
+
+def exact_spins(inertia: float, spin: float, wall: Callable[[float], float], times: Floats) -> Floats:
+    """Spins of the disc, started in fluid at rest in an outer circle that turns with `wall(t)`."""
+    n = 28
+    derivative, x = differentiation(n)
+    radius = INNER + (OUTER - INNER) * (1 + x) / 2
+    derivative *= 2 / (OUTER - INNER)
+    viscous = VISCOSITY * (derivative @ derivative + (derivative - np.eye(n + 1) / radius) / radius[:, None])
+    couple = 2 * np.pi * INNER**2 * VISCOSITY * (derivative[n] - np.eye(n + 1)[n] / INNER)
+
+    def profile(t: float, inside: Floats) -> Floats:
+        v = np.concatenate([[wall(t) * OUTER], inside[: n - 1], [0.0]])
+        # Without inertia the couple vanishes.
+        v[n] = inside[-1] * INNER if inertia else -(couple[:n] @ v[:n]) / couple[n]
+        return v
+
+    def rate(t: float, inside: Floats) -> Floats:
+        v = profile(t, inside)
+        return np.append((viscous @ v)[1:n], [couple @ v / inertia] if inertia else [])
+
+    start = np.append(np.zeros(n - 1), [spin] if inertia else [])
+    found = solve_ivp(rate, (0.0, times[-1]), start, "Radau", times, rtol=1e-10, atol=1e-12)
+    return np.array([profile(t, y)[n] / INNER for t, y in zip(found.t, found.y.T, strict=True)])
+
+
+# -- the program's ------------------------------------------------------------------------------
+
+
+def readings(
+    inertia: float,
+    spin: float,
+    wall: Callable[[float], float],
+    step: float,
+    end: float = END,
+    free: tuple[bool, bool, bool] = TURNS_ONLY,
+    around: int = 48,
+) -> Floats:
+    """Velocities and places (steps + 1, 6) of the disc."""
+
+    def turning(x: Floats, t: float) -> Floats:
+        return wall(t) * np.vstack([-x[1], x[0]])
+
+    domain, centre = ring(INNER, OUTER, around, order=2), Placement((0.0, 0.0))
+    with floating(
+        domain,
+        Disc(2 * INNER),
+        centre,
+        [Prescribed("outer", turning)],
+        1 / VISCOSITY,
+        mass=np.pi * INNER**2,
+        inertia=inertia,
+        free=free,
+        velocities=(0.0, 0.0, spin),
+        boundary="inner",
+    ) as found:
+        steps, values = found.march(end, step)
+    assert max(taken.report.corrected for taken in steps) <= 3  # type: ignore[attr-defined]
+    return values
+
+
+def errors(inertia: float, spin: float, wall: Callable[[float], float]) -> Floats:
+    """Largest errors of the spin at t = 0.4, 0.6, 0.8 for steps of 1/20, 1/40, 1/80."""
+    times = np.array([0.4, 0.6, 0.8])
+    exact = exact_spins(inertia, spin, wall, times)
+    found = []
+    for count in (20, 40, 80):
+        spins = readings(inertia, spin, wall, 1 / count)[:, 2]
+        found.append(np.abs(spins[np.round(times * count).astype(int)] - exact).max())
+    print(inertia, spin, exact, found)
+    return np.array(found)
+
+
+@pytest.mark.parametrize("inertia", [0.02, 1.0])
+def test_released_with_a_spin(inertia: float) -> None:
+    """The spin jumps against fluid at rest and decays: second order after the jump all the same."""
+    found = errors(inertia, 1.0, at_rest)
+    assert found[-1] < 2e-5
+    assert found[0] / found[-1] > 10.0
+
+
+def test_without_inertia_a_spin_is_gone_at_once() -> None:
+    """No angular momentum that the fluid could take up."""
+    assert np.abs(readings(0.0, 1.0, at_rest, 0.1)[1:, 2]).max() < 1e-12
+
+
+@pytest.mark.parametrize("inertia", [0.0, 0.02, 1.0])
+def test_carried_along_by_the_outer_circle(inertia: float) -> None:
+    found = errors(inertia, 0.0, ramp)
+    assert found[-1] < 1e-4
+    assert np.log2(found[:-1] / found[1:]) == pytest.approx([2.0, 2.0], abs=0.25)
+
+
+@pytest.mark.parametrize("inertia", [0.0, 0.02, 1.0])
+def test_turns_with_the_outer_circle_in_the_end(inertia: float) -> None:
+    """As one with it, as a rigid body; free in all its motions it stays in the middle, on a mesh that is not even."""
+    values = readings(inertia, 0.0, ramp, 1.0, end=200.0, free=FREE, around=24)
+    assert values[-1, 2] == pytest.approx(1.0, abs=1e-6)
+    assert np.abs(values[:, 3:5]).max() < 1e-3
