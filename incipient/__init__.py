@@ -12,10 +12,11 @@ element library is loaded when something is computed.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .errors import ConvergenceError, IncipientError, MeshError, OutputError, SceneError
+from .errors import ConvergenceError, IncipientError, Interrupted, MeshError, OutputError, SceneError
 from .plan import Plan, make_plan
 from .scene import Scene, load
 
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 __all__ = [
     "ConvergenceError",
     "IncipientError",
+    "Interrupted",
     "MeshError",
     "OutputError",
     "Plan",
@@ -35,6 +37,7 @@ __all__ = [
     "SceneError",
     "load",
     "make_plan",
+    "resume",
     "run",
 ]
 
@@ -65,3 +68,33 @@ def run(
     from .output.directory import ResultDirectory
 
     return simulate(scene, comm, ResultDirectory(Path(directory), comm), voice)
+
+
+def resume(
+    directory: Path | str,
+    overrides: Sequence[str] = (),
+    comm: MPI.Comm | None = None,
+    voice: Silent | None = None,
+) -> Result:
+    """Go on with a run that was cut short, from the checkpoint in its directory. Collective over `comm`.
+
+    The number of ranks need not be that of the run. History and fields go on where the checkpoint was written.
+
+    Args:
+        directory: of the run.
+        overrides: such as ``"time.end=20"``; nothing else may change.
+        voice: as for `run`.
+
+    Raises:
+        IncipientError: as `run`; and when the checkpoint is missing, damaged, incomplete, of another version or
+            of another scene, or when there is nothing left to compute.
+    """
+    from mpi4py import MPI as mpi
+
+    from .output.directory import ResultDirectory
+    from .reopening import reopened
+    from .simulation import simulate
+
+    comm, directory = comm or mpi.COMM_WORLD, Path(directory)
+    scene, kept = reopened(directory, overrides, comm)
+    return simulate(scene, comm, ResultDirectory(directory, comm, kept), voice, kept)

@@ -215,3 +215,15 @@ def turning(orientation: Floats, spin: Floats) -> Floats:
         return spin
     w, v = orientation[0], orientation[1:]
     return 0.5 * np.array([-(spin @ v), *(w * spin + cross(spin, v))])
+
+
+def rigid_velocity(state: BodyState, x: Floats) -> Floats:
+    """Velocities (n, gdim) of a body's points (n, gdim)."""
+    return state.velocity + turned(state.spin, x - state.place)
+
+
+def turned(spin: Floats, arms: Floats) -> Floats:
+    """spin x arms, (n, gdim); the spin is (1,) in the plane."""
+    if arms.shape[1] == 2:
+        return spin[0] * np.column_stack([-arms[:, 1], arms[:, 0]])
+    return np.cross(spin, arms)

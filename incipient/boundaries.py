@@ -90,7 +90,7 @@ def conditions(scene: Scene, held: bool = False) -> list[Condition]:
 
 def _velocity_at_first(scene: Scene) -> Velocity:
     """Of the surface of a moving grain at time zero."""
-    from .coupling import rigid_velocity
+    from .bodystate import rigid_velocity
     from .trajectory import initial_state
 
     state = initial_state(scene)

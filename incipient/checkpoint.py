@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from .errors import OutputError
 from .files import write_bytes_atomically
-from .redistribution import WholeFlow, WholeMesh
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 T = TypeVar("T")
 
 NAME = "checkpoint.h5"
@@ -54,6 +54,34 @@ class Progress:
     linear: dict[str, int]
     wall_time: dict[str, float]
     total: float
+
+
+@dataclass(frozen=True, eq=False)
+class WholeMesh:
+    """A mesh with its named boundaries.
+
+    nodes:  (n, gdim) places
+    cells:  (cells, nodes per cell) rows of `nodes`, in the library's order within a cell
+    facets: (facets, gdim) rows of `nodes`, ascending: the corners of each named facet
+    tags:   (facets,) numbers of their names
+    """
+
+    degree: int
+    nodes: Floats
+    cells: Integers
+    facets: Integers
+    tags: Integers
+    names: dict[str, int]
+
+
+@dataclass(frozen=True, eq=False)
+class WholeFlow:
+    """States of a flow: velocities (states, n, gdim) and pressures (states, m) at their nodes (n, 3), (m, 3)."""
+
+    velocity_points: Floats
+    pressure_points: Floats
+    velocities: Floats
+    pressures: Floats
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""The command `incipient`: run, threshold, plan, show, judge, new, schema."""
+"""The command `incipient`: run, resume, threshold, plan, show, judge, new, schema."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ from .interrupt import forget_unfinished_form
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+
+    from .result import Result
 
 INTERRUPTED = 130
 TO_SPEAK = 0.5  # seconds that other ranks leave the first to say why, before they end all
@@ -66,6 +68,11 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument(
         "--out", type=Path, help="directory for the results (default: results/NAME OF THE SCENE)"
     )
+    resume = command("resume", _resume, "go on with a run that was cut short (also under mpirun)")
+    resume.add_argument("directory", type=Path, help="directory of the run")
+    resume.add_argument(
+        "--set", dest="overrides", action="append", default=[], metavar="KEY=VALUE", help="time.end=..., only"
+    )
     threshold = command(
         "threshold", _threshold, "find the flow at which the scene's grain first moves", scene
     )
@@ -103,11 +110,28 @@ def _run(options: argparse.Namespace, comm: MPI.Comm) -> int:
     )
     with telling(comm.rank) as voice:
         result = incipient.run(scene, directory, comm, voice)
-    pictures = _pictures(directory, comm) if scene.output.pictures else []
+    _tell(result, directory, comm)
+    return 0
+
+
+def _resume(options: argparse.Namespace, comm: MPI.Comm) -> int:
+    import incipient
+
+    from .progress import telling
+
+    with telling(comm.rank) as voice:
+        result = incipient.resume(options.directory, options.overrides, comm, voice)
+    _tell(result, options.directory, comm)
+    return 0
+
+
+def _tell(result: Result, directory: Path, comm: MPI.Comm) -> None:
+    """Draw the pictures if the scene wants some, and say what came out and where it is."""
+    output = result.scene["output"]
+    pictures = _pictures(directory, comm) if output["pictures"] else []
     if comm.rank == 0:
         print(result.text())
-        print(_whereabouts(directory, scene.output.fields, pictures, result.cost))
-    return 0
+        print(_whereabouts(directory, output["fields"], pictures, result.cost))
 
 
 def _threshold(options: argparse.Namespace, comm: MPI.Comm) -> int:

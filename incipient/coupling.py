@@ -18,7 +18,8 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from .bodystate import BodyState
+from .bodystate import BodyState, rigid_velocity, turned
+from .errors import ConvergenceError, SceneError
 from .fluid import Fluid
 from .fluid.newton import NewtonReport
 from .fluid.space import boundary_blocks
@@ -133,6 +134,9 @@ class Coupling:
 
     def attempt(self, length: float, order: int) -> InterfaceReport:
         """Iterate on the body's velocities at the end of a step from the last state."""
+        if order != self.mean_load.order:
+            # Factors of the other backward difference serve badly.
+            self.fluid.renew_factors()
         self.mean_load = replace(self.mean_load, order=order)
         end = self.predicted(length, order)
         sizes: list[float] = []
@@ -143,7 +147,15 @@ class Coupling:
             sizes.extend(flow.corrections)
             if not flow.converged:
                 break
-            improved, residual = self._improved(end, length)
+            try:
+                improved, residual = self._improved(end, length)
+            except ConvergenceError:
+                break
+            except SceneError:
+                # A folded mesh offers no resistance; a shorter step need not fold it.
+                if self.motion.quality().worst > 0.0:
+                    raise
+                break
             residuals.append(residual)
             if residual <= self.tolerance:
                 self.quality = self.motion.quality()
@@ -319,15 +331,3 @@ class Coupling:
         arms = self.fluid.constraints.points[self._blocks, : self.body.gdim] - self.state.place
         mine = float(np.sqrt((arms**2).sum(axis=1)).max(initial=0.0))
         return float(self.fluid.domain.comm.allreduce(mine, op=MPI.MAX))
-
-
-def rigid_velocity(state: BodyState, x: Floats) -> Floats:
-    """Velocities (n, gdim) of a body's points (n, gdim)."""
-    return state.velocity + turned(state.spin, x - state.place)
-
-
-def turned(spin: Floats, arms: Floats) -> Floats:
-    """spin x arms, (n, gdim); the spin is (1,) in the plane."""
-    if arms.shape[1] == 2:
-        return spin[0] * np.column_stack([-arms[:, 1], arms[:, 0]])
-    return np.cross(spin, arms)

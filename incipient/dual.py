@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from . import compat
+from .bodystate import turned
 from .fluid import Fluid
 from .fluid.space import boundary_blocks
 from .tractions import Resultant, TractionProbe
@@ -116,10 +117,6 @@ class GoalErrors:
         gdim = space.gdim
         blocks = boundary_blocks(space.velocity, self.fluid.domain.facets_of(self._boundary))
         arms = self.finer.constraints.points[blocks, :gdim] - self._about
-        if gdim == 2:
-            turned = goal[2] * np.column_stack([-arms[:, 1], arms[:, 0]])
-        else:
-            turned = np.cross(goal[3:], arms)
         values = np.zeros_like(self.finer.state.x.array)
-        values[space.velocity_map.reshape(-1, gdim)[blocks]] = goal[:gdim] + turned
+        values[space.velocity_map.reshape(-1, gdim)[blocks]] = goal[:gdim] + turned(goal[gdim:], arms)
         return values

@@ -142,6 +142,22 @@ def append_row(path: Path, row: Mapping[str, float | int | str]) -> None:
             raise
 
 
+def cut(path: Path, rows: int, size: int) -> None:
+    """Cut a CSV file back to its first `size` bytes, a header and so many rows; without rows it goes.
+
+    Raises:
+        OutputError: when it is shorter, those bytes are not so many rows, or it cannot be written.
+    """
+    with reported(path):
+        if rows == 0:
+            path.unlink(missing_ok=True)
+            return
+        head = path.read_bytes()[:size] if path.exists() else b""
+        if len(head) < size or head.count(b"\n") != rows + 1 or not head.endswith(b"\n"):
+            raise OutputError(f"{path}: has lost some of its {rows} rows; put the file back, or start anew")
+        os.truncate(path, size)
+
+
 def _write_fully(stream: io.RawIOBase, data: bytes) -> None:
     """Write without a buffer, which would be written once more when the stream is closed after a failure."""
     while data:

@@ -8,7 +8,6 @@ by place.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import dolfinx
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from . import compat
+from .checkpoint import WholeFlow, WholeMesh
 from .domain import Domain
 from .errors import OutputError
 from .fluid import Fluid
@@ -28,34 +28,6 @@ Integers = NDArray[np.int64]
 
 # How far, relative to the mesh's size, a node may be from where its value was stored.
 SAME_PLACE = 1e-10
-
-
-@dataclass(frozen=True, eq=False)
-class WholeMesh:
-    """A mesh with its named boundaries.
-
-    nodes:  (n, gdim) places
-    cells:  (cells, nodes per cell) rows of `nodes`, in the library's order within a cell
-    facets: (facets, gdim) rows of `nodes`, ascending: the corners of each named facet
-    tags:   (facets,) numbers of their names
-    """
-
-    degree: int
-    nodes: Floats
-    cells: Integers
-    facets: Integers
-    tags: Integers
-    names: dict[str, int]
-
-
-@dataclass(frozen=True, eq=False)
-class WholeFlow:
-    """States of a flow: velocities (states, n, gdim) and pressures (states, m) at their nodes (n, 3), (m, 3)."""
-
-    velocity_points: Floats
-    pressure_points: Floats
-    velocities: Floats
-    pressures: Floats
 
 
 class Gatherer:

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import compat
-from .coupling import Coupling, Position, rigid_velocity
+from .bodystate import rigid_velocity
+from .coupling import Coupling, Position
 from .energy import EnergyBudget
 from .errors import MeshError
 from .fluid import Fluid

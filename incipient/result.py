@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .plan import Plan
 from .sampling import Extremum
+
+if TYPE_CHECKING:
+    from .errorbars import ErrorBars
 
 SCHEMA_VERSION = 1
 
@@ -87,6 +90,7 @@ class Result:
     centrelines: dict[str, Extremum] | None
     cost: dict[str, Any]
     trajectory: dict[str, Any] | None = None
+    error_bars: ErrorBars | None = None
     status: str = "complete"
     error: str = ""
     velocity: Any = field(default=None, repr=False)
@@ -102,6 +106,7 @@ class Result:
             stored[name] = None if part is None else asdict(part)
         if self.force is not None:
             stored["force"]["total"] = self.force.total
+        stored["error_bars"] = None if self.error_bars is None else self.error_bars.to_dict()
         if self.gap is not None:
             stored["gap"]["resolved"] = self.gap.resolved
         stored["centrelines"] = self.centrelines and {k: asdict(e) for k, e in self.centrelines.items()}
@@ -119,6 +124,8 @@ def _lines(result: Result) -> list[str]:
         lines.append(
             f"force of the flow   ({f[0]:.6g}, {f[1]:.6g})   couple {c[2]:.6g} about the centre of mass"
         )
+    if result.error_bars is not None:
+        lines += _bars(result.error_bars)
     if result.coefficients is not None:
         k = result.coefficients
         lines.append(f"coefficients        drag {k.drag:.6g}   lift {k.lift:.6g}   moment {k.moment:.6g}")
@@ -134,6 +141,18 @@ def _lines(result: Result) -> list[str]:
     if result.verdict is not None:
         said = result.verdict["sentence"].split("; ", 1)
         lines += [f"{'' if row else 'verdict':<20}{part}" for row, part in enumerate(said)]
+    if result.error_bars is not None and result.error_bars.safety is not None:
+        lines.append(f"{'':<20}{result.error_bars.safety.sentence()}")
+    return lines
+
+
+def _bars(bars: ErrorBars) -> list[str]:
+    """Errors and where they come from."""
+    f, c = bars.force, bars.couple
+    lines = [f"error bars          ({f[0]:.1e}, {f[1]:.1e})   couple {c[2]:.1e}"]
+    for term in bars.terms:
+        f, c = term.force, term.couple
+        lines.append(f"  {term.name:<18}({f[0]:.1e}, {f[1]:.1e})   couple {c[2]:.1e}   {term.how}")
     return lines
 
 

@@ -7,88 +7,35 @@ told through a `Recorder` and a voice; this module writes nothing.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from . import layout as layouts
-from .errors import IncipientError, OutputError
+from .errors import IncipientError, Interrupted, OutputError
+from .interrupt import Interruption
 from .ledger import Ledger, peak_memory_mib
 from .plan import Estimate, Plan, make_plan
 from .progress import Silent
+from .recorder import Recorder, Unrecorded
 from .scene import Scene
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from mpi4py import MPI
 
     from .checkpoint import Checkpoint
     from .contact import Contacts
     from .domain import Domain
+    from .errorbars import ErrorBars
     from .fluid import Fluid, TimeStep, Transient
     from .result import Couples, Forces, Gap, Result
     from .sampling import Extremum
     from .tractions import TractionProbe
     from .trajectory import Trajectory
-
-
-class Recorder(Protocol):
-    """Where a run leaves its results while it goes on. All methods are collective.
-
-    `keeps` says whether `keep` does anything.
-    """
-
-    keeps: bool
-
-    def begin(self, scene: Scene, plan: Plan, domain: Domain) -> None:
-        """The mesh is there; computation begins."""
-
-    def wants_fields(self, number: int, last: bool) -> bool:
-        """Whether the fields of this step shall be handed over."""
-
-    def step(self, row: dict[str, Any]) -> None:
-        """A time step was accepted."""
-
-    def remeshed(self, domain: Domain) -> None:
-        """From now on fields are on another mesh."""
-
-    def fields(self, time: float, fields: dict[str, Any], traction: Any) -> None:
-        """Fields on the mesh, and the traction on the grain's surface (None without a grain)."""
-
-    def keep(self, checkpoint: Checkpoint) -> Path | None:
-        """Keep what the run needs to go on; where, None if nowhere."""
-
-    def finish(self, result: Result) -> None:
-        """The run is over, whether complete or not."""
-
-
-class Unrecorded:
-    """Keeps nothing; the result object is all there is."""
-
-    keeps = False
-
-    def begin(self, scene: Scene, plan: Plan, domain: Domain) -> None:
-        """Nothing."""
-
-    def wants_fields(self, number: int, last: bool) -> bool:
-        """No."""
-        return False
-
-    def step(self, row: dict[str, Any]) -> None:
-        """Nothing."""
-
-    def remeshed(self, domain: Domain) -> None:
-        """Nothing."""
-
-    def fields(self, time: float, fields: dict[str, Any], traction: Any) -> None:
-        """Nothing."""
-
-    def keep(self, checkpoint: Checkpoint) -> Path | None:
-        """Nowhere."""
-
-    def finish(self, result: Result) -> None:
-        """Nothing."""
 
 
 def simulate(
@@ -125,7 +72,8 @@ class Simulation:
 
     def run(self) -> Result:
         """Plan, mesh, solve, judge. Collective."""
-        with self.prepared():
+        self.interruption = Interruption(self.comm)
+        with self.interruption if self.recorder.keeps else nullcontext(), self.prepared():
             return self._solved()
 
     @contextmanager
@@ -176,7 +124,9 @@ class Simulation:
             told = self._kept_after(error)
             with suppress(OutputError):  # a full disk is told of once, and another failure before it
                 self.recorder.finish(self._result("failed", str(told)))
-            raise told from error.__cause__
+            if told is error:
+                raise
+            raise told from error
         result = self._result()
         self.recorder.finish(result)
         return result
@@ -236,6 +186,7 @@ class Simulation:
         return min(1.0, 200.0 / whole)
 
     def _march(self) -> None:
+        from . import resumption
         from .fluid import Transient
 
         time, numerics = self.scene.time, self.scene.numerics
@@ -252,6 +203,7 @@ class Simulation:
 
     def _travel(self) -> None:
         """March with a grain that moves."""
+        from . import resumption
         from .trajectory import Trajectory
 
         time = self.scene.time
@@ -277,7 +229,8 @@ class Simulation:
         self.fluid, self.domain, self.probe = travel.fluid, travel.domain, travel.coupling.probe
 
     def _timed(self, steps: Iterator[TimeStep]) -> Iterator[TimeStep]:
-        """The steps, each counted and its time taken."""
+        """The steps, each counted and its time taken; from the first on, the run can be stopped between them."""
+        self._recorded, self.interruption.armed = self.fluid.time, True
         while True:
             with self._stage("flow"):
                 step = next(steps, None)
@@ -307,7 +260,7 @@ class Simulation:
         from .fluid import Fluid
 
         start = self.scene.time.start if self.scene.time else "rest"
-        if start == "rest":
+        if start == "rest" or self.checkpoint is not None:
             return
         model = self._model(unsteady=False, inertia=start == "steady")
         conditions = boundaries.conditions(self.scene, held=True)
@@ -346,6 +299,37 @@ class Simulation:
             fields["vorticity"] = vorticity(self.fluid)
             traction = self.probe.field() if self.probe else None
             self.recorder.fields(self.fluid.time, fields, traction)
+
+    # -- going on later -------------------------------------------------------------------------
+
+    def _resumed_domain(self) -> Domain | None:
+        """The mesh of the checkpoint, if there is one, and what the sessions before have cost."""
+        if self.checkpoint is None:
+            return None
+        from . import resumption
+
+        resumption.put_back_costs(self.checkpoint.progress, self)
+        return resumption.domain_of(self.checkpoint, self.comm)
+
+    def _keep(self) -> Path | None:
+        from .resumption import collected
+
+        with self._stage("checkpoint"):
+            return self.recorder.keep(collected(self))
+
+    def _kept_after(self, error: IncipientError) -> IncipientError:
+        """After a failed step keep the last good state; the error with where that is."""
+        if self.trajectory is not None:
+            self._take_over(self.trajectory)
+        # A failure while a step was recorded leaves a history that lacks its row: the checkpoint before it holds.
+        if isinstance(error, OutputError) or self.transient is None or not self.recorder.keeps:
+            return error
+        if self.transient.fluid.time != self._recorded:
+            return error
+        with suppress(OutputError):
+            kept = self._keep()
+            return type(error)(f"{error}; t = {self._recorded:.6g} is kept: incipient resume {kept}")
+        return error
 
     # -- results --------------------------------------------------------------------------------
 
@@ -392,6 +376,9 @@ class Simulation:
                 if status == "complete":
                     verdict = self._judged(force, couple)
             gap, lines = self._gap(), self._centrelines()
+        bars = None
+        if status == "complete" and force is not None and couple is not None:
+            bars = self._error_bars(force, couple)
         return Result(
             title=self.scene.title,
             plan=self.plan,
@@ -405,12 +392,21 @@ class Simulation:
             verdict=verdict,
             trajectory=None if self.trajectory is None else self.trajectory.summary(),
             centrelines=lines,
+            error_bars=bars,
             cost=self.cost(),
             status=status,
             error=error,
             velocity=self.fluid.velocity,
             pressure=self.fluid.pressure,
         )
+
+    def _error_bars(self, force: Forces, couple: Couples) -> ErrorBars | None:
+        if not self.scene.numerics.error_bars:
+            return None
+        from .errorbars import error_bars
+
+        with self._stage("error bars"):
+            return error_bars(self, force, couple)
 
     def described_contacts(self) -> list[dict[str, Any]]:
         """Contacts as plain data: point, outward normal of the grain, area (0 for a point)."""

@@ -101,7 +101,8 @@ def find_threshold(scene: Scene, comm: MPI.Comm, voice: Silent | None = None) ->
         SceneError: the scene has no weight, friction or bed to judge the grain by, or is time-dependent.
         ConvergenceError: the flow has no steady state up to the threshold; says how far it got.
     """
-    from .simulation import Simulation, Unrecorded
+    from .recorder import Unrecorded
+    from .simulation import Simulation
 
     _require(scene)
     simulation = Simulation(scene, comm, Unrecorded(), voice or Silent())

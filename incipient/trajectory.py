@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from .errors import IncipientError
 from .fluid import Fluid, TimeStep, Transient
 from .fluid.transient import Past
 from .geometry.grain import Disc
+from .geometry.placement import Placement
 from .meshmotion import MeshMotion
 from .plan import Plan
 from .progress import Silent
@@ -29,6 +30,10 @@ from .scene.expression import Expression
 
 Floats = NDArray[np.float64]
 Stage = Callable[[str], AbstractContextManager[Any]]
+
+# Of a grain's place, relative to its size, and of its angle, when a mesh is drawn around it, which then is moved
+# by the rest. Meshes so are the same for places that differ by round-off: on any number of ranks, and after resuming.
+ROUNDING = 1e-6
 
 
 class Trajectory:
@@ -149,15 +154,20 @@ class Trajectory:
 
     # -- building ---------------------------------------------------------------------------------
 
-    def _coupled(self, fluid: Fluid, state: BodyState) -> Coupling:
+    def _coupled(self, fluid: Fluid, state: BodyState, drawn: Placement | None = None) -> Coupling:
+        """The grain in the fluid, whose mesh, drawn for a placement, is moved to where the state is."""
         numerics = self.scene.numerics
         turning = not isinstance(self.grain, Disc)
         stop = self.scene.body is not None and self.scene.body.on_contact == "stop"
+        motion = MeshMotion(fluid.domain, "body", drawn or state.placement, turning)
+        if drawn is not None:
+            motion.move(state.placement)
+            fluid.constraints.boundary_points_moved()
         return Coupling(
             fluid,
             self.body,
             state,
-            MeshMotion(fluid.domain, "body", state.placement, turning),
+            motion,
             self._other_load,
             room=self._room if stop else None,
             tolerance=numerics.interface_tolerance,
@@ -215,11 +225,12 @@ class Trajectory:
         """Mesh the fluid anew around the grain and carry everything over; the old mesh goes last."""
         with self._stage("remeshing"):
             old = self.fluid
-            drawing = layout.lay_out(self.scene, self.plan, self.state.placement).drawing
+            drawn = rounded(self.state.placement, ROUNDING * self.grain.size)
+            drawing = layout.lay_out(self.scene, self.plan, drawn).drawing
             made = domain.build(old.domain.comm, drawing, self.scene.gdim)
             fluid = Fluid(made, old.model, old.conditions, old.reynolds)
             try:
-                coupling = self._coupled(fluid, self.state)
+                coupling = self._coupled(fluid, self.state, drawn)
                 now = Past(old.time, old.state.x.array, np.empty(0))
                 (_, *past), told = carry_over(self.coupling, coupling, [now, *self.transient.past])
             except IncipientError:
@@ -233,6 +244,12 @@ class Trajectory:
             f"t = {told.time:.6g}: a new mesh of {told.cells} cells; making the flow free of divergence on it "
             f"changed the velocity by {told.change:.1e}"
         )
+
+
+def rounded(placement: Placement, unit: float) -> Placement:
+    """The placement with its coordinates rounded to a unit of length, and its angle to ROUNDING."""
+    centre = tuple(unit * round(x / unit) for x in placement.centre)
+    return replace(placement, centre=centre, angle=ROUNDING * round(placement.angle / ROUNDING))
 
 
 def rigid_body(scene: Scene) -> RigidBody:

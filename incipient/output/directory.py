@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..files import append_row, reported, write_json
+from .. import checkpoint as checkpoints
+from ..checkpoint import Recorded
+from ..files import append_row, cut, reported, write_json
 from ..parallel import collectively
 from ..plan import Plan
 from ..result import Result
@@ -14,6 +17,7 @@ from ..scene import Scene
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from ..checkpoint import Checkpoint
     from ..domain import Domain
     from ..threshold import Threshold
     from .xdmf import FieldSeries, SurfaceSeries
@@ -28,23 +32,32 @@ DATA = (
     "surface.xdmf",
     "surface.h5",
     "threshold.json",
+    checkpoints.NAME,
 )
+# What a run writes when it is over.
+ENDINGS = ("result.json", "threshold.json", *(f"{name}.png" for name in PICTURES))
 LEFTOVERS = (*DATA, *(f"{name}.png" for name in PICTURES))
 
 
 class ResultDirectory:
-    """Records a run in a directory (see `incipient.simulation.Recorder`). Every method is collective.
+    """Records a run in a directory (see `incipient.recorder.Recorder`). Every method is collective.
+
+    Given the checkpoint that a run goes on from, what the directory holds of later steps is dropped, and the rest
+    goes on.
 
     Raises:
         OutputError: on all ranks, when something cannot be written.
     """
 
-    def __init__(self, path: Path, comm: MPI.Comm):
-        self.path, self.comm = path, comm
+    keeps = True
+
+    def __init__(self, path: Path, comm: MPI.Comm, resumed: Checkpoint | None = None):
+        self.path, self.comm, self._resumed = path, comm, resumed
+        self._rows = 0
         self._series: FieldSeries | None = None
         self._surface: SurfaceSeries | None = None
         with collectively(comm):
-            if comm.rank == 0:
+            if comm.rank == 0 and resumed is None:
                 self._prepare()
 
     def _prepare(self) -> None:
@@ -60,15 +73,17 @@ class ResultDirectory:
         self._output = scene.output
         with collectively(self.comm):
             if self.comm.rank == 0:
+                self._go_back()
                 save(scene, self.path / "scene.toml")
         if not scene.output.fields:
             return
         from .xdmf import FieldSeries, SurfaceSeries
 
-        self._series = FieldSeries(self.path / "fields", domain.mesh, self.comm)
+        after = None if self._resumed is None else self._resumed.time
+        self._series = FieldSeries(self.path / "fields", domain.mesh, self.comm, after)
         if "body" in domain.names:
             facets = domain.facets_of("body")
-            self._surface = SurfaceSeries(self.path / "surface", domain.mesh, facets, self.comm)
+            self._surface = SurfaceSeries(self.path / "surface", domain.mesh, facets, self.comm, after)
 
     def wants_fields(self, number: int, last: bool) -> bool:
         """At the end, and every so many steps if the scene says so."""
@@ -80,6 +95,7 @@ class ResultDirectory:
         with collectively(self.comm):
             if self.comm.rank == 0:
                 append_row(self.path / "history.csv", row)
+        self._rows += 1
 
     def remeshed(self, domain: Domain) -> None:
         """Go on with the XDMF series on another mesh."""
@@ -95,11 +111,35 @@ class ResultDirectory:
         if self._surface is not None and traction is not None:
             self._surface.write(time, {"traction": traction})
 
+    def keep(self, checkpoint: Checkpoint) -> Path:
+        """Write the checkpoint, with how long the history is; the directory."""
+        with collectively(self.comm):
+            if self.comm.rank == 0:
+                history = self.path / "history.csv"
+                length = history.stat().st_size if self._rows else 0
+                recorded = Recorded(self._rows, length)
+                checkpoints.write(self.path / checkpoints.NAME, replace(checkpoint, recorded=recorded))
+        return self.path
+
     def finish(self, result: Result) -> None:
-        """Write result.json."""
+        """Write result.json; after a complete run a checkpoint stays only where the scene wants some."""
         with collectively(self.comm):
             if self.comm.rank == 0:
                 write_json(self.path / "result.json", result.to_dict())
+                if result.status == "complete" and not result.scene["output"]["checkpoint"]:
+                    with reported(self.path / checkpoints.NAME):
+                        (self.path / checkpoints.NAME).unlink(missing_ok=True)
+
+    def _go_back(self) -> None:
+        """Of a run that is resumed, drop from the directory what came after the checkpoint."""
+        if self._resumed is None:
+            return
+        recorded = self._resumed.recorded
+        self._rows = recorded.rows
+        with reported(self.path):
+            for name in ENDINGS:
+                (self.path / name).unlink(missing_ok=True)
+        cut(self.path / "history.csv", recorded.rows, recorded.bytes)
 
 
 def write_threshold(path: Path, scene: Scene, threshold: Threshold, comm: MPI.Comm) -> None:

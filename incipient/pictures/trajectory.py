@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
-from matplotlib.colors import Normalize
+from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
@@ -23,21 +26,27 @@ from ..geometry.placement import Placement
 from ..scene import Scene, load
 from . import style
 from .history import History, read_history
-from .outlines import bed_line, grain_outline
+from .outlines import grain_outline
 from .plane import draw_bed
 from .style import GRAIN, INK, View
 
-_COLOURS = "viridis_r"
-_SEGMENTS = 3000  # of the path; more cannot be told apart
-_MOMENTS, _APART = 25, 0.5  # at which the grain may be drawn; smallest distance of two drawings [grain sizes]
+# Early to late; the palest part of the map would be lost on white.
+_COLOURS = ListedColormap(colormaps["viridis_r"](np.linspace(0.12, 1.0, 256)), "moments")
+_SEGMENTS, _BED_PIECES = 3000, 800  # of the path, and of the bed; more cannot be told apart
+_MOMENTS, _APART = (
+    21,
+    0.45,
+)  # at which the grain may be drawn; smallest distance of two drawings [grain sizes]
+_LEAST = 1e-3  # of its largest value: smaller changes of a quantity are shown as small
 _FEW_TURNS = 3.0  # up to which the angle is shown in degrees
 _NEAR = 0.5  # of the domain: a path of smaller extent is shown enlarged beside it
 # Inches. A drawing in its axes, the axes of one quantity, and what is between and around them.
-_UP, _ACROSS, _WIDEST = 4.3, 4.3, 7.6
+_UP, _ACROSS, _WIDEST = 4.3, 5.2, 7.6
 _PANEL_ACROSS, _PANEL_UP, _BESIDE, _ABOVE = 2.0, 1.12, 0.62, 0.36
 _LEFT, _TOP, _BOTTOM, _BAR, _AXIS = 0.65, 0.85, 0.75, 0.95, 0.62
 
 Place = tuple[float, float, float, float]  # left, bottom, width, height in inches
+Mark = tuple[Artist, str]  # in the legend
 Shown = tuple[str, np.ndarray, float]  # title, values (n,), smallest range of the axis
 
 
@@ -58,6 +67,17 @@ def draw(directory: Path, title: str = "") -> list[Path]:
     return [path]
 
 
+@dataclass(frozen=True)
+class _Look:
+    """How a grain is drawn."""
+
+    edge: Any
+    width: float
+    order: float
+    face: str = "none"
+    dashes: Any = "solid"
+
+
 def figure(scene: Scene, history: History, title: str) -> Figure:
     """The path in the domain, enlarged if it is short, beside or above six quantities against time."""
     views = _views(scene, history)
@@ -65,17 +85,17 @@ def figure(scene: Scene, history: History, title: str) -> Figure:
     width, height = made.get_size_inches()
     heading = textwrap.wrap(title, int(width * 11))[:2]
     made.text(_LEFT / width, 1 - 0.2 / height, "\n".join(heading), fontsize=11, va="top")
-    norm = Normalize(history.times[0], max(history.times[-1], history.times[0] + 1e-12))
+    norm = Normalize(*_span(history))
     names = ("Path of the grain",) if len(maps) == 1 else ("Whole domain", "Path of the grain, enlarged")
     for axes, view, name in zip(maps, views, names, strict=True):
         axes.set(xlim=view[:2], ylim=view[2:], xlabel="x [scene units]", ylabel="y [scene units]", title=name)
-        _draw_domain(axes, scene, view)
-        marks = _draw_path(axes, scene, history, norm, view)
+        _draw_domain(axes, scene)
+        marks = _draw_path(axes, scene, history, norm)
     made.colorbar(ScalarMappable(norm, _COLOURS), cax=bar).set_label("time [scene units]")
-    new = _draw_quantities(panels, scene, history, norm)
+    new = _draw_quantities(panels, scene, history)
     handles, labels = zip(*marks, *new, strict=True)
     made.legend(
-        handles, labels, loc="lower left", ncols=4, fontsize=8, borderpad=0, borderaxespad=0,
+        handles, labels, loc="lower left", ncols=5, fontsize=8, borderpad=0, borderaxespad=0,
         bbox_to_anchor=(_LEFT / width, 0.12 / height), columnspacing=1.6, handlelength=1.8,
     )  # fmt: skip
     return made
@@ -84,12 +104,19 @@ def figure(scene: Scene, history: History, title: str) -> Figure:
 # -- where things are on the sheet -------------------------------------------------------------------------
 
 
+def _span(history: History) -> tuple[float, float]:
+    """First and last time, not the same."""
+    first, last = float(history.times[0]), float(history.times[-1])
+    return first, last if last > first else first + 1.0
+
+
 def _views(scene: Scene, history: History) -> list[View]:
     """The domain and, if the grain stays in a small part of it, that part."""
     domain, grain = scene.domain, scene.grain
     assert grain is not None
     pad = 0.015 * max(domain.length, domain.height)
-    whole = (domain.left - pad, domain.right + pad, domain.bottom - pad, domain.ceiling + pad)
+    floor = domain.bottom if scene.bed is None else _bed(scene)[:, 1].min()
+    whole = (domain.left - pad, domain.right + pad, float(floor) - pad, domain.ceiling + pad)
     low, high = history.centres.min(axis=0) - 0.7 * grain.size, history.centres.max(axis=0) + 0.7 * grain.size
     across, up = high - low
     if max(across / domain.length, up / domain.height) >= _NEAR:
@@ -104,7 +131,7 @@ def _laid_out(views: Sequence[View]) -> tuple[Figure, list[Axes], Axes, list[Axe
     aspects = np.array([(y1 - y0) / (x1 - x0) for x0, x1, y0, y1 in views])
     beside = len(views) == 1 and aspects[0] > 0.55
     widths = np.minimum(
-        _ACROSS if beside or len(views) > 1 else _WIDEST, _UP * np.maximum(aspects / 2, 1) / aspects
+        _ACROSS if beside else _UP if len(views) > 1 else _WIDEST, _UP * np.maximum(aspects / 2, 1) / aspects
     )
     heights = widths * aspects
     lefts = _LEFT + np.concatenate([[0.0], np.cumsum(widths + _AXIS + 0.1)[:-1]])
@@ -156,7 +183,7 @@ def _put(made: Figure, place: Place) -> Axes:
 # -- the path ----------------------------------------------------------------------------------------------
 
 
-def _draw_domain(axes: Axes, scene: Scene, view: View) -> None:
+def _draw_domain(axes: Axes, scene: Scene) -> None:
     """Walls as full lines, where fluid or stream comes and goes as broken ones, the bed with its ground."""
     domain, bed = scene.domain, scene.bed_shape
     left, right, low, high = domain.left, domain.right, domain.bottom, domain.ceiling
@@ -170,45 +197,51 @@ def _draw_domain(axes: Axes, scene: Scene, view: View) -> None:
     if bed is None:
         sides.append(((left, right), (low, low), on_top or scene.flow.kind == "open-channel"))
     else:
-        draw_bed(axes, bed_line(bed, left, right))
+        draw_bed(axes, _bed(scene))
     for x, y, wall in sides:
-        look = {"lw": 1.4} if wall else {"lw": 0.8, "ls": (0, (4, 3)), "alpha": 0.7}
-        axes.add_artist(Line2D(x, y, color=INK, zorder=3, **look))
+        line = Line2D(x, y, color=INK, lw=1.4) if wall else Line2D(x, y, color=INK, lw=0.7, ls=(0, (4, 3)))
+        line.set_zorder(3)
+        axes.add_artist(line)
 
 
-def _draw_path(
-    axes: Axes, scene: Scene, history: History, norm: Normalize, view: View
-) -> list[tuple[Artist, str]]:
-    """The centre's path and the grain at several moments, all in the colour of their time; what the marks mean."""
-    stride = max(1, len(history.times) // _SEGMENTS)
-    kept = np.unique(np.append(np.arange(0, len(history.times), stride), len(history.times) - 1))
-    points, times = history.centres[kept], history.times[kept]
-    pieces = np.stack([points[:-1], points[1:]], axis=1)
-    path = LineCollection(pieces, cmap=_COLOURS, norm=norm, lw=1.6, zorder=4, capstyle="round")
-    path.set_array((times[:-1] + times[1:]) / 2)
-    axes.add_collection(path, autolim=False)
+def _bed(scene: Scene) -> np.ndarray:
+    """Points (n, 2) along the bed from left to right; the whole of it may be one curve."""
+    domain, bed = scene.domain, scene.bed_shape
+    assert bed is not None
+    curves = bed.curves(domain.left, domain.right)
+    counts = [max(8, int(_BED_PIECES * curve.length / domain.length)) for curve in curves]
+    return np.vstack([curve.point(np.linspace(0.0, 1.0, n)) for curve, n in zip(curves, counts, strict=True)])
+
+
+def _draw_path(axes: Axes, scene: Scene, history: History, norm: Normalize) -> list[Mark]:
+    """The centre's path and the grain at several moments, in the colour of their time; what the marks mean."""
     colour = ScalarMappable(norm, _COLOURS).to_rgba
     first, *between, last = _moments(scene, history)
     for time in between:
-        _draw_grain(
-            axes, scene, history.at(time), {"ec": colour(time), "fc": "none", "lw": 0.8, "zorder": 4.5}
-        )
-    # The beginning is drawn in ink and broken, so that it shows below the end where both are one place.
-    start = _draw_grain(
-        axes,
-        scene,
-        history.at(first),
-        {"ec": INK, "fc": "none", "lw": 1.3, "ls": (0, (3, 1.5)), "zorder": 5.5},
-    )
-    end = _draw_grain(axes, scene, history.at(last), {"ec": INK, "fc": GRAIN, "lw": 1.7, "zorder": 5})
-    middle = Line2D([], [], color=colour(norm.vmin + 0.5 * (norm.vmax - norm.vmin)), lw=1.6)
+        _draw_grain(axes, scene, history.at(time), _Look(colour(np.array(time)), 0.8, 4.0))
+    end = _draw_grain(axes, scene, history.at(last), _Look(INK, 1.7, 4.5, face=GRAIN))
+    # Above the end and broken: both may be in one place.
+    start = _draw_grain(axes, scene, history.at(first), _Look(INK, 1.3, 5.0, dashes=(0.0, (3.0, 1.5))))
+    axes.add_collection(_path(history, norm), autolim=False)
+    middle = colour(np.array((history.times[0] + history.times[-1]) / 2))
     spoke = Line2D([], [], color=INK, lw=1.2, marker="o", markevery=[0], ms=3)
     return [
         (start, f"grain at t = {first:.4g}"),
         (end, f"grain at t = {last:.4g}"),
-        (middle, "its centre's path"),
+        (Line2D([], [], color=middle, lw=1.6), "its centre's path"),
         (spoke, "its first axis"),
     ]
+
+
+def _path(history: History, norm: Normalize) -> LineCollection:
+    """The way of the centre, in pieces coloured by their time."""
+    stride = max(1, len(history.times) // _SEGMENTS)
+    kept = np.unique(np.append(np.arange(0, len(history.times), stride), len(history.times) - 1))
+    points, times = history.centres[kept], history.times[kept]
+    pieces = np.stack([points[:-1], points[1:]], axis=1)
+    path = LineCollection(pieces, cmap=_COLOURS, norm=norm, lw=1.6, zorder=6, capstyle="round")
+    path.set_array((times[:-1] + times[1:]) / 2)
+    return path
 
 
 def _moments(scene: Scene, history: History) -> list[float]:
@@ -224,34 +257,32 @@ def _moments(scene: Scene, history: History) -> list[float]:
     return sorted(kept)
 
 
-def _draw_grain(axes: Axes, scene: Scene, placement: Placement, look: dict[str, object]) -> Artist:
+def _draw_grain(axes: Axes, scene: Scene, placement: Placement, look: _Look) -> Artist:
     """The outline, the centre, and a spoke along the grain's first axis."""
     outline = grain_outline(scene.grain, placement)
-    body = axes.add_artist(Polygon(outline, joinstyle="round", **look))
+    body = Polygon(
+        outline,
+        joinstyle="round",
+        ec=look.edge,
+        fc=look.face,
+        lw=look.width,
+        ls=look.dashes,
+        zorder=look.order,
+    )
     local = placement.to_body(outline)
     tip = outline[np.argmin(np.abs(np.arctan2(local[:, 1], local[:, 0])))]
-    spoke = np.array([placement.centre, tip])
-    width = 0.75 * float(str(look["lw"]))
-    axes.add_artist(
-        Line2D(
-            *spoke.T,
-            color=look["ec"],
-            lw=width,
-            marker="o",
-            markevery=[0],
-            ms=2.5 * width,
-            zorder=look["zorder"],
-        )
-    )
-    return body
+    x, y = np.array([placement.centre, tip]).T
+    width = 0.75 * look.width
+    spoke = Line2D(x, y, color=look.edge, lw=width, marker="o", markevery=[0], ms=2.5 * width)
+    spoke.set_zorder(look.order)
+    axes.add_artist(spoke)
+    return axes.add_artist(body)
 
 
 # -- against time ------------------------------------------------------------------------------------------
 
 
-def _draw_quantities(
-    panels: Sequence[Axes], scene: Scene, history: History, norm: Normalize
-) -> list[tuple[Artist, str]]:
+def _draw_quantities(panels: Sequence[Axes], scene: Scene, history: History) -> list[Mark]:
     """Place and rates; what the mark of a new mesh means, if there is one."""
     made = history.remeshings
     new = []
@@ -259,7 +290,7 @@ def _draw_quantities(
         new = [axes.axvline(time, color="#9a9a9a", lw=0.6, ls=":") for time in made]
         axes.plot(history.times, values, color=style.FLOW if k < 3 else style.MOTION, lw=1.2)
         axes.set_title(title, fontsize=8.5)
-        axes.set_xlim(norm.vmin, norm.vmax)
+        axes.set_xlim(*_span(history))
         _widen(axes, values, least)
         axes.grid(color="#e2e2e2", lw=0.5)
         axes.tick_params(labelsize=7.5)
@@ -293,12 +324,13 @@ def _quantities(scene: Scene, history: History) -> list[Shown]:
 
 
 def _widen(axes: Axes, values: np.ndarray, least: float) -> None:
-    """Limits around the values, at least `least` apart: round-off is not blown up."""
+    """Limits around the values, at least `least` apart, so that round-off is not blown up."""
     known = values[np.isfinite(values)]
+    least = max(least, _LEAST * float(np.abs(known).max(initial=0.0)))
     low, high = (known.min(), known.max()) if len(known) else (0.0, 0.0)
     middle, half = (low + high) / 2, max(high - low, least) / 2
     axes.set_ylim(middle - 1.1 * half, middle + 1.1 * half)
 
 
 def _in_short(value: float, position: int) -> str:
-    return f"{value:.5g}".replace("-", "−")
+    return f"{value:.6g}".replace("-", "−")

@@ -276,6 +276,9 @@ class Numerics(Section):
     form: Literal["printed", "energy-stable"] = Field(
         "printed", description="Of convection: as in the paper, or such that it cannot create energy"
     )
+    error_bars: bool = Field(
+        True, description="Estimate errors of force, couple and safety factor; takes about as long as the run"
+    )
     interface_tolerance: Positive = Field(
         1e-9, description="Error of a moving grain's equation of motion relative to its load [-]"
     )

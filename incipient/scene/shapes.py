@@ -56,10 +56,10 @@ class GrainSection(Section):
         "fixed", description="How the grain moves: not, as flow and weight move it, or as `course` says"
     )
     mass: NotNegative | None = Field(
-        None, description="Mass of a free grain, fluid density times area; by default from density"
+        None, description="Mass of a free grain [density x area]; by default from density", examples=[2.0]
     )
     inertia: NotNegative | None = Field(
-        None, description="Its moment of inertia about the centroid; by default from density and shape"
+        None, description="Its moment about the centroid; by default from density and shape", examples=[0.25]
     )
     velocity: Pair = Field((0.0, 0.0), description="Velocity of a free grain at time 0 [length/time]")
     spin: float = Field(0.0, description="Angular velocity of a free grain at time 0 [radians/time]")

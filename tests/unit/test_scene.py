@@ -312,8 +312,24 @@ ONE_KEY = [
     (lambda: Disc(diameter=1, x=1, centre=(1, 2)), "Disc: x: both x and centre are given; leave one out"),
     (lambda: Disc(diameter=1, x=1, density=-1), "Disc: density: is -1; give a number of at least 0"),
     (
-        lambda: Disc(diameter=1, x=1, motion="free"),
-        'Disc: motion: a moving grain is not simulated by this version; use "fixed"',
+        lambda: Disc(diameter=1, x=1, motion="free", density=2),
+        "Disc: x: a moving grain starts away from the bed; give centre instead of x",
+    ),
+    (
+        lambda: Disc(diameter=1, centre=(1, 1), motion="free"),
+        "Disc: density: a free grain needs a mass and a moment of inertia, which may be zero; give density",
+    ),
+    (
+        lambda: Disc(diameter=1, centre=(1, 1), motion="prescribed"),
+        "Disc: course: is missing though the motion is prescribed; add it, or hold the grain",
+    ),
+    (
+        lambda: Disc(diameter=1, centre=(1, 1), motion="prescribed", course=("x", "0", "0")),
+        'Disc: course: "x" depends on more than the time; use t only',
+    ),
+    (
+        lambda: Disc(diameter=1, centre=(1, 1), motion="free", density=1, locked=("z",)),
+        'Disc: locked[0]: "z" is not known; use "x", "y" or "angle"',
     ),
     (lambda: Ellipse(semi_axes=(1, -1), x=1), "Ellipse: semi_axes[1]: is -1; give a number greater than 0"),
     (

@@ -362,9 +362,9 @@ class TestSolidsOnPlanes:
             assert (found.outcome, found.contacts) == (Outcome.ROLLS_OFF, None)
 
     @pytest.mark.slow
-    @pytest.mark.parametrize("exponents", [(4.0, 2.0), (4.0, 4.0), (2.0, 4.0)])
-    def test_superquadric_lies_on_a_pole_without_curvature(self, exponents):
-        found = settle(Superquadric((0.5, 0.4, 0.3), exponents), Plane(), above(0.6, 0.3))
+    def test_superquadric_lies_on_a_pole_without_curvature(self):
+        start = above(0.6, 0.3, rotation_by((0.1, 0.2, 0.1)))
+        found = settle(Superquadric((0.5, 0.4, 0.3), (4.0, 2.0)), Plane(), start)
         assert found.stable
         assert found.placement.centre[2] == pytest.approx(0.3, abs=1e-11)
 
