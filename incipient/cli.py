@@ -79,8 +79,18 @@ def _parser() -> argparse.ArgumentParser:
     threshold.add_argument("--out", type=Path, help="directory for the results (default: as for run)")
     plan = command("plan", _plan, "say what would be computed and what not, and what it needs", scene)
     plan.add_argument("--json", action="store_true", help="as JSON")
-    show = command("show", _show, "draw the pictures of a finished run")
+    show = command("show", _show, "draw the pictures of a finished run, or animate its flow")
     show.add_argument("directory", type=Path, help="directory of the results")
+    show.add_argument(
+        "--animate",
+        nargs="?",
+        const="",
+        metavar="FILE",
+        help="show the flow in motion instead, as .gif or .mp4 (default: DIRECTORY/FIELD.gif)",
+    )
+    show.add_argument(
+        "--field", choices=("velocity", "pressure", "vorticity"), help="what to animate (default: velocity)"
+    )
     judge = command("judge", _judge, "judge forces and contacts given in a case file, without a flow")
     judge.add_argument("case", type=Path, help="case file (TOML)")
     judge.add_argument("--set", dest="overrides", action="append", default=[], metavar="KEY=VALUE")
@@ -196,8 +206,20 @@ def _plan(options: argparse.Namespace, comm: MPI.Comm) -> int:
 
 
 def _show(options: argparse.Namespace, comm: MPI.Comm) -> int:
-    for path in _pictures(options.directory, comm):
-        print(path)
+    from .parallel import collectively
+
+    if options.animate is None and options.field is not None:
+        raise SceneError("--field says what to animate; add --animate")
+    if options.animate is None:
+        for path in _pictures(options.directory, comm):
+            print(path)
+        return 0
+    with collectively(comm):
+        if comm.rank == 0:
+            from .pictures.apart import animate_apart
+
+            target = Path(options.animate) if options.animate else None
+            print(animate_apart(options.directory, target, options.field or "velocity"))
     return 0
 
 

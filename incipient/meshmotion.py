@@ -1,10 +1,11 @@
 """The mesh that follows a body: rigid near it, blended out towards the other boundaries, its cells watched.
 
-A node at X goes to x = X + w (c - c0) + (R(w theta) - I) (X - c0), where c - c0 and theta are the body's
-translation and rotation since the mesh was made, and the weight w is one near the body and zero on every
-other boundary. The places are a smooth function of the body's place alone: nothing is solved, and the mesh's
-velocity has the accuracy of the body's. A body whose surface is the same however it is turned (disc, sphere)
-does not turn the mesh, which slides along it.
+A node at X goes to x = X + w (c - c0) + (R(w_r theta) - I) (X - c0), where c - c0 and theta are the body's
+translation and rotation since the mesh was made. The weights w, one for each direction, and w_r are one near the
+body and zero on other boundaries; but along straight sides the nodes slide, so that a long channel's mesh is
+stretched before and behind the body instead of being sheared above and below it. The places are a smooth
+function of the body's place alone: nothing is solved, and the mesh's velocity has the accuracy of the body's.
+A body whose surface is the same however it is turned (disc, sphere) does not turn the mesh, which slides along it.
 """
 
 from __future__ import annotations
@@ -29,6 +30,8 @@ Floats = NDArray[np.float64]
 
 # Potential, one on the body and zero on the other boundaries, above which the mesh is rigid.
 RIGID = 0.75
+# Extent of a boundary along an axis, relative to its largest, below which it is plane and normal to the axis.
+FLAT = 1e-9
 
 
 @dataclass(frozen=True)
@@ -47,12 +50,16 @@ class MeshMotion:
         boundary: name of the body's boundary.
         placement: of the body in the mesh as it is now.
         turning: whether the mesh turns with the body; False for discs and spheres.
+
+    Attributes:
+        weights: (n, gdim + 1) how far each node follows the body in each direction, and when it turns.
     """
 
     def __init__(self, domain: Domain, boundary: str, placement: Placement, turning: bool):
         self.domain, self.placement, self.turning = domain, placement, turning
         self.reference: Floats = domain.mesh.geometry.x.copy()
-        self.weights = _weights(domain, boundary)
+        sliding = [*_sliding(domain, boundary), ()]
+        self.weights = np.column_stack([_weights(domain, boundary, names) for names in sliding])
         self._cells = compat.geometry_dofs(domain.mesh)
         self._slopes = _slopes(domain.mesh)
         self._qualities = self._cell_qualities(self.reference)
@@ -60,12 +67,13 @@ class MeshMotion:
     def places(self, placement: Placement) -> Floats:
         """(n, 3) places of the mesh's nodes when the body is there. Not collective."""
         gdim = self.domain.gdim
-        w = self.weights[:, None]
+        along, about = self.weights[:, :gdim], self.weights[:, gdim:]
         start, end = (np.asarray(p.centre) for p in (self.placement, placement))
         moved = self.reference.copy()
         arms = self.reference[:, :gdim] - start
-        turned = _turned(arms, w * _rotation_between(self.placement, placement)) if self.turning else arms
-        moved[:, :gdim] = start + w * (end - start) + turned
+        if self.turning:
+            arms = _turned(arms, about * _rotation_between(self.placement, placement))
+        moved[:, :gdim] = start + along * (end - start) + arms
         return moved
 
     def move(self, placement: Placement) -> None:
@@ -100,14 +108,42 @@ def _determinant(a: Floats) -> Floats:
     return np.asarray((a[0] * np.cross(a[1], a[2], axis=0)).sum(axis=0))
 
 
-def _weights(domain: Domain, boundary: str) -> Floats:
-    """(n,) weight of each node of the mesh's geometry, from the potential between the boundaries."""
+def _sliding(domain: Domain, boundary: str) -> list[tuple[str, ...]]:
+    """For each direction the boundaries along which nodes may slide in it: plane ones, normal to another axis."""
+    names = [name for name in sorted(domain.names) if name != boundary]
+    normals = {name: _normal_axis(domain, name) for name in names}
+    return [tuple(name for name in names if normals[name] not in (None, axis)) for axis in range(domain.gdim)]
+
+
+def _normal_axis(domain: Domain, name: str) -> int | None:
+    """The axis that a plane boundary is normal to; None for others."""
+    mesh, gdim = domain.mesh, domain.gdim
+    blocks = dolfinx.fem.locate_dofs_topological(
+        space := _nodes(mesh), mesh.topology.dim - 1, domain.facets_of(name)
+    )
+    points = space.tabulate_dof_coordinates()[blocks, :gdim]
+    low = domain.comm.allreduce(points.min(axis=0, initial=np.inf), op=MPI.MIN)
+    high = domain.comm.allreduce(points.max(axis=0, initial=-np.inf), op=MPI.MAX)
+    flat = np.flatnonzero(high - low <= FLAT * float((high - low).max()))
+    return int(flat[0]) if len(flat) else None
+
+
+def _nodes(mesh: Any) -> Any:
+    """The scalar space on the nodes of the mesh's geometry."""
+    return compat.function_space(mesh, compat.scalar_part(compat.coordinate_element(mesh)))
+
+
+def _weights(domain: Domain, boundary: str, sliding: tuple[str, ...]) -> Floats:
+    """(n,) weight of each node of the mesh's geometry, from the potential between the boundaries.
+
+    It is one on the body's `boundary` and zero on the others but for those along which the nodes are `sliding`.
+    """
     mesh = domain.mesh
-    space = compat.function_space(mesh, compat.scalar_part(compat.coordinate_element(mesh)))
+    space = _nodes(mesh)
     u, w = ufl.TrialFunction(space), ufl.TestFunction(space)
+    held = [name for name in sorted(domain.names) if name not in (boundary, *sliding)]
     conditions = [
-        _fixed(space, domain.facets_of(name), float(name == boundary))
-        for name in sorted(domain.names, key=lambda name: name == boundary)
+        _fixed(space, domain.facets_of(name), float(name == boundary)) for name in [*held, boundary]
     ]
     matrix = petsc.assemble_matrix(compat.form(ufl.inner(ufl.grad(u), ufl.grad(w)) * ufl.dx), conditions)
     matrix.assemble()

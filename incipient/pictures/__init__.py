@@ -6,15 +6,24 @@ pyvista shows the mesh, and judged grains in space.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from .record import Run
+
+    Maker = Callable[[Run], Figure]
 
 
 def draw(directory: Path) -> list[Path]:
     """Draw all pictures that the results in a directory allow, as PNG files beside them. Not collective.
 
-    A run (result.json): always flow, pressure, vorticity and mesh; with a grain the traction on it and the verdict;
-    for a box the velocity profiles on both centrelines. A threshold (threshold.json) and a judged case
-    (judgement.json): one picture each.
+    A run (result.json): always flow, pressure, vorticity and mesh; with a grain the traction on it and the verdict,
+    with one that moves its trajectory and the verdict if there is any; for a box in which nothing moves the velocity
+    profiles on both centrelines. A threshold (threshold.json) and a judged case (judgement.json): one picture each.
 
     Raises:
         OutputError: when there is no result, when one is incomplete or damaged, or a picture cannot be written.
@@ -36,18 +45,17 @@ def draw(directory: Path) -> list[Path]:
 
 def _draw_run(directory: Path) -> list[Path]:
     from ..files import reported
-    from . import cells, flow, grain, style
+    from . import cells, style
     from .record import read
 
     run = read(directory)
-    makers = {"flow": flow.speed, "pressure": flow.pressure, "vorticity": flow.vorticity}
-    if run.surface is not None:
-        makers |= {"traction": grain.traction, "verdict": grain.verdict}
-    if run.setting("domain", "kind") == "box":
-        makers["profiles"] = flow.profiles
     written = []
+    if run.moves:
+        from . import trajectory
+
+        written += trajectory.draw(directory, run.headline)
     with style.applied():
-        for name, make in makers.items():
+        for name, make in _makers(run).items():
             path = directory / f"{name}.png"
             with reported(path):
                 make(run).savefig(path, dpi=style.DOTS_PER_INCH, pil_kwargs={"compress_level": 3})
@@ -56,3 +64,19 @@ def _draw_run(directory: Path) -> list[Path]:
     with reported(path):
         cells.picture(run, path)
     return [*written, path]
+
+
+def _makers(run: Run) -> dict[str, Maker]:
+    """What draws the pictures of a run's last fields, by the pictures' names."""
+    from . import flow, grain
+
+    makers: dict[str, Maker] = {"flow": flow.speed, "pressure": flow.pressure}
+    makers["vorticity"] = flow.vorticity
+    if run.surface is not None:
+        makers["traction"] = grain.traction
+    # A grain under way rests on nothing; where it has met the bed there is a verdict.
+    if run.surface is not None and not (run.moves and run.result.get("verdict") is None):
+        makers["verdict"] = grain.verdict
+    if run.setting("domain", "kind") == "box" and not run.moves:
+        makers["profiles"] = flow.profiles
+    return makers

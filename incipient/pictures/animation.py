@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from matplotlib import colormaps
@@ -24,6 +24,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from matplotlib.path import Path as Outline
 from matplotlib.ticker import MaxNLocator
@@ -36,6 +37,7 @@ from .history import History, read_history
 from .mesh import curve, triangles_of
 from .record import Run, read_scene
 from .style import GRAIN, GROUND, INK, View
+from .trajectory import spoke
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -44,8 +46,8 @@ _MOST_FRAMES = 200
 _SECONDS, _RATES = 8.0, (4, 20)  # about how long it takes, and frames per second
 _SAMPLES = 2000  # nodes of each frame that colours are chosen by
 _BANDS = 24
-_PALETTE = 128  # colours of a GIF
-_ARROWS = 26  # along the longer side
+_PALETTE, _AS_GOOD_AS_WHITE = 128, 247  # colours of a GIF; least part of red, green and blue
+_ARROWS, _SLOWEST = 26, 0.02  # along the longer side; of the fastest: where there is none
 _WIDTH, _TALLEST, _NARROWEST, _DOTS = 7.2, 4.6, 4.4, 100  # inches, dots per inch
 _LEFT, _RIGHT, _TOP, _BOTTOM, _LINE = 0.65, 1.05, 0.5, 0.5, 0.2
 
@@ -74,7 +76,12 @@ class Field:
             low = 0.0
         if high - low <= 1e-12 * max(abs(low), abs(high)):
             low, high = low - 0.5, high + 0.5
-        return MaxNLocator(_BANDS, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
+        return np.asarray(MaxNLocator(_BANDS, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high))
+
+    @property
+    def beyond(self) -> Literal["max", "both"]:
+        """At which ends of the colours there are values beyond them, in matplotlib's words."""
+        return "max" if self.name == "speed" else "both"
 
 
 FIELDS = {
@@ -151,6 +158,9 @@ def _write_gif(film: _Film, path: Path, rate: int) -> None:
     count = len(film.indices)
     chosen = [film.frame(k) for k in sorted({0, count // 3, 2 * count // 3, count - 1})]
     palette = Image.fromarray(np.vstack([np.asarray(image) for image in chosen])).quantize(_PALETTE)
+    colours = np.array(palette.getpalette()).reshape(-1, 3)
+    colours[colours.min(axis=1) > _AS_GOOD_AS_WHITE] = 255
+    palette.putpalette(colours.ravel().tolist())
     dither = Image.Dither.NONE
     first, *others = (film.frame(k).quantize(palette=palette, dither=dither) for k in range(count))
     first.save(path, "GIF", save_all=True, append_images=others, duration=1000 // rate, loop=0)
@@ -175,8 +185,9 @@ class _Film:
         self._scene = read_scene(directory)
         self._levels = field.levels(np.concatenate([self._sampled(k) for k in range(len(indices))]))
         self._digits = max(0, 1 - math.floor(math.log10(np.diff(moments).max())))
-        self._colours = colormaps[field.colours].resampled(len(self._levels) + 1)
-        self._norm = BoundaryNorm(self._levels, len(self._levels) + 1, extend="both")
+        bands = len(self._levels) - 1 + {"max": 1, "both": 2}[field.beyond]
+        self._colours = colormaps[field.colours].resampled(bands)
+        self._norm = BoundaryNorm(self._levels, bands, extend=field.beyond)
         self._view = self._whole()
         self.figure, self._axes = self._laid_out()
         self._canvas = FigureCanvasAgg(self.figure)
@@ -196,7 +207,7 @@ class _Film:
             artist.remove()
         run, time = self._run(number), float(self.moments[number])
         self._axes.set_title(f"{self.field.name.capitalize()}, t = {time:.{self._digits}f}")
-        self._drawn = [self._painted(run), *self._solids(run), *self._course(time)]
+        self._drawn = [self._painted(run), *self._solids(run), *self._course(run, time)]
         if self.field.name == "speed":
             self._drawn.append(self._arrows(run))
 
@@ -211,8 +222,7 @@ class _Film:
     @cached_property
     def _history(self) -> History | None:
         """The way of a grain that moves."""
-        moves = (self._scene.get("body") or {}).get("motion", "fixed") != "fixed"
-        return read_history(self.directory / "history.csv") if moves else None
+        return read_history(self.directory / "history.csv") if self._run(0).moves else None
 
     # -- what stays ------------------------------------------------------------------------------
 
@@ -227,14 +237,16 @@ class _Film:
         width = max(_NARROWEST, _LEFT + across + _RIGHT)
         heading = textwrap.wrap(self._run(0).headline, int(12 * width))[:3]
         height = _BOTTOM + up + _TOP + _LINE * len(heading)
-        width, height = (2 * math.ceil(size * _DOTS / 2) / _DOTS for size in (width, height))  # videos want even
+        width, height = (
+            2 * math.ceil(size * _DOTS / 2) / _DOTS for size in (width, height)
+        )  # videos want even
         figure = Figure(figsize=(width, height), dpi=_DOTS)
         figure.text(_LEFT / width, 1 - 0.12 / height, "\n".join(heading), fontsize=10, va="top")
         axes = figure.add_axes((_LEFT / width, _BOTTOM / height, across / width, up / height))
         axes.set(xlim=(x0, x1), ylim=(y0, y1), xlabel="x [scene units]", ylabel="y [scene units]")
         axes.set_facecolor(GROUND)
         bar = figure.add_axes(((_LEFT + across + 0.1) / width, _BOTTOM / height, 0.13 / width, up / height))
-        figure.colorbar(ScalarMappable(self._norm, self._colours), cax=bar, extend="both", extendfrac=0.04)
+        figure.colorbar(ScalarMappable(self._norm, self._colours), cax=bar, extendfrac=0.04)
         bar.yaxis.set_major_locator(MaxNLocator(7))
         bar.set_ylabel(f"{self.field.name} [scene units]")
         return figure, axes
@@ -245,7 +257,7 @@ class _Film:
         triangles = triangles_of(run.mesh.points, run.mesh.quarters)
         return self._axes.tricontourf(
             triangles, self.field.values(run), levels=self._levels, cmap=self._colours, norm=self._norm,
-            extend="both", zorder=1,
+            extend=self.field.beyond, zorder=1,
         )  # fmt: skip
 
     def _solids(self, run: Run) -> list[Artist]:
@@ -255,16 +267,46 @@ class _Film:
         drawn += [Polygon(hole, facecolor=GRAIN, edgecolor=INK, lw=1.0, zorder=3) for hole in holes]
         return [self._axes.add_artist(patch) for patch in drawn]
 
-    def _course(self, time: float) -> list[Artist]:
+    def _course(self, run: Run, time: float) -> list[Artist]:
         """The way of a moving grain's centre so far, and a spoke that shows how it is turned."""
         if self._history is None:
             return []
         history = self._history
         placement = history.at(time)
         way = np.vstack([history.centres[history.times < time], placement.centre])
-        size = np.sqrt(np.prod(np.ptp(way, axis=0)))
-        raise NotImplementedError(size)
+        drawn = [Line2D(*way.T, color=style.MOTION, lw=1.2, zorder=2.5)]
+        if len(run.mesh.loops) > 1:
+            axis = spoke(curve(run.mesh.points, run.mesh.loops[1]), placement)
+            drawn.append(Line2D(*axis.T, color=INK, lw=1.0, marker="o", markevery=[0], ms=2.5, zorder=4))
+        return [self._axes.add_artist(line) for line in drawn]
 
     def _arrows(self, run: Run) -> Artist:
-        """Directions of the flow on a regular grid, longer where it is faster."""
-        raise NotImplementedError
+        """The flow on a regular grid; arrows are as long as the fluid goes in a certain time, up to a limit."""
+        from scipy.spatial import KDTree
+
+        x0, x1, y0, y1 = run.box
+        spacing = max(x1 - x0, y1 - y0) / _ARROWS
+        grid = np.meshgrid(np.arange(x0 + spacing / 2, x1, spacing), np.arange(y0 + spacing / 2, y1, spacing))
+        places = np.column_stack([one.ravel() for one in grid])
+        places = places[_in_fluid(run, places)]
+        distances, nodes = KDTree(run.mesh.points).query(places, k=3)
+        weights = 1.0 / np.maximum(distances, 1e-9 * spacing)
+        weights /= weights.sum(axis=1, keepdims=True)
+        velocities = np.einsum("nk,nkd->nd", weights, run.field("velocity")[nodes, :2])
+        reached = velocities / self._levels[-1]
+        length = np.linalg.norm(reached, axis=1)
+        shown = length > _SLOWEST
+        steps = 0.9 * spacing * reached[shown] * np.minimum(1.0, 1.0 / length[shown])[:, None]
+        return self._axes.quiver(
+            *places[shown].T, *steps.T, angles="xy", scale_units="xy", scale=1.0, pivot="mid", color="white",
+            alpha=0.85, width=0.0022, headwidth=4.0, headlength=4.5, headaxislength=4.0, minlength=0.0, zorder=2,
+        )  # fmt: skip
+
+
+def _in_fluid(run: Run, places: np.ndarray) -> np.ndarray:
+    """(n,) whether places lie inside the outer boundary and outside the grains."""
+    outer, *holes = (Outline(curve(run.mesh.points, loop, 2)) for loop in run.mesh.loops)
+    inside = outer.contains_points(places)
+    for hole in holes:
+        inside &= ~hole.contains_points(places)
+    return inside

@@ -24,9 +24,24 @@ def draw_apart(directory: Path) -> list[Path]:
     Raises:
         OutputError: with the drawing's own explanation.
     """
+    return _apart("no pictures", str(directory))
+
+
+def animate_apart(directory: Path, target: Path | None, field: str) -> Path:
+    """As `animation.animate`, in another process; returns the path of the file. Not collective.
+
+    Raises:
+        OutputError: with the drawing's own explanation.
+    """
+    name = "" if target is None else str(target)
+    (path,) = _apart("no animation", str(directory), f"--animate={name}", f"--field={field}")
+    return path
+
+
+def _apart(nothing: str, *arguments: str) -> list[Path]:
     surroundings = {name: value for name, value in os.environ.items() if not name.startswith(PARALLEL)}
     child = subprocess.run(
-        [sys.executable, "-m", "incipient.pictures", str(directory)],
+        [sys.executable, "-m", "incipient.pictures", *arguments],
         capture_output=True,
         text=True,
         env=surroundings,
@@ -34,5 +49,5 @@ def draw_apart(directory: Path) -> list[Path]:
     )
     if child.returncode:
         lines = child.stderr.strip().splitlines() or [f"the drawing ended with code {child.returncode}"]
-        raise OutputError(f"no pictures: {lines[-1]}")
+        raise OutputError(f"{nothing}: {lines[-1]}")
     return [Path(line) for line in child.stdout.splitlines()]

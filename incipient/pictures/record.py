@@ -52,6 +52,11 @@ class Run:
         """A value of the resolved scene, None if the section or the key is absent."""
         return (self.scene.get(section) or {}).get(key)
 
+    @property
+    def moves(self) -> bool:
+        """Whether the grain moved while the flow was computed."""
+        return self.setting("body", "motion") in ("free", "prescribed")
+
     def found(self, section: str, key: str, otherwise: Any = None) -> Any:
         """A value of the result, or what to take otherwise if the section or the key is absent or null."""
         value = (self.result.get(section) or {}).get(key)
@@ -86,11 +91,20 @@ def read(directory: Path) -> Run:
         OutputError: naming the file that is missing or damaged.
     """
     result = parsed_json(directory / "result.json")
-    scene = _parsed(directory / "scene.toml", tomllib.loads)
+    scene = read_scene(directory)
     surface = read_step(directory / "surface") if scene.get("body") else None
     if surface is not None and "traction" not in surface.fields:
         raise OutputError(f"{directory / 'surface.h5'}: holds no traction; run the scene again")
     return Run(directory, result, scene, read_step(directory / "fields"), surface)
+
+
+def read_scene(directory: Path) -> dict[str, Any]:
+    """The resolved scene that a run has left, section by section.
+
+    Raises:
+        OutputError: when it is missing or damaged.
+    """
+    return _parsed(directory / "scene.toml", tomllib.loads)
 
 
 def parsed_json(path: Path) -> dict[str, Any]:

@@ -224,12 +224,12 @@ def _draw_path(axes: Axes, scene: Scene, history: History, norm: Normalize) -> l
     start = _draw_grain(axes, scene, history.at(first), _Look(INK, 1.3, 5.0, dashes=(0.0, (3.0, 1.5))))
     axes.add_collection(_path(history, norm), autolim=False)
     middle = colour(np.array((history.times[0] + history.times[-1]) / 2))
-    spoke = Line2D([], [], color=INK, lw=1.2, marker="o", markevery=[0], ms=3)
+    axis = Line2D([], [], color=INK, lw=1.2, marker="o", markevery=[0], ms=3)
     return [
         (start, f"grain at t = {first:.4g}"),
         (end, f"grain at t = {last:.4g}"),
         (Line2D([], [], color=middle, lw=1.6), "its centre's path"),
-        (spoke, "its first axis"),
+        (axis, "its first axis"),
     ]
 
 
@@ -269,14 +269,19 @@ def _draw_grain(axes: Axes, scene: Scene, placement: Placement, look: _Look) -> 
         ls=look.dashes,
         zorder=look.order,
     )
+    width = 0.75 * look.width
+    x, y = spoke(outline, placement).T
+    line = Line2D(x, y, color=look.edge, lw=width, marker="o", markevery=[0], ms=2.5 * width)
+    line.set_zorder(look.order)
+    axes.add_artist(line)
+    return axes.add_artist(body)
+
+
+def spoke(outline: np.ndarray, placement: Placement) -> np.ndarray:
+    """(2, 2) from a grain's centre along its first axis to its outline, points (n, 2)."""
     local = placement.to_body(outline)
     tip = outline[np.argmin(np.abs(np.arctan2(local[:, 1], local[:, 0])))]
-    x, y = np.array([placement.centre, tip]).T
-    width = 0.75 * look.width
-    spoke = Line2D(x, y, color=look.edge, lw=width, marker="o", markevery=[0], ms=2.5 * width)
-    spoke.set_zorder(look.order)
-    axes.add_artist(spoke)
-    return axes.add_artist(body)
+    return np.array([placement.centre, tip])
 
 
 # -- against time ------------------------------------------------------------------------------------------

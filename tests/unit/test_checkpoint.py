@@ -1,0 +1,363 @@
+"""What a checkpoint holds comes back on any mesh numbering; what is not whole is refused; writing is all or nothing."""
+
+from __future__ import annotations
+
+import os
+import resource
+import signal
+from collections.abc import Callable, Iterator
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from domains import ball_in_box, curved_box, ring, square_in_box, unit_box
+from mpi4py import MPI
+
+from incipient import checkpoint as checkpoints
+from incipient.checkpoint import Body, Checkpoint, Progress, Recorded, WholeFlow, WholeMesh, read, write
+from incipient.domain import Domain
+from incipient.errors import OutputError, SceneError
+from incipient.files import cut
+from incipient.fluid import FlowModel, Fluid, Prescribed, Transient
+from incipient.interrupt import SAME_WISH, Interruption
+from incipient.redistribution import spread_flow, spread_mesh, whole_flow, whole_mesh
+from incipient.reopening import reopened
+from incipient.scene.file import dumps, loads
+
+COMM = MPI.COMM_SELF
+SCENE = """
+[domain]
+kind = "box"
+length = 1.0
+height = 1.0
+[fluid]
+reynolds = 10
+scale = "flow"
+[flow]
+kind = "lid"
+velocity = 1.0
+[time]
+end = 2.0
+step = 0.5
+"""
+
+
+# -- meshes and flows ------------------------------------------------------------------------------------------
+
+
+def renumbered(whole: WholeMesh) -> WholeMesh:
+    """The same mesh with nodes and cells in another order."""
+    random = np.random.default_rng(3)
+    nodes, cells = random.permutation(len(whole.nodes)), random.permutation(len(whole.cells))
+    new = np.argsort(nodes)
+    return replace(whole, nodes=whole.nodes[nodes], cells=new[whole.cells][cells], facets=new[whole.facets])
+
+
+def lengths(domain: Domain) -> dict[str, float]:
+    import dolfinx
+    import ufl
+
+    from incipient import compat
+
+    one = dolfinx.fem.Constant(domain.mesh, 1.0)
+    found = {name: one * domain.measure(name) for name in domain.names} | {"": one * ufl.dx(domain.mesh)}
+    return {name: dolfinx.fem.assemble_scalar(compat.form(form)) for name, form in found.items()}
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: unit_box(2, 4),
+        lambda: curved_box(2, 3, 3),
+        lambda: ring(1.0, 2.0, 16, 2),
+        lambda: ring(1.0, 2.0, 16, 3),
+        lambda: unit_box(3, 2),
+        lambda: ball_in_box(0.3),
+    ],
+)
+def test_a_mesh_comes_back_with_its_boundaries(make: Callable[[], Domain]) -> None:
+    """Volume and the area of every named boundary, to round-off; and the same numbering from the same order."""
+    domain = make()
+    whole = whole_mesh(domain)
+    again = spread_mesh(MPI.COMM_WORLD, whole)
+    assert np.array_equal(again.mesh.geometry.x, domain.mesh.geometry.x)
+    shuffled = spread_mesh(MPI.COMM_WORLD, renumbered(whole))
+    assert lengths(again) == pytest.approx(lengths(domain), rel=1e-12)
+    assert lengths(shuffled) == pytest.approx(lengths(domain), rel=1e-12)
+
+
+def test_a_facet_that_is_none_is_refused() -> None:
+    whole = whole_mesh(unit_box(2, 3))
+    wrong = replace(whole, facets=np.vstack([whole.facets[1:], [[0, 2]]]))
+    with pytest.raises(OutputError, match="12 boundary facets are stored, 11 of them"):
+        spread_mesh(MPI.COMM_WORLD, wrong)
+
+
+def streams(domain: Domain, order: int) -> Fluid:
+    return Fluid(domain, FlowModel(order=order), [Prescribed("body", lambda x, t: 0 * x)], 1.0)
+
+
+def fill(fluid: Fluid) -> None:
+    """A state that is a different polynomial in each component."""
+    x, y = fluid.space.velocity_points()[:, :2].T
+    u, v = x**2 - 3 * y, x * y
+    a, b = fluid.space.pressure.tabulate_dof_coordinates()[:, :2].T
+    fluid.state.x.array[fluid.space.velocity_map] = np.column_stack([u, v]).ravel()
+    fluid.state.x.array[fluid.space.pressure_map] = a - 2 * b
+
+
+@pytest.mark.parametrize("order", [2, 3, 4])
+def test_a_flow_finds_its_nodes_by_place(order: int) -> None:
+    """On a mesh of another numbering that has been moved as the first one was."""
+
+    def moved(domain: Domain) -> Domain:
+        domain.mesh.geometry.x[:, 0] += 0.1 * domain.mesh.geometry.x[:, 1]
+        return domain
+
+    domain = moved(square_in_box(0.3, 0.4))
+    with streams(domain, order) as fluid:
+        fill(fluid)
+        whole = whole_mesh(domain)
+        flow = whole_flow(fluid, [fluid.state.x.array, 2 * fluid.state.x.array])
+    with streams(spread_mesh(MPI.COMM_WORLD, renumbered(whole)), order) as other:
+        fill(other)
+        for factor, state in zip((1, 2), spread_flow(other, flow), strict=True):
+            assert state == pytest.approx(factor * other.state.x.array, abs=1e-13)
+
+
+def test_a_flow_of_another_mesh_is_refused() -> None:
+    with streams(square_in_box(0.3, 0.4), 2) as fluid:
+        whole = whole_flow(fluid, [fluid.state.x.array])
+    refused = pytest.raises(OutputError, match="other nodes than the stored mesh")
+    with streams(square_in_box(0.3, 0.3), 2) as other, refused:
+        spread_flow(other, whole)
+
+
+# -- the file --------------------------------------------------------------------------------------------------
+
+
+def sample(time: float = 1.0, met: bool = False) -> Checkpoint:
+    """Something of every kind that a checkpoint may hold."""
+    numbers = np.random.default_rng(1).standard_normal
+    mesh = WholeMesh(2, numbers((4, 2)), np.array([[0, 1, 2]]), np.array([[0, 1]]), np.array([7]), {"bed": 7})
+    flow = WholeFlow(numbers((4, 3)), numbers((3, 3)), numbers((2, 4, 2)), numbers((2, 3)))
+    body = Body(
+        *(numbers(3) for _ in range(6)),
+        None, 2, 0.1, numbers(3), numbers(3), 0.1, numbers((1, 3)), met,
+        [{"time": 0.1, "cells": 5}], np.array([1, 2]),
+    )  # fmt: skip
+    progress = Progress(2, 0.1 + 0.2, None, {"newton": 3}, {"solves": 4}, {"flow": 0.3}, 1.5)
+    times = np.array([time, 0.5])
+    return Checkpoint(dumps(loads(SCENE)), progress, mesh, times, flow, body, Recorded(2, 99))
+
+
+def assert_same(first: Any, second: Any) -> None:
+    for field in fields(first):
+        one, other = getattr(first, field.name), getattr(second, field.name)
+        if is_dataclass(one):
+            assert_same(one, other)
+        elif isinstance(one, np.ndarray):
+            assert one.dtype == other.dtype
+            assert np.array_equal(one, other)
+        else:
+            assert one == other and type(one) is type(other)
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    """A checkpoint in a directory with its scene."""
+    found = tmp_path / checkpoints.NAME
+    write(found, sample())
+    (tmp_path / "scene.toml").write_text(SCENE)
+    return found
+
+
+@pytest.mark.parametrize("body", [True, False])
+def test_what_was_written_is_read(path: Path, body: bool) -> None:
+    given = sample() if body else replace(sample(), body=None)
+    write(path, given)
+    assert_same(given, read(path))
+
+
+def test_no_file(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match=r"checkpoint\.h5: no such checkpoint; start anew"):
+        read(tmp_path / checkpoints.NAME)
+
+
+def test_another_version_names_the_program_that_wrote_it(path: Path) -> None:
+    with h5py.File(path, "r+") as file:
+        file.attrs["version"], file.attrs["program"] = 99, "incipient 9.9"
+    with pytest.raises(OutputError, match=r"of version 99, .* reads version 1; .* \(incipient 9\.9\)"):
+        read(path)
+
+
+def test_another_file(path: Path) -> None:
+    with h5py.File(path, "w") as file:
+        file["velocity"] = 1.0
+    with pytest.raises(OutputError, match="is not a checkpoint; give the directory of a run"):
+        read(path)
+
+
+def _names(group: Any) -> Iterator[str]:
+    found: list[str] = []
+    group.visit(found.append)
+    return iter(found)
+
+
+def test_nothing_may_be_missing(path: Path) -> None:
+    """Whatever dataset or group is taken out, even with the digest made to fit, is missed by its name."""
+    with h5py.File(path) as file:
+        names = list(_names(file))
+    assert len(names) > 40
+    for name in names:
+        write(path, sample())
+        with h5py.File(path, "r+") as file:
+            del file[name]
+            file.attrs["digest"] = checkpoints._digest(file)
+        with pytest.raises(OutputError, match=rf"checkpoint\.h5: {name} is missing; start anew"):
+            read(path)
+
+
+def test_changed_numbers_are_noticed(path: Path) -> None:
+    with h5py.File(path, "r+") as file:
+        file["flow/velocities"][0, 0, 0] += 1e-12
+    with pytest.raises(OutputError, match="is damaged, its content is not what was written; start anew"):
+        read(path)
+
+
+@pytest.mark.parametrize("kept", [0, 10, 1000, 10_000])
+def test_half_a_file(path: Path, kept: int) -> None:
+    os.truncate(path, kept)
+    with pytest.raises(OutputError, match=r"checkpoint\.h5: cannot be read: .*; start anew") as told:
+        read(path)
+    assert "\n" not in str(told.value)
+
+
+def test_a_failed_write_keeps_the_old_checkpoint(path: Path) -> None:
+    old = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (5000, old[1]))
+    try:
+        with pytest.raises(OutputError, match=r"checkpoint\.h5: cannot be written: file too large"):
+            write(path, sample(time=1.5))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, old)
+    assert read(path).time == 1.0
+    assert sorted(p.name for p in path.parent.iterdir()) == [checkpoints.NAME, "scene.toml"]
+
+
+# -- the history -----------------------------------------------------------------------------------------------
+
+
+def test_a_history_is_cut_back(tmp_path: Path) -> None:
+    path = tmp_path / "history.csv"
+    path.write_text("t\n1\n2\n3\n")
+    cut(path, 2, 6)
+    assert path.read_text() == "t\n1\n2\n"
+    cut(path, 0, 0)
+    assert not path.exists()
+
+
+@pytest.mark.parametrize("text", ["", "t\n1\n", "t\n1\n22", "t\n1\n2\r"])
+def test_a_history_that_has_lost_rows_is_refused(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "history.csv"
+    path.write_text(text, newline="")
+    with pytest.raises(OutputError, match="has lost some of its 2 rows"):
+        cut(path, 2, 6)
+    assert path.read_bytes() == text.encode()
+
+
+# -- opening a run again ---------------------------------------------------------------------------------------
+
+
+def test_a_later_end_may_be_given(path: Path) -> None:
+    scene, kept = reopened(path.parent, ["time.end=5"], COMM)
+    assert scene.time is not None and scene.time.end == 5.0
+    assert kept.time == 1.0
+
+
+@pytest.mark.parametrize(
+    ("override", "told"),
+    [
+        ("fluid.reynolds=20", r"scene\.toml: fluid\.reynolds is 20\.0, but the run to resume has 10\.0"),
+        ("time.step=0.1", r"time\.step is 0\.1, .* has 0\.5; leave it so \(only time\.end may change\)"),
+        ("output.every=3", r"output\.every is 3, "),
+        ("time.tolerance=0.1", r"time\.tolerance is 0\.1, but the run to resume has None"),
+        ("time.end=1.0", r"has come to t = 1 already and time\.end is 1; .* --set time\.end=2"),
+    ],
+)
+def test_another_scene_is_refused_by_name(path: Path, override: str, told: str) -> None:
+    with pytest.raises(SceneError, match=told):
+        reopened(path.parent, [override], COMM)
+
+
+def test_a_scene_edited_in_the_directory_is_refused(path: Path) -> None:
+    (path.parent / "scene.toml").write_text(SCENE.replace("height = 1.0", "height = 2.0"))
+    with pytest.raises(SceneError, match=r"domain\.height is 2\.0, but the run to resume has 1\.0"):
+        reopened(path.parent, [], COMM)
+
+
+def test_a_grain_that_has_met_something_does_not_go_on(path: Path) -> None:
+    write(path, sample(met=True))
+    with pytest.raises(SceneError, match="its grain met something; there is nothing to resume"):
+        reopened(path.parent, [], COMM)
+
+
+# -- time integration ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("accuracy", [None, 1e-3])
+@pytest.mark.parametrize("order", [1, 2])
+def test_steps_go_on_as_if_nothing_had_happened(order: int, accuracy: float | None) -> None:
+    """Adaptive steps, too: lengths, errors and states of a new time integration given the past of another."""
+
+    def stream(x: np.ndarray, t: float) -> np.ndarray:
+        return np.vstack([np.sin(3 * t) * x[1], t**3 * x[0]])
+
+    def fluid() -> Fluid:
+        sides = [Prescribed(name, stream) for name in ("left", "right", "bottom", "top")]
+        return Fluid(unit_box(2, 2), FlowModel(unsteady=True), sides, reynolds=10.0)
+
+    with fluid() as one, fluid() as other:
+        first = Transient(one, order, 1e-12, accuracy)
+        steps = first.march(0.6, 0.1)
+        for _ in range(3):
+            next(steps)
+        second = Transient(other, order, 1e-12, accuracy)
+        other.time, other.state.x.array[:] = one.time, one.state.x.array
+        second.resume(first.number, first.next_length, first.past)
+        for expected, found in zip(list(steps), list(second.march(0.6, 0.1)), strict=True):
+            assert (found.number, found.time) == (expected.number, pytest.approx(expected.time, rel=1e-10))
+            assert found.error == pytest.approx(expected.error, rel=1e-6)
+        assert other.state.x.array == pytest.approx(one.state.x.array, abs=1e-10)
+
+
+# -- interrupts ------------------------------------------------------------------------------------------------
+
+
+def test_the_first_signal_is_a_wish_a_later_one_an_interrupt(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    now = 0.0
+    monkeypatch.setattr("incipient.interrupt.time.monotonic", lambda: now)
+    with Interruption(COMM) as interruption:
+        interruption.armed = True
+        assert not interruption.asked()
+        os.kill(os.getpid(), signal.SIGTERM)
+        assert interruption.asked()
+        now = 0.9 * SAME_WISH
+        os.kill(os.getpid(), signal.SIGINT)  # as mpirun passes one on
+        now = 1.1 * SAME_WISH
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)
+    assert capfd.readouterr().err == "stopping after this step; once more to stop at once\n"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_before_the_first_step_a_signal_interrupts_at_once(number: int) -> None:
+    before = [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)]
+    with pytest.raises(KeyboardInterrupt), Interruption(COMM):
+        os.kill(os.getpid(), number)
+    assert [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)] == before
