@@ -38,6 +38,8 @@ SHARE = 1e-4
 CLOSE = 1e-6
 # The shortest step to a meeting, relative to the step it was found in.
 TOUCHING_STEP = 1e-6
+FOLDED = "the mesh around the body folds over: use a larger numerics.remesh_below, or shorter steps"
+SLOW = "body and fluid do not come to terms: use shorter steps, or a larger numerics.interface_tolerance"
 # Displacement of the body, relative to its extent, by which derivatives are formed.
 NUDGE = 1e-6
 # Corrections of the body's velocities in a step from which on the fluid's factors are taken for too old.
@@ -126,7 +128,7 @@ class Coupling:
         self._blocks = boundary_blocks(fluid.space.velocity, fluid.domain.facets_of(boundary))
         self._extent = self._largest_arm()
         self._response: Response | None = None
-        self.quality = motion.quality()
+        self.quality, self._complaint = motion.quality(), ""
         self._motion: Motion | None = None
         self._factors, self._first_residual = -1, 0.0
 
@@ -141,25 +143,26 @@ class Coupling:
         end = self.predicted(length, order)
         sizes: list[float] = []
         residuals: list[float] = []
+        self._complaint = SLOW
         while len(residuals) < self.max_iterations:
             self._follow(end)
             flow = self.fluid.solve(self._inner_tolerance(residuals))
             sizes.extend(flow.corrections)
             if not flow.converged:
+                self._complaint = FOLDED if self._is_folded() else ""
                 break
             try:
                 improved, residual = self._improved(end, length)
-            except ConvergenceError:
-                break
-            except SceneError:
+            except (ConvergenceError, SceneError) as error:
                 # A folded mesh offers no resistance; a shorter step need not fold it.
-                if self.motion.quality().worst > 0.0:
+                if isinstance(error, SceneError) and not self._is_folded():
                     raise
+                self._complaint = FOLDED if self._is_folded() else str(error)
                 break
             residuals.append(residual)
             if residual <= self.tolerance:
-                self.quality = self.motion.quality()
-                if self.quality.worst <= 0.0:
+                if self._is_folded():
+                    self._complaint = FOLDED
                     break
                 self._first_residual = residuals[0]
                 if len(residuals) > PATIENCE:
@@ -171,6 +174,15 @@ class Coupling:
             end = improved
         self._response = None
         return InterfaceReport(False, tuple(sizes), np.inf, tuple(residuals))
+
+    def complaint(self) -> str:
+        """Why the last attempt failed, and a remedy; empty if the fluid is to blame."""
+        return self._complaint
+
+    def _is_folded(self) -> bool:
+        """Whether a cell of the mesh has turned inside out."""
+        self.quality = self.motion.quality()
+        return self.quality.worst <= 0.0
 
     def _inner_tolerance(self, residuals: list[float]) -> float:
         """The flow is solved as well as this iteration can use."""

@@ -39,6 +39,10 @@ class Interface(Protocol):
         """(n,) velocities of what moves, whose error limits the steps, too."""
         ...
 
+    def complaint(self) -> str:
+        """Why the last attempt failed, and a remedy; empty if the fluid is to blame."""
+        ...
+
 
 @dataclass(frozen=True)
 class TimeStep:
@@ -166,9 +170,10 @@ class Transient:
                 return TimeStep(self._count, self.fluid.time, length, error, rejected, report)
             self._restore()
             length = allowed
+        why = "" if self.interface is None else self.interface.complaint()
         raise ConvergenceError(
             f"the step from t = {self.fluid.time:.6g} does not converge even at length {length:.3g}: "
-            "use a finer mesh (smaller numerics.mesh_size) or a smaller Reynolds number"
+            + (why or "use a finer mesh (smaller numerics.mesh_size) or a smaller Reynolds number")
         )
 
     def _allowed(self, length: float, good: bool) -> float:
