@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import callers
-from cases import cavity, contact, cylinder
+from cases import cavity, contact, cylinder, free_body
 from references import VORTEX_STREET
 from tables import Row, cheapest, table
 
@@ -65,12 +65,40 @@ class Rate:
         return f"{self.least:g} a second"
 
 
-def goals(measured: dict[str, Any]) -> list[Goal | Rate]:
+@dataclass(frozen=True)
+class Share:
+    """A part of the wall time, and how large it may be and is."""
+
+    work: str
+    most: float
+    found: float
+
+    @property
+    def reached(self) -> bool:
+        """Whether it is small enough."""
+        return self.found <= self.most
+
+    def cells(self) -> list[str]:
+        """Cells of the table."""
+        return [
+            self.work,
+            self.limit,
+            f"{100 * self.found:.0f}% of the time",
+            "yes" if self.reached else "**no**",
+        ]
+
+    @property
+    def limit(self) -> str:
+        """The limit in words."""
+        return f"{100 * self.most:g}% of the time"
+
+
+def goals(measured: dict[str, Any]) -> list[Goal | Rate | Share]:
     """All goals whose case has been measured."""
     return list(_goals(measured))
 
 
-def _goals(measured: dict[str, Any]) -> Iterator[Goal | Rate]:
+def _goals(measured: dict[str, Any]) -> Iterator[Goal | Rate | Share]:
     own = callers.INCIPIENT
     if rows := measured.get("cylinder", {}).get("rows"):
         best = cheapest(rows, cylinder.reaches).get(own)
@@ -84,6 +112,9 @@ def _goals(measured: dict[str, Any]) -> Iterator[Goal | Rate]:
     if runs := measured.get("grain", {}).get("runs"):
         yield Goal("grain on a bed, first run", 30.0, 1024, runs[0])
         yield Goal("grain on a bed, later runs", 6.0, 1024, runs[1])
+    if row := free_body.fine(measured.get("free_body", {}).get("rows", [])):
+        work = f"free body, {row['unknowns']} unknowns: body, interface and mesh motion"
+        yield Share(work, free_body.GOAL, free_body.share(row))
     if rates := measured.get("contact", {}).get("rates"):
         for name, least in contact.GOALS.items():
             yield Rate(f"{contact.WORK[name]}, 4 contacts in space", least, rates[name])

@@ -15,17 +15,17 @@ import incipient
 from incipient.scene import Disc, Ellipse, Rectangle
 
 READINGS = {"printed": [], "neutral": [], "grain": ["flow.velocity=1.0"], "rest": ['time.start="rest"']}
-SHAPES = {"ellipse": Ellipse(semi_axes=(2.0, 1.0), x=0.0), "disc": Disc(diameter=8**0.5, x=0.0)}
-SHAPES["square"] = Rectangle(width=2.5508, height=2.5508, corner_radius=0.51016, x=0.0)  # all of area 2 pi
+SHAPES = {"ellipse": Ellipse(semi_axes=(2, 1), x=0), "disc": Disc(diameter=8**0.5, x=0)}  # all of area 2 pi
+SHAPES["square"] = Rectangle(width=2.5508, height=2.5508, corner_radius=0.51016, x=0)
 
 
 def scene(case, reading="printed", shape="ellipse", settings=()):
     """A case of the figure; "neutral": the bead is as dense as the fluid, its radius of gyration the same."""
     path = Path(__file__).parent / f"scenes/pothole_{case}.toml"
-    made = incipient.load(path, [*READINGS[reading], "output.fields=false", *settings])
+    made = incipient.load(path, [*READINGS[reading], *settings])
     share = SHAPES[shape].grain().volume / made.body.mass if reading == "neutral" else 1.0
-    keys = {**made.body.model_dump(include={"centre", "motion"}), "x": None}
-    keys |= {"mass": share * made.body.mass, "inertia": share * made.body.inertia}
+    keys = {"x": None, "mass": share * made.body.mass, "inertia": share * made.body.inertia}
+    keys |= made.body.model_dump(include={"centre", "motion"})
     return made.model_copy(update={"body": SHAPES[shape].model_copy(update=keys)})
 
 
@@ -35,9 +35,9 @@ if __name__ == "__main__":
     parser.add_argument("--reading", choices=READINGS, default="printed")
     parser.add_argument("--shape", choices=SHAPES, default="ellipse")
     parser.add_argument("--set", action="append", default=["time.step=0.1"])
-    options = parser.parse_args()
-    for case in options.cases:
-        given = scene(case, options.reading, options.shape, options.set)
-        result = incipient.run(given, f"results/pothole_{case}")
+    given = parser.parse_args()
+    for case in given.cases:
+        made = scene(case, given.reading, given.shape, given.set)
+        result = incipient.run(made, f"results/pothole_{case}")
         if MPI.COMM_WORLD.rank == 0:
-            print(given.title, result.text(), sep="\n")
+            print(result.title, result.text(), sep="\n")

@@ -19,6 +19,7 @@ class FlowTerms:
     carrier:        velocity that convects, less that of the mesh where the mesh itself has been moved (None: Stokes)
     skew:           measure of the whole boundary for the energy-stable form of convection; None: as printed
     body_force:     force per unit mass that is not the gradient of a potential (gravity is absorbed in the pressure)
+    cell_size:      size of a cell over the order of the velocity, for `terms.grad_div`; None: not stabilised
     open_boundary:  measure of the boundary through which fluid leaves freely
     reference_map:  None for the identity
     """
@@ -27,6 +28,7 @@ class FlowTerms:
     rate: Any = None
     carrier: Any = None
     skew: Any = None
+    cell_size: Any = None
     body_force: Any = None
     open_boundary: Any = None
     reference_map: ReferenceMap | None = None
@@ -48,6 +50,8 @@ def residual(v: Any, p: Any, w: Any, q: Any, present: FlowTerms, dx: Any) -> Any
         integrand += terms.skew_convection(v, present.carrier, w)
     elif present.carrier is not None:
         integrand += terms.convection(v, present.carrier, w, x)
+    if present.carrier is not None and present.cell_size is not None:
+        integrand += terms.grad_div(v, present.carrier, w, present.reynolds, present.cell_size, x)
     if present.body_force is not None:
         integrand += terms.body_force(present.body_force, w, x)
     form = integrand * dx

@@ -12,6 +12,9 @@ import ufl
 
 from .kinematics import ReferenceMap, divergence, gradient, rate_of_strain, surface_vector, weighted
 
+# Reynolds number of a cell, per order, up to which it resolves the flow without help: P0 of `grad_div`.
+RESOLVED = 10.0
+
 
 def stress(v: Any, p: Any, reynolds: Any, reference_map: ReferenceMap | None = None) -> Any:
     """Cauchy stress sigma = -p I + (2/Re) D."""
@@ -42,6 +45,24 @@ def skew_convection(v: Any, carrier: Any, w: Any) -> Any:
 def through_boundary(v: Any, carrier: Any, w: Any, n: Any) -> Any:
     """(1/2) (c . n) v . w: what `skew_convection` lacks where fluid, or its boundary values, cross the boundary."""
     return ufl.dot(carrier, n) * ufl.inner(v, w) / 2
+
+
+def grad_div(
+    v: Any, carrier: Any, w: Any, reynolds: Any, size: Any, reference_map: ReferenceMap | None = None
+) -> Any:
+    """J gamma div(v) div(w), gamma = (1/Re) P^3/(P0^2 + P^2) with the Reynolds number of cells P = |c| size Re.
+
+    Where P is large gamma is |c| size, where P is small it vanishes like P^3. The exact flow is free of divergence,
+    so that the term is consistent; with w = v it is not negative, so that it takes energy and never gives any.
+    `size` is a cell's, divided by the order of the velocity, on the domain of X. Source: Olshanskii, Lube, Heister
+    & Loewe (2009), Comput. Methods Appl. Mech. Engrg. 198, 3975; the dependence on P is measured (docs/numerics.md).
+    """
+    if reference_map is not None:
+        carrier = carrier - reference_map.velocity
+        size = size * reference_map.J ** (1 / len(v))
+    square = ufl.inner(carrier, carrier) * (size * reynolds) ** 2
+    gamma = square**1.5 / (reynolds * (RESOLVED**2 + square))
+    return weighted(gamma * divergence(v, reference_map) * divergence(w, reference_map), reference_map)
 
 
 def internal_force(v: Any, p: Any, w: Any, reynolds: Any, reference_map: ReferenceMap | None = None) -> Any:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from .progress import Silent
+    from .recorder import Recorder
     from .result import Result
 
 __all__ = [
@@ -50,6 +51,8 @@ def run(
 ) -> Result:
     """Simulate a scene and judge its grain. Collective over `comm` (default: all ranks).
 
+    With `numerics.accuracy` mesh and order are chosen to reach it (docs/accuracy.md).
+
     Args:
         scene: what to simulate.
         directory: where to write the resolved scene, result.json, history and fields; None writes nothing.
@@ -60,14 +63,23 @@ def run(
     """
     from mpi4py import MPI as mpi
 
+    from .recorder import Unrecorded
     from .simulation import simulate
 
     comm = comm or mpi.COMM_WORLD
-    if directory is None:
-        return simulate(scene, comm, None, voice)
-    from .output.directory import ResultDirectory
 
-    return simulate(scene, comm, ResultDirectory(Path(directory), comm), voice)
+    def recorder() -> Recorder:
+        if directory is None:
+            return Unrecorded()
+        from .output.directory import ResultDirectory
+
+        return ResultDirectory(Path(directory), comm)
+
+    if scene.numerics.accuracy is None:
+        return simulate(scene, comm, recorder(), voice)
+    from .adaptation import run_to_accuracy
+
+    return run_to_accuracy(scene, comm, recorder, voice)
 
 
 def resume(

@@ -88,7 +88,7 @@ class WholeFlow:
 class Body:
     """A moving grain, its coupling to the fluid and its mesh. States are place, angle or quaternion, velocities.
 
-    made, weights:   places (nodes, 3) of the mesh when made, and how far each node follows the grain (nodes,)
+    made, weights:   places (nodes, 3) of the mesh when made, and how each node follows the grain (nodes, gdim + 1)
     made_for:        state for which it was made
     states, times:   of the grain, now and a step before (n, 6 or 13), (n,)
     places:          of the mesh's nodes then (n, nodes, 3)

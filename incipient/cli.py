@@ -1,4 +1,4 @@
-"""The command `incipient`: run, resume, threshold, plan, show, judge, new, schema."""
+"""The command `incipient`: run, resume, threshold, plan, cost, calibrate, show, judge, new, schema."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ TO_SPEAK = 0.5  # seconds that other ranks leave the first to say why, before th
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Do what the command line says and return the exit code; the same on all ranks."""
-    _start_alone_quickly()
+    start_alone_quickly()
     return _guarded(arguments)
 
 
@@ -79,6 +79,14 @@ def _parser() -> argparse.ArgumentParser:
     threshold.add_argument("--out", type=Path, help="directory for the results (default: as for run)")
     plan = command("plan", _plan, "say what would be computed and what not, and what it needs", scene)
     plan.add_argument("--json", action="store_true", help="as JSON")
+    cost = command("cost", _cost, "find what accuracy costs: error against time, by a ladder of runs", scene)
+    cost.add_argument("--out", type=Path, help="directory for the study (default: results/NAME OF THE SCENE_cost)")
+    cost.add_argument("--quick", action="store_true", help="a few coarse runs only")
+    cost.add_argument("--orders", type=int, nargs="+", metavar="ORDER", help="orders of the velocity, 2 to 4")
+    for name, what in (("--sizes", "cell sizes"), ("--steps", "time steps")):
+        text = f"{what} as multiples of the scene's"
+        cost.add_argument(name, type=float, nargs="+", metavar="FACTOR", help=text)
+    command("calibrate", _calibrate, "measure this machine, so that plan can tell times and errors")
     show = command("show", _show, "draw the pictures of a finished run, or animate its flow")
     show.add_argument("directory", type=Path, help="directory of the results")
     show.add_argument(
@@ -194,6 +202,7 @@ def _whereabouts(directory: Path, fields: bool, pictures: list[Path], cost: dict
 def _plan(options: argparse.Namespace, comm: MPI.Comm) -> int:
     import incipient
 
+    from .cost_command import predicted
     from .parallel import collectively
     from .simulation import estimate
 
@@ -201,8 +210,41 @@ def _plan(options: argparse.Namespace, comm: MPI.Comm) -> int:
     with collectively(comm):
         if comm.rank == 0:
             plan = estimate(scene)
-            print(json.dumps(plan.to_dict(), indent=2) if options.json else plan.text())
+            prediction, words = predicted(scene, plan)
+            told = json.dumps({**plan.to_dict(), "prediction": prediction}, indent=2)
+            print(told if options.json else f"{plan.text()}\n{words}")
     return 0
+
+
+def _cost(options: argparse.Namespace, comm: MPI.Comm) -> int:
+    import incipient
+
+    from . import cost_command
+    from .pictures.apart import draw_apart
+
+    _alone("cost", comm)
+    scene = incipient.load(options.scene, options.overrides)
+    directory = options.out or Path("results") / f"{options.scene.stem}_cost"
+    lists = {name: getattr(options, name) for name in ("orders", "sizes", "steps")}
+    spread = cost_command.chosen(scene, options.quick, **lists)
+    found = cost_command.study(scene, directory, spread, logging.getLogger("incipient").info)
+    draw_apart(directory)
+    print(cost_command.told(found, directory))
+    return 0
+
+
+def _calibrate(options: argparse.Namespace, comm: MPI.Comm) -> int:
+    from .cost_command import calibrate
+
+    _alone("calibrate", comm)
+    print(calibrate(logging.getLogger("incipient").info))
+    return 0
+
+
+def _alone(name: str, comm: MPI.Comm) -> None:
+    """Refuse ranks for a command that starts processes of its own."""
+    if comm.size > 1:
+        raise SceneError(f"{name} starts runs of its own; call it without mpirun")
 
 
 def _show(options: argparse.Namespace, comm: MPI.Comm) -> int:
@@ -323,7 +365,7 @@ def _as_interrupt(number: int, frame: object) -> None:
     raise KeyboardInterrupt
 
 
-def _start_alone_quickly() -> None:
+def start_alone_quickly() -> None:
     """Without mpirun, OpenMPI need not start a daemon and look for networks: that takes 0.3 s.
 
     The settings are for this process alone: one that it starts may be an mpirun.

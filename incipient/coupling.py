@@ -101,6 +101,8 @@ class Coupling:
         load: force and couple (k,) on the body in a state that are not the flow's traction: weight, buoyancy.
         room: how far [length] a body in a state may still go before it meets something; None: it meets nothing.
         tolerance: of the body's equation of motion, relative to its load.
+        added_mass: False iterates without the derivative of the traction, as programs that pass forces and
+            velocities back and forth do. It diverges for light bodies: for comparison only.
         stage: context managers by name that take the time.
     """
 
@@ -116,9 +118,11 @@ class Coupling:
         tolerance: float = 1e-9,
         max_iterations: int = 12,
         stage: Stage = lambda name: nullcontext(),
+        added_mass: bool = True,
     ):
         self.fluid, self.body, self.motion, self.boundary = fluid, body, motion, boundary
         self._load, self._room, self._stage = load, room, stage
+        self.added_mass = added_mass
         self.tolerance, self.max_iterations, self.met = tolerance, max_iterations, False
         self.state = body.consistent(state)
         self.mean_load = MeanLoad()
@@ -275,7 +279,8 @@ class Coupling:
     def _answer(self, change: Floats) -> None:
         """Let the flow answer linearly to a change of the body's velocities."""
         with self._stage("interface"):
-            assert self._response is not None
+            if self._response is None:
+                return
             self.fluid.state.x.array[:] += change @ self._response.changes
 
     # -- the derivative ---------------------------------------------------------------------------
@@ -287,6 +292,8 @@ class Coupling:
         that explains the change of load seen with the last change of velocities. It accounts for what A_u
         leaves out, the change of the load with the body's place, and for factors that have aged.
         """
+        if not self.added_mass:
+            return self._no_response(end.length)
         factors, known = self.fluid.solver.statistics.factorisations, self._response
         if known is None or factors != self._factors or abs(end.length / known.length - 1.0) > SAME_LENGTH:
             known = self._response = self._respond(end.state, end.length)
@@ -294,6 +301,10 @@ class Coupling:
         elif before.state.time == end.state.time and before.length == end.length:
             known = self._response = self._corrected(known, before, end)
         return known
+
+    def _no_response(self, length: float) -> Response:
+        size = self.body.size
+        return Response(np.zeros((size, len(self.fluid.state.x.array))), np.zeros((size, size)), length)
 
     def _corrected(self, known: Response, before: End, end: End) -> Response:
         step = end.state.velocities - before.state.velocities

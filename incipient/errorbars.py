@@ -26,7 +26,7 @@ from .contact.exact import MassAndInertia, judged
 from .dual import GoalErrors
 from .errors import IncipientError
 from .judgement import load_of, mass_and_inertia
-from .result import Couples, Forces
+from .result import Couples, Forces, Result
 from .scene import Scene
 
 if TYPE_CHECKING:
@@ -54,6 +54,15 @@ class Loads:
     force: Floats
     couple: Floats
     place: Floats | None = None
+
+    @classmethod
+    def of(cls, result: Result) -> Loads:
+        """Those of a run with a grain, at its end."""
+        assert result.force is not None and result.couple is not None
+        place = None
+        if result.trajectory is not None:
+            place = np.array([*result.trajectory["place"], result.trajectory["angle"]])
+        return cls(result.force.flow, result.couple.flow, place)
 
 
 @dataclass(frozen=True)
@@ -128,7 +137,8 @@ class ErrorBars:
 def error_bars(simulation: Simulation, force: Forces, couple: Couples) -> ErrorBars:
     """The error bars of a finished run with a grain; coarse runs of their own are made where needed. Collective.
 
-    A term whose coarse run fails is left out, and the reason said.
+    A term whose coarse run fails is left out, and the reason said. What `simulation.known` holds, terms by name and
+    loads of coarse runs by the JSON of their scene, is not computed again, and what is found is added to it.
     """
     bars = _in_time(simulation, force, couple) if simulation.scene.time else _steady(simulation)
     scene, contacts = simulation.scene, simulation.contacts
@@ -177,11 +187,14 @@ class _Found:
 
     def __init__(self, simulation: Simulation):
         self._comm, self._terms, self._failed = simulation.comm, list[Term](), dict[str, str]()
-        self._known: dict[str, Loads] = {}
+        self._known = simulation.known
 
     def add(self, name: str, estimate: Callable[[Solve], Term]) -> None:
         try:
-            self._terms.append(estimate(self._solve))
+            term = self._known.get(name)
+            if not isinstance(term, Term):
+                term = self._known[name] = estimate(self._solve)
+            self._terms.append(term)
         except IncipientError as error:
             self._failed[name] = str(error)
 
@@ -190,21 +203,17 @@ class _Found:
 
     def _solve(self, scene: Scene) -> Loads:
         key = scene.model_dump_json()
-        if key not in self._known:
-            self._known[key] = loads_of(scene, self._comm)
-        return self._known[key]
+        loads = self._known.get(key)
+        if not isinstance(loads, Loads):
+            loads = self._known[key] = loads_of(scene, self._comm)
+        return loads
 
 
 def loads_of(scene: Scene, comm: MPI.Comm) -> Loads:
     """Run a scene for its force and couple at the end. Collective."""
     from .simulation import simulate
 
-    result = simulate(scene, comm)
-    assert result.force is not None and result.couple is not None
-    place = None
-    if result.trajectory is not None:
-        place = np.array([*result.trajectory["place"], result.trajectory["angle"]])
-    return Loads(result.force.flow, result.couple.flow, place)
+    return Loads.of(simulate(scene, comm))
 
 
 # -- the terms --------------------------------------------------------------------------------------
@@ -219,12 +228,7 @@ def by_coarser_run(scene: Scene, computed: Loads, solve: Solve) -> Term:
     """The term of mesh and time step together, from a run with both coarser, at second order or better."""
     assert scene.time is not None
     order = 2 if scene.time.scheme == "bdf2" else 1
-    coarse = changed(
-        scene,
-        numerics={"mesh_size": min(COARSER_MESH * scene.numerics.mesh_size, 100.0), "error_bars": False},
-        time={"step": min(LONGER_STEP * scene.time.step, scene.time.end)},
-    )
-    other = solve(coarse)
+    other = solve(coarser(scene))
     share = 1.0 / (LONGER_STEP**order - 1.0)
     place = None
     if computed.place is not None and other.place is not None:
@@ -237,6 +241,17 @@ def by_coarser_run(scene: Scene, computed: Loads, solve: Solve) -> Term:
         how,
         place,
     )
+
+
+def coarser(scene: Scene) -> Scene:
+    """The scene in time on a coarser mesh with longer steps; where steps adapt, with a larger error of each."""
+    assert scene.time is not None
+    time = {"step": min(LONGER_STEP * scene.time.step, scene.time.end)}
+    if scene.time.tolerance is not None:
+        order = 2 if scene.time.scheme == "bdf2" else 1
+        time["tolerance"] = LONGER_STEP ** (order + 1) * scene.time.tolerance
+    mesh_size = min(COARSER_MESH * scene.numerics.mesh_size, 100.0)
+    return changed(scene, numerics={"mesh_size": mesh_size, "error_bars": False}, time=time)
 
 
 def of_gap(scene: Scene, solve: Solve) -> Term:
@@ -267,7 +282,7 @@ def _to_zero(at_one: float, at_two: float, at_four: float) -> float:
 
 def of_domain(scene: Scene, solve: Solve) -> Term:
     """What sides that stand for an endless flow change, from a coarse run with all of them farther away."""
-    larger = solve(_coarse(scene, domain=_farther(scene)))
+    larger = solve(_coarse(farther(scene)))
     smaller = solve(_coarse(scene))
     share = 1.0 / (1.0 - FARTHER**-DECAY)
     how = f"a coarse run with sides {FARTHER:g} times as far, decay with distance to the power {DECAY:g}"
@@ -279,7 +294,8 @@ def of_domain(scene: Scene, solve: Solve) -> Term:
     )
 
 
-def _farther(scene: Scene) -> dict[str, Any]:
+def farther(scene: Scene) -> Scene:
+    """The scene with inflow, outflow and a free top farther away, at the same viscosity."""
     domain = scene.domain
     before = 0.5 * (FARTHER - 1.0) * domain.length
     period = getattr(scene.bed, "wavelength", None) or getattr(scene.bed, "spacing", None)
@@ -291,7 +307,10 @@ def _farther(scene: Scene) -> dict[str, Any]:
     }
     if scene.top == "stream":
         changes["height"] = FARTHER * domain.height
-    return changes
+    if scene.fluid.scale == "flow" and "height" in changes:
+        # The viscosity stays: the Reynolds number is that of a higher domain.
+        return changed(scene, domain=changes, fluid={"reynolds": FARTHER * scene.fluid.reynolds})
+    return changed(scene, domain=changes)
 
 
 def _coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
@@ -301,10 +320,6 @@ def _coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
         "mesh_size": max(MODEL_MESH, scene.numerics.mesh_size),
         "error_bars": False,
     }
-    if scene.fluid.scale == "flow" and "height" in sections.get("domain", {}):
-        # The viscosity stays: the Reynolds number is that of a higher domain.
-        factor = sections["domain"]["height"] / scene.domain.height
-        scene = changed(scene, fluid={"reynolds": factor * scene.fluid.reynolds})
     return changed(scene, numerics=numerics, **sections)
 
 

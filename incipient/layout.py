@@ -61,7 +61,7 @@ class Layout:
 
 def lay_out(scene: Scene, plan: Plan, moved: Placement | None = None) -> Layout:
     """Place the grain, where the scene has it or where it has `moved`, and decide cell sizes. Not collective."""
-    if scene.domain.kind == "box" and scene.body is None and scene.bed is None:
+    if is_grid(scene):
         return Layout(_grid(scene, plan), Sizes(1.0), plan.geometry_order)
     resting, placement, gap, ends = _placed(scene, plan) if moved is None else (moved, moved, np.inf, None)
     if plan.has("moving mesh") and placement is not None:
@@ -96,7 +96,7 @@ def _placed(
     grain, bed, resting = scene.grain, scene.bed_shape, scene.placement
     if grain is None or bed is None or resting is None:
         return resting, resting, np.inf, None
-    placement = lifted(grain, resting, bed, scene.contact_gap) if plan.has("contact") else resting
+    placement = lifted(grain, resting, bed, scene.contact_gap) if scene.rests else resting
     gap, on_grain, on_bed = clearance(grain, placement, bed)
     return resting, placement, gap, (_point(on_grain), _point(on_bed))
 
@@ -119,7 +119,8 @@ def _sizes(
         if corners := _corners(outline):
             near.append(Near(CORNER_CELL * size, GROWTH, points=corners))
         if gap < 4 * size and ends is not None:
-            near.append(Near(GAP_CELL[plan.order] * gap, GAP_GROWTH, points=_gap_points(scene, plan, ends)))
+            points = _gap_points(scene, plan, ends)
+            near.append(Near(GAP_CELL[plan.order] * gap, GAP_GROWTH, points=points, needed=True))
     if bed is not None and np.isfinite(bed.feature):
         near.append(Near(BED_CELL[plan.order] * bed.feature, GROWTH, boundary="bed"))
     if scene.flow.kind == "lid":
@@ -131,7 +132,7 @@ def _sizes(
 
 def _gap_points(scene: Scene, plan: Plan, ends: tuple[Point, Point]) -> tuple[Point, ...]:
     """Where grain and bed nearly touch: the narrowest place, and every contact of a resting grain."""
-    if not plan.has("contact"):
+    if not scene.rests:
         return ends if plan.has("moving mesh") else (ends[0],)
     from .contact.search import touching
 
@@ -152,13 +153,24 @@ def _corners(outline: tuple[Curve, ...]) -> tuple[Point, ...]:
 
 
 def _grid(scene: Scene, plan: Plan) -> Grid:
-    domain = scene.domain
-    shorter = min(domain.length, domain.height)
+    domain, cell = scene.domain, plan.mesh_size * largest_cell(scene)
+    columns, rows = (max(4, round(side / cell)) for side in (domain.length, domain.height))
+    return Grid(domain.origin, domain.length, domain.height, columns, rows, sides=side_names(scene))
+
+
+def largest_cell(scene: Scene) -> float:
+    """Size of the cells away from everything for mesh_size = 1 [length]."""
+    domain, order = scene.domain, scene.numerics.order
+    if not is_grid(scene):
+        return FAR_CELL[order] * domain.height
     # Boundary layers thin as Re^-1/2, the grading makes up for half of that.
     crowd = max(1.0, (scene.fluid.reynolds / 1000.0) ** 0.25)
-    per_length = GRID_CELLS[plan.order] * crowd / (plan.mesh_size * shorter)
-    columns, rows = (max(4, round(side * per_length)) for side in (domain.length, domain.height))
-    return Grid(domain.origin, domain.length, domain.height, columns, rows, sides=side_names(scene))
+    return min(domain.length, domain.height) / (GRID_CELLS[order] * crowd)
+
+
+def is_grid(scene: Scene) -> bool:
+    """Whether the scene is an empty box, which gets a grid."""
+    return scene.domain.kind == "box" and scene.body is None and scene.bed is None
 
 
 def count(layout: Layout, order: int) -> Estimate:

@@ -122,8 +122,8 @@ def _normal_axis(domain: Domain, name: str) -> int | None:
         space := _nodes(mesh), mesh.topology.dim - 1, domain.facets_of(name)
     )
     points = space.tabulate_dof_coordinates()[blocks, :gdim]
-    low = domain.comm.allreduce(points.min(axis=0, initial=np.inf), op=MPI.MIN)
-    high = domain.comm.allreduce(points.max(axis=0, initial=-np.inf), op=MPI.MAX)
+    low = np.min(domain.comm.allgather(points.min(axis=0, initial=np.inf)), axis=0)
+    high = np.max(domain.comm.allgather(points.max(axis=0, initial=-np.inf)), axis=0)
     flat = np.flatnonzero(high - low <= FLAT * float((high - low).max()))
     return int(flat[0]) if len(flat) else None
 

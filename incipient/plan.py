@@ -9,20 +9,14 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+from .effects import Effect, Numbers, effects_of, numbers_of
 from .geometry.curves import Line
-from .geometry.grain import Disc
 from .scene import Scene
+from .stabilisation import NO_CONVECTION, Stabilisation, stabilisation_of
+
+__all__ = ["Effect", "Estimate", "Plan", "make_plan"]
 
 GEOMETRY_ORDER = {2: 2, 3: 3, 4: 3}
-
-
-@dataclass(frozen=True)
-class Effect:
-    """One physical effect, whether it is simulated, and the reason."""
-
-    name: str
-    present: bool
-    reason: str
 
 
 @dataclass(frozen=True)
@@ -45,6 +39,8 @@ class Plan:
     convection: str
     scheme: str
     reynolds: float
+    numbers: Numbers | None = None
+    stabilisation: Stabilisation = NO_CONVECTION
     estimate: Estimate | None = None
 
     def has(self, name: str) -> bool:
@@ -62,10 +58,13 @@ class Plan:
     def text(self) -> str:
         """The plan as a few lines for a reader."""
         lines = [f"  {'yes' if e.present else ' no'}  {e.name}: {e.reason}" for e in self.effects]
+        if self.numbers is not None:
+            lines.append(f"  {self.numbers.text()}")
         lines.append(
             f"  P{self.order}-P{self.order - 1} Taylor-Hood on cells of order {self.geometry_order}, "
             f"cell sizes x {self.mesh_size:g}, {self.scheme}, {self.convection} convection"
         )
+        lines.append(f"  {self.stabilisation.text()}")
         if self.estimate is not None:
             e = self.estimate
             lines.append(f"  {e.cells} cells, {e.unknowns} unknowns, about {e.memory_mib:.0f} MiB of memory")
@@ -74,70 +73,20 @@ class Plan:
 
 def make_plan(scene: Scene) -> Plan:
     """Decide from the scene alone; nothing is meshed or computed. Not collective."""
-    time, numerics = scene.time, scene.numerics
-    effects = tuple(_effects(scene))
+    numerics, numbers = scene.numerics, numbers_of(scene)
+    effects = effects_of(scene, numbers)
+    present = {effect.name for effect in effects if effect.present}
     return Plan(
         effects=effects,
         order=numerics.order,
         geometry_order=_geometry_order(scene),
         mesh_size=numerics.mesh_size,
-        convection=_convection(scene),
-        scheme=time.scheme if time else "steady",
+        convection=_convection(scene, present),
+        scheme=_scheme(scene, present),
         reynolds=1.0 / scene.viscosity,
+        numbers=numbers,
+        stabilisation=stabilisation_of(scene, "inertia" in present),
     )
-
-
-def _effects(scene: Scene) -> list[Effect]:
-    body, time, gravity = scene.body, scene.time, scene.gravity
-    contact = body is not None and scene.bed is not None and body.x is not None
-    moving = scene.flow.kind != "still"
-    absent = "not part of this version"
-    return [
-        Effect("inertia", *_inertia(scene)),
-        Effect("unsteadiness", time is not None, f"until t = {time.end:g}" if time else "no [time] section"),
-        Effect("traction", body is not None, "of the fluid on the grain" if body else "no [body] section"),
-        Effect("gravity", gravity is not None, _gravity(scene)),
-        Effect("contact", contact, "the grain rests on the bed" if contact else "no grain rests on a bed"),
-        Effect("flow", moving, f"{scene.flow.kind} flow" if moving else "the fluid is at rest"),
-        Effect("moving mesh", _moves(scene), _mesh_motion(scene)),
-        Effect("free body", body is not None and body.motion == "free", _motion(scene)),
-        Effect("free surface", False, f'the top is "{scene.top}"'),
-        Effect("turbulence", False, absent),
-        Effect("third dimension", False, "the scene is two-dimensional"),
-    ]
-
-
-def _inertia(scene: Scene) -> tuple[bool, str]:
-    if not scene.fluid.inertia:
-        return False, "fluid.inertia = false"
-    if scene.flow.kind == "still" and not _moves(scene):
-        return False, "the fluid is at rest"
-    return True, f"Re = {scene.fluid.reynolds:g} on {scene.fluid.scale} scale"
-
-
-def _moves(scene: Scene) -> bool:
-    return scene.body is not None and scene.body.moves
-
-
-def _mesh_motion(scene: Scene) -> str:
-    if not _moves(scene):
-        return "nothing moves"
-    if isinstance(scene.grain, Disc):
-        return "the mesh follows the grain; it need not turn with a disc"
-    return "the mesh follows the grain"
-
-
-def _motion(scene: Scene) -> str:
-    if scene.body is None:
-        return "no [body] section"
-    locked = f" but for {', '.join(scene.body.locked)}" if scene.body.locked else ""
-    return f'body.motion = "{scene.body.motion}"{locked}'
-
-
-def _gravity(scene: Scene) -> str:
-    if scene.gravity is None:
-        return "no [gravity] section"
-    return "weight and buoyancy of the grain; hydrostatic pressure in closed form, no unknowns"
 
 
 def _geometry_order(scene: Scene) -> int:
@@ -150,7 +99,13 @@ def _geometry_order(scene: Scene) -> int:
     return 1 if all(isinstance(curve, Line) for curve in curves) else GEOMETRY_ORDER[scene.numerics.order]
 
 
-def _convection(scene: Scene) -> str:
-    if not _inertia(scene)[0]:
+def _convection(scene: Scene, present: set[str]) -> str:
+    if "inertia" not in present:
         return "no"
-    return scene.numerics.convection if scene.time else "implicit"
+    return scene.numerics.convection if "unsteadiness" in present else "implicit"
+
+
+def _scheme(scene: Scene, present: set[str]) -> str:
+    if scene.time is None:
+        return "steady"
+    return scene.time.scheme if "unsteadiness" in present else "quasi-steady"

@@ -7,11 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .attribution import cost_lines
 from .plan import Plan
 from .sampling import Extremum
 
 if TYPE_CHECKING:
+    from .adaptation import Adaptation
+    from .domain import Domain
     from .errorbars import ErrorBars
+    from .layout import Layout
+    from .omitted import Omission
 
 SCHEMA_VERSION = 1
 
@@ -73,6 +78,15 @@ class Gap:
         return self.cells >= 2
 
 
+def gap_of(layout: Layout, domain: Domain) -> Gap | None:
+    """The gap of a layout on its mesh, None where grain and bed do not come near. Collective."""
+    from .sampling import cells_between
+
+    if layout.gap_ends is None:
+        return None
+    return Gap(layout.gap, cells_between(domain.mesh, *layout.gap_ends))
+
+
 @dataclass(frozen=True)
 class Result:
     """The outcome of a run. Vectors have three components in scene units; see `to_dict` for what is stored."""
@@ -91,6 +105,8 @@ class Result:
     cost: dict[str, Any]
     trajectory: dict[str, Any] | None = None
     error_bars: ErrorBars | None = None
+    adaptation: Adaptation | None = None
+    omitted: tuple[Omission, ...] = ()
     status: str = "complete"
     error: str = ""
     velocity: Any = field(default=None, repr=False)
@@ -107,6 +123,8 @@ class Result:
         if self.force is not None:
             stored["force"]["total"] = self.force.total
         stored["error_bars"] = None if self.error_bars is None else self.error_bars.to_dict()
+        stored["adaptation"] = None if self.adaptation is None else self.adaptation.to_dict()
+        stored["omitted"] = [omission.to_dict() for omission in self.omitted]
         if self.gap is not None:
             stored["gap"]["resolved"] = self.gap.resolved
         stored["centrelines"] = self.centrelines and {k: asdict(e) for k, e in self.centrelines.items()}
@@ -126,6 +144,8 @@ def _lines(result: Result) -> list[str]:
         )
     if result.error_bars is not None:
         lines += _bars(result.error_bars)
+    if result.adaptation is not None:
+        lines += result.adaptation.lines()
     if result.coefficients is not None:
         k = result.coefficients
         lines.append(f"coefficients        drag {k.drag:.6g}   lift {k.lift:.6g}   moment {k.moment:.6g}")
@@ -143,7 +163,9 @@ def _lines(result: Result) -> list[str]:
         lines += [f"{'' if row else 'verdict':<20}{part}" for row, part in enumerate(said)]
     if result.error_bars is not None and result.error_bars.safety is not None:
         lines.append(f"{'':<20}{result.error_bars.safety.sentence()}")
-    return lines
+    for omission in result.omitted:
+        lines += omission.lines()
+    return lines + cost_lines(result.cost.get("effects", {}))
 
 
 def _bars(bars: ErrorBars) -> list[str]:

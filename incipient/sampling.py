@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .location import Locator, evaluate
+
+if TYPE_CHECKING:
+    from .fluid import Fluid
+    from .scene import Scene
 
 
 def sample(function: Any, points: np.ndarray) -> np.ndarray:
@@ -60,3 +64,19 @@ def cells_between(mesh: Any, start: Sequence[float], end: Sequence[float]) -> in
     points = (1 - s) * np.asarray(start) + s * np.asarray(end)
     places = Locator(mesh).inside(points)
     return int(mesh.comm.allreduce(len(np.unique(places.cells[places.found]))))
+
+
+def centrelines(scene: Scene, fluid: Fluid) -> dict[str, Extremum] | None:
+    """Extrema of the velocity on the centrelines of a lid-driven box without a grain. Collective."""
+    domain = scene.domain
+    if scene.flow.kind != "lid" or scene.body is not None:
+        return None
+    x, y = domain.left + domain.length / 2, domain.bottom + domain.height / 2
+    velocity = fluid.velocity
+    upright = (lambda s: np.column_stack([np.full_like(s, x), s])), (domain.bottom, domain.ceiling)
+    level = (lambda s: np.column_stack([s, np.full_like(s, y)])), (domain.left, domain.right)
+    return {
+        "minimum of v1": extremum(velocity, 0, *upright, sign=-1),
+        "maximum of v2": extremum(velocity, 1, *level, sign=1),
+        "minimum of v2": extremum(velocity, 1, *level, sign=-1),
+    }

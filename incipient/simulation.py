@@ -6,7 +6,7 @@ told through a `Recorder` and a voice; this module writes nothing.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import layout as layouts
+from .attribution import Corrections, cost_of_effects
 from .errors import IncipientError, Interrupted, OutputError
 from .interrupt import Interruption
 from .ledger import Ledger, peak_memory_mib
@@ -30,10 +31,11 @@ if TYPE_CHECKING:
     from .checkpoint import Checkpoint
     from .contact import Contacts
     from .domain import Domain
-    from .errorbars import ErrorBars
+    from .errorbars import ErrorBars, Loads, Term
     from .fluid import Fluid, TimeStep, Transient
-    from .result import Couples, Forces, Gap, Result
-    from .sampling import Extremum
+    from .layout import Layout
+    from .omitted import Omission
+    from .result import Couples, Forces, Result
     from .tractions import TractionProbe
     from .trajectory import Trajectory
 
@@ -68,11 +70,15 @@ class Simulation:
     first_motion: float | None = None
     trajectory: Trajectory | None = None
     transient: Transient | None = None
+    sizing: Callable[[Layout], Layout] = lambda layout: layout  # what an adaptation makes of cell sizes
+    known: dict[str, Term | Loads] = field(default_factory=dict)  # see `errorbars.error_bars`
     _recorded: float = 0.0  # time of the last step that has been recorded
+
+    def __post_init__(self) -> None:
+        self.interruption = Interruption(self.comm)
 
     def run(self) -> Result:
         """Plan, mesh, solve, judge. Collective."""
-        self.interruption = Interruption(self.comm)
         with self.interruption if self.recorder.keeps else nullcontext(), self.prepared():
             return self._solved()
 
@@ -82,7 +88,8 @@ class Simulation:
         scene = self.scene
         with self._stage("plan"):
             self.plan = make_plan(scene)
-            self.layout = layouts.lay_out(scene, self.plan)
+            self.layout = self.sizing(layouts.lay_out(scene, self.plan))
+            self.corrections = Corrections(self.ledger, self.plan)
         with self._stage("import"):
             from . import boundaries, domain, fluid
         with self._stage("mesh"):
@@ -90,9 +97,10 @@ class Simulation:
             self.domain = self._resumed_domain() or domain.build(self.comm, self.layout.drawing, scene.gdim)
         self.recorder.begin(scene, self.plan, self.domain)
         with self._stage("forms"):
-            model = self._model(unsteady=scene.time is not None)
+            model = self._model(unsteady=self.plan.has("unsteadiness"))
             conditions = boundaries.conditions(scene)
             self.fluid: Fluid = fluid.Fluid(self.domain, model, conditions, self.plan.reynolds)
+            self.fluid.watch = self.corrections.made
             self.probe = self._probe()
         with ExitStack() as stack:
             # Another fluid may have taken its place by then.
@@ -108,6 +116,18 @@ class Simulation:
         self.fluid.reynolds = factor * self.plan.reynolds
         self._solve_steadily(self.fluid)
         return self._loads(surface=False, speed=factor)
+
+    def conclude(self, recorder: Recorder) -> Result:
+        """Hand a steady flow that has been solved over to a recorder; its result. Collective."""
+        self.recorder = recorder
+        recorder.begin(self.scene, self.plan, self.domain)
+        self._hand_over_fields(0, last=True)
+        return self._finished()
+
+    def _finished(self) -> Result:
+        result = self._result()
+        self.recorder.finish(result)
+        return result
 
     def _solved(self) -> Result:
         try:
@@ -127,9 +147,7 @@ class Simulation:
             if told is error:
                 raise
             raise told from error
-        result = self._result()
-        self.recorder.finish(result)
-        return result
+        return self._finished()
 
     def _stage(self, name: str) -> Any:
         self.voice.begin(name)
@@ -146,14 +164,16 @@ class Simulation:
             convection=convection,
             moving_mesh=unsteady and self.plan.has("moving mesh"),
             energy_stable=unsteady and self.scene.numerics.form == "energy-stable",
+            stabilisation=self.plan.stabilisation.present,
         )
 
     def _contacts(self) -> Contacts | None:
         if not self.plan.has("contact"):
             return None
-        from .judgement import find_contacts
+        with self.ledger.stage("contact"):
+            from .judgement import find_contacts
 
-        return find_contacts(self.scene)
+            return find_contacts(self.scene)
 
     def _probe(self) -> TractionProbe | None:
         if self.layout.placement is None:
@@ -168,14 +188,15 @@ class Simulation:
         from .fluid import solve_steady
 
         numerics = self.scene.numerics
-        with self._stage("flow"):
+        with self._stage("flow"), self.corrections.begun():
             steps = solve_steady(
                 fluid,
                 numerics.tolerance,
                 numerics.max_iterations,
                 first_share=self._first_share(),
-                watch=self.voice.iterate,
+                watch=self.corrections.heard(self.voice.iterate),
             )
+            self.corrections.book_steady(steps)
         newton = sum(step.report.iterations for step in steps)
         for name, number in (("continuation", len(steps)), ("newton", newton)):
             self.iterations[name] = self.iterations.get(name, 0) + number
@@ -183,18 +204,20 @@ class Simulation:
     def _first_share(self) -> float:
         """Where the continuation starts: at once, unless the Reynolds number of the whole flow is large."""
         whole = self.plan.reynolds * self.scene.reference_velocity * self.scene.domain.height
-        return min(1.0, 200.0 / whole)
+        return min(1.0, 200.0 / whole) if self.plan.has("inertia") else 1.0
 
     def _march(self) -> None:
-        from . import resumption
-        from .fluid import Transient
+        from .fluid import QuasiSteady, Transient
 
         time, numerics = self.scene.time, self.scene.numerics
         assert time is not None
         self._start()
         order = 2 if time.scheme == "bdf2" else 1
-        transient = Transient(self.fluid, order, max(numerics.tolerance, 1e-9), time.tolerance)
+        kind = Transient if self.plan.has("unsteadiness") else QuasiSteady
+        transient = kind(self.fluid, order, max(numerics.tolerance, 1e-9), time.tolerance)
         if self.checkpoint is not None:
+            from . import resumption
+
             resumption.put_back_flow(self.checkpoint, transient)
         self.transient = transient
         for step in self._timed(transient.march(time.end, time.step)):
@@ -232,12 +255,14 @@ class Simulation:
         """The steps, each counted and its time taken; from the first on, the run can be stopped between them."""
         self._recorded, self.interruption.armed = self.fluid.time, True
         while True:
-            with self._stage("flow"):
+            with self._stage("flow"), self.corrections.begun():
                 step = next(steps, None)
+                self.corrections.book_step(step.number if step else 0)
             if step is None:
-                return
+                break
             self._count(step)
             yield step
+        self.interruption.armed = False
 
     def _record(self, step: TimeStep, row: dict[str, Any], last: bool) -> None:
         """Hand a step over to the recorder, with a checkpoint where one is due, and stop if that was asked for."""
@@ -260,7 +285,12 @@ class Simulation:
         from .fluid import Fluid
 
         start = self.scene.time.start if self.scene.time else "rest"
-        if start == "rest" or self.checkpoint is not None:
+        if self.checkpoint is not None:
+            return
+        if not self.plan.has("unsteadiness"):
+            self._solve_steadily(self.fluid)
+            return
+        if start == "rest":
             return
         model = self._model(unsteady=False, inertia=start == "steady")
         conditions = boundaries.conditions(self.scene, held=True)
@@ -358,15 +388,17 @@ class Simulation:
     def _judged(self, force: Forces, couple: Couples) -> dict[str, Any] | None:
         if self.contacts is None:
             return None
-        from .judgement import judge
+        with self.ledger.stage("contact"):
+            from .judgement import judge
 
-        verdict = judge(self.scene, self.contacts, force, couple)
+            verdict = judge(self.scene, self.contacts, force, couple)
         if verdict is not None and self.scene.time is not None:
             verdict["first_motion"] = self.first_motion
         return verdict
 
     def _result(self, status: str = "complete", error: str = "") -> Result:
-        from .result import Result
+        from .result import Result, gap_of
+        from .sampling import centrelines
 
         force = couple = coefficients = verdict = None
         with self._stage("tractions"):
@@ -375,7 +407,8 @@ class Simulation:
                 coefficients = self._coefficients(force, couple)
                 if status == "complete":
                     verdict = self._judged(force, couple)
-            gap, lines = self._gap(), self._centrelines()
+            gap = None if self.trajectory is not None else gap_of(self.layout, self.domain)
+            lines = centrelines(self.scene, self.fluid)
         bars = None
         if status == "complete" and force is not None and couple is not None:
             bars = self._error_bars(force, couple)
@@ -393,12 +426,19 @@ class Simulation:
             trajectory=None if self.trajectory is None else self.trajectory.summary(),
             centrelines=lines,
             error_bars=bars,
+            omitted=self._omissions(force, couple, verdict) if status == "complete" else (),
             cost=self.cost(),
             status=status,
             error=error,
             velocity=self.fluid.velocity,
             pressure=self.fluid.pressure,
         )
+
+    def _omissions(self, *found: Any) -> tuple[Omission, ...]:
+        from .omitted import omissions
+
+        with self._stage("omitted effects"):
+            return omissions(self, *found)
 
     def _error_bars(self, force: Forces, couple: Couples) -> ErrorBars | None:
         if not self.scene.numerics.error_bars:
@@ -431,31 +471,6 @@ class Simulation:
             "volume": grain.volume,
         }
 
-    def _gap(self) -> Gap | None:
-        from .result import Gap
-        from .sampling import cells_between
-
-        if self.layout.gap_ends is None or self.trajectory is not None:
-            return None
-        return Gap(self.layout.gap, cells_between(self.domain.mesh, *self.layout.gap_ends))
-
-    def _centrelines(self) -> dict[str, Extremum] | None:
-        """Extrema of the velocity on the centrelines of a lid-driven box without a grain."""
-        from .sampling import extremum
-
-        domain = self.scene.domain
-        if self.scene.flow.kind != "lid" or self.scene.body is not None:
-            return None
-        x, y = domain.left + domain.length / 2, domain.bottom + domain.height / 2
-        velocity = self.fluid.velocity
-        upright = (lambda s: np.column_stack([np.full_like(s, x), s])), (domain.bottom, domain.ceiling)
-        level = (lambda s: np.column_stack([s, np.full_like(s, y)])), (domain.left, domain.right)
-        return {
-            "minimum of v1": extremum(velocity, 0, *upright, sign=-1),
-            "maximum of v2": extremum(velocity, 1, *level, sign=1),
-            "minimum of v2": extremum(velocity, 1, *level, sign=-1),
-        }
-
     def cost(self) -> dict[str, Any]:
         """Wall time by stage, unknowns, iterations, memory, versions. Collective."""
         from . import compat
@@ -464,6 +479,7 @@ class Simulation:
         memory = self.comm.allgather(peak_memory_mib())
         return {
             "wall_time": self.ledger.to_dict(),
+            "effects": cost_of_effects(self),
             "unknowns": self.fluid.space.unknowns,
             "cells": mesh.topology.index_map(mesh.topology.dim).size_global,
             "iterations": {

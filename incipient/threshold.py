@@ -105,6 +105,9 @@ def find_threshold(scene: Scene, comm: MPI.Comm, voice: Silent | None = None) ->
     from .simulation import Simulation
 
     _require(scene)
+    if scene.fluid.inertia and scene.effects.inertia == "auto":
+        # Where the plan would leave inertia out, it may matter at the threshold.
+        scene = scene.model_copy(update={"effects": scene.effects.model_copy(update={"inertia": True})})
     simulation = Simulation(scene, comm, Unrecorded(), voice or Silent())
     with simulation.prepared():
         return _Search(simulation).threshold()

@@ -172,6 +172,7 @@ class Trajectory:
             room=self._room if stop else None,
             tolerance=numerics.interface_tolerance,
             stage=self._stage,
+            added_mass=numerics.coupling == "exact",
         )
 
     def _room(self, state: BodyState) -> float:
@@ -229,6 +230,7 @@ class Trajectory:
             drawing = layout.lay_out(self.scene, self.plan, drawn).drawing
             made = domain.build(old.domain.comm, drawing, self.scene.gdim)
             fluid = Fluid(made, old.model, old.conditions, old.reynolds)
+            fluid.watch = old.watch
             try:
                 coupling = self._coupled(fluid, self.state, drawn)
                 now = Past(old.time, old.state.x.array, np.empty(0))

@@ -1,5 +1,5 @@
 """Geometry in, gmsh mesh and tags out."""
 
-from .region import Grid, Near, Region, Sizes
+from .region import Grid, Near, Region, SizeField, Sizes
 
-__all__ = ["Grid", "Near", "Region", "Sizes"]
+__all__ = ["Grid", "Near", "Region", "SizeField", "Sizes"]

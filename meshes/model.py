@@ -13,7 +13,9 @@ import numpy as np
 from incipient.errors import MeshError
 from incipient.geometry.curves import Arc, Curve, Line, Point, Spline
 
-from .region import Grid, Near, Region, Sizes
+from .region import Grid, Near, Region, SizeField, Sizes
+
+ENLARGED = 1.3  # triangles of an earlier mesh about their centroids, where they say how fine the next is
 
 
 @contextmanager
@@ -135,6 +137,8 @@ def _name(curves: dict[str, list[int]], surface: int) -> None:
 def _set_sizes(sizes: Sizes, curves: dict[str, list[int]]) -> None:
     fields = gmsh.model.mesh.field
     parts = [_near_field(near, sizes.far, curves) for near in sizes.near]
+    if sizes.field is not None:
+        parts.append(_view_field(sizes.field))
     whole = fields.add("MathEval")
     fields.setString(whole, "F", repr(sizes.far))
     least = fields.add("Min")
@@ -161,6 +165,23 @@ def _near_field(near: Near, far: float, curves: dict[str, list[int]]) -> int:
         expression = f"F{distance}"
     fields.setString(size, "F", f"{near.size!r}+{near.growth!r}*({expression})")
     return size
+
+
+def _view_field(wanted: SizeField) -> int:
+    """The sizes wanted at the vertices of an earlier mesh; where that mesh does not reach there is no bound.
+
+    Its triangles are enlarged, so that a curved boundary lies within them, and the sizes extrapolated.
+    """
+    corners, values = wanted.points[wanted.triangles], wanted.sizes[wanted.triangles]
+    corners = corners + (ENLARGED - 1.0) * (corners - corners.mean(axis=1, keepdims=True))
+    shifted = values + (ENLARGED - 1.0) * (values - values.mean(axis=1, keepdims=True))
+    shifted = np.maximum(shifted, values.min(axis=1, keepdims=True))
+    rows = np.hstack([corners[:, :, 0], corners[:, :, 1], np.zeros_like(values), shifted])
+    view, fields = gmsh.view.add("sizes"), gmsh.model.mesh.field
+    gmsh.view.addListData(view, "ST", len(rows), rows.ravel())
+    field = fields.add("PostView")
+    fields.setNumber(field, "ViewTag", view)
+    return int(field)
 
 
 def _samples(tags: list[int], size: float) -> int:

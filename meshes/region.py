@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
 
 from incipient.geometry.curves import Curve, Point
 
@@ -26,25 +29,51 @@ class Region:
 
 @dataclass(frozen=True)
 class Near:
-    """Cells of a size (scene units) at points or at a named boundary, growing with the distance from them."""
+    """Cells of a size (scene units) at points or at a named boundary, growing with the distance from them.
+
+    needed: without cells of this size the geometry is not resolved; they are not coarsened
+    """
 
     size: float
     growth: float
     points: tuple[Point, ...] = ()
     boundary: str = ""
+    needed: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class SizeField:
+    """Sizes of cells wanted at the vertices of an earlier mesh, linear on its triangles, scene units.
+
+    points (n, 2), triangles (m, 3) of them, sizes (n,)
+    """
+
+    points: NDArray[np.float64]
+    triangles: NDArray[np.int64]
+    sizes: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """The size of cells: `far` at most, less near features; scene units."""
+    """The size of cells: `far` at most, less near features, and where a field says so; scene units."""
 
     far: float
     near: tuple[Near, ...] = ()
+    field: SizeField | None = None
 
     def scaled(self, factor: float) -> Sizes:
-        """All sizes times a factor: one number refines everything alike."""
-        near = tuple(Near(n.size * factor, n.growth, n.points, n.boundary) for n in self.near)
-        return Sizes(self.far * factor, near)
+        """All sizes but a field's times a factor: one number refines everything alike."""
+        return replace(
+            self, far=self.far * factor, near=tuple(replace(n, size=n.size * factor) for n in self.near)
+        )
+
+    def coarsened(self, factor: float, growth: float) -> Sizes:
+        """Sizes times a factor but where they are needed, all growing with distance at least as given."""
+        near = tuple(
+            replace(n, size=n.size * (1.0 if n.needed else factor), growth=max(n.growth, growth))
+            for n in self.near
+        )
+        return replace(self, far=self.far * factor, near=near)
 
     def at(self, distances: Iterable[float]) -> float:
         """The size where the distances to the features are as given, in their order."""

@@ -1,6 +1,6 @@
 """The benchmarks: each measures (`measure`) and tells what it found (`describe`)."""
 
-from . import cavity, contact, cylinder, grain, memory, ranks, steep_cavity, vortex_street
+from . import cavity, contact, cylinder, free_body, grain, memory, ranks, steep_cavity, vortex_street
 
 ALL = {
     "cylinder": cylinder,
@@ -8,6 +8,7 @@ ALL = {
     "steep_cavity": steep_cavity,
     "vortex_street": vortex_street,
     "grain": grain,
+    "free_body": free_body,
     "ranks": ranks,
     "memory": memory,
     "contact": contact,

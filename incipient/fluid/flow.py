@@ -38,6 +38,7 @@ class FlowModel:
     reference_map: map of a deforming reference domain, or None where nothing moves
     moving_mesh:   whether the mesh itself is moved between steps (`Fluid.mesh_moved`); the map then is None
     energy_stable: convection and rate in the form that cannot create kinetic energy, instead of as printed
+    stabilisation: whether convection is stabilised on cells too coarse for it (`forms.terms.grad_div`)
     """
 
     order: int = 2
@@ -48,6 +49,7 @@ class FlowModel:
     reference_map: ReferenceMap | None = None
     moving_mesh: bool = False
     energy_stable: bool = False
+    stabilisation: bool = False
 
     @property
     def linear(self) -> bool:
@@ -86,6 +88,7 @@ class Fluid:
         self._state_view = compat.vec_view(self.state)
         self.solver = KeptFactorisation(self._matrix)
         self._lift, self._aged = True, True
+        self.watch: Callable[[int, float], Any] = _unwatched
         self._direction: Any = None  # made when a response is first asked for
         self._action: Any = None
 
@@ -105,7 +108,16 @@ class Fluid:
         boundary = self.domain.measure(*self.constraints.open) if self.constraints.open else None
         skew = self.space.quadrature("ds") if model.energy_stable else None
         rate, carrier = self._rate_of_change(v), self._carrier(v)
-        return FlowTerms(self._reynolds, rate, carrier, skew, force, boundary, model.reference_map)
+        return FlowTerms(
+            self._reynolds, rate, carrier, skew, self._cell_size(), force, boundary, model.reference_map
+        )
+
+    def _cell_size(self) -> Any:
+        """The root of a cell's doubled area (in space the cubic root of its sixfold volume), over the order."""
+        model, mesh = self.model, self.domain.mesh
+        if not (model.stabilisation and model.inertia):
+            return None
+        return abs(ufl.JacobianDeterminant(mesh)) ** (1 / mesh.geometry.dim) / model.order
 
     def _past(self) -> list[Any]:
         """Velocities of the past states."""
@@ -232,12 +244,18 @@ class Fluid:
         self,
         tolerance: float,
         max_iterations: int = 25,
-        watch: Callable[[int, float], Any] = lambda iteration, size: None,
+        watch: Callable[[int, float], Any] | None = None,
+        keep_factors: bool = False,
     ) -> newton.NewtonReport:
-        """Solve for the state with the parameters as they are, starting from the present state."""
+        """Solve for the state with the parameters as they are, starting from the present state.
+
+        `watch`, or else what `Fluid.watch` has been set to, is called with the number, from zero, and the size of each
+        correction. Factors of earlier solves serve as long as they will in a time step, or with `keep_factors`.
+        """
+        watch = watch or self.watch
         self.constraints.update(self.time)
         self._lift = True
-        if self.model.unsteady:
+        if self.model.unsteady or keep_factors:
             return self._solve_step(tolerance, max_iterations, watch)
         if not self.model.linear:
             return newton.solve(self, tolerance, max_iterations, watch)
@@ -381,6 +399,10 @@ class Fluid:
         if whole == 0.0:
             return 0.0 if change == 0.0 else np.inf
         return float(np.sqrt(change / whole))
+
+
+def _unwatched(iteration: int, size: float) -> None:
+    """Nobody watches the corrections."""
 
 
 def _constant(mesh: Any, value: float) -> Any:

@@ -47,7 +47,7 @@ class _Dataset:
 
 @dataclass(frozen=True)
 class _Mesh:
-    """The mesh of a step: which one, the how manieth geometry of it, and where both are stored."""
+    """The mesh of a step: its number, that of its geometry, and where both are stored."""
 
     number: int = -1
     version: int = -1

@@ -23,19 +23,25 @@ def draw(directory: Path) -> list[Path]:
 
     A run (result.json): always flow, pressure, vorticity and mesh; with a grain the traction on it and the verdict,
     with one that moves its trajectory and the verdict if there is any; for a box in which nothing moves the velocity
-    profiles on both centrelines. A threshold (threshold.json) and a judged case (judgement.json): one picture each.
+    profiles on both centrelines. A threshold (threshold.json), a judged case (judgement.json), and
+    a study of what accuracy costs (cost.json): one picture each.
 
     Raises:
         OutputError: when there is no result, when one is incomplete or damaged, or a picture cannot be written.
     """
     written = []
-    judged, found = ((directory / name).exists() for name in ("judgement.json", "threshold.json"))
-    if (directory / "result.json").exists() or not (judged or found):
+    names = ("judgement.json", "threshold.json", "cost.json")
+    judged, found, studied = ((directory / name).exists() for name in names)
+    if (directory / "result.json").exists() or not (judged or found or studied):
         written += _draw_run(directory)
     if found:
         from . import threshold
 
         written += threshold.draw(directory)
+    if studied:
+        from . import cost
+
+        written += cost.draw(directory)
     if judged:
         from . import judgement
 

@@ -206,7 +206,7 @@ class _Film:
         for artist in self._drawn:
             artist.remove()
         run, time = self._run(number), float(self.moments[number])
-        self._axes.set_title(f"{self.field.name.capitalize()}, t = {time:.{self._digits}f}")
+        self._axes.set_title(f"{self.field.name.capitalize()}, t = {time:.{self._digits}f}", loc="left")
         self._drawn = [self._painted(run), *self._solids(run), *self._course(run, time)]
         if self.field.name == "speed":
             self._drawn.append(self._arrows(run))

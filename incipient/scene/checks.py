@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from ..errors import SceneError
+from .effects import contradictory
 from .messages import Problem, split
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ _TOPS_OF_FLOWS = {
 
 def contradictions(scene: Scene) -> list[Problem]:
     """All contradictions between sections; those of places and extents only when there are no others."""
-    checks = (_flow, _scale, _bed_needed, _body_needed, _slope, _time, _motion)
+    checks = (_flow, _scale, _bed_needed, _body_needed, _slope, _time, _motion, _accuracy, contradictory)
     found = [problem for check in checks for problem in check(scene)]
     return found or [*_bed_extent(scene)] or [*_body_place(scene)]
 
@@ -101,6 +102,34 @@ def _motion(scene: Scene) -> Iterator[Problem]:
         yield Problem(("body", "motion"), "a grain moves in time", "add a section [time]")
     if scene.body.course is not None and len(scene.body.locked) > 0:
         yield Problem(("body", "locked"), "all of a prescribed motion is locked", "leave it out")
+
+
+def _accuracy(scene: Scene) -> Iterator[Problem]:
+    """An accuracy is that of a load on a grain; that of a verdict needs all that a verdict needs."""
+    numerics, body = scene.numerics, scene.body
+    if numerics.accuracy is None:
+        for budget in ("budget_seconds", "budget_mib"):
+            if getattr(numerics, budget) is not None:
+                why = "limits what is spent on an accuracy but none is asked for"
+                yield Problem(("numerics", budget), why, "add numerics.accuracy or leave it out")
+        return
+    key, verdict = ("numerics", "accuracy"), numerics.accuracy == "verdict"
+    if body is None:
+        why = "is that of the load on a grain but there is none"
+        yield Problem(key, why, "add a section [body], or leave it out and choose numerics.mesh_size")
+        return
+    if scene.flow.kind == "still" and not body.moves:
+        yield Problem(key, "is relative but a fluid at rest exerts no force", "leave it out")
+        return
+    if not verdict and numerics.accuracy_of != "safety factor":
+        return
+    if body.x is None or scene.bed is None or scene.contact is None or body.density is None:
+        what = "a verdict" if verdict else "a safety factor"
+        why = f"{what} needs a grain that rests on a bed, its density and friction"
+        remedy = "give body.x, body.density, [bed] and [contact], or a number for the accuracy of the force"
+        yield Problem(key if verdict else ("numerics", "accuracy_of"), why, remedy)
+    elif verdict and scene.time is not None:
+        yield Problem(key, '"verdict" is for steady flow', "give a number, or leave [time] out")
 
 
 def _bed_extent(scene: Scene) -> Iterator[Problem]:

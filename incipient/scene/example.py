@@ -78,4 +78,5 @@ def _comment(part: FieldInfo, key: str, options: tuple[type[BaseModel], ...]) ->
 
 
 def _choices(annotation: Any) -> list[str]:
-    return [str(choice) for choice in get_args(annotation)] if get_origin(annotation) is Literal else []
+    choices = get_args(annotation) if get_origin(annotation) is Literal else ()
+    return [str(choice).lower() if isinstance(choice, bool) else str(choice) for choice in choices]

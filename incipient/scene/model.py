@@ -10,9 +10,10 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from ..errors import SceneError
+from .effects import Effects, section_of
 from .messages import refusal, split
 from .section import NotNegative, Pair, Positive, Section, contradiction
 from .shapes import (
@@ -45,6 +46,7 @@ __all__ = [
     "Disc",
     "Discs",
     "Domain",
+    "Effects",
     "Ellipse",
     "ExpressionFlow",
     "Flat",
@@ -71,6 +73,7 @@ __all__ = [
     "Uniform",
 ]
 
+Accuracy = float | Literal["verdict"]
 Words = Annotated[tuple[str, str], Field(strict=False)]
 Top = Literal["auto", "wall", "slip", "stream"]
 
@@ -83,6 +86,8 @@ _TOPS: dict[str, Top] = {
     "lid": "wall",
     "still": "wall",
 }
+# Below this the curved cells' geometry errs as much, which no estimate sees (docs/accuracy.md).
+FINEST = 1e-5
 _DEFAULT_GAP = 0.01
 _DEFAULT_TOLERANCE = 1e-6
 
@@ -139,7 +144,7 @@ class Fluid(Section):
     scale: Literal["grain", "flow"] = Field(
         description="L is the largest diameter of the grain, or the height of the domain"
     )
-    inertia: bool = Field(True, description="false: Stokes flow, without convection")
+    inertia: bool = Field(True, description="false: Stokes flow, without convection; true: see [effects]")
 
 
 class Shear(Section):
@@ -276,8 +281,28 @@ class Numerics(Section):
     form: Literal["printed", "energy-stable"] = Field(
         "printed", description="Of convection: as in the paper, or such that it cannot create energy"
     )
+    stabilisation: Literal["auto", "on", "off"] = Field(
+        "auto", description="Of convection on coarse cells; auto: where their Reynolds number calls for it"
+    )
+    coupling: Literal["exact", "naive"] = Field(
+        "exact", description="Of fluid and moving grain; naive: for comparison only, diverges for light grains"
+    )
     error_bars: bool = Field(
         True, description="Estimate errors of force, couple and safety factor; takes about as long as the run"
+    )
+    accuracy: Accuracy | None = Field(
+        None,
+        description='Relative error wanted, or "verdict": until that is decided; mesh and order are then chosen',
+        examples=[0.01],
+    )
+    accuracy_of: Literal["force", "couple", "safety factor"] = Field(
+        "force", description="What the accuracy is that of"
+    )
+    budget_seconds: Positive | None = Field(
+        None, description="Wall time after which to stop seeking accuracy [s]", examples=[60.0]
+    )
+    budget_mib: Positive | None = Field(
+        None, description="Memory beyond which not to seek accuracy [MiB]", examples=[2000.0]
     )
     interface_tolerance: Positive = Field(
         1e-9, description="Error of a moving grain's equation of motion relative to its load [-]"
@@ -290,6 +315,17 @@ class Numerics(Section):
     )
     tolerance: Positive = Field(1e-9, description="Relative residual at which the Newton iteration stops [-]")
     max_iterations: int = Field(25, ge=1, description="Newton iterations after which to give up")
+
+    @field_validator("accuracy", mode="before")
+    @classmethod
+    def _is_an_accuracy(cls, value: Any) -> Any:
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if value is None or value == "verdict" or (number and FINEST <= value < 1.0):
+            return value
+        shown = f'"{value}"' if isinstance(value, str) else value
+        raise contradiction(
+            f"is {shown}", f'give a relative error such as 0.01, from {FINEST:g} to below 1, or "verdict"'
+        )
 
 
 class Output(Section):
@@ -323,6 +359,9 @@ class Scene(Section):
     )
     contact: Contact | None = Field(None, description="The contact of grain and bed")
     time: Time | None = Field(None, description="Time dependence; without this section the flow is steady")
+    effects: Annotated[Effects, BeforeValidator(section_of)] = Field(
+        Effects(), description="What to simulate; auto: decided from the scene and its dimensionless numbers"
+    )
     numerics: Numerics = Field(Numerics(), description="How the equations are solved")
     output: Output = Field(Output(), description="What is written besides the result")
 
@@ -358,6 +397,11 @@ class Scene(Section):
         if self.body.mass is not None:
             return self.body.mass
         return None if self.body.density is None else self.body.density * self.grain.volume
+
+    @property
+    def rests(self) -> bool:
+        """Whether there is a grain that rests on the bed."""
+        return self.body is not None and self.bed is not None and self.body.x is not None
 
     @property
     def bed_shape(self) -> BedSurface | None:
@@ -406,10 +450,11 @@ class Scene(Section):
 
     @property
     def gravity_vector(self) -> np.ndarray:
-        """Gravitational acceleration (gdim,) in the scene's coordinates, zero without gravity."""
+        """Gravitational acceleration (gdim,) in the scene's coordinates, zero where there is none or it is left out."""
         import numpy as np
 
-        acceleration = self.gravity.acceleration if self.gravity else 0.0
+        felt = self.gravity is not None and self.effects.gravity is not False
+        acceleration = self.gravity.acceleration if felt and self.gravity else 0.0
         slope = self.bed.slope_angle if self.bed else 0.0
         return acceleration * np.array([math.sin(slope), -math.cos(slope)])
 

@@ -47,7 +47,7 @@ def rate(ratio: float, angle: float, half_width: float) -> float:
 
 
 @pytest.mark.parametrize("ratio", [2.0, 3.0])
-@pytest.mark.parametrize("angle", [0.0, 0.7, np.pi / 4, 1.2, np.pi / 2])
+@pytest.mark.parametrize("angle", [0.0, 0.7, 1.2, np.pi / 2])
 def test_rate_in_a_wide_box(ratio: float, angle: float) -> None:
     """Extrapolated from boxes of ten and twenty lengths; within 0.1% of the fastest rate."""
     near, far = (rate(ratio, angle, width * ratio) for width in (10.0, 20.0))

@@ -194,8 +194,10 @@ def test_an_incomplete_verdict_is_named(grain_run, missing):
 def test_no_screen_no_warning(grain_run):
     environment = {key: value for key, value in os.environ.items() if "DISPLAY" not in key}
     program = f"from pathlib import Path; from incipient.pictures import draw; draw(Path({str(grain_run)!r}))"
+    # Debian's matplotlib beside the one in .venv makes that one warn of it.
+    warnings = ("-W", "error", "-W", "ignore:Unable to import Axes3D")
     process = subprocess.run(
-        [sys.executable, "-W", "error", "-c", program],
+        [sys.executable, *warnings, "-c", program],
         env=environment, capture_output=True, text=True, timeout=120,
     )  # fmt: skip
     assert (process.returncode, process.stdout, process.stderr) == (0, "", "")

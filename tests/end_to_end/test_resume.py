@@ -20,11 +20,16 @@ from conftest import Command, Session
 from processes import VORTEX_STREET, environment, result_of, settings
 
 import incipient
-from incipient.errors import ConvergenceError, MeshError, OutputError, SceneError
-from incipient.fluid import Fluid, NewtonReport
+from incipient import files
+from incipient.checkpoint import read
+from incipient.errors import ConvergenceError, Interrupted, MeshError, OutputError, SceneError
+from incipient.fluid import Fluid
+from incipient.fluid.newton import NewtonReport
+from incipient.interrupt import Interruption
 from incipient.output.series_file import read_step, times
+from incipient.scene.file import loads
 
-# The pebble of the pothole on a coarse mesh, which it wears out twice.
+# The pebble of the pothole on a coarse mesh, which it wears out at t = 0.8 and 1.1, with a checkpoint at 1.0.
 POTHOLE = """\
 title = "pothole"
 [domain]
@@ -45,22 +50,26 @@ motion = "free"
 mass = 251.3
 inertia = 314.2
 [time]
-end = 1.6
+end = 1.3
 step = 0.1
 [numerics]
 mesh_size = 4.0
 remesh_below = 0.85
+error_bars = false
 [output]
 every = 1
-checkpoint = 100
+checkpoint = 10
 """
 # Adaptive steps about a disc that stands still.
 VORTICES = [
     *settings(numerics_order=2, numerics_mesh_size=4, time_step=0.01, time_end=0.3, time_tolerance=1e-2),
-    *settings(output_every=3),
+    *settings(numerics_error_bars=False, numerics_tolerance=1e-9, output_every=3),
 ]
 # How iterations went is not the trajectory: after resuming the first step's factors are new.
 OF_ITERATIONS = ("newton", "interface", "interface_residual")
+
+# Components of one vector, and what is measured in the same unit.
+ALIKE = (("x", "y"), ("velocity_x", "velocity_y"), ("force_x", "force_y"), ("drag", "lift"))
 
 
 # -- what must be the same ---------------------------------------------------------------------------------------
@@ -69,7 +78,7 @@ OF_ITERATIONS = ("newton", "interface", "interface_residual")
 def history(directory: Path) -> dict[str, list[Any]]:
     with (directory / "history.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
-    return {name: [row[name] for row in rows] for name in rows[0]}
+    return {name: [row[name] or "nan" for row in rows] for name in rows[0]}
 
 
 def assert_same_run(found: Path, expected: Path, rel: float = 1e-8) -> None:
@@ -78,8 +87,9 @@ def assert_same_run(found: Path, expected: Path, rel: float = 1e-8) -> None:
     assert list(one) == list(other)
     for name in (name for name in one if name not in (*OF_ITERATIONS, "mode")):
         a, b = np.array(one[name], dtype=float), np.array(other[name], dtype=float)
+        kind = [np.array(other[n], dtype=float) for n in next((k for k in ALIKE if name in k), (name,))]
         # An error of a step is a third difference, of which round-off is a larger share.
-        scale = (1e3 if name == "error" else 1.0) * rel * np.nanmax(np.abs(b))
+        scale = (1e3 if name == "error" else 1.0) * rel * np.nanmax(np.abs(kind))
         assert a == pytest.approx(b, abs=scale, nan_ok=True), name
     for stem in ("fields", "surface"):
         assert_same_series(found / stem, expected / stem, rel)
@@ -104,43 +114,244 @@ def assert_same_series(found: Path, expected: Path, rel: float) -> None:
 # -- whole runs and cut ones -------------------------------------------------------------------------------------
 
 
-def pothole(**values: object) -> incipient.Scene:
-    from incipient.scene.file import loads
+def overrides(options: list[str]) -> list[str]:
+    return [option for option in options if option != "--set"]
 
-    return loads(POTHOLE, overrides=[option for option in settings(**values) if option != "--set"])
+
+def pothole(**values: object) -> incipient.Scene:
+    return loads(POTHOLE, overrides=overrides(settings(**values)))
 
 
 def vortices(**values: object) -> incipient.Scene:
-    chosen = [*VORTICES, *settings(**values)]
-    return incipient.load(VORTEX_STREET, [option for option in chosen if option != "--set"])
+    return incipient.load(VORTEX_STREET, overrides([*VORTICES, *settings(**values)]))
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
-    """`whole("pothole")`, `whole("vortices")`: directories of runs from the start to the end."""
-    made: dict[str, Path] = {}
-
-    def run(name: str) -> Path:
-        if name not in made:
-            made[name] = tmp_path_factory.mktemp(name)
-            incipient.run({"pothole": pothole, "vortices": vortices}[name](), made[name])
-        return made[name]
-
-    return run
-
-
-@pytest.fixture(scope="module")
-def cut_pothole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run that has come to t = 0.8, a new mesh behind it and another before it; not to be written to."""
-    directory = tmp_path_factory.mktemp("cut")
-    incipient.run(pothole(time_end=0.8, output_checkpoint=8), directory)
-    return _with_checkpoints_of(directory, 100)
-
-
-def _with_checkpoints_of(directory: Path, number: int) -> Path:
-    """The directory of a run as if checkpoints had been asked for every so many steps."""
+def whole_pothole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run from the start to the end; its checkpoint is three steps old. Not to be written to."""
+    directory = tmp_path_factory.mktemp("pothole")
+    assert incipient.run(pothole(), directory).trajectory["remeshings"]
     return directory
 
 
-def test_a_grain_goes_on_through_new_meshes(whole: Callable[[str], Path], tmp_path: Path) -> None:
-    pass
+@pytest.fixture(scope="module")
+def whole_vortices(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run from the start to the end, without a checkpoint."""
+    directory = tmp_path_factory.mktemp("vortices")
+    incipient.run(vortices(), directory)
+    return directory
+
+
+@pytest.fixture
+def stopped(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
+    """`stopped(5)`: from now on runs are asked to stop in their fifth step."""
+
+    def stop(number: int) -> None:
+        asked = iter([*[False] * (number - 1), True])
+        monkeypatch.setattr(Interruption, "asked", lambda self: next(asked, False))
+
+    return stop
+
+
+def copy_of(directory: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(directory, tmp_path / "copy"))
+
+
+# -- the same trajectory -----------------------------------------------------------------------------------------
+
+
+def test_a_grain_goes_on_through_a_new_mesh(whole_pothole: Path, tmp_path: Path) -> None:
+    """What came after the checkpoint is dropped and computed again; a mesh is behind, a mesh ahead."""
+    directory = copy_of(whole_pothole, tmp_path)
+    assert read(directory / "checkpoint.h5").time == pytest.approx(1.0)
+    result = incipient.resume(directory)
+    assert [one["time"] for one in result.trajectory["remeshings"]] == pytest.approx([0.8, 1.1])
+    assert_same_run(directory, whole_pothole)
+
+
+def test_a_run_stopped_right_before_a_new_mesh(
+    whole_pothole: Path, tmp_path: Path, stopped: Callable[[int], None]
+) -> None:
+    stopped(8)
+    with pytest.raises(Interrupted, match=r"interrupted at t = 0\.8; to go on: incipient resume "):
+        incipient.run(pothole(), tmp_path)
+    assert len(history(tmp_path)["time"]) == 8 and not (tmp_path / "result.json").exists()
+    incipient.resume(tmp_path)
+    assert_same_run(tmp_path, whole_pothole)
+
+
+def test_adaptive_steps_about_a_grain_at_rest(
+    whole_vortices: Path, tmp_path: Path, stopped: Callable[[int], None]
+) -> None:
+    """Stopped twice: right after the first step, and later. In the end no checkpoint is left."""
+    stopped(1)
+    with pytest.raises(Interrupted):
+        incipient.run(vortices(), tmp_path)
+    stopped(9)
+    with pytest.raises(Interrupted):
+        incipient.resume(tmp_path)
+    assert len(history(tmp_path)["time"]) == 10
+    incipient.resume(tmp_path)
+    assert_same_run(tmp_path, whole_vortices)
+    assert not (tmp_path / "checkpoint.h5").exists()
+
+
+def test_a_finished_run_goes_on_to_a_later_end(tmp_path: Path) -> None:
+    steps = {"time_tolerance": 10.0, "time_step": 0.01, "output_checkpoint": 1, "output_every": 1}
+    for name, end in (("long", 0.06), ("short", 0.03)):
+        scene = vortices(**steps | {"time_end": end})
+        fixed = scene.model_copy(update={"time": scene.time.model_copy(update={"tolerance": None})})
+        incipient.run(fixed, tmp_path / name)
+    with pytest.raises(SceneError, match=r"has come to t = 0\.03 already and time\.end is 0\.03"):
+        incipient.resume(tmp_path / "short")
+    incipient.resume(tmp_path / "short", ["time.end=0.06"])
+    assert_same_run(tmp_path / "short", tmp_path / "long")
+    assert incipient.load(tmp_path / "short/scene.toml") == incipient.load(tmp_path / "long/scene.toml")
+
+
+@pytest.mark.parametrize("ranks", [(1, 2), (2, 1)])
+def test_the_number_of_ranks_may_change(
+    whole_pothole: Path, tmp_path: Path, session: Session, ranks: tuple[int, int]
+) -> None:
+    first, second = ranks
+    (tmp_path / "pothole.toml").write_text(POTHOLE)
+    if first == 1:
+        shutil.copytree(whole_pothole, tmp_path / "x")
+    else:
+        (outcome,) = session(first, [["run", "pothole.toml", "--out", "x"]], timeout=300)
+        assert outcome.codes == [0] * first, outcome.lines
+    (outcome,) = session(second, [["resume", "x"]], timeout=300)
+    assert outcome.codes == [0] * second, outcome.lines
+    assert_same_run(tmp_path / "x", whole_pothole)
+
+
+# -- signals -----------------------------------------------------------------------------------------------------
+
+
+def test_a_signal_to_a_running_process(whole_vortices: Path, tmp_path: Path, command: Command) -> None:
+    arguments = ["run", str(VORTEX_STREET), *VORTICES, "--out", str(tmp_path / "x")]
+    run = subprocess.Popen(
+        [sys.executable, "-m", "incipient", *arguments], env=environment(), stderr=subprocess.PIPE, text=True
+    )
+    rows = tmp_path / "x/history.csv"
+    deadline = time.monotonic() + 60
+    while not rows.exists() or rows.read_bytes().count(b"\n") < 4:
+        assert run.poll() is None and time.monotonic() < deadline
+        time.sleep(0.005)
+    run.send_signal(signal.SIGTERM)
+    said = run.communicate(timeout=60)[1]
+    assert run.returncode == 130 and "Traceback" not in said
+    assert said.splitlines()[-1].endswith(f"; to go on: incipient resume {tmp_path / 'x'}")
+    done = command("resume", "x")
+    assert done.returncode == 0, done.stderr
+    assert f"for ParaView        {Path('x/fields.xdmf')}" in done.stdout
+    assert_same_run(tmp_path / "x", whole_vortices)
+
+
+# -- failures ----------------------------------------------------------------------------------------------------
+
+
+def test_a_step_that_does_not_converge_leaves_a_checkpoint(
+    whole_pothole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    solve = Fluid.solve
+
+    def failing(self: Fluid, *arguments: Any) -> NewtonReport:
+        if self.time > 0.45:
+            self.state.x.array[:] = np.nan
+            return NewtonReport(False, (1.0,), np.inf)
+        return solve(self, *arguments)
+
+    with monkeypatch.context() as patch, pytest.raises(ConvergenceError) as told:
+        patch.setattr(Fluid, "solve", failing)
+        incipient.run(pothole(), tmp_path)
+    # Halved steps come up to t = 0.45, of which the last must be short.
+    assert str(told.value).endswith(f" is kept: incipient resume {tmp_path}") and "\n" not in str(told.value)
+    failed = result_of(tmp_path)
+    assert failed["status"] == "failed" and failed["error"] == str(told.value)
+    kept = read(tmp_path / "checkpoint.h5")
+    assert kept.time == pytest.approx(float(history(tmp_path)["time"][-1]), rel=1e-12)
+    result = incipient.resume(tmp_path)
+    assert result.status == "complete"
+    # The steps are not those of the whole run, the trajectory is, but for the error of its steps.
+    expected = history(whole_pothole)
+    for name in ("x", "y"):
+        assert float(history(tmp_path)[name][-1]) == pytest.approx(float(expected[name][-1]), rel=1e-3)
+
+
+def test_a_mesh_that_cannot_be_made_leaves_a_checkpoint(
+    whole_pothole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The state right before the new mesh is kept: with a way to make it the run goes on as it would have."""
+
+    def failing(*arguments: object) -> None:
+        raise MeshError("the geometry could not be meshed: no reason")
+
+    with (
+        monkeypatch.context() as patch,
+        pytest.raises(MeshError, match=r"t = 0\.8 is kept: incipient resume"),
+    ):
+        patch.setattr("incipient.trajectory.carry_over", failing)
+        incipient.run(pothole(), tmp_path)
+    incipient.resume(tmp_path)
+    assert_same_run(tmp_path, whole_pothole)
+
+
+def test_the_first_step_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = vortices(time_end=0.01)
+    with monkeypatch.context() as patch, pytest.raises(ConvergenceError, match="t = 0 is kept"):
+        patch.setattr(Fluid, "solve", lambda self, *arguments: NewtonReport(False, (1.0,), np.inf))
+        incipient.run(scene, tmp_path / "x")
+    incipient.resume(tmp_path / "x")
+    incipient.run(scene, tmp_path / "y")
+    assert_same_run(tmp_path / "x", tmp_path / "y")
+
+
+def test_a_checkpoint_that_cannot_be_written_keeps_the_one_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written = files.write_bytes_atomically
+
+    def full(path: Path, data: bytes) -> None:
+        if path.exists():
+            raise OutputError(f"{path}: cannot be written: no space left on device; free some space")
+        written(path, data)
+
+    monkeypatch.setattr("incipient.checkpoint.write_bytes_atomically", full)
+    with pytest.raises(OutputError, match=r"checkpoint\.h5: cannot be written: no space left"):
+        incipient.run(vortices(output_checkpoint=2), tmp_path)
+    assert read(tmp_path / "checkpoint.h5").progress.number == 2
+    monkeypatch.undo()
+    assert incipient.resume(tmp_path).status == "complete"
+
+
+# -- what is refused ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_refusals_are_one_line(whole_pothole: Path, tmp_path: Path, session: Session, ranks: int) -> None:
+    names = ("version", "damaged", "half", "history", "fields", "good")
+    for name in names:
+        shutil.copytree(whole_pothole, tmp_path / name)
+    with h5py.File(tmp_path / "version/checkpoint.h5", "r+") as file:
+        file.attrs["version"] = 2
+    with h5py.File(tmp_path / "damaged/checkpoint.h5", "r+") as file:
+        del file["body/weights"]
+    os.truncate(tmp_path / "half/checkpoint.h5", 20_000)
+    os.truncate(tmp_path / "history/history.csv", 1000)
+    (tmp_path / "fields/fields.h5").unlink()
+    other = ["resume", "good", "--set", "body.mass=1"]
+    outcomes = session(ranks, [*(["resume", name] for name in ("absent", *names[:-1])), other])
+    told = [
+        (5, "absent/checkpoint.h5: no such checkpoint; start anew with: incipient run"),
+        (5, "version/checkpoint.h5: is a checkpoint of version 2, this program reads version 1; resume with"),
+        (5, "damaged/checkpoint.h5: is damaged, its content is not what was written; start anew"),
+        (5, "half/checkpoint.h5: cannot be read: "),
+        (5, "history/history.csv: has lost some of its 10 rows; put the file back, or start anew"),
+        (5, "fields/fields.h5: no such file"),
+        (2, "good/scene.toml: body.mass is 1.0, but the run to resume has 251.3; leave it so (only time.end"),
+    ]
+    for outcome, (code, start) in zip(outcomes, told, strict=True):
+        assert outcome.codes == [code] * ranks, outcome.lines
+        assert outcome.complaint.startswith(start)
+    assert history(tmp_path / "good") == history(whole_pothole)

@@ -22,7 +22,7 @@ QUADRATIC_EDGE, QUADRATIC_TRIANGLE, QUADRATIC_TETRAHEDRON = 21, 22, 24  # vtkCel
 RADIUS = 0.4
 SEMI_AXES = (0.2, 0.1)  # of the ellipse that moves in the box (0, 2) x (0, 1)
 CELLS = (0.3, 0.22, 0.18, 0.26)  # their sizes, before and after each remeshing
-STEPS_A_MESH = 3
+STEPS_A_MESH = 2
 
 
 def spawn(ranks: int, task: str, directory: Path) -> subprocess.CompletedProcess:
@@ -33,7 +33,7 @@ def spawn(ranks: int, task: str, directory: Path) -> subprocess.CompletedProcess
         "PYTHONPATH": str(Path(__file__).parents[1]),
     }
     command = [*MAKE[ranks], __file__, task, str(directory)]
-    return subprocess.run(command, env=environment, timeout=120, capture_output=True, text=True)
+    return subprocess.run(command, env=environment, timeout=240, capture_output=True, text=True)
 
 
 # -- the writer, run in processes of their own ---------------------------------------------------------------
@@ -136,7 +136,7 @@ def around_ellipse(number, cell):
     outline = tuple(curve.moved(placement(number)) for curve in ellipse().outline())
     sides = ("bottom", "right", "top", "left")
     region = Region((Line((0.0, 0.0), (2.0, 0.0)),), 1.0, {"body": outline}, sides)
-    sizes = Sizes(cell, (Near(cell / 4, 0.3, boundary="body"),))
+    sizes = Sizes(cell, (Near(cell / 3, 0.4, boundary="body"),))
     return build(MPI.COMM_WORLD, partial(region_model, region, sizes, 2), 2)
 
 

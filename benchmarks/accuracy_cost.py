@@ -1,0 +1,105 @@
+"""What `make cost` runs: `incipient cost` on the demos, and docs/cost.md from what it leaves.
+
+Runs that results/cost holds already are not made again; delete it to measure anew.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import machine
+
+ROOT = Path(__file__).resolve().parents[1]
+STUDIES, PAGE = ROOT / "results" / "cost", ROOT / "docs" / "cost.md"
+FIGURES = PAGE.parent / "figures"
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A demo, the options of its ladder, and what a reader should know of it."""
+
+    name: str
+    options: tuple[str, ...] = ()
+    said: str = ""
+
+
+SCENES = (
+    Scene("cavity", said="The errors are those of the extreme velocities on the centrelines."),
+    Scene("cylinder", said="Lift is 1/500 of drag here: as part of the force it counts little; see its own row."),
+    Scene(
+        "vortex_street",
+        ("--orders", "2", "3", "--sizes", "1.4142", "1", "--steps", "4", "2"),
+        "Largest and least force and couple over the last quarter of the time, five periods of the street.",
+    ),
+    Scene("grain_on_bed", said="A disc on a flat bed rolls in any flow, so that there is no safety factor to err in."),
+    Scene("pothole_4", said="Where the free bead is at the end, relative to the length of its path, and its turn."),
+)
+
+
+def main() -> int:
+    """Make the studies that are asked for, then the page from all there are."""
+    parser = argparse.ArgumentParser(description="What accuracy costs, on the demos.")
+    parser.add_argument("--only", action="append", choices=[scene.name for scene in SCENES])
+    parser.add_argument("--page", action="store_true", help="write the page from the studies there are")
+    options = parser.parse_args()
+    for scene in SCENES:
+        if not options.page and (options.only is None or scene.name in options.only):
+            study(scene)
+    PAGE.write_text(page())
+    return 0
+
+
+def study(scene: Scene) -> None:
+    """Make the study of a scene, or finish it, and take its picture into the docs."""
+    directory, path = STUDIES / scene.name, ROOT / "demos" / "scenes" / f"{scene.name}.toml"
+    command = [sys.executable, "-m", "incipient", "cost", str(path), "--out", str(directory), *scene.options]
+    print(f"--- {scene.name}", file=sys.stderr, flush=True)
+    subprocess.run(command, cwd=ROOT, check=True)
+
+
+def page() -> str:
+    """docs/cost.md: a section for each study that is finished."""
+    return "\n".join([_head(), *(_section(scene) for scene in SCENES)])
+
+
+def _section(scene: Scene) -> str:
+    source = STUDIES / scene.name
+    if not (source / "cost.md").exists():
+        return f"## {scene.name}\n\nNot measured yet.\n"
+    figure = FIGURES / f"cost_{scene.name}.png"
+    shutil.copyfile(source / "cost.png", figure)
+    title, *parts = (source / "cost.md").read_text().split("\n\n")
+    options = " ".join(("", *scene.options))
+    made = f"`incipient cost demos/scenes/{scene.name}.toml{options}`. {scene.said}"
+    text = "\n\n".join([f"#{title}", made, *parts])
+    return text.replace("(cost.png)", f"(figures/{figure.name})")
+
+
+def _head() -> str:
+    about = machine.describe()
+    versions = ", ".join(f"{name} {version}" for name, version in machine.versions().items())
+    return f"""# What accuracy costs in time
+
+Written by `make cost` (`benchmarks/accuracy_cost.py`); do not edit by hand. The same for any scene: `incipient cost
+SCENE`, which leaves this page for it, its picture, `cost.csv` and `cost.json`, and goes on where it was interrupted.
+
+On {about["processor"]}, {about["cores"]} cores, {about["memory_gib"]} GiB, {about["system"]}; {versions}.
+
+**How to read it.** A ladder of runs: orders of the velocity, cell sizes, time steps. A run is *on the front* if no other
+is both cheaper and better. The law, error = C (t - start)^-p, is fitted to the front in logarithms; *start* is the part
+of the time that no number of unknowns changes (libraries, mesh generator, compiled forms). An error in brackets cannot be
+told apart from that of the reference, and is not part of the law. Times beyond the runs are marked "about".
+
+**Before a run.** Every study is kept as this machine's calibration (`$XDG_CACHE_HOME/incipient/calibration.json`), and
+`incipient plan SCENE` tells time, memory and error by it: of a scene that was studied by its own runs, of others by the
+work that their mesh calls for, to a stated factor. `incipient calibrate` makes a first calibration in a minute or two.
+"""
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,71 @@
+"""A run with a free body: what share of its time goes into body, interface and mesh motion."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import callers
+from measure import Session
+from tables import Row, seconds, table
+
+SCENE = "pothole_1"
+SIZES = (1.0, 0.3)
+GOAL = 0.15
+FROM_UNKNOWNS = 20_000  # on which the goal is set
+OWN = ("interface", "mesh motion")  # of the coupling; the rest a fixed grain has as well
+# So little way that the mesh stretches without a new one.
+SETTINGS = {
+    "time.step": 0.01,
+    "time.end": 0.6,
+    "numerics.remesh_below": 0.1,
+    "output.fields": False,
+}
+
+
+def measure(session: Session) -> dict[str, Any]:
+    """Rows of runs on a coarse and a fine mesh, with the share of the coupling in each round."""
+    programs = [
+        callers.incipient(session, SCENE, f"mesh_size = {size:g}", {**SETTINGS, "numerics.mesh_size": size})
+        for size in SIZES
+    ]
+    return {"rows": session.compare(programs)}
+
+
+def share(row: Row) -> float:
+    """The share of body, interface and mesh motion in the wall time, remeshing apart."""
+    stages = row["stages"]
+    return sum(stages.get(name, 0.0) for name in OWN) / (stages["total"] - stages.get("remeshing", 0.0))
+
+
+def fine(rows: list[Row]) -> Row | None:
+    """The row on which the goal is set."""
+    able = [row for row in rows if "error" not in row and row["unknowns"] >= FROM_UNKNOWNS]
+    return able[0] if able else None
+
+
+def describe(data: dict[str, Any]) -> str:
+    """The section of the page."""
+    heads = ["", "unknowns", "steps", "wall [s]", "flow", "tractions", *OWN, "share of the last two"]
+    rows = [_cells(row) for row in data["rows"] if "error" not in row]
+    return f"""## A free body
+
+The first 60 steps of the pebble in the pothole (`demos/scenes/{SCENE}.toml`), by the stages of `cost.wall_time` in
+result.json (seconds of the last round). *Interface*: the body's equation of motion, and the flow's answer to its
+three motions; *mesh motion*: the mesh follows. *Flow* and *tractions* a grain at rest has as well. Remeshing, which
+this run does not need, would come on top:
+
+{table(heads, rows)}"""
+
+
+def _cells(row: Row) -> list[str]:
+    stages = row["stages"]
+    parts = [seconds(stages[name]) for name in ("flow", "tractions", *OWN)]
+    steps = str(row["iterations"]["steps"])
+    return [
+        row["name"],
+        str(row["unknowns"]),
+        steps,
+        seconds(row["wall"]),
+        *parts,
+        f"{100 * share(row):.0f}%",
+    ]

@@ -1,0 +1,301 @@
+"""What accuracy costs for a scene: a ladder of runs, their errors against a finer one, and the law behind them.
+
+Every run has a process of its own (`incipient.rung`). Their numbers stand in cost.csv, a row each, appended when
+a run is over: a study that was interrupted goes on from there.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from . import frontier
+from .errors import ConvergenceError, OutputError, SceneError
+from .files import append_row, reported
+from .frontier import Law, Reference
+from .ladder import Ladder
+from .quantities import Goal, columns, goals
+from .rung import COUNTS, Measured, Rung
+from .scene import Scene, load, save
+
+ROWS = "cost.csv"
+LEAST_WORK = 1.05  # times its start: what the shortest run takes
+Measure = Callable[[Scene, Rung], Measured]
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A run with its errors: by goal, and the largest of the leading ones.
+
+    told_apart: whether that error is clearly more than the doubt about the reference
+    """
+
+    run: Measured
+    errors: Mapping[str, float]
+    error: float
+    told_apart: bool
+
+
+@dataclass(frozen=True)
+class Study:
+    """A scene's ladder when it is done.
+
+    judged: the runs that were finished, the cheapest first, without that which they are compared with
+    front:  indices of those that no other beats in both processor time and error
+    laws:   time [s] against error on the fronts, of processor ("cpu") and wall time ("wall")
+    of_goals: the laws of processor time by goal
+    """
+
+    scene: Scene
+    ladder: Ladder
+    reference: Reference
+    compared_with: Measured
+    goals: tuple[Goal, ...]
+    judged: tuple[Judged, ...]
+    failed: tuple[Measured, ...]
+    front: tuple[int, ...]
+    laws: Mapping[str, Law | None]
+    of_goals: Mapping[str, Law | None]
+
+    def frontier(self) -> tuple[list[float], list[float]]:
+        """Processor times [s] and errors of the runs on the front."""
+        best = [self.judged[index] for index in self.front]
+        return [one.run.cpu for one in best], [one.error for one in best]
+
+    def words(self) -> str:
+        """What accuracy costs, in a line."""
+        times, errors = self.frontier()
+        return frontier.words(self.laws["cpu"], errors, times)
+
+
+def climb(scene: Scene, ladder: Ladder, directory: Path, measure: Measure, say: Say) -> Study:
+    """Make the runs of a ladder that a directory does not hold yet, and judge all of them. Not collective.
+
+    Raises:
+        SceneError: the scene's runs give nothing to compare.
+        OutputError: the directory holds the ladder of another scene, or cannot be written.
+        ConvergenceError: too few runs succeeded.
+    """
+    if not columns(scene):
+        raise SceneError("cost: the scene gives no number to compare")
+    prepare(scene, directory)
+    done = known_runs(scene, directory)
+    wanted = [*ladder.rungs, ladder.reference]
+    for number, rung in enumerate(wanted, 1):
+        if rung.key in done:
+            continue
+        run = measure(scene, rung)
+        append_row(directory / ROWS, row_of(scene, run))
+        done[rung.key] = run
+        say(f"{number} of {len(wanted)}: {rung.name}: {run.failed or _expense(run)}")
+    return judge(scene, ladder, [done[rung.key] for rung in wanted])
+
+
+def _expense(run: Measured) -> str:
+    return (
+        f"{run.unknowns} unknowns, processor {run.cpu:.2f} s, wall {run.wall:.2f} s, {run.peak_mib:.0f} MiB"
+    )
+
+
+def prepare(scene: Scene, directory: Path) -> None:
+    """Make the directory of a scene's ladder, or check that it is.
+
+    Raises:
+        OutputError: it is that of another scene, or cannot be made.
+    """
+    stored = directory / "scene.toml"
+    if (directory / ROWS).exists() and stored.exists():
+        if load(stored) != scene:
+            raise OutputError(
+                f"{directory}: holds the runs of another scene; choose another --out or delete it"
+            )
+        return
+    with reported(directory):
+        directory.mkdir(parents=True, exist_ok=True)
+        (directory / ROWS).unlink(missing_ok=True)
+    save(scene, stored)
+
+
+# -- rows ---------------------------------------------------------------------------------------------------
+
+
+def row_of(scene: Scene, run: Measured) -> dict[str, float | int | str]:
+    """A run as a row of cost.csv; what a failed run lacks is empty."""
+    rung, good = run.rung, not run.failed
+    row: dict[str, float | int | str] = {
+        "order": rung.order,
+        "mesh_size": f"{rung.mesh_size:.6g}",
+        "step": "" if rung.step is None else f"{rung.step:.6g}",
+        "failed": run.failed,
+        "wall [s]": round(run.wall, 3),
+        "processor [s]": round(run.cpu, 3),
+        "start [s]": round(run.start, 3) if good else "",
+        "memory [MiB]": round(run.peak_mib, 1) if good else "",
+        "cells": run.cells if good else "",
+        "unknowns": run.unknowns if good else "",
+    }
+    row |= {name: run.counts.get(name, 0) if good else "" for name in COUNTS}
+    return row | {name: repr(run.found[name]) if good else "" for name in columns(scene)}
+
+
+def known_runs(scene: Scene, directory: Path) -> dict[tuple[int, str, str], Measured]:
+    """The runs in cost.csv, by their rungs; half a row at its end, of a writer that was killed, is cut off.
+
+    Raises:
+        OutputError: the file is damaged or of another version.
+    """
+    path = directory / ROWS
+    if not path.exists():
+        return {}
+    with reported(path):
+        text = path.read_bytes()
+        whole = text.rfind(b"\n") + 1
+        if whole < len(text):
+            os.truncate(path, whole)
+    try:
+        rows = list(csv.DictReader(text[:whole].decode().splitlines()))
+        runs = [_run_of(scene, row) for row in rows]
+    except (KeyError, ValueError, TypeError) as error:
+        raise OutputError(f"{path}: cannot be understood ({error}); delete it to begin anew") from error
+    return {run.rung.key: run for run in runs}
+
+
+def _run_of(scene: Scene, row: Mapping[str, str]) -> Measured:
+    step = float(row["step"]) if row["step"] else None
+    rung = Rung(int(row["order"]), float(row["mesh_size"]), step)
+    spent = float(row["wall [s]"]), float(row["processor [s]"])
+    if row["failed"]:
+        return Measured(rung, *spent, failed=row["failed"])
+    return Measured(
+        rung,
+        *spent,
+        start=float(row["start [s]"]),
+        peak_mib=float(row["memory [MiB]"]),
+        cells=int(row["cells"]),
+        unknowns=int(row["unknowns"]),
+        counts={name: int(row[name]) for name in COUNTS},
+        found={name: float(row[name]) for name in columns(scene)},
+    )
+
+
+# -- errors and the law -------------------------------------------------------------------------------------
+
+
+def judge(scene: Scene, ladder: Ladder, runs: Sequence[Measured]) -> Study:
+    """The errors of runs against the finest of them, the reference last, and what they cost.
+
+    Raises:
+        ConvergenceError: fewer than two runs succeeded, or there is nothing to compare.
+    """
+    good = [run for run in runs if not run.failed]
+    if len(good) < 2:
+        reasons = "; ".join(dict.fromkeys(run.failed for run in runs if run.failed))
+        raise ConvergenceError(f"cost: fewer than two runs of the ladder succeeded: {reasons}")
+    compared_with, values = _reference(ladder, good)
+    wanted = goals(scene, values.values)
+    if not wanted:
+        raise ConvergenceError("cost: all numbers to compare are zero")
+    rest = sorted((run for run in good if run is not compared_with), key=lambda run: run.cpu)
+    judged = tuple(_judged(run, wanted, values) for run in rest)
+    clear = [index for index, one in enumerate(judged) if one.told_apart]
+    front = _front(judged, clear, lambda one: one.error)
+    starts = {"cpu": _start(good, lambda run: run.cpu), "wall": _start(good, lambda run: run.wall)}
+    return Study(
+        scene=scene,
+        ladder=ladder,
+        reference=values,
+        compared_with=compared_with,
+        goals=wanted,
+        judged=judged,
+        failed=tuple(run for run in runs if run.failed),
+        front=tuple(front),
+        laws={
+            "cpu": _law([judged[i] for i in front], lambda one: one.run.cpu, starts["cpu"]),
+            "wall": _law([judged[i] for i in front], lambda one: one.run.wall, starts["wall"]),
+        },
+        of_goals={goal.name: _law_of_goal(judged, goal, values, starts["cpu"]) for goal in wanted},
+    )
+
+
+def _start(runs: Sequence[Measured], time: Callable[[Measured], float]) -> float:
+    """What a run takes before it computes anything; less than the shortest run."""
+    times = [time(run) for run in runs]
+    solves = [max(run.counts.get("newton", 0), 1) for run in runs]
+    found = frontier.overhead(times, [run.unknowns for run in runs], solves)
+    return max(min(found, min(times) / LEAST_WORK), min(run.start for run in runs))
+
+
+def _reference(ladder: Ladder, good: Sequence[Measured]) -> tuple[Measured, Reference]:
+    """The run that the others are compared with, the finest that there is, and its improved numbers."""
+    by_rung = {run.rung.key: run for run in good}
+    line = [by_rung[rung.key] for rung in ladder.line if rung.key in by_rung]
+    if not line or line[-1].rung.key != ladder.reference.key:
+        # The reference failed: the finest of the others, as it is.
+        line = [max(good, key=lambda run: (run.rung.order, -(run.rung.step or 0.0), -run.rung.mesh_size))]
+    ratio = ladder.ratio if len(line) == len(ladder.line) else math.nan
+    others = [run.found for run in good if run is not line[-1]]
+    return line[-1], frontier.reference([run.found for run in line], ratio, others)
+
+
+def _judged(run: Measured, wanted: Sequence[Goal], values: Reference) -> Judged:
+    errors = {goal.name: goal.error(run.found, values.values) for goal in wanted}
+    leading = [goal for goal in wanted if goal.leading]
+    worst = max(leading, key=lambda goal: errors[goal.name])
+    return Judged(run, errors, errors[worst.name], _clear(errors[worst.name], worst, values))
+
+
+def _clear(error: float, goal: Goal, values: Reference) -> bool:
+    """Whether an error is more than the doubt about the reference explains."""
+    return error > frontier.TOLD_APART * doubt(goal, values)
+
+
+def doubt(goal: Goal, values: Reference) -> float:
+    """How far off the reference may be in terms of a goal's relative error."""
+    return math.hypot(*(values.uncertainty[name] for name in goal.columns)) / goal.scale
+
+
+def _front(judged: Sequence[Judged], among: Sequence[int], error: Callable[[Judged], float]) -> list[int]:
+    best = frontier.front([judged[i].run.cpu for i in among], [error(judged[i]) for i in among])
+    return [among[i] for i in best]
+
+
+def _law(best: Sequence[Judged], cost: Callable[[Judged], float], start: float) -> Law | None:
+    return frontier.fitted([cost(one) for one in best], [one.error for one in best], start)
+
+
+def _law_of_goal(judged: Sequence[Judged], goal: Goal, values: Reference, start: float) -> Law | None:
+    clear = [i for i, one in enumerate(judged) if _clear(one.errors[goal.name], goal, values)]
+    best = [judged[i] for i in _front(judged, clear, lambda one: one.errors[goal.name])]
+    return frontier.fitted([one.run.cpu for one in best], [one.errors[goal.name] for one in best], start)
+
+
+def to_dict(study: Study) -> dict[str, Any]:
+    """The study as plain data for cost.json."""
+    found: dict[str, Any] = {"schema_version": 1, "title": study.scene.title, "words": study.words()}
+    found["reference"] = {"run": study.compared_with.rung.name, **vars(study.reference)}
+    found["goals"] = [{**vars(goal), "doubt": doubt(goal, study.reference)} for goal in study.goals]
+    found["laws"] = {name: law and vars(law) for name, law in study.laws.items()}
+    found["laws_of_goals"] = {name: law and vars(law) for name, law in study.of_goals.items()}
+    found["runs"] = [
+        {
+            **vars(one.run.rung),
+            "name": one.run.rung.name,
+            "error": one.error,
+            "errors": one.errors,
+            "told_apart": one.told_apart,
+            "on_front": index in study.front,
+            "wall": one.run.wall,
+            "cpu": one.run.cpu,
+            "unknowns": one.run.unknowns,
+            "peak_mib": one.run.peak_mib,
+        }
+        for index, one in enumerate(study.judged)
+    ]
+    found["failed"] = [{"name": run.rung.name, "why": run.failed} for run in study.failed]
+    return found

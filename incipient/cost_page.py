@@ -1,0 +1,158 @@
+"""A study of what accuracy costs as files: cost.json and cost.md, and its runs kept as this machine's calibration."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from . import calibration as calibrations
+from . import frontier
+from .calibration import KnownErrors
+from .cost import Judged, Study, doubt, to_dict
+from .errorlaw import ErrorLaw, Seen, fit
+from .expense import Work, counts_of
+from .files import write_json, write_text_atomically
+from .frontier import percent, seconds
+from .rung import Measured
+
+
+def write(study: Study, directory: Path) -> None:
+    """Write cost.json and cost.md. Not collective.
+
+    Raises:
+        OutputError: they cannot be written.
+    """
+    write_json(directory / "cost.json", to_dict(study))
+    write_text_atomically(directory / "cost.md", page(study))
+
+
+def page(study: Study, picture: str = "cost.png", heading: str = "#") -> str:
+    """The study as Markdown; under a heading of a level, with the picture of a name."""
+    title = study.scene.title or "What accuracy costs"
+    parts = [f"{heading} {title}", f"**{study.words()}.**", f"![Error against cost]({picture})"]
+    parts += [_explained(study), _accuracies(study), _of_goals(study), _runs(study)]
+    parts += [_failures(study)] if study.failed else []
+    return "\n\n".join(parts) + "\n"
+
+
+def _explained(study: Study) -> str:
+    leading = [goal for goal in study.goals if goal.leading]
+    names = ", ".join(goal.name for goal in leading)
+    worst = max(doubt(goal, study.reference) for goal in leading)
+    largest = "the largest of the relative errors of " if len(leading) > 1 else "the relative error of "
+    return (
+        f"The error is {largest}{names}, against {study.compared_with.rung.name} "
+        f"({study.reference.how}; itself good to {percent(worst)}). Each run has a process of its own, forms compiled "
+        "before; without error bars. Times are of the whole process, processor time first: on a busy machine wall "
+        "time says little."
+    )
+
+
+def _accuracies(study: Study) -> str:
+    """The table of what accuracies cost."""
+    times, errors = study.frontier()
+    laws = study.laws
+    if laws["cpu"] is None or laws["wall"] is None:
+        return "No law: too few runs can be told apart from the reference."
+    walls = [study.judged[index].run.wall for index in study.front]
+    rows = []
+    for accuracy in frontier.accuracies(min(errors)):
+        reached = [study.judged[i].run for i in study.front if study.judged[i].error <= accuracy]
+        run = f"{reached[0].rung.name}, {reached[0].peak_mib:.0f} MiB" if reached else "finer than any here"
+        cpu = frontier.cost(laws["cpu"], accuracy, errors, times)
+        rows.append([percent(accuracy), cpu, frontier.cost(laws["wall"], accuracy, errors, walls), run])
+    digit = f"x {laws['cpu'].digit:.2g}", f"x {laws['wall'].digit:.2g}"
+    rows.append(
+        ["each further digit", *digit, f"of the time beyond {seconds(laws['cpu'].start)} of starting"]
+    )
+    heads = ["accuracy", "processor time", "wall time", "cheapest run that reached it"]
+    return _table(heads, rows, left=(3,))
+
+
+def _of_goals(study: Study) -> str:
+    """The laws goal by goal."""
+    rows = []
+    for goal in study.goals:
+        law, best = study.of_goals[goal.name], min(one.errors[goal.name] for one in study.judged)
+        told = ["-", "-", "-"]
+        if law is not None:
+            told = [f"{law.constant:.2g}", f"{law.power:.2g}", f"x {law.digit:.2g}"]
+        rows.append([goal.name, *told, percent(best), percent(doubt(goal, study.reference))])
+    heads = ["quantity", "C", "p", "a further digit", "best error", "reference good to"]
+    said = "error = C (t - start)^-p on the front of each quantity, t in seconds of processor time:"
+    return f"{said}\n\n{_table(heads, rows)}"
+
+
+def _runs(study: Study) -> str:
+    heads = ["run", "error", "processor [s]", "wall [s]", "unknowns", "memory [MiB]", "front"]
+    rows = [_row(one, index in study.front) for index, one in enumerate(study.judged)]
+    run = study.compared_with
+    rows.append([run.rung.name, "reference", *_spent(run), ""])
+    return _table(heads, rows)
+
+
+def _row(one: Judged, on_front: bool) -> list[str]:
+    error = percent(one.error) if one.told_apart else f"({percent(one.error)})"
+    return [one.run.rung.name, error, *_spent(one.run), "yes" if on_front else ""]
+
+
+def _spent(run: Measured) -> list[str]:
+    return [f"{run.cpu:.2f}", f"{run.wall:.2f}", str(run.unknowns), f"{run.peak_mib:.0f}"]
+
+
+def _failures(study: Study) -> str:
+    lines = [f"- {run.rung.name}: {run.failed}" for run in study.failed]
+    return "Runs that failed:\n\n" + "\n".join(lines)
+
+
+def _table(heads: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int] = ()) -> str:
+    marks = [":--" if column == 0 or column in left else "--:" for column in range(len(heads))]
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in (heads, marks, *rows))
+
+
+# -- what stays on this machine -----------------------------------------------------------------------------
+
+
+def keep(study: Study) -> None:
+    """Add the study to this machine's calibration. Not collective.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    scene, runs = study.scene, [*(one.run for one in study.judged), study.compared_with]
+    known = [
+        calibrations.known(
+            scene,
+            _work(study, run),
+            run.rung.mesh_size,
+            run.rung.step,
+            start=run.start,
+            cpu=run.cpu,
+            peak_mib=run.peak_mib,
+        )
+        for run in runs
+    ]
+    laws = {goal.name: law for goal in study.goals if goal.leading and (law := _error_law(study, goal.name))}
+    title = scene.title or "a scene without a title"
+    errors = KnownErrors(title, calibrations.kind(scene), laws) if laws else None
+    calibrations.write(calibrations.read().with_scene(calibrations.digest(scene), known, errors))
+
+
+def _work(study: Study, run: Measured) -> Work:
+    kind = calibrations.kind(study.scene)
+    return Work(kind, run.rung.order, run.cells, run.unknowns, **counts_of(run.counts))
+
+
+def _error_law(study: Study, goal: str) -> ErrorLaw | None:
+    scene = study.scene
+    seen = [
+        Seen(
+            one.run.rung.order,
+            one.run.rung.mesh_size,
+            calibrations.step_of_flow(scene, one.run.rung.step),
+            one.errors[goal],
+        )
+        for one in study.judged
+        if one.told_apart
+    ]
+    return fit(seen, 1.0 if scene.time and scene.time.scheme == "bdf1" else 2.0)

@@ -1,0 +1,107 @@
+"""What an accuracy is that of: the force, the couple or the safety factor; its relative error, and what it hangs on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .contact import Load
+from .contact.exact import judged
+from .errorbars import bar_of_safety, by_dual
+from .judgement import find_contacts, load_of, mass_and_inertia
+
+if TYPE_CHECKING:
+    from .contact import Contacts
+    from .result import Couples, Forces
+    from .scene import Scene
+
+Floats = NDArray[np.float64]
+
+# A couple smaller than this share of force times grain size is measured against that share.
+LEAST_COUPLE = 0.01
+DIFFERENCE = 1e-4  # of the load, for the derivative of the safety factor
+
+
+@dataclass(frozen=True)
+class Goal:
+    """The force, the couple or the safety factor of a scene with a grain in the plane."""
+
+    name: str
+    scene: Scene
+    contacts: Contacts | None = None
+
+    @classmethod
+    def of(cls, scene: Scene) -> Goal:
+        """What the scene's accuracy is that of; a verdict hangs on the safety factor."""
+        verdict = scene.numerics.accuracy == "verdict"
+        name = "safety factor" if verdict else scene.numerics.accuracy_of
+        return cls(name, scene, find_contacts(scene) if name == "safety factor" else None)
+
+    def error(self, force: Forces, couple: Couples, of_force: Floats, of_couple: Floats) -> float:
+        """Relative error for errors (3,) of force and couple.
+
+        Of the force the size of the error over that of the force; of the safety factor the width of its interval
+        over its value, infinite where only one of both is.
+        """
+        if self.name == "force":
+            return _ratio(float(np.linalg.norm(of_force)), self._scale(force, couple))
+        if self.name == "couple":
+            return _ratio(float(np.linalg.norm(of_couple)), self._scale(force, couple))
+        return self._width(force, couple, of_force, of_couple)
+
+    def goals(self, force: Forces, couple: Couples) -> list[Floats]:
+        """Weights (3,) of force and couple in the plane, whose errors are those of the quantity, relative."""
+        if self.name == "safety factor":
+            slope = self._slope(force, couple)
+            if np.all(np.isfinite(slope)) and np.any(slope):
+                return [slope]
+        scale = self._scale(force, couple)
+        unit = np.eye(3) / (scale or 1.0)
+        return [unit[2]] if self.name == "couple" else [unit[0], unit[1]]
+
+    def _scale(self, force: Forces, couple: Couples) -> float:
+        size = float(np.linalg.norm(force.flow))
+        if self.name != "couple":
+            return size
+        assert self.scene.grain is not None
+        return max(float(np.linalg.norm(couple.flow)), LEAST_COUPLE * size * self.scene.grain.size)
+
+    def _width(self, force: Forces, couple: Couples, of_force: Floats, of_couple: Floats) -> float:
+        scene = self.scene
+        assert self.contacts is not None and scene.contact is not None and scene.body is not None
+        assert scene.grain is not None and scene.placement is not None
+        inert = mass_and_inertia(scene.grain, scene.body.density or 0.0, scene.placement)
+        term = by_dual(of_force, of_couple)
+        bar = bar_of_safety(
+            load_of(scene, force, couple), self.contacts, scene.contact.friction, inert, (term,)
+        )
+        if bar.low == bar.high:
+            return 0.0
+        return _ratio(bar.high - bar.low, bar.value)
+
+    def _slope(self, force: Forces, couple: Couples) -> Floats:
+        """Derivatives of log(safety factor) along force and couple in the plane (3,)."""
+        load, scene = load_of(self.scene, force, couple), self.scene
+        assert self.contacts is not None and scene.contact is not None and scene.grain is not None
+        step = DIFFERENCE * float(np.linalg.norm(force.flow))
+        steps = np.array([step, step, step * scene.grain.size])
+        slopes = np.empty(3)
+        for i, ahead in enumerate(np.diag(steps)):
+            values = []
+            for sign in (-1.0, 1.0):
+                flow_force = load.flow_force + sign * np.array([*ahead[:2], 0.0])
+                flow_couple = load.flow_couple + sign * np.array([0.0, 0.0, ahead[2]])
+                shifted = Load(flow_force, flow_couple, load.weight, load.centre)
+                values.append(judged(shifted, self.contacts, scene.contact.friction).safety.value)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                slopes[i] = np.diff(np.log(values))[0] / (2.0 * steps[i])
+        return slopes
+
+
+def _ratio(error: float, scale: float) -> float:
+    if error == 0.0:
+        return 0.0
+    return error / scale if scale > 0.0 else np.inf

@@ -1,0 +1,118 @@
+"""Which runs tell what accuracy costs: orders, cell sizes and time steps around those of a scene."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+from .errors import SceneError
+from .rung import Rung
+from .scene import Scene
+
+RATIO = math.sqrt(2.0)  # of cell sizes from one rung to the next
+UNEQUAL = 1.02  # ratios that differ by more are not the same
+SMALLEST, LARGEST = 0.01, 100.0  # of numerics.mesh_size
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """The runs to compare, the cheapest of each order first, and the finer one they are compared with.
+
+    line: runs of the reference's order, each finer than the one before, the reference last
+    """
+
+    rungs: tuple[Rung, ...]
+    reference: Rung
+    line: tuple[Rung, ...]
+
+    @property
+    def ratio(self) -> float:
+        """By how much cells (or else steps) of the last three of the line differ; NaN where not by the same."""
+        last = self.line[-3:]
+        sizes = _ratios([rung.mesh_size for rung in last])
+        steps = _ratios([rung.step or 1.0 for rung in last])
+        if any(max(ratios, default=1.0) > UNEQUAL * min(ratios, default=1.0) for ratios in (sizes, steps)):
+            return math.nan
+        return (
+            max(max(sizes, default=1.0), 1.0)
+            if max(sizes, default=1.0) > UNEQUAL
+            else max(steps, default=1.0)
+        )
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Orders of the velocity; cell sizes and time steps as multiples of the scene's, the coarsest first."""
+
+    orders: tuple[int, ...] = (2, 3, 4)
+    sizes: tuple[float, ...] = (2.0, RATIO, 1.0, 1.0 / RATIO, 0.5)
+    steps: tuple[float, ...] = (4.0, 2.0, 1.0)
+
+    def __post_init__(self) -> None:
+        for name, values in (("orders", self.orders), ("sizes", self.sizes), ("steps", self.steps)):
+            if not values or min(values) <= 0.0:
+                raise SceneError(f"--{name}: give positive numbers, such as {_EXAMPLES[name]}")
+        if not set(self.orders) <= {2, 3, 4}:
+            raise SceneError("--orders: the velocity has order 2, 3 or 4")
+
+
+_EXAMPLES = {"orders": "2 3", "sizes": "2 1.4 1", "steps": "4 2 1"}
+STEADY, UNSTEADY = Spread(), Spread(sizes=(2.0, RATIO, 1.0))
+QUICK = Spread((2, 3), (2.0, RATIO), (4.0, 2.0))
+
+
+def spread(scene: Scene, quick: bool) -> Spread:
+    """The usual ladder of a scene."""
+    if quick:
+        return replace(QUICK, orders=(3, 4)) if scene.numerics.order == 4 else QUICK
+    return STEADY if scene.time is None else UNSTEADY
+
+
+def ladder(scene: Scene, spread: Spread) -> Ladder:
+    """All rungs of a spread that the scene can be computed with; the reference is finer than all of them."""
+    unique = tuple(sorted(set(spread.orders)))
+    sizes = _descending(scene.numerics.mesh_size * size for size in spread.sizes)
+    sizes = tuple(size for size in sizes if SMALLEST <= size <= LARGEST) or (scene.numerics.mesh_size,)
+    if scene.time is None:
+        return _steady(unique, sizes)
+    steps = _descending(min(scene.time.step * step, scene.time.end / 2.0) for step in spread.steps)
+    return _unsteady(unique, sizes, steps)
+
+
+def _steady(orders: Sequence[int], sizes: Sequence[float]) -> Ladder:
+    rungs = tuple(Rung(order, size) for order in orders for size in sizes)
+    highest = orders[-1]
+    # A higher order is worth more than finer cells; without one they must be much finer.
+    if highest < 4:
+        reference = Rung(highest + 1, max(sizes[-1] / 2.0, SMALLEST))
+        return Ladder(rungs, reference, (reference,))
+    reference = Rung(4, max(sizes[-1] / RATIO, SMALLEST))
+    return Ladder(rungs, reference, (*(Rung(4, size) for size in sizes), reference))
+
+
+def _unsteady(orders: Sequence[int], sizes: Sequence[float], steps: Sequence[float]) -> Ladder:
+    """Cells and steps finer together, and each a little behind the other."""
+    both = max(len(sizes), len(steps))
+    sizes, steps = _lengthened(sizes, both), _lengthened(steps, both)
+    pairs = [(sizes[0], steps[0])]
+    for before, now in zip(range(both - 1), range(1, both), strict=True):
+        pairs += [(sizes[now], steps[before]), (sizes[now], steps[now])]
+    pairs = list(dict.fromkeys(pairs))
+    rungs = tuple(Rung(order, *pair) for order in orders for pair in pairs)
+    reference = Rung(orders[-1], max(sizes[-1] / RATIO, SMALLEST), steps[-1] / 2.0)
+    diagonal = [Rung(orders[-1], *pair) for pair in zip(sizes, steps, strict=True)]
+    return Ladder(rungs, reference, (*dict.fromkeys(diagonal), reference))
+
+
+def _lengthened(values: Sequence[float], length: int) -> Sequence[float]:
+    return (*values, *[values[-1]] * (length - len(values)))
+
+
+def _descending(values: Iterable[float]) -> tuple[float, ...]:
+    return tuple(sorted(set(values), reverse=True))
+
+
+def _ratios(values: Sequence[float]) -> list[float]:
+    return [before / now for before, now in itertools.pairwise(values)]

@@ -1,0 +1,185 @@
+"""What the accuracy of a run is measured by: numbers of its outcome, and which errors of them matter.
+
+A held grain: force, couple and safety factor, in time the largest and least of force and couple. A moving one:
+where it is at the end. Without a grain: the extreme velocities on a box's centrelines, else the kinetic energy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from .result import Result
+    from .scene import Scene
+
+SMALLEST_COUPLE = 0.01  # of force times grain size: below it a couple's error is relative to that
+SMALLEST_TURN = 0.1  # the same for a turn, of the path in units of the grain's size
+SMALLEST_PART = 1e-3  # of the force: below it a component has no error of its own
+SETTLED = 0.75  # of the time after which flow from a steady inflow is taken to be what it tends to
+LINES = {"u_min": "minimum of v1", "v_max": "maximum of v2", "v_min": "minimum of v2"}
+
+
+@dataclass(frozen=True)
+class Goal:
+    """Numbers whose error is one error: the norm of their differences over a scale.
+
+    leading: whether it counts for the accuracy of the whole; the others are told beside it
+    """
+
+    name: str
+    columns: tuple[str, ...]
+    scale: float
+    leading: bool = True
+
+    def error(self, found: Mapping[str, float], reference: Mapping[str, float]) -> float:
+        """The relative error; NaN where a number is missing."""
+        differences = [found.get(name, np.nan) - reference[name] for name in self.columns]
+        return float(np.linalg.norm(differences)) / self.scale
+
+
+def columns(scene: Scene) -> tuple[str, ...]:
+    """Names of the numbers that a scene's runs are compared by."""
+    if scene.body is None:
+        return (*LINES,) if _has_centrelines(scene) else ("kinetic_energy",)
+    if scene.body.moves:
+        return ("x", "y", "angle", "end_time", "path")
+    if scene.time is None:
+        return ("force_x", "force_y", "couple", "safety_factor")
+    parts = ("force_x", "force_y", "couple")
+    return tuple(f"{which}_{part}" for part in parts for which in ("most", "least"))
+
+
+def quantities(scene: Scene, result: Result, history: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """The numbers of a finished run, by the names of `columns`; what a run does not tell is NaN. Collective."""
+    if scene.body is None:
+        return _of_flow(scene, result)
+    if result.trajectory is not None:
+        return _of_path(scene, result, history)
+    if scene.time is None:
+        return _of_loads(result)
+    return _of_extremes(scene, history)
+
+
+def goals(scene: Scene, reference: Mapping[str, float]) -> tuple[Goal, ...]:
+    """The errors to look at, relative to what the reference says the sizes are."""
+    if scene.body is None:
+        return tuple(_single(name, reference) for name in columns(scene) if reference[name])
+    if scene.body.moves:
+        return _goals_of_path(scene, reference)
+    return _goals_of_loads(scene, reference)
+
+
+# -- what a run says ----------------------------------------------------------------------------------------
+
+
+def _has_centrelines(scene: Scene) -> bool:
+    return scene.flow.kind == "lid"
+
+
+def _of_flow(scene: Scene, result: Result) -> dict[str, float]:
+    if _has_centrelines(scene) and result.centrelines is not None:
+        return {name: result.centrelines[key].value for name, key in LINES.items()}
+    return {"kinetic_energy": _kinetic_energy(result.velocity)}
+
+
+def _kinetic_energy(velocity: Any) -> float:
+    """The integral of |v|^2/2."""
+    import ufl
+    from dolfinx import fem
+
+    from . import compat
+
+    mesh = velocity.function_space.mesh
+    local = fem.assemble_scalar(compat.form(ufl.inner(velocity, velocity) / 2 * ufl.dx))
+    return float(mesh.comm.allreduce(float(np.real(local))))
+
+
+def _of_path(scene: Scene, result: Result, history: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    trajectory = result.trajectory
+    assert trajectory is not None and scene.placement is not None
+    places = np.array([scene.placement.centre[:2], *((row["x"], row["y"]) for row in history)])
+    (x, y), end = trajectory["place"][:2], trajectory["ended"]["time"]
+    path = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
+    return {"x": float(x), "y": float(y), "angle": trajectory["angle"], "end_time": end, "path": path}
+
+
+def _of_loads(result: Result) -> dict[str, float]:
+    assert result.force is not None and result.couple is not None
+    factor = (result.verdict or {}).get("safety_factor")
+    safety = np.nan if factor is None else float(factor)
+    force = result.force.flow
+    return {
+        "force_x": float(force[0]),
+        "force_y": float(force[1]),
+        "couple": float(result.couple.flow[2]),
+        "safety_factor": safety,
+    }
+
+
+def _of_extremes(scene: Scene, history: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Largest and least of each load: of all times if the inflow changes, else of the last quarter."""
+    assert scene.time is not None
+    changing = scene.flow.kind == "expression" and scene.flow.unsteady
+    begin = 0.0 if changing else SETTLED * scene.time.end
+    found = {}
+    for part in ("force_x", "force_y", "couple"):
+        trace = np.array([(row["time"], row[part]) for row in history if row["time"] >= begin])
+        found[f"most_{part}"] = peak(*trace.T)
+        found[f"least_{part}"] = -peak(trace[:, 0], -trace[:, 1])
+    return found
+
+
+def peak(times: np.ndarray, values: np.ndarray) -> float:
+    """The largest value of a sampled function, between samples by the parabola through three of them."""
+    at = int(np.argmax(values))
+    if at == 0 or at == len(values) - 1:
+        return float(values[at])
+    near = slice(at - 1, at + 2)
+    t = (times[near] - times[at]) / (times[at + 1] - times[at - 1])
+    a, b, c = np.linalg.solve(np.vander(t, 3), values[near])
+    return float(c - b**2 / (4.0 * a)) if a < 0.0 else float(values[at])
+
+
+# -- which errors matter ------------------------------------------------------------------------------------
+
+
+def _single(name: str, reference: Mapping[str, float]) -> Goal:
+    return Goal(LINES.get(name, name.replace("_", " ")), (name,), abs(reference[name]))
+
+
+def _goals_of_path(scene: Scene, reference: Mapping[str, float]) -> tuple[Goal, ...]:
+    assert scene.grain is not None and scene.body is not None and scene.time is not None
+    path = reference["path"] or scene.grain.size
+    turned = abs(reference["angle"] - np.radians(scene.body.angle))
+    turn = max(turned, SMALLEST_TURN * path / scene.grain.size)
+    found = [Goal("place", ("x", "y"), path), Goal("angle", ("angle",), turn)]
+    if reference["end_time"] < scene.time.end * (1.0 - 1e-6):
+        found.append(Goal("time of contact", ("end_time",), reference["end_time"]))
+    return tuple(found)
+
+
+def _goals_of_loads(scene: Scene, reference: Mapping[str, float]) -> tuple[Goal, ...]:
+    assert scene.grain is not None
+    names = columns(scene)
+    parts = {axis: tuple(name for name in names if name.endswith(axis)) for axis in ("force_x", "force_y")}
+    sizes = {axis: _norm(reference, part) for axis, part in parts.items()}
+    force, couples = float(np.linalg.norm([*sizes.values()])), tuple(name for name in names if "couple" in name)
+    if force == 0.0:
+        return ()
+    couple = max(_norm(reference, couples), SMALLEST_COUPLE * force * scene.grain.size)
+    found = [Goal("force", (*parts["force_x"], *parts["force_y"]), force), Goal("couple", couples, couple)]
+    safety = reference.get("safety_factor", np.nan)
+    if np.isfinite(safety) and safety > 0.0:
+        found.append(Goal("safety factor", ("safety_factor",), safety))
+    for name, axis in (("drag", "force_x"), ("lift", "force_y")):
+        if sizes[axis] > SMALLEST_PART * force:
+            found.append(Goal(name, parts[axis], sizes[axis], leading=False))
+    return tuple(found)
+
+
+def _norm(reference: Mapping[str, float], names: tuple[str, ...]) -> float:
+    return float(np.linalg.norm([reference[name] for name in names]))

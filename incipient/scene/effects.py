@@ -1,0 +1,96 @@
+"""Which effects a scene asks for: left to the plan, forced on, or forced off; and when that contradicts the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field
+
+from .messages import Problem
+from .section import Section, contradiction
+
+if TYPE_CHECKING:
+    from .model import Scene
+
+NOT_SIMULATED = ("free_surface", "turbulence", "third_dimension")
+
+
+def _one_of_three(value: Any) -> Any:
+    """Refuse in one line what is neither "auto" nor a truth value."""
+    if value == "auto" or isinstance(value, bool):
+        return value
+    raise contradiction(f"is {value!r}".replace("'", '"'), 'use "auto", true or false')
+
+
+Choice = Annotated[Literal["auto", True, False], BeforeValidator(_one_of_three)]
+
+
+class Effects(Section):
+    """Effects to simulate: by default the plan decides from the scene and its dimensionless numbers."""
+
+    inertia: Choice = Field("auto", description="Convection; auto: where it matters for the accuracy asked")
+    unsteadiness: Choice = Field("auto", description="Rate of change; false with [time]: quasi-steady flow")
+    gravity: Choice = Field("auto", description="Weight and buoyancy; auto: with [gravity]")
+    contact: Choice = Field(
+        "auto", description="Contact forces and verdict; auto: where a grain rests on a bed"
+    )
+    moving_mesh: Choice = Field("auto", description="A mesh that follows the grain; auto: with body.motion")
+    free_body: Choice = Field("auto", description="A grain moved by flow and weight; auto: with body.motion")
+    free_surface: Choice = Field("auto", description="Not simulated by this version")
+    turbulence: Choice = Field("auto", description="Not simulated by this version")
+    third_dimension: Choice = Field("auto", description="Not simulated by this version")
+
+
+def section_of(value: Any) -> Any:
+    """The section that `effects = "auto"` stands for; anything else as it is."""
+    return {} if value == "auto" else value
+
+
+def contradictory(scene: Scene) -> Iterator[Problem]:
+    """Effects forced on that the scene says nothing about, and forced off that it cannot do without."""
+    for name, why, remedy in (*_not_simulated(scene), *_of_flow(scene), *_of_time(scene), *_of_grain(scene)):
+        yield Problem(("effects", name), why, remedy)
+
+
+def _not_simulated(scene: Scene) -> Iterator[tuple[str, str, str]]:
+    for name in NOT_SIMULATED:
+        if getattr(scene.effects, name) is True:
+            yield name, "is not simulated by this version", 'use "auto" or false'
+
+
+def _of_flow(scene: Scene) -> Iterator[tuple[str, str, str]]:
+    effects = scene.effects
+    if effects.inertia is True and not scene.fluid.inertia:
+        yield "inertia", "is true but fluid.inertia = false", "leave one of them out"
+    if effects.gravity is True and scene.gravity is None:
+        yield "gravity", "is true but there is no gravity", "add a section [gravity]"
+
+
+def _of_time(scene: Scene) -> Iterator[tuple[str, str, str]]:
+    name, time = "unsteadiness", scene.time
+    if scene.effects.unsteadiness is True and time is None:
+        yield name, "is true but without [time] the flow is steady", "add a section [time]"
+    if scene.effects.unsteadiness is not False or time is None:
+        return
+    if scene.body is not None and scene.body.moves:
+        yield name, "is false but a grain moves in time", 'use "auto", or body.motion = "fixed"'
+    if time.tolerance is not None:
+        yield name, "is false but steps adapt to the rate of change", "leave time.tolerance out"
+    if scene.numerics.convection == "extrapolated":
+        yield name, "is false but convection needs earlier steps", 'use numerics.convection = "implicit"'
+
+
+def _of_grain(scene: Scene) -> Iterator[tuple[str, str, str]]:
+    effects, body = scene.effects, scene.body
+    motion = "fixed" if body is None else body.motion
+    moves = motion != "fixed"
+    told = f'body.motion = "{motion}"' if body is not None else "there is no grain"
+    if effects.contact is True and (scene.bed is None or body is None or body.x is None):
+        yield "contact", "is true but no grain rests on a bed", "add [bed], and [body] with x"
+    if effects.moving_mesh != "auto" and effects.moving_mesh != moves:
+        remedy = 'set body.motion = "fixed"' if moves else 'set body.motion = "free" or "prescribed"'
+        yield "moving_mesh", f"is {str(effects.moving_mesh).lower()} but {told}", remedy
+    if effects.free_body != "auto" and effects.free_body != (motion == "free"):
+        remedy = 'set body.motion = "free"' if effects.free_body else 'set body.motion = "fixed"'
+        yield "free_body", f"is {str(effects.free_body).lower()} but {told}", remedy

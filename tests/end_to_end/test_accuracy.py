@@ -1,0 +1,187 @@
+"""Asking for accuracy: what is promised is kept, at a price that is worth it, and no further than asked."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+import incipient
+from incipient.errorbars import changed
+from incipient.result import Result
+from incipient.scene import Scene, load, loads
+from incipient.scene.example import commented, grain_on_bed
+
+DEMOS = Path(__file__).parents[2] / "demos" / "scenes"
+# Drag and lift of DFG 2D-1 over V^2 L/2 = 0.2^2 0.1/2: G. Nabh, On high order methods for the stationary
+# incompressible Navier-Stokes equations, Heidelberg 1998.
+CYLINDER = np.array([5.57953523384, 0.010618948146]) * 0.5 * 0.2**2 * 0.1
+# Of the example scene: cells of half the default size, elements of order four (docs/accuracy.md).
+ON_BED = np.array([1.507031, 0.809692])
+COUPLE_ON_BED = -0.1948145
+# Unknowns and relative errors of the force of uniformly refined meshes of the example (docs/accuracy.md).
+UNIFORM = {2: (6195, 4.7e-5), 3: (7061, 5.9e-5)}
+QUIET = {"error_bars": False}
+POCKET = {"kind": "half-discs", "radius": 0.5, "spacing": 1.2, "offset": 1.0}
+SCRIPT = """
+import sys, json
+from mpi4py import MPI
+import incipient
+scene = incipient.load(sys.argv[1], ["numerics.accuracy=0.003", "numerics.error_bars=false"])
+result = incipient.run(scene, sys.argv[2])
+if MPI.COMM_WORLD.rank == 0:
+    print(json.dumps([result.force.flow.tolist(), [trial.unknowns for trial in result.adaptation.trials]]))
+"""
+
+
+def cylinder(**numerics: Any) -> Scene:
+    return changed(load(DEMOS / "cylinder.toml"), numerics={"order": 2, **QUIET, **numerics})
+
+
+def on_bed(**numerics: Any) -> Scene:
+    return changed(grain_on_bed(), numerics={**QUIET, **numerics})
+
+
+def in_pocket(gravity: float, **numerics: Any) -> Scene:
+    """A disc between two half-discs; its safety factor is 0.515 times gravity."""
+    scene = changed(grain_on_bed(), numerics={**QUIET, **numerics}, gravity={"acceleration": gravity})
+    return Scene(**{**scene.model_dump(), "bed": POCKET})
+
+
+def run(scene: Scene, directory: Path | None = None) -> Result:
+    return incipient.run(scene, directory, MPI.COMM_SELF)
+
+
+def error_of(result: Result, reference: np.ndarray) -> float:
+    assert result.force is not None
+    return float(np.linalg.norm(result.force.flow[:2] - reference) / np.linalg.norm(reference))
+
+
+@pytest.mark.parametrize("accuracy", [0.01, 0.001])
+@pytest.mark.parametrize(("scene", "reference"), [(cylinder, CYLINDER), (on_bed, ON_BED)])
+def test_what_is_asked_for_is_reached_and_not_much_more(
+    scene: Any, reference: np.ndarray, accuracy: float
+) -> None:
+    result = run(scene(accuracy=accuracy))
+    found, true = result.adaptation, error_of(result, reference)
+    assert found is not None and found.met and found.reason == "reached"
+    assert accuracy / 20.0 < true < accuracy
+    assert found.reached == pytest.approx(true, rel=0.5)
+    assert found.reached == found.trials[-1].estimate
+    assert result.gap is None or result.gap.resolved
+
+
+def test_couple() -> None:
+    result = run(on_bed(accuracy=0.001, accuracy_of="couple"))
+    assert result.couple is not None and result.adaptation is not None and result.adaptation.met
+    assert abs(result.couple.flow[2] / COUPLE_ON_BED - 1.0) < 0.001
+
+
+def test_adapted_meshes_beat_uniform_refinement() -> None:
+    """With fewer unknowns the error is smaller than on meshes refined everywhere, in elements of either order."""
+    result = run(on_bed(accuracy=5e-5))
+    true, unknowns = error_of(result, ON_BED), result.cost["unknowns"]
+    for order, (many, error) in UNIFORM.items():
+        assert true < error and unknowns < 0.8 * many, (order, unknowns, true)
+
+
+def test_safety_factor() -> None:
+    result = run(in_pocket(2.0, accuracy=0.002, accuracy_of="safety factor"))
+    finer = run(in_pocket(2.0, accuracy=0.0001, accuracy_of="safety factor"))
+    assert result.adaptation is not None and result.adaptation.met
+    assert finer.adaptation is not None and finer.adaptation.met
+    # The interval goes both ways from the value.
+    assert result.verdict["safety_factor"] == pytest.approx(finer.verdict["safety_factor"], rel=0.002)
+    assert len(result.adaptation.trials) <= len(finer.adaptation.trials)
+
+
+def test_budget_of_time_stops(tmp_path: Path) -> None:
+    result = run(on_bed(accuracy=1e-5, budget_seconds=1e-3), tmp_path)
+    stored = json.loads((tmp_path / "result.json").read_text())["adaptation"]
+    assert result.adaptation is not None and not result.adaptation.met
+    assert len(result.adaptation.trials) == 1
+    assert "numerics.budget_seconds = 0.001: the next mesh would take about" in stored["reason"]
+    assert stored["met"] is False
+    assert stored["reached"] == pytest.approx(error_of(result, ON_BED), rel=0.5)
+    assert stored["reason"] in result.text()
+
+
+def test_budget_of_memory_stops() -> None:
+    result = run(on_bed(accuracy=1e-5, budget_mib=1.0))
+    assert result.adaptation is not None and len(result.adaptation.trials) == 1
+    assert "numerics.budget_mib = 1: the next mesh would need about" in result.adaptation.reason
+
+
+def test_verdict_stops_when_it_is_decided(tmp_path: Path) -> None:
+    """Far from one the first mesh decides; the asked scene is kept as it was."""
+    result = run(in_pocket(10.0, accuracy="verdict", error_bars=True), tmp_path)
+    assert result.adaptation is not None and result.adaptation.reason == "the verdict is certain"
+    assert len(result.adaptation.trials) == 1
+    assert result.error_bars is not None and result.error_bars.safety is not None
+    assert result.error_bars.safety.certain
+    assert (
+        load(tmp_path / "scene.toml").numerics
+        == in_pocket(10.0, accuracy="verdict", error_bars=True).numerics
+    )
+
+
+@pytest.mark.slow
+def test_verdict_acts_on_what_decides() -> None:
+    """Where sides that are too near decide, they are moved away; a budget ends that."""
+    result = run(in_pocket(1.98, accuracy="verdict", error_bars=True))
+    assert result.adaptation is not None and result.adaptation.met
+    assert any(trial.note.startswith("domain") for trial in result.adaptation.trials)
+    assert result.scene["domain"]["length"] > 12.0
+    assert result.error_bars is not None and result.error_bars.safety is not None
+    assert result.error_bars.safety.certain
+
+
+def test_flow_in_time(tmp_path: Path) -> None:
+    """A disc in a stream that starts: mesh and steps are halved together; the last run is recorded."""
+    stream = (
+        '[domain]\nlength=8\nheight=4\n[fluid]\nreynolds=20\nscale="grain"\n[flow]\nkind="uniform"\n'
+        '[body]\nshape="disc"\ndiameter=1\ncentre=[3.0, 2.0]\n[time]\nend=0.8\nstep=0.1\nstart="stokes"\n'
+        "[numerics]\nmesh_size=2.0\nerror_bars=false\n"
+    )
+    result = run(loads(stream + "accuracy=0.005\n"), tmp_path)
+    fine = run(loads(stream + "order=3\n", overrides=("time.step=0.0125", "numerics.mesh_size=1.0")))
+    found = result.adaptation
+    assert found is not None and found.met and found.reached is not None
+    assert result.force is not None and fine.force is not None
+    true = np.linalg.norm(result.force.flow - fine.force.flow) / np.linalg.norm(fine.force.flow)
+    assert true < 0.005
+    steps = [trial.step for trial in found.trials]
+    assert steps == [0.1 * 0.5**i for i in range(len(steps))]
+    history = (tmp_path / "history.csv").read_text().splitlines()
+    assert len(history) == 1 + round(0.8 / steps[-1])
+    assert json.loads((tmp_path / "result.json").read_text())["adaptation"]["reason"] == "reached"
+
+
+def test_two_ranks_choose_alike(tmp_path: Path, mpirun: Any) -> None:
+    path = tmp_path / "grain.toml"
+    path.write_text(commented(grain_on_bed()))
+    done = mpirun(2, SCRIPT, path, tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    force, unknowns = json.loads(done.stdout.splitlines()[-1])
+    alone = run(on_bed(accuracy=0.003))
+    assert alone.adaptation is not None
+    assert unknowns == pytest.approx([trial.unknowns for trial in alone.adaptation.trials], rel=0.05)
+    assert np.linalg.norm(np.array(force[:2]) - ON_BED) / np.linalg.norm(ON_BED) < 0.003
+
+
+def test_without_an_accuracy_nothing_changes() -> None:
+    result = run(on_bed(mesh_size=2.0))
+    assert result.adaptation is None
+    assert result.to_dict()["adaptation"] is None
+
+
+def test_a_mesh_too_coarse_to_solve_on_is_refined() -> None:
+    """At Re = 300 Newton's method fails on the coarsest mesh."""
+    scene = changed(on_bed(accuracy=0.01), fluid={"reynolds": 300.0})
+    found = run(scene).adaptation
+    assert found is not None and found.met
+    assert "no steady flow found" in found.trials[0].note

@@ -1,0 +1,141 @@
+"""`incipient cost` and what `incipient plan` says before and after it, by real runs of a coarse grain on a bed.
+
+No test here depends on how long anything takes but the slow one, which compares processor times.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import resource
+from pathlib import Path
+from typing import Any
+
+import pytest
+from processes import CAVITY, CYLINDER, GRAIN_ON_BED, SCENES, settings
+
+COARSE = settings(numerics_mesh_size=2.5, contact_gap=0.05)
+
+
+def calibrated_in(directory: Path) -> dict[str, str]:
+    """Variables for a calibration in a directory; compiled forms stay where they are."""
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    made = directory / "cache"
+    made.mkdir(exist_ok=True)
+    (cache / "fenics").mkdir(parents=True, exist_ok=True)
+    if not (made / "fenics").exists():
+        (made / "fenics").symlink_to(cache / "fenics")
+    return {"XDG_CACHE_HOME": str(made)}
+
+
+def predicted(command: Any, scene: Path, variables: dict[str, str], *options: str) -> dict[str, Any] | None:
+    done = command("plan", scene, "--json", *options, **variables)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)["prediction"]
+
+
+def test_cost_of_a_coarse_grain_on_a_bed(command: Any, tmp_path: Path) -> None:
+    out, variables = tmp_path / "study", calibrated_in(tmp_path)
+    assert predicted(command, GRAIN_ON_BED, variables, *COARSE) is None
+    arguments = ("cost", GRAIN_ON_BED, "--quick", "--out", out, *COARSE)
+    done = command(*arguments, timeout=200, **variables)
+    assert done.returncode == 0, done.stderr
+    assert "each further digit" in done.stdout or "too few" in done.stdout
+
+    rows = list(csv.DictReader((out / "cost.csv").open()))
+    assert [(row["order"], row["failed"]) for row in rows] == [(o, "") for o in "22334"]
+    stored = json.loads((out / "cost.json").read_text())
+    errors = {(run["order"], run["mesh_size"]): run["error"] for run in stored["runs"]}
+    assert max(errors.values()) < 0.2
+    assert min(errors.values()) == min(e for (order, _), e in errors.items() if order == 3)
+    assert all(run["peak_mib"] > 50 and run["cpu"] > 0 for run in stored["runs"])
+    assert (out / "cost.png").read_bytes().startswith(b"\x89PNG")
+    assert "| accuracy |" in (out / "cost.md").read_text()
+
+    plan = predicted(command, GRAIN_ON_BED, variables, *COARSE)
+    assert plan is not None and plan["own"]
+    assert plan["low"] < plan["cpu"] < plan["high"]
+    assert set(plan["errors"]) >= {"force", "couple"}
+
+    before = (out / "cost.csv").read_bytes()
+    again = command(*arguments, timeout=60, **variables)
+    assert again.returncode == 0, again.stderr
+    assert " of 5:" not in again.stderr, "no run is made again"
+    assert (out / "cost.csv").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--orders", "7"], "--orders: the velocity has order 2, 3 or 4"),
+        (["--steps", "2"], "--steps: the scene is steady; leave it out"),
+        (["--sizes", "0"], "--sizes: give positive numbers, such as 2 1.4 1"),
+        (["--sizes", "x"], "argument --sizes: invalid float value: 'x'; see incipient cost --help"),
+        (["--set", "fluid.reynolds=-1"], "--set fluid.reynolds=-1: fluid.reynolds: "),
+    ],
+)
+def test_bad_input_is_one_line(command: Any, tmp_path: Path, options: list[str], said: str) -> None:
+    done = command("cost", GRAIN_ON_BED, "--out", tmp_path / "study", *options)
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(f"incipient: {said}")
+
+
+def test_the_directory_of_another_scene(command: Any, tmp_path: Path) -> None:
+    study = tmp_path / "study"
+    study.mkdir()
+    (study / "scene.toml").write_text(CAVITY.read_text())
+    (study / "cost.csv").write_text("order\n")
+    done = command("cost", GRAIN_ON_BED, "--out", study)
+    assert done.returncode == 5
+    assert "holds the runs of another scene" in done.stderr
+
+
+def test_ranks_are_refused(command: Any) -> None:
+    done = command("cost", GRAIN_ON_BED, ranks=2)
+    assert done.returncode == 2
+    assert "call it without mpirun" in done.stderr
+
+
+# -- predictions against runs: processor times, which other processes disturb less than wall times ------------------
+
+DEMOS = {
+    "grain_on_bed": (GRAIN_ON_BED, []),
+    "cylinder": (CYLINDER, []),
+    "cavity": (CAVITY, []),
+    # Shorter than the demos, with steps as long: what is predicted is in proportion to their number.
+    "vortex_street": (SCENES / "vortex_street.toml", settings(time_end=1.0)),
+    "pulsating": (SCENES / "pulsating.toml", settings(time_end=0.25)),
+    "pothole": (SCENES / "pothole_4.toml", settings(time_end=1.0)),
+}
+
+
+@pytest.mark.slow
+def test_plan_predicts_the_demos_within_a_factor_two(command: Any, tmp_path: Path) -> None:
+    """From the built-in calibration alone, which none of the demos but the grain on a bed is part of."""
+    variables = calibrated_in(tmp_path)
+    done = command("calibrate", timeout=900, **variables)
+    assert done.returncode == 0, done.stderr
+    found = {}
+    for name, (scene, options) in DEMOS.items():
+        plan = predicted(command, scene, variables, *options)
+        assert plan is not None
+        for turn in range(2):  # the first compiles
+            cpu = spent(lambda s=scene, o=options, t=turn: run(command, s, tmp_path / f"run{t}", o))
+        found[name] = (plan["cpu"], cpu)
+    ratios = {name: told / taken for name, (told, taken) in found.items()}
+    assert all(0.5 <= ratio <= 2.0 for ratio in ratios.values()), (ratios, found)
+
+
+def run(command: Any, scene: Path, out: Path, options: list[str]) -> None:
+    done = command("run", scene, "--out", out, *options, timeout=900)
+    assert done.returncode == 0, done.stderr
+
+
+def spent(work: Any) -> float:
+    """Processor time of the processes that something starts."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    work()
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return (after.ru_utime + after.ru_stime) - (before.ru_utime + before.ru_stime)

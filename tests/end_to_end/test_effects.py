@@ -1,0 +1,215 @@
+"""Effects left out: what they cost, which must be nothing, and what they would have changed."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import incipient
+from incipient.scene import (
+    Contact,
+    Disc,
+    Domain,
+    Effects,
+    ExpressionFlow,
+    Flat,
+    Fluid,
+    Gravity,
+    Lid,
+    Numerics,
+    Output,
+    Poiseuille,
+    Scene,
+    Shear,
+    Time,
+)
+from incipient.scene.file import dumps
+
+ABSENT = Path(__file__).parents[1] / "absent.py"
+COARSE = Numerics(mesh_size=3)
+PLAIN = Numerics(mesh_size=3, error_bars=False)
+STOKES = {
+    "domain": Domain(length=6, height=3),
+    "fluid": Fluid(reynolds=0.001, scale="grain"),
+    "flow": Poiseuille(),
+    "body": Disc(diameter=1, centre=(2, 1.2)),
+    "numerics": PLAIN,
+    "output": Output(fields=False),
+}
+GRAIN_ON_BED = {
+    "domain": Domain(length=12, height=6),
+    "flow": Shear(),
+    "body": Disc(diameter=1, x=4, density=2.65),
+    "bed": Flat(),
+    "gravity": Gravity(acceleration=10),
+    "contact": Contact(friction=0.5),
+    "numerics": PLAIN,
+}
+
+
+def load_of(result):
+    return np.array([*result.force.flow[:2], result.couple.flow[2]])
+
+
+def left_out(result, name):
+    (found,) = [one for one in result.omitted if one.name == name]
+    return found
+
+
+def change(omission):
+    return np.array([*omission.force[:2], omission.couple[2]])
+
+
+# -- what an absent effect costs -----------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def used(tmp_path_factory):
+    """`used(state, **changes)`: what a Stokes flow past a held disc uses, in a process of its own.
+
+    Instructions are counted as calls of Python and C functions in the interpreter, the same in every run to the last
+    digit: performance counters are not to be had in a virtual machine, and under valgrind a run takes ten
+    minutes. What compiled code does is then given by the calls, and by the forms, whose signatures are compared.
+    """
+    directory = tmp_path_factory.mktemp("absent")
+
+    def run(state, **changes):
+        path = directory / "scene.toml"
+        path.write_text(dumps(Scene(**{**STOKES, **changes})))
+        done = subprocess.run(
+            [sys.executable, str(ABSENT), str(path), state, "2"],
+            env=os.environ | {"PYTHONHASHSEED": "0", "OMP_NUM_THREADS": "1"},
+            capture_output=True,
+            text=True,
+            timeout=300,
+        )
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout.splitlines()[-1])
+
+    return run
+
+
+def test_an_absent_effect_costs_nothing(used):
+    there, taken_out = used("there"), used("taken-out")
+    assert there["calls"] == pytest.approx(taken_out["calls"], rel=0.01)  # 32,806 and 32,810 when written
+    assert there["forms"] == taken_out["forms"]
+    assert there["number_of_forms"] == taken_out["number_of_forms"]
+    assert there["modules"] == taken_out["modules"]
+    assert there["unknowns"] == taken_out["unknowns"] == there["effects"]["flow"]
+    assert sum(there["effects"].values()) == there["unknowns"]
+    assert set(there["effects"]) == {"program", "flow", "traction", "estimates"}
+    assert there["force"] == taken_out["force"]
+
+
+def test_the_count_sees_an_effect_that_is_there(used):
+    without, inert = used("there"), used("there", effects=Effects(inertia=True))
+    assert inert["calls"] > 1.02 * without["calls"]
+    assert inert["forms"] != without["forms"]
+    assert inert["unknowns"] == without["unknowns"]
+    unsteady = used("there", time=Time(end=0.2, step=0.1))
+    assert set(unsteady["modules"]) - set(without["modules"]) == {"fluid.quasisteady", "fluid.transient"}
+
+
+def test_the_cost_by_effect_adds_up():
+    result = incipient.run(Scene(**GRAIN_ON_BED, fluid=Fluid(reynolds=20, scale="grain")))
+    cost, effects = result.cost, result.cost["effects"]
+    stages = {name: taken for name, taken in cost["wall_time"].items() if name != "total"}
+    assert sum(e["wall_time"] for e in effects.values()) == pytest.approx(sum(stages.values()), rel=1e-3)
+    assert {"flow", "inertia", "contact", "traction"} <= set(effects)
+    assert effects["inertia"]["wall_time"] > 0 and effects["inertia"]["unknowns"] == 0
+    assert effects["contact"]["unknowns"] == 2
+    assert "cost by effect" in result.text()
+
+
+# -- inertia left out ----------------------------------------------------------------------------------------
+
+
+def with_and_without_inertia(reynolds, **changes):
+    scene = {**GRAIN_ON_BED, "fluid": Fluid(reynolds=reynolds, scale="grain"), **changes}
+    inert = incipient.run(Scene(**scene, effects=Effects(inertia=True)))
+    scene["numerics"] = COARSE
+    return inert, incipient.run(Scene(**scene, effects=Effects(inertia=False)))
+
+
+@pytest.mark.parametrize("reynolds", [0.01, 0.2])
+def test_what_inertia_would_have_changed(reynolds):
+    inert, stokes = with_and_without_inertia(reynolds)
+    estimate, true = change(left_out(stokes, "inertia")), load_of(inert) - load_of(stokes)
+    effectivity = np.linalg.norm(estimate) / np.linalg.norm(true)
+    assert effectivity == pytest.approx(1.0, abs=0.05)
+    # The lift, which Stokes flow has hardly any of, is of the first order.
+    assert estimate[1] == pytest.approx(true[1], rel=0.02 + reynolds / 4)
+
+
+@pytest.mark.parametrize(("reynolds", "flagged"), [(0.01, False), (1.0, True), (5.0, True)])
+def test_inertia_is_flagged_where_it_matters(reynolds, flagged):
+    scene = {**GRAIN_ON_BED, "numerics": COARSE, "fluid": Fluid(reynolds=reynolds, scale="grain")}
+    result = incipient.run(Scene(**scene, effects=Effects(inertia=False)))
+    found = left_out(result, "inertia")
+    assert found.exceeds is flagged
+    assert ("WARNING             inertia may matter" in result.text()) is flagged
+    assert result.to_dict()["omitted"][0]["relative"] == found.relative
+
+
+def test_without_error_bars_the_estimate_is_oseen_s():
+    scene = {**GRAIN_ON_BED, "fluid": Fluid(reynolds=0.004, scale="grain")}
+    found = left_out(incipient.run(Scene(**scene)), "inertia")
+    assert found.relative == pytest.approx(3 / 16 * 0.004) and "Oseen" in found.how
+
+
+def test_without_a_grain_it_is_the_velocity_that_changes():
+    """A square cavity; the change of the velocity in the mean over the nodes."""
+    lid = {"domain": Domain(kind="box", length=1, height=1), "flow": Lid(), "numerics": COARSE}
+    lid |= {"fluid": Fluid(reynolds=5, scale="flow")}
+    stokes = incipient.run(Scene(**lid, effects=Effects(inertia=False)))
+    inert = incipient.run(Scene(**lid))
+    before, after = (result.velocity.x.array for result in (stokes, inert))
+    true = np.linalg.norm(after - before) / np.linalg.norm(before)
+    assert left_out(stokes, "inertia").relative == pytest.approx(true, rel=0.1)
+
+
+# -- other effects left out ----------------------------------------------------------------------------------
+
+
+def test_what_the_rate_of_change_would_have_changed():
+    """A tide past a cylinder, fastest in its change at the end; in Stokes flow the estimate is of first order only."""
+    tide = {
+        "domain": Domain(length=8, height=4, top="wall"),
+        "fluid": Fluid(reynolds=0.02, scale="grain", inertia=False),
+        "flow": ExpressionFlow(components=("6*y*(4 - y)/16*(1 + 0.5*sin(2*pi*t/400))", "0")),
+        "body": Disc(diameter=1, centre=(3, 1.6)),
+        "time": Time(end=200, step=4, start="steady"),
+        "numerics": PLAIN,
+    }
+    unsteady = incipient.run(Scene(**tide))
+    tide["numerics"] = COARSE
+    quasi_steady = incipient.run(Scene(**tide, effects=Effects(unsteadiness=False)))
+    assert quasi_steady.plan.scheme == "quasi-steady"
+    assert quasi_steady.cost["iterations"]["factorisations"] <= 2
+    found = left_out(quasi_steady, "unsteadiness")
+    assert not found.exceeds
+    assert change(found) == pytest.approx(load_of(unsteady) - load_of(quasi_steady), rel=0.05, abs=1e-4)
+
+
+def test_gravity_and_contact_left_out():
+    scene = {**GRAIN_ON_BED, "fluid": Fluid(reynolds=20, scale="grain")}
+    whole = incipient.run(Scene(**scene))
+    weightless = incipient.run(Scene(**scene, effects=Effects(gravity=False)))
+    found = left_out(weightless, "gravity")
+    assert found.force == pytest.approx(whole.force.total - weightless.force.total)
+    assert found.exceeds and not np.any(weightless.force.weight)
+    alone = incipient.run(Scene(**scene, effects=Effects(contact=False)))
+    assert alone.verdict is None and "contact" not in alone.cost["effects"]
+    assert load_of(alone) == pytest.approx(load_of(whole), rel=1e-10)
+    assert left_out(alone, "contact").relative is None
+
+
+def test_a_grain_held_in_time_that_would_have_moved():
+    fast = {"fluid": Fluid(reynolds=20, scale="grain"), "time": Time(end=0.2, step=0.1, start="steady")}
+    result = incipient.run(Scene(**{**GRAIN_ON_BED, **fast}))
+    assert result.verdict["moves"]
+    assert "the grain moves from t = 0.1 on, but was held" in left_out(result, "free body").how

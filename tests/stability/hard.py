@@ -1,0 +1,233 @@
+"""Hard cases that tests and `make stress` share: each function runs one of them and says what it found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from domains import unit_box
+from floating import Floating, Floats, box_around, floating
+from incipient.meshes import Grid, Near, Region, Sizes
+from incipient.meshes.model import grid_model, region_model
+from mpi4py import MPI
+
+from incipient.coupling import Coupling, InterfaceReport
+from incipient.domain import Domain, build
+from incipient.errors import ConvergenceError, IncipientError
+from incipient.fluid import FlowModel, Fluid, Prescribed, Transient, no_slip, solve_steady
+from incipient.geometry.curves import Line
+from incipient.geometry.grain import Disc
+from incipient.geometry.placement import Placement
+from incipient.sampling import extremum
+from incipient.tractions import TractionProbe
+
+WALLS = ("left", "right", "bottom")
+DISC = Disc(0.3)
+
+
+@dataclass(frozen=True)
+class Ride:
+    """A body's ride: largest velocity of its centre, most corrections in a step, how it ended."""
+
+    speed: float
+    corrections: int
+    ended: str
+    readings: Floats
+
+    @property
+    def completed(self) -> bool:
+        return self.ended == "completed"
+
+
+def lid(x: Floats, t: float) -> Floats:
+    """Set off at once at full speed, less at the corners."""
+    return np.vstack([16 * x[0] ** 2 * (1 - x[0]) ** 2, 0 * x[0]])
+
+
+def steady_lid(x: Floats, t: float) -> Floats:
+    return np.vstack([np.ones_like(x[0]), 0 * x[0]])
+
+
+# -- bodies -------------------------------------------------------------------------------------
+
+
+class Once(Coupling):
+    """A coupling that gives up at once where a step does not converge, instead of trying shorter ones."""
+
+    def attempt(self, length: float, order: int) -> InterfaceReport:
+        report = super().attempt(length, order)
+        if not report.converged:
+            raise ConvergenceError(f"the step of {length:.3g} does not converge")
+        return report
+
+
+@contextmanager
+def in_cavity(
+    mass_ratio: float,
+    inertia_ratio: float | None = None,
+    reynolds: float = 10.0,
+    gap: float | None = None,
+    cell: float = 0.08,
+    far: float = 0.15,
+    **more: Any,
+) -> Iterator[Floating]:
+    """A disc in the unit cavity, of ratios of mass and inertia to the fluid's; a gap is to the bottom, in diameters."""
+    y = 0.6 if gap is None else DISC.size * (0.5 + gap)
+    placement = Placement((0.55, y), 0.0)
+    domain = cavity_with_disc(placement, gap, cell, far)
+    moment = (mass_ratio if inertia_ratio is None else inertia_ratio) * DISC.polar_moment
+    conditions = [Prescribed("top", lid), *(no_slip(name) for name in WALLS)]
+    mass = mass_ratio * DISC.volume
+    with floating(domain, DISC, placement, conditions, reynolds, mass, moment, **more) as found:
+        yield found
+
+
+def cavity_with_disc(placement: Placement, gap: float | None, cell: float, far: float) -> Domain:
+    if gap is None:
+        return box_around(DISC, placement, cell=cell, far=far)
+    near = (Near(cell, 0.3, boundary="body"), near_gap(placement, gap))
+    return box_with_disc(placement, near, far, (0.0, 1.0), 1.0)
+
+
+def near_gap(placement: Placement, gap: float) -> Near:
+    x, y = placement.centre
+    return Near(0.5 * gap * DISC.size, 0.18, points=((x, y - 0.5 * DISC.size), (x, 0.0)))
+
+
+def box_with_disc(
+    placement: Placement, near: tuple[Near, ...], far: float, sides: tuple[float, float], top: float
+) -> Domain:
+    holes = {"body": tuple(curve.moved(placement) for curve in DISC.outline())}
+    bottom = (Line((sides[0], 0.0), (sides[1], 0.0)),)
+    region = Region(bottom, top, holes, sides=("bottom", "right", "top", "left"))
+    return build(MPI.COMM_WORLD, partial(region_model, region, Sizes(far, near), 2), 2)
+
+
+def ride(found: Floating, step: float, count: int, once: bool = False) -> Ride:
+    """Let the body go for so many steps; a failure is told, not raised. `once`: shorter steps are not tried."""
+    if once:
+        found.coupling.__class__ = Once
+    readings, most, ended = [found.reading()], 0, "completed"
+    try:
+        for taken in found.transient.march(count * step, step):
+            readings.append(found.reading())
+            most = max(most, taken.report.corrected)  # type: ignore[attr-defined]
+    except IncipientError as error:
+        ended = str(error)
+    found_readings = np.array(readings)
+    speed = float(np.linalg.norm(found_readings[:, :2], axis=1).max())
+    return Ride(speed, most, ended, found_readings)
+
+
+def sprung(stiffness: float, step: float, count: int = 8) -> Ride:
+    """A disc without mass and inertia, held by a torsional spring against the lid's flow."""
+    load = lambda state: np.array([0.0, 0.0, -stiffness * state.orientation[0]])  # noqa: E731
+    with in_cavity(0.0, load=load, free=(False, False, True)) as found:
+        return ride(found, step, count)
+
+
+# -- flows --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Cavity:
+    """Extreme velocities on the centrelines, Newton's corrections, and the share of the Reynolds number reached."""
+
+    extrema: tuple[float, float, float]
+    corrections: int
+    share: float
+
+
+def driven_cavity(reynolds: float, n: int, model: FlowModel, speed: Any = steady_lid) -> Fluid:
+    """The unit cavity with n cells a side, all alike."""
+    return Fluid(unit_box(2, n), model, [Prescribed("top", speed), *(no_slip(name) for name in WALLS)], reynolds)
+
+
+def steady_cavity(reynolds: float, n: int, order: int = 2, stabilisation: bool = False) -> Cavity:
+    """Approached by continuation; without a solution at the Reynolds number, what was reached."""
+    with driven_cavity(reynolds, n, FlowModel(order=order, stabilisation=stabilisation)) as fluid:
+        try:
+            steps = solve_steady(fluid, 1e-8, first_share=min(1.0, 200.0 / reynolds))
+        except ConvergenceError:
+            return Cavity(extrema(fluid), 0, min(fluid.reynolds / reynolds, 0.999))
+        return Cavity(extrema(fluid), sum(step.report.iterations for step in steps), 1.0)
+
+
+def extrema(fluid: Fluid) -> tuple[float, float, float]:
+    """Minimum of v1 on x = 1/2, maximum and minimum of v2 on y = 1/2."""
+    upright = lambda s: np.column_stack([np.full_like(s, 0.5), s])  # noqa: E731
+    level = lambda s: np.column_stack([s, np.full_like(s, 0.5)])  # noqa: E731
+    wanted = ((0, upright, -1), (1, level, 1), (1, level, -1))
+    low, high, lowest = (extremum(fluid.velocity, c, line, (0.0, 1.0), sign=s).value for c, line, s in wanted)
+    return low, high, lowest
+
+
+def set_off(reynolds: float, n: int, step: float, count: int, model: FlowModel) -> tuple[float, str]:
+    """A lid set off at once: the largest speed in all steps relative to the lid's, and how it ended."""
+    fastest, ended = 0.0, "completed"
+    with driven_cavity(reynolds, n, model) as fluid:
+        try:
+            for _ in Transient(fluid).march(count * step, step):
+                fastest = max(fastest, float(np.abs(fluid.velocity.x.array).max()))
+        except ConvergenceError as error:
+            ended = str(error)
+    return fastest, ended
+
+
+# -- a cylinder close to a wall -----------------------------------------------------------------
+
+MOTIONS: dict[str, Callable[[Floats, Sequence[float]], Floats]] = {
+    "towards": lambda x, c: np.vstack([0 * x[0], -np.ones_like(x[0])]),
+    "along": lambda x, c: np.vstack([np.ones_like(x[0]), 0 * x[0]]),
+    "turning": lambda x, c: np.vstack([-(x[1] - c[1]), x[0] - c[0]]),
+}
+
+
+def wall_force(motion: str, gap: float, wide: float = 6.0) -> float:
+    """Force (or couple) that resists a cylinder's motion of unit speed (spin) beside a wall in Stokes flow, over nu."""
+    placement = Placement((0.0, DISC.size * (0.5 + gap)), 0.0)
+    near = (Near(0.1 * DISC.size, 0.25, boundary="body"), near_gap(placement, gap))
+    domain = box_with_disc(placement, near, 0.6, (-0.5 * wide, 0.5 * wide), 0.5 * wide)
+    moved = Prescribed("body", lambda x, t: MOTIONS[motion](x, placement.centre))
+    walls = [no_slip(name) for name in ("left", "right", "bottom", "top")]
+    with Fluid(domain, FlowModel(inertia=False), [moved, *walls], 1.0) as fluid:
+        fluid.solve(1e-10)
+        found = TractionProbe(fluid, "body", placement.centre).resultant()
+    of_motion = {"towards": found.force[1], "along": -found.force[0], "turning": -found.couple[2]}
+    return float(of_motion[motion])
+
+
+def exact_wall_force(motion: str, gap: float) -> float:
+    """Jeffrey & Onishi (1981), Q. J. Mech. Appl. Math. 34, 129: a cylinder beside an endless wall.
+
+    With d the distance of its axis, a its radius: 4 pi/(alpha - tanh alpha) towards the wall, 4 pi/alpha along
+    it, cosh alpha = d/a; turning 4 pi a^2 coth alpha.
+    """
+    a = 0.5 * DISC.size
+    alpha = float(np.arccosh(1.0 + 2.0 * gap))
+    if motion == "towards":
+        return 4 * np.pi / (alpha - np.tanh(alpha))
+    return 4 * np.pi / alpha if motion == "along" else 4 * np.pi * a**2 / np.tanh(alpha)
+
+
+# -- domains ------------------------------------------------------------------------------------
+
+
+def poiseuille_error(length: float, height: float, columns: int, rows: int) -> float:
+    """The largest error of a parabolic flow through a channel, relative: it is in the elements' space."""
+    grid = Grid((0.0, 0.0), length, height, columns, rows, grading=1.0)
+    domain = build(MPI.COMM_WORLD, partial(grid_model, grid, 1), 2)
+
+    def parabola(x: Floats, t: float) -> Floats:
+        s = x[1] / height
+        return np.vstack([4 * s * (1 - s), 0 * s])
+
+    sides = [Prescribed(name, parabola) for name in ("left", "right", "bottom", "top")]
+    with Fluid(domain, FlowModel(), sides, 100.0 / height) as fluid:
+        solve_steady(fluid, 1e-10)
+        v = fluid.velocity.x.array.reshape(-1, 2)
+        return float(np.abs(v - parabola(fluid.constraints.points.T, 0.0).T).max())

@@ -1,0 +1,212 @@
+"""Choosing cell sizes and order from estimated errors, and what may be asked for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from incipient.meshes import Near, Region, SizeField, Sizes
+from incipient.meshes.model import region_model
+from mpi4py import MPI
+
+from incipient.adaptation import Adaptation, Trial
+from incipient.errorbars import changed
+from incipient.errors import SceneError
+from incipient.geometry.curves import Line
+from incipient.goal import Goal
+from incipient.halving import finer
+from incipient.refinement import cheapest_order
+from incipient.result import Couples, Forces
+from incipient.scene import Scene, loads
+from incipient.scene.example import commented, grain_on_bed
+from incipient.sizing import LARGEST, SMALLEST, STEEPEST, Shares, resized
+
+
+def grid(n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points and triangles of the unit square, n cells along a side."""
+    x, y = np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(0, 1, n + 1))
+    lower = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
+    a, b, c, d = lower, lower + 1, lower + n + 1, lower + n + 2
+    return np.column_stack([x.ravel(), y.ravel()]), np.vstack(
+        [np.column_stack([a, b, d]), np.column_stack([a, d, c])]
+    )
+
+
+def test_equal_shares_refine_evenly() -> None:
+    """Errors that go as h^(2k) fall sixteen times when cells of order two are halved."""
+    points, triangles = grid(10)
+    shares = Shares(points, triangles, np.ones(len(points)))
+    assert shares.sizes == pytest.approx(0.1 * np.sqrt(2 / np.sqrt(3)))
+    wanted = resized(shares, order=2, relative=1 / 16, comm=MPI.COMM_SELF)
+    assert wanted.field is not None
+    assert wanted.field.sizes == pytest.approx(0.5 * shares.sizes, rel=1e-6)
+    assert wanted.more_cells == pytest.approx(4.0, rel=1e-6)
+
+
+def test_sizes_follow_the_shares_within_bounds() -> None:
+    points, triangles = grid(40)
+    errors = np.exp(-20.0 * np.hypot(*(points - 0.5).T))
+    shares = Shares(points, triangles, errors)
+    wanted = resized(shares, order=2, relative=0.1, comm=MPI.COMM_SELF)
+    assert wanted.field is not None
+    factors = wanted.field.sizes / shares.sizes
+    assert factors.min() == pytest.approx(factors[np.argmax(errors)])
+    assert factors.min() >= SMALLEST - 1e-12 and factors.max() <= LARGEST + 1e-12
+    a, b = triangles[:, 0], triangles[:, 1]
+    growth = np.abs(np.diff(wanted.field.sizes[np.column_stack([a, b])]))[:, 0]
+    assert np.all(growth <= STEEPEST * np.linalg.norm(points[a] - points[b], axis=1) + 1e-12)
+
+
+def test_no_error_makes_cells_as_large_as_allowed() -> None:
+    points, triangles = grid(5)
+    shares = Shares(points, triangles, np.ones(len(points)))
+    wanted = resized(shares, order=2, relative=1e9, comm=MPI.COMM_SELF)
+    assert wanted.field is not None
+    assert wanted.field.sizes == pytest.approx(LARGEST * shares.sizes)
+
+
+def test_mesh_has_the_sizes_of_the_field() -> None:
+    """The field wants fine cells left of the middle; where it does not reach, other sizes hold."""
+    points, triangles = grid(4)
+    sizes = np.where(points[:, 0] < 0.4, 0.05, 0.5)
+    corners = ((0.0, 0.0), (2.0, 0.0))
+    region = Region((Line(*corners),), 1.0)
+    with region_model(region, Sizes(0.25, field=SizeField(points, triangles, sizes)), 1) as model:
+        _, _, nodes = model.mesh.getElements(2)
+        places = np.array([model.mesh.getNode(tag)[0] for tag in nodes[0]]).reshape(-1, 3, 3)
+    centres = places.mean(axis=1)
+    left, right = (centres[:, 0] < 0.2).sum(), (centres[:, 0] > 1.2).sum()
+    # Areas 0.2 and 0.8 in equilateral triangles of sides 0.05 and 0.25.
+    assert left == pytest.approx(0.2 / (0.433 * 0.05**2), rel=0.25)
+    assert right == pytest.approx(0.8 / (0.433 * 0.25**2), rel=0.35)
+
+
+def test_what_a_geometry_needs_is_not_coarsened() -> None:
+    sizes = Sizes(1.0, (Near(0.1, 0.2, points=((0.0, 0.0),), needed=True), Near(0.3, 0.6, boundary="bed")))
+    coarse = sizes.coarsened(4.0, 0.5)
+    assert coarse.far == 4.0
+    assert [(near.size, near.growth) for near in coarse.near] == [(0.1, 0.5), (1.2, 0.6)]
+
+
+@pytest.mark.parametrize(
+    ("order", "excess", "cheapest"),
+    [(2, 1.5, 2), (2, 5.0, 2), (2, 10.0, 3), (2, 1000.0, 4), (3, 2.0, 3), (4, 1e6, 4)],
+)
+def test_order_with_the_fewest_unknowns(order: int, excess: float, cheapest: int) -> None:
+    assert cheapest_order(order, excess) == cheapest
+
+
+def test_finer_is_undone_by_coarser() -> None:
+    from incipient.errorbars import coarser
+
+    scene = loads(commented(grain_on_bed()), overrides=("time={end=1.0, step=0.1, tolerance=1e-3}",))
+    again = coarser(finer(scene))
+    assert again.time == scene.time
+    assert again.numerics.mesh_size == pytest.approx(scene.numerics.mesh_size)
+
+
+# -- the quantity -----------------------------------------------------------------------------------
+
+
+def loaded(force: float, couple: float) -> tuple[Forces, Couples]:
+    scene = grain_on_bed()
+    gravity = np.append(scene.gravity_vector, 0.0)
+    volume, none = scene.grain.volume, np.zeros(3)
+    flow = np.array([force, 0.0, 0.0])
+    about = np.array([4.0, 0.51, 0.0])
+    weights = Forces(flow, flow, -volume * gravity, scene.mass * gravity)
+    return weights, Couples(np.array([0.0, 0.0, couple]), none, about)
+
+
+def wanting(**numerics: object) -> Scene:
+    return changed(grain_on_bed(), numerics={"accuracy": 0.01, **numerics})
+
+
+def test_relative_errors() -> None:
+    force, couple = loaded(2.0, -0.5)
+    errors = np.array([0.03, 0.04, 0.0]), np.array([0.0, 0.0, 0.01])
+    assert Goal.of(wanting()).error(force, couple, *errors) == pytest.approx(0.025)
+    assert Goal.of(wanting(accuracy_of="couple")).error(force, couple, *errors) == pytest.approx(0.02)
+    vanishing = loaded(2.0, 0.0)
+    # 1% of force times diameter stands for a couple that is smaller.
+    assert Goal.of(wanting(accuracy_of="couple")).error(*vanishing, *errors) == pytest.approx(0.5)
+
+
+def test_goals_are_relative() -> None:
+    force, couple = loaded(2.0, -0.5)
+    assert np.allclose(Goal.of(wanting()).goals(force, couple), [[0.5, 0, 0], [0, 0.5, 0]])
+    assert np.allclose(Goal.of(wanting(accuracy_of="couple")).goals(force, couple), [[0, 0, 2.0]])
+
+
+def test_slope_of_the_safety_factor() -> None:
+    """In a pocket: the change that its slope foretells is the change of its logarithm."""
+    from incipient.contact.exact import judged
+    from incipient.judgement import load_of
+
+    text, pocket = commented(grain_on_bed()), ("bed.kind=half-discs", "bed.radius=0.5", "bed.spacing=1.2")
+    wanted = ("bed.offset=1.0", "numerics.accuracy=0.01", "numerics.accuracy_of=safety factor")
+    scene = loads(text, overrides=(*pocket, *wanted))
+    goal, (force, couple) = Goal.of(scene), loaded(1.0, -0.1)
+    (slope,) = goal.goals(force, couple)
+    factors = [
+        judged(load_of(scene, *loads_), goal.contacts, 0.5).safety.value
+        for loads_ in (loaded(0.99, -0.1), loaded(1.01, -0.1))
+    ]
+    assert np.log(factors[1] / factors[0]) == pytest.approx(0.02 * slope[0], rel=1e-2)
+
+
+# -- what may be asked for ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("value", ["0", "1", "-0.1", "1e-7", "true", "high"])
+def test_wrong_accuracies(value: str) -> None:
+    with pytest.raises(SceneError, match=r"numerics\.accuracy: is .*give a relative error such as 0\.01"):
+        loads(commented(grain_on_bed()), overrides=(f"numerics.accuracy={value}",))
+
+
+def test_accuracy_without_a_grain() -> None:
+    cavity = (
+        '[domain]\nkind="box"\nlength=1\nheight=1\n[fluid]\nreynolds=100\nscale="flow"\n[flow]\nkind="lid"\n'
+    )
+    with pytest.raises(
+        SceneError, match=r"numerics\.accuracy: .*there is none; add a section \[body\]"
+    ) as caught:
+        loads(cavity + "[numerics]\naccuracy=0.01\n")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (
+            ("numerics.budget_seconds=5",),
+            r"numerics\.budget_seconds: .*none is asked for; add numerics\.accuracy",
+        ),
+        (("numerics.accuracy=0.01", "flow={kind='still'}"), r"a fluid at rest exerts no force"),
+        (("numerics.accuracy=0.01", "numerics.accuracy_of=drag"), r'"drag" is not known'),
+        (("numerics.accuracy=verdict", "time={end=1.0, step=0.1}"), r'"verdict" is for steady flow'),
+    ],
+)
+def test_contradictions(overrides: tuple[str, ...], message: str) -> None:
+    with pytest.raises(SceneError, match=message):
+        loads(commented(grain_on_bed()), overrides=overrides)
+
+
+@pytest.mark.parametrize("key", ["accuracy='verdict'", "accuracy=0.01\naccuracy_of='safety factor'"])
+def test_a_verdict_needs_what_a_verdict_needs(key: str) -> None:
+    stream = (
+        '[domain]\nlength=8\nheight=4\n[fluid]\nreynolds=20\nscale="grain"\n[flow]\nkind="uniform"\n'
+        '[body]\nshape="disc"\ndiameter=1\ncentre=[3.0, 2.0]\n'
+    )
+    with pytest.raises(
+        SceneError, match=r"needs a grain that rests on a bed, its density and friction; give body\.x"
+    ):
+        loads(f"{stream}[numerics]\n{key}\n")
+
+
+def test_what_is_said() -> None:
+    trials = (Trial(2, 200, 1000, 0.02, 0.5), Trial(3, 300, 3000, 0.004, 1.0))
+    said = Adaptation(0.01, "force", 0.004, True, "reached", trials)
+    first, *rest = said.lines()
+    assert first.split(None, 1) == ["accuracy", "error of the force 4.0e-03, asked for 0.01: reached"]
+    assert [line.split()[0] for line in rest] == ["P2", "P3"]
+    assert said.to_dict()["trials"][1]["unknowns"] == 3000

@@ -1,0 +1,369 @@
+"""What accuracy costs: fronts, laws, references, words, rungs and rows, the resumption of a study, the prediction.
+
+Runs are made up here, from laws whose constants the fits must find again; tests/end_to_end has real ones.
+"""
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from incipient import calibration, cost, cost_page, expense, frontier, quantities
+from incipient.cost_command import builtin, chosen, predicted, told
+from incipient.errorlaw import ErrorLaw, Seen, fit
+from incipient.errors import ConvergenceError, OutputError, SceneError
+from incipient.expense import STEADY, UNSTEADY, Known, Work
+from incipient.ladder import QUICK, RATIO, Spread, ladder, spread
+from incipient.ladder import STEADY as STEADY_SPREAD
+from incipient.plan import Estimate, make_plan
+from incipient.prediction import predict
+from incipient.rung import COUNTS, Measured, Rung
+from incipient.scene import Scene, loads
+from incipient.scene.example import commented, grain_on_bed
+
+TIMED = 'time={end = 1.0, step = 0.01, start = "stokes"}'
+
+
+def scene(*overrides: str) -> Scene:
+    return loads(commented(grain_on_bed()), overrides=overrides)
+
+
+# -- numbers ------------------------------------------------------------------------------------------------
+
+
+@given(st.lists(st.tuples(st.floats(1, 100), st.floats(1e-6, 1)), min_size=1, max_size=12))
+def test_the_front_is_what_nothing_beats(points: list[tuple[float, float]]) -> None:
+    costs, errors = zip(*points, strict=True)
+    found = frontier.front(costs, errors)
+    for index, (c, e) in enumerate(points):
+        beaten = any(a <= c and b <= e and (a, b) != (c, e) for a, b in points)
+        assert (index in found) <= (not beaten)
+    kept = [points[i] for i in found]
+    assert kept == sorted(kept)
+    assert {p for p in points if not any(a <= p[0] and b <= p[1] and (a, b) != p for a, b in points)} == set(
+        kept
+    )
+
+
+@pytest.mark.parametrize("power", [0.5, 1.5, 4.0])
+def test_a_law_is_found_again(power: float) -> None:
+    """error = 0.02 (t - 1.3)^-p, exactly."""
+    times = 1.3 + np.geomspace(0.1, 10.0, 5)
+    law = frontier.fitted(list(times), list(0.02 * (times - 1.3) ** -power), start=1.3)
+    assert law is not None
+    assert (law.constant, law.power) == pytest.approx((0.02, power), rel=1e-9)
+    assert law.time(0.02 * 2.0**-power) == pytest.approx(3.3)
+    assert law.digit == pytest.approx(10.0 ** (1.0 / power))
+    assert law.scatter == pytest.approx(1.0)
+
+
+def test_too_little_makes_no_law() -> None:
+    assert frontier.fitted([2.0], [0.1], 1.0) is None
+    assert frontier.fitted([2.0, 2.0], [0.1, 0.2], 1.0) is None
+    assert frontier.fitted([2.0, 3.0], [0.1, 0.2], 1.0) is None, "errors that grow with time"
+    assert "too few" in frontier.words(None, [], [])
+
+
+def test_words_of_a_law() -> None:
+    """error = (t - 1)^-2 percent: 1% takes 1 + 1 s, 0.1% 1 + sqrt(10) s, beyond the runs "about"."""
+    law = frontier.Law(0.01, 2.0, 1.0)
+    said = frontier.words(law, [0.02, 0.002], [1.7, 3.2])
+    assert said == "1%: 2 s, 0.1%: about 4.2 s; each further digit x 3.2, beyond the 1 s of starting"
+    assert frontier.words(law, [0.005, 0.002], [1.5, 3.2]).startswith("1%: at most 1.5 s")
+
+
+@pytest.mark.parametrize(
+    ("time", "said"),
+    [(0.25, "0.25 s"), (42.4, "42 s"), (119.0, "119 s"), (150.0, "2.5 min"), (3e5, "3.5 days")],
+)
+def test_times_in_words(time: float, said: str) -> None:
+    assert frontier.seconds(time) == said
+
+
+def test_start_is_what_unknowns_do_not_change() -> None:
+    """t = 1.2 + 3e-5 n + 1e-6 n s."""
+    n, s = np.array([1e3, 4e3, 1e4, 4e4]), np.array([5, 8, 6, 9])
+    assert frontier.overhead(1.2 + 3e-5 * n + 1e-6 * n * s, n, s) == pytest.approx(1.2)
+
+
+def test_richardson() -> None:
+    """2 + 3 h^4 at h, h/r, h/r^2; no limit is believed of numbers that go to and fro."""
+    line = [{"a": 2.0 + 3.0 * (0.5 / RATIO**i) ** 4, "b": float((-1) ** i)} for i in range(3)]
+    found = frontier.reference(line, RATIO, [])
+    assert found.values == pytest.approx({"a": 2.0, "b": 1.0})
+    assert found.uncertainty["a"] == pytest.approx(line[-1]["a"] - 2.0)
+    assert found.uncertainty["b"] == 2.0
+    assert frontier.extrapolated([1.0, 1.0, 1.0], RATIO) is None
+
+
+def test_a_reference_alone_is_doubted_by_what_lies_nearest() -> None:
+    found = frontier.reference([{"a": 1.0}], math.nan, [{"a": 1.4}, {"a": 3.0}])
+    assert found.uncertainty["a"] == pytest.approx(0.1)
+
+
+def test_error_law_is_found_again() -> None:
+    """0.03 h^3 + 2 dt^2 and 0.01 h^5."""
+    seen = [Seen(2, h, t, 0.03 * h**3 + 2.0 * t**2) for h in (2.0, 1.4, 1.0) for t in (0.1, 0.05)]
+    seen += [Seen(3, h, 0.0, 0.01 * h**5) for h in (2.0, 1.0)]
+    law = fit(seen, rate=2.0)
+    assert law is not None
+    assert law.error(2, 0.7, 0.02)[0] == pytest.approx(0.03 * 0.7**3 + 2.0 * 0.02**2, rel=1e-6)
+    assert law.error(3, 0.5, 0.0) == pytest.approx((0.01 / 32, 1.0), rel=1e-6)
+    assert law.error(4, 0.5, 0.0)[1] >= 3.0, "an order that was not measured is known less well"
+    assert ErrorLaw.of_dict(json.loads(json.dumps(law.to_dict()))) == law
+    assert fit([], 2.0) is None
+
+
+def test_peak_between_samples() -> None:
+    t = np.linspace(0.0, 3.0, 30)
+    assert quantities.peak(t, 1.0 - (t - 1.234) ** 2) == pytest.approx(1.0)
+    assert quantities.peak(t, t) == 3.0
+
+
+# -- ladders ------------------------------------------------------------------------------------------------
+
+
+def test_ladder_of_a_steady_scene() -> None:
+    steps = ladder(scene("numerics.mesh_size=2.0"), STEADY_SPREAD)
+    assert len(steps.rungs) == 15
+    assert max(rung.mesh_size for rung in steps.rungs) == 4.0
+    assert steps.reference == Rung(4, 1.0 / RATIO)
+    assert steps.ratio == pytest.approx(RATIO)
+    quick = ladder(scene(), spread(scene(), quick=True))
+    assert (len(quick.rungs), quick.reference) == (4, Rung(4, RATIO / 2.0))
+
+
+def test_ladder_in_time() -> None:
+    """Cells and steps are refined together, and each a little behind the other."""
+    steps = ladder(scene(TIMED), replace(QUICK, orders=(2,)))
+    found = [(rung.mesh_size, rung.step) for rung in steps.rungs]
+    assert found == [(2.0, 0.04), (pytest.approx(RATIO), 0.04), (pytest.approx(RATIO), 0.02)]
+    assert steps.reference == Rung(2, pytest.approx(1.0), 0.01)
+    assert Rung(3, 1.0, 0.02).of(scene(TIMED)).time.step == 0.02
+
+
+def test_own_ladders() -> None:
+    uneven = ladder(scene(), Spread((3,), (2.0, 1.5, 1.0)))
+    assert [rung.mesh_size for rung in uneven.rungs] == [2.0, 1.5, 1.0]
+    assert chosen(scene(), True, orders=[4], sizes=None, steps=None).orders == (4,)
+    for wrong, said in ((Spread, "--sizes"), (lambda **k: chosen(scene(), True, **k), "--steps")):
+        with pytest.raises(SceneError, match=said):
+            wrong(sizes=(0.0,)) if said == "--sizes" else wrong(steps=[1.0])
+    with pytest.raises(SceneError, match="order 2, 3 or 4"):
+        Spread(orders=(5,))
+    assert math.isnan(ladder(scene(), Spread((4,), (3.0, 1.5, 1.0))).ratio)
+
+
+def test_a_rung_changes_nothing_but_how_finely() -> None:
+    base = scene(TIMED, "numerics.tolerance=1e-7")
+    changed = Rung(3, 1.5, 0.02).of(base)
+    assert calibration.digest(changed) == calibration.digest(base)
+    assert changed.numerics.tolerance == 1e-7
+    assert not changed.numerics.error_bars
+    assert calibration.digest(scene("fluid.reynolds=21.0")) != calibration.digest(scene())
+
+
+# -- a study of runs that are made up -----------------------------------------------------------------------
+
+
+class Runner:
+    """Runs whose force is off by 0.02 h^p and that take 1 + h^-2 seconds; counts them; some fail."""
+
+    def __init__(self, *failing: Rung):
+        self.made: list[Rung] = []
+        self.failing = {rung.key for rung in failing}
+
+    def __call__(self, scene: Scene, rung: Rung) -> Measured:
+        self.made.append(rung)
+        if rung.key in self.failing:
+            return Measured(rung, 1.0, 0.5, failed='no steady flow, "of course", found')
+        off = 1.0 + 0.02 * (rung.mesh_size / 2.0) ** (rung.order + 2)
+        found = {"force_x": 3.0 * off, "force_y": 4.0 * off, "couple": 0.5 * off, "safety_factor": 1.5 * off}
+        unknowns = round(4000 * rung.mesh_size**-2)
+        cpu = 1.0 + 0.2 * rung.mesh_size**-2 * rung.order
+        counts = {**dict.fromkeys(COUNTS, 0), "newton": 5, "factorisations": 2}
+        return Measured(rung, 2.0 * cpu, cpu, 0.5, 200.0, unknowns // 5, unknowns, counts, found)
+
+
+def quiet(text: str) -> None:
+    """Say nothing."""
+
+
+def climbed(directory: Path, runner: Runner, quick: bool = False) -> cost.Study:
+    made = scene()
+    return cost.climb(made, ladder(made, spread(made, quick)), directory, runner, quiet)
+
+
+def test_a_study_finds_errors_and_law(tmp_path: Path) -> None:
+    study = climbed(tmp_path, Runner())
+    assert study.reference.values["force_x"] == pytest.approx(3.0, rel=1e-6), "improved by Richardson"
+    first = next(one for one in study.judged if one.run.rung == Rung(2, 2.0))
+    assert first.error == pytest.approx(0.02, rel=1e-3)
+    assert set(first.errors) == {"force", "couple", "safety factor", "drag", "lift"}
+    law = study.laws["cpu"]
+    assert law is not None
+    assert law.start == pytest.approx(1.0, abs=0.05)
+    assert "each further digit" in study.words()
+    assert cost.to_dict(study)["reference"]["run"] == study.compared_with.rung.name
+
+
+def test_a_study_goes_on_where_it_was_interrupted(tmp_path: Path) -> None:
+    class Stopped(Runner):
+        def __call__(self, scene: Scene, rung: Rung) -> Measured:
+            if len(self.made) == 3:
+                raise KeyboardInterrupt
+            return super().__call__(scene, rung)
+
+    first, second, third = Stopped(), Runner(), Runner()
+    with pytest.raises(KeyboardInterrupt):
+        climbed(tmp_path, first, quick=True)
+    with (tmp_path / "cost.csv").open("a") as rows:
+        rows.write("3,1.41421,,,0.1")  # a writer that was killed
+    whole = climbed(tmp_path, second, quick=True)
+    assert (len(first.made), len(second.made)) == (3, 2)
+    again = climbed(tmp_path, third, quick=True)
+    assert not third.made
+    assert [one.error for one in again.judged] == [one.error for one in whole.judged]
+
+
+def test_rows_hold_every_digit_and_awkward_words(tmp_path: Path) -> None:
+    runner, failing = Runner(Rung(2, 2.0)), Rung(2, 2.0)
+    study = climbed(tmp_path, runner, quick=True)
+    (failed,) = study.failed
+    assert failed.failed == 'no steady flow, "of course", found'
+    assert failing.name in told(study, tmp_path)
+    kept = cost.known_runs(scene(), tmp_path)
+    assert kept[Rung(3, 2.0).key].found == runner(scene(), Rung(3, 2.0)).found
+
+
+def test_without_its_reference_the_finest_run_serves(tmp_path: Path) -> None:
+    study = climbed(tmp_path, Runner(Rung(4, RATIO / 2.0)), quick=True)
+    assert study.compared_with.rung == Rung(3, pytest.approx(RATIO, rel=1e-5))
+    assert len(study.judged) == 3
+
+
+def test_too_many_failures_end_the_study(tmp_path: Path) -> None:
+    everything = ladder(scene(), spread(scene(), True))
+    runner = Runner(*everything.rungs, everything.reference)
+    with pytest.raises(ConvergenceError, match="fewer than two runs of the ladder succeeded: no steady flow"):
+        climbed(tmp_path, runner, quick=True)
+
+
+def test_the_directory_of_another_scene_is_refused(tmp_path: Path) -> None:
+    climbed(tmp_path, Runner(), quick=True)
+    other = scene("fluid.reynolds=3.0")
+    with pytest.raises(OutputError, match="the runs of another scene"):
+        cost.climb(other, ladder(other, QUICK), tmp_path, Runner(), quiet)
+    (tmp_path / "cost.csv").write_text("order,mesh_size\n2,x\n")
+    with pytest.raises(OutputError, match="delete it to begin anew"):
+        climbed(tmp_path, Runner(), quick=True)
+
+
+def test_the_page_says_it(tmp_path: Path) -> None:
+    study = climbed(tmp_path, Runner(Rung(2, 2.0)))
+    cost_page.write(study, tmp_path)
+    text = (tmp_path / "cost.md").read_text()
+    assert study.words() in text
+    assert "| each further digit | x" in text
+    assert "Runs that failed:" in text
+    assert json.loads((tmp_path / "cost.json").read_text())["failed"][0]["name"] == Rung(2, 2.0).name
+
+
+# -- prediction ---------------------------------------------------------------------------------------------
+
+
+def known(order: int, n: int, name: str = "a", kind: str = STEADY, steps: int = 0) -> Known:
+    """A run that took 0.9 s and a price for each kind of work."""
+    work = Work(kind, order, n // 5, n, steps, newton=max(6, 2 * steps), factorisations=3, krylov=10 + steps)
+    cpu = 0.9 + 0.4 + float(np.array([0, 1e-4, 1e-8, 2e-7, 1e-7, 1e-9, 0]) @ np.array(work.parts()))
+    step = 1.0 / steps if steps else 0.0
+    return Known(name, work, (6000 / n) ** 0.5, step, 100.0, "implicit", 0.9, cpu, expense.memory(n) * 1.1)
+
+
+RUNS = [known(order, n) for order in (2, 3, 4) for n in (2000, 6000, 20000)]
+RUNS += [
+    known(order, n, "b", UNSTEADY, steps) for order in (2, 3) for n in (3000, 9000) for steps in (40, 160)
+]
+
+
+def test_prices_are_found_again() -> None:
+    prices = expense.prices(RUNS)
+    for run in (*RUNS, known(3, 60000), known(2, 5000, "b", UNSTEADY, 1000)):
+        assert prices.cpu(run.work) == pytest.approx(run.cpu, rel=0.02)
+    slower = [replace(run, cpu=run.start + 1.5 * (run.cpu - run.start)) for run in RUNS[:3]]
+    assert expense.correction(prices, slower) == pytest.approx(1.5, rel=0.05)
+    assert expense.memory_correction(RUNS) == pytest.approx(1.1)
+
+
+def test_work_is_taken_from_the_run_most_alike() -> None:
+    like = replace(known(2, 5000, "b", UNSTEADY, 80), cpu=0.0)
+    found = expense.most_alike(RUNS, like)
+    assert (found.scene, found.work.order) == ("b", 2)
+    work = expense.work_like(found, 2, 1000, 5000, steps=10 * found.work.steps)
+    assert work.newton == 10 * found.work.newton
+    assert expense.most_alike(RUNS, replace(like, scene="c")).work.kind == UNSTEADY
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return tmp_path / "cache" / "incipient" / "calibration.json"
+
+
+def counted(made: Scene, cells: int = 1000, unknowns: int = 5000) -> Estimate:
+    return Estimate(cells, unknowns, 200.0)
+
+
+def test_without_calibration_the_plan_says_how_to_get_one(cache: Path) -> None:
+    made = scene()
+    plan = make_plan(made).with_estimate(counted(made))
+    data, words = predicted(made, plan)
+    assert data is None
+    assert "incipient calibrate" in words
+    assert not cache.exists()
+
+
+def test_a_study_is_kept_and_predicts_its_scene(cache: Path, tmp_path: Path) -> None:
+    study = climbed(tmp_path / "study", Runner())
+    cost_page.keep(study)
+    cost_page.keep(study)
+    runs = calibration.read().runs
+    assert len(runs) == 16, "kept once"
+    made = scene("numerics.error_bars=false", "numerics.mesh_size=1.2")
+    found = predict(made, counted(made, 555, round(4000 * 1.2**-2)))
+    assert found is not None and found.own
+    assert found.cpu == pytest.approx(1.0 + 0.2 * 1.2**-2 * 2, rel=0.15)
+    assert found.errors["force"].value == pytest.approx(0.02 * 0.6**4, rel=0.2)
+    assert found.errors["force"].low <= 0.02 * 0.6**4 <= found.errors["force"].high
+    other = scene("fluid.reynolds=21.0", "numerics.error_bars=false")
+    foreign = predict(other, counted(other))
+    assert foreign is not None and not foreign.own
+    assert foreign.errors["force"].high >= 5.0 * foreign.errors["force"].value * (1 - 1e-12)
+    assert "other scenes" in foreign.text()
+
+
+def test_a_damaged_calibration_is_none(cache: Path, tmp_path: Path) -> None:
+    cost_page.keep(climbed(tmp_path / "study", Runner(), quick=True))
+    for content in ("{", "[]", '{"schema_version": 1, "machines": {}}', '{"schema_version": 99}'):
+        cache.write_text(content)
+        assert calibration.read() == calibration.Calibration()
+    cost_page.keep(climbed(tmp_path / "study", Runner(), quick=True))
+    assert len(calibration.read().runs) == 5
+
+
+def test_calibrations_of_other_machines_stay(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    calibration.write(calibration.Calibration(tuple(RUNS)))
+    with monkeypatch.context() as elsewhere:
+        elsewhere.setattr(calibration, "machine", lambda: "another")
+        assert not calibration.read().runs
+        calibration.write(calibration.Calibration(tuple(RUNS[:2])))
+    assert calibration.read().runs == tuple(RUNS)
+
+
+def test_builtin_scenes_are_of_every_kind() -> None:
+    assert {calibration.kind(made) for made in builtin().values()} == {"steady", "unsteady", "moving"}

@@ -1,0 +1,251 @@
+"""Which effects the plan calls for, and what it says where it leaves one out."""
+
+import pytest
+
+from incipient import make_plan
+from incipient.effects import OSEEN, accuracy_asked, numbers_of
+from incipient.errors import SceneError
+from incipient.scene import (
+    Contact,
+    Disc,
+    Domain,
+    Effects,
+    ExpressionFlow,
+    Flat,
+    Fluid,
+    Gravity,
+    Lid,
+    Numerics,
+    OpenChannel,
+    Poiseuille,
+    Scene,
+    Shear,
+    Sinusoidal,
+    Still,
+    Time,
+    Uniform,
+)
+from incipient.scene.file import dumps, loads
+
+GRAIN_ON_BED = {
+    "domain": Domain(length=12, height=6),
+    "fluid": Fluid(reynolds=20, scale="grain"),
+    "flow": Shear(),
+    "body": Disc(diameter=1, x=4, density=2.65),
+    "bed": Flat(),
+    "gravity": Gravity(acceleration=10),
+    "contact": Contact(friction=0.5),
+}
+FREE = {
+    "body": Disc(diameter=1, centre=(4, 3), density=2, motion="free"),
+    "contact": None,
+    "time": Time(end=1, step=0.1),
+}
+TIDE = ExpressionFlow(components=("y*(1 + 0.5*sin(t/100))", "0"))
+
+
+def scene(**changes):
+    return Scene(**{**GRAIN_ON_BED, **changes})
+
+
+def effect(name, **changes):
+    (found,) = [one for one in make_plan(scene(**changes)).effects if one.name == name]
+    return found
+
+
+def at(reynolds, **changes):
+    return effect("inertia", fluid=Fluid(reynolds=reynolds, scale="grain"), **changes)
+
+
+# -- inertia -------------------------------------------------------------------------------------------------
+
+
+def test_inertia_is_left_out_where_it_is_small_beside_the_accuracy():
+    """Oseen (1910): 3/16 Re of the drag. At Re 0.004 that is 0.075%, below a tenth of 1%."""
+    left_out = at(0.004)
+    assert not left_out.present and not left_out.forced
+    assert left_out.reason == "grain Re 0.004; estimated effect on drag 0.07%"
+    assert left_out.expected == pytest.approx(3 / 16 * 0.004)
+    assert at(0.006).present
+
+
+def test_the_accuracy_asked_for_moves_the_threshold():
+    assert not at(0.04, numerics=Numerics(accuracy=0.1)).present
+    assert at(0.004, numerics=Numerics(accuracy=0.001)).present
+    assert accuracy_asked(scene(numerics=Numerics(accuracy="verdict"))) == accuracy_asked(scene()) == 0.01
+
+
+def test_the_demos_and_the_example_keep_their_inertia():
+    assert effect("inertia").present and effect("inertia").reason == "Re = 20 on grain scale"
+
+
+def test_inertia_is_forced_on_and_off():
+    assert at(1e-6, effects=Effects(inertia=True)).forced
+    assert at(1e-6, effects=Effects(inertia=True)).present
+    off = effect("inertia", effects=Effects(inertia=False))
+    assert not off.present and off.forced and off.expected == 1.0
+    stokes = effect("inertia", fluid=Fluid(reynolds=20, scale="grain", inertia=False))
+    assert not stokes.present and stokes.reason == "fluid.inertia = false"
+
+
+def test_a_grain_in_the_open_feels_inertia_as_far_as_the_next_wall():
+    held = Disc(diameter=1, centre=(4, 3))
+    assert not at(0.004).present
+    away = at(0.004, body=held, bed=None, contact=None, flow=Uniform())
+    assert away.present and away.expected == pytest.approx(
+        OSEEN * 0.004 * 6
+    )  # no wall: the height of the domain
+
+
+def test_flows_that_are_not_parallel_count_on_their_own_scale():
+    """A small grain in a large cavity: inertia bends the flow that it meets."""
+    box = {"domain": Domain(kind="box", length=40, height=40), "flow": Lid(), "bed": None, "contact": None}
+    held = Disc(diameter=0.01, centre=(20, 20))
+    assert at(0.001, **box, body=held).present
+    ripples = Sinusoidal(amplitude=0.5, wavelength=4)
+    flat, rippled = (numbers_of(scene(bed=bed)).bed_reynolds for bed in (Flat(), ripples))
+    assert flat is None and rippled == pytest.approx(20.0, rel=0.01)  # speed 1 at height 1, viscosity 1/20
+
+
+def test_the_reynolds_number_is_that_of_the_speed_at_the_grain():
+    """Half a parabola of mean 1 over depth 6: 1.5 y (12 - y) / 36 at the grain's top, y = 1, is 11/24."""
+    found = numbers_of(scene(flow=OpenChannel(), fluid=Fluid(reynolds=600, scale="flow")))
+    assert found.grain_reynolds == pytest.approx(100 * 11 / 24)
+    assert found.flow_reynolds == pytest.approx(600)
+
+
+def test_a_grain_that_settles_brings_its_own_speed():
+    """Stokes (1851): (s - 1) g d^2 / (18 nu) with nu = 10 for the reference velocity of 1."""
+    found = numbers_of(scene(**FREE, flow=Still(), fluid=Fluid(reynolds=0.1, scale="grain")))
+    assert found.grain_reynolds == pytest.approx(1 * 10 / (18 * 10) / 10)
+    assert found.density_ratio == pytest.approx(2)
+    assert found.stokes == pytest.approx(2 * found.grain_reynolds / 18)
+
+
+# -- other effects -------------------------------------------------------------------------------------------
+
+
+def test_a_slow_change_makes_the_plan_recommend_quasi_steady_flow():
+    time = Time(end=600, step=1)
+    slow = effect("unsteadiness", flow=TIDE, time=time, fluid=Fluid(reynolds=1e-5, scale="grain"))
+    assert slow.present and "effects.unsteadiness = false would change the drag by" in slow.reason
+    assert "false" not in effect("unsteadiness", flow=TIDE, time=time).reason
+    assert effect("unsteadiness", time=time).reason == "until t = 600"
+
+
+def test_quasi_steady_flow_has_no_scheme_of_its_own():
+    plan = make_plan(scene(flow=TIDE, time=Time(end=6, step=1), effects=Effects(unsteadiness=False)))
+    assert plan.scheme == "quasi-steady" and not plan.has("unsteadiness")
+
+
+def test_a_steady_flow_that_may_shed_vortices():
+    held = {"body": Disc(diameter=1, centre=(4, 3)), "bed": None, "contact": None, "flow": Uniform()}
+    fast = Fluid(reynolds=60, scale="grain")
+    assert "sheds vortices from 47 on" in effect("unsteadiness", **held, fluid=fast).reason
+    assert effect("unsteadiness", **held).reason == "no [time] section"
+    assert effect("unsteadiness", fluid=fast).reason == "no [time] section"  # on a bed
+
+
+def test_gravity_is_left_out_where_that_is_said():
+    assert effect("gravity").present
+    without = scene(effects=Effects(gravity=False))
+    assert not make_plan(without).has("gravity") and abs(without.gravity_vector).max() == 0.0
+
+
+def test_contact_is_left_out_where_that_is_said():
+    assert effect("contact").present
+    assert effect("contact", effects=Effects(contact=False)).reason == "effects.contact = false: no verdict"
+
+
+def test_a_free_grain_and_its_mesh():
+    plan = make_plan(scene(**FREE))
+    assert plan.has("moving mesh") and plan.has("free body") and plan.has("unsteadiness")
+    assert "density ratio 2, Stokes number" in effect("free body", **FREE).reason
+
+
+def test_a_rigid_lid_in_place_of_a_surface():
+    """Fr^2 = V^2 / (g H) = 1/60: by Bernoulli a surface would rise by half of that."""
+    found = effect("free surface", flow=OpenChannel())
+    assert found.expected == pytest.approx(1 / 120) and "Froude number 0.13" in found.reason
+
+
+def test_channels_that_may_be_turbulent():
+    fast = Fluid(reynolds=2000, scale="flow")
+    assert "may be turbulent from 1300 on" in effect("turbulence", flow=Poiseuille(), fluid=fast).reason
+    assert effect("turbulence", flow=Poiseuille()).reason == "not part of this version"
+
+
+def test_the_plan_tells_the_numbers():
+    text = make_plan(scene()).text()
+    assert "grain Re 20, flow Re 720, density ratio 2.65, Stokes 2.94, Froude 0.129" in text
+
+
+# -- the section ---------------------------------------------------------------------------------------------
+
+
+def test_auto_is_the_default_and_one_word():
+    plain = 'effects = "auto"\n[domain]\nlength = 12\nheight = 6\n[fluid]\nreynolds = 20\nscale = "flow"\n'
+    found = loads(plain + '[flow]\nkind = "shear"\n')
+    assert found.effects == Effects()
+    assert loads(dumps(found)) == found
+    some = loads(
+        plain.replace("auto", "x") + '[flow]\nkind = "shear"\n', overrides=["effects={inertia=false}"]
+    )
+    assert some.effects == Effects(inertia=False)
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({"turbulence": True}, 'turbulence: is not simulated by this version; use "auto" or false'),
+        (
+            {"unsteadiness": True},
+            "unsteadiness: is true but without [time] the flow is steady; add a section",
+        ),
+        ({"free_body": True}, 'free_body: is true but body.motion = "fixed"; set body.motion = "free"'),
+        (
+            {"moving_mesh": True},
+            'moving_mesh: is true but body.motion = "fixed"; set body.motion = "free" or',
+        ),
+        (
+            {"inertia": True, "fluid": Fluid(reynolds=1, scale="grain", inertia=False)},
+            "leave one of them out",
+        ),
+        (
+            {"gravity": True, "gravity_section": None},
+            "gravity: is true but there is no gravity; add a section",
+        ),
+        (
+            {**FREE, "contact": True},
+            "contact: is true but no grain rests on a bed; add [bed], and [body] with",
+        ),
+        ({"unsteadiness": False, **FREE}, "unsteadiness: is false but a grain moves in time; use"),
+        (
+            {"moving_mesh": False, **FREE},
+            'moving_mesh: is false but body.motion = "free"; set body.motion = "f',
+        ),
+        (
+            {"free_body": False, **FREE},
+            'free_body: is false but body.motion = "free"; set body.motion = "fixed"',
+        ),
+        (
+            {"unsteadiness": False, "time": Time(end=1, step=0.1, tolerance=1e-3)},
+            "unsteadiness: is false but steps adapt to the rate of change; leave time.tolerance out",
+        ),
+    ],
+)
+def test_contradictions_are_one_line_with_a_remedy(changes, expected):
+    forced = {name: value for name, value in changes.items() if isinstance(value, bool)}
+    rest = {name: value for name, value in changes.items() if not isinstance(value, bool)}
+    if "gravity_section" in rest:
+        rest["gravity"] = rest.pop("gravity_section")
+    with pytest.raises(SceneError) as caught:
+        scene(**rest, effects=Effects(**forced))
+    text = str(caught.value)
+    assert text.startswith("Scene: effects.") and expected in text and "\n" not in text
+
+
+@pytest.mark.parametrize("value", ["maybe", 1, None, 0.5])
+def test_a_choice_is_auto_or_true_or_false(value):
+    with pytest.raises(SceneError, match='use "auto", true or false'):
+        Effects(inertia=value)
