@@ -11,7 +11,7 @@ export OMP_NUM_THREADS := 1
 export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 
-.PHONY: help setup demo test test-slow lint types bench clean
+.PHONY: help setup demo test test-slow lint types bench cost effects stress clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -37,6 +37,15 @@ types: setup ## mypy
 
 bench: setup ## speed and accuracy beside other programs
 	$(PYTHON) benchmarks/run.py
+
+cost: setup ## what accuracy costs, on the demos: docs/cost.md
+	$(PYTHON) benchmarks/accuracy_cost.py
+
+effects: setup ## one scene with its effects switched on one after another: docs/effects.md
+	$(PYTHON) benchmarks/effects.py
+
+stress: setup ## hard cases: docs/stress.md and the map of what can be solved
+	PYTHONPATH=tests:tests/stability $(PYTHON) benchmarks/stress.py
 
 clean: ## remove caches, build leftovers and the demo's results, not .venv
 	rm -rf results/$(DEMO) build dist incipient.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .goal import Goal
 from .layout import MEMORY_GROWTH
 from .ledger import Ledger, peak_memory_mib
 from .progress import Silent
-from .goal import Goal
 from .recorder import Recorder, Unrecorded
 from .result import Result
 from .scene import Scene

@@ -142,7 +142,8 @@ def digest(scene: Scene) -> str:
     told = scene.model_dump(mode="json", exclude={"title", "numerics", "output"})
     if scene.time is not None:
         told["time"] = {key: told["time"][key] for key in ("end", "scheme", "start")}
-    text = json.dumps({**told, "convection": scene.numerics.convection}, sort_keys=True)
+    told["numerics"] = {"convection": scene.numerics.convection, "form": scene.numerics.form}
+    text = json.dumps(told, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 

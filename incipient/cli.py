@@ -80,7 +80,9 @@ def _parser() -> argparse.ArgumentParser:
     plan = command("plan", _plan, "say what would be computed and what not, and what it needs", scene)
     plan.add_argument("--json", action="store_true", help="as JSON")
     cost = command("cost", _cost, "find what accuracy costs: error against time, by a ladder of runs", scene)
-    cost.add_argument("--out", type=Path, help="directory for the study (default: results/NAME OF THE SCENE_cost)")
+    cost.add_argument(
+        "--out", type=Path, help="directory for the study (default: results/NAME OF THE SCENE_cost)"
+    )
     cost.add_argument("--quick", action="store_true", help="a few coarse runs only")
     cost.add_argument("--orders", type=int, nargs="+", metavar="ORDER", help="orders of the velocity, 2 to 4")
     for name, what in (("--sizes", "cell sizes"), ("--steps", "time steps")):

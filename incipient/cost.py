@@ -17,7 +17,7 @@ from typing import Any
 from . import frontier
 from .errors import ConvergenceError, OutputError, SceneError
 from .files import append_row, reported
-from .frontier import Law, Reference
+from .frontier import Law, Reference, percent, seconds
 from .ladder import Ladder
 from .quantities import Goal, columns, goals
 from .rung import COUNTS, Measured, Rung
@@ -47,7 +47,7 @@ class Study:
     """A scene's ladder when it is done.
 
     judged: the runs that were finished, the cheapest first, without that which they are compared with
-    front:  indices of those that no other beats in both processor time and error
+    front:  indices of those that are better, by a tenth at least, than all that take less processor time
     laws:   time [s] against error on the fronts, of processor ("cpu") and wall time ("wall")
     of_goals: the laws of processor time by goal
     """
@@ -70,8 +70,17 @@ class Study:
 
     def words(self) -> str:
         """What accuracy costs, in a line."""
+        law = self.laws["cpu"]
+        if law is None:
+            return self._without_law()
         times, errors = self.frontier()
-        return frontier.words(self.laws["cpu"], errors, times)
+        return frontier.words(law, errors, times)
+
+    def _without_law(self) -> str:
+        first, best = self.judged[0], min(self.judged, key=lambda one: one.error)
+        shown = [first] if best is first else [first, best]
+        said = [f"{percent(one.error)}: {seconds(one.run.cpu)}" for one in shown]
+        return f"{', '.join(said)}; too few runs can be told apart from the reference for a law"
 
 
 def climb(scene: Scene, ladder: Ladder, directory: Path, measure: Measure, say: Say) -> Study:
@@ -252,7 +261,7 @@ def _judged(run: Measured, wanted: Sequence[Goal], values: Reference) -> Judged:
 
 def _clear(error: float, goal: Goal, values: Reference) -> bool:
     """Whether an error is more than the doubt about the reference explains."""
-    return error > frontier.TOLD_APART * doubt(goal, values)
+    return error > max(frontier.TOLD_APART * doubt(goal, values), frontier.ROUND_OFF)
 
 
 def doubt(goal: Goal, values: Reference) -> float:
@@ -261,7 +270,9 @@ def doubt(goal: Goal, values: Reference) -> float:
 
 
 def _front(judged: Sequence[Judged], among: Sequence[int], error: Callable[[Judged], float]) -> list[int]:
-    best = frontier.front([judged[i].run.cpu for i in among], [error(judged[i]) for i in among])
+    best = frontier.front(
+        [judged[i].run.cpu for i in among], [error(judged[i]) for i in among], frontier.WORTH
+    )
     return [among[i] for i in best]
 
 

@@ -61,7 +61,10 @@ def predicted(scene: Scene, plan: Plan) -> tuple[dict[str, Any] | None, str]:
 
     assert plan.estimate is not None
     found = predict(scene, plan.estimate)
-    return (None, uncalibrated()) if found is None else (plain(found), found.text())
+    if found is None:
+        return None, uncalibrated()
+    first = "\n  that is of the first mesh; numerics.accuracy will choose others"
+    return plain(found), found.text() + (first if scene.numerics.accuracy is not None else "")
 
 
 # -- calibration --------------------------------------------------------------------------------------------

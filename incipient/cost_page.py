@@ -12,7 +12,7 @@ from .cost import Judged, Study, doubt, to_dict
 from .errorlaw import ErrorLaw, Seen, fit
 from .expense import Work, counts_of
 from .files import write_json, write_text_atomically
-from .frontier import percent, seconds
+from .frontier import Law, percent, seconds
 from .rung import Measured
 
 
@@ -52,21 +52,25 @@ def _accuracies(study: Study) -> str:
     """The table of what accuracies cost."""
     times, errors = study.frontier()
     laws = study.laws
-    if laws["cpu"] is None or laws["wall"] is None:
+    if laws["cpu"] is None:
         return "No law: too few runs can be told apart from the reference."
     walls = [study.judged[index].run.wall for index in study.front]
     rows = []
     for accuracy in frontier.accuracies(min(errors)):
         reached = [study.judged[i].run for i in study.front if study.judged[i].error <= accuracy]
         run = f"{reached[0].rung.name}, {reached[0].peak_mib:.0f} MiB" if reached else "finer than any here"
-        cpu = frontier.cost(laws["cpu"], accuracy, errors, times)
-        rows.append([percent(accuracy), cpu, frontier.cost(laws["wall"], accuracy, errors, walls), run])
-    digit = f"x {laws['cpu'].digit:.2g}", f"x {laws['wall'].digit:.2g}"
+        spent = [_priced(laws[name], accuracy, errors, of) for name, of in (("cpu", times), ("wall", walls))]
+        rows.append([percent(accuracy), *spent, run])
+    digits = [f"x {law.digit:.2g}" if law else "-" for law in (laws["cpu"], laws["wall"])]
     rows.append(
-        ["each further digit", *digit, f"of the time beyond {seconds(laws['cpu'].start)} of starting"]
+        ["each further digit", *digits, f"of the time beyond {seconds(laws['cpu'].start)} of starting"]
     )
     heads = ["accuracy", "processor time", "wall time", "cheapest run that reached it"]
     return _table(heads, rows, left=(3,))
+
+
+def _priced(law: Law | None, accuracy: float, errors: Sequence[float], times: Sequence[float]) -> str:
+    return "-" if law is None else frontier.cost(law, accuracy, errors, times)
 
 
 def _of_goals(study: Study) -> str:

@@ -66,7 +66,7 @@ def fit(seen: Sequence[Seen], rate: float) -> ErrorLaw | None:
 
     Args:
         seen: runs whose errors are known.
-        rate: order of the time steps.
+        rate: order of the time steps; where the first steps err most, it is one less.
     """
     laws = {}
     for order in sorted({one.order for one in seen}):
@@ -80,7 +80,9 @@ def _of_order(seen: Sequence[Seen], order: int, rate: float) -> OrderLaw | None:
         return None
     # One cell size alone does not tell the power: that of the energy norm then.
     powers = POWERS if len({one.mesh_size for one in seen}) > 1 else (float(order),)
-    return min((_with_power(seen, power, rate) for power in powers), key=lambda law: law.scatter)
+    rates = sorted({rate, 1.0}, reverse=True) if any(one.step for one in seen) else [rate]
+    tried = (_with_power(seen, power, r) for r in rates for power in powers)
+    return min(tried, key=lambda law: law.scatter)
 
 
 def _with_power(seen: Sequence[Seen], power: float, rate: float) -> OrderLaw:

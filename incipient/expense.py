@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from . import layout
 
+AGAIN = 0.3  # of what a process pays once, meshing and setting up forms that are loaded already: measured
 STEADY, UNSTEADY, MOVING = "steady", "unsteady", "moving"
 
 
@@ -83,7 +84,7 @@ class Prices:
 
     def again(self, work: Work) -> float:
         """The same for a further run in a process that has made one."""
-        return self.beyond_start(work) - float(self.of_parts[0])
+        return self.beyond_start(work) - (1.0 - AGAIN) * float(self.of_parts[0])
 
 
 def prices(known: Sequence[Known]) -> Prices:

@@ -16,7 +16,10 @@ ORDERS = (2.0, 8.0)  # between which an observed order of convergence is believe
 UNKNOWN_SHARE = 0.25  # of the smallest difference: the reference's error where nothing tells it
 FIRST_DIGIT, LAST_DIGIT = 2, 8  # accuracies told of: 1%, 0.1% and so on, at the least two
 LEAST_GAIN = 1.02  # a time must exceed the start by so much to enter a law
-FLATTEST, STEEPEST = 0.05, 20.0  # powers that a fit believes
+FLATTEST, STEEPEST = 0.25, 20.0  # powers that a fit believes
+WORTH = 1.1  # by what a dearer run must be better to be on the front
+LEAST_SPAN = 2.0  # of the errors that a law is fitted to
+ROUND_OFF = 1e-12  # errors below it are none
 
 
 @dataclass(frozen=True)
@@ -68,11 +71,11 @@ def _doubt(three: Sequence[float], value: float, others: Sequence[float]) -> flo
     return UNKNOWN_SHARE * min(differences, default=math.nan)
 
 
-def front(costs: Sequence[float], errors: Sequence[float]) -> list[int]:
-    """Which runs no other beats in both cost and error, the cheapest first."""
+def front(costs: Sequence[float], errors: Sequence[float], gain: float = 1.0) -> list[int]:
+    """Which runs no cheaper one equals in error, or comes within a factor `gain` of it; the cheapest first."""
     best, found = math.inf, []
     for index in sorted(range(len(costs)), key=lambda i: (costs[i], errors[i])):
-        if errors[index] < best:
+        if gain * errors[index] < best:
             best = errors[index]
             found.append(index)
     return found
@@ -118,6 +121,8 @@ def fitted(costs: Sequence[float], errors: Sequence[float], start: float) -> Law
     if len({round(math.log(t), 3) for t, _ in usable}) < 2:
         return None
     x, y = np.log(np.array(usable)).T
+    if np.ptp(y) < math.log(LEAST_SPAN):
+        return None
     slope, level = np.polyfit(x, y, 1)
     if not FLATTEST <= -slope <= STEEPEST:
         return None
@@ -125,10 +130,8 @@ def fitted(costs: Sequence[float], errors: Sequence[float], start: float) -> Law
     return Law(math.exp(level), float(-slope), start, scatter)
 
 
-def words(law: Law | None, errors: Sequence[float], costs: Sequence[float]) -> str:
+def words(law: Law, errors: Sequence[float], costs: Sequence[float]) -> str:
     """Such as "1%: 1.4 s, 0.1%: 2 s, 0.01%: about 6 s; each further digit x 2.1, beyond the 1.1 s of starting"."""
-    if law is None:
-        return "the runs that could be told apart from the reference are too few for a law"
     told: dict[str, list[str]] = {}
     for error in accuracies(min(errors)):
         told.setdefault(cost(law, error, errors, costs), []).append(percent(error))

@@ -18,7 +18,7 @@ from .simulation import Simulation
 
 LEVELS_BELOW = 3  # that the first run is coarser than the scene says
 FEWEST_STEPS = 8
-MOST_RUNS = 9
+MOST_RUNS = 6
 COST = 4.0  # of a run relative to that before: twice the cells, twice the steps
 
 

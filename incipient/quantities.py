@@ -167,7 +167,10 @@ def _goals_of_loads(scene: Scene, reference: Mapping[str, float]) -> tuple[Goal,
     names = columns(scene)
     parts = {axis: tuple(name for name in names if name.endswith(axis)) for axis in ("force_x", "force_y")}
     sizes = {axis: _norm(reference, part) for axis, part in parts.items()}
-    force, couples = float(np.linalg.norm([*sizes.values()])), tuple(name for name in names if "couple" in name)
+    force, couples = (
+        float(np.linalg.norm([*sizes.values()])),
+        tuple(name for name in names if "couple" in name),
+    )
     if force == 0.0:
         return ()
     couple = max(_norm(reference, couples), SMALLEST_COUPLE * force * scene.grain.size)

@@ -204,7 +204,7 @@ class Refinement(Search):
             order = cheapest_order(scene.numerics.order, 1.0 / FOR_VERDICT)
             finer = self._finer(attempt, order, FOR_VERDICT, shares, error, "for the verdict")
             return self._within_budget(finer)
-        other = self._with_less_of(decisive, scene)
+        other = with_less_of(decisive, scene)
         if other is None:
             self.reason = (
                 f"undecided: the safety factor is between {bar.low:.6g} and {bar.high:.6g}, and the error of "
@@ -216,12 +216,13 @@ class Refinement(Search):
         unknowns = 1.2 * self.trials[-1].unknowns
         return self._within_budget(replace(attempt, scene=other[0], expected=unknowns, note=other[1]))
 
-    def _with_less_of(self, term: str, scene: Scene) -> tuple[Scene, str] | None:
-        """The scene with a smaller gap or a larger domain, and in words; nothing where that ends."""
-        if term == "gap" and scene.contact is not None and scene.contact.gap > SMALLEST_GAP:
-            gap = max(CLOSER * scene.contact.gap, SMALLEST_GAP)
-            return changed(scene, contact={"gap": gap}), f"gap {gap:.3g} of the grain's size"
-        if term == "domain" and not has_no_far_sides(scene):
-            larger = farther(scene)
-            return larger, f"domain {larger.domain.length:.3g} x {larger.domain.height:.3g}"
-        return None
+
+def with_less_of(term: str, scene: Scene) -> tuple[Scene, str] | None:
+    """The scene with a smaller gap or a larger domain, and in words; nothing where that ends."""
+    if term == "gap" and scene.contact is not None and scene.contact.gap > SMALLEST_GAP:
+        gap = max(CLOSER * scene.contact.gap, SMALLEST_GAP)
+        return changed(scene, contact={"gap": gap}), f"gap {gap:.3g} of the grain's size"
+    if term == "domain" and not has_no_far_sides(scene):
+        larger = farther(scene)
+        return larger, f"domain {larger.domain.length:.3g} x {larger.domain.height:.3g}"
+    return None

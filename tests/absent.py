@@ -1,13 +1,18 @@
 """Runs a scene of which some effects are absent, with their code there or taken out, and tells what was used.
 
-In processes of its own: `python absent.py SCENE there|taken-out RUNS`. Prints JSON: calls of Python and C functions in
-the last run (of the interpreter, counted, not timed), modules imported, forms compiled, unknowns, force.
+In processes of its own: `python absent.py SCENE there|taken-out calls|instructions`. The scene is run twice; in the
+second run, which imports and compiles nothing any more, calls of Python and C functions by the interpreter are
+counted, or machine instructions if this runs under `valgrind --tool=callgrind --instr-atstart=no`. Prints JSON: calls,
+modules imported, forms compiled, unknowns, force.
 """
 
 from __future__ import annotations
 
 import json
+import os
+import subprocess
 import sys
+from contextlib import AbstractContextManager
 from typing import Any
 
 # Modules that are for one effect only.
@@ -65,8 +70,23 @@ class Calls:
         sys.setprofile(None)
 
 
-def main(scene: str, state: str, runs: str) -> None:
-    """Run the scene, and count in the last of the runs: the first imports modules and compiles forms."""
+class Instructions(Calls):
+    """Lets callgrind count the machine's instructions while it is open."""
+
+    def __enter__(self) -> Calls:
+        self._switch("on")
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._switch("off")
+
+    def _switch(self, to: str) -> None:
+        command = ["callgrind_control", "-i", to, str(os.getpid())]
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+
+
+def main(scene: str, state: str, counted: str) -> None:
+    """Run the scene twice, and count in the second run."""
     if state == "taken-out":
         take_out()
     import dolfinx
@@ -82,13 +102,11 @@ def main(scene: str, state: str, runs: str) -> None:
 
     dolfinx.jit.ffcx_jit = listed
     loaded = incipient.load(scene)
-    for run in range(int(runs)):
-        compiled.clear()
-        if run + 1 < int(runs):
-            incipient.run(loaded)
-            continue
-        with Calls() as calls:
-            result = incipient.run(loaded)
+    incipient.run(loaded)
+    compiled.clear()
+    count: AbstractContextManager[Calls] = Calls() if counted == "calls" else Instructions()
+    with count as calls:
+        result = incipient.run(loaded)
     found = {
         "calls": calls.number,
         "modules": sorted(m.removeprefix("incipient.") for m in sys.modules if m.startswith("incipient.")),

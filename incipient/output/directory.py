@@ -23,7 +23,18 @@ if TYPE_CHECKING:
     from .xdmf import FieldSeries, SurfaceSeries
 
 # What an earlier run into the same directory may have left and this one may not write again.
-PICTURES = ("flow", "pressure", "vorticity", "traction", "verdict", "profiles", "mesh", "threshold")
+PICTURES = (
+    "flow",
+    "pressure",
+    "vorticity",
+    "traction",
+    "verdict",
+    "profiles",
+    "mesh",
+    "threshold",
+    "trajectory",
+)
+ANIMATIONS = ("velocity", "pressure", "vorticity")
 DATA = (
     "result.json",
     "history.csv",
@@ -35,8 +46,13 @@ DATA = (
     checkpoints.NAME,
 )
 # What a run writes when it is over.
-ENDINGS = ("result.json", "threshold.json", *(f"{name}.png" for name in PICTURES))
-LEFTOVERS = (*DATA, *(f"{name}.png" for name in PICTURES))
+ENDINGS = (
+    "result.json",
+    "threshold.json",
+    *(f"{name}.png" for name in PICTURES),
+    *(f"{name}.gif" for name in ANIMATIONS),
+)
+LEFTOVERS = (*DATA, *(f"{name}.png" for name in PICTURES), *(f"{name}.gif" for name in ANIMATIONS))
 
 
 class ResultDirectory:

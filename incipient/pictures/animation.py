@@ -47,7 +47,7 @@ _SECONDS, _RATES = 8.0, (4, 20)  # about how long it takes, and frames per secon
 _SAMPLES = 2000  # nodes of each frame that colours are chosen by
 _BANDS = 24
 _PALETTE, _AS_GOOD_AS_WHITE = 128, 247  # colours of a GIF; least part of red, green and blue
-_ARROWS, _SLOWEST = 26, 0.02  # along the longer side; of the fastest: where there is none
+_ARROWS, _SLOWEST = 24, 0.01  # along the longer side; of the fastest: where there is none
 _WIDTH, _TALLEST, _NARROWEST, _DOTS = 7.2, 4.6, 4.4, 100  # inches, dots per inch
 _LEFT, _RIGHT, _TOP, _BOTTOM, _LINE = 0.65, 1.05, 0.5, 0.5, 0.2
 
@@ -274,14 +274,16 @@ class _Film:
         history = self._history
         placement = history.at(time)
         way = np.vstack([history.centres[history.times < time], placement.centre])
-        drawn = [Line2D(*way.T, color=style.MOTION, lw=1.2, zorder=2.5)]
+        # Ink on a broader white: seen on any colour, and on the grain.
+        looks = (("white", 2.4), (INK, 1.0))
+        drawn = [Line2D(*way.T, color=colour, lw=width, zorder=3.5) for colour, width in looks]
         if len(run.mesh.loops) > 1:
             axis = spoke(curve(run.mesh.points, run.mesh.loops[1]), placement)
             drawn.append(Line2D(*axis.T, color=INK, lw=1.0, marker="o", markevery=[0], ms=2.5, zorder=4))
         return [self._axes.add_artist(line) for line in drawn]
 
     def _arrows(self, run: Run) -> Artist:
-        """The flow on a regular grid; arrows are as long as the fluid goes in a certain time, up to a limit."""
+        """The flow on a regular grid; arrows are as long as the root of the speed, so that slow flow is seen."""
         from scipy.spatial import KDTree
 
         x0, x1, y0, y1 = run.box
@@ -294,9 +296,10 @@ class _Film:
         weights /= weights.sum(axis=1, keepdims=True)
         velocities = np.einsum("nk,nkd->nd", weights, run.field("velocity")[nodes, :2])
         reached = velocities / self._levels[-1]
-        length = np.linalg.norm(reached, axis=1)
-        shown = length > _SLOWEST
-        steps = 0.9 * spacing * reached[shown] * np.minimum(1.0, 1.0 / length[shown])[:, None]
+        speeds = np.linalg.norm(reached, axis=1)
+        shown = speeds > _SLOWEST
+        lengths = np.sqrt(np.minimum(speeds[shown], 1.0))
+        steps = 0.9 * spacing * reached[shown] * (lengths / speeds[shown])[:, None]
         return self._axes.quiver(
             *places[shown].T, *steps.T, angles="xy", scale_units="xy", scale=1.0, pivot="mid", color="white",
             alpha=0.85, width=0.0022, headwidth=4.0, headlength=4.5, headaxislength=4.0, minlength=0.0, zorder=2,

@@ -14,7 +14,7 @@ from matplotlib.ticker import MaxNLocator, NullLocator
 
 from ..errors import OutputError
 from ..files import reported
-from ..frontier import Law, percent
+from ..frontier import WORTH, Law, front, percent
 from . import style
 from .record import parsed_json
 from .style import INK
@@ -79,9 +79,11 @@ def _show(axes: Axes, stored: dict[str, Any], key: str) -> None:
         mine = [run for run in runs if run["order"] == order]
         _mark(axes, [run for run in mine if run["told_apart"]], key, order, filled=True)
         _mark(axes, [run for run in mine if not run["told_apart"]], key, order, filled=False)
-    best = sorted((run[key], run["error"]) for run in runs if run["on_front"])
+    clear = [run for run in runs if run["told_apart"]]
+    best = front([run[key] for run in clear], [run["error"] for run in clear], WORTH)
     if best:
-        axes.plot(*np.array(best).T, color=INK, lw=1.0, alpha=0.7, label="front (processor time)", zorder=2)
+        shown = np.array([(clear[i][key], clear[i]["error"]) for i in best])
+        axes.plot(*shown.T, color=INK, lw=1.0, alpha=0.7, label="front", zorder=2)
     law = stored["laws"].get(key)
     if law and best:
         _draw_law(axes, Law(**law), [run["error"] for run in runs if run["on_front"]])

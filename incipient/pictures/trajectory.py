@@ -269,12 +269,13 @@ def _draw_grain(axes: Axes, scene: Scene, placement: Placement, look: _Look) -> 
         ls=look.dashes,
         zorder=look.order,
     )
+    axes.add_artist(body)
     width = 0.75 * look.width
     x, y = spoke(outline, placement).T
     line = Line2D(x, y, color=look.edge, lw=width, marker="o", markevery=[0], ms=2.5 * width)
     line.set_zorder(look.order)
     axes.add_artist(line)
-    return axes.add_artist(body)
+    return body
 
 
 def spoke(outline: np.ndarray, placement: Placement) -> np.ndarray:

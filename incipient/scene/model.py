@@ -8,6 +8,7 @@ either way it is complete and free of contradictions once it exists.
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
@@ -408,7 +409,7 @@ class Scene(Section):
         """The bed's shape, if there is a bed."""
         return None if self.bed is None else self.bed.surface(self.domain.bottom)
 
-    @property
+    @cached_property  # it is asked for at every step and takes longer than a step's solution
     def placement(self) -> Placement | None:
         """Where the grain is: lowered onto the bed until it touches, or held at its centre; without a gap.
 

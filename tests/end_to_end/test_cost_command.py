@@ -9,11 +9,14 @@ import csv
 import json
 import os
 import resource
+import subprocess
+import sys
+import time
 from pathlib import Path
 from typing import Any
 
 import pytest
-from processes import CAVITY, CYLINDER, GRAIN_ON_BED, SCENES, settings
+from processes import CAVITY, CYLINDER, GRAIN_ON_BED, SCENES, environment, settings
 
 COARSE = settings(numerics_mesh_size=2.5, contact_gap=0.05)
 
@@ -39,10 +42,13 @@ def test_cost_of_a_coarse_grain_on_a_bed(command: Any, tmp_path: Path) -> None:
     out, variables = tmp_path / "study", calibrated_in(tmp_path)
     assert predicted(command, GRAIN_ON_BED, variables, *COARSE) is None
     arguments = ("cost", GRAIN_ON_BED, "--quick", "--out", out, *COARSE)
+    interrupted(arguments, out, variables)
+    first = (out / "cost.csv").read_text()
     done = command(*arguments, timeout=200, **variables)
     assert done.returncode == 0, done.stderr
     assert "each further digit" in done.stdout or "too few" in done.stdout
 
+    assert (out / "cost.csv").read_text().startswith(first), "what was made before the interruption is kept"
     rows = list(csv.DictReader((out / "cost.csv").open()))
     assert [(row["order"], row["failed"]) for row in rows] == [(o, "") for o in "22334"]
     stored = json.loads((out / "cost.json").read_text())
@@ -63,6 +69,19 @@ def test_cost_of_a_coarse_grain_on_a_bed(command: Any, tmp_path: Path) -> None:
     assert again.returncode == 0, again.stderr
     assert " of 5:" not in again.stderr, "no run is made again"
     assert (out / "cost.csv").read_bytes() == before
+
+
+def interrupted(arguments: tuple[object, ...], out: Path, variables: dict[str, str]) -> None:
+    """Stop the command after the first of its runs; no run goes on without it."""
+    words = [sys.executable, "-m", "incipient", *map(str, arguments)]
+    process = subprocess.Popen(words, env=environment() | variables, stderr=subprocess.PIPE, text=True)
+    rows, began = out / "cost.csv", time.monotonic()
+    while not rows.exists() and process.poll() is None and time.monotonic() - began < 100:
+        time.sleep(0.05)
+    process.terminate()
+    _, said = process.communicate(timeout=30)
+    assert process.returncode == 130, said
+    assert said.splitlines()[-1] == "incipient: interrupted; what was computed so far is kept"
 
 
 @pytest.mark.parametrize(

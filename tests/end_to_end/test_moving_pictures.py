@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 from images import assert_is_a_picture
 from matplotlib.collections import LineCollection
-from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from matplotlib.text import Text
 from moving_run import PERIOD, SCENE, course, write_history, write_texts
@@ -76,6 +75,11 @@ def test_path_outlines_and_quantities(texts):
     outlines = [artist for artist in axes.get_children() if isinstance(artist, Polygon)]
     assert 8 <= len(outlines) <= 22
     extents = [np.ptp(outline.get_xy(), axis=0) for outline in outlines]
+    spokes = [line for line in axes.lines if line.get_marker() == "o"]
+    drawn_in_order = axes.get_children()
+    for outline, spoke in zip(outlines, spokes, strict=True):  # a grain does not hide its spoke
+        assert outline.get_zorder() == spoke.get_zorder()
+        assert drawn_in_order.index(outline) < drawn_in_order.index(spoke)
     assert any(np.allclose(e, (1.0, 0.5), atol=1e-3) for e in extents)  # at first it lies
     assert any(np.allclose(e, (0.5, 1.0), atol=1e-3) for e in extents)  # after 5/4 turns it stands
     titles = [panel.get_title(loc="left") for panel in panels]
@@ -223,7 +227,7 @@ def test_the_grain_is_where_its_mesh_is(run):
         expected = course([moments[number]])[0]
         middle = (body.get_xy().max(axis=0) + body.get_xy().min(axis=0)) / 2
         assert np.allclose(middle, expected[:2], atol=5e-3)
-        way, spoke = (line for line in axes.lines if isinstance(line, Line2D))
+        way, _, spoke = axes.lines
         assert np.allclose(way.get_xydata()[-1], expected[:2], atol=5e-3)
         assert np.allclose(np.diff(spoke.get_xydata(), axis=0), 0.5 * rotated(expected[2]), atol=3e-2)
         assert f"t = {moments[number]:.2f}" in axes.get_title(loc="left")

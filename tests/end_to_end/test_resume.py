@@ -65,6 +65,8 @@ VORTICES = [
     *settings(numerics_order=2, numerics_mesh_size=4, time_step=0.01, time_end=0.3, time_tolerance=1e-2),
     *settings(numerics_error_bars=False, numerics_tolerance=1e-9, output_every=3),
 ]
+# Lengths of adaptive steps follow a third difference of the flow, which is known to its tolerance of 1e-9 only.
+ADAPTIVE = 1e-6
 # How iterations went is not the trajectory: after resuming the first step's factors are new.
 OF_ITERATIONS = ("newton", "interface", "interface_residual")
 
@@ -99,7 +101,7 @@ def assert_same_run(found: Path, expected: Path, rel: float = 1e-8) -> None:
 
 
 def assert_same_series(found: Path, expected: Path, rel: float) -> None:
-    assert times(found) == pytest.approx(times(expected), rel=1e-10)
+    assert times(found) == pytest.approx(times(expected), rel=rel)
     for index in range(len(times(expected))):
         one, other = read_step(found, index), read_step(expected, index)
         assert one.cells.shape == other.cells.shape
@@ -192,7 +194,7 @@ def test_adaptive_steps_about_a_grain_at_rest(
         incipient.resume(tmp_path)
     assert len(history(tmp_path)["time"]) == 10
     incipient.resume(tmp_path)
-    assert_same_run(tmp_path, whole_vortices)
+    assert_same_run(tmp_path, whole_vortices, ADAPTIVE)
     assert not (tmp_path / "checkpoint.h5").exists()
 
 
@@ -245,7 +247,7 @@ def test_a_signal_to_a_running_process(whole_vortices: Path, tmp_path: Path, com
     done = command("resume", "x")
     assert done.returncode == 0, done.stderr
     assert f"for ParaView        {Path('x/fields.xdmf')}" in done.stdout
-    assert_same_run(tmp_path / "x", whole_vortices)
+    assert_same_run(tmp_path / "x", whole_vortices, ADAPTIVE)
 
 
 # -- failures ----------------------------------------------------------------------------------------------------

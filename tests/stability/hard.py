@@ -144,7 +144,9 @@ class Cavity:
 
 def driven_cavity(reynolds: float, n: int, model: FlowModel, speed: Any = steady_lid) -> Fluid:
     """The unit cavity with n cells a side, all alike."""
-    return Fluid(unit_box(2, n), model, [Prescribed("top", speed), *(no_slip(name) for name in WALLS)], reynolds)
+    return Fluid(
+        unit_box(2, n), model, [Prescribed("top", speed), *(no_slip(name) for name in WALLS)], reynolds
+    )
 
 
 def steady_cavity(reynolds: float, n: int, order: int = 2, stabilisation: bool = False) -> Cavity:

@@ -14,7 +14,7 @@ from incipient.errors import SceneError
 from incipient.geometry.curves import Line
 from incipient.goal import Goal
 from incipient.halving import finer
-from incipient.refinement import cheapest_order
+from incipient.refinement import SMALLEST_GAP, cheapest_order, with_less_of
 from incipient.result import Couples, Forces
 from incipient.scene import Scene, loads
 from incipient.scene.example import commented, grain_on_bed
@@ -102,6 +102,20 @@ def test_finer_is_undone_by_coarser() -> None:
     again = coarser(finer(scene))
     assert again.time == scene.time
     assert again.numerics.mesh_size == pytest.approx(scene.numerics.mesh_size)
+
+
+def test_a_smaller_gap_or_a_larger_domain() -> None:
+    scene = grain_on_bed()
+    closer, said = with_less_of("gap", scene) or (scene, "")
+    assert closer.contact is not None and closer.contact.gap == pytest.approx(0.0025)
+    assert said == "gap 0.0025 of the grain's size"
+    assert with_less_of("gap", changed(scene, contact={"gap": SMALLEST_GAP})) is None
+    larger, said = with_less_of("domain", scene) or (scene, "")
+    assert (larger.domain.length, larger.domain.height) == (18.0, 9.0)
+    assert said == "domain 18 x 9"
+    box = loads(commented(scene), overrides=("domain.kind=box", "flow={kind='lid'}"))
+    assert with_less_of("domain", box) is None
+    assert with_less_of("discretisation", scene) is None
 
 
 # -- the quantity -----------------------------------------------------------------------------------

@@ -66,7 +66,20 @@ def test_too_little_makes_no_law() -> None:
     assert frontier.fitted([2.0], [0.1], 1.0) is None
     assert frontier.fitted([2.0, 2.0], [0.1, 0.2], 1.0) is None
     assert frontier.fitted([2.0, 3.0], [0.1, 0.2], 1.0) is None, "errors that grow with time"
-    assert "too few" in frontier.words(None, [], [])
+    assert frontier.fitted([2.0, 3.0], [0.1, 0.09], 1.0) is None, "errors that hardly differ"
+
+
+def test_a_study_without_a_law_says_what_its_runs_reached(tmp_path: Path) -> None:
+    class Exact(Runner):
+        def __call__(self, scene: Scene, rung: Rung) -> Measured:
+            run = super().__call__(scene, rung)
+            exact = {"force_x": 3.0, "force_y": 4.0, "couple": 0.5, "safety_factor": 1.5}
+            return replace(run, found=exact)
+
+    study = climbed(tmp_path, Exact(), quick=True)
+    assert study.words() == "0%: 1.1 s; too few runs can be told apart from the reference for a law"
+    assert not any(one.told_apart for one in study.judged)
+    assert "No law" in cost_page.page(study)
 
 
 def test_words_of_a_law() -> None:

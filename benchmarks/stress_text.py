@@ -1,0 +1,74 @@
+"""The page docs/stress.md."""
+
+from __future__ import annotations
+
+from hard_map import Point
+
+HEAD = """# Hard cases
+
+Written by `make stress`, which runs all of this ({minutes} min, {machine}). A case that cannot be computed stops
+with a named error; in a run of the program the last good state is then kept as a checkpoint, from which `incipient
+resume` goes on (`tests/end_to_end/test_resume.py`). `tests/stability` holds the same cases with bounds, in smaller
+numbers.
+
+"""
+MAP = """## Where a body's step can be solved
+
+![Exact coupling and naive iteration over mass ratio, step, Reynolds number and gap](figures/stress_map.png)
+
+A disc in a driven cavity whose lid is set off at once; diameter 0.3, side and lid speed 1. Where not on the axis:
+step 0.05, Re = 10, middle of the cavity. Three steps, none of which may be shortened. Above: the program as it is,
+at most 12 corrections. Below: forces and velocities passed back and forth (`numerics.coupling = "naive"`), at most
+40, without relaxation. That switch is there for comparison only. Of {points} points each, the exact coupling solves
+{exact}, the naive iteration {naive}.
+
+"""
+SOURCES = {
+    "Bodies without mass, with a million times the fluid's": (
+        "A disc in the driven cavity, Re = 10. Orders in time for all masses: "
+        "`tests/convergence/test_coupling.py`."
+    ),
+    "Steady cavity on coarse cells": (
+        "P2-P1, cells alike, errors against Botella & Peyret (1998) at Re = 1000 and against a graded P4-P3 mesh "
+        "of the program's own at Re = 10,000, which differs by 0.2% from one 1.4 times coarser."
+    ),
+    "Lid set off at once": (
+        "P2-P1, 12 cells a side, ten steps. CFL: step times lid speed over cell. The lid's speed is 1. Plain elements "
+        "are left out at CFL 100 and more: their speeds reach 25, and ever shorter steps take minutes to stop by name."
+    ),
+    "Near contact": (
+        "Stokes flow around a cylinder in a box 20 diameters wide, 10 high, moving with unit speed (spin); the gap is "
+        "in diameters. Exact for an endless wall: Jeffrey & Onishi (1981), Q. J. Mech. Appl. Math. 34, 129."
+    ),
+    "Tiny and huge steps": (
+        "Three steps asked for; they are halved where they do not converge. This disc never gets a new mesh: where "
+        "the ride goes too far it stops by name."
+    ),
+    "Stiff couples": (
+        "A disc without mass or inertia held by a torsional spring, step 0.05: the angle is couple over stiffness."
+    ),
+    "A new mesh every few steps": "An ellipse carried round a box, 20 steps; beside the run on one mesh.",
+    "Friction 0 and infinite, degenerate contacts": (
+        "A disc of weight 1 and radius 1 under a force of 0.1 and a couple of -0.02."
+    ),
+    "Badly shaped meshes": "24 cells a side, P2-P1; at 1 the worst cell nearly folds.",
+    "Extreme domains": "Poiseuille flow lies in the elements' space: nothing but round-off may be left.",
+    "Violent mesh motion": "Six cells a side, viscosity 1e-6, BDF1, step 0.1. More in docs/numerics.md.",
+}
+
+
+def page(
+    sections: dict[str, list[tuple[str, str, str]]], points: list[Point], seconds: float, machine: str
+) -> str:
+    """The whole page."""
+    solved = {
+        exact: sum(p.corrections is not None for p in points if p.exact is exact) for exact in (True, False)
+    }
+    text = HEAD.format(minutes=f"{seconds / 60:.0f}", machine=machine)
+    text += MAP.format(points=len(points) // 2, exact=solved[True], naive=solved[False])
+    return text + "\n".join(_section(title, rows) for title, rows in sections.items())
+
+
+def _section(title: str, rows: list[tuple[str, str, str]]) -> str:
+    table = ["| case | found | outcome |", "| --- | --- | --- |", *(f"| {' | '.join(row)} |" for row in rows)]
+    return "\n".join([f"## {title}", "", SOURCES.get(title, ""), "", *table, ""])

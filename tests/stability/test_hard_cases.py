@@ -1,0 +1,171 @@
+"""Hard cases: what is computed stays bounded and keeps its order, what cannot be is refused by name.
+
+`make stress` runs more of each and writes docs/stress.md. The energy on violently moving meshes is in
+`test_moving_mesh.py`, the order in time for all masses in `tests/convergence/test_coupling.py`, the checkpoint after a
+failed step in `tests/end_to_end/test_resume.py`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from contacts import FRICTIONS, PLACES, judged
+from hard import (
+    MOTIONS,
+    exact_wall_force,
+    in_cavity,
+    poiseuille_error,
+    ride,
+    set_off,
+    sprung,
+    steady_cavity,
+    wall_force,
+)
+from hard_map import corrections
+from remeshed import remeshed_run
+
+from incipient.errors import SceneError
+from incipient.fluid import FlowModel
+
+# Botella & Peyret (1998), Computers & Fluids 27, 421, Re = 1000.
+BOTELLA_PEYRET = np.array([-0.3885698, 0.3769447, -0.5270771])
+# P4-P3 on a graded grid of 43 columns (`demos/scenes/cavity.toml` at Re = 10,000), 0.2% from one 1.4 times coarser.
+FINEST_CAVITY = np.array([-0.45920, 0.46495, -0.58224])
+
+
+# -- bodies -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("mass", "moment"), [(0, 0), (1e-6, 1e-6), (1e3, 1e3), (1e6, 1e6), (1, 0), (0, 1)])
+def test_bodies_of_any_mass_and_inertia(mass: float, moment: float) -> None:
+    """No faster than the lid, and slower the heavier they are: the same impulse on m + 1 times the fluid's mass."""
+    with in_cavity(mass, moment) as found:
+        told = ride(found, 0.05, 4)
+    assert told.completed
+    assert told.corrections <= 4
+    assert told.speed < min(0.2, 3.0 / (1 + mass))
+
+
+@pytest.mark.parametrize("ratio", [0.0, 1e-3, 1.0, 1e3])
+def test_exact_coupling_where_the_naive_iteration_fails(ratio: float) -> None:
+    """Without the added mass the iteration diverges for bodies lighter than what they move (Causin et al. 2005)."""
+    assert (corrections("step", 1e-2, ratio, exact=True) or 99) <= 4
+    naive = corrections("step", 1e-2, ratio, exact=False)
+    assert (naive is None) is (ratio <= 1.0)
+
+
+def test_naive_iteration_without_mass_is_refused_by_name() -> None:
+    with in_cavity(0.0) as found:
+        found.coupling.added_mass = False
+        with pytest.raises(SceneError, match="give the body mass"):
+            found.transient.advance(0.05)
+
+
+@pytest.mark.parametrize("courant", [0.01, 1.0, 1000.0])
+def test_massless_body_in_tiny_and_huge_steps(courant: float) -> None:
+    """Speeds stay below the lid's; a ride too long for one mesh ends by name, after steps that hold."""
+    with in_cavity(0.0) as found:
+        told = ride(found, 0.08 * courant, 2)
+    assert told.speed < 0.2
+    assert len(told.readings) > 1
+    assert told.completed or "folds over" in told.ended
+
+
+@pytest.mark.parametrize("stiffness", [1.0, 1e3, 1e9])
+def test_stiff_couples(stiffness: float) -> None:
+    """A disc without inertia: the spring's angle is the flow's couple over the stiffness, whatever that is."""
+    told = sprung(stiffness, 0.05, count=4)
+    assert told.completed
+    assert told.corrections <= 4
+    if stiffness >= 1e3:
+        assert stiffness * told.readings[-1, 5] == pytest.approx(couple_when_held(4), rel=2e-3)
+
+
+def couple_when_held(count: int) -> float:
+    """The flow's couple on the disc if nothing is free."""
+    with in_cavity(0.0, free=(False, False, False)) as found:
+        ride(found, 0.05, count)
+        return float(found.coupling.end.flow_load[2])
+
+
+@pytest.mark.parametrize("gap", [1e-1, 1e-3])
+def test_body_beside_a_wall(gap: float) -> None:
+    with in_cavity(0.0, gap=gap) as found:
+        told = ride(found, 0.05, 2)
+    assert told.completed
+    assert told.corrections <= 4
+    assert told.speed < 0.05
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.parametrize("gap", [1e-2, 1e-4])
+def test_lubrication(motion: str, gap: float) -> None:
+    """Source: Jeffrey & Onishi (1981), see `exact_wall_force`; the box's walls, 10 diameters off, add up to 1.5%."""
+    assert wall_force(motion, gap) == pytest.approx(exact_wall_force(motion, gap), rel=0.015)
+
+
+def test_a_new_mesh_in_nearly_every_step() -> None:
+    """The place differs by a few parts in 1e5 of the grain's size."""
+    usual, often = (remeshed_run(below, steps=8) for below in (0.35, 0.97))
+    assert usual.count == 0
+    assert often.count >= 4
+    assert often.place == pytest.approx(usual.place, abs=1e-3 * usual.size)
+    assert often.energy < 1e-3
+
+
+# -- flows --------------------------------------------------------------------------------------
+
+
+def test_stabilised_cavity_on_coarse_cells() -> None:
+    """Re = 10,000 on 32 cells a side: plain elements have no solution there (none beyond Re = 8,300)."""
+    found = steady_cavity(1e4, 32, stabilisation=True)
+    assert found.share == 1.0
+    assert found.extrema == pytest.approx(FINEST_CAVITY, rel=0.03)
+
+
+@pytest.mark.parametrize(("n", "better"), [(8, True), (16, True), (32, False)])
+def test_stabilisation_helps_where_cells_are_coarse(n: int, better: bool) -> None:
+    """Re = 1000: above 30 the Reynolds number of cells calls for it, below 20 it is better left out."""
+    plain, stabilised = (
+        np.abs(np.array(steady_cavity(1e3, n, stabilisation=on).extrema) / BOTELLA_PEYRET - 1).max()
+        for on in (False, True)
+    )
+    assert bool(stabilised < plain) is better
+    assert stabilised < 0.15
+
+
+@pytest.mark.parametrize(
+    ("courant", "energy_stable"), [(0.01, False), (1.0, False), (0.01, True), (1.0, True), (1000.0, True)]
+)
+def test_lid_set_off_at_once_at_high_reynolds(courant: float, energy_stable: bool) -> None:
+    """Re = 10,000, twelve cells a side, stabilised: no speed much above the lid's. Plain elements reach 3 and 25."""
+    convection = "extrapolated" if energy_stable else "implicit"
+    model = FlowModel(unsteady=True, convection=convection, energy_stable=energy_stable, stabilisation=True)
+    fastest, ended = set_off(1e4, 12, courant / 12, 6, model)
+    assert ended == "completed"
+    assert fastest < 1.5
+
+
+# -- the rest -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("length", "height"), [(100.0, 1.0), (1e4, 1.0), (0.01, 1.0)])
+def test_extreme_domains(length: float, height: float) -> None:
+    """Poiseuille flow is in the elements' space."""
+    columns, rows = (20, 4) if length > height else (4, 20)
+    assert poiseuille_error(length, height, columns, rows) < 1e-9
+
+
+@pytest.mark.parametrize("name", PLACES)
+def test_degenerate_contacts(name: str) -> None:
+    """Without friction any couple turns a disc; more friction never lets it move sooner."""
+    told = [judged(name, friction) for friction in FRICTIONS]
+    moves = [found.startswith("moves") for found, _ in told]
+    assert moves[0]
+    assert moves == sorted(moves, reverse=True)
+    assert not any("nan" in found for found, _ in told)
+
+
+def test_one_place_named_twice_is_one_contact() -> None:
+    for friction in FRICTIONS:
+        assert judged("the same contact three times", friction) == judged("one contact", friction)
