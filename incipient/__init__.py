@@ -77,7 +77,7 @@ def run(
 
     if scene.numerics.accuracy is None:
         return simulate(scene, comm, recorder(), voice)
-    from .adaptation import run_to_accuracy
+    from .accuracy.adaptation import run_to_accuracy
 
     return run_to_accuracy(scene, comm, recorder, voice)
 
@@ -104,7 +104,7 @@ def resume(
     from mpi4py import MPI as mpi
 
     from .output.directory import ResultDirectory
-    from .reopening import reopened
+    from .restart.reopening import reopened
     from .simulation import simulate
 
     comm, directory = comm or mpi.COMM_WORLD, Path(directory)

@@ -204,7 +204,7 @@ def _whereabouts(directory: Path, fields: bool, pictures: list[Path], cost: dict
 def _plan(options: argparse.Namespace, comm: MPI.Comm) -> int:
     import incipient
 
-    from .cost_command import predicted
+    from .cost.command import predicted
     from .parallel import collectively
     from .simulation import estimate
 
@@ -221,7 +221,7 @@ def _plan(options: argparse.Namespace, comm: MPI.Comm) -> int:
 def _cost(options: argparse.Namespace, comm: MPI.Comm) -> int:
     import incipient
 
-    from . import cost_command
+    from .cost import command as cost_command
     from .pictures.apart import draw_apart
 
     _alone("cost", comm)
@@ -236,7 +236,7 @@ def _cost(options: argparse.Namespace, comm: MPI.Comm) -> int:
 
 
 def _calibrate(options: argparse.Namespace, comm: MPI.Comm) -> int:
-    from .cost_command import calibrate
+    from .cost.command import calibrate
 
     _alone("calibrate", comm)
     print(calibrate(logging.getLogger("incipient").info))

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from .checkpoint import Checkpoint
     from .domain import Domain
     from .plan import Plan
+    from .restart.checkpoint import Checkpoint
     from .result import Result
     from .scene import Scene
 

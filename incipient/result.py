@@ -12,9 +12,9 @@ from .plan import Plan
 from .sampling import Extremum
 
 if TYPE_CHECKING:
-    from .adaptation import Adaptation
+    from .accuracy.adaptation import Adaptation
+    from .accuracy.errorbars import ErrorBars
     from .domain import Domain
-    from .errorbars import ErrorBars
     from .layout import Layout
     from .omitted import Omission
 

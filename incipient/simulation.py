@@ -28,13 +28,13 @@ if TYPE_CHECKING:
 
     from mpi4py import MPI
 
-    from .checkpoint import Checkpoint
+    from .accuracy.errorbars import ErrorBars, Loads, Term
     from .contact import Contacts
     from .domain import Domain
-    from .errorbars import ErrorBars, Loads, Term
     from .fluid import Fluid, TimeStep, Transient
     from .layout import Layout
     from .omitted import Omission
+    from .restart.checkpoint import Checkpoint
     from .result import Couples, Forces, Result
     from .tractions import TractionProbe
     from .trajectory import Trajectory
@@ -216,7 +216,7 @@ class Simulation:
         kind = Transient if self.plan.has("unsteadiness") else QuasiSteady
         transient = kind(self.fluid, order, max(numerics.tolerance, 1e-9), time.tolerance)
         if self.checkpoint is not None:
-            from . import resumption
+            from .restart import resumption
 
             resumption.put_back_flow(self.checkpoint, transient)
         self.transient = transient
@@ -226,7 +226,7 @@ class Simulation:
 
     def _travel(self) -> None:
         """March with a grain that moves."""
-        from . import resumption
+        from .restart import resumption
         from .trajectory import Trajectory
 
         time = self.scene.time
@@ -336,13 +336,13 @@ class Simulation:
         """The mesh of the checkpoint, if there is one, and what the sessions before have cost."""
         if self.checkpoint is None:
             return None
-        from . import resumption
+        from .restart import resumption
 
         resumption.put_back_costs(self.checkpoint.progress, self)
         return resumption.domain_of(self.checkpoint, self.comm)
 
     def _keep(self) -> Path | None:
-        from .resumption import collected
+        from .restart.resumption import collected
 
         with self._stage("checkpoint"):
             return self.recorder.keep(collected(self))
@@ -443,7 +443,7 @@ class Simulation:
     def _error_bars(self, force: Forces, couple: Couples) -> ErrorBars | None:
         if not self.scene.numerics.error_bars:
             return None
-        from .errorbars import error_bars
+        from .accuracy.errorbars import error_bars
 
         with self._stage("error bars"):
             return error_bars(self, force, couple)

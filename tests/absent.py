@@ -17,18 +17,9 @@ from typing import Any
 
 # Modules that are for one effect only.
 OF_UNSTEADINESS = ("fluid.transient", "fluid.quasisteady")
-OF_MOVING_MESH = (
-    "meshmotion",
-    "remeshing",
-    "transfer",
-    "trajectory",
-    "energy",
-    "redistribution",
-    "resumption",
-)
 OF_FREE_BODY = ("coupling", "rigidbody", "integrator", "fehlberg")
 OF_CONTACT = ("judgement", "contact")
-OF_ESTIMATES = ("errorbars", "dual", "adaptation")
+OF_ESTIMATES = ("accuracy",)
 MODULES = (*OF_UNSTEADINESS, *OF_MOVING_MESH, *OF_FREE_BODY, *OF_CONTACT, *OF_ESTIMATES)
 # Terms of the flow's equations that a steady flow without inertia does not have.
 TERMS = ("inertia", "convection", "skew_convection", "through_boundary")

@@ -6,19 +6,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .. import checkpoint as checkpoints
-from ..checkpoint import Recorded
 from ..files import append_row, cut, reported, write_json
 from ..parallel import collectively
 from ..plan import Plan
+from ..restart import checkpoint as checkpoints
+from ..restart.checkpoint import Recorded
 from ..result import Result
 from ..scene import Scene
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from ..checkpoint import Checkpoint
     from ..domain import Domain
+    from ..restart.checkpoint import Checkpoint
     from ..threshold import Threshold
     from .xdmf import FieldSeries, SurfaceSeries
 

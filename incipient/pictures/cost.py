@@ -12,9 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullLocator
 
+from ..cost.frontier import WORTH, Law, front, percent
 from ..errors import OutputError
 from ..files import reported
-from ..frontier import WORTH, Law, front, percent
 from . import style
 from .record import parsed_json
 from .style import INK

@@ -286,7 +286,8 @@ class Numerics(Section):
         "auto", description="Of convection on coarse cells; auto: where their Reynolds number calls for it"
     )
     coupling: Literal["exact", "naive"] = Field(
-        "exact", description="Of fluid and moving grain; naive: for comparison only, diverges for light grains"
+        "exact",
+        description="Of fluid and moving grain; naive: for comparison only, diverges for light grains",
     )
     error_bars: bool = Field(
         True, description="Estimate errors of force, couple and safety factor; takes about as long as the run"

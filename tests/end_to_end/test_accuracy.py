@@ -11,7 +11,7 @@ import pytest
 from mpi4py import MPI
 
 import incipient
-from incipient.errorbars import changed
+from incipient.accuracy.errorbars import changed
 from incipient.errors import ConvergenceError
 from incipient.result import Result
 from incipient.scene import Scene, load, loads

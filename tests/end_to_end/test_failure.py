@@ -24,7 +24,7 @@ from processes import (
     settings,
 )
 
-from incipient.checkpoint import read
+from incipient.restart.checkpoint import read
 
 STEP = 0.005
 LONG = [

@@ -21,12 +21,12 @@ from processes import VORTEX_STREET, environment, result_of, settings
 
 import incipient
 from incipient import files
-from incipient.checkpoint import read
 from incipient.errors import ConvergenceError, Interrupted, MeshError, OutputError, SceneError
 from incipient.fluid import Fluid
 from incipient.fluid.newton import NewtonReport
 from incipient.interrupt import Interruption
 from incipient.output.series_file import read_step, times
+from incipient.restart.checkpoint import read
 from incipient.scene.file import loads
 
 # The pebble of the pothole on a coarse mesh, which it wears out at t = 0.8 and 1.1, with a checkpoint at 1.0.
@@ -319,7 +319,7 @@ def test_a_checkpoint_that_cannot_be_written_keeps_the_one_before(
             raise OutputError(f"{path}: cannot be written: no space left on device; free some space")
         written(path, data)
 
-    monkeypatch.setattr("incipient.checkpoint.write_bytes_atomically", full)
+    monkeypatch.setattr("incipient.restart.checkpoint.write_bytes_atomically", full)
     with pytest.raises(OutputError, match=r"checkpoint\.h5: cannot be written: no space left"):
         incipient.run(vortices(output_checkpoint=2), tmp_path)
     assert read(tmp_path / "checkpoint.h5").progress.number == 2

@@ -8,17 +8,17 @@ from incipient.meshes import Near, Region, SizeField, Sizes
 from incipient.meshes.model import region_model
 from mpi4py import MPI
 
-from incipient.adaptation import Adaptation, Trial
-from incipient.errorbars import changed
+from incipient.accuracy.adaptation import Adaptation, Trial
+from incipient.accuracy.errorbars import changed
+from incipient.accuracy.goal import Goal
+from incipient.accuracy.halving import finer
+from incipient.accuracy.refinement import SMALLEST_GAP, cheapest_order, with_less_of
+from incipient.accuracy.sizing import LARGEST, SMALLEST, STEEPEST, Shares, resized
 from incipient.errors import SceneError
 from incipient.geometry.curves import Line
-from incipient.goal import Goal
-from incipient.halving import finer
-from incipient.refinement import SMALLEST_GAP, cheapest_order, with_less_of
 from incipient.result import Couples, Forces
 from incipient.scene import Scene, loads
 from incipient.scene.example import commented, grain_on_bed
-from incipient.sizing import LARGEST, SMALLEST, STEEPEST, Shares, resized
 
 
 def grid(n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -96,7 +96,7 @@ def test_order_with_the_fewest_unknowns(order: int, excess: float, cheapest: int
 
 
 def test_finer_is_undone_by_coarser() -> None:
-    from incipient.errorbars import coarser
+    from incipient.accuracy.errorbars import coarser
 
     scene = loads(commented(grain_on_bed()), overrides=("time={end=1.0, step=0.1, tolerance=1e-3}",))
     again = coarser(finer(scene))

@@ -16,15 +16,24 @@ import pytest
 from domains import ball_in_box, curved_box, ring, square_in_box, unit_box
 from mpi4py import MPI
 
-from incipient import checkpoint as checkpoints
-from incipient.checkpoint import Body, Checkpoint, Progress, Recorded, WholeFlow, WholeMesh, read, write
 from incipient.domain import Domain
 from incipient.errors import OutputError, SceneError
 from incipient.files import cut
 from incipient.fluid import FlowModel, Fluid, Prescribed, Transient
 from incipient.interrupt import SAME_WISH, Interruption
-from incipient.redistribution import spread_flow, spread_mesh, whole_flow, whole_mesh
-from incipient.reopening import reopened
+from incipient.restart import checkpoint as checkpoints
+from incipient.restart.checkpoint import (
+    Body,
+    Checkpoint,
+    Progress,
+    Recorded,
+    WholeFlow,
+    WholeMesh,
+    read,
+    write,
+)
+from incipient.restart.redistribution import spread_flow, spread_mesh, whole_flow, whole_mesh
+from incipient.restart.reopening import reopened
 from incipient.scene.file import dumps, loads
 
 COMM = MPI.COMM_SELF

@@ -13,16 +13,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from incipient import calibration, cost, cost_page, expense, frontier, quantities
-from incipient.cost_command import builtin, chosen, predicted, told
-from incipient.errorlaw import ErrorLaw, Seen, fit
+from incipient.cost import calibration, expense, frontier, quantities
+from incipient.cost import page as cost_page
+from incipient.cost import study as cost
+from incipient.cost.command import builtin, chosen, predicted, told
+from incipient.cost.errorlaw import ErrorLaw, Seen, fit
+from incipient.cost.expense import STEADY, UNSTEADY, Known, Work
+from incipient.cost.ladder import QUICK, RATIO, Spread, ladder, spread
+from incipient.cost.ladder import STEADY as STEADY_SPREAD
+from incipient.cost.prediction import predict
+from incipient.cost.rung import COUNTS, Measured, Rung
 from incipient.errors import ConvergenceError, OutputError, SceneError
-from incipient.expense import STEADY, UNSTEADY, Known, Work
-from incipient.ladder import QUICK, RATIO, Spread, ladder, spread
-from incipient.ladder import STEADY as STEADY_SPREAD
 from incipient.plan import Estimate, make_plan
-from incipient.prediction import predict
-from incipient.rung import COUNTS, Measured, Rung
 from incipient.scene import Scene, loads
 from incipient.scene.example import commented, grain_on_bed
 

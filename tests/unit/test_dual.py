@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from incipient.accuracy.dual import GoalErrors
+from incipient.accuracy.errorbars import changed
 from incipient.domain import Domain
-from incipient.dual import GoalErrors
-from incipient.errorbars import changed
 from incipient.fluid import Condition, FlowModel, Fluid, solve_steady
 from incipient.progress import Silent
 from incipient.recorder import Unrecorded

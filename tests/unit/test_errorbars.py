@@ -9,9 +9,17 @@ import pytest
 from mpi4py import MPI
 
 import incipient
-from incipient import errorbars
+from incipient.accuracy import errorbars
+from incipient.accuracy.errorbars import (
+    Loads,
+    Term,
+    bar_of_safety,
+    by_coarser_run,
+    changed,
+    farther,
+    loads_of,
+)
 from incipient.contact import Contacts, Load
-from incipient.errorbars import Loads, Term, bar_of_safety, by_coarser_run, changed, farther, loads_of
 from incipient.errors import ConvergenceError
 from incipient.scene import Scene, loads
 from incipient.scene.example import commented, grain_on_bed

@@ -1,6 +1,6 @@
 """One run among many of the same scene: how finely it is computed, and what that takes and gives.
 
-Each run has a process of its own, so that time and memory are its own. `python -m incipient.rung` is that
+Each run has a process of its own, so that time and memory are its own. `python -m incipient.cost.rung` is that
 process: it reads a scene as TOML and prints one line of JSON.
 """
 
@@ -18,8 +18,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .recorder import Unrecorded
-from .scene import Scene
+from ..recorder import Unrecorded
+from ..scene import Scene
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -55,7 +55,7 @@ class Rung:
         Raises:
             SceneError: the scene cannot be computed so.
         """
-        from .errorbars import changed
+        from ..accuracy.errorbars import changed
 
         numerics = {"order": self.order, "mesh_size": self.mesh_size, "geometry_order": None}
         sections: dict[str, dict[str, Any]] = {"numerics": {**numerics, "error_bars": False}}
@@ -102,14 +102,14 @@ def measure(scene: Scene, rung: Rung) -> Measured:
 
 
 def _once(scene: Scene, rung: Rung) -> tuple[Measured, bool]:
-    from .errors import SceneError
-    from .scene.file import dumps
+    from ..errors import SceneError
+    from ..scene.file import dumps
 
     try:
         text = dumps(rung.of(scene))
     except SceneError as error:
         return Measured(rung, 0.0, 0.0, failed=str(error)), False
-    code, wall, cpu, said, complained = _process([sys.executable, "-m", "incipient.rung"], text)
+    code, wall, cpu, said, complained = _process([sys.executable, "-m", "incipient.cost.rung"], text)
     if code != 0:
         return Measured(rung, wall, cpu, failed=_complaint(code, complained)), False
     told = json.loads(said.strip().splitlines()[-1])
@@ -172,13 +172,13 @@ class _Rows(Unrecorded):
 
 def main() -> int:
     """Run the scene on standard input and tell what it took and gave; the exit code."""
-    from .cli import start_alone_quickly
-    from .errors import IncipientError
+    from ..cli import start_alone_quickly
+    from ..errors import IncipientError
 
     start_alone_quickly()
     from mpi4py import MPI
 
-    from .scene import loads
+    from ..scene import loads
 
     try:
         print(json.dumps(told(loads(sys.stdin.read()), MPI.COMM_SELF)))
@@ -190,7 +190,7 @@ def main() -> int:
 
 def told(scene: Scene, comm: MPI.Comm) -> dict[str, Any]:
     """Run a scene; what `Measured` holds beside the times of the whole process. Collective."""
-    from . import boundaries, domain, fluid, simulation, tractions  # noqa: F401 (the start is over then)
+    from .. import boundaries, domain, fluid, simulation, tractions  # noqa: F401 (the start is over then)
     from .quantities import quantities
 
     start, recorder = time.process_time(), _Rows()
@@ -213,7 +213,7 @@ def told(scene: Scene, comm: MPI.Comm) -> dict[str, Any]:
 
 def _peak_mib() -> float:
     """Largest resident memory of this program; the kernel's other count has that of the starting process in it."""
-    from .ledger import peak_memory_mib
+    from ..ledger import peak_memory_mib
 
     status = Path("/proc/self/status")
     lines = status.read_text().splitlines() if status.exists() else []

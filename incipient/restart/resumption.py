@@ -8,22 +8,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .bodystate import BodyState
+from ..bodystate import BodyState
+from ..coupling import Coupling, End, Position
+from ..domain import Domain
+from ..fluid import Transient
+from ..fluid.transient import Past
+from ..remeshing import Remeshing
+from ..rigidbody import MeanLoad
+from ..scene.file import dumps
 from .checkpoint import Body, Checkpoint, Progress
-from .coupling import Coupling, End, Position
-from .domain import Domain
-from .fluid import Transient
-from .fluid.transient import Past
 from .redistribution import node_gatherer, spread_flow, spread_mesh, spread_nodes, whole_flow, whole_mesh
-from .remeshing import Remeshing
-from .rigidbody import MeanLoad
-from .scene.file import dumps
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from .simulation import Simulation
-    from .trajectory import Trajectory
+    from ..simulation import Simulation
+    from ..trajectory import Trajectory
 
 Floats = NDArray[np.float64]
 

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from .contact import Load
-from .contact.exact import judged
+from ..contact import Load
+from ..contact.exact import judged
+from ..judgement import find_contacts, load_of, mass_and_inertia
 from .errorbars import bar_of_safety, by_dual
-from .judgement import find_contacts, load_of, mass_and_inertia
 
 if TYPE_CHECKING:
-    from .contact import Contacts
-    from .result import Couples, Forces
-    from .scene import Scene
+    from ..contact import Contacts
+    from ..result import Couples, Forces
+    from ..scene import Scene
 
 Floats = NDArray[np.float64]
 

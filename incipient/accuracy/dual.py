@@ -22,11 +22,11 @@ from dolfinx.fem import petsc
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from . import compat
-from .bodystate import turned
-from .fluid import Fluid
-from .fluid.space import boundary_blocks
-from .tractions import Resultant, TractionProbe
+from .. import compat
+from ..bodystate import turned
+from ..fluid import Fluid
+from ..fluid.space import boundary_blocks
+from ..tractions import Resultant, TractionProbe
 
 Floats = NDArray[np.float64]
 

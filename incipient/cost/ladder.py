@@ -7,9 +7,9 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from .errors import SceneError
+from ..errors import SceneError
+from ..scene import Scene
 from .rung import Rung
-from .scene import Scene
 
 RATIO = math.sqrt(2.0)  # of cell sizes from one rung to the next
 UNEQUAL = 1.02  # ratios that differ by more are not the same

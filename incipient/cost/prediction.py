@@ -26,8 +26,8 @@ from .expense import (
 from .frontier import percent, seconds
 
 if TYPE_CHECKING:
-    from .plan import Estimate
-    from .scene import Scene
+    from ..plan import Estimate
+    from ..scene import Scene
 
 OWN, FOREIGN = 1.4, 2.0  # factors within which times of a scene's own runs, and those of others, are trusted
 OWN_SPREAD, UNKNOWN_SPREAD = (
@@ -167,8 +167,8 @@ def _steps(scene: Scene, like: Known, found: Known) -> float:
 
 
 def _coarse_runs(scene: Scene) -> Iterator[Scene]:
-    """The runs that error bars make besides the scene's own; see `incipient.errorbars`."""
-    from . import errorbars
+    """The runs that error bars make besides the scene's own; see `incipient.accuracy.errorbars`."""
+    from ..accuracy import errorbars
 
     nothing = errorbars.Loads(np.zeros(3), np.zeros(3), np.zeros(3))
     seen: list[Scene] = []
@@ -188,7 +188,7 @@ def _coarse_runs(scene: Scene) -> Iterator[Scene]:
 
 
 def _counted(scene: Scene) -> Estimate:
-    from .simulation import estimate
+    from ..simulation import estimate
 
     counted = estimate(scene).estimate
     assert counted is not None

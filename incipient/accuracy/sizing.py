@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from . import compat
-from .meshes import SizeField
+from .. import compat
+from ..meshes import SizeField
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -18,8 +18,8 @@ from typing import Any, TypeVar, get_args, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import OutputError
-from .files import write_bytes_atomically
+from ..errors import OutputError
+from ..files import write_bytes_atomically
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -1,7 +1,7 @@
 """Asking for accuracy instead of a mesh: solve, estimate the error, refine where it comes from, and again.
 
-Steady flow is refined where the error comes from (`incipient.refinement`); for flow in time mesh and steps are made
-finer together (`incipient.halving`). Here is what both have in common: the record of the meshes tried, and the budget.
+Steady flow is refined where the error comes from (`refinement`); for flow in time mesh and steps are made
+finer together (`halving`). Here is what both have in common: the record of the meshes tried, and the budget.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..layout import MEMORY_GROWTH
+from ..ledger import Ledger, peak_memory_mib
+from ..progress import Silent
+from ..recorder import Recorder, Unrecorded
+from ..result import Result
+from ..scene import Scene
 from .goal import Goal
-from .layout import MEMORY_GROWTH
-from .ledger import Ledger, peak_memory_mib
-from .progress import Silent
-from .recorder import Recorder, Unrecorded
-from .result import Result
-from .scene import Scene
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -2,7 +2,7 @@
 
 Each source of error is a term of its own:
 
-- discretisation: steady flow by the dual-weighted residual (`incipient.dual`); flow in time, or a moving grain,
+- discretisation: steady flow by the dual-weighted residual (`dual`); flow in time, or a moving grain,
   by the same run on a coarser mesh with longer steps;
 - gap: a grain at rest on a bed is computed with a gap. Coarse runs with one, two and four times the gap show
   how force and couple go with it, and what closing it would change;
@@ -21,18 +21,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .contact import Contacts, Load
-from .contact.exact import MassAndInertia, judged
+from ..contact import Contacts, Load
+from ..contact.exact import MassAndInertia, judged
+from ..errors import IncipientError
+from ..judgement import load_of, mass_and_inertia
+from ..result import Couples, Forces, Result
+from ..scene import Scene
 from .dual import GoalErrors
-from .errors import IncipientError
-from .judgement import load_of, mass_and_inertia
-from .result import Couples, Forces, Result
-from .scene import Scene
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from .simulation import Simulation
+    from ..simulation import Simulation
 
 Floats = NDArray[np.float64]
 Solve = Callable[[Scene], "Loads"]
@@ -211,7 +211,7 @@ class _Found:
 
 def loads_of(scene: Scene, comm: MPI.Comm) -> Loads:
     """Run a scene for its force and couple at the end. Collective."""
-    from .simulation import simulate
+    from ..simulation import simulate
 
     return Loads.of(simulate(scene, comm))
 

@@ -1,6 +1,6 @@
 """What accuracy costs for a scene: a ladder of runs, their errors against a finer one, and the law behind them.
 
-Every run has a process of its own (`incipient.rung`). Their numbers stand in cost.csv, a row each, appended when
+Every run has a process of its own (`incipient.cost.rung`). Their numbers stand in cost.csv, a row each, appended when
 a run is over: a study that was interrupted goes on from there.
 """
 
@@ -14,14 +14,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..errors import ConvergenceError, OutputError, SceneError
+from ..files import append_row, reported
+from ..scene import Scene, load, save
 from . import frontier
-from .errors import ConvergenceError, OutputError, SceneError
-from .files import append_row, reported
 from .frontier import Law, Reference, percent, seconds
 from .ladder import Ladder
 from .quantities import Goal, columns, goals
 from .rung import COUNTS, Measured, Rung
-from .scene import Scene, load, save
 
 ROWS = "cost.csv"
 LEAST_WORK = 1.05  # times its start: what the shortest run takes

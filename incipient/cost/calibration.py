@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..files import reported, write_json
 from .errorlaw import ErrorLaw
 from .expense import MOVING, STEADY, UNSTEADY, Known, Work
-from .files import reported, write_json
 
 if TYPE_CHECKING:
-    from .scene import Scene
+    from ..scene import Scene
 
 SCHEMA_VERSION = 1
 NAME = "calibration.json"

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from . import layout
+from .. import layout
 
 AGAIN = 0.3  # of what a process pays once, meshing and setting up forms that are loaded already: measured
 STEADY, UNSTEADY, MOVING = "steady", "unsteady", "moving"

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from ..files import write_json, write_text_atomically
 from . import calibration as calibrations
 from . import frontier
 from .calibration import KnownErrors
-from .cost import Judged, Study, doubt, to_dict
 from .errorlaw import ErrorLaw, Seen, fit
 from .expense import Work, counts_of
-from .files import write_json, write_text_atomically
 from .frontier import Law, percent, seconds
 from .rung import Measured
+from .study import Judged, Study, doubt, to_dict
 
 
 def write(study: Study, directory: Path) -> None:

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from .result import Result
-    from .scene import Scene
+    from ..result import Result
+    from ..scene import Scene
 
 SMALLEST_COUPLE = 0.01  # of force times grain size: below it a couple's error is relative to that
 SMALLEST_TURN = 0.1  # the same for a turn, of the path in units of the grain's size
@@ -91,7 +91,7 @@ def _kinetic_energy(velocity: Any) -> float:
     import ufl
     from dolfinx import fem
 
-    from . import compat
+    from .. import compat
 
     mesh = velocity.function_space.mesh
     local = fem.assemble_scalar(compat.form(ufl.inner(velocity, velocity) / 2 * ufl.dx))

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..errors import SceneError
+from ..parallel import collectively
+from ..scene import Scene, load
+from ..scene.file import loads
 from . import checkpoint as checkpoints
 from .checkpoint import Checkpoint
-from .errors import SceneError
-from .parallel import collectively
-from .scene import Scene, load
-from .scene.file import loads
 
 if TYPE_CHECKING:
     from mpi4py import MPI

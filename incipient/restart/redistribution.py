@@ -16,12 +16,12 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from . import compat
+from .. import compat
+from ..domain import Domain
+from ..errors import OutputError
+from ..fluid import Fluid
+from ..parallel import collectively
 from .checkpoint import WholeFlow, WholeMesh
-from .domain import Domain
-from .errors import OutputError
-from .fluid import Fluid
-from .parallel import collectively
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -7,16 +7,17 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from . import calibration, cost_page
-from .cost import Study, climb
-from .errors import ConvergenceError, SceneError
-from .files import reported
+from ..errors import ConvergenceError, SceneError
+from ..files import reported
+from . import calibration
+from . import page as cost_page
 from .ladder import Spread, ladder, spread
 from .rung import measure
+from .study import Study, climb
 
 if TYPE_CHECKING:
-    from .plan import Plan
-    from .scene import Scene
+    from ..plan import Plan
+    from ..scene import Scene
 
 Say = Callable[[str], None]
 
@@ -56,7 +57,7 @@ def told(found: Study, directory: Path) -> str:
 
 def predicted(scene: Scene, plan: Plan) -> tuple[dict[str, Any] | None, str]:
     """What a run will take and how accurate it will be, as plain data and in words; None without a calibration."""
-    from .files import plain
+    from ..files import plain
     from .prediction import predict, uncalibrated
 
     assert plan.estimate is not None
@@ -95,8 +96,8 @@ def calibrate(say: Say) -> str:
 
 def builtin() -> dict[str, Scene]:
     """A scene of each kind that takes a second or two."""
-    from .scene.example import grain_on_bed
-    from .scene.model import Disc, Domain, Fluid, Lid, Numerics, Scene, Shear, Time, Uniform
+    from ..scene.example import grain_on_bed
+    from ..scene.model import Disc, Domain, Fluid, Lid, Numerics, Scene, Shear, Time, Uniform
 
     bars = Numerics(error_bars=False)
     return {

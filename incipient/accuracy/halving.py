@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from typing import cast
 
+from ..recorder import Recorder, Unrecorded
+from ..result import Result
+from ..scene import Scene
+from ..simulation import Simulation
 from .adaptation import Adaptation, Search, Told, Trial
 from .errorbars import COARSER_MESH, LONGER_STEP, Loads, by_coarser_run, changed, coarser
-from .recorder import Recorder, Unrecorded
-from .result import Result
-from .scene import Scene
-from .simulation import Simulation
 
 LEVELS_BELOW = 3  # that the first run is coarser than the scene says
 FEWEST_STEPS = 8

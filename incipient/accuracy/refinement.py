@@ -1,8 +1,8 @@
 """Steady flow to a given accuracy: from mesh to mesh by what each vertex contributes to the error.
 
 The first mesh is as coarse as the geometry allows, in elements of the scene's order. The dual-weighted residual
-(`incipient.dual`) gives the error of the quantity asked for and what each vertex has to do with it, and from that
-follow the sizes of the next mesh's cells (`incipient.sizing`). A higher order is chosen where it is expected to need
+(`dual`) gives the error of the quantity asked for and what each vertex has to do with it, and from that
+follow the sizes of the next mesh's cells (`sizing`). A higher order is chosen where it is expected to need
 fewer unknowns (`cheapest_order`).
 """
 
@@ -15,20 +15,20 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
+from ..errors import ConvergenceError, MeshError
+from ..layout import Layout
+from ..recorder import Recorder, Unrecorded
+from ..result import Result
+from ..scene import Scene
+from ..simulation import Simulation
 from .adaptation import Search, Told, Trial
 from .dual import GoalErrors
 from .errorbars import by_dual, changed, error_bars, farther, has_no_far_sides
-from .errors import ConvergenceError, MeshError
-from .layout import Layout
-from .recorder import Recorder, Unrecorded
-from .result import Result
-from .scene import Scene
-from .simulation import Simulation
 from .sizing import Shares, gathered, resized
 
 if TYPE_CHECKING:
+    from ..meshes import SizeField
     from .errorbars import ErrorBars
-    from .meshes import SizeField
 
 ORDERS = (2, 3, 4)
 UNKNOWNS = {2: 9, 3: 22, 4: 41}  # per vertex of a large plane mesh
