@@ -23,7 +23,7 @@ demo: setup ## a grain on a bed: verdict, pictures and ParaView files
 	.venv/bin/incipient run demos/scenes/$(DEMO).toml --out results/$(DEMO) --set output.pictures=true
 
 test: setup ## the default tests (ARGS="-k name -x" goes to pytest)
-	$(PYTHON) -m pytest $(ARGS)
+	$(PYTHON) -m pytest -n 2 --dist loadfile $(ARGS)
 
 test-slow: setup ## the tests that take minutes
 	$(PYTHON) -m pytest -m slow $(ARGS)

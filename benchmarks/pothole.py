@@ -26,7 +26,7 @@ STORE, PAGE, FIGURES = (
     ROOT / "docs/figures",
 )
 CASES = (1, 2, 3, 4)
-STEPS, SIZES = (0.05, 0.025, 0.0125), (1.4, 1.0, 0.7)
+STEPS, SIZES = (0.05, 0.025, 0.0125, 0.00625), (1.4, 1.0, 0.7)
 PANELS = {1: "top left", 2: "top right", 3: "bottom left", 4: "bottom right"}
 SAMPLES = 181  # places kept of a path
 BEGIN, END = "<!-- pothole: begin -->", "<!-- pothole: end -->"
@@ -126,7 +126,7 @@ def end(store: dict[str, Run], job: Job) -> np.ndarray:
 
 
 def extrapolated(store: dict[str, Run], case: int) -> End:
-    """Richardson's extrapolation from the three steps, and what three meshes say.
+    """Richardson's extrapolation from the three shortest steps, and what three meshes say.
 
     The order is the one observed, between 1 and 2, of the place (lengths) and angle (times the large semi-axis).
     The extrapolation is taken to err by what it adds, the mesh by the most its refinement changes.
@@ -134,8 +134,8 @@ def extrapolated(store: dict[str, Run], case: int) -> End:
     ends = np.array([end(store, Job(case, step=step)) for step in STEPS])
     changes = np.diff(ends, axis=0)
     unit = np.array([1.0, 1.0, 2.0])
-    order = float(np.log2(np.linalg.norm(changes[0] * unit) / np.linalg.norm(changes[1] * unit)))
-    added = changes[1] / (2 ** np.clip(order, 1.0, 2.0) - 1)
+    order = float(np.log2(np.linalg.norm(changes[-2] * unit) / np.linalg.norm(changes[-1] * unit)))
+    added = changes[-1] / (2 ** np.clip(order, 1.0, 2.0) - 1)
     meshes = np.array([end(store, Job(case, step=STEPS[0], mesh_size=size)) for size in SIZES])
     return End(ends[-1] + added, np.abs(added), np.ptp(meshes, axis=0), order)
 

@@ -67,7 +67,7 @@ def _panel(axes: Axes, points: list[Point], values: tuple[float, ...]) -> object
         )
     axes.set_xticks(np.arange(len(RATIOS)) + 0.5, [_power(r) for r in RATIOS])
     axes.set_yticks(np.arange(len(values)) + 0.5, [_power(v) for v in values])
-    axes.tick_params(length=0)
+    axes.tick_params(length=0, labelsize=7)
     return shown
 
 

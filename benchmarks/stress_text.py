@@ -20,7 +20,8 @@ A disc in a driven cavity whose lid is set off at once; diameter 0.3, side and l
 step 0.05, Re = 10, middle of the cavity. Three steps, none of which may be shortened. Above: the program as it is,
 at most 12 corrections. Below: forces and velocities passed back and forth (`numerics.coupling = "naive"`), at most
 40, without relaxation. That switch is there for comparison only. Of {points} points each, the exact coupling solves
-{exact}, the naive iteration {naive}.
+{exact}, the naive iteration {naive}. What the exact coupling does not solve are steps in which a light disc goes
+half its diameter: a run takes shorter ones by itself.
 
 """
 SOURCES = {

@@ -3,7 +3,7 @@
 Scaling: the disc's diameter 1, viscosity 10, twice as dense as the fluid; the box is 4 wide.
 Cost:    ten seconds on one core.
 Run:     mpirun -n 2 python demos/settling.py [disc | ellipse] [KEY=VALUE ...]
-Results: results/settling_SHAPE: history.csv, fields.xdmf; `incipient show --animate results/settling_disc`
+Results: results/settling_SHAPE: history.csv, fields.xdmf; `incipient show results/settling_disc --animate`
 """
 
 import sys

@@ -3,7 +3,7 @@
 Scaling: major semi-axis 1, shear rate 1, as dense as the fluid; the channel is 32 high, the Reynolds number 0.01.
 Cost:    fifteen seconds on one core.
 Run:     mpirun -n 2 python demos/shear_orbit.py [KEY=VALUE ...], such as time.step=0.1
-Results: results/shear_orbit: history.csv, fields.xdmf; `incipient show --animate results/shear_orbit`
+Results: results/shear_orbit: history.csv, fields.xdmf; `incipient show results/shear_orbit --animate`
 """
 
 import sys

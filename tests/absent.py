@@ -17,6 +17,7 @@ from typing import Any
 
 # Modules that are for one effect only.
 OF_UNSTEADINESS = ("fluid.transient", "fluid.quasisteady")
+OF_MOVING_MESH = ("meshmotion", "remeshing", "transfer", "trajectory", "energy", "restart")
 OF_FREE_BODY = ("coupling", "rigidbody", "integrator", "fehlberg")
 OF_CONTACT = ("judgement", "contact")
 OF_ESTIMATES = ("accuracy",)

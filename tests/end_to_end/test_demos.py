@@ -22,9 +22,16 @@ COARSE = ["numerics.mesh_size=2.0"]
 RUNS = {
     "cavity.py": ["100"],
     "grain_on_bed.py": [],
-    "pothole.py": ["1", "4", "--set", *COARSE, "--set", "time.end=1.0"],
-    "settling.py": ["disc", *COARSE, "body.centre=[2.0, 2.0]", "contact.friction=0.5", "contact.gap=0.1"],
-    "shear_orbit.py": [*COARSE, "time.step=0.4"],
+    "pothole.py": ["1", "4", "--set", *COARSE, "--set", "time.end=0.8"],
+    "settling.py": [
+        "disc",
+        *COARSE,
+        "output.every=0",
+        "body.centre=[2.0, 2.0]",
+        "contact.friction=0.5",
+        "contact.gap=0.1",
+    ],
+    "shear_orbit.py": ["numerics.mesh_size=3.0", "time.step=0.5", "output.every=0"],
 }
 # What each prints once for every result.
 SAID = {"cavity.py": "Re = 100", "grain_on_bed.py": "verdict"}
