@@ -57,7 +57,8 @@ def test_cost_of_a_coarse_grain_on_a_bed(command: Any, tmp_path: Path) -> None:
     assert min(errors.values()) == min(e for (order, _), e in errors.items() if order == 3)
     assert all(run["peak_mib"] > 50 and run["cpu"] > 0 for run in stored["runs"])
     assert (out / "cost.png").read_bytes().startswith(b"\x89PNG")
-    assert "| accuracy |" in (out / "cost.md").read_text()
+    # Whether these few runs suffice for a law hangs on the times measured.
+    assert ("| accuracy |" in (out / "cost.md").read_text()) == ("each further digit" in done.stdout)
 
     plan = predicted(command, GRAIN_ON_BED, variables, *COARSE)
     assert plan is not None and plan["own"]

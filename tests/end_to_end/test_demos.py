@@ -21,7 +21,7 @@ SCRIPTS = sorted(DEMOS.glob("*.py"))
 COARSE = ["numerics.mesh_size=2.0"]
 RUNS = {
     "cavity.py": ["100"],
-    "grain_on_bed.py": [],
+    "grain_on_bed.py": ["1", "10"],
     "pothole.py": ["1", "4", "--set", *COARSE, "--set", "time.end=0.8"],
     "settling.py": [
         "disc",
