@@ -92,10 +92,13 @@ class Fluid:
         self._direction: Any = None  # made when a response is first asked for
         self._action: Any = None
 
-    def residual_form(self, w: Any, q: Any) -> Any:
-        """The residual of the present state as a UFL form, tested with velocity w and pressure q."""
+    def residual_form(self, w: Any, q: Any, cells: np.ndarray | None = None) -> Any:
+        """The residual of the present state as a UFL form, tested with velocity w and pressure q.
+
+        Integrated over all cells, or over some of the local ones only.
+        """
         v, p = ufl.split(self.state)
-        return residual(v, p, w, q, self._terms(v), self.space.quadrature())
+        return residual(v, p, w, q, self._terms(v), self.space.quadrature(cells=cells))
 
     def _forms(self) -> tuple[Any, Any]:
         whole = self.residual_form(*ufl.TestFunctions(self.space.mixed))
@@ -349,26 +352,37 @@ class Fluid:
     def response(self, boundary: np.ndarray, forcing: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """How the flow answers to a change of boundary velocities, with the factors at hand. Collective.
 
-        `boundary` is a change of the state (local unknowns,) that vanishes off a carried boundary, `forcing` the
+        `boundary` is a change of the state (local unknowns,) that vanishes off carried boundaries, `forcing` the
         change of the residual (owned unknowns,) that comes with it for other reasons. Returns the change of the
         state completed so that the residual within the flow stays as it is, and the change of the residual on
-        the boundary (owned unknowns,): of the tractions, by the exact derivative where the factors are fresh.
+        carried boundaries (owned unknowns,), of the tractions: by the exact derivative where the factors are
+        fresh. Off these boundaries the latter has no meaning.
         """
-        if self._direction is None:
-            self._direction = dolfinx.fem.Function(self.space.mixed)
-            self._action = compat.form(ufl.action(self._jacobian_form, self._direction))
+        whole, near = self._actions()
         self._direction.x.array[:] = boundary
-        self._assemble_action(forcing)
+        self._assemble_action(whole, forcing)
         petsc.set_bc(self._vector, self.constraints.dirichlet, scale=0.0)
         self.solver.apply(self._vector, self._correction)
         self._direction.x.array[: self._vector.getLocalSize()] -= self._correction.array_r
         self._direction.x.scatter_forward()
-        self._assemble_action(forcing)
+        self._assemble_action(near, forcing)
         return self._direction.x.array.copy(), self._vector.array_r.copy()
 
-    def _assemble_action(self, forcing: np.ndarray) -> None:
-        """The Jacobian, conditions not applied, times the direction, and the forcing."""
-        self._assemble_into(self._vector, self._action)
+    def _actions(self) -> tuple[Any, Any]:
+        """The Jacobian times the direction: whole, and from the cells at carried boundaries only."""
+        if self._action is None:
+            self._direction = self._direction or dolfinx.fem.Function(self.space.mixed)
+            w, q = ufl.TestFunctions(self.space.mixed)
+            near = self.constraints.carried_cells()
+            forms = (self.residual_form(w, q), self.residual_form(w, q, near))
+            trial = ufl.TrialFunction(self.space.mixed)
+            jacobians = (ufl.derivative(form, self.state, trial) for form in forms)
+            self._action = tuple(compat.form(ufl.action(one, self._direction)) for one in jacobians)
+        return self._action
+
+    def _assemble_action(self, action: Any, forcing: np.ndarray) -> None:
+        """A Jacobian, conditions not applied, times the direction, and the forcing."""
+        self._assemble_into(self._vector, action)
         self._vector.setArray(self._vector.array_r + forcing)
 
     def residual(self) -> np.ndarray:
