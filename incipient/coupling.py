@@ -354,7 +354,7 @@ class Coupling:
     def _stiffness(self, end: BodyState, load: Floats, length: float) -> Floats:
         """Minus the derivative (k, k) of the load that is not the flow's by the body's velocities; not collective.
 
-        It comes through the place at the end as in `_of_displacement`, and directly; zero for a constant load.
+        It comes through the place at the end as in `_of_displacements`, and directly; zero for a constant load.
         """
         changes, d = np.zeros((self.body.size, self.body.size)), self.body.gdim
         for k in np.flatnonzero(self.body.mask):
