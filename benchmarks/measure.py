@@ -7,9 +7,7 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,20 +15,10 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+from incipient.cost.process import Usage, run
+
 ROOT = Path(__file__).resolve().parents[1]
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-
-
-@dataclass(frozen=True)
-class Usage:
-    """What one process took. Seconds; MiB of its largest process; its words."""
-
-    wall: float
-    cpu: float
-    peak_mib: float
-    exit_code: int
-    output: str
-    errors: str
 
 
 @dataclass(frozen=True)
@@ -47,26 +35,10 @@ class Program:
 def measure(command: Sequence[str], environment: Mapping[str, str] | None = None) -> Usage:
     """Run a command in the project's directory to its end.
 
-    The kernel counts the peak of a new process from that of the one that starts it, so the caller must stay
-    small: nothing here imports numpy.
+    Its peak of memory is its own as long as this process is the smaller one (`incipient.cost.process.run`): nothing
+    here loads the finite elements.
     """
-    with tempfile.TemporaryFile("w+") as output, tempfile.TemporaryFile("w+") as errors:
-        began = time.perf_counter()
-        process = subprocess.Popen(
-            command, cwd=ROOT, env=environment, stdin=subprocess.DEVNULL, stdout=output, stderr=errors
-        )
-        try:
-            _, status, used = os.wait4(process.pid, 0)
-        except BaseException:
-            process.kill()
-            process.wait()
-            raise
-        wall = time.perf_counter() - began
-        process.returncode = os.waitstatus_to_exitcode(status)
-        output.seek(0)
-        errors.seek(0)
-        cpu, peak = used.ru_utime + used.ru_stime, used.ru_maxrss / 1024
-        return Usage(wall, cpu, peak, process.returncode, output.read(), errors.read())
+    return run(command, environment, ROOT)
 
 
 class Session:

@@ -63,23 +63,25 @@ def run(
     """
     from mpi4py import MPI as mpi
 
-    from .recorder import Unrecorded
     from .simulation import simulate
 
     comm = comm or mpi.COMM_WORLD
-
-    def recorder() -> Recorder:
-        if directory is None:
-            return Unrecorded()
-        from .output.directory import ResultDirectory
-
-        return ResultDirectory(Path(directory), comm)
-
     if scene.numerics.accuracy is None:
-        return simulate(scene, comm, recorder(), voice)
+        return simulate(scene, comm, _recorder(directory, comm), voice)
     from .accuracy.adaptation import run_to_accuracy
 
-    return run_to_accuracy(scene, comm, recorder, voice)
+    return run_to_accuracy(scene, comm, lambda: _recorder(directory, comm), voice)
+
+
+def _recorder(directory: Path | str | None, comm: MPI.Comm) -> Recorder:
+    """What writes a run into a directory, from the start."""
+    if directory is None:
+        from .recorder import Unrecorded
+
+        return Unrecorded()
+    from .output.directory import ResultDirectory
+
+    return ResultDirectory(Path(directory), comm)
 
 
 def resume(

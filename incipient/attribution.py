@@ -44,6 +44,7 @@ class Corrections:
         """What to call after each correction of a steady solve, so that `watch` is called, too."""
 
         def told(share: float, iteration: int, size: float) -> None:
+            """Book the correction, then pass it on."""
             self.made(iteration, size)
             watch(share, iteration, size)
 

@@ -36,6 +36,7 @@ class _Parser(argparse.ArgumentParser):
     """Reports a wrong command line like any other wrong input: in one line, by one rank."""
 
     def error(self, message: str) -> NoReturn:
+        """Raise where the parser of the standard library would print its usage and leave."""
         raise SceneError(f"{message}; see {self.prog} --help")
 
 
@@ -60,6 +61,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     def command(name: str, function: Callable[..., int], text: str, *parents: Any) -> Any:
+        """A parser for one command, which calls `function` with its options."""
         made = commands.add_parser(name, help=text, description=text, parents=[*parents, common])
         made.set_defaults(command=function)
         return made
@@ -76,7 +78,9 @@ def _parser() -> argparse.ArgumentParser:
     threshold = command(
         "threshold", _threshold, "find the flow at which the scene's grain first moves", scene
     )
-    threshold.add_argument("--out", type=Path, help="directory for the results (default: as for run)")
+    threshold.add_argument(
+        "--out", type=Path, help="directory for the results (default: results/NAME OF THE SCENE_threshold)"
+    )
     plan = command("plan", _plan, "say what would be computed and what not, and what it needs", scene)
     plan.add_argument("--json", action="store_true", help="as JSON")
     cost = command("cost", _cost, "find what accuracy costs: error against time, by a ladder of runs", scene)
@@ -88,15 +92,19 @@ def _parser() -> argparse.ArgumentParser:
     for name, what in (("--sizes", "cell sizes"), ("--steps", "time steps")):
         text = f"{what} as multiples of the scene's"
         cost.add_argument(name, type=float, nargs="+", metavar="FACTOR", help=text)
+    cost.add_argument(
+        "--solvers",
+        nargs="+",
+        metavar="WAY",
+        help="ways to solve on all meshes, such as extrapolated+bdf1; own: none but the scene's (default: some, on a "
+        "middle mesh)",
+    )
     command("calibrate", _calibrate, "measure this machine, so that plan can tell times and errors")
     show = command("show", _show, "draw the pictures of a finished run, or animate its flow")
     show.add_argument("directory", type=Path, help="directory of the results")
+    show.add_argument("--animate", action="store_true", help="show the flow in motion instead")
     show.add_argument(
-        "--animate",
-        nargs="?",
-        const="",
-        metavar="FILE",
-        help="show the flow in motion instead, as .gif or .mp4 (default: DIRECTORY/FIELD.gif)",
+        "--out", type=Path, metavar="FILE", help="animation, .gif or .mp4 (default: DIRECTORY/FIELD.gif)"
     )
     show.add_argument(
         "--field", choices=("velocity", "pressure", "vorticity"), help="what to animate (default: velocity)"
@@ -162,7 +170,7 @@ def _threshold(options: argparse.Namespace, comm: MPI.Comm) -> int:
     from .threshold import find_threshold
 
     scene = incipient.load(options.scene, options.overrides)
-    directory = options.out or Path("results") / options.scene.stem
+    directory = options.out or Path("results") / f"{options.scene.stem}_threshold"
     with telling(comm.rank) as voice:
         threshold = find_threshold(scene, comm, voice)
     write_threshold(directory, scene, threshold, comm)
@@ -204,14 +212,13 @@ def _whereabouts(directory: Path, fields: bool, pictures: list[Path], cost: dict
 def _plan(options: argparse.Namespace, comm: MPI.Comm) -> int:
     import incipient
 
-    from .cost.command import predicted
+    from .cost.command import planned, predicted
     from .parallel import collectively
-    from .simulation import estimate
 
     scene = incipient.load(options.scene, options.overrides)
     with collectively(comm):
         if comm.rank == 0:
-            plan = estimate(scene)
+            plan = planned(scene)
             prediction, words = predicted(scene, plan)
             told = json.dumps({**plan.to_dict(), "prediction": prediction}, indent=2)
             print(told if options.json else f"{plan.text()}\n{words}")
@@ -227,7 +234,7 @@ def _cost(options: argparse.Namespace, comm: MPI.Comm) -> int:
     _alone("cost", comm)
     scene = incipient.load(options.scene, options.overrides)
     directory = options.out or Path("results") / f"{options.scene.stem}_cost"
-    lists = {name: getattr(options, name) for name in ("orders", "sizes", "steps")}
+    lists = {name: getattr(options, name) for name in ("orders", "sizes", "steps", "solvers")}
     spread = cost_command.chosen(scene, options.quick, **lists)
     found = cost_command.study(scene, directory, spread, logging.getLogger("incipient").info)
     draw_apart(directory)
@@ -252,9 +259,11 @@ def _alone(name: str, comm: MPI.Comm) -> None:
 def _show(options: argparse.Namespace, comm: MPI.Comm) -> int:
     from .parallel import collectively
 
-    if options.animate is None and options.field is not None:
-        raise SceneError("--field says what to animate; add --animate")
-    if options.animate is None:
+    if not options.animate:
+        if options.field is not None:
+            raise SceneError("--field says what to animate; add --animate")
+        if options.out is not None:
+            raise SceneError("--out names the animation; add --animate")
         for path in _pictures(options.directory, comm):
             print(path)
         return 0
@@ -262,8 +271,7 @@ def _show(options: argparse.Namespace, comm: MPI.Comm) -> int:
         if comm.rank == 0:
             from .pictures.apart import animate_apart
 
-            target = Path(options.animate) if options.animate else None
-            print(animate_apart(options.directory, target, options.field or "velocity"))
+            print(animate_apart(options.directory, options.out, options.field or "velocity"))
     return 0
 
 

@@ -3,13 +3,16 @@
 An effect is left out where its expected influence on the drag is below a tenth of the accuracy asked for: errors of
 the model then stay small beside those of the discretisation. The estimates are the leading terms for a sphere:
 
-- inertia: Oseen's correction of the drag, 3/16 Re, with the Reynolds number of diameter and speed (Proudman & Pearson
-  1957, J. Fluid Mech. 2, 237). A grain away from walls feels inertia as far as the next wall: the flow of Stokes
-  decays as slowly as the distance grows (Oseen 1910), in the plane even more slowly. For a sphere that touches a wall
-  in shear, lift over drag is 0.07 Re (Leighton & Acrivos 1985, ZAMP 36, 174; O'Neill 1968): Oseen's is the larger.
-- unsteadiness: history force and added mass of Basset, Boussinesq and Oseen over the drag of Stokes,
-  a/sqrt(pi nu T) + a^2/(9 nu T) with a the radius and T the time in which the flow changes (Maxey & Riley 1983,
-  Phys. Fluids 26, 883).
+- inertia: Oseen's correction of the drag, 3/16 Re, with the Reynolds number of diameter and speed (Proudman &
+  Pearson 1957, J. Fluid Mech. 2, 237). A grain away from walls feels inertia as far as the next wall: the
+  flow of Stokes decays as slowly as the distance grows (Oseen 1910), in the plane even more slowly. For a
+  sphere that touches a wall in shear G, lift over drag is 0.287 G a^2/nu (Leighton & Acrivos 1985, ZAMP 36,
+  174), that is 0.07 Re with the speed at its top: Oseen's is the larger.
+- unsteadiness: what a stream that changes does to a sphere held in it, over the drag of Stokes: the history
+  force, a/sqrt(nu T), and the pressure that accelerates stream and displaced fluid with the added mass,
+  a^2/(3 nu T), with a the radius and T the time in which the flow changes (Maxey & Riley 1983, Phys. Fluids
+  26, 883; the history force is that in a stream that oscillates: one that grows steadily for a time T has
+  2/sqrt(pi) times as much).
 
 They only decide. What was left out is estimated once more from the flow that was computed (`incipient.omitted`).
 """
@@ -29,11 +32,16 @@ if TYPE_CHECKING:
 OSEEN = 3.0 / 16.0
 SHARE = 0.1  # of the accuracy asked for that an effect left out by the plan may use up
 USUAL_ACCURACY = 0.01
-# A cylinder in a stream sheds vortices from this Reynolds number on (Provansal, Mathis & Boyer 1987, J. Fluid
-# Mech. 182, 1); close to a wall, within 0.3 diameters, it does not (Bearman & Zdravkovich 1978, J. Fluid Mech. 89, 33).
-SHEDDING, SHEDDING_CLEARANCE = 47.0, 0.3
-# From about this Reynolds number of mean velocity and height on a channel's turbulence sustains itself (Patel &
-# Head 1969, J. Fluid Mech. 38, 181).
+# A cylinder in a stream sheds vortices from this Reynolds number on (Heil, Rosso, Hazel & Brøns 2017, J.
+# Fluid Mech. 812, 199; experiments: 47, Provansal, Mathis & Boyer 1987, J. Fluid Mech. 182, 1); close to a
+# wall, within 0.3 diameters, it does not (Bearman & Zdravkovich 1978, J. Fluid Mech. 89, 33; a square one
+# within 0.35: Bosch, Kappler & Rodi 1996, Exp. Therm. Fluid Sci. 13).
+SHEDDING, SHEDDING_CLEARANCE = 46.0, 0.3
+# From about this Reynolds number on the turbulence of a channel sustains itself. Between walls, of mean
+# velocity and height: 4/3 of 965, of half the height and the greatest velocity (Gomé, Tuckerman & Barkley
+# 2020, Phys. Rev. Fluids 5, 083905; experiments: about 1000, Orszag & Kells 1980, J. Fluid Mech. 96, 159). In
+# shear, of the velocity on top and the height: 4 times 324, of half of each (Duguet, Schlatter & Henningson
+# 2010, J. Fluid Mech. 650, 119).
 TURBULENT = 1300.0
 SAMPLES = 33  # of times and of heights at which a given flow is looked at
 
@@ -215,10 +223,16 @@ def _free_surface(scene: Scene, numbers: Numbers) -> Effect:
 
 def _turbulence(scene: Scene, numbers: Numbers) -> Effect:
     reason = "not part of this version"
-    if scene.domain.kind == "channel" and numbers.flow_reynolds > TURBULENT:
-        told = f"flow Re {numbers.flow_reynolds:.4g}: channels may be turbulent from {TURBULENT:g} on"
+    if scene.domain.kind == "channel" and numbers.flow_reynolds > turbulent_from(scene):
+        least = turbulent_from(scene)
+        told = f"flow Re {numbers.flow_reynolds:.4g}: channels may be turbulent from {least:g} on"
         return Effect("turbulence", False, f"{reason}; {told}")
     return Effect("turbulence", False, reason)
+
+
+def turbulent_from(scene: Scene) -> float:
+    """Flow Reynolds number from which a channel may be turbulent; an open one is half a closed one."""
+    return 0.5 * TURBULENT if scene.flow.kind == "open-channel" else TURBULENT
 
 
 # -- estimates --------------------------------------------------------------------------------------
@@ -237,12 +251,12 @@ def expected_of_inertia(scene: Scene, numbers: Numbers) -> float:
 
 
 def expected_of_unsteadiness(scene: Scene) -> float | None:
-    """Relative change of the drag by history force and added mass; at most one; None: the flow is given as steady."""
+    """Relative change of the drag on a held grain as the stream changes, at most one; None: it is steady."""
     period, grain = time_of_change(scene), scene.grain
     if period is None or grain is None:
         return None
     diffusion = (0.5 * grain.size) ** 2 / (scene.viscosity * period)
-    return min(math.sqrt(diffusion / math.pi) + diffusion / 9.0, 1.0)
+    return min(math.sqrt(diffusion) + diffusion / 3.0, 1.0)
 
 
 def time_of_change(scene: Scene) -> float | None:

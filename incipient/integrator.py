@@ -11,6 +11,7 @@ Equations I, II.4.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -339,16 +340,17 @@ class Integrator:
         start, end = self._start[0], self.t
         if after == 0.0:
             return end
-
-        def value(t: float) -> float:
-            g = event.function(t, self._dense(t))
-            if t in (start, end):  # where the sign is known already; round-off must not change it
-                known = after if t == end else -after
-                return g if g * known > 0.0 else known
-            return g
-
         tiny = max(0.25 * ROUND_OFF * max(abs(start), abs(end)), 1e-3 * ROUND_OFF * abs(end - start))
+        value = partial(self._value, event, after)
         return float(brentq(value, start, end, xtol=tiny, rtol=ROUND_OFF, maxiter=200))
+
+    def _value(self, event: Event, after: float, t: float) -> float:
+        """The event's function within the last step, at whose end it has the sign `after`."""
+        g = event.function(t, self._dense(t))
+        if t in (self._start[0], self.t):  # where the sign is known already; round-off must not change it
+            known = after if t == self.t else -after
+            return g if g * known > 0.0 else known
+        return g
 
     def _go_back(self, t: float) -> None:
         """End the last step at a time within it."""

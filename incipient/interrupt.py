@@ -7,9 +7,12 @@ import signal
 import threading
 import time
 import traceback
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
+
+from .errors import Interrupted
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -53,6 +56,27 @@ class Interruption:
             self._since = now
             if self._comm.rank == 0:
                 os.write(2, NOTICE)
+
+
+@contextmanager
+def told_where_kept(directory: Path | None, comm: MPI.Comm) -> Iterator[None]:
+    """Let an interrupt of the block, in which errors are estimated, say where the result without them is kept.
+
+    An interrupt stays as it is where nothing is kept, and with several ranks, as others may wait for this one.
+    Not collective.
+
+    Raises:
+        Interrupted: in place of a KeyboardInterrupt.
+    """
+    try:
+        yield
+    except KeyboardInterrupt as interrupt:
+        if directory is None or comm.size > 1:
+            raise
+        forget_unfinished_form(interrupt)
+        raise Interrupted(
+            f"interrupted while the error bars were computed; the result without them is kept in {directory}"
+        ) from interrupt
 
 
 def forget_unfinished_form(interrupt: BaseException) -> None:

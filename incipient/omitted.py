@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .effects import TURBULENT, accuracy_asked, percent
+from .effects import accuracy_asked, percent, turbulent_from
 
 if TYPE_CHECKING:
     from .effects import Effect
@@ -106,7 +106,7 @@ def _unsteadiness(simulation: Simulation, effect: Effect, *loads: Any) -> Iterat
     remedy = 'set effects.unsteadiness = "auto"'
     transient = simulation.transient
     if not scene.numerics.error_bars or transient is None or not transient.past:
-        how = "history force and added mass, leading terms"
+        how = "history force, pressure gradient and added mass, leading terms"
         yield Omission(effect.name, effect.expected, how, False, remedy)
         return
     before = transient.past[0]
@@ -151,13 +151,11 @@ def _free_surface(simulation: Simulation, effect: Effect, *loads: Any) -> Iterat
 
 
 def _turbulence(simulation: Simulation, effect: Effect, *loads: Any) -> Iterator[Omission]:
-    numbers = simulation.plan.numbers
-    if (
-        numbers is not None
-        and simulation.scene.domain.kind == "channel"
-        and numbers.flow_reynolds > TURBULENT
-    ):
-        how = f"flow Re {numbers.flow_reynolds:.4g} is above {TURBULENT:g}"
+    numbers, scene = simulation.plan.numbers, simulation.scene
+    if numbers is None or scene.domain.kind != "channel":
+        return
+    if numbers.flow_reynolds > turbulent_from(scene):
+        how = f"flow Re {numbers.flow_reynolds:.4g} is above {turbulent_from(scene):g}"
         yield Omission(effect.name, None, how, True, "the flow computed is the laminar one")
 
 

@@ -21,7 +21,7 @@ GEOMETRY_ORDER = {2: 2, 3: 3, 4: 3}
 
 @dataclass(frozen=True)
 class Estimate:
-    """What the computation will need, counted on the mesh that will be used."""
+    """What the computation will need, counted on the mesh that will be used, the first one if there are several."""
 
     cells: int
     unknowns: int
@@ -30,7 +30,10 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Plan:
-    """Effects, discretisation and (where it has been counted) expense of a scene's computation."""
+    """Effects, discretisation and (where it has been counted) expense of a scene's computation.
+
+    sought: what mesh and order are chosen for by the run, in words; empty where the scene chooses them
+    """
 
     effects: tuple[Effect, ...]
     order: int
@@ -42,6 +45,7 @@ class Plan:
     numbers: Numbers | None = None
     stabilisation: Stabilisation = NO_CONVECTION
     estimate: Estimate | None = None
+    sought: str = ""
 
     def has(self, name: str) -> bool:
         """Whether an effect is simulated."""
@@ -60,15 +64,20 @@ class Plan:
         lines = [f"  {'yes' if e.present else ' no'}  {e.name}: {e.reason}" for e in self.effects]
         if self.numbers is not None:
             lines.append(f"  {self.numbers.text()}")
-        lines.append(
-            f"  P{self.order}-P{self.order - 1} Taylor-Hood on cells of order {self.geometry_order}, "
-            f"cell sizes x {self.mesh_size:g}, {self.scheme}, {self.convection} convection"
-        )
-        lines.append(f"  {self.stabilisation.text()}")
+        lines += [*self._discretisation(), f"  {self.stabilisation.text()}"]
         if self.estimate is not None:
-            e = self.estimate
-            lines.append(f"  {e.cells} cells, {e.unknowns} unknowns, about {e.memory_mib:.0f} MiB of memory")
+            e, first = self.estimate, "first mesh: " if self.sought else ""
+            lines.append(
+                f"  {first}{e.cells} cells, {e.unknowns} unknowns, about {e.memory_mib:.0f} MiB of memory"
+            )
         return "\n".join(lines)
+
+    def _discretisation(self) -> list[str]:
+        elements = f"P{self.order}-P{self.order - 1} Taylor-Hood on cells of order {self.geometry_order}"
+        solved = f"{self.scheme}, {self.convection} convection"
+        if not self.sought:
+            return [f"  {elements}, cell sizes x {self.mesh_size:g}, {solved}"]
+        return [f"  {self.sought}", f"  {elements} at first, {solved}"]
 
 
 def make_plan(scene: Scene) -> Plan:
@@ -86,7 +95,23 @@ def make_plan(scene: Scene) -> Plan:
         reynolds=1.0 / scene.viscosity,
         numbers=numbers,
         stabilisation=stabilisation_of(scene, "inertia" in present),
+        sought=_sought(scene),
     )
+
+
+def _sought(scene: Scene) -> str:
+    """What the run chooses mesh and order, or mesh and steps, for."""
+    numerics = scene.numerics
+    if numerics.accuracy is None:
+        return ""
+    chosen = "mesh and order" if scene.time is None else "mesh and steps"
+    aim = f"until the error of the {numerics.accuracy_of} is below {numerics.accuracy}"
+    if numerics.accuracy == "verdict":
+        aim = "until the verdict is decided"
+    budgets = ((numerics.budget_seconds, "s"), (numerics.budget_mib, "MiB"))
+    limits = [f"{limit:g} {unit}" for limit, unit in budgets if limit is not None]
+    beyond = f", within {' and '.join(limits)}" if limits else ""
+    return f"numerics.accuracy: {chosen} are chosen by the run, {aim}{beyond}"
 
 
 def _geometry_order(scene: Scene) -> int:

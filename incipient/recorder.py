@@ -40,6 +40,9 @@ class Recorder(Protocol):
     def keep(self, checkpoint: Checkpoint) -> Path | None:
         """Keep what the run needs to go on; where, None if nowhere."""
 
+    def provisional(self, result: Result) -> Path | None:
+        """The run is over but for its error bars; where this result is kept until `finish`, None if nowhere."""
+
     def finish(self, result: Result) -> None:
         """The run is over, whether complete or not."""
 
@@ -66,6 +69,9 @@ class Unrecorded:
         """Nothing."""
 
     def keep(self, checkpoint: Checkpoint) -> Path | None:
+        """Nowhere."""
+
+    def provisional(self, result: Result) -> Path | None:
         """Nowhere."""
 
     def finish(self, result: Result) -> None:

@@ -9,7 +9,6 @@ import numpy as np
 
 from .attribution import cost_lines
 from .plan import Plan
-from .sampling import Extremum
 
 if TYPE_CHECKING:
     from .accuracy.adaptation import Adaptation
@@ -17,8 +16,14 @@ if TYPE_CHECKING:
     from .domain import Domain
     from .layout import Layout
     from .omitted import Omission
+    from .sampling import Extremum
 
 SCHEMA_VERSION = 1
+# What result.json has under the name and in the form that the result has it.
+AS_THEY_ARE = (
+    *("title", "status", "error", "scene", "grain", "contacts", "verdict", "trajectory", "cost"),
+    *("without_error_bars", "measured_cell_reynolds"),
+)
 
 
 @dataclass(frozen=True)
@@ -89,7 +94,11 @@ def gap_of(layout: Layout, domain: Domain) -> Gap | None:
 
 @dataclass(frozen=True)
 class Result:
-    """The outcome of a run. Vectors have three components in scene units; see `to_dict` for what is stored."""
+    """The outcome of a run. Vectors have three components in scene units; see `to_dict` for what is stored.
+
+    without_error_bars:     why error bars that are wanted are not there
+    measured_cell_reynolds: largest |v| h/(k nu) of a cell (`stabilisation`), None where there is no convection
+    """
 
     title: str
     plan: Plan
@@ -105,6 +114,8 @@ class Result:
     cost: dict[str, Any]
     trajectory: dict[str, Any] | None = None
     error_bars: ErrorBars | None = None
+    without_error_bars: str = ""
+    measured_cell_reynolds: float | None = None
     adaptation: Adaptation | None = None
     omitted: tuple[Omission, ...] = ()
     status: str = "complete"
@@ -114,8 +125,7 @@ class Result:
 
     def to_dict(self) -> dict[str, Any]:
         """Everything but the fields, as result.json holds it."""
-        names = ("title", "status", "error", "scene", "grain", "contacts", "verdict", "trajectory", "cost")
-        stored: dict[str, Any] = {"schema_version": SCHEMA_VERSION, **{n: getattr(self, n) for n in names}}
+        stored: dict[str, Any] = {"schema_version": SCHEMA_VERSION, **{n: getattr(self, n) for n in AS_THEY_ARE}}
         stored["plan"] = self.plan.to_dict()
         for name in ("force", "couple", "coefficients", "gap"):
             part = getattr(self, name)
@@ -143,7 +153,9 @@ def _lines(result: Result) -> list[str]:
             f"force of the flow   ({f[0]:.6g}, {f[1]:.6g})   couple {c[2]:.6g} about the centre of mass"
         )
     if result.error_bars is not None:
-        lines += _bars(result.error_bars)
+        lines += result.error_bars.lines()
+    elif result.without_error_bars:
+        lines.append(f"error bars          {result.without_error_bars}")
     if result.adaptation is not None:
         lines += result.adaptation.lines()
     if result.coefficients is not None:
@@ -166,16 +178,6 @@ def _lines(result: Result) -> list[str]:
     for omission in result.omitted:
         lines += omission.lines()
     return lines + cost_lines(result.cost.get("effects", {}))
-
-
-def _bars(bars: ErrorBars) -> list[str]:
-    """Errors and where they come from."""
-    f, c = bars.force, bars.couple
-    lines = [f"error bars          ({f[0]:.1e}, {f[1]:.1e})   couple {c[2]:.1e}"]
-    for term in bars.terms:
-        f, c = term.force, term.couple
-        lines.append(f"  {term.name:<18}({f[0]:.1e}, {f[1]:.1e})   couple {c[2]:.1e}   {term.how}")
-    return lines
 
 
 def _path(trajectory: dict[str, Any]) -> list[str]:

@@ -222,6 +222,7 @@ class RigidBody:
         slope = (imposed(end) - imposed(start))[~free] / (end - start)
 
         def rate(t: float, y: Floats) -> Floats:
+            """The derivative of place, orientation and velocities, packed as in `BodyState`."""
             turned, u = y[d:-n], y[-n:]
             frame = self._frame(turned)
             if free.all():

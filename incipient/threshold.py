@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .errors import ConvergenceError, SceneError
+from .outcome import cost
 from .progress import Silent
 from .scene import Scene
 
@@ -196,7 +197,7 @@ class _Search:
             contacts=self.contacts,
             verdict=critical.to_dict(),
             trials=tuple(self.trials),
-            cost=self.simulation.cost(),
+            cost=cost(self.simulation),
         )
 
     def _mode(self, factor: float) -> str:

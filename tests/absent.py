@@ -1,9 +1,9 @@
 """Runs a scene of which some effects are absent, with their code there or taken out, and tells what was used.
 
-In processes of its own: `python absent.py SCENE there|taken-out calls|instructions`. The scene is run twice; in the
-second run, which imports and compiles nothing any more, calls of Python and C functions by the interpreter are
-counted, or machine instructions if this runs under `valgrind --tool=callgrind --instr-atstart=no`. Prints JSON: calls,
-modules imported, forms compiled, unknowns, force.
+In processes of its own: `python absent.py SCENE there|taken-out calls|instructions [DIRECTORY]`. The scene is run
+twice; in the second run, which imports and compiles nothing any more, calls of Python and C functions by the
+interpreter are counted, or machine instructions if this runs under `valgrind --tool=callgrind --instr-atstart=no`.
+Prints JSON: calls, modules imported, forms compiled, unknowns, force.
 """
 
 from __future__ import annotations
@@ -16,12 +16,13 @@ from contextlib import AbstractContextManager
 from typing import Any
 
 # Modules that are for one effect only.
-OF_UNSTEADINESS = ("fluid.transient", "fluid.quasisteady")
-OF_MOVING_MESH = ("meshmotion", "remeshing", "transfer", "trajectory", "energy", "restart")
+OF_UNSTEADINESS = ("marching", "fluid.transient", "fluid.quasisteady")
+OF_MOVING_MESH = ("meshmotion", "remeshing", "transfer", "trajectory", "energy")
 OF_FREE_BODY = ("coupling", "rigidbody", "integrator", "fehlberg")
 OF_CONTACT = ("judgement", "contact")
 OF_ESTIMATES = ("accuracy",)
-MODULES = (*OF_UNSTEADINESS, *OF_MOVING_MESH, *OF_FREE_BODY, *OF_CONTACT, *OF_ESTIMATES)
+OF_CHECKPOINTS = ("restart",)
+MODULES = (*OF_UNSTEADINESS, *OF_MOVING_MESH, *OF_FREE_BODY, *OF_CONTACT, *OF_ESTIMATES, *OF_CHECKPOINTS)
 # Terms of the flow's equations that a steady flow without inertia does not have.
 TERMS = ("inertia", "convection", "skew_convection", "through_boundary")
 
@@ -77,8 +78,8 @@ class Instructions(Calls):
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
 
 
-def main(scene: str, state: str, counted: str) -> None:
-    """Run the scene twice, and count in the second run."""
+def main(scene: str, state: str, counted: str, directory: str | None = None) -> None:
+    """Run the scene twice, and count in the second run; results go to a directory if one is given."""
     if state == "taken-out":
         take_out()
     import dolfinx
@@ -94,11 +95,11 @@ def main(scene: str, state: str, counted: str) -> None:
 
     dolfinx.jit.ffcx_jit = listed
     loaded = incipient.load(scene)
-    incipient.run(loaded)
+    incipient.run(loaded, directory)
     compiled.clear()
     count: AbstractContextManager[Calls] = Calls() if counted == "calls" else Instructions()
     with count as calls:
-        result = incipient.run(loaded)
+        result = incipient.run(loaded, directory)
     found = {
         "calls": calls.number,
         "modules": sorted(m.removeprefix("incipient.") for m in sys.modules if m.startswith("incipient.")),

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from environment import environment
 from hypothesis import settings
 
 # The same examples in every run, so that a failure is the change's; HYPOTHESIS_PROFILE=explore looks further.
@@ -17,12 +18,6 @@ settings.register_profile("explore", deadline=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
 TESTS = Path(__file__).parent
-ENVIRONMENT = {
-    "OMP_NUM_THREADS": "1",
-    "OMPI_ALLOW_RUN_AS_ROOT": "1",
-    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-    "PYTHONPATH": str(TESTS),
-}
 
 Launch = Callable[..., subprocess.CompletedProcess[str]]
 
@@ -40,11 +35,9 @@ def mpirun(tmp_path: Path) -> Launch:
     ) -> subprocess.CompletedProcess[str]:
         path = script if isinstance(script, Path) else _written(script, tmp_path)
         command = ["mpirun", "-n", str(n), "--oversubscribe", sys.executable, str(path), *map(str, args)]
-        # Not inside the MPI of pytest itself, whose variables would make the new ranks look for it.
-        inherited = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_", "PMIX_", "PMI_"))}
         return subprocess.run(
             command,
-            env=inherited | ENVIRONMENT,
+            env=environment() | {"PYTHONPATH": str(TESTS)},
             capture_output=True,
             text=True,
             timeout=timeout,

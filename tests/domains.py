@@ -49,6 +49,17 @@ def curved_box(gdim: int, n: int, order: int, comm: MPI.Comm = MPI.COMM_WORLD) -
     return build(comm, partial(_cube_model, n, order), gdim)
 
 
+def bent_box(gdim: int, n: int, order: int) -> Any:
+    """A mesh of the unit box bent by polynomials of the order of its cells: the same domain for every n."""
+    mesh = curved_box(gdim, n, order).mesh
+    x, y = mesh.geometry.x[:, :2].T.copy()
+    mesh.geometry.x[:, 0] += 0.2 * y**order
+    mesh.geometry.x[:, 1] += 0.3 * x ** (order - 1) * y
+    if gdim == 3:
+        mesh.geometry.x[:, 2] += 0.2 * x * mesh.geometry.x[:, 2]
+    return mesh
+
+
 def square_in_box(size: float, cell: float, order: int = 1, comm: MPI.Comm = MPI.COMM_WORLD) -> Domain:
     """The box (0, 2) x (0, 1) less a square ("body") of a size about (0.8, 0.55), with straight sides."""
     sizes = Sizes(cell, (Near(cell / 2, 0.3, boundary="body"),))

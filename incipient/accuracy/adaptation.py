@@ -22,7 +22,12 @@ from ..scene import Scene
 from .goal import Goal
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from mpi4py import MPI
+
+# What a result says of a search that is still on; one that is stopped leaves it so.
+UNFINISHED = "the search goes on, or was stopped"
 
 
 @dataclass(frozen=True)
@@ -100,17 +105,25 @@ class Told:
     """A recorder that also learns how the mesh was found; the scene it keeps is as it was asked for.
 
     result: what it was told last, with the adaptation
+    kept:   where a result without error bars is kept, None if nowhere
+
+    Args:
+        adaptation: the search so far.
+        judge: told of the result when the run is over, before the search is asked for.
     """
 
     result: Result
+    kept: Path | None = None
 
-    def __init__(self, recorder: Recorder, asked: Scene, adaptation: Callable[[Result], Adaptation]):
-        self.keeps, self._recorder, self._asked, self._adaptation = (
-            recorder.keeps,
-            recorder,
-            asked,
-            adaptation,
-        )
+    def __init__(
+        self,
+        recorder: Recorder,
+        asked: Scene,
+        adaptation: Callable[[], Adaptation],
+        judge: Callable[[Result], None] = lambda result: None,
+    ):
+        self.keeps, self._recorder, self._asked = recorder.keeps, recorder, asked
+        self._adaptation, self._judge = adaptation, judge
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._recorder, name)
@@ -119,11 +132,20 @@ class Told:
         """The mesh is there."""
         self._recorder.begin(self._asked, plan, domain)
 
+    def provisional(self, result: Result) -> Path | None:
+        """The run is over but for its error bars, and the search goes on."""
+        self.kept = self._recorder.provisional(self._with_search(result))
+        return self.kept
+
     def finish(self, result: Result) -> None:
         """The run is over."""
-        scene = self._asked.model_dump(mode="json")
-        self.result = replace(result, scene=scene, adaptation=self._adaptation(result))
+        self._judge(result)
+        self.result = self._with_search(result)
         self._recorder.finish(self.result)
+
+    def _with_search(self, result: Result) -> Result:
+        scene = self._asked.model_dump(mode="json")
+        return replace(result, scene=scene, adaptation=self._adaptation())
 
 
 class Search:
@@ -143,17 +165,23 @@ class Search:
         assert isinstance(self.numerics.accuracy, float | int)
         return self.numerics.accuracy
 
-    def adaptation(self, result: Result | None = None) -> Adaptation:
-        """The record of the search so far, a run that has given a result included."""
+    def adaptation(self) -> Adaptation:
+        """The record of the search so far."""
         asked, reached = self.numerics.accuracy, [t.estimate for t in self.trials if t.estimate is not None]
         assert asked is not None
-        return Adaptation(
-            asked, self.goal.name, reached[-1] if reached else None, self.met, self.reason, tuple(self.trials)
-        )
+        last, reason = reached[-1] if reached else None, self.reason or UNFINISHED
+        return Adaptation(asked, self.goal.name, last, self.met, reason, tuple(self.trials))
 
     def elapsed(self) -> float:
         """Seconds so far, the same on all ranks."""
         return float(self.comm.bcast(self.ledger.total(), root=0))
+
+    def spent(self) -> str:
+        """Why no estimate shall be begun any more, or nothing. Collective."""
+        limit = self.numerics.budget_seconds
+        if limit is None or self.elapsed() <= limit:
+            return ""
+        return f"numerics.budget_seconds = {limit:g} is spent"
 
     def beyond_budget(self, seconds: float, unknowns: float) -> str:
         """Why a run of so many seconds and unknowns is not made, or nothing. Collective."""

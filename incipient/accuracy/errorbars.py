@@ -8,26 +8,25 @@ Each source of error is a term of its own:
   how force and couple go with it, and what closing it would change;
 - domain: a coarse run with inflow, outflow and a free top farther away shows what they change.
 
-Terms are added in absolute value: an error bar is not a standard deviation.
+For flow in time the coarse runs go to the same end, in longer steps. Terms are added in absolute value: an error bar
+is not a standard deviation.
 """
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contact import Contacts, Load
-from ..contact.exact import MassAndInertia, judged
 from ..errors import IncipientError
-from ..judgement import load_of, mass_and_inertia
 from ..result import Couples, Forces, Result
 from ..scene import Scene
 from .dual import GoalErrors
+from .safetybar import SafetyBar, bar_of_scene
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -37,14 +36,24 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Solve = Callable[[Scene], "Loads"]
 
-# Coarse runs for the terms of the model: order, and mesh_size at least.
+# Coarse runs for the terms of the model: order, mesh_size at least; in time, how much longer the steps are, of which
+# so many stay if the scene has as many, and how much larger the error of each may be where they adapt, up to a bound.
 MODEL_ORDER, MODEL_MESH = 2, 1.4
+MODEL_MESH_IN_TIME, MODEL_STEP, FEWEST_STEPS = 2.0, 4.0, 8
+MODEL_TOLERANCE, LARGEST_TOLERANCE = 8.0, 0.1
 FARTHER = 1.5  # how much larger the domain of the domain's term is
 DECAY = 2.0  # the influence of sides is taken to fall off like their distance to this power
 COARSER_MESH, LONGER_STEP = 2.0**0.5, 2.0
 ORDERS = (0.3, 2.0)  # between which the order in the gap is believed
 # Three loads change too little to tell an order: below this share of the largest.
 TOO_LITTLE = 1e-6
+NO_CONTACT = "does not apply: no grain rests on a bed"
+MOVES = "does not apply: the grain moves, and contact.gap says where it stops"
+REPELLED = "not estimated: the grain moves, and what keeps it away from walls is a model of its own"
+
+
+class Spent(IncipientError):
+    """What may be spent on estimates is used up."""
 
 
 @dataclass(frozen=True)
@@ -75,35 +84,27 @@ class Term:
     how: str
     place: Floats | None = None
 
-
-@dataclass(frozen=True)
-class SafetyBar:
-    """The safety factor over all loads within the error bars, whether they all give one mode, and what to improve.
-
-    decisive: the term without which the range of safety factors would shrink most
-    """
-
-    value: float
-    low: float
-    high: float
-    certain: bool
-    modes: tuple[str, ...]
-    decisive: str
-
-    def sentence(self) -> str:
-        """What the error bars mean for the verdict."""
-        between = f"safety factor {self.value:.4g}, between {self.low:.4g} and {self.high:.4g}"
-        if self.certain:
-            return f"certain within the error bars: {between}"
-        return f"NOT certain: {between}; to decide, reduce the error of the {self.decisive}"
+    @classmethod
+    def of_difference(cls, name: str, one: Loads, other: Loads, share: float, how: str) -> Term:
+        """The error that is a share of what two runs differ by."""
+        place = None
+        if one.place is not None and other.place is not None:
+            place = share * np.abs(one.place - other.place)
+        force, couple = np.abs(one.force - other.force), np.abs(one.couple - other.couple)
+        return cls(name, share * force, share * couple, how, place)
 
 
 @dataclass(frozen=True)
 class ErrorBars:
-    """The error terms of a run, terms that were left out with the reason, and what they mean for the verdict."""
+    """The error terms of a run, and what they mean for the verdict.
+
+    left_out: terms that do not apply or are not estimated, with the reason
+    failed:   terms that should be there, with what kept them from being computed
+    """
 
     terms: tuple[Term, ...]
     left_out: dict[str, str] = field(default_factory=dict)
+    failed: dict[str, str] = field(default_factory=dict)
     safety: SafetyBar | None = None
 
     @property
@@ -118,9 +119,17 @@ class ErrorBars:
 
     @property
     def place(self) -> Floats | None:
-        """(3,) absolute error of place and turn of a moving grain."""
+        """(3,) absolute error of place and turn of a moving grain at the end of its path."""
         places = [term.place for term in self.terms if term.place is not None]
         return np.sum(places, axis=0) if places else None
+
+    def judged(self, simulation: Simulation, force: Forces, couple: Couples) -> ErrorBars:
+        """The same with the safety factor's bar, where there is a verdict and at least one term. Not collective."""
+        if simulation.contacts is None or not self.terms:
+            return self
+        errors = {term.name: np.concatenate([term.force, term.couple]) for term in self.terms}
+        bar = bar_of_scene(simulation.scene, simulation.contacts, force, couple, errors)
+        return replace(self, safety=bar and replace(bar, unknown=tuple(self.failed)))
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for result.json."""
@@ -130,8 +139,28 @@ class ErrorBars:
             "place": self.place,
             "terms": [asdict(term) for term in self.terms],
             "left_out": self.left_out,
+            "failed": self.failed,
             "safety_factor": None if self.safety is None else asdict(self.safety),
         }
+
+    def lines(self) -> list[str]:
+        """Errors and where they come from, for a reader."""
+        lines = [f"error bars          {_vectors(self.force, self.couple)}{_end_of_path(self.place)}"]
+        for term in self.terms:
+            errors = f"{_vectors(term.force, term.couple)}{_end_of_path(term.place)}"
+            lines.append(f"  {term.name:<18}{errors}   {term.how}")
+        lines += [f"  {name:<18}{why}" for name, why in self.left_out.items()]
+        return lines + [f"  {name:<18}not computed: {why}" for name, why in self.failed.items()]
+
+
+def _vectors(force: Floats, couple: Floats) -> str:
+    return f"({force[0]:.1e}, {force[1]:.1e})   couple {couple[2]:.1e}"
+
+
+def _end_of_path(place: Floats | None) -> str:
+    if place is None:
+        return ""
+    return f"   end of the path ({place[0]:.1e}, {place[1]:.1e}), turn {place[2]:.1e} rad"
 
 
 def error_bars(simulation: Simulation, force: Forces, couple: Couples) -> ErrorBars:
@@ -140,56 +169,46 @@ def error_bars(simulation: Simulation, force: Forces, couple: Couples) -> ErrorB
     A term whose coarse run fails is left out, and the reason said. What `simulation.known` holds, terms by name and
     loads of coarse runs by the JSON of their scene, is not computed again, and what is found is added to it.
     """
-    bars = _in_time(simulation, force, couple) if simulation.scene.time else _steady(simulation)
-    scene, contacts = simulation.scene, simulation.contacts
-    if contacts is None or scene.contact is None or scene.body is None or scene.body.density is None:
-        return bars
-    assert scene.grain is not None and scene.placement is not None
-    inert = mass_and_inertia(scene.grain, scene.body.density, scene.placement)
-    load = load_of(scene, force, couple)
-    return replace(bars, safety=bar_of_safety(load, contacts, scene.contact.friction, inert, bars.terms))
+    scene, found = simulation.scene, _Found(simulation)
+    if scene.time is None:
+        found.add("discretisation", lambda solve: _dual(simulation))
+    else:
+        computed = _computed(simulation, force, couple)
+        found.add("discretisation", lambda solve: by_coarser_run(scene, computed, solve))
+    for name, why_not, estimate in MODEL_TERMS:
+        if reason := why_not(scene):
+            found.leave_out(name, reason)
+        else:
+            found.add(name, partial(estimate, scene))
+    return found.bars().judged(simulation, force, couple)
 
 
-def _in_time(simulation: Simulation, force: Forces, couple: Couples) -> ErrorBars:
-    place = None
-    if simulation.trajectory is not None:
-        state = simulation.trajectory.state
-        place = np.concatenate([state.place, state.orientation])
-    computed = Loads(force.flow, couple.flow, place)
-    found = _Found(simulation)
-    found.add("discretisation", lambda solve: by_coarser_run(simulation.scene, computed, solve))
-    return found.bars({"gap": "not estimated for flow in time", "domain": "not estimated for flow in time"})
+def _computed(simulation: Simulation, force: Forces, couple: Couples) -> Loads:
+    """What a run in time has come to."""
+    if simulation.trajectory is None:
+        return Loads(force.flow, couple.flow)
+    state = simulation.trajectory.state
+    return Loads(force.flow, couple.flow, np.concatenate([state.place, state.orientation]))
 
 
-def _steady(simulation: Simulation) -> ErrorBars:
-    scene, placement, found = simulation.scene, simulation.layout.placement, _Found(simulation)
+def _dual(simulation: Simulation) -> Term:
+    placement = simulation.layout.placement
     assert placement is not None
-
-    def dual(solve: Solve) -> Term:
-        with GoalErrors(simulation.fluid, "body", placement.centre) as goals:
-            return by_dual(goals.force, goals.couple)
-
-    left_out = {}
-    found.add("discretisation", dual)
-    if simulation.plan.has("contact"):
-        found.add("gap", lambda solve: of_gap(scene, solve))
-    else:
-        left_out["gap"] = "no grain rests on a bed"
-    if reason := has_no_far_sides(scene):
-        left_out["domain"] = reason
-    else:
-        found.add("domain", lambda solve: of_domain(scene, solve))
-    return found.bars(left_out)
+    with GoalErrors(simulation.fluid, "body", placement.centre) as goals:
+        return by_dual(goals.force, goals.couple)
 
 
 class _Found:
     """Terms as they are found; each coarse run is made once."""
 
     def __init__(self, simulation: Simulation):
-        self._comm, self._terms, self._failed = simulation.comm, list[Term](), dict[str, str]()
-        self._known = simulation.known
+        self._comm, self._known, self._spent = simulation.comm, simulation.known, simulation.spent
+        self._terms: list[Term] = []
+        self._left_out: dict[str, str] = {}
+        self._failed: dict[str, str] = {}
 
     def add(self, name: str, estimate: Callable[[Solve], Term]) -> None:
+        """Estimate a term, unless it is known; a failure is noted in its place. Collective."""
         try:
             term = self._known.get(name)
             if not isinstance(term, Term):
@@ -198,13 +217,20 @@ class _Found:
         except IncipientError as error:
             self._failed[name] = str(error)
 
-    def bars(self, left_out: dict[str, str]) -> ErrorBars:
-        return ErrorBars(tuple(self._terms), {**left_out, **self._failed})
+    def leave_out(self, name: str, reason: str) -> None:
+        """Note why there is no such term. Not collective."""
+        self._left_out[name] = reason
+
+    def bars(self) -> ErrorBars:
+        """All that has been found. Not collective."""
+        return ErrorBars(tuple(self._terms), self._left_out, self._failed)
 
     def _solve(self, scene: Scene) -> Loads:
         key = scene.model_dump_json()
         loads = self._known.get(key)
         if not isinstance(loads, Loads):
+            if reason := self._spent():
+                raise Spent(reason)
             loads = self._known[key] = loads_of(scene, self._comm)
         return loads
 
@@ -214,6 +240,23 @@ def loads_of(scene: Scene, comm: MPI.Comm) -> Loads:
     from ..simulation import simulate
 
     return Loads.of(simulate(scene, comm))
+
+
+def coarse_scenes(scene: Scene) -> list[Scene]:
+    """The scenes of the coarse runs that the error bars of a scene with a grain need, each once. Not collective."""
+    wanted: dict[str, Scene] = {}
+
+    def note(coarse: Scene) -> Loads:
+        """Keep what would be run, without running it."""
+        wanted[coarse.model_dump_json()] = coarse
+        return Loads(np.zeros(3), np.zeros(3))
+
+    if scene.time is not None:
+        by_coarser_run(scene, Loads(np.zeros(3), np.zeros(3)), note)
+    for _, why_not, estimate in MODEL_TERMS:
+        if not why_not(scene):
+            estimate(scene, note)
+    return list(wanted.values())
 
 
 # -- the terms --------------------------------------------------------------------------------------
@@ -226,32 +269,10 @@ def by_dual(force: Floats, couple: Floats) -> Term:
 
 def by_coarser_run(scene: Scene, computed: Loads, solve: Solve) -> Term:
     """The term of mesh and time step together, from a run with both coarser, at second order or better."""
-    assert scene.time is not None
-    order = 2 if scene.time.scheme == "bdf2" else 1
-    other = solve(coarser(scene))
-    share = 1.0 / (LONGER_STEP**order - 1.0)
-    place = None
-    if computed.place is not None and other.place is not None:
-        place = share * np.abs(computed.place - other.place)
+    order = _order(scene)
     how = f"a run with mesh x {COARSER_MESH:.3g} and steps x {LONGER_STEP:g}, extrapolated at order {order}"
-    return Term(
-        "discretisation",
-        share * np.abs(computed.force - other.force),
-        share * np.abs(computed.couple - other.couple),
-        how,
-        place,
-    )
-
-
-def coarser(scene: Scene) -> Scene:
-    """The scene in time on a coarser mesh with longer steps; where steps adapt, with a larger error of each."""
-    assert scene.time is not None
-    time = {"step": min(LONGER_STEP * scene.time.step, scene.time.end)}
-    if scene.time.tolerance is not None:
-        order = 2 if scene.time.scheme == "bdf2" else 1
-        time["tolerance"] = LONGER_STEP ** (order + 1) * scene.time.tolerance
-    mesh_size = min(COARSER_MESH * scene.numerics.mesh_size, 100.0)
-    return changed(scene, numerics={"mesh_size": mesh_size, "error_bars": False}, time=time)
+    share = 1.0 / (LONGER_STEP**order - 1.0)
+    return Term.of_difference("discretisation", computed, solve(coarser(scene)), share, how)
 
 
 def of_gap(scene: Scene, solve: Solve) -> Term:
@@ -280,18 +301,49 @@ def _to_zero(at_one: float, at_two: float, at_four: float) -> float:
     return abs(near) / (2.0**order - 1.0)
 
 
+def no_gap(scene: Scene) -> str:
+    """Why there is no term of the gap, or nothing."""
+    if scene.body is not None and scene.body.moves:
+        return REPELLED if scene.body.on_contact == "repel" else MOVES
+    return "" if scene.rests else NO_CONTACT
+
+
 def of_domain(scene: Scene, solve: Solve) -> Term:
     """What sides that stand for an endless flow change, from a coarse run with all of them farther away."""
-    larger = solve(_coarse(farther(scene)))
-    smaller = solve(_coarse(scene))
-    share = 1.0 / (1.0 - FARTHER**-DECAY)
     how = f"a coarse run with sides {FARTHER:g} times as far, decay with distance to the power {DECAY:g}"
-    return Term(
-        "domain",
-        share * np.abs(larger.force - smaller.force),
-        share * np.abs(larger.couple - smaller.couple),
-        how,
-    )
+    share = 1.0 / (1.0 - FARTHER**-DECAY)
+    return Term.of_difference("domain", solve(_coarse(farther(scene))), solve(_coarse(scene)), share, how)
+
+
+def has_no_far_sides(scene: Scene) -> str:
+    """Why there is no term of the domain, or nothing."""
+    if scene.domain.kind == "box":
+        return "does not apply: the domain is closed by walls"
+    if scene.bed is not None and scene.bed.kind == "polyline":
+        return "not estimated: the bed is known only as far as its points reach"
+    return ""
+
+
+# Terms of the model: name, why a scene has none, and how it is estimated.
+MODEL_TERMS = (("gap", no_gap, of_gap), ("domain", has_no_far_sides, of_domain))
+
+
+# -- scenes of coarse runs ----------------------------------------------------------------------------
+
+
+def coarser(scene: Scene) -> Scene:
+    """The scene in time on a coarser mesh with longer steps; where steps adapt, with a larger error of each."""
+    assert scene.time is not None
+    time = {"step": min(LONGER_STEP * scene.time.step, scene.time.end)}
+    if scene.time.tolerance is not None:
+        time["tolerance"] = LONGER_STEP ** (_order(scene) + 1) * scene.time.tolerance
+    mesh_size = min(COARSER_MESH * scene.numerics.mesh_size, 100.0)
+    return changed(scene, numerics={"mesh_size": mesh_size, "error_bars": False}, time=time)
+
+
+def _order(scene: Scene) -> int:
+    """Order of the time steps."""
+    return 2 if scene.time is not None and scene.time.scheme == "bdf2" else 1
 
 
 def farther(scene: Scene) -> Scene:
@@ -307,20 +359,26 @@ def farther(scene: Scene) -> Scene:
     }
     if scene.top == "stream":
         changes["height"] = FARTHER * domain.height
-    if scene.fluid.scale == "flow" and "height" in changes:
-        # The viscosity stays: the Reynolds number is that of a higher domain.
-        return changed(scene, domain=changes, fluid={"reynolds": FARTHER * scene.fluid.reynolds})
-    return changed(scene, domain=changes)
+    larger = changed(scene, domain=changes)
+    if scene.fluid.scale == "grain":
+        return larger
+    # The viscosity stays: the Reynolds number is that of a higher domain.
+    return changed(larger, fluid={"reynolds": scene.fluid.reynolds * larger.viscosity / scene.viscosity})
 
 
 def _coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
-    numerics = {
-        "order": MODEL_ORDER,
-        "geometry_order": None,
-        "mesh_size": max(MODEL_MESH, scene.numerics.mesh_size),
-        "error_bars": False,
-    }
-    return changed(scene, numerics=numerics, **sections)
+    """The scene as it is run for a term of the model."""
+    numerics: dict[str, Any] = {"order": MODEL_ORDER, "geometry_order": None, "error_bars": False}
+    size = scene.numerics.mesh_size
+    if scene.time is None:
+        return changed(scene, numerics={**numerics, "mesh_size": max(MODEL_MESH, size)}, **sections)
+    time = {"step": min(MODEL_STEP * scene.time.step, max(scene.time.step, scene.time.end / FEWEST_STEPS))}
+    if scene.time.tolerance is not None:
+        time["tolerance"] = max(
+            min(MODEL_TOLERANCE * scene.time.tolerance, LARGEST_TOLERANCE), scene.time.tolerance
+        )
+    numerics["mesh_size"] = max(MODEL_MESH_IN_TIME, size)
+    return changed(scene, numerics=numerics, time=time, **sections)
 
 
 def changed(scene: Scene, **sections: dict[str, Any]) -> Scene:
@@ -332,65 +390,3 @@ def changed(scene: Scene, **sections: dict[str, Any]) -> Scene:
     for name, keys in sections.items():
         plain[name] = {**(plain[name] or {}), **keys}
     return Scene(**plain)
-
-
-def has_no_far_sides(scene: Scene) -> str:
-    """Why there is no term of the domain, or nothing."""
-    if scene.domain.kind == "box":
-        return "the domain is closed by walls"
-    if scene.bed is not None and scene.bed.kind == "polyline":
-        return "the bed is known only as far as its points reach"
-    return ""
-
-
-# -- the verdict ------------------------------------------------------------------------------------
-
-
-def bar_of_safety(
-    load: Load, contacts: Contacts, friction: float, inert: MassAndInertia | None, terms: tuple[Term, ...]
-) -> SafetyBar:
-    """The exact judge's answers at all corners of the error bars, and at the load itself."""
-
-    def answers(terms: tuple[Term, ...]) -> list[tuple[float, str]]:
-        found = []
-        for corner in _corners(load, ErrorBars(terms)):
-            exact = judged(corner, contacts, friction, inert)
-            found.append((exact.safety.value, exact.label))
-        return found
-
-    everything = answers(terms)
-    factors, modes = zip(*everything, strict=True)
-    widths = {}
-    for term in terms:
-        left = [value for value, _ in answers(tuple(one for one in terms if one is not term))]
-        widths[term.name] = _width(left)
-    return SafetyBar(
-        value=factors[0],
-        low=min(factors),
-        high=max(factors),
-        certain=len(set(modes)) == 1,
-        modes=tuple(dict.fromkeys(modes)),
-        decisive=min(widths, key=lambda name: widths[name], default=""),
-    )
-
-
-def _width(factors: list[float]) -> float:
-    """Of a range of safety factors, on the scale of 1/(1 + factor), where infinity is a number, too."""
-    shares = [1.0 / (1.0 + factor) for factor in factors]
-    return max(shares) - min(shares)
-
-
-def _corners(load: Load, bars: ErrorBars) -> list[Load]:
-    """The load itself and the loads at the corners of the error bars."""
-    if not bars.terms:
-        return [load]
-    errors = np.concatenate([bars.force, bars.couple])
-    which = np.flatnonzero(errors > 0.0)
-    loads = [load]
-    for signs in itertools.product((-1.0, 1.0), repeat=len(which)):
-        change = np.zeros(6)
-        change[which] = np.array(signs) * errors[which]
-        loads.append(
-            Load(load.flow_force + change[:3], load.flow_couple + change[3:], load.weight, load.centre)
-        )
-    return loads

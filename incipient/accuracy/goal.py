@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contact import Load
 from ..contact.exact import judged
-from ..judgement import find_contacts, load_of, mass_and_inertia
-from .errorbars import bar_of_safety, by_dual
+from ..judgement import find_contacts, load_of
+from .safetybar import bar_of_scene, shifted
 
 if TYPE_CHECKING:
     from ..contact import Contacts
@@ -70,14 +69,10 @@ class Goal:
         return max(float(np.linalg.norm(couple.flow)), LEAST_COUPLE * size * self.scene.grain.size)
 
     def _width(self, force: Forces, couple: Couples, of_force: Floats, of_couple: Floats) -> float:
-        scene = self.scene
-        assert self.contacts is not None and scene.contact is not None and scene.body is not None
-        assert scene.grain is not None and scene.placement is not None
-        inert = mass_and_inertia(scene.grain, scene.body.density or 0.0, scene.placement)
-        term = by_dual(of_force, of_couple)
-        bar = bar_of_safety(
-            load_of(scene, force, couple), self.contacts, scene.contact.friction, inert, (term,)
-        )
+        assert self.contacts is not None
+        errors = {"discretisation": np.abs(np.concatenate([of_force, of_couple]))}
+        bar = bar_of_scene(self.scene, self.contacts, force, couple, errors)
+        assert bar is not None
         if bar.low == bar.high:
             return 0.0
         return _ratio(bar.high - bar.low, bar.value)
@@ -89,13 +84,10 @@ class Goal:
         step = DIFFERENCE * float(np.linalg.norm(force.flow))
         steps = np.array([step, step, step * scene.grain.size])
         slopes = np.empty(3)
-        for i, ahead in enumerate(np.diag(steps)):
-            values = []
-            for sign in (-1.0, 1.0):
-                flow_force = load.flow_force + sign * np.array([*ahead[:2], 0.0])
-                flow_couple = load.flow_couple + sign * np.array([0.0, 0.0, ahead[2]])
-                shifted = Load(flow_force, flow_couple, load.weight, load.centre)
-                values.append(judged(shifted, self.contacts, scene.contact.friction).safety.value)
+        for i, place in enumerate((0, 1, 5)):  # of the plane's components among force and couple
+            ahead = steps[i] * np.eye(6)[place]
+            loads = (shifted(load, -ahead), shifted(load, ahead))
+            values = [judged(one, self.contacts, scene.contact.friction).safety.value for one in loads]
             with np.errstate(divide="ignore", invalid="ignore"):
                 slopes[i] = np.diff(np.log(values))[0] / (2.0 * steps[i])
         return slopes

@@ -13,7 +13,7 @@ from ..recorder import Recorder, Unrecorded
 from ..result import Result
 from ..scene import Scene
 from ..simulation import Simulation
-from .adaptation import Adaptation, Search, Told, Trial
+from .adaptation import Search, Told, Trial
 from .errorbars import COARSER_MESH, LONGER_STEP, Loads, by_coarser_run, changed, coarser
 
 LEVELS_BELOW = 3  # that the first run is coarser than the scene says
@@ -27,7 +27,7 @@ class Halving(Search):
 
     def result(self) -> Result:
         """Run until the accuracy is reached or cannot be. Collective."""
-        scene = self._first()
+        scene = first(self.scene)
         while True:
             recorded = self._may_be_last()
             told = self._run(scene, recorded)
@@ -36,15 +36,6 @@ class Halving(Search):
             scene = finer(scene)
             # It is the coarser run of the next one's error bar.
             self.known = {coarser(scene).model_dump_json(): Loads.of(told.result)}
-
-    def _first(self) -> Scene:
-        assert self.scene.time is not None
-        scene, longest = self.scene, self.scene.time.end / FEWEST_STEPS
-        for _ in range(LEVELS_BELOW):
-            step = scene.time.step if scene.time else 0.0
-            if LONGER_STEP * step <= longest:
-                scene = coarser(scene)
-        return changed(scene, numerics={"error_bars": self.numerics.error_bars})
 
     def _may_be_last(self) -> bool:
         """Whether the next run may reach the accuracy, or none after it is affordable. Collective."""
@@ -65,15 +56,15 @@ class Halving(Search):
         """Run a scene, estimate its error from the run before, and decide whether it is the last. Collective."""
         began = self.elapsed()
 
-        def judged(result: Result) -> Adaptation:
+        def judge(result: Result) -> None:
+            """Compare with the run before, if this one is new and got to its end."""
             if result.status == "complete" and not again:
                 self._judge(scene, result, self.elapsed() - began)
-            return self.adaptation()
 
-        told = Told(self.recorder() if recorded else Unrecorded(), scene, judged)
+        told = Told(self.recorder() if recorded else Unrecorded(), scene, self.adaptation, judge)
         quiet = scene if recorded else changed(scene, numerics={"error_bars": False})
         simulation = Simulation(quiet, self.comm, cast(Recorder, told), self.voice)
-        simulation.known = self.known
+        simulation.known, simulation.spent = self.known, self.spent
         simulation.run()
         return told
 
@@ -92,6 +83,16 @@ class Halving(Search):
 
     def _known_run(self, scene: Scene) -> Loads:
         return cast(Loads, self.known[scene.model_dump_json()])
+
+
+def first(scene: Scene) -> Scene:
+    """The scene in time as coarse as the first run: some levels below it, with a few steps at least."""
+    assert scene.time is not None
+    found, longest = scene, scene.time.end / FEWEST_STEPS
+    for _ in range(LEVELS_BELOW):
+        if found.time is not None and LONGER_STEP * found.time.step <= longest:
+            found = coarser(found)
+    return changed(found, numerics={"error_bars": scene.numerics.error_bars})
 
 
 def finer(scene: Scene) -> Scene:

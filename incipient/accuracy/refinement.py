@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from ..errors import ConvergenceError, MeshError
+from ..interrupt import told_where_kept
 from ..layout import Layout
 from ..recorder import Recorder, Unrecorded
 from ..result import Result
@@ -54,6 +55,7 @@ def cheapest_order(order: int, excess: float) -> int:
     """
 
     def unknowns(k: int) -> float:
+        """Expected of elements of order k, relative."""
         return UNKNOWNS[k] * max(1.0, excess * GAIN ** (k - order)) ** (1.0 / k)
 
     return min((k for k in ORDERS if k >= order), key=unknowns)
@@ -69,8 +71,8 @@ class _Attempt:
     note: str = ""
 
 
-def _coarse_sizes(factor: float, field: SizeField | None, layout: Layout) -> Layout:
-    """Cells as coarse as the geometry allows, but where a field says otherwise."""
+def coarse_sizes(factor: float, field: SizeField | None, layout: Layout) -> Layout:
+    """A layout with cells so many times as large as by default, but in gaps and where a field says otherwise."""
     sizes = layout.sizes.coarsened(factor, STEEPEST)
     return replace(layout, sizes=replace(sizes, field=field))
 
@@ -99,7 +101,7 @@ class Refinement(Search):
             best, attempt = attempt, outcome
 
     def _first(self, factor: float) -> _Attempt:
-        sizing = partial(_coarse_sizes, factor, None)
+        sizing = partial(coarse_sizes, factor, None)
         return _Attempt(self._set_up(self.scene, self.numerics.order), sizing)
 
     def _set_up(self, scene: Scene, order: int) -> Scene:
@@ -111,6 +113,7 @@ class Refinement(Search):
     def _simulation(self, attempt: _Attempt) -> Simulation:
         simulation = Simulation(attempt.scene, self.comm, Unrecorded(), self.voice, sizing=attempt.sizing)
         simulation.ledger, simulation.iterations, simulation.known = self.ledger, self.iterations, self.known
+        simulation.spent = self.spent
         return simulation
 
     def _tried(self, attempt: _Attempt) -> Result | _Attempt:
@@ -132,19 +135,27 @@ class Refinement(Search):
             seconds = self.elapsed() - began
             order, unknowns = attempt.scene.numerics.order, simulation.fluid.space.unknowns
             self.tell(Trial(order, cells, unknowns, error, seconds, note=attempt.note))
-            if self.numerics.accuracy == "verdict":
-                following = self._to_decide(attempt, error_bars(simulation, force, couple), shares)
-            else:
+            if self.numerics.accuracy != "verdict":
                 following = self._to_refine(attempt, error / self.asked, shares, error)
-            return following or self._concluded(simulation)
+                return following or self._concluded(simulation, self._handed_over(simulation))
+            # Coarse runs come next, for the error bars: what has been found outlasts an interrupt.
+            told = self._handed_over(simulation)
+            with told_where_kept(told.kept, self.comm):
+                bars = error_bars(simulation, force, couple)
+            return self._to_decide(attempt, bars, shares) or self._concluded(simulation, told)
 
-    def _concluded(self, simulation: Simulation) -> Result:
-        """Hand the solution at hand over to the recorder."""
+    def _handed_over(self, simulation: Simulation) -> Told:
+        """The recorder that has got the solution at hand, but for its error bars. Collective."""
         asked = changed(
             simulation.scene, numerics={"order": self.numerics.order, "tolerance": self.numerics.tolerance}
         )
         told = Told(self.recorder(), asked, self.adaptation)
-        simulation.conclude(cast(Recorder, told))
+        simulation.hand_over(cast(Recorder, told))
+        return told
+
+    def _concluded(self, simulation: Simulation, told: Told) -> Result:
+        """Estimate the errors of the solution that has been handed over, and end with it. Collective."""
+        simulation.finished()
         return told.result
 
     def _repeated(self, attempt: _Attempt) -> Result:
@@ -153,7 +164,7 @@ class Refinement(Search):
         self.known.pop("discretisation", None)
         with simulation.prepared():
             simulation.loads_at(1.0)
-            return self._concluded(simulation)
+            return self._concluded(simulation, self._handed_over(simulation))
 
     # -- what next ------------------------------------------------------------------------------
 
@@ -178,7 +189,7 @@ class Refinement(Search):
         per_vertex = UNKNOWNS[order] / UNKNOWNS[attempt.scene.numerics.order]
         return _Attempt(
             self._set_up(attempt.scene, order),
-            partial(_coarse_sizes, COARSEST, wanted.field),
+            partial(coarse_sizes, COARSEST, wanted.field),
             self.trials[-1].unknowns * per_vertex * wanted.more_cells,
             note,
         )
@@ -196,6 +207,10 @@ class Refinement(Search):
         """The next mesh, gap or domain, or nothing once the verdict is decided or cannot be."""
         bar, error = bars.safety, self.trials[-1].estimate
         assert bar is not None and error is not None
+        if bar.certain and bars.failed:
+            why = "; ".join(f"that of the {name}: {reason}" for name, reason in bars.failed.items())
+            self.reason = f"undecided: certain but for errors that are not known, {why}"
+            return None
         if bar.certain:
             self.reason, self.met = "the verdict is certain", True
             return None

@@ -118,6 +118,7 @@ def _factors(errors: Floats, order: int, relative: float) -> Floats:
     shape = (errors.mean() / errors) ** (1.0 / (rate + DIMENSION))
 
     def at(level: float) -> Floats:
+        """The factors at a level of all."""
         return np.clip(np.exp(level) * shape, SMALLEST, LARGEST)
 
     low, high = np.log(SMALLEST / shape.max()), np.log(LARGEST / shape.min())

@@ -54,6 +54,7 @@ def safety_over_direction(
         raise SceneError("direction: no axis to turn the flow about; give three components, not all zero")
 
     def at(angle: float) -> Directed:
+        """The safety factor of the flow turned by an angle."""
         turned = _turned(load, about / length, angle)
         return Directed(angle, turned, safety_factor(turned, contacts, friction))
 
@@ -102,6 +103,7 @@ def _turned(load: Load, axis: Floats, angle: float) -> Load:
     """The load with the flow's force and couple turned about an axis of length one (Rodrigues)."""
 
     def turn(vector: Floats) -> Floats:
+        """A vector (3,), turned."""
         along = vector @ axis * axis
         turned = along + math.cos(angle) * (vector - along) + math.sin(angle) * np.cross(axis, vector)
         return np.asarray(turned)

@@ -2,7 +2,8 @@
 
 Of all forces x that the contacts allow and that balance a wrench w, columns x = -w, the shortest is the
 projection x = P(columns^T v) of a wrench v on what is allowed; v solves columns P(columns^T v) = -w, which is the
-condition for a minimum of the convex function |P(columns^T v)|^2 / 2 + w . v.
+condition for a minimum of the convex function |P(columns^T v)|^2 / 2 + w . v. Where what is allowed has edges and
+no circular cones x is found exactly, by non-negative least squares.
 """
 
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 
 from incipient.contact import cones
 from incipient.contact.grasp import FRICTIONLESS, Grasp
@@ -17,12 +19,8 @@ from incipient.contact.model import Floats
 
 RANK = 1e-10  # singular values below it, relative to the largest, count as zero
 MISSED = 1e-9  # how far the wrench may be missed, in numbers of order one
-CONVERGED, ON_EDGE = 1e-13, 1e-12  # relative to the forces: of the wrench, and of room in a cone
-STEPS = 25
-SHIFT = 1e-3  # of the curvature, which may be singular, by this much of what is missed
-DIAGONAL = np.diag_indices(6)
+INSIDE, ON_EDGE = 1e-13, 1e-12  # of room in a cone: without more ado, and relative to the forces
 UNIT = np.eye(3)
-DAMPING = 0.5 ** np.arange(10)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,59 +64,29 @@ class Allowed:
         inside = sine * forces[..., 0] - cosine * np.hypot(forces[..., 1], forces[..., 2])
         return np.where(self.slides | (self.axes == 1), forces[..., 0], inside)
 
-    def nearest(self, forces: Floats) -> "Nearest":
-        """The nearest forces (k, 3) that are allowed."""
-        cosine, sine = self.scaling[:2]
-        shear = np.maximum(np.hypot(forces[:, 1], forces[:, 2]), 1e-300)
-        edge = np.empty_like(forces)
-        edge[:, 0] = cosine
-        edge[:, 1:] = forces[:, 1:] * (sine / shear)[:, None]
-        edge[self.slides] = self.edges[self.slides]
-        size = np.maximum(np.einsum("kj,kj->k", edge, forces), 0.0)
-        inside = (cosine * shear <= sine * forces[:, 0]) & ~self.slides
-        return Nearest(np.where(inside[:, None], forces, size[:, None] * edge), inside, edge, size, shear)
+    @property
+    def polyhedral(self) -> bool:
+        """Whether there is no circular cone among them."""
+        return self.axes < 3 or bool(self.slides.all())
 
-    def curvature(self, at: "Nearest") -> Floats:
-        """The derivative (6, 6) of the wrench of forces nearest to columns^T v, by v."""
-        sides, sine = self.sides, max(self.scaling[1], 1e-300)  # without friction nothing is across
-        across = np.zeros_like(at.edge)  # a unit vector along the surface, across the force
-        across[:, 1], across[:, 2] = -at.edge[:, 2] / sine, at.edge[:, 1] / sine
-        along = (sides @ at.edge[:, :, None])[:, :, 0]
-        aside = (sides @ across[:, :, None])[:, :, 0]
-        beyond = ~at.inside
-        turning = np.where(self.slides, 0.0, beyond * (sine * at.size / at.shear))
-        pushed = (beyond & (at.size > 0.0)).astype(float)
-        kept = sides[at.inside].transpose(1, 0, 2).reshape(6, -1)
-        return np.asarray(kept @ kept.T + (along.T * pushed) @ along + (aside.T * turning) @ aside)
-
-    @cached_property
-    def sides(self) -> Floats:
-        """`matrix` by contacts, (k, 6, 3)."""
-        return np.ascontiguousarray(self.matrix.transpose(1, 0, 2))
+    def facets(self, forces: Floats) -> Floats:
+        """(r, m): polyhedral cones are where these are not negative, by forces (m, k, 3) as in `room`."""
+        flat = self.slides | (self.axes == 1)
+        normal, along = forces[:, :, 0], self.scaling[0] * forces[:, ~flat, 1]
+        pressed = self.scaling[1] * normal[:, ~flat]
+        return np.asarray(np.concatenate([normal[:, flat], pressed - along, pressed + along], axis=1).T)
 
 
-@dataclass(frozen=True, eq=False)
-class Nearest:
-    """Allowed `forces` (k, 3) nearest to others: those `inside` are the same, else `size` times `edge`.
-
-    `shear` (k,): the size along the surface of the others.
-    """
-
-    forces: Floats
-    inside: NDArray[np.bool_]
-    edge: Floats
-    size: Floats
-    shear: Floats
-
-
-def allowed(grasp: Grasp, at_contacts: Floats, slides: NDArray[np.bool_], kept: NDArray[np.int64]) -> Allowed:
-    """What the contacts `kept` may carry, some of which slide with accelerations at_contacts (k, 3)."""
+def allowed(grasp: Grasp, kept: list[int], slides: NDArray[np.bool_], way: Floats) -> Allowed:
+    """What the k contacts `kept` may carry, some of which slide, `slides` (k,), with accelerations `way` (k, 3)."""
     cosine, sine = grasp.scaling[:2]
-    way, slides = at_contacts[kept, 1:], slides[kept]
-    speed = np.maximum(np.hypot(way[:, 0], way[:, 1]), 1e-300)
-    edges = np.column_stack([np.full(len(kept), cosine), -sine * way / speed[:, None]])
+    edges = np.zeros_like(way)
+    if slides.any():
+        speed = np.maximum(np.hypot(way[:, 1], way[:, 2]), 1e-300)
+        edges[:, 0] = cosine * slides
+        edges[:, 1:] = (-sine * slides / speed)[:, None] * way[:, 1:]
     axes = 1 if grasp.friction < FRICTIONLESS else (3 if grasp.plane is None else 2)
-    return Allowed(grasp.matrix[:, kept], grasp.scaling, axes, slides, edges * slides[:, None])
+    return Allowed(grasp.matrix[:, kept], grasp.scaling, axes, slides, edges)
 
 
 def least_forces(by: Allowed, wrench: Floats) -> tuple[Floats | None, bool]:
@@ -132,11 +100,11 @@ def least_forces(by: Allowed, wrench: Floats) -> tuple[Floats | None, bool]:
     start = by.forces(factors)
     if np.abs(by.columns @ factors + wrench).max() > MISSED:
         return None, False
-    if rank == count or np.abs(by.nearest(start).forces - start).max() <= CONVERGED:
+    if rank == count or by.room(start).min() >= -INSIDE:
         return start, rank == count
     if rank == count - 1:
         return _on_line(by, start, by.forces(right[rank])), False
-    found = _projected(by, wrench)
+    found = _on_facets(by, start, right[rank:]) if by.polyhedral else _projected(by, wrench)
     return (_by_cones(by, factors, right[rank:].T) if found is None else found), False
 
 
@@ -168,40 +136,34 @@ def _edge_roots(by: Allowed, start: Floats, way: Floats) -> Floats:
     return roots[np.isfinite(roots)]
 
 
+def _on_facets(by: Allowed, start: Floats, null: Floats) -> Floats | None:
+    """The shortest of start + z null that polyhedral cones allow, null being factors (m, f); None if not found.
+
+    Least distance programming by non-negative least squares (Lawson and Hanson 1974, chapter 23): of G z >= h the
+    shortest z is G^T u / (1 - h.u), with the u >= 0 for which (G^T u, h.u) is nearest to (0, 1).
+    """
+    ways, size = np.array([by.forces(way) for way in null]), np.abs(start).max()
+    rows, limits = by.facets(ways), -by.facets(start[None])[:, 0] / size
+    target = np.append(np.zeros(len(null)), 1.0)
+    try:
+        u = nnls(np.vstack([rows.T, limits]), target)[0]
+    except RuntimeError:  # it cycles, which it rarely does
+        return None
+    left = 1.0 - limits @ u
+    if left <= RANK:  # nothing is allowed
+        return None
+    found = start + np.tensordot(size * (u @ rows) / left, ways, axes=1)
+    return found if by.room(found).min() >= -ON_EDGE * np.abs(found).max() else None
+
+
 def _projected(by: Allowed, wrench: Floats) -> Floats | None:
     """By Newton's method for v, damped until the convex function falls; None if that does not converge."""
-    columns = by.matrix.reshape(6, -1)
-    at = _trial(by, columns, wrench, -np.linalg.lstsq(columns @ columns.T, wrench, rcond=RANK)[0])
-    for _ in range(STEPS):
-        if np.abs(at.missed).max() <= CONVERGED * max(1.0, float(np.abs(at.nearest.forces).max())):
-            return at.nearest.forces
-        curvature = by.curvature(at.nearest)
-        curvature[DIAGONAL] += max(SHIFT * float(np.abs(at.missed).max()), 1e-13)
-        change = -np.linalg.solve(curvature, at.missed)
-        falling = 1e-4 * float(at.missed @ change)
-        enough = 0.25 * float(at.missed @ at.missed)
-        for size in DAMPING:
-            ahead = _trial(by, columns, wrench, at.v + size * change)
-            if ahead.value < at.value + size * falling or ahead.missed @ ahead.missed < enough:
-                break
-        at = ahead
-    return None
+    from incipient.contact import compiled  # numba takes time to import, and most cases do without
 
-
-@dataclass(frozen=True, eq=False)
-class Trial:
-    """The convex function of v (6,): its `value`, its gradient `missed` (6,), and the nearest forces."""
-
-    v: Floats
-    nearest: Nearest
-    missed: Floats
-    value: float
-
-
-def _trial(by: Allowed, columns: Floats, wrench: Floats, v: Floats) -> Trial:
-    nearest = by.nearest((v @ columns).reshape(-1, 3))
-    flat = nearest.forces.ravel()
-    return Trial(v, nearest, columns @ flat + wrench, float(0.5 * flat @ flat + wrench @ v))
+    rows = np.ascontiguousarray(by.matrix.reshape(6, -1).T)
+    cosine, sine = by.scaling[:2]
+    found, forces = compiled.balancing_forces(rows, cosine, sine, by.slides, by.edges, wrench)
+    return np.asarray(forces).reshape(-1, 3) if found else None
 
 
 def _by_cones(by: Allowed, factors: Floats, null: Floats) -> Floats | None:

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from incipient.contact.candidates import Candidate
 from incipient.contact.grasp import FRICTIONLESS
@@ -185,7 +184,7 @@ def _solution(case: Release, law: Law, carried: Support, candidate: Candidate) -
         angular_acceleration=unit / held_by.reach * acceleration[3:],
         contact_forces=case.force_unit * held_by.forces(local),
         contact_accelerations=unit * (at_contacts[:, None] @ held_by.frames)[held_by.copy, 0],
-        contact_states=tuple(states[held_by.copy]),
+        contact_states=tuple(states[i] for i in held_by.copy.tolist()),
         mode=mode(states, held_by.frames[:, 0], acceleration[3:], zero),
         forces_unique=unique,
         residual=residual,
@@ -193,14 +192,15 @@ def _solution(case: Release, law: Law, carried: Support, candidate: Candidate) -
 
 
 def _smallest_forces(
-    case: Release, candidate: Candidate, at_contacts: Floats, states: NDArray[np.object_]
+    case: Release, candidate: Candidate, at_contacts: Floats, states: list[ContactState]
 ) -> tuple[Floats | None, bool]:
     """The smallest local forces (k, 3) that give the acceleration, and whether no others do; None: not found."""
     local = np.zeros((len(case.grasp), 3))
-    kept = np.flatnonzero(states != ContactState.LIFT)
-    if len(kept) == 0:
+    kept = [i for i, state in enumerate(states) if state is not ContactState.LIFT]
+    if not kept:
         return local, True
-    by = allowed(case.grasp, at_contacts, states == ContactState.SLIDE, kept)
+    slides = np.array([states[i] is ContactState.SLIDE for i in kept])
+    by = allowed(case.grasp, kept, slides, at_contacts[kept])
     found, unique = least_forces(by, case.wrench - case.mass @ candidate.acceleration)
     if found is None:
         return None, False

@@ -1,9 +1,10 @@
 """How a solved incipient motion is read: each contact, the whole grain, and whether it is the only one."""
 
+import math
+from collections.abc import Sequence
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from incipient.contact.model import Floats
 
@@ -59,15 +60,17 @@ class Uniqueness(Enum):
     NOT_EXCLUDED = "no other solution was found; others are not excluded"
 
 
-def contact_states(accelerations: Floats, turns: bool, zero: float) -> NDArray[np.object_]:
+def contact_states(accelerations: Floats, turns: bool, zero: float) -> list[ContactState]:
     """The states (k,) of contacts with local accelerations (k, 3), normal first; `zero` counts as none."""
-    states = np.full(len(accelerations), ContactState.ROLL if turns else ContactState.STICK, dtype=object)
-    states[np.hypot(accelerations[:, 1], accelerations[:, 2]) > zero] = ContactState.SLIDE
-    states[accelerations[:, 0] > zero] = ContactState.LIFT
+    stays = ContactState.ROLL if turns else ContactState.STICK
+    states = []
+    for normal, *along in accelerations.tolist():
+        slides = ContactState.SLIDE if math.hypot(*along) > zero else stays
+        states.append(ContactState.LIFT if normal > zero else slides)
     return states
 
 
-def mode(states: NDArray[np.object_], normals: Floats, angular: Floats, zero: float) -> Mode:
+def mode(states: Sequence[ContactState], normals: Floats, angular: Floats, zero: float) -> Mode:
     """The mode of the grain by the states (k,) of its contacts, their normals (k, 3) and its turning (3,)."""
     present = set(states)
     if ContactState.STICK in present:

@@ -171,17 +171,19 @@ def _states(held_by: Grasp, local: Floats | None, size: float) -> tuple[ConeStat
     if local is None:
         return (ConeState.UNLOADED,) * len(held_by.copy)
     cosine, sine = held_by.scaling[:2]
-    sizes = np.sqrt((local * local).sum(axis=1))
-    room = sine * local[:, 0] - cosine * np.hypot(local[:, 1], local[:, 2])
-    states = np.full(len(local), ConeState.INSIDE, dtype=object)
-    states[room <= NO_FORCE * sizes] = ConeState.EDGE
-    states[sizes <= NO_FORCE * max(size, sizes.max())] = ConeState.UNLOADED
-    return tuple(states[held_by.copy])
+    forces = [(math.hypot(*force), force[0], math.hypot(*force[1:])) for force in local.tolist()]
+    none, states = NO_FORCE * max(size, max(forces)[0]), []
+    for whole, normal, along in forces:
+        edge = sine * normal - cosine * along <= NO_FORCE * whole
+        loaded = ConeState.EDGE if edge else ConeState.INSIDE
+        states.append(loaded if whole > none else ConeState.UNLOADED)
+    return tuple(states[i] for i in held_by.copy.tolist())
 
 
 def _residual(held_by: Grasp, acting: Wrenches, factor: float, local: Floats) -> float:
     """The worst of force, couple over the unit of length, and cones, relative to load or largest force."""
     wrench, size = acting.at(factor)
     missed = np.abs(held_by.columns @ local.ravel() + size * wrench).max()
-    beyond = np.abs(held_by.nearest(local) - local).max()
+    cosine, sine = held_by.scaling[:2]
+    beyond = (cosine * np.hypot(local[:, 1], local[:, 2]) - sine * local[:, 0]).max()
     return float(max(missed, beyond) / (max(size, np.abs(local).max()) or 1.0))

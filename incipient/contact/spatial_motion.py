@@ -12,8 +12,6 @@ method may miss: it is then started from the convex problems whose fixed point C
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -22,13 +20,8 @@ from incipient.contact.candidates import SAME, Candidate
 from incipient.contact.model import Floats
 from incipient.contact.release import Release
 
-CONVERGED = 1e-12  # of Newton's method, relative to load and contact forces
-STALLED = 1e-11  # the same after one more step: round-off leaves no better
 STEPS = 14  # of Newton's method
 PATIENCE = 300  # steps where the usual number did not do
-DAMPING = 0.5 ** np.arange(4)
-ENOUGH = 1.0 - 0.1 * DAMPING  # of the merit before, at which a damped step is taken
-SHIFT = 1e-11  # of the derivative, which is singular where contact forces are not unique
 FIXED_POINT_STEPS = 40
 RANDOM_STARTS = 40
 FEW = 12  # contacts up to which each is tried alone
@@ -48,44 +41,6 @@ class Law:
     onto: Floats
     offset: Floats
     friction: float
-
-    @cached_property
-    def trial(self) -> Floats:
-        """(k, 3, 3k): the derivative of f - r A by f."""
-        return np.ascontiguousarray(self.onto.T).reshape(len(self.step), 3, -1)
-
-    @cached_property
-    def unit(self) -> Floats:
-        """(3k, 3k): the derivative of f by f, and a shift."""
-        return (1.0 + SHIFT) * np.eye(len(self.free))
-
-
-@dataclass(frozen=True, eq=False)
-class Iterate:
-    """The equations at sets of forces f = (N, T), with all that their derivative needs; (...) are any axes.
-
-    `force` (..., 3k); `trial` (..., k, 3): (N - r A_N, T - r A_T); `size`, `kept` (..., k): of T - r A_T, and the
-    part of it inside the disc, 1 where the contact holds; `miss` (..., 3k): force minus projection of the trial;
-    `merit` (...): its sum of squares.
-    """
-
-    force: Floats
-    trial: Floats
-    size: Floats
-    kept: Floats
-    miss: Floats
-    merit: Floats
-
-    def of(self, some: Any) -> "Iterate":
-        """The same for some of the sets, by any index of the first axes that numpy takes."""
-        return Iterate(
-            self.force[some],
-            self.trial[some],
-            self.size[some],
-            self.kept[some],
-            self.miss[some],
-            self.merit[some],
-        )
 
 
 def coulomb(case: Release) -> Law:
@@ -197,12 +152,19 @@ class Search:
 
 def law_residual(law: Law, local: Floats) -> float:
     """How far forces (k, 3), with the accelerations they give, miss Coulomb's law as written above."""
-    return float(np.abs(_iterate(law, local.ravel()).miss).max())
+    trial = (local.ravel() @ law.onto + law.offset).reshape(-1, 3)
+    pressure = np.maximum(trial[:, 0], 0.0)
+    shear = np.maximum(np.hypot(trial[:, 1], trial[:, 2]), 1e-300)
+    projection = trial * np.minimum(law.friction * pressure / shear, 1.0)[:, None]
+    projection[:, 0] = pressure
+    return float(np.abs(local - projection).max())
 
 
 def _is_family(law: Law, local: Floats) -> bool:
     """Whether the equations at a solution leave a direction open in which accelerations change."""
-    derivative = _derivative(law, _iterate(law, local.reshape(1, -1)))[0]
+    from incipient.contact import compiled  # as in `newton`
+
+    derivative = compiled.coulomb_derivative(law.onto, law.offset, law.friction, local.ravel())
     if _certainly_regular(derivative):
         return False
     _, sizes, right = np.linalg.svd(derivative)
@@ -223,70 +185,10 @@ def _certainly_regular(derivative: Floats) -> bool:
 def newton(law: Law, starts: Floats, steps: int = STEPS) -> Floats:
     """The forces (s', k, 3) that solve the equations, by damped Newton steps from all starts (s, k, 3) at once.
 
-    More than STEPS steps are made only while there is no solution yet.
+    More than STEPS steps are made only if by then there is no solution.
     """
-    solved: list[Floats] = []
-    at = _iterate(law, starts.reshape(len(starts), -1))
-    near = np.zeros(len(starts), dtype=bool)
-    for step in range(steps):
-        if step == STEPS and solved:
-            break
-        size = np.maximum(1.0, np.einsum("sj,sj->s", at.force, at.force))
-        was_near, near = near, at.merit <= STALLED**2 * size
-        done = (at.merit <= CONVERGED**2 * size) | (was_near & near)
-        if done.any():
-            solved.append(at.force[done] - at.miss[done])
-            at, near = at.of(~done), near[~done]
-            if len(near) == 0:
-                break
-        at = _moved(law, at, _step(law, at))
-    return np.concatenate([starts[:0].reshape(0, len(law.free)), *solved]).reshape(-1, *starts.shape[1:])
+    from incipient.contact import compiled  # numba takes time to import, and most cases do without
 
-
-def _moved(law: Law, at: Iterate, change: Floats) -> Iterate:
-    """Each of the forces moved by the largest part of its change (s, 3k) that lowers its merit enough."""
-    tried = _iterate(law, at.force[:, None] + DAMPING[:, None] * change[:, None])
-    enough = tried.merit < ENOUGH * at.merit[:, None]
-    if enough[:, 0].all():
-        return tried.of((slice(None), 0))
-    chosen = np.where(enough.any(axis=1), enough.argmax(axis=1), tried.merit.argmin(axis=1))
-    return tried.of((np.arange(len(chosen)), chosen))
-
-
-def _iterate(law: Law, force: Floats) -> Iterate:
-    """The equations at forces (..., 3k)."""
-    trial = (force @ law.onto + law.offset).reshape(*force.shape[:-1], -1, 3)
-    size = np.maximum(np.hypot(trial[..., 1], trial[..., 2]), 1e-300)
-    pressure = np.maximum(trial[..., 0], 0.0)
-    kept = np.minimum(law.friction * pressure / size, 1.0)
-    projection = trial * kept[..., None]
-    projection[..., 0] = pressure
-    miss = force - projection.reshape(force.shape)
-    return Iterate(force, trial, size, kept, miss, np.einsum("...j,...j->...", miss, miss))
-
-
-def _derivative(law: Law, at: Iterate) -> Floats:
-    """The derivative (s, 3k, 3k) of the equations at forces (s, 3k), on one side where there are two."""
-    closed, slips = at.trial[..., 0] > 0.0, at.kept < 1.0
-    along = at.trial[..., 1:] / at.size[..., None]
-    left, right, same = np.zeros(
-        (3, *at.trial.shape)
-    )  # of the projection by the trial: left x right + diag(same)
-    left[..., 1:] = slips[..., None] * along
-    right[..., 0] = law.friction * closed
-    right[..., 1:] = -at.kept[..., None] * along
-    same[..., 0] = closed
-    same[..., 1:] = at.kept[..., None]
-    blocks = left[..., :, None] * right[..., None, :]
-    blocks.reshape(*at.kept.shape, 9)[..., ::4] += same
-    return np.asarray(law.unit - (blocks @ law.trial).reshape(len(blocks), *law.unit.shape))
-
-
-def _step(law: Law, at: Iterate) -> Floats:
-    """The Newton steps (s, 3k)."""
-    derivative, miss = _derivative(law, at), at.miss[..., None]
-    try:
-        change = np.linalg.solve(derivative, -miss)
-    except np.linalg.LinAlgError:
-        change = np.linalg.pinv(derivative, 1e-11) @ -miss
-    return np.asarray(change[..., 0])
+    flat = starts.reshape(len(starts), -1)
+    forces = compiled.coulomb_forces(law.onto, law.offset, law.friction, flat, STEPS, steps)
+    return np.asarray(forces).reshape(-1, *starts.shape[1:])

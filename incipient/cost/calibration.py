@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..files import reported, write_json
+from .counts import COUNTS, Counts
 from .errorlaw import ErrorLaw
 from .expense import MOVING, STEADY, UNSTEADY, Known, Work
 
@@ -64,12 +65,12 @@ class Calibration:
             }
             for digest, known in self.errors.items()
         }
-        return {"runs": [asdict(run) for run in self.runs], "errors": laws}
+        return {"runs": [_flat(run) for run in self.runs], "errors": laws}
 
     @staticmethod
     def of_dict(data: Mapping[str, Any]) -> Calibration:
         """From plain data."""
-        runs = tuple(Known(**{**run, "work": Work(**run["work"])}) for run in data["runs"])
+        runs = tuple(Known(**{**run, "work": _work(run["work"])}) for run in data["runs"])
         errors = {
             digest: KnownErrors(
                 known["title"],
@@ -79,6 +80,18 @@ class Calibration:
             for digest, known in data["errors"].items()
         }
         return Calibration(runs, errors)
+
+
+def _flat(run: Known) -> dict[str, Any]:
+    """A run as plain data, the counts of its work beside what else there is of it."""
+    data = asdict(run)
+    data["work"] |= data["work"].pop("counts")
+    return data
+
+
+def _work(data: Mapping[str, Any]) -> Work:
+    rest = {key: value for key, value in data.items() if key not in COUNTS}
+    return Work(**rest, counts=Counts.of(data))
 
 
 # -- where it is kept ---------------------------------------------------------------------------------------

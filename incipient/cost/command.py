@@ -11,8 +11,11 @@ from ..errors import ConvergenceError, SceneError
 from ..files import reported
 from . import calibration
 from . import page as cost_page
+from .comparison import Compared
+from .frontier import percent
 from .ladder import Spread, ladder, spread
-from .rung import measure
+from .rung import measure, quickest
+from .solvers import named
 from .study import Study, climb
 
 if TYPE_CHECKING:
@@ -28,14 +31,15 @@ def study(scene: Scene, directory: Path, wanted: Spread, say: Say) -> Study:
     Raises:
         IncipientError: the scene, the directory, or too many runs are at fault.
     """
-    found = climb(scene, ladder(scene, wanted), directory, measure, say)
+    runs = ladder(scene, wanted)
+    found = climb(scene, runs, directory, quickest if runs.compared else measure, say)
     cost_page.write(found, directory)
     cost_page.keep(found)
     return found
 
 
-def chosen(scene: Scene, quick: bool, **lists: Sequence[float] | None) -> Spread:
-    """The usual ladder of a scene with the orders, sizes and steps that were asked for.
+def chosen(scene: Scene, quick: bool, **lists: Sequence[Any] | None) -> Spread:
+    """The usual ladder of a scene with the orders, sizes, steps and ways to solve that were asked for.
 
     Raises:
         SceneError: a list is of no use.
@@ -44,28 +48,61 @@ def chosen(scene: Scene, quick: bool, **lists: Sequence[float] | None) -> Spread
     if lists.get("steps") and scene.time is None:
         raise SceneError("--steps: the scene is steady; leave it out")
     given = {name: tuple(values) for name, values in lists.items() if values is not None}
+    if "solvers" in given:
+        given["solvers"] = named(scene, given["solvers"])
     return Spread(**{**vars(usual), **given})
 
 
 def told(found: Study, directory: Path) -> str:
     """The study in a few lines for a reader."""
     lines = [f"{'accuracy':<20}{found.words()}"]
+    lines += [_told_of_solver(one) for one in found.solvers()]
     lines += [f"{'failed':<20}{run.rung.name}: {run.failed}" for run in found.failed]
     lines.append(f"{'numbers':<20}{directory}/: cost.md, cost.csv, cost.json, cost.png")
     return "\n".join(lines)
 
 
+def _told_of_solver(one: Compared) -> str:
+    error = "no other error can be told" if one.error is None else f"error x {one.error:.2g}"
+    better = ": better than the scene's own way" if one.dominates else ""
+    return f"{'solver':<20}{one.solver}: time x {one.time:.2g}, {error}, change {percent(one.change)}{better}"
+
+
+def planned(scene: Scene) -> Plan:
+    """The plan with what the run needs, or the first one where it is asked for accuracy, by making that mesh.
+
+    Raises:
+        MeshError: it cannot be made.
+    """
+    from ..plan import make_plan
+    from ..simulation import estimate
+
+    if scene.numerics.accuracy is None:
+        return estimate(scene)
+    from .foresight import first_mesh
+
+    return make_plan(scene).with_estimate(first_mesh(scene))
+
+
 def predicted(scene: Scene, plan: Plan) -> tuple[dict[str, Any] | None, str]:
-    """What a run will take and how accurate it will be, as plain data and in words; None without a calibration."""
+    """What a run will take and how accurate it will be, as plain data and in words; None where it is not known.
+
+    Args:
+        plan: that of `planned`.
+
+    Raises:
+        MeshError: a coarse mesh for the error bars cannot be made.
+    """
     from ..files import plain
+    from .foresight import foresee
     from .prediction import predict, uncalibrated
 
     assert plan.estimate is not None
-    found = predict(scene, plan.estimate)
-    if found is None:
-        return None, uncalibrated()
-    first = "\n  that is of the first mesh; numerics.accuracy will choose others"
-    return plain(found), found.text() + (first if scene.numerics.accuracy is not None else "")
+    if scene.numerics.accuracy is None:
+        found = predict(scene, plan.estimate)
+        return (None, uncalibrated()) if found is None else (plain(found), found.text())
+    foreseen = foresee(scene, plan.estimate)
+    return (None, foreseen) if isinstance(foreseen, str) else (plain(foreseen), foreseen.text())
 
 
 # -- calibration --------------------------------------------------------------------------------------------

@@ -8,13 +8,14 @@ those that are most like it.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .. import layout
+from .counts import NOTHING, Counts
 
 AGAIN = 0.3  # of what a process pays once, meshing and setting up forms that are loaded already: measured
 STEADY, UNSTEADY, MOVING = "steady", "unsteady", "moving"
@@ -28,24 +29,20 @@ class Work:
     order: int
     cells: int
     unknowns: int
-    steps: int = 0
-    newton: int = 0
-    factorisations: int = 0
-    krylov: int = 0
-    remeshings: int = 0
+    counts: Counts = NOTHING
 
     def parts(self) -> list[float]:
         """Amounts of each kind of work; the first is what the first run of a process pays whatever it computes."""
-        n, local = float(self.unknowns), _unknowns_of_a_cell(self.order)
+        n, local, done = float(self.unknowns), _unknowns_of_a_cell(self.order), self.counts
         moves = self.kind == MOVING
         return [
             1.0,
-            self.cells * (1.0 + self.remeshings),
-            self.factorisations * self.cells * local**2,
-            self.factorisations * n**1.5,
-            (self.newton + self.steps) * self.cells * local,
-            (self.krylov + self.newton) * n * math.log2(n),
-            self.steps * self.cells * local if moves else 0.0,
+            self.cells * (1.0 + done.remeshings),
+            done.factorisations * self.cells * local**2,
+            done.factorisations * n**1.5,
+            (done.newton + done.steps) * self.cells * local,
+            (done.krylov + done.newton) * n * math.log2(n),
+            done.steps * self.cells * local if moves else 0.0,
         ]
 
 
@@ -119,18 +116,19 @@ def memory(*unknowns: int) -> float:
 
 def work_like(known: Known, order: int, cells: int, unknowns: int, steps: float) -> Work:
     """The work of a run on another mesh with other steps, with the iterations of a known one."""
-    longer = steps / known.work.steps if known.work.steps else 1.0
-    counts = {
-        name: round(longer * getattr(known.work, name)) for name in ("newton", "factorisations", "krylov")
-    }
-    counts["factorisations"] = max(counts["factorisations"], 1)
-    return replace(known.work, order=order, cells=cells, unknowns=unknowns, steps=round(steps), **counts)
+    counts = known.work.counts
+    longer = steps / counts.steps if counts.steps else 1.0
+    factorisations = max(round(longer * counts.factorisations), 1)
+    newton, krylov = round(longer * counts.newton), round(longer * counts.krylov)
+    made = replace(counts, steps=round(steps), newton=newton, factorisations=factorisations, krylov=krylov)
+    return replace(known.work, order=order, cells=cells, unknowns=unknowns, counts=made)
 
 
 def most_alike(known: Sequence[Known], like: Known) -> Known:
     """The run whose iterations a run is likely to share: of its scene if there is one, of its kind else."""
 
     def distance(run: Known) -> tuple[float, ...]:
+        """What counts most first: scene, kind, convection, then Reynolds number, order, cells and steps."""
         far = abs(math.log(run.reynolds / like.reynolds))
         finer = abs(math.log(run.mesh_size / like.mesh_size))
         if run.step and like.step:
@@ -139,13 +137,6 @@ def most_alike(known: Sequence[Known], like: Known) -> Known:
         return (*map(float, others), far, abs(run.work.order - like.work.order), finer)
 
     return min(known, key=distance)
-
-
-def counts_of(data: Mapping[str, int]) -> dict[str, int]:
-    """The counts of a measured run that `Work` has."""
-    return {
-        name: int(data.get(name, 0)) for name in ("steps", "newton", "factorisations", "krylov", "remeshings")
-    }
 
 
 def _unknowns_of_a_cell(order: int) -> int:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-TOLD_APART = 2.0  # errors below so many times that of the reference say nothing
+TOLD_APART = 3.0  # factor between the bounds of an error, by the reference's own, above which it says nothing
 ORDERS = (2.0, 8.0)  # between which an observed order of convergence is believed
 UNKNOWN_SHARE = 0.25  # of the smallest difference: the reference's error where nothing tells it
 FIRST_DIGIT, LAST_DIGIT = 2, 8  # accuracies told of: 1%, 0.1% and so on, at the least two

@@ -1,4 +1,4 @@
-"""Which runs tell what accuracy costs: orders, cell sizes and time steps around those of a scene."""
+"""Which runs tell what accuracy costs: orders, cell sizes, time steps and ways to solve around those of a scene."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 from ..errors import SceneError
 from ..scene import Scene
+from . import solvers
 from .rung import Rung
 
 RATIO = math.sqrt(2.0)  # of cell sizes from one rung to the next
@@ -20,12 +21,19 @@ SMALLEST, LARGEST = 0.01, 100.0  # of numerics.mesh_size
 class Ladder:
     """The runs to compare, the cheapest of each order first, and the finer one they are compared with.
 
-    line: runs of the reference's order, each finer than the one before, the reference last
+    line:   runs of the reference's order, each finer than the one before, the reference last
+    middle: one of the rungs, amid the orders, sizes and steps
     """
 
     rungs: tuple[Rung, ...]
     reference: Rung
     line: tuple[Rung, ...]
+    middle: Rung
+
+    @property
+    def compared(self) -> tuple[Rung, ...]:
+        """The rungs that are solved in other ways as well, as the scene's own way does."""
+        return tuple(dict.fromkeys(replace(rung, solver="") for rung in self.rungs if rung.solver))
 
     @property
     def ratio(self) -> float:
@@ -44,11 +52,15 @@ class Ladder:
 
 @dataclass(frozen=True)
 class Spread:
-    """Orders of the velocity; cell sizes and time steps as multiples of the scene's, the coarsest first."""
+    """Orders of the velocity; cell sizes and time steps as multiples of the scene's, the coarsest first.
+
+    solvers: ways to solve besides the scene's own, on every rung; None: the usual ones, on the middle rung only
+    """
 
     orders: tuple[int, ...] = (2, 3, 4)
     sizes: tuple[float, ...] = (2.0, RATIO, 1.0, 1.0 / RATIO, 0.5)
     steps: tuple[float, ...] = (4.0, 2.0, 1.0)
+    solvers: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
         for name, values in (("orders", self.orders), ("sizes", self.sizes), ("steps", self.steps)):
@@ -60,7 +72,7 @@ class Spread:
 
 _EXAMPLES = {"orders": "2 3", "sizes": "2 1.4 1", "steps": "4 2 1"}
 STEADY, UNSTEADY = Spread(), Spread(sizes=(2.0, RATIO, 1.0))
-QUICK = Spread((2, 3), (2.0, RATIO), (4.0, 2.0))
+QUICK = Spread((2, 3), (2.0, RATIO), (4.0, 2.0), solvers=())
 
 
 def spread(scene: Scene, quick: bool) -> Spread:
@@ -71,7 +83,29 @@ def spread(scene: Scene, quick: bool) -> Spread:
 
 
 def ladder(scene: Scene, spread: Spread) -> Ladder:
-    """All rungs of a spread that the scene can be computed with; the reference is finer than all of them."""
+    """All rungs of a spread that the scene can be computed with; the reference is finer than all of them.
+
+    Rungs to be compared stand together, so that their times are taken one soon after the other.
+
+    Raises:
+        SceneError: a way to solve does not suit the scene.
+    """
+    plain = _solved_as_is(scene, spread)
+    at, ways = plain.rungs, solvers.named(scene, spread.solvers or ())
+    if spread.solvers is None:
+        at, ways = (plain.middle,), solvers.usual(plain.middle.of(scene))
+    found = itertools.chain.from_iterable(
+        (rung, *(_others(scene, rung, ways) if rung in at else ())) for rung in plain.rungs
+    )
+    return replace(plain, rungs=tuple(found))
+
+
+def _others(scene: Scene, rung: Rung, ways: Sequence[str]) -> list[Rung]:
+    """A rung solved in other ways than the scene's own; what "auto" decides may hang on the cells."""
+    return [replace(rung, solver=way) for way in ways if solvers.differs(way, rung.of(scene))]
+
+
+def _solved_as_is(scene: Scene, spread: Spread) -> Ladder:
     unique = tuple(sorted(set(spread.orders)))
     sizes = _descending(scene.numerics.mesh_size * size for size in spread.sizes)
     sizes = tuple(size for size in sizes if SMALLEST <= size <= LARGEST) or (scene.numerics.mesh_size,)
@@ -83,13 +117,13 @@ def ladder(scene: Scene, spread: Spread) -> Ladder:
 
 def _steady(orders: Sequence[int], sizes: Sequence[float]) -> Ladder:
     rungs = tuple(Rung(order, size) for order in orders for size in sizes)
-    highest = orders[-1]
+    highest, middle = orders[-1], Rung(_middle_order(orders), sizes[len(sizes) // 2])
     # A higher order is worth more than finer cells; without one they must be much finer.
     if highest < 4:
         reference = Rung(highest + 1, max(sizes[-1] / 2.0, SMALLEST))
-        return Ladder(rungs, reference, (reference,))
+        return Ladder(rungs, reference, (reference,), middle)
     reference = Rung(4, max(sizes[-1] / RATIO, SMALLEST))
-    return Ladder(rungs, reference, (*(Rung(4, size) for size in sizes), reference))
+    return Ladder(rungs, reference, (*(Rung(4, size) for size in sizes), reference), middle)
 
 
 def _unsteady(orders: Sequence[int], sizes: Sequence[float], steps: Sequence[float]) -> Ladder:
@@ -103,7 +137,13 @@ def _unsteady(orders: Sequence[int], sizes: Sequence[float], steps: Sequence[flo
     rungs = tuple(Rung(order, *pair) for order in orders for pair in pairs)
     reference = Rung(orders[-1], max(sizes[-1] / RATIO, SMALLEST), steps[-1] / 2.0)
     diagonal = [Rung(orders[-1], *pair) for pair in zip(sizes, steps, strict=True)]
-    return Ladder(rungs, reference, (*dict.fromkeys(diagonal), reference))
+    middle = replace(diagonal[len(diagonal) // 2], order=_middle_order(orders))
+    return Ladder(rungs, reference, (*dict.fromkeys(diagonal), reference), middle)
+
+
+def _middle_order(orders: Sequence[int]) -> int:
+    """Of an even number the lower one of the two in the middle, which is the cheaper."""
+    return orders[(len(orders) - 1) // 2]
 
 
 def _lengthened(values: Sequence[float], length: int) -> Sequence[float]:

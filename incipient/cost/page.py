@@ -6,13 +6,15 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..files import write_json, write_text_atomically
+from ..scene import Scene
 from . import calibration as calibrations
-from . import frontier
+from . import frontier, solvers
 from .calibration import KnownErrors
+from .comparison import Compared
 from .errorlaw import ErrorLaw, Seen, fit
-from .expense import Work, counts_of
+from .expense import Work
 from .frontier import Law, percent, seconds
-from .rung import Measured
+from .rung import ENOUGH, TURNS, Measured
 from .study import Judged, Study, doubt, to_dict
 
 
@@ -30,7 +32,7 @@ def page(study: Study, picture: str = "cost.png", heading: str = "#") -> str:
     """The study as Markdown; under a heading of a level, with the picture of a name."""
     title = study.scene.title or "What accuracy costs"
     parts = [f"{heading} {title}", f"**{study.words()}.**", f"![Error against cost]({picture})"]
-    parts += [_explained(study), _accuracies(study), _of_goals(study), _runs(study)]
+    parts += [_explained(study), _accuracies(study), _of_goals(study), *_solvers(study), _runs(study)]
     parts += [_failures(study)] if study.failed else []
     return "\n\n".join(parts) + "\n"
 
@@ -40,11 +42,12 @@ def _explained(study: Study) -> str:
     names = ", ".join(goal.name for goal in leading)
     worst = max(doubt(goal, study.reference) for goal in leading)
     largest = "the largest of the relative errors of " if len(leading) > 1 else "the relative error of "
+    again = f", those of less than {ENOUGH:g} s up to {TURNS} times: the quickest counts"
     return (
         f"The error is {largest}{names}, against {study.compared_with.rung.name} "
-        f"({study.reference.how}; itself good to {percent(worst)}). Each run has a process of its own, forms compiled "
-        "before; without error bars. Times are of the whole process, processor time first: on a busy machine wall "
-        "time says little."
+        f"({study.reference.how}; itself good to {percent(worst)}). Each run has a process of its own, forms "
+        f"compiled before, without error bars{again if study.solvers() else ''}. Times are of the whole "
+        "process, processor time first: on a busy machine wall time says little."
     )
 
 
@@ -87,6 +90,57 @@ def _of_goals(study: Study) -> str:
     return f"{said}\n\n{_table(heads, rows)}"
 
 
+def _solvers(study: Study) -> list[str]:
+    """Other ways to solve: a sentence and a table."""
+    found = study.solvers()
+    if not found:
+        return []
+    rows = [_solver_row(one, study.scene) for one in found]
+    numbers = ["time", "error", "change", "memory", "corrections", "factorisations"]
+    table = _table(["way to solve", *numbers, "what it is", "set by"], rows, left=(7, 8))
+    return [_said_of_solvers(study), table]
+
+
+def _solver_row(one: Compared, scene: Scene) -> list[str]:
+    ratios = [_ratio(value) for value in (one.time, one.error, one.memory, one.newton, one.factorisations)]
+    set_by = "; ".join(f"`{setting}`" for setting in solvers.settings(one.solver, scene))
+    return [
+        one.solver,
+        ratios[0],
+        ratios[1],
+        percent(one.change),
+        *ratios[2:],
+        solvers.said(one.solver),
+        set_by,
+    ]
+
+
+def _said_of_solvers(study: Study) -> str:
+    found = study.solvers()
+    tried = {name for one in found for name in one.rungs}
+    where = f"at {next(iter(tried))}" if len(tried) == 1 else f"on {len(tried)} rungs, geometric means"
+    better = [
+        f"*{one.solver}* (time {_ratio(one.time)}, error {_ratio(one.error)})"
+        for one in found
+        if one.dominates
+    ]
+    best = "None of them is better by a tenth in time or error without being worse by a tenth in the other."
+    if better:
+        best = (
+            f"Better by a tenth in time or error, and not worse by a tenth in the other: {', '.join(better)}."
+        )
+    return (
+        f"**Ways to solve** beside the scene's own ({solvers.own(study.scene)}), {where}. Time (without that of "
+        'starting), error, memory, Newton\'s corrections and factorisations are relative to its own; "-": error not '
+        "to be told apart from the reference's, or nothing to count. The change is the largest relative difference "
+        f"between the numbers of both. {best}"
+    )
+
+
+def _ratio(value: float | None) -> str:
+    return "-" if value is None else f"x {value:.2g}"
+
+
 def _runs(study: Study) -> str:
     heads = ["run", "error", "processor [s]", "wall [s]", "unknowns", "memory [MiB]", "front"]
     rows = [_row(one, index in study.front) for index, one in enumerate(study.judged)]
@@ -118,7 +172,7 @@ def _table(heads: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[i
 
 
 def keep(study: Study) -> None:
-    """Add the study to this machine's calibration. Not collective.
+    """Add the study to this machine's calibration: its runs that were solved as the scene says. Not collective.
 
     Raises:
         OutputError: it cannot be written.
@@ -135,6 +189,7 @@ def keep(study: Study) -> None:
             peak_mib=run.peak_mib,
         )
         for run in runs
+        if not run.rung.solver
     ]
     laws = {goal.name: law for goal in study.goals if goal.leading and (law := _error_law(study, goal.name))}
     title = scene.title or "a scene without a title"
@@ -144,7 +199,7 @@ def keep(study: Study) -> None:
 
 def _work(study: Study, run: Measured) -> Work:
     kind = calibrations.kind(study.scene)
-    return Work(kind, run.rung.order, run.cells, run.unknowns, **counts_of(run.counts))
+    return Work(kind, run.rung.order, run.cells, run.unknowns, run.counts)
 
 
 def _error_law(study: Study, goal: str) -> ErrorLaw | None:
@@ -157,6 +212,6 @@ def _error_law(study: Study, goal: str) -> ErrorLaw | None:
             one.errors[goal],
         )
         for one in study.judged
-        if one.told_apart
+        if one.told_apart and not one.run.rung.solver
     ]
     return fit(seen, 1.0 if scene.time and scene.time.scheme == "bdf1" else 2.0)

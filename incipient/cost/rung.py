@@ -9,9 +9,7 @@ from __future__ import annotations
 import json
 import os
 import resource
-import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -20,6 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 from ..recorder import Unrecorded
 from ..scene import Scene
+from . import process, solvers
+from .counts import NOTHING, Counts
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -27,30 +27,36 @@ if TYPE_CHECKING:
 # What would make the new process take part in a parallel run.
 PARALLEL = ("OMPI_COMM_", "OMPI_UNIVERSE", "PMIX_", "PMI_", "ORTE_")
 COMPILED = 0.05  # processor time [s] of compilers that tells that forms were compiled
-COUNTS = ("steps", "newton", "factorisations", "krylov", "remeshings")
+ENOUGH, TURNS = 5.0, 3  # processor time [s] after which a run is not made again, and how often at the most
 
 
 @dataclass(frozen=True, order=True)
 class Rung:
-    """How finely: order of the velocity, factor on cell sizes, time step (None: steady)."""
+    """How finely: order of the velocity, factor on cell sizes, time step (None: steady); and how it is solved.
+
+    solver: one of the ways of `solvers`, empty for the scene's own
+    """
 
     order: int
     mesh_size: float
     step: float | None = None
+    solver: str = ""
 
     @property
     def name(self) -> str:
-        """Such as "P3-P2, mesh_size 0.5, step 0.01"."""
+        """Such as "P3-P2, mesh_size 0.5, step 0.01, extrapolated"."""
         step = "" if self.step is None else f", step {self.step:.4g}"
-        return f"P{self.order}-P{self.order - 1}, mesh_size {self.mesh_size:.4g}{step}"
+        solver = f", {self.solver}" if self.solver else ""
+        return f"P{self.order}-P{self.order - 1}, mesh_size {self.mesh_size:.4g}{step}{solver}"
 
     @property
-    def key(self) -> tuple[int, str, str]:
+    def key(self) -> tuple[int, str, str, str]:
         """What tells rungs apart in a file of rounded numbers."""
-        return self.order, f"{self.mesh_size:.6g}", "" if self.step is None else f"{self.step:.6g}"
+        step = "" if self.step is None else f"{self.step:.6g}"
+        return self.order, f"{self.mesh_size:.6g}", step, self.solver
 
     def of(self, scene: Scene) -> Scene:
-        """The scene computed so finely, without error bars and files.
+        """The scene computed so, without error bars and files; PETSc's options are not part of it.
 
         Raises:
             SceneError: the scene cannot be computed so.
@@ -67,6 +73,8 @@ class Rung:
         if self.step is not None:
             # A step that adapts itself would not be the rung's.
             sections["time"] = {"step": self.step, "tolerance": None}
+        for name, keys in solvers.sections(self.solver, scene).items():
+            sections[name] = sections.get(name, {}) | keys
         return changed(scene, **sections)
 
 
@@ -75,7 +83,6 @@ class Measured:
     """What a run took and gave.
 
     wall, cpu: seconds of the whole process; start: processor time until everything was imported
-    counts:    time steps, Newton corrections, factorisations, Krylov iterations, new meshes
     found:     the numbers its accuracy is measured by
     failed:    why it gave nothing; the rest is then empty
     """
@@ -87,7 +94,7 @@ class Measured:
     peak_mib: float = 0.0
     cells: int = 0
     unknowns: int = 0
-    counts: Mapping[str, int] = field(default_factory=dict)
+    counts: Counts = NOTHING
     found: Mapping[str, float] = field(default_factory=dict)
     failed: str = ""
 
@@ -101,6 +108,17 @@ def measure(scene: Scene, rung: Rung) -> Measured:
     return _once(scene, rung)[0] if compiled and not measured.failed else measured
 
 
+def quickest(scene: Scene, rung: Rung) -> Measured:
+    """The quickest of a few runs, so that chance counts little where times are compared; of a long run the only one.
+
+    As `measure` else. Not collective.
+    """
+    runs = [measure(scene, rung)]
+    while len(runs) < TURNS and sum(run.cpu for run in runs) < ENOUGH and not runs[-1].failed:
+        runs.append(measure(scene, rung))
+    return min(runs, key=lambda run: (bool(run.failed), run.cpu))
+
+
 def _once(scene: Scene, rung: Rung) -> tuple[Measured, bool]:
     from ..errors import SceneError
     from ..scene.file import dumps
@@ -109,43 +127,26 @@ def _once(scene: Scene, rung: Rung) -> tuple[Measured, bool]:
         text = dumps(rung.of(scene))
     except SceneError as error:
         return Measured(rung, 0.0, 0.0, failed=str(error)), False
-    code, wall, cpu, said, complained = _process([sys.executable, "-m", "incipient.cost.rung"], text)
-    if code != 0:
-        return Measured(rung, wall, cpu, failed=_complaint(code, complained)), False
-    told = json.loads(said.strip().splitlines()[-1])
+    # -P: modules are not looked for in the working directory.
+    command = [sys.executable, "-P", "-m", "incipient.cost.rung"]
+    # In a session of its own: an interrupt is this process's to deal with.
+    used = process.run(command, surroundings(solvers.options(rung.solver)), given=text, apart=True)
+    if used.exit_code != 0:
+        return Measured(rung, used.wall, used.cpu, failed=_complaint(used.exit_code, used.errors)), False
+    told = json.loads(used.output.strip().splitlines()[-1])
     compiled = told.pop("compiling") > COMPILED
-    return Measured(rung, wall, cpu, **told), compiled
+    counts = Counts.of(told.pop("counts"))
+    return Measured(rung, used.wall, used.cpu, counts=counts, **told), compiled
 
 
-def _process(command: list[str], text: str) -> tuple[int, float, float, str, str]:
-    """Exit code, wall and processor time, output and errors of a process that reads a text."""
-    with (
-        tempfile.TemporaryFile("w+") as given,
-        tempfile.TemporaryFile("w+") as output,
-        tempfile.TemporaryFile("w+") as errors,
-    ):
-        given.write(text)
-        given.seek(0)
-        began = time.perf_counter()
-        process = subprocess.Popen(
-            command, stdin=given, stdout=output, stderr=errors, env=surroundings(), start_new_session=True
-        )
-        try:
-            _, status, used = os.wait4(process.pid, 0)
-        except BaseException:
-            process.kill()
-            process.wait()
-            raise
-        wall = time.perf_counter() - began
-        process.returncode = os.waitstatus_to_exitcode(status)
-        output.seek(0)
-        errors.seek(0)
-        return process.returncode, wall, used.ru_utime + used.ru_stime, output.read(), errors.read()
+def surroundings(options: str = "") -> dict[str, str]:
+    """The environment of a run alone: one thread, no part in a parallel run, names of forms that stay.
 
-
-def surroundings() -> dict[str, str]:
-    """The environment of a run alone: one thread, no part in a parallel run, names of forms that stay."""
+    `options` of PETSc come after those that the environment has.
+    """
     kept = {name: value for name, value in os.environ.items() if not name.startswith(PARALLEL)}
+    if options:
+        kept["PETSC_OPTIONS"] = f"{kept.get('PETSC_OPTIONS', '')} {options}".strip()
     # A form's signature may depend on the order of a set: fixed, or forms would be compiled again.
     return {**kept, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "0"}
 
@@ -167,6 +168,7 @@ class _Rows(Unrecorded):
         self.rows: list[dict[str, Any]] = []
 
     def step(self, row: dict[str, Any]) -> None:
+        """See `recorder.Recorder`."""
         self.rows.append(row)
 
 
@@ -205,7 +207,7 @@ def told(scene: Scene, comm: MPI.Comm) -> dict[str, Any]:
         "peak_mib": _peak_mib(),
         "cells": result.cost["cells"],
         "unknowns": result.cost["unknowns"],
-        "counts": {name: int(counted.get(name, 0)) for name in COUNTS},
+        "counts": vars(Counts.of(counted)),
         "found": quantities(scene, result, recorder.rows),
         "compiling": compilers.ru_utime + compilers.ru_stime,
     }

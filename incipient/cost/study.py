@@ -1,30 +1,33 @@
 """What accuracy costs for a scene: a ladder of runs, their errors against a finer one, and the law behind them.
 
-Every run has a process of its own (`incipient.cost.rung`). Their numbers stand in cost.csv, a row each, appended when
-a run is over: a study that was interrupted goes on from there.
+Every run has a process of its own (`incipient.cost.rung`). Their numbers are kept as they come (`incipient.cost.rows`):
+a study that was interrupted goes on from there.
 """
 
 from __future__ import annotations
 
-import csv
 import math
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ..errors import ConvergenceError, OutputError, SceneError
-from ..files import append_row, reported
+from ..files import reported
 from ..scene import Scene, load, save
 from . import frontier
+from .comparison import Compared, compared
 from .frontier import Law, Reference, percent, seconds
 from .ladder import Ladder
 from .quantities import Goal, columns, goals
-from .rung import COUNTS, Measured, Rung
+from .rows import ROWS, append, completed, known_runs
+from .rung import Measured, Rung
 
-ROWS = "cost.csv"
 LEAST_WORK = 1.05  # times its start: what the shortest run takes
+EARLIER = (
+    "of an earlier version; its runs are kept, but those to be compared with other ways to solve. Times of "
+    "different days compare badly: delete it to measure all anew"
+)
 Measure = Callable[[Scene, Rung], Measured]
 Say = Callable[[str], None]
 
@@ -68,6 +71,10 @@ class Study:
         best = [self.judged[index] for index in self.front]
         return [one.run.cpu for one in best], [one.error for one in best]
 
+    def solvers(self) -> tuple[Compared, ...]:
+        """How other ways to solve compare with the scene's own."""
+        return compared(self.judged, self.front, self.goals)
+
     def words(self) -> str:
         """What accuracy costs, in a line."""
         law = self.laws["cpu"]
@@ -94,13 +101,16 @@ def climb(scene: Scene, ladder: Ladder, directory: Path, measure: Measure, say: 
     if not columns(scene):
         raise SceneError("cost: the scene gives no number to compare")
     prepare(scene, directory)
-    done = known_runs(scene, directory)
-    wanted = [*ladder.rungs, ladder.reference]
+    done, wanted = known_runs(scene, directory), [*ladder.rungs, ladder.reference]
+    if completed(directory, ladder.compared):
+        done = known_runs(scene, directory)
+        if any(rung.key not in done for rung in wanted):
+            say(f"{directory}: {EARLIER}")
     for number, rung in enumerate(wanted, 1):
         if rung.key in done:
             continue
         run = measure(scene, rung)
-        append_row(directory / ROWS, row_of(scene, run))
+        append(scene, run, directory)
         done[rung.key] = run
         say(f"{number} of {len(wanted)}: {rung.name}: {run.failed or _expense(run)}")
     return judge(scene, ladder, [done[rung.key] for rung in wanted])
@@ -129,68 +139,6 @@ def prepare(scene: Scene, directory: Path) -> None:
         directory.mkdir(parents=True, exist_ok=True)
         (directory / ROWS).unlink(missing_ok=True)
     save(scene, stored)
-
-
-# -- rows ---------------------------------------------------------------------------------------------------
-
-
-def row_of(scene: Scene, run: Measured) -> dict[str, float | int | str]:
-    """A run as a row of cost.csv; what a failed run lacks is empty."""
-    rung, good = run.rung, not run.failed
-    row: dict[str, float | int | str] = {
-        "order": rung.order,
-        "mesh_size": f"{rung.mesh_size:.6g}",
-        "step": "" if rung.step is None else f"{rung.step:.6g}",
-        "failed": run.failed,
-        "wall [s]": round(run.wall, 3),
-        "processor [s]": round(run.cpu, 3),
-        "start [s]": round(run.start, 3) if good else "",
-        "memory [MiB]": round(run.peak_mib, 1) if good else "",
-        "cells": run.cells if good else "",
-        "unknowns": run.unknowns if good else "",
-    }
-    row |= {name: run.counts.get(name, 0) if good else "" for name in COUNTS}
-    return row | {name: repr(run.found[name]) if good else "" for name in columns(scene)}
-
-
-def known_runs(scene: Scene, directory: Path) -> dict[tuple[int, str, str], Measured]:
-    """The runs in cost.csv, by their rungs; half a row at its end, of a writer that was killed, is cut off.
-
-    Raises:
-        OutputError: the file is damaged or of another version.
-    """
-    path = directory / ROWS
-    if not path.exists():
-        return {}
-    with reported(path):
-        text = path.read_bytes()
-        whole = text.rfind(b"\n") + 1
-        if whole < len(text):
-            os.truncate(path, whole)
-    try:
-        rows = list(csv.DictReader(text[:whole].decode().splitlines()))
-        runs = [_run_of(scene, row) for row in rows]
-    except (KeyError, ValueError, TypeError) as error:
-        raise OutputError(f"{path}: cannot be understood ({error}); delete it to begin anew") from error
-    return {run.rung.key: run for run in runs}
-
-
-def _run_of(scene: Scene, row: Mapping[str, str]) -> Measured:
-    step = float(row["step"]) if row["step"] else None
-    rung = Rung(int(row["order"]), float(row["mesh_size"]), step)
-    spent = float(row["wall [s]"]), float(row["processor [s]"])
-    if row["failed"]:
-        return Measured(rung, *spent, failed=row["failed"])
-    return Measured(
-        rung,
-        *spent,
-        start=float(row["start [s]"]),
-        peak_mib=float(row["memory [MiB]"]),
-        cells=int(row["cells"]),
-        unknowns=int(row["unknowns"]),
-        counts={name: int(row[name]) for name in COUNTS},
-        found={name: float(row[name]) for name in columns(scene)},
-    )
 
 
 # -- errors and the law -------------------------------------------------------------------------------------
@@ -234,10 +182,16 @@ def judge(scene: Scene, ladder: Ladder, runs: Sequence[Measured]) -> Study:
 
 def _start(runs: Sequence[Measured], time: Callable[[Measured], float]) -> float:
     """What a run takes before it computes anything; less than the shortest run."""
-    times = [time(run) for run in runs]
-    solves = [max(run.counts.get("newton", 0), 1) for run in runs]
-    found = frontier.overhead(times, [run.unknowns for run in runs], solves)
-    return max(min(found, min(times) / LEAST_WORK), min(run.start for run in runs))
+    # Corrections of another way to solve have another price.
+    own = _own(runs) or runs
+    solves = [max(run.counts.newton, 1) for run in own]
+    found = frontier.overhead([time(run) for run in own], [run.unknowns for run in own], solves)
+    return max(min(found, min(map(time, runs)) / LEAST_WORK), min(run.start for run in runs))
+
+
+def _own(runs: Sequence[Measured]) -> list[Measured]:
+    """Those solved as the scene says."""
+    return [run for run in runs if not run.rung.solver]
 
 
 def _reference(ladder: Ladder, good: Sequence[Measured]) -> tuple[Measured, Reference]:
@@ -246,22 +200,30 @@ def _reference(ladder: Ladder, good: Sequence[Measured]) -> tuple[Measured, Refe
     line = [by_rung[rung.key] for rung in ladder.line if rung.key in by_rung]
     if not line or line[-1].rung.key != ladder.reference.key:
         # The reference failed: the finest of the others, as it is.
-        line = [max(good, key=lambda run: (run.rung.order, -(run.rung.step or 0.0), -run.rung.mesh_size))]
+        line = [max(_own(good) or good, key=_fineness)]
     ratio = ladder.ratio if len(line) == len(ladder.line) else math.nan
-    others = [run.found for run in good if run is not line[-1]]
+    others = [run.found for run in _own(good) if run is not line[-1]]
     return line[-1], frontier.reference([run.found for run in line], ratio, others)
+
+
+def _fineness(run: Measured) -> tuple[float, ...]:
+    return run.rung.order, -(run.rung.step or 0.0), -run.rung.mesh_size
 
 
 def _judged(run: Measured, wanted: Sequence[Goal], values: Reference) -> Judged:
     errors = {goal.name: goal.error(run.found, values.values) for goal in wanted}
-    leading = [goal for goal in wanted if goal.leading]
-    worst = max(leading, key=lambda goal: errors[goal.name])
-    return Judged(run, errors, errors[worst.name], _clear(errors[worst.name], worst, values))
+    known = [(errors[goal.name], doubt(goal, values)) for goal in wanted if goal.leading]
+    return Judged(run, errors, max(error for error, _ in known), _clear(known))
 
 
-def _clear(error: float, goal: Goal, values: Reference) -> bool:
-    """Whether an error is more than the doubt about the reference explains."""
-    return error > max(frontier.TOLD_APART * doubt(goal, values), frontier.ROUND_OFF)
+def _clear(known: Sequence[tuple[float, float]]) -> bool:
+    """Whether the largest of errors is known to a factor, each of them with the doubt about its reference.
+
+    A large error that is well known may still be less than another that is not.
+    """
+    least = max(error - doubt for error, doubt in known)
+    most = max(error + doubt for error, doubt in known)
+    return least > frontier.ROUND_OFF and most < frontier.TOLD_APART * least
 
 
 def doubt(goal: Goal, values: Reference) -> float:
@@ -281,7 +243,7 @@ def _law(best: Sequence[Judged], cost: Callable[[Judged], float], start: float) 
 
 
 def _law_of_goal(judged: Sequence[Judged], goal: Goal, values: Reference, start: float) -> Law | None:
-    clear = [i for i, one in enumerate(judged) if _clear(one.errors[goal.name], goal, values)]
+    clear = [i for i, one in enumerate(judged) if _clear([(one.errors[goal.name], doubt(goal, values))])]
     best = [judged[i] for i in _front(judged, clear, lambda one: one.errors[goal.name])]
     return frontier.fitted([one.run.cpu for one in best], [one.errors[goal.name] for one in best], start)
 
@@ -293,6 +255,7 @@ def to_dict(study: Study) -> dict[str, Any]:
     found["goals"] = [{**vars(goal), "doubt": doubt(goal, study.reference)} for goal in study.goals]
     found["laws"] = {name: law and vars(law) for name, law in study.laws.items()}
     found["laws_of_goals"] = {name: law and vars(law) for name, law in study.of_goals.items()}
+    found["solvers"] = [vars(one) for one in study.solvers()]
     found["runs"] = [
         {
             **vars(one.run.rung),

@@ -34,7 +34,7 @@ class KeptFactorisation:
 
     `solve(..., fresh=True)` factorises; otherwise the kept factors precondition until more than
     `patience` iterations are needed. The symbolic factorisation is made once. PETSc options with the
-    prefix ``fluid_`` override everything (``PETSC_OPTIONS="-fluid_pc_factor_mat_solver_type superlu_dist"``).
+    prefix ``fluid_`` override everything (``PETSC_OPTIONS="-fluid_pc_factor_mat_solver_type umfpack"``).
     """
 
     def __init__(self, matrix: Any, patience: int = 8):

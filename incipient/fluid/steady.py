@@ -126,6 +126,7 @@ class _Path:
         self.states: list[tuple[float, np.ndarray]] = [(0.0, fluid.state.x.array.copy())]
 
     def accept(self, share: float) -> None:
+        """Keep the state as that of this share of the Reynolds number, and the one before it."""
         self.states = [*self.states[-1:], (share, self.fluid.state.x.array.copy())]
 
     def restore(self) -> None:

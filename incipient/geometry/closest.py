@@ -217,18 +217,14 @@ class SpatialProximity:
 
     def _newton_step(self, placement: Placement, points: Floats, sight: Sight) -> tuple[Floats, Floats]:
         """Tangents (n, 3, 2) of the grain and the step along them (n, 2) towards the least distance."""
-
-        def normal(x: Floats) -> Floats:
-            return self.grain.normal(placement.to_body(x)) @ placement.rotation.T
-
-        outward = normal(points)
+        outward = self._outward(placement, points)
         tangents = np.stack(frame_of(outward), axis=2)
         h = 1e-5 * self.size
-        turning = np.stack(
-            [normal(points + h * tangents[..., k]) - normal(points - h * tangents[..., k]) for k in (0, 1)],
-            axis=2,
+        ahead, behind = (
+            np.stack([self._outward(placement, points + s * tangents[..., k]) for k in (0, 1)], axis=2)
+            for s in (h, -h)
         )
-        curvature = np.swapaxes(tangents, 1, 2) @ turning / (2.0 * h)
+        curvature = np.swapaxes(tangents, 1, 2) @ (ahead - behind) / (2.0 * h)
         facing = -(outward * sight.normals).sum(axis=1)[:, None, None]
         bent = np.swapaxes(tangents, 1, 2) @ sight.bends @ tangents + facing * curvature
         values, vectors = np.linalg.eigh(0.5 * (bent + np.swapaxes(bent, 1, 2)))
@@ -237,6 +233,10 @@ class SpatialProximity:
         step = -np.einsum("nij,nj->ni", vectors, np.einsum("nji,nj->ni", vectors, slope) / values)
         length = np.linalg.norm(step, axis=1, keepdims=True)
         return tangents, step * np.minimum(1.0, self.spacing / np.maximum(length, 1e-300))
+
+    def _outward(self, placement: Placement, x: Floats) -> Floats:
+        """The placed grain's unit normals (n, 3) at points (n, 3) of the scene."""
+        return self.grain.normal(placement.to_body(x)) @ placement.rotation.T
 
     def _core_minima(self, placement: Placement, pieces: Pieces, k: int, within: float) -> Minima:
         """Minima over the triangles of a core, and all its corners where they are close."""

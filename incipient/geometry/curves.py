@@ -208,6 +208,7 @@ class Traced(Spline):
         """The curve at its place in the scene."""
 
         def carried(s: Floats) -> tuple[Floats, Floats]:
+            """Points and derivatives in the scene."""
             point, derivative = self.path(s)
             return placement.to_scene(point), derivative @ placement.rotation.T
 

@@ -130,6 +130,7 @@ def lifted(grain: Grain | Solid, placement: Placement, bed: Bed | Terrain, gap: 
         return touching
 
     def excess(lift: float) -> float:
+        """By how much the distance exceeds the gap after a lift."""
         return clearance(grain, touching.raised(lift), bed)[0] - gap
 
     low, high = gap, 2.0 * gap

@@ -129,6 +129,7 @@ class _Rest:
 
     @property
     def stable(self) -> bool:
+        """Whether the grain stays when it is nudged."""
         return self.way_down is None
 
 
@@ -143,6 +144,7 @@ class _Descent:
 
     @cached_property
     def size(self) -> float:
+        """The grain's largest diameter, computed once: of a polyhedron it takes time."""
         return self.grain.size
 
     @cached_property
@@ -245,7 +247,13 @@ class _Descent:
         closing = wrenches(near.normals, self._arms(placement, near), self.size)
         after = near.gaps / self.size + closing @ motion
         kept = near.only(after <= 1e-6 * float(np.linalg.norm(motion)))
-        return self._kept(placement, kept, motion) if len(kept) > 1 else self._moved(placement, motion)
+        return self._in_touch(placement, kept, motion)
+
+    def _in_touch(self, placement: Placement, contacts: Near, motion: Floats) -> Placement:
+        """The placement after a motion, its contacts closed again; lowering the grain closes a single one."""
+        if len(contacts) > 1:
+            return self._kept(placement, contacts, motion)
+        return self._moved(placement, motion)
 
     def _moved(self, placement: Placement, motion: Floats) -> Placement:
         """The placement after a motion in grain sizes and radians."""
@@ -350,21 +358,21 @@ class _Descent:
         self, placement: Placement, carrying: Near, direction: Floats, window: float
     ) -> Placement | None:
         """Where along a motion of at most `window` the pull turns round; None if it does not."""
-
-        def tried(length: float) -> tuple[Placement, bool]:
-            motion = length * direction
-            many = len(carrying) > 1
-            end = self._kept(placement, carrying, motion) if many else self._moved(placement, motion)
-            end = self._proximity.lowered(end)
-            return end, bool(self._pull(end, self._touching_at(end)) @ direction > 0.0)
-
         low, high = 0.0, window
-        if tried(high)[1]:
+        end = self._proximity.lowered(self._in_touch(placement, carrying, high * direction))
+        if self._pulled_along(end, direction):
             return None
         while high - low > 1e-17:
             middle = 0.5 * (low + high)
-            low, high = (middle, high) if tried(middle)[1] else (low, middle)
-        return tried(high)[0]
+            tried = self._proximity.lowered(self._in_touch(placement, carrying, middle * direction))
+            if self._pulled_along(tried, direction):
+                low = middle
+            else:
+                high, end = middle, tried
+        return end
+
+    def _pulled_along(self, placement: Placement, direction: Floats) -> bool:
+        return bool(self._pull(placement, self._touching_at(placement)) @ direction > 0.0)
 
     def _correction(self, placement: Placement, carrying: Near, error: Floats) -> Floats:
         """Newton's step; of all that do the same, with friction, that which slips least."""

@@ -42,6 +42,7 @@ class Smooth(Grain):
         first, sweep = 0.5 * pi * k, 0.5 * pi
 
         def path(s: Floats) -> tuple[Floats, Floats]:
+            """Points and derivatives of this quarter alone."""
             point, derivative = self.trace(first + sweep * s)
             return point, sweep * derivative
 

@@ -331,6 +331,7 @@ class StarSolid(Solid):
         h = 1e-3
 
         def difference(angle: float) -> Floats:
+            """Of the radii at this angle on either side."""
             ahead, aside = np.cos(angle) * outward, np.sin(angle) * tangent
             return np.asarray(self.radius(ahead + aside)) - np.asarray(self.radius(ahead - aside))
 

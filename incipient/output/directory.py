@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING, Any
 from ..files import append_row, cut, reported, write_json
 from ..parallel import collectively
 from ..plan import Plan
-from ..restart import checkpoint as checkpoints
-from ..restart.checkpoint import Recorded
 from ..result import Result
 from ..scene import Scene
 
@@ -22,6 +20,7 @@ if TYPE_CHECKING:
     from ..threshold import Threshold
     from .xdmf import FieldSeries, SurfaceSeries
 
+CHECKPOINT = "checkpoint.h5"
 # What an earlier run into the same directory may have left and this one may not write again.
 PICTURES = (
     "flow",
@@ -43,7 +42,7 @@ DATA = (
     "surface.xdmf",
     "surface.h5",
     "threshold.json",
-    checkpoints.NAME,
+    CHECKPOINT,
 )
 # What a run writes when it is over.
 ENDINGS = (
@@ -129,12 +128,21 @@ class ResultDirectory:
 
     def keep(self, checkpoint: Checkpoint) -> Path:
         """Write the checkpoint, with how long the history is; the directory."""
+        from ..restart import checkpoint as checkpoints
+
         with collectively(self.comm):
             if self.comm.rank == 0:
                 history = self.path / "history.csv"
                 length = history.stat().st_size if self._rows else 0
-                recorded = Recorded(self._rows, length)
-                checkpoints.write(self.path / checkpoints.NAME, replace(checkpoint, recorded=recorded))
+                recorded = checkpoints.Recorded(self._rows, length)
+                checkpoints.write(self.path / CHECKPOINT, replace(checkpoint, recorded=recorded))
+        return self.path
+
+    def provisional(self, result: Result) -> Path:
+        """Write result.json; the directory."""
+        with collectively(self.comm):
+            if self.comm.rank == 0:
+                write_json(self.path / "result.json", result.to_dict())
         return self.path
 
     def finish(self, result: Result) -> None:
@@ -143,8 +151,8 @@ class ResultDirectory:
             if self.comm.rank == 0:
                 write_json(self.path / "result.json", result.to_dict())
                 if result.status == "complete" and not result.scene["output"]["checkpoint"]:
-                    with reported(self.path / checkpoints.NAME):
-                        (self.path / checkpoints.NAME).unlink(missing_ok=True)
+                    with reported(self.path / CHECKPOINT):
+                        (self.path / CHECKPOINT).unlink(missing_ok=True)
 
     def _go_back(self) -> None:
         """Of a run that is resumed, drop from the directory what came after the checkpoint."""

@@ -1,6 +1,7 @@
 """`python -m incipient.pictures DIR` draws the pictures of its results and prints their paths, one a line.
 
-With `--animate FILE --field NAME` it makes the one animation instead; an empty FILE stands for the usual name.
+With `--animate --field NAME` it makes the one animation instead,
+with `--out FILE` under another than the usual name.
 """
 
 import argparse
@@ -12,16 +13,17 @@ from . import draw
 
 parser = argparse.ArgumentParser()
 parser.add_argument("directory", type=Path)
-parser.add_argument("--animate")
+parser.add_argument("--animate", action="store_true")
+parser.add_argument("--out", type=Path)
 parser.add_argument("--field", default="velocity")
 options = parser.parse_args()
 try:
-    if options.animate is None:
-        print(*draw(options.directory), sep="\n")
-    else:
+    if options.animate:
         from .animation import animate
 
-        print(animate(options.directory, Path(options.animate) if options.animate else None, options.field))
+        print(animate(options.directory, options.out, options.field))
+    else:
+        print(*draw(options.directory), sep="\n")
 except IncipientError as error:
     print(error, file=sys.stderr)
     raise SystemExit(error.exit_code) from None

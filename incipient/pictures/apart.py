@@ -33,15 +33,16 @@ def animate_apart(directory: Path, target: Path | None, field: str) -> Path:
     Raises:
         OutputError: with the drawing's own explanation.
     """
-    name = "" if target is None else str(target)
-    (path,) = _apart("no animation", str(directory), f"--animate={name}", f"--field={field}")
+    named = () if target is None else (f"--out={target}",)
+    (path,) = _apart("no animation", str(directory), "--animate", f"--field={field}", *named)
     return path
 
 
 def _apart(nothing: str, *arguments: str) -> list[Path]:
     surroundings = {name: value for name, value in os.environ.items() if not name.startswith(PARALLEL)}
+    # -P: modules are not looked for in the working directory, where a file may be named like one of Python's.
     child = subprocess.run(
-        [sys.executable, "-m", "incipient.pictures", *arguments],
+        [sys.executable, "-P", "-m", "incipient.pictures", *arguments],
         capture_output=True,
         text=True,
         env=surroundings,

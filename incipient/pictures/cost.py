@@ -1,9 +1,13 @@
-"""The picture of what accuracy costs: errors against time, unknowns and memory, the front, and the law."""
+"""The picture of what accuracy costs: errors against time, unknowns and memory, the front, and the law.
+
+Colours and marks tell orders apart; runs solved in another way than the scene's own have a mark for that way.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +25,7 @@ from .style import INK
 
 _COLOURS = {2: "#2166ac", 3: "#d95f0e", 4: "#1b7837"}
 _MARKERS = {2: "o", 3: "s", 4: "D"}
+_OTHERS = ("^", "v", "P", "X", "*", "<", ">", "p", "d")  # by way to solve
 _LAW, _GRID = "#858585", "#e2e2e2"
 _PANELS = (
     ("cpu", "processor time [s]"),
@@ -30,6 +35,7 @@ _PANELS = (
 )
 _WIDE, _HIGH = 9.4, 7.2  # inches
 _MOST_TICKS = 8
+_MOST_NAMES = 5  # in a row of the legend
 
 
 def draw(directory: Path) -> list[Path]:
@@ -62,7 +68,7 @@ def _figure(stored: dict[str, Any]) -> Figure:
     for axes in every[:, 0]:
         axes.set_ylabel("relative error")
     handles, labels = every[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="lower center", ncols=len(labels), fontsize=8)
+    figure.legend(handles, labels, loc="lower center", ncols=min(len(labels), _MOST_NAMES), fontsize=8)
     return figure
 
 
@@ -75,10 +81,12 @@ def _wrapped(words: str) -> str:
 def _show(axes: Axes, stored: dict[str, Any], key: str) -> None:
     """Runs, those on the front, and the law where it is one of this cost."""
     runs = [run for run in stored["runs"] if run["error"] > 0.0]
-    for order in sorted({run["order"] for run in runs}):
-        mine = [run for run in runs if run["order"] == order]
+    own = [run for run in runs if not run.get("solver")]
+    for order in sorted({run["order"] for run in own}):
+        mine = [run for run in own if run["order"] == order]
         _mark(axes, [run for run in mine if run["told_apart"]], key, order, filled=True)
         _mark(axes, [run for run in mine if not run["told_apart"]], key, order, filled=False)
+    _show_solvers(axes, [run for run in runs if run.get("solver")], key)
     clear = [run for run in runs if run["told_apart"]]
     best = front([run[key] for run in clear], [run["error"] for run in clear], WORTH)
     if best:
@@ -108,6 +116,16 @@ def _mark(axes: Axes, runs: Sequence[dict[str, Any]], key: str, order: int, fill
         label=name,
         zorder=3,
     )
+
+
+def _show_solvers(axes: Axes, runs: Sequence[dict[str, Any]], key: str) -> None:
+    """Runs solved in other ways: a mark for each way, in the colour of the order; named in grey."""
+    for mark, solver in zip(cycle(_OTHERS), dict.fromkeys(run["solver"] for run in runs)):
+        for run in (run for run in runs if run["solver"] == solver):
+            colour = _COLOURS[run["order"]]
+            face, edge = (colour, "white") if run["told_apart"] else ("white", colour)
+            axes.plot(run[key], run["error"], mark, mfc=face, mec=edge, mew=0.7, ms=7.5, zorder=4)
+        axes.plot([], [], mark, color=_LAW, ms=6.5, label=solver)
 
 
 def _draw_law(axes: Axes, law: Law, errors: Sequence[float]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -25,42 +26,18 @@ _CLIPPED_VORTICITY = 6.0  # per cent of the nodes: it is greatest in thin layers
 def speed(run: Run) -> Figure:
     """Speed in colour, streamlines with the direction of flow."""
     values = np.linalg.norm(run.field("velocity"), axis=1)
-
-    def limits(seen: np.ndarray) -> Normalize:
-        return Normalize(0.0, seen.max() or 1.0)
-
-    return _picture(
-        run, values, "speed", "viridis", limits, lambda axes, view: draw_streamlines(run, axes, view)
-    )
+    return _picture(run, values, "speed", "viridis", _from_zero, partial(draw_streamlines, run))
 
 
 def pressure(run: Run) -> Figure:
     """Pressure in colour with isobars; extremes at corners and in gaps exceed the colour bar."""
-    values = run.field("pressure")
-
-    def limits(seen: np.ndarray) -> Normalize:
-        return Normalize(*_spread(*np.percentile(seen, (_CLIPPED, 100 - _CLIPPED))))
-
-    def isobars(axes: Axes, view: View) -> None:
-        seen = run.mesh.within(view)
-        levels = np.linspace(*_range(limits(values[np.unique(seen.cells)])), 19)[1:-1]
-        triangulation = triangles_of(seen.points, seen.quarters)
-        axes.tricontour(
-            triangulation, values, levels=levels, colors=INK, linewidths=0.35, linestyles="solid", alpha=0.6
-        )
-
-    return _picture(run, values, "pressure", "RdYlBu_r", limits, isobars)
+    isobars = partial(_draw_isobars, run)
+    return _picture(run, run.field("pressure"), "pressure", "RdYlBu_r", _without_extremes, isobars)
 
 
 def vorticity(run: Run) -> Figure:
     """Vorticity in colour, anticlockwise positive; the colour bar is symmetric and clips the extremes."""
-    values = run.field("vorticity")
-
-    def limits(seen: np.ndarray) -> Normalize:
-        bound = np.percentile(np.abs(seen), 100 - _CLIPPED_VORTICITY) or 1.0
-        return Normalize(-bound, bound)
-
-    return _picture(run, values, "vorticity", "RdBu_r", limits, lambda axes, view: None)
+    return _picture(run, run.field("vorticity"), "vorticity", "RdBu_r", _symmetric, lambda axes, view: None)
 
 
 def profiles(run: Run) -> Figure:
@@ -112,6 +89,15 @@ def draw_streamlines(run: Run, axes: Axes, view: View, color: str = "white", alp
     ):
         axes.add_collection(drawn, autolim=False)
         drawn.set_clip_path(fluid)
+
+
+def _draw_isobars(run: Run, axes: Axes, view: View) -> None:
+    values, seen = run.field("pressure"), run.mesh.within(view)
+    levels = np.linspace(*_range(_without_extremes(values[np.unique(seen.cells)])), 19)[1:-1]
+    triangulation = triangles_of(seen.points, seen.quarters)
+    axes.tricontour(
+        triangulation, values, levels=levels, colors=INK, linewidths=0.35, linestyles="solid", alpha=0.6
+    )
 
 
 def near_grain(run: Run) -> View | None:
@@ -176,6 +162,19 @@ def _floor(run: Run) -> float:
     """Lower edge of pictures: some ground is shown below a bed."""
     _, _, y0, y1 = run.box
     return y0 - (0.04 * (y1 - y0) if run.scene.get("bed") else 0.0)
+
+
+def _from_zero(seen: np.ndarray) -> Normalize:
+    return Normalize(0.0, seen.max() or 1.0)
+
+
+def _without_extremes(seen: np.ndarray) -> Normalize:
+    return Normalize(*_spread(*np.percentile(seen, (_CLIPPED, 100 - _CLIPPED))))
+
+
+def _symmetric(seen: np.ndarray) -> Normalize:
+    bound = np.percentile(np.abs(seen), 100 - _CLIPPED_VORTICITY) or 1.0
+    return Normalize(-bound, bound)
 
 
 def _range(norm: Normalize) -> tuple[float, float]:

@@ -159,6 +159,7 @@ def _interpolated(velocity: np.ndarray, slowest: float) -> Direction:
     across, up = velocity[..., 0].ravel().tolist(), velocity[..., 1].ravel().tolist()
 
     def direction(x: float, y: float) -> Place | None:
+        """A unit vector, bilinear between the nodes; plain numbers, as lines ask for one place at a time."""
         if not (0 <= x < columns - 1 and 0 <= y < rows - 1):
             return None
         i, j = int(x), int(y)

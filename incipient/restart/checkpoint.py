@@ -25,7 +25,6 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 T = TypeVar("T")
 
-NAME = "checkpoint.h5"
 FORMAT, VERSION = "incipient checkpoint", 1
 ANEW = "start anew with: incipient run"
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import SceneError
+from ..output.directory import CHECKPOINT
 from ..parallel import collectively
 from ..scene import Scene, load
 from ..scene.file import loads
@@ -16,8 +18,16 @@ from .checkpoint import Checkpoint
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-# What a scene may be resumed with in place of what it was run with.
-MAY_CHANGE = ("time.end",)
+# What a scene may be resumed with in place of what it was run with: where it ends, how its steps are made, when it
+# gets new meshes and of what cells, what is written. What is stored fits all of them.
+MAY_CHANGE = (
+    *("time.end", "time.step", "time.tolerance", "output.every", "output.checkpoint", "output.pictures"),
+    *("numerics.tolerance", "numerics.stabilisation", "numerics.convection", "numerics.error_bars"),
+)
+MAY_CHANGE_IF_THE_GRAIN_MOVES = (
+    *("numerics.remesh_below", "numerics.mesh_size", "numerics.interface_tolerance", "numerics.coupling"),
+    "contact.gap",
+)
 
 
 def reopened(directory: Path, overrides: Sequence[str], comm: MPI.Comm) -> tuple[Scene, Checkpoint]:
@@ -30,34 +40,48 @@ def reopened(directory: Path, overrides: Sequence[str], comm: MPI.Comm) -> tuple
     found = None
     with collectively(comm):
         if comm.rank == 0:
-            kept = checkpoints.read(directory / checkpoints.NAME)
+            kept = checkpoints.read(directory / CHECKPOINT)
             scene = load(directory / "scene.toml", overrides)
             _require_same(directory / "scene.toml", scene, loads(kept.scene))
-            _require_work(scene, kept)
-            found = scene, kept
+            _require_work(scene, loads(kept.scene), kept)
+            found = scene, _adapted(scene, loads(kept.scene), kept)
     reopened: tuple[Scene, Checkpoint] = comm.bcast(found)
     return reopened
 
 
 def _require_same(path: Path, scene: Scene, of_checkpoint: Scene) -> None:
     now, before = (dict(_flat(one.model_dump(mode="json"))) for one in (scene, of_checkpoint))
+    moves = scene.body is not None and scene.body.moves
+    allowed = MAY_CHANGE + (MAY_CHANGE_IF_THE_GRAIN_MOVES if moves else ())
     for key in sorted(now.keys() | before.keys()):
-        if now.get(key) != before.get(key) and key not in MAY_CHANGE:
+        if now.get(key) != before.get(key) and key not in allowed:
             raise SceneError(
                 f"{path}: {key} is {now.get(key)}, but the run to resume has {before.get(key)}; "
-                f"leave it so (only {', '.join(MAY_CHANGE)} may change) or start anew with: incipient run"
+                f"leave it so (only {', '.join(allowed)} may change) or start anew with: incipient run"
             )
 
 
-def _require_work(scene: Scene, kept: Checkpoint) -> None:
+def _require_work(scene: Scene, of_checkpoint: Scene, kept: Checkpoint) -> None:
     assert scene.time is not None
-    if kept.body is not None and kept.body.met:
-        raise SceneError("the run has ended: its grain met something; there is nothing to resume")
+    if kept.body is not None and kept.body.met and scene.contact_gap >= of_checkpoint.contact_gap:
+        raise SceneError(
+            "the run has ended: its grain met something; there is nothing to resume, but with a smaller contact.gap"
+        )
     if scene.time.end - kept.time <= 1e-9 * scene.time.end:
         raise SceneError(
             f"the run has come to t = {kept.time:g} already and time.end is {scene.time.end:g}; "
             "to go on give a later one, such as --set time.end=" + f"{2 * kept.time:g}"
         )
+
+
+def _adapted(scene: Scene, of_checkpoint: Scene, kept: Checkpoint) -> Checkpoint:
+    """The checkpoint, without what a change of the scene has made void: the step's length, that a wall was met."""
+    assert scene.time is not None and of_checkpoint.time is not None
+    if scene.time.step != of_checkpoint.time.step or scene.time.tolerance is None:
+        kept = replace(kept, progress=replace(kept.progress, next_length=scene.time.step))
+    if kept.body is not None:
+        kept = replace(kept, body=replace(kept.body, met=False))
+    return kept
 
 
 def _flat(data: Any, key: str = "") -> list[tuple[str, Any]]:

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from processes import Finished, Outcome, environment
+from environment import environment
+from processes import Finished, Outcome
 
 COMMAND = "from incipient.cli import main\nraise SystemExit(main())\n"
 # Runs commands one after the other on all ranks. The next begins when every rank's exit code is there, so a rank

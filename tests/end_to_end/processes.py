@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import subprocess
 from collections.abc import Sequence
@@ -31,13 +30,6 @@ class Outcome:
         assert not any("Traceback" in line for line in self.lines), self.lines
         (line,) = [line for line in self.lines if line.startswith("incipient: ")]
         return line.removeprefix("incipient: ")
-
-
-def environment() -> dict[str, str]:
-    """The surroundings of a new process: one thread, and nothing of the MPI that pytest itself may run in."""
-    inherited = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_", "PMIX_", "PMI_"))}
-    allowed = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
-    return inherited | allowed | {"OMP_NUM_THREADS": "1"}
 
 
 def settings(**values: object) -> list[str]:

@@ -12,6 +12,7 @@ from mpi4py import MPI
 
 import incipient
 from incipient.accuracy.errorbars import changed
+from incipient.cost.foresight import first_mesh
 from incipient.errors import ConvergenceError
 from incipient.result import Result
 from incipient.scene import Scene, load, loads
@@ -71,6 +72,7 @@ def test_what_is_asked_for_is_reached_and_not_much_more(
     result = run(scene(accuracy=accuracy))
     found, true = result.adaptation, error_of(result, reference)
     assert found is not None and found.met and found.reason == "reached"
+    assert found.trials[0].unknowns == first_mesh(scene(accuracy=accuracy)).unknowns, "as the plan says"
     assert accuracy / 20.0 < true < accuracy
     assert found.reached == pytest.approx(true, rel=0.5)
     assert found.reached == found.trials[-1].estimate
@@ -156,6 +158,7 @@ def test_flow_in_time(tmp_path: Path) -> None:
     assert result.force is not None and fine.force is not None
     true = np.linalg.norm(result.force.flow - fine.force.flow) / np.linalg.norm(fine.force.flow)
     assert true < 0.005
+    assert found.trials[0].unknowns == first_mesh(loads(stream + "accuracy=0.005\n")).unknowns
     steps = [trial.step for trial in found.trials]
     assert steps == [0.1 * 0.5**i for i in range(len(steps))]
     history = (tmp_path / "history.csv").read_text().splitlines()

@@ -8,11 +8,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from environment import environment
 from processes import (
     CAVITY,
     CYLINDER,
     GRAIN_ON_BED,
-    environment,
     has_control_characters,
     result_of,
     settings,
@@ -127,6 +127,15 @@ def test_the_schema_knows_every_section(command):
     assert {"domain", "fluid", "flow", "body", "bed", "gravity", "contact", "time"} <= set(
         schema["properties"]
     )
+
+
+def test_threshold_leaves_the_results_of_the_run_alone(command, tmp_path):
+    pocket = settings(bed_kind="half-discs", bed_radius=0.5, bed_spacing=1.2, bed_offset=1.0)
+    done = command("threshold", GRAIN_ON_BED, *pocket, *settings(numerics_mesh_size=3.0))
+    assert done.returncode == 0, done.stderr
+    assert "times the flow of the scene; then the grain begins pivoting" in done.stdout
+    written = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
+    assert written == {f"results/grain_on_bed_threshold/{name}" for name in ("scene.toml", "threshold.json")}
 
 
 def test_plan_computes_nothing():

@@ -58,11 +58,10 @@ def found(directory, overrides, flow=FLOW, factor=None):
     return directory
 
 
-def judged_case(directory, name, *overrides, with_case=False):
-    case = cases.load_case(DEMOS / "cases" / f"{name}.toml", overrides)
-    said = cases.judge_case(case)
-    if with_case:
-        said["case"] = case.model_dump(mode="json", exclude_none=True, warnings=False)
+def judged_case(directory, name, *overrides, shaped=True):
+    said = cases.judge_case(cases.load_case(DEMOS / "cases" / f"{name}.toml", overrides))
+    if not shaped:
+        del said["case"]
     write_json(directory / "judgement.json", said)
     return directory
 
@@ -137,7 +136,11 @@ def test_cases_in_the_plane_are_drawn(tmp_path, name):
 
 
 def test_a_case_that_gives_a_shape_is_drawn_with_it(tmp_path):
-    assert_is_a_picture(*judgement.draw(judged_case(tmp_path, "disc_in_pocket", with_case=True)))
+    (picture,) = judgement.draw(judged_case(tmp_path, "disc_in_pocket"))
+    shaped = picture.read_bytes()
+    (picture,) = judgement.draw(judged_case(tmp_path, "disc_in_pocket", shaped=False))
+    assert_is_a_picture(picture)
+    assert picture.read_bytes() != shaped
 
 
 @pytest.mark.parametrize("flow", ["[0.2, 0.0, 0.0]", "[0.4, 0.1, 0.05]"])  # rests, pivots

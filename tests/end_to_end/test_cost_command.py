@@ -16,7 +16,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from processes import CAVITY, CYLINDER, GRAIN_ON_BED, SCENES, environment, settings
+from environment import environment
+from processes import CAVITY, CYLINDER, GRAIN_ON_BED, SCENES, settings
 
 COARSE = settings(numerics_mesh_size=2.5, contact_gap=0.05)
 
@@ -85,11 +86,46 @@ def interrupted(arguments: tuple[object, ...], out: Path, variables: dict[str, s
     assert said.splitlines()[-1] == "incipient: interrupted; what was computed so far is kept"
 
 
+IN_TIME = (
+    '[domain]\nlength=8\nheight=4\n[fluid]\nreynolds=20\nscale="grain"\n[flow]\nkind="uniform"\n'
+    '[body]\nshape="disc"\ndiameter=1\ncentre=[3.0, 2.0]\n[time]\nend=0.8\nstep=0.1\nstart="stokes"\n'
+    "[numerics]\nmesh_size=2.5\n"
+)
+
+
+@pytest.mark.parametrize(("steady", "ways"), [(True, ("chords", "loose")), (False, ("extrapolated", "bdf1"))])
+def test_ways_to_solve(command: Any, tmp_path: Path, steady: bool, ways: tuple[str, ...]) -> None:
+    """Real runs solved in other ways: algebra changes nothing that counts, linearisation and scheme a little."""
+    out, scene = tmp_path / "study", GRAIN_ON_BED
+    if not steady:
+        scene = tmp_path / "stream.toml"
+        scene.write_text(IN_TIME)
+    ladder = ["--orders", 2, "--sizes", 1, *([] if steady else ["--steps", 1]), "--solvers", *ways]
+    options = COARSE if steady else ()
+    done = command("cost", scene, *ladder, "--out", out, *options, timeout=200, **calibrated_in(tmp_path))
+    assert done.returncode == 0, done.stderr
+    rows = list(csv.DictReader((out / "cost.csv").open()))
+    assert [(row["solver"], row["failed"]) for row in rows] == [(way, "") for way in ("", *ways, "")]
+    stored = json.loads((out / "cost.json").read_text())
+    changes = {one["solver"]: one["change"] for one in stored["solvers"]}
+    assert set(changes) == set(ways)
+    small = 1e-5 if steady else 0.05
+    assert all(0.0 < change < small for change in changes.values()), changes
+    assert all(f"solver              {way}: time x " in done.stdout for way in ways)
+    page = (out / "cost.md").read_text()
+    assert all(f"| {way} | x " in page and f", {way} | " in page for way in ways)
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
         (["--orders", "7"], "--orders: the velocity has order 2, 3 or 4"),
         (["--steps", "2"], "--steps: the scene is steady; leave it out"),
+        (
+            ["--solvers", "magic"],
+            "--solvers: magic is not known; give some of: own, chords, loose, umfpack, ",
+        ),
+        (["--solvers", "bdf1"], "--solvers: bdf1 changes nothing in this scene; give some of: own, chords, "),
         (["--sizes", "0"], "--sizes: give positive numbers, such as 2 1.4 1"),
         (["--sizes", "x"], "argument --sizes: invalid float value: 'x'; see incipient cost --help"),
         (["--set", "fluid.reynolds=-1"], "--set fluid.reynolds=-1: fluid.reynolds: "),

@@ -13,7 +13,8 @@ import tempfile
 from pathlib import Path
 
 import pytest
-from processes import environment, result_of
+from environment import environment
+from processes import result_of
 
 DEMOS = Path(__file__).parents[2] / "demos"
 EXPECTED = DEMOS / "expected.json"

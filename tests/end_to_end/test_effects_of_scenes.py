@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from absent import OF_CHECKPOINTS, OF_CONTACT, OF_ESTIMATES, OF_FREE_BODY, OF_MOVING_MESH
 
 import incipient
 from incipient.scene import (
@@ -81,11 +82,11 @@ def used(tmp_path_factory):
     """
     directory = tmp_path_factory.mktemp("absent")
 
-    def run(state, tool=(), counted="calls", **changes):
+    def run(state, tool=(), counted="calls", into=(), **changes):
         path = directory / "scene.toml"
         path.write_text(dumps(Scene(**{**STOKES, **changes})))
         done = subprocess.run(
-            [*tool, sys.executable, str(ABSENT), str(path), state, counted],
+            [*tool, sys.executable, str(ABSENT), str(path), state, counted, *into],
             env=os.environ | {"PYTHONHASHSEED": "0", "OMP_NUM_THREADS": "1"},
             capture_output=True,
             text=True,
@@ -135,7 +136,28 @@ def test_the_count_sees_an_effect_that_is_there(used):
     assert inert["forms"] != without["forms"]
     assert inert["unknowns"] == without["unknowns"]
     unsteady = used("there", time=Time(end=0.2, step=0.1))
-    assert set(unsteady["modules"]) - set(without["modules"]) == {"fluid.quasisteady", "fluid.transient"}
+    added = {"marching", "fluid.quasisteady", "fluid.transient"}
+    assert set(unsteady["modules"]) - set(without["modules"]) == added
+
+
+def test_a_run_in_time_imports_nothing_it_does_not_need(used, tmp_path):
+    """Grains held and moving, into a directory: nothing of checkpoints, contact, estimates unless it is wanted."""
+    steps = {"time": Time(end=0.2, step=0.1)}
+    moving = steps | {"body": Disc(diameter=1, centre=(2, 1.2), motion="free", density=1.0)}
+    kept = moving | {"output": Output(fields=False, checkpoint=1)}
+    held, free, saved = (
+        modules_of(used("there", into=[str(tmp_path / str(k))], **changes))
+        for k, changes in enumerate((steps, moving, kept))
+    )
+    absent = {*OF_CONTACT, *OF_ESTIMATES, *OF_CHECKPOINTS}
+    assert not held & {*absent, *OF_MOVING_MESH, *OF_FREE_BODY}
+    assert not free & absent and free >= {"trajectory", "coupling"}
+    assert saved & absent == {"restart"}
+
+
+def modules_of(found):
+    """Names of modules and of the packages they are in."""
+    return {name for module in found["modules"] for name in (module, module.partition(".")[0])}
 
 
 def test_the_cost_by_effect_adds_up():

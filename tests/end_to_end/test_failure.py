@@ -14,16 +14,18 @@ import h5py
 import numpy as np
 import pytest
 from conftest import Session
+from environment import environment
 from processes import (
     CAVITY,
     GRAIN_ON_BED,
     VORTEX_STREET,
     Outcome,
-    environment,
     result_of,
     settings,
 )
 
+import incipient
+from incipient.errors import ConvergenceError
 from incipient.restart.checkpoint import read
 
 STEP = 0.005
@@ -166,6 +168,62 @@ def test_an_interrupt_while_forms_compile_does_not_harm_later_runs(started, comm
     again = command(*scene, **cache)
     assert again.returncode == 0, again.stderr
     assert "gcc" not in again.stderr and "running build" not in again.stderr, "the compiler's own talk"
+
+
+# -- error bars that are not computed --------------------------------------------------------------------------
+
+# On a fine mesh the error bars take seconds; so they do where a verdict is to be decided.
+FINE = settings(numerics_order=3, numerics_mesh_size=0.5)
+DECIDING = settings(numerics_accuracy="verdict", gravity_acceleration=1.98)
+
+
+def is_provisional(directory):
+    path = directory / "result.json"
+    return lambda: path.exists() and result_of(directory)["without_error_bars"] != ""
+
+
+@pytest.mark.parametrize("options", [FINE, DECIDING])
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_an_interrupt_in_the_error_bars_keeps_the_verdict(started, tmp_path, ranks, options):
+    run = started(ranks, "run", GRAIN_ON_BED, *options, "--out", tmp_path)
+    wait_until(is_provisional(tmp_path), run)
+    os.killpg(run.pid, signal.SIGINT)
+    outcome = ended(run)
+    if ranks == 1:
+        # Python itself ends by the signal where that came within a call of `exec`, whatever was made of it.
+        assert outcome.codes[0] in (130, -signal.SIGINT)
+        kept = f"the result without them is kept in {tmp_path}"
+        assert outcome.complaint == f"interrupted while the error bars were computed; {kept}"
+    assert not any("Traceback" in line for line in outcome.lines)
+    result = result_of(tmp_path)
+    assert result["status"] == "complete" and result["verdict"]["sentence"]
+    assert result["error_bars"] is None
+    assert result["without_error_bars"] == "not computed: the run goes on, or was stopped while they were"
+    assert times_of(tmp_path / "fields") == [0.0]
+
+
+def test_error_bars_that_fail_are_said_to_and_the_rest_is_there(tmp_path, monkeypatch):
+    def fail(*arguments):
+        raise ConvergenceError("no dual solution found")
+
+    monkeypatch.setattr("incipient.accuracy.errorbars.error_bars", fail)
+    scene = incipient.load(GRAIN_ON_BED, ["numerics.mesh_size=3"])
+    result = incipient.run(scene, tmp_path)
+    assert result.verdict is not None and result.error_bars is None
+    assert "\nerror bars          not computed: no dual solution found\n" in result.text()
+    assert result_of(tmp_path)["without_error_bars"] == "not computed: no dual solution found"
+
+
+def test_a_budget_spent_before_the_error_bars_keeps_the_verdict(tmp_path):
+    """Coarse runs are not begun any more; the verdict then does not count as decided."""
+    options = ["numerics.accuracy='verdict'", "numerics.budget_seconds=0.001"]
+    incipient.run(incipient.load(GRAIN_ON_BED, options), tmp_path)
+    result = result_of(tmp_path)
+    spent = "numerics.budget_seconds = 0.001 is spent"
+    assert result["error_bars"]["failed"] == {"gap": spent, "domain": spent}
+    assert [term["name"] for term in result["error_bars"]["terms"]] == ["discretisation"]
+    assert result["verdict"]["moves"] and not result["adaptation"]["met"]
+    assert result["adaptation"]["reason"].startswith("undecided: certain but for errors that are not known")
 
 
 # -- no convergence ------------------------------------------------------------------------------------------

@@ -275,9 +275,15 @@ def test_an_mp4_is_written_with_ffmpeg(run, tmp_path):
 
 
 def test_show_animates(run, command, tmp_path):
-    done = command("show", run, "--animate", tmp_path / "w.gif", "--field", "vorticity")
+    done = command("show", run, "--animate", "--out", tmp_path / "w.gif", "--field", "vorticity")
     assert (done.returncode, done.stdout, done.stderr) == (0, f"{tmp_path / 'w.gif'}\n", "")
     assert Image.open(tmp_path / "w.gif").n_frames == STEPS
+
+
+def test_the_directory_may_come_after_the_options(run, command):
+    done = command("show", "--animate", "--field", "pressure", run)
+    assert (done.returncode, done.stdout, done.stderr) == (0, f"{run / 'pressure.gif'}\n", "")
+    assert Image.open(run / "pressure.gif").n_frames == STEPS
 
 
 def test_what_cannot_be_animated_is_named_with_the_remedy(run, tmp_path, monkeypatch):
@@ -315,6 +321,8 @@ def test_what_cannot_be_animated_is_named_with_the_remedy(run, tmp_path, monkeyp
             "no animation: nothing/fields.h5: no such file; run the scene with output.fields = true",
         ),
         (["--field", "pressure"], 2, "--field says what to animate; add --animate"),
+        (["--out", "flow.gif"], 2, "--out names the animation; add --animate"),
+        (["--animate", "flow.gif"], 2, "unrecognized arguments: flow.gif; see incipient --help"),
     ],
 )
 def test_show_says_what_is_wrong_in_one_line(options, code, complaint, command):

@@ -95,21 +95,18 @@ def ghia(line, reynolds):
     return np.array(chosen).T
 
 
-def assert_profiles_are_ghia_s(result, reynolds):
-    upright, values = ghia("u", reynolds)
-    u = sample(result.velocity, np.column_stack([np.full_like(upright, 0.5), upright]))[:, 0]
-    assert u == pytest.approx(values, abs=OFF_GHIA[reynolds])
-    level, values = ghia("v", reynolds)
-    v = sample(result.velocity, np.column_stack([level, np.full_like(level, 0.5)]))[:, 1]
-    assert v == pytest.approx(values, abs=OFF_GHIA[reynolds])
-
-
 @pytest.mark.parametrize(
     "reynolds",
     [100, 400, pytest.param(1000, marks=pytest.mark.slow), pytest.param(3200, marks=pytest.mark.slow)],
 )
 def test_profiles_in_the_cavity(reynolds):
-    assert_profiles_are_ghia_s(cavity(reynolds), reynolds)
+    velocity = cavity(reynolds).velocity
+    upright, values = ghia("u", reynolds)
+    u = sample(velocity, np.column_stack([np.full_like(upright, 0.5), upright]))[:, 0]
+    assert u == pytest.approx(values, abs=OFF_GHIA[reynolds])
+    level, values = ghia("v", reynolds)
+    v = sample(velocity, np.column_stack([level, np.full_like(level, 0.5)]))[:, 1]
+    assert v == pytest.approx(values, abs=OFF_GHIA[reynolds])
 
 
 def test_extrema_in_the_cavity():

@@ -7,7 +7,8 @@ import sys
 
 import numpy as np
 import pytest
-from processes import CAVITY, GRAIN_ON_BED, VORTEX_STREET, environment, result_of, settings
+from environment import environment
+from processes import CAVITY, GRAIN_ON_BED, VORTEX_STREET, result_of, settings
 
 import incipient
 from incipient.output.series_file import read_step
@@ -15,7 +16,7 @@ from incipient.output.series_file import read_step
 TOP_LEVEL = {
     *("schema_version", "title", "status", "error", "scene", "plan", "cost"),
     *("force", "couple", "coefficients", "contacts", "grain", "gap", "verdict", "centrelines"),
-    *("trajectory", "error_bars", "adaptation", "omitted"),
+    *("trajectory", "error_bars", "without_error_bars", "adaptation", "omitted", "measured_cell_reynolds"),
 }
 STAGES = {"plan", "import", "mesh", "forms", "flow", "tractions", "fields", "omitted effects", "total"}
 SOME_STAGES = {"contact", "error bars"}  # where there is a grain that rests, or any

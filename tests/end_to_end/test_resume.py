@@ -17,7 +17,8 @@ import h5py
 import numpy as np
 import pytest
 from conftest import Command, Session
-from processes import VORTEX_STREET, environment, result_of, settings
+from environment import environment
+from processes import VORTEX_STREET, result_of, settings
 
 import incipient
 from incipient import files

@@ -76,7 +76,7 @@ def test_uniform_stream_stays_in_space(energy_stable: bool) -> None:
 # -- energy -------------------------------------------------------------------------------------
 
 # A velocity solved to 1e-12 has an energy exact to twice that.
-SOLVED = 1e-11
+SOLVED, BALANCED = 1e-11, 1e-10
 # Newton's method finds no solution of the longest steps: they are taken with extrapolated convection alone.
 STEPS = [
     ("extrapolated", 1e-3),
@@ -87,24 +87,28 @@ STEPS = [
 ]
 
 
-def assert_energy_is_only_spent(
+def gain_and_imbalance(
     reynolds: float, convection: str, step: float, count: int, geometry_order: int
-) -> None:
-    """No step gains energy, and each loses what viscosity and the increment took: BDF1, nearly inviscid."""
+) -> tuple[float, float]:
+    """Shares of its energy that a step of BDF1 gains, and misses beside what viscosity and increment took."""
     model = FlowModel(unsteady=True, convection=convection, moving_mesh=True, energy_stable=True)
     kinetic, spent = energies(reynolds, model, 1, step, count, geometry_order)
-    assert np.all(kinetic[1:] <= kinetic[:-1] * (1 + SOLVED))
-    assert np.all(np.abs(kinetic[1:] - kinetic[:-1] + spent) < 1e-10 * kinetic[:-1])
+    gained = kinetic[1:] - kinetic[:-1]
+    return float((gained / kinetic[:-1]).max()), float(np.abs((gained + spent) / kinetic[:-1]).max())
 
 
 @pytest.mark.parametrize(("convection", "step"), STEPS)
 @GEOMETRY
 def test_energy_never_grows(convection: str, step: float, geometry_order: int) -> None:
-    assert_energy_is_only_spent(1e6, convection, step, 40, geometry_order)
+    gain, imbalance = gain_and_imbalance(1e6, convection, step, 40, geometry_order)
+    assert gain <= SOLVED
+    assert imbalance < BALANCED
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("convection", "step"), STEPS)
 @pytest.mark.parametrize("reynolds", [1e4, 1e6])
 def test_energy_never_grows_in_a_thousand_steps(reynolds: float, convection: str, step: float) -> None:
-    assert_energy_is_only_spent(reynolds, convection, step, 1000, geometry_order=1)
+    gain, imbalance = gain_and_imbalance(reynolds, convection, step, 1000, geometry_order=1)
+    assert gain <= SOLVED
+    assert imbalance < BALANCED

@@ -17,35 +17,53 @@ seeds = st.integers(min_value=10**6, max_value=10**9)
 
 
 def judge(case: Case):
-    """Both answers, checked against the laws and against each other."""
+    """Both answers, the safety factor and the motion."""
     safety = safety_factor(case.load, case.contacts, case.friction)
-    motion = incipient_motion(case.load, case.contacts, case.friction, case.mass, case.inertia)
-    assert safety_misses(case, safety) < 1e-8
-    assert max(motion_misses(case, solution) for solution in motion.solutions) < 1e-8
-    boundary = safety.interval is not None and any(abs(end - 1.0) < 1e-6 for end in safety.interval)
-    assert boundary or safety.held is not motion.moves
-    assert (safety.status is SafetyStatus.UNHELD) is (safety.interval is None)
-    return safety, motion
+    return safety, incipient_motion(case.load, case.contacts, case.friction, case.mass, case.inertia)
 
 
-def judge_all(start: int, count: int) -> None:
+def misses(case: Case, safety, motion) -> float:
+    """How far both answers miss the laws at most; infinite if one of them says rest and the other motion."""
+    boundary = at_boundary(safety, 1e-6)
+    if not boundary and safety.held is motion.moves:
+        return math.inf
+    return max(safety_misses(case, safety), *(motion_misses(case, solution) for solution in motion.solutions))
+
+
+def at_boundary(safety, near: float) -> bool:
+    """Whether the load itself is at an end of what can be balanced, where round-off decides."""
+    return safety.interval is not None and any(abs(end - 1.0) < near for end in safety.interval)
+
+
+def failures(start: int, count: int) -> list[tuple[int, str]]:
+    """Seeds whose case is not answered, or not to 1e-8, and why: one does not hide the others."""
     failed = []
     for seed in range(start, start + count):
+        case = random_case(seed)
         try:
-            judge(random_case(seed))
-        except Exception as error:  # collected, so that one failure does not hide the others
+            worst = misses(case, *judge(case))
+        except Exception as error:
             failed.append((seed, f"{type(error).__name__}: {error}"[:200]))
-    assert not failed
+        else:
+            failed += [(seed, f"laws missed by {worst:g}")] if not worst < 1e-8 else []
+    return failed
 
 
 def test_two_thousand_cases():
-    judge_all(0, 2000)
+    assert failures(0, 2000) == []
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("start", range(2000, 102000, 10000))
 def test_a_hundred_thousand_cases(start):
-    judge_all(start, 10000)
+    assert failures(start, 10000) == []
+
+
+def test_unheld_has_no_interval():
+    for seed in range(2000):
+        case = random_case(seed)
+        safety = safety_factor(case.load, case.contacts, case.friction)
+        assert (safety.status is SafetyStatus.UNHELD) is (safety.interval is None)
 
 
 def rotation(seed: int):
@@ -115,24 +133,50 @@ def any_case(seed: int) -> Case:
     return planar(seed) if seed % 2 else random_case(seed)
 
 
-def assert_same(case: Case, other: Case, accelerations=lambda a, alpha: (a, alpha)) -> None:
-    """Both judged alike: `accelerations` takes those of the case to those that the other must have."""
+def differences(
+    case: Case, other: Case, accelerations=lambda a, alpha: (a, alpha)
+) -> tuple[float, float, float]:
+    """How far two answers that should be alike miss the laws at most, and differ in safety factor and motion.
+
+    `accelerations` takes those of the case to those that the other must have. Differences are relative, zero
+    where round-off or several solutions leave them open, and infinite where verdicts or modes differ.
+    """
     (safety, motion), (safety_too, motion_too) = judge(case), judge(other)
-    near = safety.interval is not None and any(abs(end - 1.0) < 1e-5 for end in safety.interval)
-    assert safety.status is safety_too.status
-    if safety.interval is not None:
-        assert safety_too.interval == pytest.approx(safety.interval, rel=1e-6, abs=1e-9)
-    if near or Uniqueness.FAMILY in (motion.uniqueness, motion_too.uniqueness):
-        return
-    assert motion.moves is motion_too.moves
-    if Uniqueness.SEVERAL not in (motion.uniqueness, motion_too.uniqueness):
-        assert motion.mode is motion_too.mode
-        for expected, found in zip(
-            accelerations(motion.acceleration, motion.angular_acceleration),
-            (motion_too.acceleration, motion_too.angular_acceleration),
-            strict=True,
-        ):
-            assert found == pytest.approx(expected, rel=1e-6, abs=1e-7 * max(np.abs(expected).max(), 1e-300))
+    laws = max(misses(case, safety, motion), misses(other, safety_too, motion_too))
+    return (
+        laws,
+        safety_difference(safety, safety_too),
+        motion_difference(safety, motion, motion_too, accelerations),
+    )
+
+
+def safety_difference(safety, other) -> float:
+    """Of the ends of the intervals, relative to at least 1e-3."""
+    if safety.status is not other.status:
+        return math.inf
+    pairs = zip(safety.interval or (), other.interval or (), strict=True)
+    return max((0.0 if a == b else abs(b - a) / max(abs(a), 1e-3) for a, b in pairs), default=0.0)
+
+
+def motion_difference(safety, motion, other, accelerations) -> float:
+    """Of both accelerations, each component relative to itself and at least a tenth of the largest."""
+    kinds = {motion.uniqueness, other.uniqueness}
+    if at_boundary(safety, 1e-5) or Uniqueness.FAMILY in kinds:
+        return 0.0
+    if motion.moves is not other.moves:
+        return math.inf
+    if Uniqueness.SEVERAL in kinds:
+        return 0.0
+    if motion.mode is not other.mode:
+        return math.inf
+    expected = accelerations(motion.acceleration, motion.angular_acceleration)
+    return max(map(relative, (other.acceleration, other.angular_acceleration), expected))
+
+
+def relative(found, expected) -> float:
+    """The largest difference of two vectors, relative as above."""
+    sizes = np.abs(expected)
+    return float((np.abs(found - expected) / np.maximum(sizes, max(0.1 * sizes.max(), 1e-300))).max())
 
 
 class TestNothingChanges:
@@ -142,7 +186,12 @@ class TestNothingChanges:
     @given(seeds, seeds)
     def test_by_rotating(self, seed, turn):
         case, axes = any_case(seed), rotation(turn)
-        assert_same(case, rotated(case, turn), lambda a, alpha: (axes @ a, axes @ alpha))
+        laws, factor, motion = differences(
+            case, rotated(case, turn), lambda a, alpha: (axes @ a, axes @ alpha)
+        )
+        assert laws < 1e-8
+        assert factor < 1e-6
+        assert motion < 1e-6
 
     @settings(max_examples=60, deadline=None)
     @given(seeds, *[st.floats(-6.0, 6.0)] * 3)
@@ -167,7 +216,10 @@ class TestNothingChanges:
     @given(seeds, st.tuples(*[st.floats(-5.0, 5.0)] * 2))
     def test_by_moving(self, seed, shift):
         case = any_case(seed)
-        assert_same(case, moved(case, np.array([*shift, 0.0])))
+        laws, factor, motion = differences(case, moved(case, np.array([*shift, 0.0])))
+        assert laws < 1e-8
+        assert factor < 1e-6
+        assert motion < 1e-6
 
     @settings(max_examples=60, deadline=None)
     @given(seeds, st.randoms(use_true_random=False))
@@ -175,14 +227,20 @@ class TestNothingChanges:
         case = any_case(seed)
         order = list(range(len(case.contacts)))
         random.shuffle(order)
-        assert_same(case, taken(case, order))
+        laws, factor, motion = differences(case, taken(case, order))
+        assert laws < 1e-8
+        assert factor < 1e-6
+        assert motion < 1e-6
 
     @settings(max_examples=60, deadline=None)
     @given(seeds, st.integers(0, 2))
     def test_by_splitting_a_contact(self, seed, which):
         case = any_case(seed)
         split = taken(case, [*range(len(case.contacts)), which])
-        assert_same(case, split)
+        laws, factor, motion = differences(case, split)
+        assert laws < 1e-8
+        assert factor < 1e-6
+        assert motion < 1e-6
         whole = incipient_motion(case.load, case.contacts, case.friction, case.mass, case.inertia)
         parts = incipient_motion(split.load, split.contacts, split.friction, split.mass, split.inertia)
         assert parts.contact_forces[which] == pytest.approx(parts.contact_forces[-1])
@@ -234,7 +292,9 @@ class TestSecondWays:
         safety, motion = judge(case)
         monkeypatch.setattr("incipient.contact.fans.nnls", cycles)
         monkeypatch.setattr("incipient.contact.release.nnls", cycles)
+        monkeypatch.setattr("incipient.contact.least.nnls", cycles)
         safety_too, motion_too = judge(case)
+        assert misses(case, safety_too, motion_too) < 1e-8
         assert safety_too.status is safety.status
         assert safety_too.interval == (None if safety.interval is None else pytest.approx(safety.interval))
         assert motion_too.moves is motion.moves
@@ -244,7 +304,9 @@ class TestSecondWays:
         case = random_case(seed)
         _, motion = judge(case)
         monkeypatch.setattr("incipient.contact.least._projected", lambda *_: None)
-        _, motion_too = judge(case)
+        monkeypatch.setattr("incipient.contact.least._on_facets", lambda *_: None)
+        safety, motion_too = judge(case)
+        assert misses(case, safety, motion_too) < 1e-8
         assert motion_too.contact_forces == pytest.approx(motion.contact_forces, abs=1e-3)
 
     @pytest.mark.parametrize("failures", [1, 12, 51])
@@ -261,7 +323,8 @@ class TestSecondWays:
 
             with monkeypatch.context() as patch:
                 patch.setattr(spatial_motion, "newton", stubborn)
-                _, found = judge(case)
+                safety, found = judge(case)
+            assert misses(case, safety, found) < 1e-8
             assert len(calls) > failures
             assert any(
                 np.allclose(solution.acceleration, motion.acceleration, atol=1e-7)

@@ -21,6 +21,7 @@ from incipient.errors import OutputError, SceneError
 from incipient.files import cut
 from incipient.fluid import FlowModel, Fluid, Prescribed, Transient
 from incipient.interrupt import SAME_WISH, Interruption
+from incipient.output.directory import CHECKPOINT
 from incipient.restart import checkpoint as checkpoints
 from incipient.restart.checkpoint import (
     Body,
@@ -178,7 +179,7 @@ def assert_same(first: Any, second: Any) -> None:
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
     """A checkpoint in a directory with its scene."""
-    found = tmp_path / checkpoints.NAME
+    found = tmp_path / CHECKPOINT
     write(found, sample())
     (tmp_path / "scene.toml").write_text(SCENE)
     return found
@@ -193,7 +194,7 @@ def test_what_was_written_is_read(path: Path, body: bool) -> None:
 
 def test_no_file(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"checkpoint\.h5: no such checkpoint; start anew"):
-        read(tmp_path / checkpoints.NAME)
+        read(tmp_path / CHECKPOINT)
 
 
 def test_another_version_names_the_program_that_wrote_it(path: Path) -> None:
@@ -254,7 +255,7 @@ def test_a_failed_write_keeps_the_old_checkpoint(path: Path) -> None:
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, old)
     assert read(path).time == 1.0
-    assert sorted(p.name for p in path.parent.iterdir()) == [checkpoints.NAME, "scene.toml"]
+    assert sorted(p.name for p in path.parent.iterdir()) == [CHECKPOINT, "scene.toml"]
 
 
 # -- the history -----------------------------------------------------------------------------------------------

@@ -12,28 +12,23 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from made_up_runs import TIMED, Runner, climbed, quiet, scene
 
 from incipient.cost import calibration, expense, frontier, quantities
 from incipient.cost import page as cost_page
 from incipient.cost import study as cost
 from incipient.cost.command import builtin, chosen, predicted, told
+from incipient.cost.counts import Counts
 from incipient.cost.errorlaw import ErrorLaw, Seen, fit
 from incipient.cost.expense import STEADY, UNSTEADY, Known, Work
 from incipient.cost.ladder import QUICK, RATIO, Spread, ladder, spread
 from incipient.cost.ladder import STEADY as STEADY_SPREAD
 from incipient.cost.prediction import predict
-from incipient.cost.rung import COUNTS, Measured, Rung
+from incipient.cost.rows import known_runs
+from incipient.cost.rung import Measured, Rung
 from incipient.errors import ConvergenceError, OutputError, SceneError
 from incipient.plan import Estimate, make_plan
-from incipient.scene import Scene, loads
-from incipient.scene.example import commented, grain_on_bed
-
-TIMED = 'time={end = 1.0, step = 0.01, start = "stokes"}'
-
-
-def scene(*overrides: str) -> Scene:
-    return loads(commented(grain_on_bed()), overrides=overrides)
-
+from incipient.scene import Scene
 
 # -- numbers ------------------------------------------------------------------------------------------------
 
@@ -144,7 +139,7 @@ def test_peak_between_samples() -> None:
 
 
 def test_ladder_of_a_steady_scene() -> None:
-    steps = ladder(scene("numerics.mesh_size=2.0"), STEADY_SPREAD)
+    steps = ladder(scene("numerics.mesh_size=2.0"), replace(STEADY_SPREAD, solvers=()))
     assert len(steps.rungs) == 15
     assert max(rung.mesh_size for rung in steps.rungs) == 4.0
     assert steps.reference == Rung(4, 1.0 / RATIO)
@@ -163,7 +158,7 @@ def test_ladder_in_time() -> None:
 
 
 def test_own_ladders() -> None:
-    uneven = ladder(scene(), Spread((3,), (2.0, 1.5, 1.0)))
+    uneven = ladder(scene(), Spread((3,), (2.0, 1.5, 1.0), solvers=()))
     assert [rung.mesh_size for rung in uneven.rungs] == [2.0, 1.5, 1.0]
     assert chosen(scene(), True, orders=[4], sizes=None, steps=None).orders == (4,)
     for wrong, said in ((Spread, "--sizes"), (lambda **k: chosen(scene(), True, **k), "--steps")):
@@ -184,34 +179,6 @@ def test_a_rung_changes_nothing_but_how_finely() -> None:
 
 
 # -- a study of runs that are made up -----------------------------------------------------------------------
-
-
-class Runner:
-    """Runs whose force is off by 0.02 h^p and that take 1 + h^-2 seconds; counts them; some fail."""
-
-    def __init__(self, *failing: Rung):
-        self.made: list[Rung] = []
-        self.failing = {rung.key for rung in failing}
-
-    def __call__(self, scene: Scene, rung: Rung) -> Measured:
-        self.made.append(rung)
-        if rung.key in self.failing:
-            return Measured(rung, 1.0, 0.5, failed='no steady flow, "of course", found')
-        off = 1.0 + 0.02 * (rung.mesh_size / 2.0) ** (rung.order + 2)
-        found = {"force_x": 3.0 * off, "force_y": 4.0 * off, "couple": 0.5 * off, "safety_factor": 1.5 * off}
-        unknowns = round(4000 * rung.mesh_size**-2)
-        cpu = 1.0 + 0.2 * rung.mesh_size**-2 * rung.order
-        counts = {**dict.fromkeys(COUNTS, 0), "newton": 5, "factorisations": 2}
-        return Measured(rung, 2.0 * cpu, cpu, 0.5, 200.0, unknowns // 5, unknowns, counts, found)
-
-
-def quiet(text: str) -> None:
-    """Say nothing."""
-
-
-def climbed(directory: Path, runner: Runner, quick: bool = False) -> cost.Study:
-    made = scene()
-    return cost.climb(made, ladder(made, spread(made, quick)), directory, runner, quiet)
 
 
 def test_a_study_finds_errors_and_law(tmp_path: Path) -> None:
@@ -252,7 +219,7 @@ def test_rows_hold_every_digit_and_awkward_words(tmp_path: Path) -> None:
     (failed,) = study.failed
     assert failed.failed == 'no steady flow, "of course", found'
     assert failing.name in told(study, tmp_path)
-    kept = cost.known_runs(scene(), tmp_path)
+    kept = known_runs(scene(), tmp_path)
     assert kept[Rung(3, 2.0).key].found == runner(scene(), Rung(3, 2.0)).found
 
 
@@ -294,7 +261,8 @@ def test_the_page_says_it(tmp_path: Path) -> None:
 
 def known(order: int, n: int, name: str = "a", kind: str = STEADY, steps: int = 0) -> Known:
     """A run that took 0.9 s and a price for each kind of work."""
-    work = Work(kind, order, n // 5, n, steps, newton=max(6, 2 * steps), factorisations=3, krylov=10 + steps)
+    counts = Counts(steps, newton=max(6, 2 * steps), factorisations=3, krylov=10 + steps)
+    work = Work(kind, order, n // 5, n, counts)
     cpu = 0.9 + 0.4 + float(np.array([0, 1e-4, 1e-8, 2e-7, 1e-7, 1e-9, 0]) @ np.array(work.parts()))
     step = 1.0 / steps if steps else 0.0
     return Known(name, work, (6000 / n) ** 0.5, step, 100.0, "implicit", 0.9, cpu, expense.memory(n) * 1.1)
@@ -319,8 +287,8 @@ def test_work_is_taken_from_the_run_most_alike() -> None:
     like = replace(known(2, 5000, "b", UNSTEADY, 80), cpu=0.0)
     found = expense.most_alike(RUNS, like)
     assert (found.scene, found.work.order) == ("b", 2)
-    work = expense.work_like(found, 2, 1000, 5000, steps=10 * found.work.steps)
-    assert work.newton == 10 * found.work.newton
+    work = expense.work_like(found, 2, 1000, 5000, steps=10 * found.work.counts.steps)
+    assert work.counts.newton == 10 * found.work.counts.newton
     assert expense.most_alike(RUNS, replace(like, scene="c")).work.kind == UNSTEADY
 
 

@@ -133,6 +133,14 @@ def test_a_slow_change_makes_the_plan_recommend_quasi_steady_flow():
     assert effect("unsteadiness", time=time).reason == "until t = 600"
 
 
+def test_a_stream_that_oscillates_slowly_around_a_held_grain():
+    """U cos t: Stokes's drag grows by a sqrt(1/nu) + a^2/(3 nu) with a = 1/2 and nu = V L/Re = 1e4."""
+    stream = ExpressionFlow(components=("cos(t)", "0"), velocity=1)
+    very_viscous = Fluid(reynolds=1e-4, scale="grain")
+    found = effect("unsteadiness", flow=stream, time=Time(end=6.3, step=0.1), fluid=very_viscous)
+    assert found.expected == pytest.approx(0.5 / 1e2 + 0.25 / 3e4, rel=1e-2)
+
+
 def test_quasi_steady_flow_has_no_scheme_of_its_own():
     plan = make_plan(scene(flow=TIDE, time=Time(end=6, step=1), effects=Effects(unsteadiness=False)))
     assert plan.scheme == "quasi-steady" and not plan.has("unsteadiness")
@@ -141,7 +149,7 @@ def test_quasi_steady_flow_has_no_scheme_of_its_own():
 def test_a_steady_flow_that_may_shed_vortices():
     held = {"body": Disc(diameter=1, centre=(4, 3)), "bed": None, "contact": None, "flow": Uniform()}
     fast = Fluid(reynolds=60, scale="grain")
-    assert "sheds vortices from 47 on" in effect("unsteadiness", **held, fluid=fast).reason
+    assert "sheds vortices from 46 on" in effect("unsteadiness", **held, fluid=fast).reason
     assert effect("unsteadiness", **held).reason == "no [time] section"
     assert effect("unsteadiness", fluid=fast).reason == "no [time] section"  # on a bed
 
@@ -173,6 +181,9 @@ def test_channels_that_may_be_turbulent():
     fast = Fluid(reynolds=2000, scale="flow")
     assert "may be turbulent from 1300 on" in effect("turbulence", flow=Poiseuille(), fluid=fast).reason
     assert effect("turbulence", flow=Poiseuille()).reason == "not part of this version"
+    # Half of a channel between walls, with half its height.
+    found = effect("turbulence", flow=OpenChannel(), fluid=Fluid(reynolds=700, scale="flow"))
+    assert "may be turbulent from 650 on" in found.reason
 
 
 def test_the_plan_tells_the_numbers():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,16 +14,20 @@ from incipient.accuracy import errorbars
 from incipient.accuracy.errorbars import (
     Loads,
     Term,
-    bar_of_safety,
     by_coarser_run,
     changed,
+    coarse_scenes,
     farther,
     loads_of,
 )
+from incipient.accuracy.safetybar import SafetyBar, bar_of_safety
 from incipient.contact import Contacts, Load
 from incipient.errors import ConvergenceError
-from incipient.scene import Scene, loads
+from incipient.progress import Silent
+from incipient.recorder import Unrecorded
+from incipient.scene import Scene, Time, loads
 from incipient.scene.example import commented, grain_on_bed
+from incipient.simulation import Simulation
 
 IN_STREAM = """
 [domain]
@@ -46,6 +51,10 @@ def solve(scene: Scene) -> Loads:
     return loads_of(scene, MPI.COMM_SELF)
 
 
+def on_bed(**sections: dict[str, Any]) -> Scene:
+    return changed(grain_on_bed(), numerics=COARSE, **sections)
+
+
 def difference(one: Loads, other: Loads) -> Iterator[float]:
     yield float(np.linalg.norm(one.force - other.force))
     yield float(np.linalg.norm(one.couple - other.couple))
@@ -56,38 +65,49 @@ def estimated(term: Term) -> Iterator[float]:
     yield float(np.linalg.norm(term.couple))
 
 
-def agree(term: Term, one: Loads, other: Loads) -> None:
-    for estimate, true in zip(estimated(term), difference(one, other), strict=True):
-        assert true / WITHIN < estimate < WITHIN * true
+def effectivities(term: Term, one: Loads, other: Loads) -> list[float]:
+    """Estimated over true error, of the force and of the couple."""
+    return [e / true for e, true in zip(estimated(term), difference(one, other), strict=True)]
+
+
+# Of a flow in time that has come to rest, and of one that changes; none or a section [time].
+TIMES = [None, Time(end=20.0, step=0.5, start="steady"), Time(end=4.0, step=0.1)]
 
 
 @pytest.mark.parametrize("inertia", [True, False])
-def test_gap_term_against_a_gap_closed(inertia: bool) -> None:
+@pytest.mark.parametrize("time", TIMES)
+def test_gap_term_against_a_gap_closed(time: Time | None, inertia: bool) -> None:
     """The gap is closed to a sixteenth; the rest changes force and couple by another few per cent of that."""
-    scene = changed(grain_on_bed(), numerics=COARSE, fluid={"inertia": inertia})
+    scene = Scene(**{**on_bed(fluid={"inertia": inertia}).model_dump(), "time": time})
     closed = changed(scene, contact={"gap": scene.contact.gap / 16.0})
-    agree(errorbars.of_gap(scene, solve), solve(scene), solve(closed))
+    found = effectivities(errorbars.of_gap(scene, solve), solve(scene), solve(closed))
+    assert all(1.0 / WITHIN < one < WITHIN for one in found)
 
 
-def test_domain_term_against_a_far_larger_domain() -> None:
+@pytest.mark.parametrize("time", TIMES[:2])
+def test_domain_term_against_a_far_larger_domain(time: Time | None) -> None:
     """Sides three to four times as far, for shear over a bed; the term extrapolates from 1.5 times."""
-    scene = changed(grain_on_bed(), numerics=COARSE)
+    scene = Scene(**{**on_bed().model_dump(), "time": time})
     large = farther(farther(farther(scene)))
     assert large.domain.height == pytest.approx(1.5**3 * scene.domain.height)
     assert large.viscosity == pytest.approx(scene.viscosity)
-    agree(errorbars.of_domain(scene, solve), solve(scene), solve(large))
+    found = effectivities(errorbars.of_domain(scene, solve), solve(scene), solve(large))
+    assert all(1.0 / WITHIN < one < WITHIN for one in found)
 
 
-def test_domain_term_of_a_stream() -> None:
-    """The drag in a stream between sides that move with it falls as they go away."""
-    scene = changed(loads(IN_STREAM), numerics=COARSE)
+@pytest.mark.parametrize("time", [None, Time(end=4.0, step=0.1, start="stokes")])
+def test_domain_term_of_a_stream(time: Time | None) -> None:
+    """The drag in a stream between sides that move with it falls as they go away, at once or from Stokes flow on."""
+    scene = Scene(**{**changed(loads(IN_STREAM), numerics=COARSE).model_dump(), "time": time})
     large = farther(farther(farther(scene)))
     term, drags = errorbars.of_domain(scene, solve), [solve(one).force[0] for one in (scene, large)]
     assert abs(np.diff(drags)[0]) / WITHIN < term.force[0] < WITHIN * abs(np.diff(drags)[0])
 
 
-def test_viscosity_stays_when_the_domain_grows() -> None:
-    scene = changed(loads(IN_STREAM), fluid={"scale": "flow", "reynolds": 80.0})
+@pytest.mark.parametrize("scene", [loads(IN_STREAM), grain_on_bed()])
+def test_viscosity_stays_when_the_domain_grows(scene: Scene) -> None:
+    """Of shear the reference velocity grows with the domain's height as well."""
+    scene = changed(scene, fluid={"scale": "flow", "reynolds": 80.0})
     assert farther(scene).viscosity == pytest.approx(scene.viscosity)
 
 
@@ -134,7 +154,88 @@ def test_failed_coarse_runs_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     bars = incipient.run(scene, comm=MPI.COMM_SELF).error_bars
     assert bars is not None
     assert [term.name for term in bars.terms] == ["discretisation"]
-    assert bars.left_out == {"gap": "no steady flow found", "domain": "no steady flow found"}
+    assert bars.failed == {"gap": "no steady flow found", "domain": "no steady flow found"}
+    assert bars.safety is not None and bars.safety.unknown == ("gap", "domain")
+    assert "  gap               not computed: no steady flow found" in bars.lines()
+    assert "certain but for the error of the gap and domain, which is not known" in bars.safety.sentence()
+
+
+# -- what does not apply, and what it all costs ---------------------------------------------------------------------
+
+IN_BOX = """
+[domain]
+kind = "box"
+length = 4.0
+height = 4.0
+[fluid]
+reynolds = 20.0
+scale = "flow"
+[flow]
+kind = "lid"
+[body]
+shape = "disc"
+diameter = 1.0
+centre = [2.0, 2.0]
+density = 1.0
+motion = "free"
+[time]
+end = 0.4
+step = 0.1
+[numerics]
+mesh_size = 3.0
+"""
+
+
+def test_what_does_not_apply_is_said() -> None:
+    """A grain that moves in a closed box: neither gap nor sides; its error bars are of the end of its path, too."""
+    bars = incipient.run(loads(IN_BOX), comm=MPI.COMM_SELF).error_bars
+    assert bars is not None and not bars.failed
+    assert bars.left_out == {
+        "gap": "does not apply: the grain moves, and contact.gap says where it stops",
+        "domain": "does not apply: the domain is closed by walls",
+    }
+    assert bars.place is not None and np.all(bars.place > 0.0)
+    total, *terms = bars.lines()
+    assert (
+        f"   end of the path ({bars.place[0]:.1e}, {bars.place[1]:.1e}), turn {bars.place[2]:.1e} rad"
+        in total
+    )
+    assert terms[1:] == [f"  {name:<18}{why}" for name, why in bars.left_out.items()]
+
+
+def test_a_repelled_grain_and_one_away_from_the_bed() -> None:
+    repelled = loads(IN_BOX, overrides=("body.on_contact='repel'",))
+    assert errorbars.no_gap(repelled).startswith("not estimated: ")
+    assert errorbars.no_gap(loads(IN_STREAM)) == "does not apply: no grain rests on a bed"
+    assert errorbars.no_gap(on_bed()) == ""
+
+
+def test_the_path_of_a_grain_in_a_channel_depends_on_its_sides() -> None:
+    """The domain's term has an error of the place as well."""
+    drifting = IN_STREAM + 'motion = "free"\ndensity = 1.0\n[time]\nend = 0.4\nstep = 0.1\n'
+    term = errorbars.of_domain(loads(drifting, overrides=("numerics.mesh_size=3",)), solve)
+    assert term.place is not None and term.place[0] > 0.0
+
+
+def test_coarse_runs_in_time_are_few_and_cheap() -> None:
+    """Five at most, each on cells of twice the size in a quarter of the steps but the one of the discretisation."""
+    scene = Scene(**{**grain_on_bed().model_dump(), "time": {"end": 10.0, "step": 0.1}})
+    runs = coarse_scenes(scene)
+    assert len(runs) == 5
+    found = [(one.time.step / 0.1, one.numerics.mesh_size) for one in runs if one.time is not None]
+    assert np.array(found) == pytest.approx(np.array([(2.0, 2.0**0.5), *4 * [(4.0, 2.0)]]))
+    short = Scene(**{**scene.model_dump(), "time": {"end": 1.0, "step": 0.1}})
+    assert {one.time.step for one in coarse_scenes(short) if one.time is not None} == {0.2, 1.0 / 8}
+    assert len(coarse_scenes(grain_on_bed())) == 4
+
+
+def test_nothing_more_is_begun_when_the_budget_is_spent() -> None:
+    """The term that needs no run of its own is there, the others say why not."""
+    scene = changed(grain_on_bed(), numerics={"mesh_size": 2.0})
+    simulation = Simulation(scene, MPI.COMM_SELF, Unrecorded(), Silent(), spent=lambda: "all is spent")
+    bars = simulation.run().error_bars
+    assert bars is not None and [term.name for term in bars.terms] == ["discretisation"]
+    assert bars.failed == {"gap": "all is spent", "domain": "all is spent"}
 
 
 # -- the verdict: a disc of weight one between two contacts at 45 degrees without friction is tipped over one of them
@@ -147,10 +248,10 @@ def pocket() -> Contacts:
     return Contacts(0.5 * normals, normals, None)
 
 
-def bar(force: float, **errors: float) -> errorbars.SafetyBar:
+def bar(force: float, **errors: float) -> SafetyBar:
     load = Load(np.array([force, 0, 0]), np.zeros(3), np.array([0, -1.0, 0]), np.zeros(3))
-    terms = tuple(Term(name, np.array([error, 0, 0]), np.zeros(3), "") for name, error in errors.items())
-    return bar_of_safety(load, pocket(), 0.0, (1.0, 0.125 * np.eye(3)), terms)
+    of_loads = {name: error * np.eye(6)[0] for name, error in errors.items()}
+    return bar_of_safety(load, pocket(), 0.0, (1.0, 0.125 * np.eye(3)), of_loads)
 
 
 def test_safety_factor_and_its_bar() -> None:

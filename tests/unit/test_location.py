@@ -7,21 +7,10 @@ from typing import Any
 import dolfinx
 import numpy as np
 import pytest
-from domains import curved_box, ring, square_in_box, unit_box
+from domains import bent_box, curved_box, ring, square_in_box, unit_box
 
 from incipient import compat
 from incipient.location import Locator, evaluate
-
-
-def bent(gdim: int, n: int, order: int) -> Any:
-    """A mesh of the unit box bent by polynomials of the order of its cells, which represent it exactly."""
-    mesh = curved_box(gdim, n, order).mesh
-    x, y = mesh.geometry.x[:, :2].T.copy()
-    mesh.geometry.x[:, 0] += 0.2 * y**order
-    mesh.geometry.x[:, 1] += 0.3 * x ** (order - 1) * y
-    if gdim == 3:
-        mesh.geometry.x[:, 2] += 0.2 * x * mesh.geometry.x[:, 2]
-    return mesh
 
 
 def places_again(mesh: Any, places: Any) -> Any:
@@ -62,7 +51,7 @@ def test_points_between_a_curved_side_and_its_chord(order: int) -> None:
 @pytest.mark.parametrize(("gdim", "order"), [(2, 1), (2, 2), (2, 3), (3, 1), (3, 2), (3, 3)])
 def test_reference_coordinates_map_back(gdim: int, order: int) -> None:
     """Of points in all cells of a bent box, whether or not the straight cells hold them."""
-    mesh = bent(gdim, 3, order) if order > 1 else unit_box(gdim, 3).mesh
+    mesh = bent_box(gdim, 3, order) if order > 1 else unit_box(gdim, 3).mesh
     inner = np.random.default_rng(2).dirichlet(np.ones(gdim + 1), 400)[:, 1:]
     cells = np.resize(np.arange(mesh.topology.index_map(gdim).size_local), 400)
     points = Locator(mesh).mapped(inner, cells)
@@ -130,7 +119,7 @@ def test_distance_inside_a_round_hole(order: int) -> None:
 
 def test_something_is_found_however_far() -> None:
     """Straight cells go on for ever; the map of a curved one may have no inverse there, then a near point counts."""
-    for mesh in (unit_box(2, 3).mesh, bent(2, 3, 2)):
+    for mesh in (unit_box(2, 3).mesh, bent_box(2, 3, 2)):
         nearest = Locator(mesh).nearest(np.array([[30.0, -40.0], [0.0, 1000.0]]))
         assert nearest.found.all()
         assert np.isfinite(nearest.reference).all()
@@ -158,7 +147,7 @@ def test_a_flat_cell_holds_nothing() -> None:
 @pytest.mark.parametrize("gdim", [2, 3])
 def test_values_are_the_librarys(gdim: int, order: int) -> None:
     """Random coefficients, so that every node counts, in cells turned in all ways."""
-    mesh = bent(gdim, 2, 2)
+    mesh = bent_box(gdim, 2, 2)
     function = dolfinx.fem.Function(compat.space(mesh, ("Lagrange", order), (gdim,)))
     random = np.random.default_rng(5)
     function.x.array[:] = random.standard_normal(len(function.x.array))

@@ -1,4 +1,4 @@
-"""Scenes built from Python: what follows from them, and one clear line for each contradiction."""
+"""Scenes built from Python: what follows from them."""
 
 import math
 import subprocess
@@ -7,8 +7,8 @@ import sys
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from scenes import BOX, FLOW_SCALE, message, scene
 
-from incipient.errors import SceneError
 from incipient.geometry import bed as bed_geometry
 from incipient.geometry import discs as disc_geometry
 from incipient.geometry import grain as grain_geometry
@@ -26,9 +26,7 @@ from incipient.scene import (
     HalfDiscs,
     Inclined,
     Lid,
-    Numerics,
     OpenChannel,
-    Output,
     Poiseuille,
     Polygon,
     Polyline,
@@ -43,25 +41,6 @@ from incipient.scene import (
     Uniform,
 )
 from incipient.scene.messages import variants
-
-FLOW_SCALE = Fluid(reynolds=100, scale="flow")
-GRAIN_SCALE = Fluid(reynolds=20, scale="grain")
-CHANNEL = Domain(length=12, height=6)
-BOX = Domain(kind="box", length=1, height=1)
-DISC = Disc(diameter=1, x=4)
-GRAIN_ON_BED = {"domain": CHANNEL, "fluid": GRAIN_SCALE, "flow": Shear(), "body": DISC, "bed": Flat()}
-
-
-def scene(**changes):
-    return Scene(**{**GRAIN_ON_BED, **changes})
-
-
-def message(build) -> str:
-    with pytest.raises(SceneError) as caught:
-        build()
-    text = str(caught.value)
-    assert "\n" not in text
-    return text
 
 
 def test_a_cavity_in_three_words():
@@ -249,299 +228,6 @@ def test_import_loads_no_finite_elements():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
-
-
-ONE_KEY = [
-    (lambda: Domain(length=-1, height=1), "Domain: length: is -1; give a number greater than 0"),
-    (lambda: Domain(length=1, height=0), "Domain: height: is 0; give a number greater than 0"),
-    (lambda: Domain(length=math.nan, height=1), "Domain: length: is nan; give a finite number"),
-    (lambda: Domain(length=math.inf, height=1), "Domain: length: is inf; give a finite number"),
-    (lambda: Domain(length="1", height=1), 'Domain: length: is "1"; give a number'),
-    (lambda: Domain(length=True, height=1), "Domain: length: is true; give a number"),
-    (
-        lambda: Domain(length=10**400, height=1),
-        "Domain: length: is 1000000000000000000000000000000000000...; give a",
-    ),
-    (lambda: Domain(length=1), "Domain: height: is missing; add it: Extent from the lower side to the top"),
-    (lambda: Domain(length=1, height=1, origin=(1,)), "Domain: origin: has 1 item; give two, as in [x, y]"),
-    (
-        lambda: Domain(length=1, height=1, origin=(1, 2, 3)),
-        "Domain: origin: has 3 items; give two, as in [x, y]",
-    ),
-    (
-        lambda: Domain(length=1, height=1, origin=(1, math.nan)),
-        "Domain: origin[1]: is nan; give a finite number",
-    ),
-    (lambda: Domain(length=1, height=1, origin=3), "Domain: origin: is 3; give a list in [brackets]"),
-    (
-        lambda: Domain(length=1, height=1, top="open"),
-        'Domain: top: "open" is not known; use "auto", "wall", "slip" or "stream"',
-    ),
-    (
-        lambda: Domain(length=1, height=1, top="free-surface"),
-        'Domain: top: a free surface is not simulated by this version; use "slip"',
-    ),
-    (
-        lambda: Domain(kind="box", length=1, height=1, top="free-surface"),
-        'Domain: top: a closed box has no free surface; use "wall" or kind = "channel" with top = "slip"',
-    ),
-    (lambda: Fluid(reynolds=-3, scale="flow"), "Fluid: reynolds: is -3; give a number greater than 0"),
-    (lambda: Fluid(reynolds=3), "Fluid: scale: is missing; add it: L is the largest diameter of the grain"),
-    (lambda: Fluid(renolds=3, scale="flow"), 'Fluid: renolds: unknown key; did you mean "reynolds"?'),
-    (lambda: Fluid(reynolds=3, scale="flow", inertia=1), "Fluid: inertia: is 1; give true or false"),
-    (
-        lambda: Lid(rate=3),
-        'Lid: rate: unknown key for "lid"; known are kind, velocity',
-    ),
-    (
-        lambda: ExpressionFlow(components=("y*", "0")),
-        'ExpressionFlow: components: "y*" is not a formula (invalid syntax); use numbers, x, y',
-    ),
-    (
-        lambda: ExpressionFlow(components=("z", "0")),
-        'ExpressionFlow: components: "z" depends on z but the scene is two-dimensional; use x, y and t',
-    ),
-    (
-        lambda: ExpressionFlow(components=("y", 0)),
-        'ExpressionFlow: components[1]: is 0; give text in "quotes"',
-    ),
-    (
-        lambda: Disc(diameter=1),
-        "Disc: x: neither x nor centre is given; give x to rest on the bed, or centre",
-    ),
-    (lambda: Disc(diameter=1, x=1, centre=(1, 2)), "Disc: x: both x and centre are given; leave one out"),
-    (lambda: Disc(diameter=1, x=1, density=-1), "Disc: density: is -1; give a number of at least 0"),
-    (
-        lambda: Disc(diameter=1, x=1, motion="free", density=2),
-        "Disc: x: a moving grain starts away from the bed; give centre instead of x",
-    ),
-    (
-        lambda: Disc(diameter=1, centre=(1, 1), motion="free"),
-        "Disc: density: a free grain needs a mass and a moment of inertia, which may be zero; give density",
-    ),
-    (
-        lambda: Disc(diameter=1, centre=(1, 1), motion="prescribed"),
-        "Disc: course: is missing though the motion is prescribed; add it, or hold the grain",
-    ),
-    (
-        lambda: Disc(diameter=1, centre=(1, 1), motion="prescribed", course=("x", "0", "0")),
-        'Disc: course: "x" depends on more than the time; use t only',
-    ),
-    (
-        lambda: Disc(diameter=1, centre=(1, 1), motion="free", density=1, locked=("z",)),
-        'Disc: locked[0]: "z" is not known; use "x", "y" or "angle"',
-    ),
-    (lambda: Ellipse(semi_axes=(1, -1), x=1), "Ellipse: semi_axes[1]: is -1; give a number greater than 0"),
-    (
-        lambda: Rectangle(width=1, height=2, corner_radius=0.6, x=1),
-        "Rectangle: corner_radius: is 0.6, more than half the shorter side, 0.5; make it smaller",
-    ),
-    (lambda: Polygon(vertices=[(0, 0), (1, 1)], x=1), "Polygon: vertices: has 2 items; give 3 or more"),
-    (
-        lambda: Polygon(vertices=[(0, 0), (2, 1), (2, 0), (0, 1)], x=1),
-        "Polygon: vertices: the sides after vertices 0 and 2 meet (counted from 0); list the vertices",
-    ),
-    (
-        lambda: Polygon(vertices=[(0, 0), (2, 0), (2, 2), (1, 0), (0, 2)], x=1),
-        "Polygon: vertices: the sides after vertices 0 and 2 meet",
-    ),
-    (
-        lambda: Polygon(vertices=[(0, 0), (1, 0), (0, 0), (0, 1)], x=1),
-        "Polygon: vertices: a vertex is given twice; leave the repeated one out",
-    ),
-    (
-        lambda: Polygon(vertices=[(0, 0), (1, 1), (2, 2)], x=1),
-        "Polygon: vertices: the polygon has no area; give vertices that are not all on one line",
-    ),
-    (
-        lambda: Polygon(vertices=[(0, 0), (1,), (2, 2)], x=1),
-        "Polygon: vertices[1]: has 1 item; give two, as in [x, y]",
-    ),
-    (
-        lambda: Superellipse(semi_axes=(1, 1), exponent=1.5, x=1),
-        "Superellipse: exponent: is 1.5; give a number of at least 2",
-    ),
-    (
-        lambda: Star(radius=1, cosines=(0, 1.5), x=1),
-        "Star: cosines: the radius of the star is -0.5 at 90 degrees; keep it positive",
-    ),
-    (
-        lambda: Discs(discs=[(0, 0, 1), (3, 0, 1)], x=1),
-        "Discs: discs: number 1 of the union does not overlap the others; move it closer",
-    ),
-    (
-        lambda: Discs(discs=[(0, 0, 0)], x=1),
-        "Discs: discs[0][2]: is 0; give a number greater than 0",
-    ),
-    (
-        lambda: Disc(diameter=1, centre=(1, 2), settle=True),
-        "Disc: settle: a grain held at its centre does not settle; give x instead of centre, or leave settle out",
-    ),
-    (lambda: Inclined(slope=95), "Inclined: slope: is 95; give a number less than 90"),
-    (
-        lambda: Sinusoidal(amplitude=-1, wavelength=1),
-        "Sinusoidal: amplitude: is -1; give a number of at least 0",
-    ),
-    (
-        lambda: HalfDiscs(radius=1, spacing=1.5),
-        "HalfDiscs: spacing: 1.5 is less than two radii, 2: the half-discs overlap; enlarge spacing or",
-    ),
-    (lambda: Polyline(), "Polyline: file: neither file nor points is given; give one of them"),
-    (
-        lambda: Polyline(file="a.csv", points=[(0, 0), (1, 0)]),
-        "Polyline: file: both file and points are given; give one of them",
-    ),
-    (lambda: Polyline(file=3), 'Polyline: file: is 3; give text in "quotes"'),
-    (lambda: Polyline(points=[(0, 0)]), "Polyline: points: has 1 item; give 2 or more"),
-    (
-        lambda: Polyline(points=[(0, 0), (1, 0), (1, 2)]),
-        "Polyline: points: has x = 1 after x = 1; sort the points by ascending x, each x once",
-    ),
-    (lambda: Gravity(acceleration=-1), "Gravity: acceleration: is -1; give a number of at least 0"),
-    (lambda: Contact(friction=-0.1), "Contact: friction: is -0.1; give a number of at least 0"),
-    (lambda: Contact(friction=0.1, gap=0), "Contact: gap: is 0; give a number greater than 0"),
-    (lambda: Time(end=1, step=2), "Time: step: is 2 but time ends at 1; reduce step or enlarge end"),
-    (lambda: Numerics(order=5), "Numerics: order: is 5; give a number of at most 4"),
-    (lambda: Numerics(order=2.0), "Numerics: order: is 2.0; give a whole number"),
-    (lambda: Numerics(mesh_size=0), "Numerics: mesh_size: is 0; give a number of at least 0.01"),
-    (lambda: Numerics(cells=3), "Numerics: cells: unknown key; known are order, geometry_order, mesh_size"),
-    (lambda: Output(every=-1), "Output: every: is -1; give a number of at least 0"),
-]
-
-
-@pytest.mark.parametrize(("build", "expected"), ONE_KEY, ids=[text for _, text in ONE_KEY])
-def test_what_is_wrong_within_a_section(build, expected):
-    assert message(build).startswith(expected)
-
-
-MOVE = "move the grain, make it smaller or enlarge the domain"
-BETWEEN = [
-    (
-        {"flow": Lid()},
-        'flow.kind: a lid closes a box but the domain is a channel; set domain.kind = "box"',
-    ),
-    *[
-        (
-            {"domain": Domain(kind="box", length=12, height=6), "flow": flow},
-            f'flow.kind: "{flow.kind}" flows through but a box is closed; '
-            'set domain.kind = "channel", or use "lid" or "still"',
-        )
-        for flow in (Shear(), Poiseuille(), Uniform(), OpenChannel())
-    ],
-    (
-        {"domain": Domain(kind="box", length=12, height=6, top="stream"), "flow": Still()},
-        'domain.top: a closed box has no stream on top; use "wall", "slip" or "auto"',
-    ),
-    (
-        {"domain": Domain(kind="box", length=12, height=6, top="slip"), "flow": Lid()},
-        'domain.top: "slip" contradicts the flow "lid"; use "auto" or "wall"',
-    ),
-    (
-        {"domain": Domain(length=12, height=6, top="wall"), "flow": OpenChannel()},
-        'domain.top: "wall" contradicts the flow "open-channel"; use "auto" or "slip" or "stream"',
-    ),
-    ({"body": None}, 'fluid.scale: "grain" but there is no grain; add a section [body] or use "flow"'),
-    (
-        {"bed": None, "body": Disc(diameter=1, centre=(4, 2)), "contact": Contact(friction=0.5)},
-        "contact.friction: friction needs a bed to rub against but there is none; "
-        "add a section [bed] or leave [contact] out",
-    ),
-    (
-        {"fluid": FLOW_SCALE, "body": None, "contact": Contact(friction=0.5)},
-        "contact: there is no grain to touch anything; add a section [body] or leave [contact] out",
-    ),
-    (
-        {"bed": None},
-        "body.x: the grain is to rest on a bed but there is none; add a section [bed], or give centre",
-    ),
-    (
-        {"bed": Inclined(slope=3)},
-        "bed.slope: a slope turns gravity but there is no gravity; add a section [gravity] or use",
-    ),
-    (
-        {"flow": ExpressionFlow(components=("y*t", "0"))},
-        "flow.components: depend on t but without [time] the flow is steady; "
-        "add a section [time] or leave t out",
-    ),
-    (
-        {"numerics": Numerics(convection="extrapolated")},
-        'numerics.convection: "extrapolated" needs earlier steps but without [time] the flow is steady; '
-        'add a section [time] or use "implicit"',
-    ),
-    (
-        {"output": Output(every=2)},
-        "output.every: counts time steps but without [time] the flow is steady; "
-        "add a section [time] or leave it out",
-    ),
-    (
-        {"bed": Polyline(points=[(0, 0), (5, 1)])},
-        "bed: reaches from x = 0 to 5, the domain from 0 to 12; add points or shorten the domain",
-    ),
-    (
-        {"bed": Sinusoidal(amplitude=7, wavelength=4)},
-        "bed: rises to y = 7, the top is at 6; enlarge domain.height or lower the bed",
-    ),
-    (
-        {"bed": Polyline(points=[(0, 0), (4.0001, 0), (4.0002, 6.5), (4.0003, 0), (12, 0)])},
-        "bed: rises to y = 6.5, the top is at 6; enlarge domain.height or lower the bed",
-    ),
-    (
-        {"body": Disc(diameter=1, x=0.2)},
-        f"body.x: the grain reaches x = -0.3, the domain's left side is at 0; {MOVE}",
-    ),
-    (
-        {"body": Disc(diameter=1, x=11.5)},
-        f"body.x: the grain reaches x = 12, the domain's right side is at 12; {MOVE}",
-    ),
-    (
-        {"body": Rectangle(width=1, height=5, x=4, angle=30), "domain": Domain(length=12, height=4)},
-        f"body.x: the grain reaches y = 4.83013, the domain's top is at 4; {MOVE}",  # 5 cos 30 + sin 30
-    ),
-    ({"body": Disc(diameter=1, x=40)}, f"body.x: x = 40 is outside the domain, 0 to 12; {MOVE}"),
-    ({"body": Disc(diameter=1, x=1e300)}, f"body.x: x = 1e+300 is outside the domain, 0 to 12; {MOVE}"),
-    ({"body": Disc(diameter=1e200, x=4)}, f"body.x: the grain measures 1e+200, more than the domain; {MOVE}"),
-    (
-        {"body": Disc(diameter=1, centre=(4, 5.6))},
-        f"body.centre: the grain reaches y = 6.1, the domain's top is at 6; {MOVE}",
-    ),
-    (
-        {"body": Disc(diameter=1, centre=(4, 0.4)), "bed": None},
-        f"body.centre: the grain reaches y = -0.1, the domain's lower side is at 0; {MOVE}",
-    ),
-    (
-        {"body": Disc(diameter=1, centre=(4, 0.3))},
-        "body.centre: the grain reaches 0.2 into the bed; raise the grain, or give x to let it rest",
-    ),
-    (
-        {
-            "body": Disc(diameter=1, centre=(4, 2)),
-            "bed": Polyline(points=[(0, 0), (3.99, 0), (4, 2), (4.01, 0), (12, 0)]),
-        },
-        "body.centre: the grain reaches",
-    ),
-    (
-        {"body": Disc(diameter=1, centre=(4, -3))},
-        "body.centre: the grain reaches 3.5 into the bed; raise the grain, or give x to let it rest",
-    ),
-]
-
-
-@pytest.mark.parametrize(("changes", "expected"), BETWEEN, ids=[text[:60] for _, text in BETWEEN])
-def test_contradictions_between_sections(changes, expected):
-    assert message(lambda: scene(**changes)).startswith(f"Scene: {expected}")
-
-
-def test_several_errors_are_counted():
-    found = message(lambda: Domain(kind="sphere", length=-1, heigth=2))
-    assert found == 'Domain: heigth: unknown key; did you mean "height"? (and 2 more errors)'
-    found = message(lambda: scene(flow=Lid(), output=Output(every=2)))
-    assert found.endswith('set domain.kind = "box" (and 1 more error)')
-
-
-def test_wrong_sections():
-    assert message(lambda: scene(domain=3)).startswith("Scene: domain: is 3; write a section [domain]")
-    assert message(lambda: scene(flow=DISC)).startswith("Scene: flow.kind: is missing; use ")
-    assert message(lambda: scene(fluid=CHANNEL)) == "Scene: fluid: is a Domain; write a section [fluid]"
 
 
 def test_beds_are_allowed_below_a_grain_held_above_them():

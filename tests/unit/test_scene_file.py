@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scenes import message
 
-from incipient.errors import OutputError, SceneError
+from incipient.errors import OutputError
 from incipient.scene import (
     Contact,
     Disc,
@@ -52,14 +53,6 @@ scale = "flow"
 [flow]
 kind = "shear"
 """
-
-
-def message(build) -> str:
-    with pytest.raises(SceneError) as caught:
-        build()
-    text = str(caught.value)
-    assert "\n" not in text
-    return text
 
 
 def test_a_minimal_scene_has_eight_lines():

@@ -9,23 +9,12 @@ from typing import Any
 import dolfinx
 import numpy as np
 import pytest
-from domains import ball_in_box, curved_box, ring, square_in_box, unit_box
+from domains import ball_in_box, bent_box, ring, square_in_box, unit_box
 
 from incipient import compat
 from incipient.transfer import Transfer
 
 Values = Callable[[np.ndarray], np.ndarray]
-
-
-def bent(gdim: int, n: int, order: int) -> Any:
-    """A mesh of the unit box bent by polynomials of the order of its cells: the same domain for every n."""
-    mesh = curved_box(gdim, n, order).mesh
-    x, y = mesh.geometry.x[:, :2].T.copy()
-    mesh.geometry.x[:, 0] += 0.2 * y**order
-    mesh.geometry.x[:, 1] += 0.3 * x ** (order - 1) * y
-    if gdim == 3:
-        mesh.geometry.x[:, 2] += 0.2 * x * mesh.geometry.x[:, 2]
-    return mesh
 
 
 def field(mesh: Any, order: int, values: Values, components: int = 1) -> Any:
@@ -72,7 +61,7 @@ def test_polynomials_in_tetrahedra(order: int, components: int) -> None:
 )
 def test_polynomials_in_curved_cells(gdim: int, bend: int, order: int, degree: int) -> None:
     """Cells bent by a map of degree g hold polynomials of degree k/g in space."""
-    assert error(bent(gdim, 2, bend), bent(gdim, 3, bend), order, degree, gdim) < 1e-11
+    assert error(bent_box(gdim, 2, bend), bent_box(gdim, 3, bend), order, degree, gdim) < 1e-11
 
 
 @pytest.mark.parametrize("order", [2, 3])
@@ -95,7 +84,7 @@ def test_a_smooth_function_converges(order: int) -> None:
 @pytest.mark.parametrize(("mesh", "order", "degree"), [("straight", 3, 3), ("bent", 4, 2)])
 def test_points_outside_take_the_polynomial(mesh: str, order: int, degree: int) -> None:
     """They are counted, and how far out they are is told; the bent side leans by at most 0.37 to the vertical."""
-    source = unit_box(2, 4).mesh if mesh == "straight" else bent(2, 4, 2)
+    source = unit_box(2, 4).mesh if mesh == "straight" else bent_box(2, 4, 2)
     s = np.linspace(0.05, 0.95, 10)
     above = np.column_stack([0.5 + 0 * s, 0.5 + 0 * s, 0 * s])
     left = np.column_stack([(0.2 * s**2 if mesh == "bent" else 0.0) - 0.1 * s, s, 0 * s])

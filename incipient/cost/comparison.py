@@ -1,0 +1,95 @@
+"""Ways to solve beside the scene's own, on the same rungs: what they change in error, time and memory."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from .frontier import WORTH
+
+if TYPE_CHECKING:
+    from .quantities import Goal
+    from .study import Judged
+
+FEWEST_SECONDS = 0.01  # of processor time beyond the start: what the clock resolves
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A way to solve relative to the scene's own: geometric means over the rungs that both were run on.
+
+    rungs:    their names, without the way to solve
+    change:   largest relative difference between the leading numbers of both
+    error:    relative to the own one's; None where neither can be told apart from the reference's
+    time:     processor time beyond starting the program
+    newton, factorisations: how many there are of them, None where one of both has none
+    on_front: how many of the runs are on the front
+    """
+
+    solver: str
+    rungs: tuple[str, ...]
+    change: float
+    error: float | None
+    time: float
+    memory: float
+    newton: float | None
+    factorisations: float | None
+    on_front: int
+
+    @property
+    def dominates(self) -> bool:
+        """Whether it is cheaper or more accurate by a tenth, and not by a tenth worse in the other."""
+        error = 1.0 if self.error is None else self.error
+        return min(error, self.time) < 1.0 / WORTH and max(error, self.time) < WORTH
+
+
+def compared(judged: Sequence[Judged], front: Sequence[int], goals: Sequence[Goal]) -> tuple[Compared, ...]:
+    """The ways to solve that a study's runs have tried, the quickest first."""
+    leading = [goal for goal in goals if goal.leading]
+    own = {_plain(one): one for one in judged if not one.run.rung.solver}
+    found = []
+    for solver in dict.fromkeys(one.run.rung.solver for one in judged if one.run.rung.solver):
+        pairs = [
+            (one, own[_plain(one)]) for one in judged if one.run.rung.solver == solver and _plain(one) in own
+        ]
+        best = sum(judged[index].run.rung.solver == solver for index in front)
+        if pairs:
+            found.append(_compared(solver, pairs, best, leading))
+    return tuple(sorted(found, key=lambda one: one.time))
+
+
+def _plain(one: Judged) -> tuple[str, ...]:
+    """What tells rungs apart whatever the way to solve."""
+    return tuple(map(str, one.run.rung.key[:-1]))
+
+
+def _compared(
+    solver: str, pairs: Sequence[tuple[Judged, Judged]], on_front: int, leading: Sequence[Goal]
+) -> Compared:
+    def mean(
+        number: Callable[[Judged], float], among: Iterable[tuple[Judged, Judged]] = pairs
+    ) -> float | None:
+        """The mean ratio of a number of both."""
+        return _mean([(number(one), number(own)) for one, own in among])
+
+    clear = [pair for pair in pairs if any(one.told_apart for one in pair)]
+    return Compared(
+        solver,
+        tuple(own.run.rung.name for _, own in pairs),
+        max(goal.error(one.run.found, own.run.found) for one, own in pairs for goal in leading),
+        mean(lambda one: one.error, clear),
+        mean(lambda one: max(one.run.cpu - one.run.start, FEWEST_SECONDS)) or 1.0,
+        mean(lambda one: one.run.peak_mib) or 1.0,
+        mean(lambda one: one.run.counts.newton),
+        mean(lambda one: one.run.counts.factorisations),
+        on_front,
+    )
+
+
+def _mean(pairs: Sequence[tuple[float, float]]) -> float | None:
+    """Geometric mean of ratios; None without any, or where one is not positive."""
+    if not pairs or any(min(pair) <= 0.0 for pair in pairs):
+        return None
+    return math.exp(sum(math.log(one / own) for one, own in pairs) / len(pairs))

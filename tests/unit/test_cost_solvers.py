@@ -1,0 +1,260 @@
+"""Ways to solve in a study of what accuracy costs: which there are, on which rungs, how they compare, what is kept."""
+
+import csv
+import json
+import os
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from made_up_runs import TIMED, Runner, climbed, quiet, scene
+
+from incipient.cost import calibration, process, solvers
+from incipient.cost import page as cost_page
+from incipient.cost import rung as rungs
+from incipient.cost import study as cost
+from incipient.cost.command import chosen, told
+from incipient.cost.comparison import compared
+from incipient.cost.ladder import QUICK, STEADY, Spread, ladder
+from incipient.cost.rows import completed, known_runs
+from incipient.cost.rung import Measured, Rung, quickest, surroundings
+from incipient.errors import SceneError
+from incipient.pictures.cost import draw
+from incipient.scene import Scene, load, loads
+
+SCENES = Path(__file__).parents[2] / "demos" / "scenes"
+STEADILY = ("chords", "loose", "umfpack", "stabilised")
+
+
+# -- which there are ----------------------------------------------------------------------------------------
+
+
+def test_only_what_means_something_is_varied() -> None:
+    assert set(solvers.others(scene())) == {*STEADILY, "superlu"}
+    assert solvers.others(scene("fluid.inertia=false")) == ("umfpack", "superlu")
+    in_time = solvers.others(scene(TIMED))
+    assert {"extrapolated", "bdf1", "loose", "energy-stable"} <= set(in_time)
+    assert not {"implicit", "bdf2", "printed", "chords", "naive"} & set(in_time)
+    assert "naive" in solvers.others(load(SCENES / "pothole_4.toml"))
+    street = load(SCENES / "vortex_street.toml")
+    assert solvers.usual(street) == ("implicit", "bdf1", "loose")
+    assert solvers.own(street) == "bdf2, extrapolated convection"
+
+
+def test_ways_asked_for() -> None:
+    made = scene(TIMED)
+    asked = ["own", "implicit", "bdf1+extrapolated", "extrapolated+bdf1", "bdf2+extrapolated"]
+    assert solvers.named(made, asked) == ("extrapolated+bdf1", "extrapolated")
+    for wrong, said in (
+        ("magic", "magic is not known; give some of: own, extrapolated, bdf1"),
+        ("chords", "chords changes nothing in this scene"),
+        ("bdf1+bdf2", "contradicts itself"),
+        ("extrapolated+magic", "magic is not known"),
+    ):
+        with pytest.raises(SceneError, match=said):
+            solvers.named(made, [wrong])
+    with pytest.raises(SceneError, match="contradicts itself"):
+        solvers.named(scene(), ["umfpack+superlu"])
+
+
+def test_what_a_way_changes(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = scene(TIMED, "numerics.tolerance=1e-8")
+    changed = Rung(3, 1.5, 0.02, "extrapolated+bdf1").of(made)
+    assert (changed.numerics.convection, changed.time.scheme, changed.time.step) == (
+        "extrapolated",
+        "bdf1",
+        0.02,
+    )
+    assert Rung(2, 1.0, None, "loose").of(made).numerics.tolerance == pytest.approx(1e-5)
+    assert Rung(2, 1.0, None, "loose").of(scene("numerics.tolerance=0.01")).numerics.tolerance == 0.01
+    assert solvers.settings("loose", load(SCENES / "pothole_4.toml")) == [
+        "numerics.tolerance = 1e-06",
+        "numerics.interface_tolerance = 1e-06",
+    ]
+    assert Rung(2, 1.0, None, "chords").of(scene()) == Rung(2, 1.0).of(scene())
+    monkeypatch.setenv("PETSC_OPTIONS", "-log_view")
+    assert surroundings(solvers.options("chords"))["PETSC_OPTIONS"] == "-log_view -fluid_ksp_type preonly"
+    assert surroundings()["PETSC_OPTIONS"] == "-log_view"
+
+
+# -- on which rungs -----------------------------------------------------------------------------------------
+
+
+def test_usual_ways_are_tried_on_a_middle_rung() -> None:
+    steps = ladder(scene(), STEADY)
+    assert [rung for rung in steps.rungs if rung.solver] == [Rung(3, 1.0, None, way) for way in STEADILY]
+    assert steps.compared == (Rung(3, 1.0),)
+    at = steps.rungs.index(Rung(3, 1.0))
+    assert steps.rungs[at + 1].solver == "chords", "soon after the run that it is compared with"
+    in_time = ladder(scene(TIMED), Spread((2, 3), (2.0, 1.4, 1.0)))
+    assert in_time.compared == (Rung(2, 1.4, 0.02),)
+    assert not ladder(scene(), QUICK).compared
+
+
+def test_ways_asked_for_are_tried_on_all_rungs() -> None:
+    wanted = chosen(scene(), True, solvers=["own", "chords"])
+    steps = ladder(scene(), wanted)
+    assert len(steps.rungs) == 8
+    assert {replace(rung, solver="") for rung in steps.rungs if rung.solver} == set(steps.compared)
+    assert not steps.reference.solver
+    assert not ladder(scene(), chosen(scene(), False, solvers=["own"])).compared
+
+
+def test_what_auto_decides_anyway_is_no_other_way() -> None:
+    """Stabilisation is on where V h/(k nu) exceeds 50: here on the coarse cells only."""
+    made = scene("fluid.reynolds=100.0")
+    steps = ladder(made, Spread((2,), (4.0, 0.5), solvers=("stabilised", "unstabilised")))
+    assert [(rung.mesh_size, rung.solver) for rung in steps.rungs if rung.solver] == [
+        (4.0, "unstabilised"),
+        (0.5, "stabilised"),
+    ]
+
+
+# -- how they compare ---------------------------------------------------------------------------------------
+
+
+class Varied(Runner):
+    """Chords give the same in half of the time beyond the first second; loose tolerances are off by 2%."""
+
+    def __call__(self, scene: Scene, rung: Rung) -> Measured:
+        run = super().__call__(scene, rung)
+        if rung.solver == "chords":
+            return replace(run, cpu=1.0 + 0.5 * (run.cpu - 1.0), counts=replace(run.counts, newton=10))
+        if rung.solver == "loose":
+            off = {name: 1.02 * value for name, value in run.found.items()}
+            return replace(run, found=off, cpu=1.0 + 0.95 * (run.cpu - 1.0))
+        return run
+
+
+def test_a_way_that_is_as_accurate_in_less_time_takes_the_place_on_the_front(tmp_path: Path) -> None:
+    study = climbed(tmp_path, Varied(), ways=("chords", "loose"))
+    own = climbed(tmp_path / "own", Varied(), ways=())
+    best = [study.judged[index] for index in study.front]
+    assert {one.run.rung.solver for one in best} == {"chords"}
+    assert len(study.judged) == 3 * len(own.judged)
+    law, before = study.laws["cpu"], own.laws["cpu"]
+    assert law is not None and before is not None
+    assert law.start == pytest.approx(before.start), "what starting takes is told by the scene's own way"
+    assert law.time(1e-4) < before.time(1e-4)
+    assert [one.errors for one in own.judged] == [
+        one.errors for one in study.judged if not one.run.rung.solver
+    ]
+
+    chords, loose = study.solvers()
+    assert chords.solver == "chords" and chords.dominates
+    # The runs start in half a second; the other half of the first one is theirs.
+    ratios = [
+        (0.5 + 0.1 * n) / (0.5 + 0.2 * n) for p in (2, 3, 4) for n in p * np.array([0.25, 0.5, 1, 2, 4])
+    ]
+    assert chords.time == pytest.approx(np.exp(np.mean(np.log(ratios))))
+    assert (chords.error, chords.newton) == pytest.approx((1.0, 2.0))
+    assert chords.on_front == len(study.front) and chords.change == 0.0
+    assert len(chords.rungs) == 15 and chords.memory == 1.0
+    assert not loose.dominates
+    assert loose.change == pytest.approx(0.02, rel=0.03)
+
+
+def test_page_and_picture_show_them(tmp_path: Path) -> None:
+    study = climbed(tmp_path, Varied(), ways=None)
+    cost_page.write(study, tmp_path)
+    text = (tmp_path / "cost.md").read_text()
+    assert "| chords | x 0.73 | x 1 | 0% | x 1 | x 2 | x 1 | Newton's method" in text
+    assert '`PETSC_OPTIONS="-fluid_ksp_type preonly"` |' in text
+    assert "at P3-P2, mesh_size 1. Time" in text
+    assert "not worse by a tenth in the other: *chords* (time x 0.73, error x 1)." in text
+    assert "| P3-P2, mesh_size 1, chords | " in text
+    assert "solver              chords: time x 0.73, error x 1, change 0%: better" in told(study, tmp_path)
+    stored = json.loads((tmp_path / "cost.json").read_text())
+    assert {run["solver"] for run in stored["runs"]} == {"", *STEADILY}
+    assert stored["solvers"][0]["solver"] == "chords"
+    (picture,) = draw(tmp_path)
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_without_other_ways_nothing_is_said_of_them(tmp_path: Path) -> None:
+    study = climbed(tmp_path, Runner())
+    assert "Ways to solve" not in cost_page.page(study)
+    assert not compared(study.judged, study.front, study.goals)
+
+
+def test_the_calibration_keeps_the_scenes_own_way(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    cost_page.keep(climbed(tmp_path / "all", Varied(), ways=("chords", "loose")))
+    found = calibration.read()
+    cost_page.keep(climbed(tmp_path / "own", Varied(), ways=()))
+    assert len(found.runs) == 16
+    assert {run.work for run in found.runs} == {run.work for run in calibration.read().runs}
+    assert found.errors == calibration.read().errors
+
+
+# -- what is kept -------------------------------------------------------------------------------------------
+
+
+def earlier(directory: Path) -> None:
+    """Take from a study what versions without ways to solve had not."""
+    rows = list(csv.DictReader((directory / "cost.csv").open()))
+    heads = [name for name in rows[0] if name != "solver"]
+    with (directory / "cost.csv").open("w") as stream:
+        writer = csv.DictWriter(stream, heads, extrasaction="ignore", lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def test_a_study_of_an_earlier_version_goes_on(tmp_path: Path) -> None:
+    climbed(tmp_path, Runner())
+    earlier(tmp_path)
+    before = (tmp_path / "cost.csv").read_bytes()
+    assert len(known_runs(scene(), tmp_path)) == 16
+    assert (tmp_path / "cost.csv").read_bytes() == before, "reading changes nothing"
+    again, said = Varied(), list[str]()
+    made = scene()
+    study = cost.climb(made, ladder(made, STEADY), tmp_path, again, said.append)
+    # The run that others are compared with is made with them.
+    assert again.made == [Rung(3, 1.0), *(Rung(3, 1.0, None, way) for way in STEADILY)]
+    assert said[0].startswith(f"{tmp_path}: of an earlier version; its runs are kept")
+    assert len(study.judged) == 19
+    assert not completed(tmp_path, study.ladder.compared), "once"
+    third = Varied()
+    cost.climb(made, ladder(made, STEADY), tmp_path, third, quiet)
+    assert not third.made
+
+
+def test_an_interrupted_study_of_ways_goes_on(tmp_path: Path) -> None:
+    class Stopped(Varied):
+        def __call__(self, scene: Scene, rung: Rung) -> Measured:
+            if len(self.made) == 2:
+                raise KeyboardInterrupt
+            return super().__call__(scene, rung)
+
+    first, second = Stopped(), Varied()
+    with pytest.raises(KeyboardInterrupt):
+        climbed(tmp_path, first, quick=True, ways=("chords",))
+    climbed(tmp_path, second, quick=True, ways=("chords",))
+    assert [rung.solver for rung in first.made] == ["", "chords"]
+    assert len(second.made) == 7
+
+
+def test_short_runs_are_made_a_few_times(monkeypatch: pytest.MonkeyPatch) -> None:
+    times = iter([2.0, 1.5, 1.8, 4.0, 3.0, 6.0])
+    monkeypatch.setattr(rungs, "measure", lambda scene, rung: Measured(rung, 9.0, next(times)))
+    assert [quickest(scene(), Rung(2, 1.0)).cpu for _ in range(3)] == [1.5, 3.0, 6.0]
+    monkeypatch.setattr(rungs, "measure", lambda scene, rung: Measured(rung, 1.0, 1.0, failed="no"))
+    assert quickest(scene(), Rung(2, 1.0)).failed == "no"
+
+
+def test_a_process_is_measured_from_outside(tmp_path: Path) -> None:
+    text = "import os, sys; print(sys.stdin.read(), os.getcwd(), os.environ['A']); sys.exit('why')"
+    used = process.run([sys.executable, "-c", text], {**os.environ, "A": "b"}, tmp_path, given="given")
+    assert (used.exit_code, used.output, used.errors) == (1, f"given {tmp_path} b\n", "why\n")
+    assert used.wall > 0.0 and used.cpu > 0.0 and used.peak_mib > 1.0
+    killed = process.run([sys.executable, "-c", "import os; os.kill(os.getpid(), 9)"], apart=True)
+    assert killed.exit_code == -9
+
+
+def test_scenes_of_studies_differ_by_more_than_how_they_are_solved() -> None:
+    """The digest tells convection apart, which the calibration is to know, and not what a rung changes."""
+    base = loads((SCENES / "vortex_street.toml").read_text())
+    assert calibration.digest(Rung(2, 1.4, 0.01, "loose").of(base)) == calibration.digest(base)
+    assert calibration.digest(Rung(2, 1.4, 0.01, "implicit").of(base)) != calibration.digest(base)

@@ -1,0 +1,267 @@
+"""Grains in space: surfaces, level functions, volumes and inertia, by closed formulae and by counting."""
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from solids_and_terrains import POINTS, SOLIDS, TORUS, solids, vectors
+
+from incipient.errors import SceneError
+from incipient.geometry import (
+    Box,
+    Ellipsoid,
+    Placement,
+    Polyhedron,
+    Sphere,
+    Spheres,
+    StarSolid,
+    Superquadric,
+    Triangulated,
+)
+from incipient.geometry.surfaces import require_closed
+
+
+def counted_moments(solid, count=60):
+    """Volume, centroid and inertia by counting random points, one in each cell of a grid, that are inside."""
+    x = np.arange(count) / count - 0.5
+    cells = np.stack(np.meshgrid(x, x, x), axis=-1).reshape(-1, 3)
+    points = 1.02 * solid.size * (cells + np.random.default_rng(7).uniform(0.0, 1.0 / count, cells.shape))
+    inside = points[solid.level(points) < 0.0]
+    cell = (1.02 * solid.size / count) ** 3
+    second = cell * inside.T @ inside
+    return cell * len(inside), inside.mean(axis=0), np.trace(second) * np.eye(3) - second
+
+
+class TestSolids:
+    @solids
+    def test_surface_lies_on_the_grain_is_closed_and_faces_outwards(self, solid):
+        surface = solid.surface(solid.size / 15.0)
+        if not isinstance(solid, Spheres):  # whose triangles are left whole at creases
+            require_closed(surface, "the surface")
+            assert solid.level(surface.points) == pytest.approx(0.0, abs=1e-13 * solid.size)
+        mesh = trimesh.Trimesh(surface.points, surface.triangles, process=False)
+        assert mesh.volume == pytest.approx(solid.volume, rel=0.05)
+
+    @solids
+    def test_level_is_negative_inside_and_grows_along_the_normal(self, solid):
+        points = solid.surface(solid.size / 12.0).points
+        points = points[np.abs(solid.level(points)) < 1e-12 * solid.size]
+        normals = solid.normal(points)
+        assert np.linalg.norm(normals, axis=1) == pytest.approx(1.0)
+        step = 1e-4 * solid.size
+        assert (solid.level(points + step * normals) > 0.0).all()
+        # In a sharp corner, not everything against the bisector need be inside.
+        corners = np.vstack(
+            [core.points for core in solid.cores if core.radius == 0.0] or [np.full((1, 3), np.inf)]
+        )
+        smooth = np.linalg.norm(points[:, None] - corners, axis=2).min(axis=1) > 1e-6
+        assert (solid.level(points - step * normals) < 0.0)[smooth].all()
+
+    @solids
+    @settings(max_examples=10, deadline=None)
+    @given(direction=vectors.filter(lambda v: np.linalg.norm(v) > 0.1), far=st.floats(0.05, 0.4))
+    def test_normal_is_the_gradient(self, solid, direction, far):
+        # From far outside inwards; off the surface, where level functions are smooth almost everywhere.
+        outward = np.array([direction]) / np.linalg.norm(direction)
+        distance = np.linspace(1.0, 0.0, 201)[:, None] * solid.size
+        ray = solid.level(distance * outward)
+        point = distance[np.argmin(np.abs(ray - far * solid.size))] * outward
+        h = 1e-5 * solid.size
+        gradient = [(solid.level(point + h * e) - solid.level(point - h * e))[0] for e in np.eye(3)]
+        sides = [solid.normal(point + h * e)[0] for e in np.vstack([np.eye(3), -np.eye(3)])]
+        if np.ptp(sides, axis=0).max() < 1e-3:  # not across an edge of the level function
+            expected = np.array([gradient]) / np.linalg.norm(gradient)
+            assert solid.normal(point) == pytest.approx(expected, abs=1e-6)
+
+    @pytest.mark.parametrize("name", [name for name in SOLIDS if "torus" not in name])
+    def test_volume_centroid_and_inertia_by_counting_cells(self, name):
+        solid = SOLIDS[name]
+        volume, centroid, inertia = counted_moments(solid)
+        # Only cells cut by the surface err: a part 1/60 of them, at random.
+        assert volume == pytest.approx(solid.volume, rel=1e-2)
+        assert centroid == pytest.approx(np.zeros(3), abs=2e-3 * solid.size)
+        assert inertia == pytest.approx(solid.inertia, abs=2e-2 * solid.inertia.max())
+
+    @solids
+    def test_size_is_the_largest_diameter(self, solid):
+        points = solid.surface(solid.size / 20.0).points
+        largest = max(np.linalg.norm(points - p, axis=1).max() for p in points[::3])
+        assert largest <= solid.size * (1.0 + 1e-12)
+        assert largest == pytest.approx(solid.size, rel=5e-3)
+
+    @solids
+    def test_centroid_is_the_origin(self, solid):
+        assert solid.centroid == pytest.approx(np.zeros(3))
+        assert solid.inertia == pytest.approx(solid.inertia.T)
+
+
+class TestClosedFormulae:
+    def test_sphere(self):
+        # V = 4/3 pi r^3, I = 2/5 V r^2.
+        sphere = Sphere(1.4)
+        assert sphere.volume == pytest.approx(4.0 / 3.0 * np.pi * 0.7**3)
+        assert sphere.inertia == pytest.approx(0.4 * sphere.volume * 0.7**2 * np.eye(3))
+
+    def test_ellipsoid(self):
+        # I_xx = V (b^2 + c^2) / 5.
+        a, b, c = 0.7, 0.4, 0.3
+        solid = Ellipsoid((a, b, c))
+        volume = 4.0 / 3.0 * np.pi * a * b * c
+        assert solid.volume == pytest.approx(volume)
+        expected = np.diag([b * b + c * c, a * a + c * c, a * a + b * b])
+        assert solid.inertia == pytest.approx(0.2 * volume * expected)
+
+    def test_superquadric_between_ellipsoid_and_box(self):
+        axes = (0.7, 0.4, 0.3)
+        round_one, ellipsoid = Superquadric(axes, (2.0, 2.0)), Ellipsoid(axes)
+        assert round_one.volume == pytest.approx(ellipsoid.volume)
+        assert round_one.inertia == pytest.approx(ellipsoid.inertia)
+        # As the exponents grow it fills its box of 8 a b c; of volume 8 Gamma(1+1/n)^3 / Gamma(1+3/n) for equal ones.
+        box = Superquadric(axes, (100.0, 100.0))
+        assert box.volume == pytest.approx(8.0 * np.prod(axes), rel=1e-3)
+        assert box.size == pytest.approx(2.0 * np.linalg.norm(axes), rel=0.02)
+
+    def test_elliptic_cylinder_is_a_limit(self):
+        # Exponent n = 2 across, m to infinity along: V -> 2 pi a b c.
+        assert Superquadric((0.7, 0.4, 0.3), (100.0, 2.0)).volume == pytest.approx(
+            2.0 * np.pi * 0.7 * 0.4 * 0.3, rel=1e-3
+        )
+
+    def test_box(self):
+        # I_zz = V (width^2 + depth^2) / 12.
+        box = Box((1.0, 0.6, 0.4))
+        assert box.volume == pytest.approx(0.24)
+        assert np.diag(box.inertia) == pytest.approx(0.02 * np.array([0.52, 1.16, 1.36]))
+
+    def test_rounded_box_by_steiners_formula(self):
+        # V = ABC + 2r (AB + BC + CA) + pi r^2 (A + B + C) + 4/3 pi r^3 with A, B, C the sides less 2r.
+        a, b, c, r = 0.8, 0.4, 0.2, 0.1
+        expected = a * b * c + 2 * r * (a * b + b * c + c * a) + np.pi * r * r * (a + b + c)
+        assert Box((1.0, 0.6, 0.4), r).volume == pytest.approx(expected + 4.0 / 3.0 * np.pi * r**3)
+
+    def test_box_rounded_to_a_sphere_is_one(self):
+        box, sphere = Box((0.6, 0.6, 0.6), 0.3), Sphere(0.6)
+        assert box.volume == pytest.approx(sphere.volume)
+        assert box.inertia == pytest.approx(sphere.inertia)
+
+    def test_regular_tetrahedron(self):
+        # Side s: V = s^3 / (6 sqrt 2), I = V s^2 / 20 about every axis; given in any place.
+        corners = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1.0]]) + np.array([3.0, 0.0, -1.0])
+        solid, s = Polyhedron(corners), 2.0 * np.sqrt(2.0)
+        assert solid.volume == pytest.approx(s**3 / (6.0 * np.sqrt(2.0)))
+        assert solid.inertia == pytest.approx(solid.volume * s * s / 20.0 * np.eye(3))
+        assert solid.size == pytest.approx(s)
+
+    def test_two_spheres_less_their_lens(self):
+        # V_lens = pi (R + r - d)^2 (d^2 + 2d(r + R) - 3(r - R)^2) / (12 d).
+        R, r, d = 0.5, 0.4, 0.6
+        lens = np.pi * (R + r - d) ** 2 * (d * d + 2 * d * (r + R) - 3 * (r - R) ** 2) / (12 * d)
+        union = Spheres([(0, 0, 0), (d, 0, 0)], [R, r])
+        assert union.volume == pytest.approx(4.0 / 3.0 * np.pi * (R**3 + r**3) - lens, rel=1e-9)
+        # Turned by any angle the same, although the sections are others.
+        turned = Spheres([(0, 0, 0), d * np.array([2.0, 3.0, 6.0]) / 7.0], [R, r])
+        assert turned.volume == pytest.approx(union.volume, rel=1e-8)
+        assert np.linalg.eigvalsh(turned.inertia) == pytest.approx(
+            np.linalg.eigvalsh(union.inertia), rel=1e-7
+        )
+
+    def test_star_about_another_pole_is_the_sphere(self):
+        # |p + r d - a| = R gives r = a.d + sqrt(R^2 - |a|^2 + (a.d)^2); the frame is shifted to the centre.
+        a, R = np.array([0.1, -0.2, 0.05]), 0.5
+        solid = StarSolid(lambda d: d @ a + np.sqrt(R * R - a @ a + (d @ a) ** 2))
+        assert solid.volume == pytest.approx(Sphere(1.0).volume, rel=1e-12)
+        assert solid.inertia == pytest.approx(Sphere(1.0).inertia, rel=1e-10, abs=1e-14)
+        assert solid.pole == pytest.approx(-a)
+        assert solid.size == pytest.approx(1.0, rel=1e-9)
+        points = Sphere(1.0).surface(0.2).points
+        assert solid.level(points) == pytest.approx(0.0, abs=1e-12)
+        assert solid.normal(points) == pytest.approx(2.0 * points, abs=1e-9)
+
+    def test_triangles_against_trimesh(self):
+        solid = SOLIDS["torus of triangles"]
+        assert solid.volume == pytest.approx(TORUS.volume)
+        assert solid.inertia == pytest.approx(TORUS.moment_inertia, abs=1e-12)
+        # In the hole of the torus one is outside, and as far as its inner circle is round.
+        assert solid.level([[0.0, 0.0, 0.0]]) == pytest.approx(0.3, rel=0.05)
+
+    @settings(max_examples=15, deadline=None)
+    @given(vectors, st.floats(0.1, 10.0))
+    def test_inertia_turns_and_scales(self, turn, scale):
+        # I -> s^5 R I R^T, V -> s^3 V.
+        rotation = Placement((0, 0, 0)).moved((0, 0, 0), turn).rotation
+        solid, moved = Polyhedron(POINTS), Polyhedron(scale * POINTS @ rotation.T + turn)
+        assert moved.volume == pytest.approx(scale**3 * solid.volume)
+        expected = scale**5 * rotation @ solid.inertia @ rotation.T
+        assert moved.inertia == pytest.approx(expected, rel=1e-9, abs=1e-9 * scale**5)
+
+
+class TestFiles:
+    @pytest.mark.parametrize("kind", ["stl", "ply", "obj"])
+    def test_a_surface_is_read(self, tmp_path, kind):
+        path = tmp_path / f"torus.{kind}"
+        TORUS.export(path)
+        solid = Triangulated.from_file(path, scale=2.0)
+        # Formats write six or seven digits.
+        assert solid.volume == pytest.approx(8.0 * TORUS.volume, rel=1e-5)
+        assert solid.inertia == pytest.approx(32.0 * TORUS.moment_inertia, abs=1e-4)
+
+    def test_triangles_turned_inwards_are_turned_back(self):
+        assert Triangulated(TORUS.vertices, TORUS.faces[:, ::-1]).volume == pytest.approx(TORUS.volume)
+
+    def test_an_open_surface_says_how_many_edges(self, tmp_path):
+        # Two triangles that share a side leave a hole of four edges.
+        box = trimesh.creation.box()
+        shared = [sorted(set(box.faces[0]) & set(face)) for face in box.faces]
+        partner = next(k for k in range(1, 12) if len(shared[k]) == 2)
+        keep = np.delete(np.arange(12), [0, partner])
+        trimesh.Trimesh(box.vertices, box.faces[keep], process=False).export(tmp_path / "open.ply")
+        with pytest.raises(SceneError, match=r"open.ply is not watertight: it has 4 open edges; close"):
+            Triangulated.from_file(tmp_path / "open.ply")
+
+    def test_what_is_no_body_is_refused(self, tmp_path):
+        first, second = trimesh.creation.box(), trimesh.creation.box()
+        second.apply_translation([3.0, 0.0, 0.0])
+        both = trimesh.util.concatenate([first, second])
+        mixed = np.array(first.faces)
+        mixed[0] = mixed[0, ::-1]
+        (tmp_path / "text.stl").write_text("nothing of the kind")
+        (tmp_path / "grain.txt").write_text("nothing of the kind")
+        for make, reason in [
+            (lambda: Triangulated(both.vertices, both.faces), "2 separate parts"),
+            (lambda: Triangulated(first.vertices, mixed), "face different ways"),
+            (lambda: Triangulated(first.vertices * [1, 1, 0], first.faces), "surface (is|has|encloses)"),
+            (lambda: Triangulated(first.vertices * np.nan, first.faces), "not finite"),
+            (lambda: Triangulated(first.vertices, first.faces + 1), "do not exist"),
+            (lambda: Triangulated.from_file(tmp_path / "missing.stl"), "does not exist"),
+            (lambda: Triangulated.from_file(tmp_path / "grain.txt"), "not an STL, PLY or OBJ"),
+            (lambda: Triangulated.from_file(tmp_path / "text.stl"), "text.stl"),
+        ]:
+            with pytest.raises(SceneError, match=reason) as caught:
+                make()
+            assert "\n" not in str(caught.value)
+
+
+class TestBadSolids:
+    @pytest.mark.parametrize(
+        ("make", "reason"),
+        [
+            (lambda: Sphere(0.0), "diameter"),
+            (lambda: Sphere(float("nan")), "diameter"),
+            (lambda: Ellipsoid((1.0, 1.0, -1.0)), "semi-axis"),
+            (lambda: Superquadric((1.0, 1.0, 1.0), (1.0, 2.0)), "exponent 1.0"),
+            (lambda: Box((1.0, 1.0, 0.0)), "side"),
+            (lambda: Box((1.0, 1.0, 0.5), 0.3), "edge_radius"),
+            (lambda: Polyhedron([(0, 0, 0), (1, 0, 0), (0, 1, 0)]), "four or more"),
+            (lambda: Polyhedron([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)]), "no volume"),
+            (lambda: Polyhedron([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, np.inf)]), "finite"),
+            (lambda: StarSolid(lambda d: d[:, 0]), "keep it positive"),
+            (lambda: StarSolid(lambda d: 1.0), "one finite number"),
+            (lambda: Spheres([(0, 0, 0), (3, 0, 0)], [1, 1]), "does not overlap"),
+            (lambda: Spheres([(0, 0, 0), (0.1, 0, 0)], [1, 0.2]), "sphere 1 .* lies within"),
+        ],
+    )
+    def test_one_clear_line(self, make, reason):
+        with pytest.raises(SceneError, match=reason) as caught:
+            make()
+        assert "\n" not in str(caught.value)

@@ -1,0 +1,135 @@
+"""Beds in space: slopes by differences, nearest points by brute force, height maps from files."""
+
+import numpy as np
+import pytest
+from solids_and_terrains import terrains
+
+from incipient.errors import SceneError
+from incipient.geometry import (
+    EggCrate,
+    HeightMap,
+    Hemispheres,
+    Plane,
+    Relief,
+    Ridges,
+)
+
+
+class TestTerrains:
+    @terrains
+    def test_gradients_normals_and_hessians_by_differences(self, bed):
+        x, h = np.random.default_rng(2).uniform(-2.0, 2.0, (80, 2)), 1e-6
+        slope = np.column_stack(
+            [(bed.height(x + h * e) - bed.height(x - h * e)) / (2 * h) for e in np.eye(2)]
+        )
+        gentle = np.abs(slope).max(axis=1) < 5.0
+        assert bed.gradient(x)[gentle] == pytest.approx(slope[gentle], abs=1e-5)
+        expected = np.column_stack([-slope, np.ones(len(x))])
+        expected /= np.linalg.norm(expected, axis=1, keepdims=True)
+        assert bed.normal(x)[gentle] == pytest.approx(expected[gentle], abs=1e-5)
+        if hasattr(bed, "hessian"):
+            rows = [(bed.gradient(x + h * e) - bed.gradient(x - h * e)) / (2 * h) for e in np.eye(2)]
+            error = np.abs(np.stack(rows, axis=2) - bed.hessian(x)).max(axis=(1, 2))
+            assert np.median(error) < 1e-6  # that of the map jumps between cells
+
+    @terrains
+    def test_nearest_point_against_brute_force(self, bed):
+        generator = np.random.default_rng(3)
+        x = generator.uniform(-2.0, 2.0, (30, 2))
+        points = np.column_stack([x, bed.height(x) + generator.uniform(0.0, 0.3, 30)])
+        offsets = np.stack(np.meshgrid(np.linspace(-0.5, 0.5, 201), np.linspace(-0.5, 0.5, 201)), -1).reshape(
+            -1, 2
+        )
+        brute = []
+        for point in points:
+            around = point[:2] + offsets
+            brute.append(
+                np.sqrt(((around - point[:2]) ** 2).sum(1) + (bed.height(around) - point[2]) ** 2).min()
+            )
+        distance, feet = bed.distance(points), bed.nearest(points)
+        assert bed.height(feet[:, :2]) == pytest.approx(feet[:, 2], abs=1e-7)
+        # Brute force can only be too large, by its spacing of 5e-3 on the steepest flank.
+        assert (distance <= np.array(brute) + 1e-12).all()
+        assert distance == pytest.approx(brute, abs=5e-3)
+        assert (bed.distance(points - [0, 0, 0.5]) < 0.0).any()
+
+    def test_neighbours_of_the_arrays(self):
+        """Square: 4 neighbours at the spacing; triangular: 6."""
+        for arrangement, count in (("square", 4), ("triangular", 6)):
+            bed = Hemispheres(0.5, 1.3, arrangement, (0.2, 0.1))
+            centres = bed.centres((0.2, 0.1), 1.31)
+            away = np.linalg.norm(centres[:, :2] - [0.2, 0.1], axis=1)
+            assert np.sort(away) == pytest.approx([0.0] + [1.3] * count)
+            assert bed.height(centres[:, :2]) == pytest.approx(0.5)
+
+    def test_a_map_reproduces_its_points_and_parabolas(self):
+        # Cubic convolution is exact for polynomials of second degree (Keys 1981), away from the edges.
+        x, y = np.meshgrid(np.arange(8.0), 2.0 * np.arange(9.0))
+        bed = HeightMap(1.0 + x * y - 0.3 * x**2 + 0.1 * y**2, (1.0, 2.0), (10.0, 20.0, 5.0))
+        inner = np.random.default_rng(1).uniform([11.0, 22.0], [16.0, 34.0], (50, 2))
+        u, v = (inner - [10.0, 20.0]).T
+        assert bed.height(inner) == pytest.approx(6.0 + u * v - 0.3 * u**2 + 0.1 * v**2)
+        assert bed.gradient(inner)[:, 0] == pytest.approx(v - 0.6 * u)
+        assert bed.height([[13.0, 26.0]]) == pytest.approx(5.0 + bed.heights[3, 3])
+        assert bed.extent == ((10.0, 17.0), (20.0, 36.0))
+        # Beyond the edge it goes on level.
+        assert bed.height([[5.0, 26.0]]) == pytest.approx(bed.height([[10.0, 26.0]]))
+        assert bed.gradient([[5.0, 26.0]])[0, 0] == 0.0
+
+    def test_maps_from_files(self, tmp_path):
+        from PIL import Image
+
+        heights = np.arange(12.0).reshape(3, 4)
+        np.save(tmp_path / "map.npy", heights)
+        assert HeightMap.from_file(tmp_path / "map.npy", (0.1, 0.1), 2.0).heights == pytest.approx(
+            2.0 * heights
+        )
+        # Images and ESRI grids begin with the northern row; whole numbers are parts of the largest.
+        Image.fromarray((heights[::-1] * 20).astype(np.uint8)).save(tmp_path / "map.png")
+        Image.fromarray((heights[::-1] * 4000).astype(np.uint16)).save(tmp_path / "fine.png")
+        Image.fromarray(heights[::-1].astype(np.float32)).save(tmp_path / "map.tif")
+        for name, relief in (("map.png", 255.0 / 20.0), ("fine.png", 65535.0 / 4000.0), ("map.tif", 1.0)):
+            found = HeightMap.from_file(tmp_path / name, (0.1, 0.1), relief)
+            assert found.heights == pytest.approx(heights, abs=1e-6), name
+        rows = "\n".join(" ".join(str(h) for h in row) for row in heights[::-1])
+        head = "ncols 4\nnrows 3\nxllcorner 10\nyllcorner 20\ncellsize 2\nNODATA_value -9999\n"
+        (tmp_path / "map.asc").write_text(head + rows + "\n")
+        grid = HeightMap.from_file(tmp_path / "map.asc")
+        assert grid.heights == pytest.approx(heights)
+        # Cells are 2 wide, so that the first height stands one in from the corner.
+        assert (grid.cell, grid.origin) == ((2.0, 2.0), (11.0, 21.0, 0.0))
+
+    def test_bad_maps(self, tmp_path):
+        (tmp_path / "map.asc").write_text("ncols 2\nnrows 2\ncellsize 1\nNODATA_value -9\n1 2\n3 -9\n")
+        (tmp_path / "short.asc").write_text("ncols 2\nnrows 2\ncellsize 1\n1 2 3\n")
+        (tmp_path / "bare.asc").write_text("1 2\n3 4\n")
+        (tmp_path / "map.png").write_text("no image")
+        np.save(tmp_path / "map.npy", np.zeros((3, 3)))
+        for name, reason in [
+            ("missing.png", "does not exist"),
+            ("map.asc", "cells without data"),
+            ("short.asc", "3 heights instead of 2 x 2"),
+            ("bare.asc", "lacks ncols"),
+            ("map.png", "cannot be read as heights"),
+            ("map.npy", "give cell"),
+        ]:
+            with pytest.raises(SceneError, match=reason) as caught:
+                HeightMap.from_file(tmp_path / name)
+            assert "\n" not in str(caught.value)
+
+    @pytest.mark.parametrize(
+        ("make", "reason"),
+        [
+            (lambda: Plane((np.nan, 0.0)), "slope"),
+            (lambda: Hemispheres(0.0, 1.0), "radius"),
+            (lambda: Hemispheres(0.5, 1.0, "hexagonal"), "arrangement"),
+            (lambda: Ridges(0.1, 0.0), "wavelength"),
+            (lambda: EggCrate(-0.1, (1.0, 1.0)), "amplitude"),
+            (lambda: Relief(lambda x: 1.0, 0.5), "one finite height"),
+            (lambda: HeightMap(np.zeros(3), (1.0, 1.0)), "rows and columns"),
+            (lambda: HeightMap([[0.0, np.nan], [0.0, 0.0]], (1.0, 1.0)), "row 0, column 1"),
+        ],
+    )
+    def test_bad_beds_are_refused(self, make, reason):
+        with pytest.raises(SceneError, match=reason):
+            make()

@@ -1,0 +1,183 @@
+"""Writes series of fields on however many ranks there are, for test_xdmf.py: `xdmf_writer.py TASK DIRECTORY`."""
+
+import json
+import os
+import resource
+import signal
+import sys
+from functools import partial
+from pathlib import Path
+
+import gmsh
+import numpy as np
+from dolfinx.fem import Function
+from dolfinx.mesh import create_unit_cube
+from incipient.meshes import Near, Region, Sizes
+from incipient.meshes.model import region_model
+from mpi4py import MPI
+
+from incipient import compat
+from incipient.domain import build
+from incipient.errors import OutputError
+from incipient.geometry.curves import Line
+from incipient.geometry.grain import Ellipse
+from incipient.geometry.placement import Placement
+from incipient.meshmotion import MeshMotion
+from incipient.output.xdmf import FieldSeries, SurfaceSeries
+
+RADIUS = 0.4
+SEMI_AXES = (0.2, 0.1)  # of the ellipse that moves in the box (0, 2) x (0, 1)
+CELLS = (0.3, 0.22, 0.18, 0.26)  # their sizes, before and after each remeshing
+STEPS_A_MESH = 2
+
+
+def velocity(x):
+    return np.array([x[0] * x[1], x[0] ** 2 - x[1]])
+
+
+def pressure(x):
+    return 1 + 2 * x[0] - x[1]
+
+
+def holed_square(order, size):
+    """Unit-centred square of side 2 with a round hole, cells of a geometric order, and the hole's facets."""
+    gmsh.initialize()
+    gmsh.option.setNumber("General.Terminal", 0)
+    if MPI.COMM_WORLD.rank == 0:
+        make = gmsh.model.occ
+        make.cut([(2, make.addRectangle(-1, -1, 0, 2, 2))], [(2, make.addDisk(0, 0, 0, RADIUS, RADIUS))])
+        make.synchronize()
+        hole = [c for c in gmsh.model.getEntities(1) if gmsh.model.getType(*c) not in ("Line",)]
+        gmsh.model.addPhysicalGroup(2, [1], 1)
+        gmsh.model.addPhysicalGroup(1, [tag for _, tag in hole], 7)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+        gmsh.model.mesh.generate(2)
+        gmsh.model.mesh.setOrder(order)
+    mesh, _, facets = compat.model_to_mesh(gmsh.model, MPI.COMM_WORLD, 2)
+    gmsh.finalize()
+    return mesh, facets.find(7)
+
+
+def functions(mesh, degree=2):
+    u = Function(compat.space(mesh, ("Lagrange", degree), (mesh.geometry.dim,)))
+    u.interpolate(lambda x: np.vstack([velocity(x), x[2:3] * x[0:1]])[: mesh.geometry.dim])
+    p = Function(compat.space(mesh, ("Lagrange", degree - 1)))
+    p.interpolate(pressure)
+    return {"velocity": u, "pressure": p}
+
+
+def write_all(directory: Path) -> None:
+    comm = MPI.COMM_WORLD
+    mesh, hole = holed_square(2, 0.4)
+    with FieldSeries(directory / "fields", mesh, comm) as series:
+        series.write(0.0, functions(mesh))
+        series.write(0.5, functions(mesh))
+        mesh.geometry.x[:, 0] += 0.2 * mesh.geometry.x[:, 1] ** 2
+        series.write(1.25, functions(mesh))
+        mesh, _ = holed_square(2, 0.25)
+        series.remeshed(mesh)
+        series.write(2.0, functions(mesh, degree=4))  # x^2 on quadratic cells is quartic
+    mesh, hole = holed_square(3, 0.4)
+    SurfaceSeries(directory / "surface", mesh, hole, comm).write(0.0, functions(mesh))
+    FieldSeries(directory / "cubic", mesh, comm).write(0.0, functions(mesh, degree=4))
+    cube = create_unit_cube(comm, 2, 2, 2)
+    FieldSeries(directory / "cube", cube, comm).write(0.0, functions(cube))
+    skin = SurfaceSeries(directory / "skin", cube, compat.exterior_facets(cube), comm)
+    skin.write(0.0, functions(cube))
+
+
+def placement(number):
+    """Where the ellipse is at a step."""
+    return Placement((0.5 + 0.08 * number, 0.5 + 0.01 * number), 0.15 * number)
+
+
+def around_ellipse(number, cell):
+    """The box less the ellipse at a step, in quadratic cells."""
+    outline = tuple(curve.moved(placement(number)) for curve in Ellipse(SEMI_AXES).outline())
+    sides = ("bottom", "right", "top", "left")
+    region = Region((Line((0.0, 0.0), (2.0, 0.0)),), 1.0, {"body": outline}, sides)
+    sizes = Sizes(cell, (Near(cell / 3, 0.4, boundary="body"),))
+    return build(MPI.COMM_WORLD, partial(region_model, region, sizes, 2), 2)
+
+
+def counts(mesh):
+    """Cells and quadratic nodes on all ranks."""
+    mesh.topology.create_entities(1)
+    vertices, edges, cells = (mesh.topology.index_map(dimension).size_global for dimension in range(3))
+    return {"cells": cells, "nodes": vertices + edges}
+
+
+def write_moving(directory: Path) -> None:
+    """A mesh that follows the ellipse and is made anew three times; what was written is told in steps.json."""
+    comm, told, fields, surface = MPI.COMM_WORLD, [], None, None
+    for made, cell in enumerate(CELLS):
+        first = STEPS_A_MESH * made
+        domain = around_ellipse(first, cell)
+        motion = MeshMotion(domain, "body", placement(first), turning=True)
+        body = domain.facets_of("body")
+        if fields is None:
+            fields = FieldSeries(directory / "fields", domain.mesh, comm)
+            surface = SurfaceSeries(directory / "surface", domain.mesh, body, comm)
+        else:
+            fields.remeshed(domain.mesh)
+            surface.remeshed(domain.mesh, body)
+        for number in range(first, first + STEPS_A_MESH):
+            motion.move(placement(number))
+            values = functions(domain.mesh, degree=4)
+            fields.write(0.25 * number, values)
+            surface.write(0.25 * number, values)
+            told.append({"time": 0.25 * number, **counts(domain.mesh)})
+    if comm.rank == 0:
+        (directory / "steps.json").write_text(json.dumps(told))
+
+
+def write_and_resume(directory: Path) -> None:
+    """Four steps, then again from the second on, with another mesh."""
+    mesh, _ = holed_square(2, 0.8)
+    series = FieldSeries(directory / "fields", mesh, MPI.COMM_WORLD)
+    for time in (0.0, 0.1, 0.2, 0.3):
+        mesh.geometry.x[:, 0] += 0.1
+        series.write(time, functions(mesh))
+    mesh, _ = holed_square(2, 0.25)
+    series = FieldSeries(directory / "fields", mesh, MPI.COMM_WORLD, after=0.1)
+    for time in (0.15, 0.2):
+        series.write(time, functions(mesh))
+
+
+def write_and_crash(directory: Path) -> None:
+    mesh, _ = holed_square(2, 0.8)
+    series = FieldSeries(directory / "fields", mesh, MPI.COMM_WORLD)
+    for time in (0.0, 1.0):
+        series.write(time, functions(mesh))
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def write_until_full(directory: Path) -> None:
+    mesh, _ = holed_square(2, 0.4)
+    series = FieldSeries(directory / "fields", mesh, MPI.COMM_WORLD)
+    series.write(0.0, functions(mesh))
+    if MPI.COMM_WORLD.rank == 0:
+        size = (directory / "fields.h5").stat().st_size
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size + 1000, resource.RLIM_INFINITY))
+    said = ""
+    try:
+        series.write(1.0, functions(mesh))
+    except OutputError as error:
+        said = str(error)
+    if MPI.COMM_WORLD.rank == 0:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+    (directory / f"said{MPI.COMM_WORLD.rank}").write_text(said)
+    if (directory / "go-on").exists():
+        series.write(2.0, functions(mesh))
+
+
+def write_where_impossible(directory: Path) -> None:
+    mesh, _ = holed_square(2, 0.8)
+    try:
+        FieldSeries(directory / "absent" / "fields", mesh, MPI.COMM_WORLD)
+    except OutputError as error:
+        (directory / f"said{MPI.COMM_WORLD.rank}").write_text(str(error))
+
+
+if __name__ == "__main__":
+    globals()[sys.argv[1]](Path(sys.argv[2]))
