@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 from ..errors import IncipientError
 from ..result import Couples, Forces, Result
 from ..scene import Scene
-from .dual import GoalErrors
 from .safetybar import SafetyBar, bar_of_scene
 
 if TYPE_CHECKING:
@@ -192,6 +191,8 @@ def _computed(simulation: Simulation, force: Forces, couple: Couples) -> Loads:
 
 
 def _dual(simulation: Simulation) -> Term:
+    from .dual import GoalErrors  # not above: a plan asks for the coarse runs, without finite elements
+
     placement = simulation.layout.placement
     assert placement is not None
     with GoalErrors(simulation.fluid, "body", placement.centre) as goals:
