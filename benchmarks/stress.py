@@ -6,6 +6,7 @@ Run: make stress, or PYTHONPATH=tests:tests/stability .venv/bin/python benchmark
 from __future__ import annotations
 
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -31,6 +32,7 @@ from hard import (
     wall_force,
 )
 from hard_map import points
+from hard_resumed import rows as resumed_rows
 from remeshed import remeshed_run
 
 from incipient.fluid import FlowModel, Fluid, Prescribed, no_slip, solve_steady
@@ -156,6 +158,12 @@ def moved_meshes() -> Iterator[Row]:
         yield case, f"largest factor of a step {factor:.4f}", "energy never grows" if factor <= 1 else "grows"
 
 
+def stopped_and_resumed() -> Iterator[Row]:
+    """Whole runs that stop by name, go on from their checkpoint with a remedy, and come where the uncut run comes."""
+    with tempfile.TemporaryDirectory() as directory:
+        yield from resumed_rows(Path(directory))
+
+
 CASES: dict[str, Callable[[], Iterator[Row]]] = {
     "Bodies without mass, with a million times the fluid's": bodies,
     "Steady cavity on coarse cells": steady_cavities,
@@ -164,6 +172,7 @@ CASES: dict[str, Callable[[], Iterator[Row]]] = {
     "Tiny and huge steps": long_steps,
     "Stiff couples": stiff_couples,
     "A new mesh every few steps": new_meshes,
+    "Stopped in the middle and resumed": stopped_and_resumed,
     "Friction 0 and infinite, degenerate contacts": degenerate_contacts,
     "Badly shaped meshes": bad_meshes,
     "Extreme domains": long_domains,

@@ -8,8 +8,8 @@ HEAD = """# Hard cases
 
 Written by `make stress`, which runs all of this ({minutes} min, {machine}). A case that cannot be computed stops
 with a named error; in a run of the program the last good state is then kept as a checkpoint, from which `incipient
-resume` goes on (`tests/end_to_end/test_resume.py`). `tests/stability` holds the same cases with bounds, in smaller
-numbers.
+resume` goes on with what stopped it changed ("Stopped in the middle and resumed"). `tests/stability` holds the same
+cases with bounds, in smaller numbers.
 
 """
 MAP = """## Where a body's step can be solved
@@ -49,6 +49,12 @@ SOURCES = {
         "A disc without mass or inertia held by a torsional spring, step 0.05: the angle is couple over stiffness."
     ),
     "A new mesh every few steps": "An ellipse carried round a box, 20 steps; beside the run on one mesh.",
+    "Stopped in the middle and resumed": (
+        "Whole runs: `incipient run`, then `incipient resume` with the remedy, beside a run that had the remedy from "
+        "the start. An ellipse of size 1 in a driven cavity of side 4; a cavity of side 1 at Re = 10,000 on 14 graded "
+        "cells a side whose lid gets as fast as 20. What was computed before the stop stays as it was: in coarse "
+        "cells, or without stabilisation."
+    ),
     "Friction 0 and infinite, degenerate contacts": (
         "A disc of weight 1 and radius 1 under a force of 0.1 and a couple of -0.02."
     ),

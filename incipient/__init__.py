@@ -96,7 +96,7 @@ def resume(
 
     Args:
         directory: of the run.
-        overrides: such as ``"time.end=20"``; nothing else may change.
+        overrides: such as ``"time.end=20"``; what may change is in `restart.reopening`.
         voice: as for `run`.
 
     Raises:

@@ -73,7 +73,12 @@ def _parser() -> argparse.ArgumentParser:
     resume = command("resume", _resume, "go on with a run that was cut short (also under mpirun)")
     resume.add_argument("directory", type=Path, help="directory of the run")
     resume.add_argument(
-        "--set", dest="overrides", action="append", default=[], metavar="KEY=VALUE", help="time.end=..., only"
+        "--set",
+        dest="overrides",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="such as time.end=20",
     )
     threshold = command(
         "threshold", _threshold, "find the flow at which the scene's grain first moves", scene

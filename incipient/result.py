@@ -125,7 +125,10 @@ class Result:
 
     def to_dict(self) -> dict[str, Any]:
         """Everything but the fields, as result.json holds it."""
-        stored: dict[str, Any] = {"schema_version": SCHEMA_VERSION, **{n: getattr(self, n) for n in AS_THEY_ARE}}
+        stored: dict[str, Any] = {
+            "schema_version": SCHEMA_VERSION,
+            **{n: getattr(self, n) for n in AS_THEY_ARE},
+        }
         stored["plan"] = self.plan.to_dict()
         for name in ("force", "couple", "coefficients", "gap"):
             part = getattr(self, name)

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from ..errors import IncipientError
 from ..result import Couples, Forces, Result
-from ..scene import Scene
+from ..scene import Scene, Time
 from .safetybar import SafetyBar, bar_of_scene
 
 if TYPE_CHECKING:
@@ -40,6 +40,7 @@ Solve = Callable[[Scene], "Loads"]
 MODEL_ORDER, MODEL_MESH = 2, 1.4
 MODEL_MESH_IN_TIME, MODEL_STEP, FEWEST_STEPS = 2.0, 4.0, 8
 MODEL_TOLERANCE, LARGEST_TOLERANCE = 8.0, 0.1
+MODEL_ITERATION = 1e-6  # tolerance of their iterations in time, where differences of a thousandth matter
 FARTHER = 1.5  # how much larger the domain of the domain's term is
 DECAY = 2.0  # the influence of sides is taken to fall off like their distance to this power
 COARSER_MESH, LONGER_STEP = 2.0**0.5, 2.0
@@ -370,16 +371,23 @@ def farther(scene: Scene) -> Scene:
 def _coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
     """The scene as it is run for a term of the model."""
     numerics: dict[str, Any] = {"order": MODEL_ORDER, "geometry_order": None, "error_bars": False}
-    size = scene.numerics.mesh_size
     if scene.time is None:
-        return changed(scene, numerics={**numerics, "mesh_size": max(MODEL_MESH, size)}, **sections)
-    time = {"step": min(MODEL_STEP * scene.time.step, max(scene.time.step, scene.time.end / FEWEST_STEPS))}
-    if scene.time.tolerance is not None:
-        time["tolerance"] = max(
-            min(MODEL_TOLERANCE * scene.time.tolerance, LARGEST_TOLERANCE), scene.time.tolerance
-        )
-    numerics["mesh_size"] = max(MODEL_MESH_IN_TIME, size)
-    return changed(scene, numerics=numerics, time=time, **sections)
+        numerics["mesh_size"] = max(MODEL_MESH, scene.numerics.mesh_size)
+        return changed(scene, numerics=numerics, **sections)
+    numerics["mesh_size"] = max(MODEL_MESH_IN_TIME, scene.numerics.mesh_size)
+    numerics["tolerance"] = max(MODEL_ITERATION, scene.numerics.tolerance)
+    if scene.body is not None and not scene.body.moves:
+        # Without weight no step is judged.
+        sections["body"] = {"density": None}
+    return changed(scene, numerics=numerics, time=_longer_steps(scene.time), **sections)
+
+
+def _longer_steps(time: Time) -> dict[str, float]:
+    """The steps of runs in time for terms of the model."""
+    found = {"step": min(MODEL_STEP * time.step, max(time.step, time.end / FEWEST_STEPS))}
+    if time.tolerance is not None:
+        found["tolerance"] = max(min(MODEL_TOLERANCE * time.tolerance, LARGEST_TOLERANCE), time.tolerance)
+    return found
 
 
 def changed(scene: Scene, **sections: dict[str, Any]) -> Scene:

@@ -212,6 +212,22 @@ def test_a_finished_run_goes_on_to_a_later_end(tmp_path: Path) -> None:
     assert incipient.load(tmp_path / "short/scene.toml") == incipient.load(tmp_path / "long/scene.toml")
 
 
+def test_a_run_goes_on_with_other_steps(tmp_path: Path, stopped: Callable[[int], None]) -> None:
+    """Of a new length from the first on; with a tolerance from the length at hand on."""
+    scene = vortices(time_end=0.1)
+    fixed = scene.model_copy(update={"time": scene.time.model_copy(update={"tolerance": None})})
+    stopped(3)
+    with pytest.raises(Interrupted):
+        incipient.run(fixed, tmp_path)
+    stopped(4)
+    with pytest.raises(Interrupted):
+        incipient.resume(tmp_path, ["time.step=0.005"])
+    incipient.resume(tmp_path, ["time.tolerance=10"])
+    lengths = [float(length) for length in history(tmp_path)["step"]]
+    assert lengths[:8] == pytest.approx([*3 * [0.01], *5 * [0.005]])
+    assert lengths[8] > 0.009
+
+
 @pytest.mark.parametrize("ranks", [(1, 2), (2, 1)])
 def test_the_number_of_ranks_may_change(
     whole_pothole: Path, tmp_path: Path, session: Session, ranks: tuple[int, int]
@@ -352,7 +368,10 @@ def test_refusals_are_one_line(whole_pothole: Path, tmp_path: Path, session: Ses
         (5, "half/checkpoint.h5: cannot be read: "),
         (5, "history/history.csv: has lost some of its 10 rows; put the file back, or start anew"),
         (5, "fields/fields.h5: no such file"),
-        (2, "good/scene.toml: body.mass is 1.0, but the run to resume has 251.3; leave it so (only time.end"),
+        (
+            2,
+            "good/scene.toml: body.mass is 1.0, but the run to resume has 251.3; leave it so (only time.end, ",
+        ),
     ]
     for outcome, (code, start) in zip(outcomes, told, strict=True):
         assert outcome.codes == [code] * ranks, outcome.lines

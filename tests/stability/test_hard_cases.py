@@ -1,11 +1,13 @@
 """Hard cases: what is computed stays bounded and keeps its order, what cannot be is refused by name.
 
 `make stress` runs more of each and writes docs/stress.md. The energy on violently moving meshes is in
-`test_moving_mesh.py`, the order in time for all masses in `tests/convergence/test_coupling.py`, the checkpoint after a
-failed step in `tests/end_to_end/test_resume.py`.
+`test_moving_mesh.py`, the order in time for all masses in `tests/convergence/test_coupling.py`, made-up failures in
+`tests/end_to_end/test_resume.py`.
 """
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,6 +24,7 @@ from hard import (
     wall_force,
 )
 from hard_map import corrections
+from hard_resumed import resumed
 from remeshed import remeshed_run
 
 from incipient.errors import SceneError
@@ -144,6 +147,29 @@ def test_lid_set_off_at_once_at_high_reynolds(courant: float, energy_stable: boo
     fastest, ended = set_off(1e4, 12, courant / 12, 6, model)
     assert ended == "completed"
     assert fastest < 1.5
+
+
+# -- stopped and resumed ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "says", "close"),
+    [
+        # The cells were coarse until then.
+        ("new mesh too coarse beside the lid", "use a smaller numerics.mesh_size", 0.02),
+        ("sinking until contact, gap made smaller", "meets the bottom", 1e-3),
+        ("adaptive steps far too small, stopped by a signal", "interrupted at t = ", 1e-4),
+    ],
+)
+def test_a_case_that_stops_goes_on_with_the_remedy(
+    tmp_path: Path, name: str, says: str, close: float
+) -> None:
+    """Its end is that of the run which had the remedy from the start."""
+    told = resumed(name, tmp_path)
+    assert says in told.stopped
+    assert 0.0 < told.kept < told.end
+    assert told.end == pytest.approx(told.whole_end, rel=1e-3)
+    assert told.difference < close
 
 
 # -- the rest -----------------------------------------------------------------------------------

@@ -282,6 +282,16 @@ def test_a_history_that_has_lost_rows_is_refused(tmp_path: Path, text: str) -> N
 # -- opening a run again ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize(("override", "length"), [("time.step=0.1", 0.1), ("time.tolerance=0.01", 0.3)])
+def test_other_steps_may_be_given(path: Path, override: str, length: float) -> None:
+    scene, kept = reopened(path.parent, [override], COMM)
+    assert scene.time is not None and override.split("=")[1] in (
+        str(scene.time.step),
+        str(scene.time.tolerance),
+    )
+    assert kept.progress.next_length == pytest.approx(length)  # steps that adapt go on from the last one
+
+
 def test_a_later_end_may_be_given(path: Path) -> None:
     scene, kept = reopened(path.parent, ["time.end=5"], COMM)
     assert scene.time is not None and scene.time.end == 5.0
@@ -292,9 +302,12 @@ def test_a_later_end_may_be_given(path: Path) -> None:
     ("override", "told"),
     [
         ("fluid.reynolds=20", r"scene\.toml: fluid\.reynolds is 20\.0, but the run to resume has 10\.0"),
-        ("time.step=0.1", r"time\.step is 0\.1, .* has 0\.5; leave it so \(only time\.end may change\)"),
-        ("output.every=3", r"output\.every is 3, "),
-        ("time.tolerance=0.1", r"time\.tolerance is 0\.1, but the run to resume has None"),
+        (
+            "time.scheme=bdf1",
+            r"time\.scheme is bdf1, .* has bdf2; leave it so \(only time\.end, .* may change\)",
+        ),
+        ("numerics.order=3", r"numerics\.order is 3, "),
+        ("output.fields=false", r"output\.fields is False, but the run to resume has True"),
         ("time.end=1.0", r"has come to t = 1 already and time\.end is 1; .* --set time\.end=2"),
     ],
 )
