@@ -19,10 +19,10 @@ Settings = dict[str, Any]
 def incipient(
     session: Session, scene: str, name: str, settings: Settings, prefix: tuple[str, ...] = ()
 ) -> Program:
-    """`incipient run` of a scene of the demos with some of its keys set; no pictures."""
+    """`incipient run` of a scene of the demos with some of its keys set; no pictures, and no error bars unless set."""
     directory = session.directory()
     words = [*prefix, command("incipient"), "run", f"demos/scenes/{scene}.toml"]
-    for key, value in {"output.pictures": False, **settings}.items():
+    for key, value in {"output.pictures": False, "numerics.error_bars": False, **settings}.items():
         words += ["--set", f"{key}={json.dumps(value)}"]
     words += ["--out", str(directory)]
     return Program(

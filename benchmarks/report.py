@@ -28,7 +28,8 @@ wanted the core, wall exceeds processor.
 The other programs are small scripts of ours, in `benchmarks/programs/`, as a user who knows the library would write
 them: *plain dolfinx* assembles and factorises afresh in every Newton iteration; *NGSolve* (from PyPI, in an
 environment of its own) uses static condensation and the fastest direct solver to be had with it. They are not the
-best that can be done with those libraries.
+best that can be done with those libraries. None of them estimates its error, so
+*incipient* is run without its error bars beside them; on the grain on a bed and in the vortex street it has them.
 """
 
 

@@ -11,6 +11,7 @@ from tables import Row, expense, seconds, small, table
 ORDERS, SIZES = (2, 3, 4), (1.0, 0.5)
 FINEST = (4, 0.3)
 GAPS = (0.1, 0.03, 0.01, 0.003, 0.001)
+AS_IT_IS = {"numerics.error_bars": True}  # what a user gets without options
 GAP_SETTINGS = {"numerics.order": 3, "numerics.mesh_size": 0.5}
 SCENE = "grain_on_bed"
 
@@ -18,11 +19,13 @@ SCENE = "grain_on_bed"
 def measure(session: Session) -> dict[str, Any]:
     """Rows of the first and later runs, of the refinements, of the gaps."""
     fresh = {"XDG_CACHE_HOME": str(session.directory())}
-    first = session.once(callers.incipient(session, SCENE, "first run, no form compiled yet", {}), fresh)
+    first = session.once(
+        callers.incipient(session, SCENE, "first run, no form compiled yet", AS_IT_IS), fresh
+    )
     session.say(f"first run: {first.get('error') or seconds(first['wall']) + ' s'}")
-    (later,) = session.compare([callers.incipient(session, SCENE, "later runs", {})])
+    (later,) = session.compare([callers.incipient(session, SCENE, "later runs", AS_IT_IS)])
     pictures = session.once(
-        callers.incipient(session, SCENE, "later run with pictures", {"output.pictures": True})
+        callers.incipient(session, SCENE, "later run with pictures", {**AS_IT_IS, "output.pictures": True})
     )
     refined = [_kept(session.once(_refined(session, *case))) for case in _refinements()]
     closing = [_kept(session.once(_closing(session, gap))) for gap in GAPS]

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..interrupt import Interruption
 from ..layout import MEMORY_GROWTH
 from ..ledger import Ledger, peak_memory_mib
 from ..progress import Silent
@@ -98,7 +100,8 @@ def run_to_accuracy(
     from .refinement import Refinement
 
     search = Halving if scene.time is not None else Refinement
-    return search(scene, comm, recorder, voice or Silent()).result()
+    with nullcontext() if recorder is Unrecorded else Interruption(comm):
+        return search(scene, comm, recorder, voice or Silent()).result()
 
 
 class Told:

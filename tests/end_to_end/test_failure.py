@@ -183,11 +183,11 @@ def is_provisional(directory):
 
 
 @pytest.mark.parametrize("options", [FINE, DECIDING])
-@pytest.mark.parametrize("ranks", [1, 2])
-def test_an_interrupt_in_the_error_bars_keeps_the_verdict(started, tmp_path, ranks, options):
+@pytest.mark.parametrize(("ranks", "number"), [(1, signal.SIGINT), (2, signal.SIGINT), (1, signal.SIGTERM)])
+def test_an_interrupt_in_the_error_bars_keeps_the_verdict(started, tmp_path, ranks, number, options):
     run = started(ranks, "run", GRAIN_ON_BED, *options, "--out", tmp_path)
     wait_until(is_provisional(tmp_path), run)
-    os.killpg(run.pid, signal.SIGINT)
+    os.killpg(run.pid, number)
     outcome = ended(run)
     if ranks == 1:
         # Python itself ends by the signal where that came within a call of `exec`, whatever was made of it.
