@@ -44,90 +44,132 @@ def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="incipient", description="Does a rigid grain on a rigid bed in a viscous flow begin to move?"
     )
-    common = _Parser(add_help=False)
-    common.add_argument(
-        "--log-level", choices=("debug", "info", "warning", "error"), default="info", help="how much to say"
-    )
-    scene = _Parser(add_help=False)
-    scene.add_argument("scene", type=Path, help="scene file (TOML)")
-    scene.add_argument(
-        "--set",
-        dest="overrides",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        help="such as fluid.reynolds=40",
-    )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-
-    def command(name: str, function: Callable[..., int], text: str, *parents: Any) -> Any:
-        """A parser for one command, which calls `function` with its options."""
-        made = commands.add_parser(name, help=text, description=text, parents=[*parents, common])
+    for name, (function, text, options) in _commands().items():
+        made = commands.add_parser(name, help=text, description=text)
         made.set_defaults(command=function)
-        return made
+        options(made)
+        levels = ("debug", "info", "warning", "error")
+        made.add_argument("--log-level", choices=levels, default="info", help="how much to say")
+    return parser
 
-    run = command("run", _run, "simulate a scene and judge its grain (also under mpirun)", scene)
-    run.add_argument(
+
+def _commands() -> dict[str, tuple[Callable[..., int], str, Callable[[argparse.ArgumentParser], None]]]:
+    """By name: what it calls, what it is for, and what adds its options."""
+    return {
+        "run": (_run, "simulate a scene and judge its grain (also under mpirun)", _options_of_run),
+        "resume": (_resume, "go on with a run that was cut short (also under mpirun)", _options_of_resume),
+        "threshold": (
+            _threshold,
+            "find the flow at which the scene's grain first moves",
+            _options_of_threshold,
+        ),
+        "plan": (_plan, "say what would be computed and what not, and what it needs", _options_of_plan),
+        "cost": (
+            _cost,
+            "find what accuracy costs: error against time, by a ladder of runs",
+            _options_of_cost,
+        ),
+        "calibrate": (
+            _calibrate,
+            "measure this machine, so that plan can tell times and errors",
+            _no_options,
+        ),
+        "show": (_show, "draw the pictures of a finished run, or animate its flow", _options_of_show),
+        "judge": (
+            _judge,
+            "judge forces and contacts given in a case file, without a flow",
+            _options_of_judge,
+        ),
+        "new": (_new, "write a commented example scene", _options_of_new),
+        "schema": (_schema, "print the JSON schema of scenes, for editors", _no_options),
+    }
+
+
+def _no_options(parser: argparse.ArgumentParser) -> None:
+    """It takes none."""
+
+
+def _scene(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("scene", type=Path, help="scene file (TOML)")
+    _overrides(parser, "fluid.reynolds=40")
+
+
+def _overrides(parser: argparse.ArgumentParser, example: str) -> None:
+    repeated: dict[str, Any] = {"dest": "overrides", "action": "append", "default": []}
+    parser.add_argument("--set", metavar="KEY=VALUE", help=f"such as {example}", **repeated)
+
+
+def _options_of_run(parser: argparse.ArgumentParser) -> None:
+    _scene(parser)
+    parser.add_argument(
         "--out", type=Path, help="directory for the results (default: results/NAME OF THE SCENE)"
     )
-    resume = command("resume", _resume, "go on with a run that was cut short (also under mpirun)")
-    resume.add_argument("directory", type=Path, help="directory of the run")
-    resume.add_argument(
-        "--set",
-        dest="overrides",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        help="such as time.end=20",
-    )
-    threshold = command(
-        "threshold", _threshold, "find the flow at which the scene's grain first moves", scene
-    )
-    threshold.add_argument(
+
+
+def _options_of_resume(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("directory", type=Path, help="directory of the run")
+    _overrides(parser, "time.end=20")
+
+
+def _options_of_threshold(parser: argparse.ArgumentParser) -> None:
+    _scene(parser)
+    parser.add_argument(
         "--out", type=Path, help="directory for the results (default: results/NAME OF THE SCENE_threshold)"
     )
-    plan = command("plan", _plan, "say what would be computed and what not, and what it needs", scene)
-    plan.add_argument("--json", action="store_true", help="as JSON")
-    cost = command("cost", _cost, "find what accuracy costs: error against time, by a ladder of runs", scene)
-    cost.add_argument(
+
+
+def _options_of_plan(parser: argparse.ArgumentParser) -> None:
+    _scene(parser)
+    parser.add_argument("--json", action="store_true", help="as JSON")
+
+
+def _options_of_cost(parser: argparse.ArgumentParser) -> None:
+    _scene(parser)
+    parser.add_argument(
         "--out", type=Path, help="directory for the study (default: results/NAME OF THE SCENE_cost)"
     )
-    cost.add_argument("--quick", action="store_true", help="a few coarse runs only")
-    cost.add_argument("--orders", type=int, nargs="+", metavar="ORDER", help="orders of the velocity, 2 to 4")
+    parser.add_argument("--quick", action="store_true", help="a few coarse runs only")
+    parser.add_argument(
+        "--orders", type=int, nargs="+", metavar="ORDER", help="orders of the velocity, 2 to 4"
+    )
     for name, what in (("--sizes", "cell sizes"), ("--steps", "time steps")):
         text = f"{what} as multiples of the scene's"
-        cost.add_argument(name, type=float, nargs="+", metavar="FACTOR", help=text)
-    cost.add_argument(
+        parser.add_argument(name, type=float, nargs="+", metavar="FACTOR", help=text)
+    parser.add_argument(
         "--solvers",
         nargs="+",
         metavar="WAY",
         help="ways to solve on all meshes, such as extrapolated+bdf1; own: none but the scene's (default: some, on a "
         "middle mesh)",
     )
-    command("calibrate", _calibrate, "measure this machine, so that plan can tell times and errors")
-    show = command("show", _show, "draw the pictures of a finished run, or animate its flow")
-    show.add_argument("directory", type=Path, help="directory of the results")
-    show.add_argument("--animate", action="store_true", help="show the flow in motion instead")
-    show.add_argument(
+
+
+def _options_of_show(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("directory", type=Path, help="directory of the results")
+    parser.add_argument("--animate", action="store_true", help="show the flow in motion instead")
+    parser.add_argument(
         "--out", type=Path, metavar="FILE", help="animation, .gif or .mp4 (default: DIRECTORY/FIELD.gif)"
     )
-    show.add_argument(
+    parser.add_argument(
         "--field", choices=("velocity", "pressure", "vorticity"), help="what to animate (default: velocity)"
     )
-    judge = command("judge", _judge, "judge forces and contacts given in a case file, without a flow")
-    judge.add_argument("case", type=Path, help="case file (TOML)")
-    judge.add_argument("--set", dest="overrides", action="append", default=[], metavar="KEY=VALUE")
-    judge.add_argument(
+
+
+def _options_of_judge(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("case", type=Path, help="case file (TOML)")
+    _overrides(parser, "contacts.friction=0.4")
+    parser.add_argument(
         "--out",
         nargs="?",
         const="",
         metavar="DIRECTORY",
         help="write judgement.json and its picture there; without a DIRECTORY next to the case",
     )
-    new = command("new", _new, "write a commented example scene")
-    new.add_argument("name", help="name of the scene; NAME.toml is written")
-    command("schema", _schema, "print the JSON schema of scenes, for editors")
-    return parser
+
+
+def _options_of_new(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("name", help="name of the scene; NAME.toml is written")
 
 
 def _run(options: argparse.Namespace, comm: MPI.Comm) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any
@@ -173,11 +174,10 @@ def is_grid(scene: Scene) -> bool:
     return scene.domain.kind == "box" and scene.body is None and scene.bed is None
 
 
-def count(layout: Layout, order: int) -> Estimate:
+def count(layout: Layout, order: int, dual: bool = False) -> Estimate:
     """Cells, unknowns and memory of the flow on the layout's mesh, by making it. Not collective.
 
-    Memory: the sparse factors of a planar mesh of n unknowns have about c n log n entries
-    (George 1973); c and the base were fitted to measured peaks (docs/performance.md).
+    dual: whether the errors of a steady flow are estimated as well, with elements of one order more (see `has_dual`)
     """
     with layout.drawing() as model:
         _, tags, nodes = model.mesh.getElements(2)
@@ -188,9 +188,26 @@ def count(layout: Layout, order: int) -> Estimate:
     # Euler's formula with one closed outline per hole.
     holes = len(layout.shape.holes) if isinstance(layout.shape, Region) else 0
     edges = vertices + cells - 1 + holes
-    unknowns = 2 * _lagrange(order, vertices, edges, cells) + _lagrange(order - 1, vertices, edges, cells)
-    memory = MEMORY_BASE + MEMORY_GROWTH * unknowns * np.log2(unknowns) / 2**20
-    return Estimate(cells, unknowns, memory)
+    unknowns = [
+        2 * _lagrange(k, vertices, edges, cells) + _lagrange(k - 1, vertices, edges, cells)
+        for k in range(order, order + 1 + dual)
+    ]
+    return Estimate(cells, unknowns[0], memory(*unknowns))
+
+
+def has_dual(scene: Scene) -> bool:
+    """Whether a scene's error bars take a dual solution beside the flow. Not collective."""
+    return scene.numerics.error_bars and scene.body is not None and scene.time is None
+
+
+def memory(*unknowns: int) -> float:
+    """MiB for systems of so many unknowns that are there at once. Not collective.
+
+    The sparse factors of a planar mesh of n unknowns have about c n log n entries (George 1973); c and the base
+    were fitted to measured peaks (docs/performance.md).
+    """
+    entries = sum(n * math.log2(n) for n in unknowns)
+    return MEMORY_BASE + MEMORY_GROWTH * entries / 2**20
 
 
 def _lagrange(order: int, vertices: int, edges: int, cells: int) -> int:

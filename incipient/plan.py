@@ -68,7 +68,7 @@ class Plan:
         if self.estimate is not None:
             e, first = self.estimate, "first mesh: " if self.sought else ""
             lines.append(
-                f"  {first}{e.cells} cells, {e.unknowns} unknowns, about {e.memory_mib:.0f} MiB to solve the flow"
+                f"  {first}{e.cells} cells, {e.unknowns} unknowns, about {e.memory_mib:.0f} MiB of memory"
             )
         return "\n".join(lines)
 

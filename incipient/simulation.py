@@ -263,5 +263,5 @@ class Simulation:
 def estimate(scene: Scene) -> Plan:
     """The plan with its expense, counted by making the mesh on this process. Not collective."""
     plan = make_plan(scene)
-    expense: Estimate = layouts.count(layouts.lay_out(scene, plan), plan.order)
+    expense: Estimate = layouts.count(layouts.lay_out(scene, plan), plan.order, layouts.has_dual(scene))
     return plan.with_estimate(expense)

@@ -1,4 +1,4 @@
-"""A grain on a bed in shear, to be changed, and what a wrong scene is told."""
+"""Scenes to be changed, a grain on a bed in shear and one in a cavity, and what a wrong scene is told."""
 
 import pytest
 
@@ -18,6 +18,34 @@ CHANNEL = Domain(length=12, height=6)
 BOX = Domain(kind="box", length=1, height=1)
 DISC = Disc(diameter=1, x=4)
 GRAIN_ON_BED = {"domain": CHANNEL, "fluid": GRAIN_SCALE, "flow": Shear(), "body": DISC, "bed": Flat()}
+
+# An ellipse in a driven cavity, which carries it along below the lid.
+CARRIED = """
+[domain]
+kind = "box"
+length = 4.0
+height = 4.0
+[fluid]
+reynolds = 20.0
+scale = "flow"
+[flow]
+kind = "lid"
+[body]
+shape = "ellipse"
+semi_axes = [0.5, 0.3]
+centre = [1.2, 3.2]
+density = 1.0
+motion = "free"
+[time]
+end = 4.0
+step = 0.1
+start = "stokes"
+[numerics]
+mesh_size = 2.0
+error_bars = false
+[output]
+fields = false
+"""
 
 
 def scene(**changes):

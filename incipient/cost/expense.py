@@ -104,14 +104,8 @@ def correction(prices: Prices, known: Sequence[Known]) -> float:
 
 def memory_correction(known: Sequence[Known]) -> float:
     """The factor between measured memory and that of `layout.memory`."""
-    ratios = [run.peak_mib / memory(run.work.unknowns) for run in known]
+    ratios = [run.peak_mib / layout.memory(run.work.unknowns) for run in known]
     return math.exp(float(np.mean(np.log(ratios)))) if ratios else 1.0
-
-
-def memory(*unknowns: int) -> float:
-    """MiB for systems of so many unknowns that are there at once; see `layout.count`."""
-    entries = sum(n * math.log2(n) for n in unknowns)
-    return layout.MEMORY_BASE + layout.MEMORY_GROWTH * entries / 2**20
 
 
 def work_like(known: Known, order: int, cells: int, unknowns: int, steps: float) -> Work:

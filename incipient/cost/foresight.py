@@ -115,7 +115,7 @@ def first_mesh(scene: Scene) -> Estimate:
     from ..plan import make_plan
 
     plan = make_plan(scene)
-    return layout.count(coarse_sizes(COARSEST, None, layout.lay_out(scene, plan)), plan.order)
+    return layout.count(coarse_sizes(COARSEST, None, layout.lay_out(scene, plan)), plan.order, dual=True)
 
 
 def foresee(scene: Scene, estimate: Estimate) -> Foresight | str:

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from .. import layout
 from . import calibration as calibrations
 from .calibration import Calibration
 from .counts import Counts
@@ -15,7 +16,6 @@ from .expense import (
     Prices,
     Work,
     correction,
-    memory,
     memory_correction,
     most_alike,
     prices,
@@ -82,7 +82,7 @@ class Times:
             "cpu": cpu,
             "low": low / trust,
             "high": high * trust,
-            "peak_mib": memory_correction(self.own or self.calibration.runs) * memory(*unknowns),
+            "peak_mib": memory_correction(self.own or self.calibration.runs) * layout.memory(*unknowns),
             "own": bool(self.own),
             "source": f"by runs of {'this scene' if self.own else 'other scenes'} on this machine",
         }
@@ -97,7 +97,7 @@ class Times:
             return 0.0
         from ..accuracy.errorbars import coarse_scenes
 
-        dual = 0.0 if scene.time else self.dual(estimate, scene.numerics.order)
+        dual = self.dual(estimate, scene.numerics.order) if layout.has_dual(scene) else 0.0
         return dual + self.again(coarse_scenes(scene))
 
     def again(self, scenes: Iterable[Scene]) -> float:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scenes import CARRIED
 
 import incipient
 from incipient.errors import IncipientError
@@ -17,34 +18,8 @@ from incipient.restart.checkpoint import read
 from incipient.result import Result
 from incipient.scene.file import loads
 
-# An ellipse in a driven cavity, which carries it along below the lid.
-CARRIED = """
-[domain]
-kind = "box"
-length = 4.0
-height = 4.0
-[fluid]
-reynolds = 20.0
-scale = "flow"
-[flow]
-kind = "lid"
-[body]
-shape = "ellipse"
-semi_axes = [0.5, 0.3]
-centre = [1.2, 3.2]
-density = 1.0
-motion = "free"
-[time]
-end = 4.0
-step = 0.1
-start = "stokes"
-[numerics]
-mesh_size = 2.0
-error_bars = false
-[output]
-fields = false
-"""
-# The same one, heavy: it sinks to the bottom. A run that ends at contact keeps no checkpoint unless it is told to.
+# The ellipse in the cavity, heavy: it sinks to the bottom. A run that ends at contact keeps no checkpoint unless it is
+# told to.
 SINKING = (
     *("body.density=5", "body.centre=[1.5, 1.2]", "gravity.acceleration=10", "fluid.reynolds=5"),
     *("time.end=20", "contact.friction=0", "output.checkpoint=1"),

@@ -3,38 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 from mpi4py import MPI
+from scenes import CARRIED
 
 from incipient.scene.file import loads
 from incipient.simulation import simulate
-
-SCENE = """
-[domain]
-kind = "box"
-length = 4.0
-height = 4.0
-[fluid]
-reynolds = 20.0
-scale = "flow"
-[flow]
-kind = "lid"
-[body]
-shape = "ellipse"
-semi_axes = [0.5, 0.3]
-centre = [1.5, 2.5]
-density = 1.0
-motion = "free"
-[time]
-end = {end}
-step = 0.1
-start = "stokes"
-[numerics]
-mesh_size = 1.4
-error_bars = false
-remesh_below = {below}
-"""
 
 
 @dataclass(frozen=True)
@@ -49,7 +23,11 @@ class Remeshed:
 
 def remeshed_run(below: float, steps: int = 20) -> Remeshed:
     """So many steps of an ellipse carried by a driven cavity."""
-    result = simulate(loads(SCENE.format(below=below, end=0.1 * steps), Path()), MPI.COMM_WORLD)
+    changes = (
+        *("body.centre=[1.5, 2.5]", "numerics.mesh_size=1.4"),
+        *(f"numerics.remesh_below={below}", f"time.end={0.1 * steps}"),
+    )
+    result = simulate(loads(CARRIED, overrides=changes), MPI.COMM_WORLD)
     told = result.to_dict()["trajectory"]
     changes = [one["energy"] for one in told["remeshings"]]
     return Remeshed(tuple(told["place"]), 1.0, len(changes), max(changes, default=0.0))

@@ -27,7 +27,8 @@ def misses(case: Case, safety, motion) -> float:
     boundary = at_boundary(safety, 1e-6)
     if not boundary and safety.held is motion.moves:
         return math.inf
-    return max(safety_misses(case, safety), *(motion_misses(case, solution) for solution in motion.solutions))
+    of_motions = [motion_misses(case, solution) for solution in motion.solutions]
+    return float(np.max([safety_misses(case, safety), *of_motions]))  # which lets no nan pass
 
 
 def at_boundary(safety, near: float) -> bool:
@@ -142,7 +143,7 @@ def differences(
     where round-off or several solutions leave them open, and infinite where verdicts or modes differ.
     """
     (safety, motion), (safety_too, motion_too) = judge(case), judge(other)
-    laws = max(misses(case, safety, motion), misses(other, safety_too, motion_too))
+    laws = float(np.max([misses(case, safety, motion), misses(other, safety_too, motion_too)]))
     return (
         laws,
         safety_difference(safety, safety_too),
@@ -155,7 +156,8 @@ def safety_difference(safety, other) -> float:
     if safety.status is not other.status:
         return math.inf
     pairs = zip(safety.interval or (), other.interval or (), strict=True)
-    return max((0.0 if a == b else abs(b - a) / max(abs(a), 1e-3) for a, b in pairs), default=0.0)
+    apart = [0.0 if a == b else abs(b - a) / max(abs(a), 1e-3) for a, b in pairs]
+    return float(np.max([0.0, *apart]))
 
 
 def motion_difference(safety, motion, other, accelerations) -> float:
@@ -170,7 +172,7 @@ def motion_difference(safety, motion, other, accelerations) -> float:
     if motion.mode is not other.mode:
         return math.inf
     expected = accelerations(motion.acceleration, motion.angular_acceleration)
-    return max(map(relative, (other.acceleration, other.angular_acceleration), expected))
+    return float(np.max(list(map(relative, (other.acceleration, other.angular_acceleration), expected))))
 
 
 def relative(found, expected) -> float:

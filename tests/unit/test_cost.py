@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from made_up_runs import TIMED, Runner, climbed, quiet, scene
 
+from incipient import layout
 from incipient.cost import calibration, expense, frontier, quantities
 from incipient.cost import page as cost_page
 from incipient.cost import study as cost
@@ -265,7 +266,7 @@ def known(order: int, n: int, name: str = "a", kind: str = STEADY, steps: int = 
     work = Work(kind, order, n // 5, n, counts)
     cpu = 0.9 + 0.4 + float(np.array([0, 1e-4, 1e-8, 2e-7, 1e-7, 1e-9, 0]) @ np.array(work.parts()))
     step = 1.0 / steps if steps else 0.0
-    return Known(name, work, (6000 / n) ** 0.5, step, 100.0, "implicit", 0.9, cpu, expense.memory(n) * 1.1)
+    return Known(name, work, (6000 / n) ** 0.5, step, 100.0, "implicit", 0.9, cpu, layout.memory(n) * 1.1)
 
 
 RUNS = [known(order, n) for order in (2, 3, 4) for n in (2000, 6000, 20000)]

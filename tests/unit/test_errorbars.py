@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scenes import CARRIED
 
 import incipient
 from incipient.accuracy import errorbars
@@ -162,33 +163,13 @@ def test_failed_coarse_runs_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
 
 # -- what does not apply, and what it all costs ---------------------------------------------------------------------
 
-IN_BOX = """
-[domain]
-kind = "box"
-length = 4.0
-height = 4.0
-[fluid]
-reynolds = 20.0
-scale = "flow"
-[flow]
-kind = "lid"
-[body]
-shape = "disc"
-diameter = 1.0
-centre = [2.0, 2.0]
-density = 1.0
-motion = "free"
-[time]
-end = 0.4
-step = 0.1
-[numerics]
-mesh_size = 3.0
-"""
+# A grain that moves in a closed box, for a few steps.
+IN_BOX = ("body.centre=[2.0, 2.0]", "time.end=0.4", "numerics.mesh_size=3", "numerics.error_bars=true")
 
 
 def test_what_does_not_apply_is_said() -> None:
     """A grain that moves in a closed box: neither gap nor sides; its error bars are of the end of its path, too."""
-    bars = incipient.run(loads(IN_BOX), comm=MPI.COMM_SELF).error_bars
+    bars = incipient.run(loads(CARRIED, overrides=IN_BOX), comm=MPI.COMM_SELF).error_bars
     assert bars is not None and not bars.failed
     assert bars.left_out == {
         "gap": "does not apply: the grain moves, and contact.gap says where it stops",
@@ -204,7 +185,7 @@ def test_what_does_not_apply_is_said() -> None:
 
 
 def test_a_repelled_grain_and_one_away_from_the_bed() -> None:
-    repelled = loads(IN_BOX, overrides=("body.on_contact='repel'",))
+    repelled = loads(CARRIED, overrides=("body.on_contact='repel'",))
     assert errorbars.no_gap(repelled).startswith("not estimated: ")
     assert errorbars.no_gap(loads(IN_STREAM)) == "does not apply: no grain rests on a bed"
     assert errorbars.no_gap(on_bed()) == ""
