@@ -157,6 +157,25 @@ def tabulate(function_space: Any, reference: np.ndarray) -> np.ndarray:
     return function_space.element.basix_element.tabulate(0, reference)[0, :, :, 0]
 
 
+def nodes_on(spaces: Any, facets: np.ndarray) -> Any:
+    """Local nodes (blocks) of a space on the given facets; of two spaces their pairs. Collective.
+
+    Ranks agree on shared nodes. The cells at the facets must be known before: only 0.5.2 looks for them itself.
+    """
+    topology = (spaces[0] if isinstance(spaces, tuple) else spaces).mesh.topology
+    dimension = topology.dim - 1
+    topology.create_connectivity(dimension, topology.dim)
+    return dolfinx.fem.locate_dofs_topological(spaces, dimension, facets)
+
+
+def set_zero(vector: Any, conditions: list[Any]) -> None:
+    """Put zeros into a PETSc vector where Dirichlet conditions hold. Not collective.
+
+    The factor goes by position: its name is `scale` in 0.5.2 and `alpha` later.
+    """
+    dolfinx.fem.petsc.set_bc(vector, conditions, None, 0.0)
+
+
 def impose(values: np.ndarray, conditions: list[Any]) -> None:
     """Put the values of Dirichlet conditions into local values (unknowns,), ghosts included."""
     if hasattr(dolfinx.fem, "set_bc"):

@@ -118,9 +118,7 @@ def _sliding(domain: Domain, boundary: str) -> list[tuple[str, ...]]:
 def _normal_axis(domain: Domain, name: str) -> int | None:
     """The axis that a plane boundary is normal to; None for others."""
     mesh, gdim = domain.mesh, domain.gdim
-    blocks = dolfinx.fem.locate_dofs_topological(
-        space := _nodes(mesh), mesh.topology.dim - 1, domain.facets_of(name)
-    )
+    blocks = compat.nodes_on(space := _nodes(mesh), domain.facets_of(name))
     points = space.tabulate_dof_coordinates()[blocks, :gdim]
     low = np.min(domain.comm.allgather(points.min(axis=0, initial=np.inf)), axis=0)
     high = np.max(domain.comm.allgather(points.max(axis=0, initial=-np.inf)), axis=0)
@@ -155,8 +153,7 @@ def _weights(domain: Domain, boundary: str, sliding: tuple[str, ...]) -> Floats:
 
 
 def _fixed(space: Any, facets: NDArray[np.int32], value: float) -> Any:
-    dofs = dolfinx.fem.locate_dofs_topological(space, space.mesh.topology.dim - 1, facets)
-    return dolfinx.fem.dirichletbc(PETSc.ScalarType(value), dofs, space)
+    return dolfinx.fem.dirichletbc(PETSc.ScalarType(value), compat.nodes_on(space, facets), space)
 
 
 def _solve(matrix: Any, conditions: list[Any], potential: Any) -> None:

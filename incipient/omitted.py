@@ -237,12 +237,12 @@ def change_of_loads(fluid: Fluid, term: Term, boundary: str, about: Sequence[flo
 
 def change_of_velocity(fluid: Fluid, term: Term) -> float:
     """By how much a missing term would change the velocity, relative to it in the mean, to first order. Collective."""
-    from .fluid.flow import petsc
+    from . import compat
 
     matrix = fluid.solver.matrix
     right, change = matrix.createVecLeft(), matrix.createVecRight()
     right.setArray(_tested(fluid, term))
-    petsc.set_bc(right, fluid.constraints.dirichlet, scale=0.0)
+    compat.set_zero(right, fluid.constraints.dirichlet)
     fluid.solver.apply(right, change)
     size = fluid.squared_velocities(change.array_r)
     whole = fluid.squared_velocities(fluid.state.x.array)

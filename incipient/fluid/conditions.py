@@ -145,6 +145,4 @@ def _first_node(space: Any) -> int:
 
 
 def _on_facets(values: Any, spaces: tuple[Any, Any], facets: np.ndarray) -> Any:
-    dimension = spaces[0].mesh.topology.dim - 1
-    dofs = dolfinx.fem.locate_dofs_topological(spaces, dimension, facets)
-    return dolfinx.fem.dirichletbc(values, dofs, spaces[0])
+    return dolfinx.fem.dirichletbc(values, compat.nodes_on(spaces, facets), spaces[0])

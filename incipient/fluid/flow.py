@@ -109,7 +109,7 @@ class Fluid:
         model = self.model
         force = None if model.body_force is None else model.body_force(self.place(), self._time)
         boundary = self.domain.measure(*self.constraints.open) if self.constraints.open else None
-        skew = self.space.quadrature("ds") if model.energy_stable else None
+        skew = self.space.boundary_quadrature(self.domain.facets) if model.energy_stable else None
         rate, carrier = self._rate_of_change(v), self._carrier(v)
         return FlowTerms(
             self._reynolds, rate, carrier, skew, self._cell_size(), force, boundary, model.reference_map
@@ -291,7 +291,7 @@ class Fluid:
         self._direction.x.array[:] = boundary
         transposed = compat.form(ufl.action(ufl.adjoint(self._jacobian_form), self._direction))
         self._assemble_into(self._vector, transposed)
-        petsc.set_bc(self._vector, self.constraints.dirichlet, scale=0.0)
+        compat.set_zero(self._vector, self.constraints.dirichlet)
         self.solver.apply_transposed(self._vector, self._correction)
         self._direction.x.array[: self._vector.getLocalSize()] -= self._correction.array_r
         self._direction.x.scatter_forward()
@@ -361,7 +361,7 @@ class Fluid:
         whole, near = self._actions()
         self._direction.x.array[:] = boundary
         self._assemble_action(whole, forcing)
-        petsc.set_bc(self._vector, self.constraints.dirichlet, scale=0.0)
+        compat.set_zero(self._vector, self.constraints.dirichlet)
         self.solver.apply(self._vector, self._correction)
         self._direction.x.array[: self._vector.getLocalSize()] -= self._correction.array_r
         self._direction.x.scatter_forward()

@@ -55,7 +55,7 @@ def _correction(fluid: Fluid) -> Any:
     vector = petsc.assemble_vector(right)
     vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
     # The change vanishes where the velocity is prescribed, and the multiplier where it is pinned.
-    petsc.set_bc(vector, conditions, scale=0.0)
+    compat.set_zero(vector, conditions)
     correction = dolfinx.fem.Function(fluid.space.mixed)
     view, solver = compat.vec_view(correction), KeptFactorisation(matrix)
     try:

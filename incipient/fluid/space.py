@@ -37,18 +37,28 @@ class TaylorHood:
         """Number of velocity nodes over all ranks."""
         return int(self.velocity.dofmap.index_map.size_global)
 
-    def quadrature(self, kind: str = "dx", cells: np.ndarray | None = None) -> Any:
-        """Measure of the cells, or of the boundary ("ds"), exact for convection on straight cells.
+    def quadrature(self, cells: np.ndarray | None = None) -> Any:
+        """Measure of the cells, exact for convection on straight ones.
 
         With every order of curvature it has two orders more. On request of some local cells only, in ascending order.
         """
         mesh = self.mixed.mesh
-        degree = 3 * self.order - (kind == "dx") + 2 * (compat.geometry_degree(mesh) - 1)
-        metadata = {"quadrature_degree": degree}
+        metadata = {"quadrature_degree": 3 * self.order - 1 + self._for_curvature()}
         if cells is None:
-            return ufl.Measure(kind, domain=mesh, metadata=metadata)
+            return ufl.Measure("dx", domain=mesh, metadata=metadata)
         chosen = dolfinx.mesh.meshtags(mesh, mesh.topology.dim, cells, np.ones(len(cells), dtype=np.int32))
-        return ufl.Measure(kind, domain=mesh, subdomain_data=chosen, metadata=metadata)(1)
+        return ufl.Measure("dx", domain=mesh, subdomain_data=chosen, metadata=metadata)(1)
+
+    def boundary_quadrature(self, facets: Any) -> Any:
+        """Measure of the whole boundary, exact for convection through straight facets.
+
+        `facets` are the tags of the domain: all measures of the boundary in one form must hold the same ones.
+        """
+        metadata = {"quadrature_degree": 3 * self.order + self._for_curvature()}
+        return ufl.Measure("ds", domain=self.mixed.mesh, subdomain_data=facets, metadata=metadata)
+
+    def _for_curvature(self) -> int:
+        return 2 * (compat.geometry_degree(self.mixed.mesh) - 1)
 
     def velocity_points(self) -> np.ndarray:
         """(n, 3) place of each local velocity node, in the present geometry of the mesh."""
@@ -81,8 +91,7 @@ def _places(part: Any, within: Any) -> np.ndarray:
 
 def boundary_blocks(space: Any, facets: np.ndarray) -> np.ndarray:
     """Local nodes (blocks) of a Lagrange space on the given facets; collective, ranks agree on shared nodes."""
-    dimension = space.mesh.topology.dim - 1
-    return dolfinx.fem.locate_dofs_topological(space, dimension, facets)
+    return compat.nodes_on(space, facets)
 
 
 def geometry_function(mesh: Any) -> Any:

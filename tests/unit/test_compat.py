@@ -139,6 +139,43 @@ def test_interpolation_points() -> None:
     assert function.x.array == pytest.approx(places[:, 0] * places[:, 1], abs=1e-14)
 
 
+def test_nodes_on() -> None:
+    """On a mesh of which nothing has been asked yet: the lower side of the square has five nodes of order two."""
+    domain = unit_box(2, 2)
+    scalar = compat.space(domain.mesh, ("Lagrange", 2))
+    nodes = compat.nodes_on(scalar, domain.facets_of("bottom"))
+    places = scalar.tabulate_dof_coordinates()
+    assert sorted(nodes) == list(np.flatnonzero(places[:, 1] < 1e-12))
+    mixed = compat.mixed_element([compat.element(domain.mesh, 2), compat.element(domain.mesh, 1)])
+    first = compat.function_space(domain.mesh, mixed).sub(0)
+    pairs = compat.nodes_on((first, scalar), domain.facets_of("bottom"))
+    assert sorted(pairs[1]) == sorted(nodes)
+
+
+def test_set_zero() -> None:
+    """Whatever values the conditions prescribe, and nowhere else."""
+    domain = unit_box(2, 2)
+    space = compat.space(domain.mesh, ("Lagrange", 1))
+    nodes = compat.nodes_on(space, domain.facets_of("bottom"))
+    function = dolfinx.fem.Function(space)
+    view = compat.vec_view(function)
+    view.set(3.0)
+    compat.set_zero(view, [dolfinx.fem.dirichletbc(dolfinx.fem.Constant(domain.mesh, 7.0), nodes, space)])
+    expected = np.full(9, 3.0)
+    expected[nodes] = 0.0
+    assert np.array_equal(function.x.array, expected)
+    view.destroy()
+
+
+def test_impose() -> None:
+    domain = unit_box(2, 2)
+    space = compat.space(domain.mesh, ("Lagrange", 1))
+    nodes = compat.nodes_on(space, domain.facets_of("bottom"))
+    values = np.full(9, 3.0)
+    compat.impose(values, [dolfinx.fem.dirichletbc(dolfinx.fem.Constant(domain.mesh, 7.0), nodes, space)])
+    assert np.array_equal(np.flatnonzero(values == 7.0), np.sort(nodes))
+
+
 def test_vec_view() -> None:
     """What is written to the vector is in the function, and the other way round."""
     function = dolfinx.fem.Function(compat.space(unit_box(2, 2).mesh, ("Lagrange", 1), (2,)))
