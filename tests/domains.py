@@ -10,12 +10,12 @@ from typing import Any
 import dolfinx
 import gmsh
 import numpy as np
-from incipient.meshes import Grid, Near, Region, Sizes
-from incipient.meshes.model import grid_model, region_model
 from mpi4py import MPI
 
 from incipient.domain import Domain, build
 from incipient.geometry.curves import Line
+from incipient.meshes import Grid, Near, Region, Sizes
+from incipient.meshes.model import grid_model, region_model
 
 SIDES = ("left", "right", "bottom", "top", "front", "back")
 

@@ -9,8 +9,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from incipient.meshes import Near, Region, Sizes
-from incipient.meshes.model import region_model
 from mpi4py import MPI
 from numpy.typing import NDArray
 
@@ -21,6 +19,8 @@ from incipient.fluid import Carried, Condition, FlowModel, Fluid, TimeStep, Tran
 from incipient.geometry.curves import Line
 from incipient.geometry.grain import Disc, Grain
 from incipient.geometry.placement import Placement
+from incipient.meshes import Near, Region, Sizes
+from incipient.meshes.model import region_model
 from incipient.meshmotion import MeshMotion
 from incipient.rigidbody import RigidBody
 

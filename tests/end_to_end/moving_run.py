@@ -117,13 +117,13 @@ def placement(time):
 
 def domain_at(time: float):
     """The box less the ellipse at a time."""
-    from incipient.meshes import Near, Region, Sizes
-    from incipient.meshes.model import region_model
     from mpi4py import MPI
 
     from incipient.domain import build
     from incipient.geometry.curves import Line
     from incipient.geometry.grain import Ellipse
+    from incipient.meshes import Near, Region, Sizes
+    from incipient.meshes.model import region_model
 
     outline = tuple(curve.moved(placement(time)) for curve in Ellipse(SEMI_AXES).outline())
     floor = Line((0.0, 0.0), (LENGTH, 0.0))

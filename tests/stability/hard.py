@@ -11,8 +11,6 @@ from typing import Any
 import numpy as np
 from domains import unit_box
 from floating import Floating, Floats, box_around, floating
-from incipient.meshes import Grid, Near, Region, Sizes
-from incipient.meshes.model import grid_model, region_model
 from mpi4py import MPI
 
 from incipient.coupling import Coupling, InterfaceReport
@@ -22,6 +20,8 @@ from incipient.fluid import FlowModel, Fluid, Prescribed, Transient, no_slip, so
 from incipient.geometry.curves import Line
 from incipient.geometry.grain import Disc
 from incipient.geometry.placement import Placement
+from incipient.meshes import Grid, Near, Region, Sizes
+from incipient.meshes.model import grid_model, region_model
 from incipient.sampling import extremum
 from incipient.tractions import TractionProbe
 

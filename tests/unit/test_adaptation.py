@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from incipient.meshes import Near, Region, SizeField, Sizes
-from incipient.meshes.model import region_model
 from mpi4py import MPI
 
 from incipient.accuracy.adaptation import Adaptation, Trial
@@ -16,6 +14,8 @@ from incipient.accuracy.refinement import SMALLEST_GAP, cheapest_order, with_les
 from incipient.accuracy.sizing import LARGEST, SMALLEST, STEEPEST, Shares, resized
 from incipient.errors import SceneError
 from incipient.geometry.curves import Line
+from incipient.meshes import Near, Region, SizeField, Sizes
+from incipient.meshes.model import region_model
 from incipient.result import Couples, Forces
 from incipient.scene import Scene, loads
 from incipient.scene.example import commented, grain_on_bed

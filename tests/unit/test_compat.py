@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 import ufl
 from domains import curved_box, square_in_box, unit_box
-from incipient.meshes import Grid
-from incipient.meshes.model import grid_model
 from mpi4py import MPI
 
 from incipient import compat
+from incipient.meshes import Grid
+from incipient.meshes.model import grid_model
 
 COMM = MPI.COMM_WORLD
 

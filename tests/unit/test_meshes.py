@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 from domains import square_outline
-from incipient.meshes import Grid, Near, Region, Sizes
-from incipient.meshes.model import grid_model, region_model
 
 from incipient.errors import MeshError
 from incipient.geometry.bed import HalfDiscs, Sinusoidal
 from incipient.geometry.curves import Line
 from incipient.geometry.grain import Disc, Ellipse, Placement, Rectangle
+from incipient.meshes import Grid, Near, Region, Sizes
+from incipient.meshes.model import grid_model, region_model
 
 FLOOR = (Line((0.0, 0.0), (2.0, 0.0)),)
 DISC = tuple(curve.moved(Placement((0.8, 0.5))) for curve in Disc(diameter=0.4).outline())

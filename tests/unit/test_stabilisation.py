@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import ufl
 from domains import SIDES, unit_box
-from incipient.forms import FlowTerms, ReferenceMap, residual, terms
 
 from incipient import Scene, compat
 from incipient.fluid import FlowModel, Fluid, no_slip
+from incipient.forms import FlowTerms, ReferenceMap, residual, terms
 from incipient.plan import make_plan
 from incipient.stabilisation import COARSE, cell_reynolds, measured_cell_reynolds
 

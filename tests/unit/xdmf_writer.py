@@ -12,8 +12,6 @@ import gmsh
 import numpy as np
 from dolfinx.fem import Function
 from dolfinx.mesh import create_unit_cube
-from incipient.meshes import Near, Region, Sizes
-from incipient.meshes.model import region_model
 from mpi4py import MPI
 
 from incipient import compat
@@ -22,6 +20,8 @@ from incipient.errors import OutputError
 from incipient.geometry.curves import Line
 from incipient.geometry.grain import Ellipse
 from incipient.geometry.placement import Placement
+from incipient.meshes import Near, Region, Sizes
+from incipient.meshes.model import region_model
 from incipient.meshmotion import MeshMotion
 from incipient.output.xdmf import FieldSeries, SurfaceSeries
 
