@@ -120,7 +120,10 @@ def _plain_container(data: Any) -> Any:
 
 
 def append_row(path: Path, row: Mapping[str, float | int | str]) -> None:
-    """Append a row to a CSV file, starting it with a header if it is new; on disk when this returns.
+    """Append a row to a CSV file, starting it with a header if it is new.
+
+    When this returns the operating system has the row: the end of the program loses nothing, that of the machine may,
+    but for what `sync` has been called after.
 
     The keys are the column headings in full, with unit and sign: "drag [scene units, + downstream]".
     A row that does not fit on the disk is taken back, so that the file never ends in half a row.
@@ -139,6 +142,51 @@ def append_row(path: Path, row: Mapping[str, float | int | str]) -> None:
         except OSError:
             with suppress(OSError):
                 os.truncate(path, end)
+            raise
+
+
+def sync(path: Path) -> None:
+    """Make sure that what has been written to a file is on the disk; nothing where there is no such file.
+
+    Raises:
+        OutputError: when it cannot be.
+    """
+    if not path.exists():
+        return
+    with reported(path), path.open("rb") as stream:
+        os.fsync(stream.fileno())
+
+
+def ends_with(path: Path, end: str) -> bool:
+    """Whether there is such a file, and a text is the last that it holds."""
+    closing = end.encode()
+    with reported(path):
+        if not path.exists() or path.stat().st_size < len(closing):
+            return False
+        with path.open("rb") as stream:
+            stream.seek(-len(closing), os.SEEK_END)
+            return stream.read() == closing
+
+
+def insert_before_end(path: Path, text: str, end: str) -> None:
+    """Put a text before the end of a file, in place, at a cost that does not grow with the file.
+
+    `end` is what the file ends with, such as closing tags. It is written again behind the text and in one call with
+    it, so that the file is complete before and after. A text that does not fit on the disk is taken back.
+
+    Raises:
+        OutputError: when it cannot be written.
+    """
+    closing = end.encode()
+    with reported(path), path.open("r+b", buffering=0) as stream:
+        place = stream.seek(-len(closing), os.SEEK_END)
+        try:
+            _write_fully(stream, text.encode() + closing)
+        except OSError:
+            with suppress(OSError):
+                stream.seek(place)
+                _write_fully(stream, closing)
+                stream.truncate()
             raise
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..files import append_row, cut, reported, write_json
+from ..files import append_row, cut, reported, sync, write_json
 from ..parallel import collectively
 from ..plan import Plan
 from ..result import Result
@@ -94,11 +94,13 @@ class ResultDirectory:
             return
         from .xdmf import FieldSeries, SurfaceSeries
 
-        after = None if self._resumed is None else self._resumed.time
-        self._series = FieldSeries(self.path / "fields", domain.mesh, self.comm, after)
+        after, steady = None if self._resumed is None else self._resumed.time, scene.time is None
+        self._series = FieldSeries(self.path / "fields", domain.mesh, self.comm, after, steady)
         if "body" in domain.names:
             facets = domain.facets_of("body")
-            self._surface = SurfaceSeries(self.path / "surface", domain.mesh, facets, self.comm, after)
+            self._surface = SurfaceSeries(
+                self.path / "surface", domain.mesh, facets, self.comm, after, steady
+            )
 
     def wants_fields(self, number: int, last: bool) -> bool:
         """At the end, and every so many steps if the scene says so."""
@@ -135,6 +137,7 @@ class ResultDirectory:
                 history = self.path / "history.csv"
                 length = history.stat().st_size if self._rows else 0
                 recorded = checkpoints.Recorded(self._rows, length)
+                sync(history)  # the checkpoint counts on these rows
                 checkpoints.write(self.path / CHECKPOINT, replace(checkpoint, recorded=recorded))
         return self.path
 

@@ -3,7 +3,8 @@
 Layout of the HDF5 file (version 1): `mesh0/topology` (cells, nodes per cell) node numbers in VTK's order,
 `mesh0/geometry0` (nodes, 3), `mesh0/geometry1` after the mesh has moved, `mesh1/topology` after a remeshing,
 `step0/velocity` (nodes, 3) and so on. Each group `step<n>` has the attributes `time`, `topology` and `geometry`.
-The XDMF file is a temporal collection that points there; Xdmf2 and both Xdmf3 readers of ParaView open it.
+The XDMF file points there: a temporal collection, which lists its times from the first step on, or of a steady flow
+one grid without a time. Xdmf2 and both Xdmf3 readers of ParaView open both, meshio opens the grid.
 """
 
 from __future__ import annotations
@@ -20,9 +21,13 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from ..errors import OutputError
-from ..files import reported, write_text_atomically
+from ..files import ends_with, insert_before_end, reported, write_text_atomically
 
 _METADATA_BYTES = 1 << 16
+_HEAD = '<?xml version="1.0"?>\n<Xdmf Version="3.0">\n  <Domain>\n'
+_END = "  </Domain>\n</Xdmf>\n"
+_END_OF_SERIES = f"    </Grid>\n{_END}"
+_ABOUT = {"time", "topology", "geometry"}  # the attributes of a step, which it gets last
 _ATTRIBUTE_TYPES = {1: "Scalar", 2: "Vector"}
 _SAME_TIME = 1e-12  # relative; steps further apart are different
 
@@ -70,14 +75,19 @@ class _Mesh:
 class SeriesFile:
     """Writes the pair; the files are closed, complete and readable after every call.
 
-    A mesh or a geometry is written with the first step on it; one that no step is on is not written.
-    `stem` is the path without ending, `cell_type` XDMF's name of the cells, such as "Triangle_6".
+    A mesh or a geometry is written with the first step on it; one that no step is on is not written. What a step
+    costs does not grow with the number of those before it.
+
+    Args:
+        stem: the path without ending.
+        cell_type: XDMF's name of the cells, such as "Triangle_6".
+        steady: there is one step, and its time means nothing.
     """
 
-    def __init__(self, stem: Path, cell_type: str):
+    def __init__(self, stem: Path, cell_type: str, steady: bool = False):
         self._xdmf, self._hdf5 = _pair(stem)
-        self._cell_type, self._name = cell_type, stem.name
-        self._grids: list[str] = []  # of the steps written, as XML
+        self._cell_type, self._name, self._steady = cell_type, stem.name, steady
+        self._steps = 0  # written
         self._mesh = _Mesh()  # of the last step written
         self._waiting: dict[str, np.ndarray] = {}  # to be written with the next step, by what they are
 
@@ -93,22 +103,18 @@ class SeriesFile:
     def resume(self, time: float) -> None:
         """Go on with the pair that is there after its last step at or before a time; later steps are dropped.
 
-        A mesh must be added before the next step.
+        A mesh must be added before the next step. The XDMF file is written anew, whatever its state.
 
         Raises:
-            OutputError: when there is no such pair, or it is damaged.
+            OutputError: when there is no such pair, or its HDF5 file is damaged.
         """
         with _opened(self._hdf5, "r+") as file:
             for index in range(_count(file)):
-                step = file[f"step{index}"]
-                if float(step.attrs["time"]) > time + _SAME_TIME * abs(time):
+                if not _is_whole(step := file[f"step{index}"]) or _is_after(step, time):
                     del file[f"step{index}"]
-                    continue
-                cells, points = (_found(file, step.attrs[part]) for part in ("topology", "geometry"))
-                fields = {name: _found(file, f"step{index}/{name}") for name in step}
-                self._grids.append(self._grid(float(step.attrs["time"]), cells, points, fields))
+            self._steps = _count(file)
             self._mesh = _Mesh(sum(name.startswith("mesh") for name in file) - 1)
-        self._write_xdmf(self._grids)
+        self._write_xdmf()
 
     def add_mesh(self, topology: np.ndarray) -> None:
         """Cells (cells, nodes per cell) for the steps to come; a geometry must follow."""
@@ -120,7 +126,7 @@ class SeriesFile:
 
     def add_step(self, time: float, fields: Mapping[str, np.ndarray]) -> None:
         """Store fields, (nodes,) or (nodes, 3) each, at a time; the HDF5 file first, then the XDMF file."""
-        step, values = f"step{len(self._grids)}", {k: v.astype(np.float64) for k, v in fields.items()}
+        step, values = f"step{self._steps}", {k: v.astype(np.float64) for k, v in fields.items()}
         stored = {name: _Dataset(f"{step}/{name}", array.shape) for name, array in values.items()}
         arrays = {stored[name].name: array for name, array in values.items()}
         mesh = self._mesh.changed(self._waiting)
@@ -128,9 +134,12 @@ class SeriesFile:
             arrays[getattr(mesh, part).name] = array
         about = {"time": float(time), "topology": mesh.topology.name, "geometry": mesh.geometry.name}
         self._write(step, arrays, about)
-        grids = [*self._grids, self._grid(time, mesh.topology, mesh.geometry, stored)]
-        self._write_xdmf(grids)
-        self._grids, self._waiting, self._mesh = grids, {}, mesh
+        if self._steps and not self._steady and ends_with(self._xdmf, _END_OF_SERIES):
+            grid = self._grid(time, mesh.topology, mesh.geometry, stored)
+            insert_before_end(self._xdmf, grid, _END_OF_SERIES)
+        else:
+            self._write_xdmf(self._steps + 1)
+        self._steps, self._waiting, self._mesh = self._steps + 1, {}, mesh
 
     def _write(self, step: str, arrays: Mapping[str, np.ndarray], about: Mapping[str, object]) -> None:
         """Append arrays to the HDF5 file; what does not fit is refused before the file is touched."""
@@ -146,30 +155,47 @@ class SeriesFile:
                     file.create_dataset(name, data=array)
                 file.require_group(step).attrs.update(about)
 
-    def _write_xdmf(self, grids: list[str]) -> None:
-        name = quoteattr(f"{self._name} in time")
-        collection = f'    <Grid Name={name} GridType="Collection" CollectionType="Temporal">\n'
-        head = f'<?xml version="1.0"?>\n<Xdmf Version="3.0">\n  <Domain>\n{collection}'
-        write_text_atomically(self._xdmf, f"{head}{''.join(grids)}    </Grid>\n  </Domain>\n</Xdmf>\n")
+    def _write_xdmf(self, steps: int | None = None) -> None:
+        """Write the whole XDMF file anew, for so many steps of the HDF5 file (default: those written)."""
+        steps = self._steps if steps is None else steps
+        with _opened(self._hdf5, "r") as file:
+            shown = range(steps)[-1:] if self._steady else range(steps)
+            grids = [self._stored_grid(file, index) for index in shown]
+        if self._steady:
+            text = f"{_HEAD}{''.join(grids)}{_END}"
+        else:
+            name = quoteattr(f"{self._name} in time")
+            collection = f'    <Grid Name={name} GridType="Collection" CollectionType="Temporal">\n'
+            text = f"{_HEAD}{collection}{''.join(grids)}{_END_OF_SERIES}"
+        write_text_atomically(self._xdmf, text)
+
+    def _stored_grid(self, file: Any, index: int) -> str:
+        """The XML of a step that the HDF5 file holds."""
+        step = file[f"step{index}"]
+        cells, points = (_found(file, step.attrs[part]) for part in ("topology", "geometry"))
+        fields = {name: _found(file, f"step{index}/{name}") for name in step}
+        return self._grid(float(step.attrs["time"]), cells, points, fields)
 
     def _grid(self, time: float, cells: _Dataset, points: _Dataset, fields: Mapping[str, _Dataset]) -> str:
         """The XML of one step."""
         grid = ElementTree.Element("Grid", Name=self._name, GridType="Uniform")
-        ElementTree.SubElement(grid, "Time", Value=repr(float(time)))
+        if not self._steady:
+            ElementTree.SubElement(grid, "Time", Value=repr(float(time)))
         count = str(cells.shape[0])
         topology = ElementTree.SubElement(
             grid, "Topology", TopologyType=self._cell_type, NumberOfElements=count
         )
         self._item(topology, cells, "Int")
         self._item(ElementTree.SubElement(grid, "Geometry", GeometryType="XYZ"), points, "Float")
-        for name, dataset in fields.items():
+        for name, dataset in sorted(fields.items()):
             kind = _ATTRIBUTE_TYPES[len(dataset.shape)]
             attribute = ElementTree.SubElement(
                 grid, "Attribute", Name=name, AttributeType=kind, Center="Node"
             )
             self._item(attribute, dataset, "Float")
-        ElementTree.indent(grid, level=3)
-        return f"      {ElementTree.tostring(grid, encoding='unicode')}\n"
+        level = 2 if self._steady else 3
+        ElementTree.indent(grid, level=level)
+        return f"{level * '  '}{ElementTree.tostring(grid, encoding='unicode')}\n"
 
     def _item(self, parent: ElementTree.Element, dataset: _Dataset, number: str) -> None:
         dimensions = " ".join(map(str, dataset.shape))
@@ -220,6 +246,15 @@ def _opened(path: Path, mode: str) -> Iterator[Any]:
 
 def _count(file: Any) -> int:
     return sum(name.startswith("step") for name in file)
+
+
+def _is_whole(step: Any) -> bool:
+    """Whether a step was written to its end."""
+    return step.attrs.keys() >= _ABOUT
+
+
+def _is_after(step: Any, time: float) -> bool:
+    return bool(step.attrs["time"] > time + _SAME_TIME * abs(time))
 
 
 def _some(file: Any, path: Path) -> int:

@@ -25,8 +25,8 @@ class Series:
         OutputError: on all ranks, when the files cannot be written; steps written before stay readable.
     """
 
-    def __init__(self, stem: Path, comm: MPI.Comm, nodes: QuadraticNodes, after: float | None):
-        self._file = SeriesFile(stem, nodes.cell_type)
+    def __init__(self, stem: Path, comm: MPI.Comm, nodes: QuadraticNodes, after: float | None, steady: bool):
+        self._file = SeriesFile(stem, nodes.cell_type, steady)
         with collectively(comm):
             if comm.rank == 0:
                 self._file.create() if after is None else self._file.resume(after)
@@ -73,10 +73,13 @@ class FieldSeries(Series):
         mesh: dolfinx mesh, straight or curved.
         comm: its communicator.
         after: None starts the files anew; a time goes on with those that are there, after dropping later steps.
+        steady: there will be one step, written as a grid without a time.
     """
 
-    def __init__(self, stem: Path, mesh: Any, comm: MPI.Comm, after: float | None = None):
-        super().__init__(stem, comm, QuadraticNodes(mesh), after)
+    def __init__(
+        self, stem: Path, mesh: Any, comm: MPI.Comm, after: float | None = None, steady: bool = False
+    ):
+        super().__init__(stem, comm, QuadraticNodes(mesh), after, steady)
 
     def remeshed(self, mesh: Any) -> None:
         """Go on with a new mesh of the same kind: the steps to come are on it. Collective."""
@@ -90,8 +93,16 @@ class SurfaceSeries(Series):
     live on the whole mesh; their values on the facets' nodes are written.
     """
 
-    def __init__(self, stem: Path, mesh: Any, facets: np.ndarray, comm: MPI.Comm, after: float | None = None):
-        super().__init__(stem, comm, QuadraticNodes(mesh, facets), after)
+    def __init__(
+        self,
+        stem: Path,
+        mesh: Any,
+        facets: np.ndarray,
+        comm: MPI.Comm,
+        after: float | None = None,
+        steady: bool = False,
+    ):
+        super().__init__(stem, comm, QuadraticNodes(mesh, facets), after, steady)
 
     def remeshed(self, mesh: Any, facets: np.ndarray) -> None:
         """Go on with facets of a new mesh: the steps to come are on them. Collective."""

@@ -49,13 +49,14 @@ def rows_of(directory):
 
 
 def times_of(stem):
-    """Times of a series; every number that its XDMF file points to is there and finite."""
+    """Times of a series, 0 of a steady flow; every number that its XDMF file points to is there and finite."""
     times = []
     with h5py.File(stem.with_suffix(".h5"), locking=False) as file:
         for grid in ElementTree.parse(stem.with_suffix(".xdmf")).iter("Grid"):
             if grid.get("GridType") != "Uniform":
                 continue
-            times.append(float(grid.find("Time").get("Value")))
+            time = grid.find("Time")
+            times.append(0.0 if time is None else float(time.get("Value")))
             for item in grid.iter("DataItem"):
                 _, _, place = item.text.partition(":")
                 data = file[place][()]

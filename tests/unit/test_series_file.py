@@ -1,0 +1,95 @@
+"""The XDMF file beside the HDF5 file: whole after every step, written once, open to other programs."""
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import h5py
+import meshio
+import numpy as np
+import pytest
+
+from incipient.output.series_file import SeriesFile, times
+
+# Two quadratic triangles that share a side, which is curved.
+POINTS = np.array(
+    [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0.5, 0, 0), (1, 0.5, 0), (0.4, 0.5, 0), (0.5, 1, 0), (0, 0.5, 0)],
+    dtype=float,
+)  # fmt: skip
+CELLS = np.array([(0, 1, 2, 4, 5, 6), (0, 2, 3, 6, 7, 8)])
+
+
+def fields_at(time: float) -> dict[str, np.ndarray]:
+    return {"velocity": time + POINTS, "pressure": time * POINTS[:, 0]}
+
+
+def opened(stem: Path, steady: bool = False) -> SeriesFile:
+    file = SeriesFile(stem, "Triangle_6", steady)
+    file.create()
+    file.add_mesh(CELLS)
+    file.add_geometry(POINTS)
+    return file
+
+
+def listed_times(stem: Path) -> list[float]:
+    tree = ElementTree.parse(stem.with_suffix(".xdmf"))
+    return [float(time.get("Value", "nan")) for time in tree.iter("Time")]
+
+
+def test_a_steady_flow_is_one_grid_that_meshio_reads(tmp_path: Path) -> None:
+    opened(tmp_path / "fields", steady=True).add_step(0.0, fields_at(2.0))
+    mesh = meshio.read(tmp_path / "fields.xdmf")
+    assert np.array_equal(mesh.points, POINTS)
+    (block,) = mesh.cells
+    assert block.type == "triangle6" and np.array_equal(block.data, CELLS)
+    assert set(mesh.point_data) == {"velocity", "pressure"}
+    assert np.array_equal(mesh.point_data["velocity"], 2.0 + POINTS)
+
+
+def test_a_series_lists_its_times_from_the_first_step_on(tmp_path: Path) -> None:
+    pyvista = pytest.importorskip("pyvista")
+    file = opened(tmp_path / "fields")
+    for number in range(3):
+        file.add_step(0.25 * number, fields_at(number))
+        expected = [0.25 * n for n in range(number + 1)]
+        assert listed_times(tmp_path / "fields") == expected
+        assert list(pyvista.get_reader(str(tmp_path / "fields.xdmf")).time_values) == expected
+
+
+def test_a_step_is_put_behind_the_others_without_writing_them_again(tmp_path: Path) -> None:
+    path, file = tmp_path / "fields.xdmf", opened(tmp_path / "fields")
+    file.add_step(0.0, fields_at(0.0))
+    inode, sizes = path.stat().st_ino, [path.stat().st_size]
+    for number in range(1, 9):
+        before = path.read_text()
+        file.add_step(0.5 * number, fields_at(number))
+        text = path.read_text()
+        kept = before[: before.rindex("    </Grid>")]
+        assert text.startswith(kept) and path.stat().st_ino == inode
+        sizes.append(path.stat().st_size)
+    assert len(set(np.diff(sizes))) == 1
+    SeriesFile(tmp_path / "fields", "Triangle_6").resume(100.0)  # writes the whole anew
+    assert path.read_text() == text
+
+
+@pytest.mark.parametrize("left", ["part", "nothing"])
+def test_a_damaged_xdmf_file_is_made_whole_by_the_next_step(tmp_path: Path, left: str) -> None:
+    path, file = tmp_path / "fields.xdmf", opened(tmp_path / "fields")
+    for number in range(3):
+        file.add_step(number, fields_at(number))
+    path.write_bytes(path.read_bytes()[:-300]) if left == "part" else path.unlink()
+    file.add_step(3.0, fields_at(3.0))
+    assert listed_times(tmp_path / "fields") == times(tmp_path / "fields") == [0.0, 1.0, 2.0, 3.0]
+
+
+def test_a_step_that_was_not_written_to_its_end_is_dropped(tmp_path: Path) -> None:
+    file = opened(tmp_path / "fields")
+    for number in range(2):
+        file.add_step(number, fields_at(number))
+    with h5py.File(tmp_path / "fields.h5", "r+") as stored:
+        stored["step2/velocity"] = POINTS
+    again = SeriesFile(tmp_path / "fields", "Triangle_6")
+    again.resume(5.0)
+    again.add_mesh(CELLS)
+    again.add_geometry(POINTS)
+    again.add_step(2.0, fields_at(2.0))
+    assert listed_times(tmp_path / "fields") == times(tmp_path / "fields") == [0.0, 1.0, 2.0]
