@@ -167,7 +167,7 @@ class Case(Section):
     def _consistent(self) -> Case:
         problem = next((found for check in _CHECKS for found in check(self)), None)
         if problem is not None:
-            raise refusal("Case", [problem])
+            raise refusal("Case", [problem], between=True)
         return self
 
     @property

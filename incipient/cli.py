@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from .result import Result
 
 INTERRUPTED = 130
+BESIDE = object()  # a directory that is asked for and not named: that of the case
+# What one of the commands leaves in a directory of results.
+RECORDS = ("result.json", "threshold.json", "judgement.json", "cost.json", "scene.toml")
 TO_SPEAK = 0.5  # seconds that other ranks leave the first to say why, before they end all
 
 
@@ -100,10 +103,17 @@ def _overrides(parser: argparse.ArgumentParser, example: str) -> None:
     parser.add_argument("--set", metavar="KEY=VALUE", help=f"such as {example}", **repeated)
 
 
+def _named(text: str) -> Path:
+    """A path that is not empty: an empty one would mean the working directory."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("the name is empty; give the name of a directory or file")
+    return Path(text)
+
+
 def _options_of_run(parser: argparse.ArgumentParser) -> None:
     _scene(parser)
     parser.add_argument(
-        "--out", type=Path, help="directory for the results (default: results/NAME OF THE SCENE)"
+        "--out", type=_named, help="directory for the results (default: results/NAME OF THE SCENE)"
     )
 
 
@@ -115,7 +125,7 @@ def _options_of_resume(parser: argparse.ArgumentParser) -> None:
 def _options_of_threshold(parser: argparse.ArgumentParser) -> None:
     _scene(parser)
     parser.add_argument(
-        "--out", type=Path, help="directory for the results (default: results/NAME OF THE SCENE_threshold)"
+        "--out", type=_named, help="directory for the results (default: results/NAME OF THE SCENE_threshold)"
     )
 
 
@@ -127,7 +137,7 @@ def _options_of_plan(parser: argparse.ArgumentParser) -> None:
 def _options_of_cost(parser: argparse.ArgumentParser) -> None:
     _scene(parser)
     parser.add_argument(
-        "--out", type=Path, help="directory for the study (default: results/NAME OF THE SCENE_cost)"
+        "--out", type=_named, help="directory for the study (default: results/NAME OF THE SCENE_cost)"
     )
     parser.add_argument("--quick", action="store_true", help="a few coarse runs only")
     parser.add_argument(
@@ -149,7 +159,7 @@ def _options_of_show(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("directory", type=Path, help="directory of the results")
     parser.add_argument("--animate", action="store_true", help="show the flow in motion instead")
     parser.add_argument(
-        "--out", type=Path, metavar="FILE", help="animation, .gif or .mp4 (default: DIRECTORY/FIELD.gif)"
+        "--out", type=_named, metavar="FILE", help="animation, .gif or .mp4 (default: DIRECTORY/FIELD.gif)"
     )
     parser.add_argument(
         "--field", choices=("velocity", "pressure", "vorticity"), help="what to animate (default: velocity)"
@@ -162,7 +172,8 @@ def _options_of_judge(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out",
         nargs="?",
-        const="",
+        type=_named,
+        const=BESIDE,
         metavar="DIRECTORY",
         help="write judgement.json and its picture there; without a DIRECTORY next to the case",
     )
@@ -194,6 +205,7 @@ def _resume(options: argparse.Namespace, comm: MPI.Comm) -> int:
 
     from .progress import telling
 
+    _require_left_by(options.directory, ("scene.toml",), comm)
     with telling(comm.rank) as voice:
         result = incipient.resume(options.directory, options.overrides, comm, voice)
     _tell(result, options.directory, comm)
@@ -303,9 +315,20 @@ def _alone(name: str, comm: MPI.Comm) -> None:
         raise SceneError(f"{name} starts runs of its own; call it without mpirun")
 
 
+def _require_left_by(directory: Path, names: Sequence[str], comm: MPI.Comm) -> None:
+    """Refuse what is not a directory in which an earlier command has left one of its files. Collective."""
+    from .parallel import collectively
+
+    with collectively(comm):
+        if comm.rank == 0 and not any((directory / name).is_file() for name in names):
+            why = "is not the directory of a run" if directory.is_dir() else "there is no such directory"
+            raise SceneError(f"{directory}: {why}; give the directory that a run was written to")
+
+
 def _show(options: argparse.Namespace, comm: MPI.Comm) -> int:
     from .parallel import collectively
 
+    _require_left_by(options.directory, RECORDS, comm)
     if not options.animate:
         if options.field is not None:
             raise SceneError("--field says what to animate; add --animate")
@@ -332,7 +355,7 @@ def _judge(options: argparse.Namespace, comm: MPI.Comm) -> int:
             judgement = cases.judge_case(case)
             print(cases.text(case, judgement))
             if options.out is not None:
-                _keep(judgement, Path(options.out or options.case.parent))
+                _keep(judgement, options.case.parent if options.out is BESIDE else options.out)
     return 0
 
 

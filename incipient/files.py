@@ -47,10 +47,20 @@ def reported(path: Path, also: tuple[type[Exception], ...] = ()) -> Iterator[Non
     try:
         yield
     except caught as error:
-        code = getattr(error, "errno", None)
-        cause = os.strerror(code) if code else " ".join(str(error).split()) or type(error).__name__
-        remedy = _REMEDIES.get(code or 0, "check that the directory exists, has space and may be written to")
+        cause = " ".join(str(error).split()) or type(error).__name__
+        if path.suffix == ".h5" or getattr(error, "errno", None):
+            cause = cause_of(error)
+        remedy = _REMEDIES.get(
+            getattr(error, "errno", None) or 0,
+            "check that the directory exists, has space and may be written to",
+        )
         raise OutputError(f"{path}: cannot be written: {cause[0].lower()}{cause[1:]}; {remedy}") from error
+
+
+def cause_of(error: Exception) -> str:
+    """Why an HDF5 file could not be read or written; what the library says of its own insides is left out."""
+    code = getattr(error, "errno", None)
+    return os.strerror(code) if code else "it is damaged or incomplete"
 
 
 def write_text_atomically(path: Path, text: str) -> None:

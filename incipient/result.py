@@ -176,11 +176,20 @@ def _lines(result: Result) -> list[str]:
     if result.verdict is not None:
         said = result.verdict["sentence"].split("; ", 1)
         lines += [f"{'' if row else 'verdict':<20}{part}" for row, part in enumerate(said)]
+        if result.verdict["safety_status"] in ("UNHELD", "HELD_BY_FLOW"):
+            lines.append(f"{'':<20}{_without_rest(result.scene)}")
     if result.error_bars is not None and result.error_bars.safety is not None:
         lines.append(f"{'':<20}{result.error_bars.safety.sentence()}")
     for omission in result.omitted:
         lines += omission.lines()
     return lines + cost_lines(result.cost.get("effects", {}))
+
+
+def _without_rest(scene: dict[str, Any]) -> str:
+    """What to do about a grain that its weight alone moves."""
+    if (scene.get("body") or {}).get("settle"):
+        return "it settled on a rougher bed or another slope: see contact.friction and bed.slope"
+    return "with body.settle = true it first rolls and tips to a place where it rests"
 
 
 def _path(trajectory: dict[str, Any]) -> list[str]:

@@ -84,7 +84,10 @@ class Threshold:
         if self.factor == 0.0 and self.verdict["safety_status"] == "AT_ONCE":
             return f"threshold           zero: any flow moves the grain, {self.mode}"
         if self.factor == 0.0:
-            return "threshold           none: the grain moves without any flow"
+            return (
+                "threshold           none: the grain moves without any flow; with body.settle = true it first rolls "
+                "and tips to a place where it rests"
+            )
         if not np.isfinite(self.factor):
             return "threshold           none: no strength of this flow moves the grain"
         return (

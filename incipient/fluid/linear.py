@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from petsc4py import PETSc
 
 from ..errors import ConvergenceError
@@ -12,6 +13,12 @@ from ..errors import ConvergenceError
 # MUMPS's estimate of its own workspace is often too small for saddle points with pivoting: how much to add, in
 # percent, at first and when that was not enough.
 WORKSPACES = (200, 800)
+
+SINGULAR = (-6, -10)  # MUMPS's errors for matrices that are singular in structure or in numbers
+NOT_FINITE = (
+    "the linear system of the flow is not finite, its numbers have overflowed: use a smaller fluid.reynolds or, with "
+    "[time], a smaller time.step"
+)
 
 
 @dataclass
@@ -63,7 +70,8 @@ class KeptFactorisation:
         """Solve to a relative residual of `rtol`. Collective.
 
         Raises:
-            ConvergenceError: the factorisation failed, also with more workspace, or the system is not finite.
+            ConvergenceError: the factorisation failed, also with more workspace, GMRES did not converge with new
+                factors, or the system is not finite.
         """
         if fresh or self._aged:
             self._factorise()
@@ -72,7 +80,7 @@ class KeptFactorisation:
             self._factorise()
             iterations = self._iterate(b, x, rtol)
         if iterations is None:
-            raise ConvergenceError(self._explanation())
+            raise ConvergenceError(self._why_not_solved(b))
         self._aged = iterations > self.patience
         self.statistics.solves += 1
         self.statistics.krylov_iterations += iterations
@@ -107,12 +115,13 @@ class KeptFactorisation:
         self._aged = True
         for next_workspace in (*WORKSPACES[1:], WORKSPACES[0]):
             self._set_up()
-            if not (self._mumps and self._factor_error() < 0):
+            error = self._factor_error() if self._mumps else 0
+            if error >= 0:
                 return
             # PETSc never factorises again with an object of MUMPS that has failed once: take a new one.
             self._solver.destroy()
             self._solver = self._make(next_workspace)
-        raise ConvergenceError(self._explanation())
+        raise ConvergenceError(self._why_not_factorised(error))
 
     def _set_up(self) -> None:
         self._solver.getPC().setReusePreconditioner(False)
@@ -128,11 +137,25 @@ class KeptFactorisation:
         """MUMPS's INFOG(1): negative when the factorisation failed."""
         return self._solver.getPC().getFactorMatrix().getMumpsInfog(1)
 
-    def _explanation(self) -> str:
+    def _why_not_factorised(self, error: int) -> str:
+        """What MUMPS says: not finite, singular, or short of memory. Collective."""
+        if not np.isfinite(self.matrix.norm()):
+            return NOT_FINITE
         rows = self.matrix.getLocalSize()[0]
+        failed = f"the linear system of the flow ({rows} unknowns on this rank) could not be factorised"
+        if error in SINGULAR:
+            return f"{failed}, it is singular: use another numerics.mesh_size or numerics.order"
+        remedy = "use a coarser mesh (numerics.mesh_size) or more ranks"
+        return f"{failed}, the memory does not suffice (MUMPS's error {error}): {remedy}"
+
+    def _why_not_solved(self, b: Any) -> str:
+        """Why GMRES has not converged with new factors, from its reason. Collective."""
+        if not np.isfinite(b.norm()) or not np.isfinite(self.matrix.norm()):
+            return NOT_FINITE
+        reason, count = self._solver.getConvergedReason(), self._solver.getIterationNumber()
         return (
-            f"the linear system of the flow could not be factorised ({rows} unknowns on this rank): "
-            "use a coarser mesh (numerics.mesh_size) or more ranks"
+            f"the linear system of the flow was not solved in {count} iterations with new factors (PETSc's reason "
+            f"{reason}), it is nearly singular: use another numerics.mesh_size or, with [time], a smaller time.step"
         )
 
     def destroy(self) -> None:

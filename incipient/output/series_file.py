@@ -21,7 +21,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from ..errors import OutputError
-from ..files import ends_with, insert_before_end, reported, write_text_atomically
+from ..files import cause_of, ends_with, insert_before_end, reported, write_text_atomically
 
 _METADATA_BYTES = 1 << 16
 _HEAD = '<?xml version="1.0"?>\n<Xdmf Version="3.0">\n  <Domain>\n'
@@ -241,7 +241,7 @@ def _opened(path: Path, mode: str) -> Iterator[Any]:
         with h5py.File(path, mode, locking=False) as file:
             yield file
     except (OSError, KeyError, IndexError, RuntimeError, ValueError) as error:
-        raise OutputError(f"{path}: cannot be read: {error}; run the scene again") from error
+        raise OutputError(f"{path}: cannot be read: {cause_of(error)}; run the scene again") from error
 
 
 def _count(file: Any) -> int:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import OutputError
-from ..files import write_bytes_atomically
+from ..files import cause_of, write_bytes_atomically
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -164,7 +164,7 @@ def read(path: Path) -> Checkpoint:
             _require_readable(path, file)
             return _got(Checkpoint, file, path)
     except (OSError, KeyError, RuntimeError, ValueError, TypeError) as error:
-        raise OutputError(f"{path}: cannot be read: {' '.join(str(error).split())}; {ANEW}") from error
+        raise OutputError(f"{path}: cannot be read: {cause_of(error)}; {ANEW}") from error
 
 
 def _require_readable(path: Path, file: Any) -> None:

@@ -54,7 +54,7 @@ def _require_same(path: Path, scene: Scene, of_checkpoint: Scene) -> None:
     moves = scene.body is not None and scene.body.moves
     allowed = MAY_CHANGE + (MAY_CHANGE_IF_THE_GRAIN_MOVES if moves else ())
     for key in sorted(now.keys() | before.keys()):
-        if now.get(key) != before.get(key) and key not in allowed:
+        if now.get(key) != before.get(key) and key not in (*allowed, "title"):
             raise SceneError(
                 f"{path}: {key} is {now.get(key)}, but the run to resume has {before.get(key)}; "
                 f"leave it so (only {', '.join(allowed)} may change) or start anew with: incipient run"

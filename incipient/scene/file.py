@@ -13,11 +13,14 @@ from pydantic import ValidationError
 
 from ..errors import SceneError
 from .example import commented, grain_on_bed
-from .messages import Key, key_text, one_line, problems_of
+from .messages import Key, Problem, key_text, one_line, problems_of
 from .model import Scene
 from .section import Section, ordered_keys
 
 S = TypeVar("S", bound=Section)
+
+# Sections whose overrides leave the scene what its title says it is.
+_NOT_THE_SCENE = ("title", "numerics", "output", "time")
 
 # What TOML cannot mean otherwise may stand on the command line without quotes.
 _BARE_WORD = re.compile(r"[A-Za-z_][^\n\"'=\[\]{}]*")
@@ -62,11 +65,12 @@ def parse(model: type[S], text: str, base: Path | str, overrides: Sequence[str],
     """What TOML text describes, a scene or another model; as `loads`."""
     data = _parsed(text, name)
     places = {_override(data, override): override for override in overrides}
+    _retitle(data, places)
     try:
         return model.model_validate(data, context={"directory": str(base)})
     except ValidationError as error:
         problems = problems_of(error, model)
-        raise SceneError(one_line(_source(problems[0].key, places, name), problems)) from None
+        raise SceneError(one_line(_source(problems[0], places, name), problems)) from None
 
 
 def dumps(scene: Scene) -> str:
@@ -129,6 +133,18 @@ def _override(data: dict[str, Any], override: str) -> Key:
     return key
 
 
+def _retitle(data: dict[str, Any], places: dict[Key, str]) -> None:
+    """Let the title say what was changed about the scene itself; one that the user sets stays as it is."""
+    changes = [override for key, override in places.items() if key[0] not in _NOT_THE_SCENE]
+    title = data.get("title")
+    if changes and ("title",) not in places and isinstance(title, str) and title:
+        data["title"] = ", ".join([title, *(f"with {_short(change)}" for change in changes)])
+
+
+def _short(override: str) -> str:
+    return override if len(override) <= 60 else f"{override[:57]}..."
+
+
 def _value(text: str, override: str) -> Any:
     try:
         parsed = tomllib.loads(f"value = {text}")
@@ -144,12 +160,14 @@ def _wrong(override: str, why: str) -> SceneError:
     return SceneError(" ".join(f"--set {override}: {why}".split()))
 
 
-def _source(key: Key, places: dict[Key, str], name: str) -> str:
-    """The override that a problem stems from, if it is plain; else the file with whatever was set."""
+def _source(problem: Problem, places: dict[Key, str], name: str) -> str:
+    """The override that a problem stems from, if it is plain; else the file with what was set and has a part in it."""
+    key = problem.key
     for place, override in places.items():
         if key[: len(place)] == place or place[: len(key)] == key:
             return f"--set {override}"
-    return " ".join([name, *(f"--set {override}" for override in places.values())])
+    concerned = [text for place, text in places.items() if problem.between or place[0] in key[:1]]
+    return " ".join([name, *(f"--set {override}" for override in concerned)])
 
 
 def _plain(section: Section) -> dict[str, Any]:

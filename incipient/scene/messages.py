@@ -6,12 +6,17 @@ import difflib
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, get_args
+from typing import Any, LiteralString, get_args
 
 from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
 
 Key = tuple[str | int, ...]
+
+# Names of the errors that validators raise, about one section or about what several say together.
+WITHIN: LiteralString = "contradiction"
+BETWEEN: LiteralString = "contradiction_between_sections"
 
 _REMEDIES = {
     "float_type": "give a number",
@@ -33,11 +38,15 @@ _SECTION_TYPES = ("model_type", "model_attributes_type", "dict_type")
 
 @dataclass(frozen=True)
 class Problem:
-    """What is wrong at one key of a scene, why, and the remedy."""
+    """What is wrong at one key of a scene, why, and the remedy.
+
+    between: whether keys of other sections have a part in it
+    """
 
     key: Key
     why: str
     remedy: str
+    between: bool = False
 
     def __str__(self) -> str:
         path = key_text(self.key)
@@ -61,15 +70,14 @@ def counted(number: int, thing: str) -> str:
     return f"{number} {thing}" if number == 1 else f"{number} {thing}s"
 
 
-def refusal(title: str, problems: Sequence[Problem]) -> ValidationError:
-    """The problems as the exception that a pydantic validator raises."""
+def refusal(title: str, problems: Sequence[Problem], between: bool = False) -> ValidationError:
+    """The problems, of one section or `between` sections, as the exception that a pydantic validator raises."""
+    kind = BETWEEN if between else WITHIN
     return ValidationError.from_exception_data(
         title,
         [
             InitErrorDetails(
-                type=PydanticCustomError(
-                    "contradiction", "{why}; {remedy}", {"why": p.why, "remedy": p.remedy}
-                ),
+                type=PydanticCustomError(kind, "{why}; {remedy}", {"why": p.why, "remedy": p.remedy}),
                 loc=p.key,
                 input=None,
             )
@@ -144,8 +152,8 @@ def _place(root: type[BaseModel], loc: Key) -> tuple[Key, type[BaseModel] | None
 def _problem(detail: ErrorDetails, key: Key, section: type[BaseModel] | None) -> Problem:
     kind, context = detail["type"], detail.get("ctx", {})
     shown = _shown(detail["input"])
-    if kind == "contradiction":
-        return Problem(key, context["why"], context["remedy"])
+    if kind in (WITHIN, BETWEEN):
+        return Problem(key, context["why"], context["remedy"], between=kind == BETWEEN)
     if kind in ("missing", "too_short", "too_long"):
         return _wrong_number(detail, key, section)
     if kind in _BOUNDS:
@@ -174,8 +182,7 @@ def _wrong_number(detail: ErrorDetails, key: Key, section: type[BaseModel] | Non
     if detail["type"] == "missing" and isinstance(key[-1], str):
         field = section.model_fields.get(key[-1]) if section else None
         words = f": {field.description}" if field else ""
-        what = f"a section [{key[-1]}]" if field and variants(field.annotation) else "it"
-        return Problem(key, "is missing", f"add {what}{words}")
+        return Problem(key, "is missing", f"add {_what_to_add(key[-1], field)}{words}")
     if detail["type"] == "too_short":
         context = detail["ctx"]
         return Problem(
@@ -183,6 +190,14 @@ def _wrong_number(detail: ErrorDetails, key: Key, section: type[BaseModel] | Non
         )
     whole = key[:-1] if isinstance(key[-1], int) and detail["type"] == "missing" else key
     return Problem(whole, f"has {counted(len(detail['input']), 'item')}", "give two, as in [x, y]")
+
+
+def _what_to_add(name: str, field: FieldInfo | None) -> str:
+    """A section, one of the values that a key can have, or just the key."""
+    if field is not None and variants(field.annotation):
+        return f"a section [{name}]"
+    choices = [value for value in get_args(field.annotation) if isinstance(value, str)] if field else []
+    return f"it, {_quoted(' or '.join(choices))}" if choices else "it"
 
 
 def _wrong_alternative(detail: ErrorDetails, key: Key, section: type[BaseModel] | None) -> Problem:

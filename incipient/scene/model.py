@@ -373,7 +373,7 @@ class Scene(Section):
 
         found = contradictions(self)
         if found:
-            raise refusal("Scene", found)
+            raise refusal("Scene", found, between=True)
         return self
 
     @property

@@ -4,13 +4,23 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, field_validator
 from pydantic_core import PydanticCustomError
 
 from ..errors import SceneError
-from .messages import Problem, one_line, problems_of, refusal
+from .messages import WITHIN, Problem, one_line, problems_of, refusal
 
-Positive = Annotated[float, Field(gt=0)]
+# Beyond these sizes products of a few numbers leave what a computer can represent.
+LARGEST, SMALLEST = 1e30, 1e-30
+
+
+def _not_tiny(value: float) -> float:
+    if value < SMALLEST:
+        raise contradiction(f"is {value:g}", f"give a number of at least {SMALLEST:g}, or choose other units")
+    return value
+
+
+Positive = Annotated[float, Field(gt=0), AfterValidator(_not_tiny)]
 NotNegative = Annotated[float, Field(ge=0)]
 Pair = Annotated[tuple[float, float], Field(strict=False)]
 PositivePair = Annotated[tuple[Positive, Positive], Field(strict=False)]
@@ -34,14 +44,29 @@ class Section(BaseModel):
     # Without this mark pydantic builds nested sections through __init__ and loses the path to a wrong key.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
+    @field_validator("*")
+    @classmethod
+    def _is_not_huge(cls, value: Any) -> Any:
+        if (largest := _largest(value)) > LARGEST:
+            remedy = f"give numbers of at most {LARGEST:g} in size, or choose other units"
+            raise contradiction(f"holds {largest:g}" if isinstance(value, tuple) else f"is {value:g}", remedy)
+        return value
+
     def refused(self, key: str, why: str, remedy: str) -> ValidationError:
         """The error that a validator of this section raises about one of its keys."""
         return refusal(type(self).__name__, [Problem((key,), why, remedy)])
 
 
+def _largest(value: Any) -> float:
+    """The largest size of the numbers that a value is or holds."""
+    if isinstance(value, float):
+        return abs(value)
+    return max(map(_largest, value), default=0.0) if isinstance(value, tuple) else 0.0
+
+
 def contradiction(why: str, remedy: str) -> PydanticCustomError:
     """The error that a validator of a single key raises."""
-    return PydanticCustomError("contradiction", "{why}; {remedy}", {"why": why, "remedy": remedy})
+    return PydanticCustomError(WITHIN, "{why}; {remedy}", {"why": why, "remedy": remedy})
 
 
 def ordered_keys(section: type[BaseModel]) -> list[str]:

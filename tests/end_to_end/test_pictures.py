@@ -235,7 +235,7 @@ def test_damaged_files_are_named(grain_run):
         draw(grain_run)
     (grain_run / "result.json").write_text("{}")
     (grain_run / "fields.h5").write_bytes(b"nothing")
-    with pytest.raises(OutputError, match=r"fields\.h5: cannot be read"):
+    with pytest.raises(OutputError, match=r"fields\.h5: cannot be read: it is damaged or incomplete; run"):
         draw(grain_run)
 
 

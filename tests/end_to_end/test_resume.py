@@ -362,10 +362,10 @@ def test_refusals_are_one_line(whole_pothole: Path, tmp_path: Path, session: Ses
     other = ["resume", "good", "--set", "body.mass=1"]
     outcomes = session(ranks, [*(["resume", name] for name in ("absent", *names[:-1])), other])
     told = [
-        (5, "absent/checkpoint.h5: no such checkpoint; start anew with: incipient run"),
+        (2, "absent: there is no such directory; give the directory that a run was written to"),
         (5, "version/checkpoint.h5: is a checkpoint of version 2, this program reads version 1; resume with"),
         (5, "damaged/checkpoint.h5: is damaged, its content is not what was written; start anew"),
-        (5, "half/checkpoint.h5: cannot be read: "),
+        (5, "half/checkpoint.h5: cannot be read: it is damaged or incomplete; start anew"),
         (5, "history/history.csv: has lost some of its 10 rows; put the file back, or start anew"),
         (5, "fields/fields.h5: no such file"),
         (

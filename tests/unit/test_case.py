@@ -161,6 +161,7 @@ WRONG = [
     (BODY, "centre = [0.0, 0.0]", "x = 0.0", "body.x: a case has no bed"),
     (BODY, "[body]", "[grain]\nmass = 1\ninertia = 1\n[body]", "body: both [body] and [grain] are given"),
     (PLANE + SPREAD, "[0.1, 0.1]", "[0.1, -0.1]", "errors.flow_force: is -0.1; a standard error"),
+    (PLANE + SPREAD, "[0.1, 0.1]", "[1e300, 1]", "errors.flow_force: holds 1e+300; give numbers of at most"),
     (PLANE + SPREAD, "[0.1, 0.1]", "[0.1, 0.1, 0.1]", "errors.flow_force: has 3 components"),
     (PLANE + SPREAD, "[0.1, 0.1]", "[0.1, 0.1]\nsamples = 1", "errors.samples: is 1; give a number of"),
 ]

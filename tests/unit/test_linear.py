@@ -90,15 +90,27 @@ def test_aged_factors_are_renewed() -> None:
 def test_singular_matrix_is_an_error() -> None:
     A = random_entries(1)
     A[3] = 0.0
-    with pytest.raises(ConvergenceError, match="could not be factorised"):
+    with pytest.raises(ConvergenceError, match="could not be factorised, it is singular: use another"):
         solved(KeptFactorisation(sparse(A)), np.ones(ROWS))
 
 
 def test_not_a_number_is_an_error() -> None:
+    """Neither a coarser mesh nor more ranks help against it, so that neither is advised."""
     b = np.ones(ROWS)
     b[0] = np.nan
-    with pytest.raises(ConvergenceError):
+    with pytest.raises(ConvergenceError, match="is not finite, its numbers have overflowed: use a smaller"):
         solved(KeptFactorisation(sparse(random_entries(1))), b)
+    A = random_entries(1)
+    A[2, 2] = np.nan
+    with pytest.raises(ConvergenceError, match="is not finite, its numbers have overflowed: use a smaller"):
+        solved(KeptFactorisation(sparse(A)), np.ones(ROWS))
+
+
+def test_an_iteration_that_does_not_converge_says_so() -> None:
+    """GMRES allowed no iterations does not reach its tolerance; the factors are not to blame."""
+    solver = KeptFactorisation(sparse(random_entries(1)), patience=0)
+    with pytest.raises(ConvergenceError, match="was not solved in 0 iterations with new factors"):
+        solved(solver, np.ones(ROWS))
 
 
 def test_recovers_after_an_error() -> None:

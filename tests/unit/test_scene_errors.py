@@ -38,6 +38,10 @@ ONE_KEY = [
     (lambda: Domain(length=1, height=0), "Domain: height: is 0; give a number greater than 0"),
     (lambda: Domain(length=math.nan, height=1), "Domain: length: is nan; give a finite number"),
     (lambda: Domain(length=math.inf, height=1), "Domain: length: is inf; give a finite number"),
+    (lambda: Domain(length=1e300, height=1), "Domain: length: is 1e+300; give numbers of at most 1e+30 in"),
+    (lambda: Domain(length=1e-300, height=1), "Domain: length: is 1e-300; give a number of at least 1e-30"),
+    (lambda: Domain(length=1, height=1, origin=(0, -1e99)), "Domain: origin: holds 1e+99; give numbers of"),
+    (lambda: Shear(rate=1e300), "Shear: rate: is 1e+300; give numbers of at most 1e+30 in size, or choose"),
     (lambda: Domain(length="1", height=1), 'Domain: length: is "1"; give a number'),
     (lambda: Domain(length=True, height=1), "Domain: length: is true; give a number"),
     (
@@ -68,7 +72,10 @@ ONE_KEY = [
         'Domain: top: a closed box has no free surface; use "wall" or kind = "channel" with top = "slip"',
     ),
     (lambda: Fluid(reynolds=-3, scale="flow"), "Fluid: reynolds: is -3; give a number greater than 0"),
-    (lambda: Fluid(reynolds=3), "Fluid: scale: is missing; add it: L is the largest diameter of the grain"),
+    (
+        lambda: Fluid(reynolds=3),
+        'Fluid: scale: is missing; add it, "grain" or "flow": L is the largest diameter of the grain',
+    ),
     (lambda: Fluid(renolds=3, scale="flow"), 'Fluid: renolds: unknown key; did you mean "reynolds"?'),
     (lambda: Fluid(reynolds=3, scale="flow", inertia=1), "Fluid: inertia: is 1; give true or false"),
     (
@@ -280,8 +287,8 @@ BETWEEN = [
         f"body.x: the grain reaches y = 4.83013, the domain's top is at 4; {MOVE}",  # 5 cos 30 + sin 30
     ),
     ({"body": Disc(diameter=1, x=40)}, f"body.x: x = 40 is outside the domain, 0 to 12; {MOVE}"),
-    ({"body": Disc(diameter=1, x=1e300)}, f"body.x: x = 1e+300 is outside the domain, 0 to 12; {MOVE}"),
-    ({"body": Disc(diameter=1e200, x=4)}, f"body.x: the grain measures 1e+200, more than the domain; {MOVE}"),
+    ({"body": Disc(diameter=1, x=1e29)}, f"body.x: x = 1e+29 is outside the domain, 0 to 12; {MOVE}"),
+    ({"body": Disc(diameter=1e20, x=4)}, f"body.x: the grain measures 1e+20, more than the domain; {MOVE}"),
     (
         {"body": Disc(diameter=1, centre=(4, 5.6))},
         f"body.centre: the grain reaches y = 6.1, the domain's top is at 6; {MOVE}",

@@ -118,6 +118,20 @@ def test_overrides_are_toml_values_or_bare_words():
     assert loads(MINIMAL, overrides=["title=Disc on a bed"]).title == "Disc on a bed"
 
 
+@pytest.mark.parametrize(
+    ("overrides", "title"),
+    [
+        (["fluid.reynolds=40"], "Disc, with fluid.reynolds=40"),
+        (["fluid.reynolds=40", "domain.length=9"], "Disc, with fluid.reynolds=40, with domain.length=9"),
+        (["numerics.mesh_size=2", "output.fields=false"], "Disc"),
+        (["fluid.reynolds=40", "title=Fast"], "Fast"),
+    ],
+)
+def test_a_changed_scene_does_not_keep_its_title(overrides, title):
+    assert loads('title = "Disc"\n' + MINIMAL, overrides=overrides).title == title
+    assert loads(MINIMAL, overrides=["fluid.reynolds=40"]).title == ""
+
+
 def test_overrides_make_sections_and_later_ones_win():
     scene = loads(MINIMAL, overrides=("time.end=2", "time.step=0.5", "time.end=3"))
     assert scene.time == Time(end=3.0, step=0.5)
@@ -151,6 +165,13 @@ def test_an_override_may_begin_a_section():
         '--set body.x=3: body.shape: is missing; use "disc", "ellipse", "rectangle", "polygon", '
         '"superellipse", "star" or "discs"'
     )
+
+
+@pytest.mark.parametrize("number", ["nan", "1e300"])
+def test_a_wrong_number_in_the_file_is_not_blamed_on_what_was_set(number):
+    body = f'[body]\nshape = "polygon"\nvertices = [[0, 0], [{number}, 0], [0, 1]]\ncentre = [3, 3]\n'
+    found = message(lambda: loads(MINIMAL + body, overrides=["fluid.reynolds=40"]))
+    assert found.startswith("scene: body.vertices")
 
 
 def test_a_contradiction_elsewhere_names_the_file_and_what_was_set():
