@@ -217,11 +217,11 @@ class Case(Section):
         """Mass and matrix of inertia (3, 3) about the centre of mass, if the case gives them."""
         if self.grain is not None:
             return self.grain.mass, _matrix(np.array(self.grain.inertia))
-        if self.body is not None and self.body.density:
-            from .judgement import mass_and_inertia
+        if self.body is None:
+            return None
+        from .judgement import mass_and_inertia
 
-            return mass_and_inertia(self.body.grain(), self.body.density, self.placement)
-        return None
+        return mass_and_inertia(self.body)
 
 
 def load_case(path: Path | str, overrides: Sequence[str] = ()) -> Case:

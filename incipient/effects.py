@@ -288,7 +288,7 @@ def numbers_of(scene: Scene) -> Numbers:
         placement = scene.placement
         assert placement is not None
         speed = _speed_past_grain(scene, placement)
-        reynolds, ratio = speed * grain.size / viscosity, _density_ratio(scene)
+        reynolds, ratio = speed * grain.size / viscosity, scene.density
         stokes = None if ratio is None else ratio * reynolds / 18.0
         strouhal = grain.size / (speed * period) if period is not None and speed > 0.0 else None
     if acceleration := float(abs(scene.gravity_vector).max()):
@@ -338,14 +338,9 @@ def _own_speed(scene: Scene, times: np.ndarray) -> float:
         origin = np.zeros((3, 1))
         velocities = np.abs([[float(one(origin, float(t))[0]) for one in course] for t in times])
         return float((velocities @ [1.0, 1.0, 0.5 * grain.size]).max())
-    drive = abs((_density_ratio(scene) or 0.0) - 1.0) * float(abs(scene.gravity_vector).max())
+    drive = abs((scene.density or 0.0) - 1.0) * float(abs(scene.gravity_vector).max())
     settling = min(drive * grain.size**2 / (18.0 * scene.viscosity), math.sqrt(drive * grain.size))
     return max(settling, math.hypot(*body.velocity), 0.5 * grain.size * abs(body.spin))
-
-
-def _density_ratio(scene: Scene) -> float | None:
-    mass, grain = scene.mass, scene.grain
-    return None if mass is None or grain is None else mass / grain.volume
 
 
 def _bed_reynolds(scene: Scene) -> float | None:

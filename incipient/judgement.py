@@ -10,10 +10,9 @@ from .contact import Contacts, Load
 from .contact.exact import MassAndInertia
 from .contact.search import touching
 from .contact.verdict import judge as judge_load
-from .geometry.grain import Grain
-from .geometry.placement import Placement
 from .result import Couples, Forces
-from .scene import Scene
+from .scene import Body, Scene
+from .scene.motion import mass, moment
 
 
 def find_contacts(scene: Scene) -> Contacts:
@@ -36,22 +35,17 @@ def load_of(scene: Scene, force: Forces, couple: Couples) -> Load:
 
 def judge(scene: Scene, contacts: Contacts, force: Forces, couple: Couples) -> dict[str, Any] | None:
     """The verdict of both judges with every quantity behind it, or None where there is nothing to judge."""
-    if scene.contact is None or scene.body is None or scene.body.density is None:
+    if scene.contact is None or scene.body is None or scene.mass is None:
         return None
-    assert scene.grain is not None and scene.placement is not None
-    inert = mass_and_inertia(scene.grain, scene.body.density, scene.placement)
+    inert = mass_and_inertia(scene.body)
     return judge_load(load_of(scene, force, couple), contacts, scene.contact.friction, inert).to_dict()
 
 
-def mass_and_inertia(grain: Grain, density: float, placement: Placement) -> MassAndInertia | None:
-    """Mass and inertia (3, 3) about the centre of mass in scene directions; None for a grain without mass.
+def mass_and_inertia(body: Body) -> MassAndInertia | None:
+    """Mass and inertia (3, 3) about the centre of mass per unit depth; None for a grain without one of them.
 
-    In the plane, per unit depth, only turns about the third axis matter, and the polar moment stands for all.
+    In the plane only turns about the third axis matter, and the polar moment stands for all.
     The fluid that moves along (added mass) is left out: it changes neither rest nor the safety factor.
     """
-    if density == 0.0:
-        return None
-    inertia = density * grain.inertia
-    if grain.gdim == 2:
-        return density * grain.volume, inertia[2, 2] * np.eye(3)
-    return density * grain.volume, placement.rotation @ inertia @ placement.rotation.T
+    heavy, inert = mass(body), moment(body)
+    return (heavy, inert * np.eye(3)) if heavy and inert else None

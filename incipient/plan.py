@@ -6,12 +6,14 @@ compiled form, no unknown.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from .effects import Effect, Numbers, effects_of, numbers_of
 from .geometry.curves import Line
 from .scene import Scene
+from .scene.model import WIDE_GAP
 from .stabilisation import NO_CONVECTION, Stabilisation, stabilisation_of
 
 __all__ = ["Effect", "Estimate", "Plan", "make_plan"]
@@ -32,7 +34,8 @@ class Estimate:
 class Plan:
     """Effects, discretisation and (where it has been counted) expense of a scene's computation.
 
-    sought: what mesh and order are chosen for by the run, in words; empty where the scene chooses them
+    sought:   what mesh and order are chosen for by the run, in words; empty where the scene chooses them
+    warnings: what in the scene makes the result less sure, in words
     """
 
     effects: tuple[Effect, ...]
@@ -46,6 +49,7 @@ class Plan:
     stabilisation: Stabilisation = NO_CONVECTION
     estimate: Estimate | None = None
     sought: str = ""
+    warnings: tuple[str, ...] = ()
 
     def has(self, name: str) -> bool:
         """Whether an effect is simulated."""
@@ -70,6 +74,7 @@ class Plan:
             lines.append(
                 f"  {first}{e.cells} cells, {e.unknowns} unknowns, about {e.memory_mib:.0f} MiB of memory"
             )
+        lines += [f"  warning: {warning}" for warning in self.warnings]
         return "\n".join(lines)
 
     def _discretisation(self) -> list[str]:
@@ -96,7 +101,17 @@ def make_plan(scene: Scene) -> Plan:
         numbers=numbers,
         stabilisation=stabilisation_of(scene, "inertia" in present),
         sought=_sought(scene),
+        warnings=tuple(_warnings(scene)),
     )
+
+
+def _warnings(scene: Scene) -> Iterator[str]:
+    gap = scene.contact.gap if scene.contact is not None else 0.0
+    if gap > WIDE_GAP and scene.body is not None and (scene.rests or scene.body.moves):
+        yield (
+            f"contact.gap = {gap:g} is wide: contact is judged by the flow around a grain {gap:g} of its size "
+            f"away from the bed; give {WIDE_GAP:g} or less"
+        )
 
 
 def _sought(scene: Scene) -> str:

@@ -169,6 +169,7 @@ def _lines(result: Result) -> list[str]:
             "resolved" if result.gap.resolved else "NOT resolved: refine with a smaller numerics.mesh_size"
         )
         lines.append(f"gap                 {result.gap.width:.4g}, {result.gap.cells} cells across: {state}")
+    lines += [f"warning             {warning}" for warning in result.plan.warnings]
     if result.trajectory is not None:
         lines += _path(result.trajectory)
     for name, extreme in (result.centrelines or {}).items():

@@ -125,7 +125,7 @@ def _require(scene: Scene) -> None:
             "a grain that rests on a bed (body.x and [bed])",
         ),
         (
-            body is not None and (body.density or 0.0) > 1.0,
+            (scene.density or 0.0) > 1.0,
             "a grain denser than the fluid (body.density > 1)",
         ),
         (
@@ -216,9 +216,8 @@ class _Search:
         from .judgement import mass_and_inertia
 
         scene = self.simulation.scene
-        assert scene.grain is not None and scene.placement is not None and scene.body is not None
-        inert = mass_and_inertia(scene.grain, scene.body.density or 0.0, scene.placement)
-        return judge(load, self.contacts, self.friction, inert)
+        assert scene.body is not None
+        return judge(load, self.contacts, self.friction, mass_and_inertia(scene.body))
 
 
 def find_root(excess: Callable[[float], float], factor: float, value: float) -> float:
@@ -265,8 +264,8 @@ def bed_stress(scene: Scene) -> float:
 
 def _stress_unit(scene: Scene) -> float:
     """(rho_s - rho_f) g d."""
-    assert scene.body is not None and scene.gravity is not None and scene.body.density is not None
-    return (scene.body.density - 1.0) * scene.gravity.acceleration * _size(scene)
+    assert scene.gravity is not None and scene.density is not None
+    return (scene.density - 1.0) * scene.gravity.acceleration * _size(scene)
 
 
 def _size(scene: Scene) -> float:

@@ -27,6 +27,7 @@ from .remeshing import Remeshing, carry_over
 from .rigidbody import RigidBody
 from .scene import Scene
 from .scene.expression import Expression
+from .scene.motion import moment
 
 Floats = NDArray[np.float64]
 Stage = Callable[[str], AbstractContextManager[Any]]
@@ -256,16 +257,14 @@ def rounded(placement: Placement, unit: float) -> Placement:
 
 def rigid_body(scene: Scene) -> RigidBody:
     """Mass, moment and freedom of a scene's moving grain."""
-    body, grain = scene.body, scene.grain
-    assert body is not None and grain is not None
-    uniform = Inertia.of(grain, body.density or 0.0)
-    mass = uniform.mass if body.mass is None else body.mass
-    moments = uniform.moments if body.inertia is None else np.array([body.inertia])
+    body = scene.body
+    assert body is not None
+    inertia = Inertia(scene.mass or 0.0, np.array([moment(body) or 0.0]))
     if body.course is None:
         freedom = Freedom(tuple(name not in body.locked for name in ("x", "y", "angle")))
     else:
         freedom = Freedom.none(scene.gdim, _course(body.course))
-    return RigidBody(Inertia(mass, moments), freedom)
+    return RigidBody(inertia, freedom)
 
 
 def initial_state(scene: Scene) -> BodyState:

@@ -24,7 +24,8 @@ from numpy.typing import NDArray
 
 from ..errors import IncipientError
 from ..result import Couples, Forces, Result
-from ..scene import Scene, Time
+from ..scene import Contact, Scene, Time
+from ..scene.model import WIDEST_GAP
 from .safetybar import SafetyBar, bar_of_scene
 
 if TYPE_CHECKING:
@@ -44,6 +45,7 @@ MODEL_ITERATION = 1e-6  # tolerance of their iterations in time, where differenc
 FARTHER = 1.5  # how much larger the domain of the domain's term is
 DECAY = 2.0  # the influence of sides is taken to fall off like their distance to this power
 COARSER_MESH, LONGER_STEP = 2.0**0.5, 2.0
+LARGER, SMALLER = (1.0, 2.0, 4.0), (0.25, 0.5, 1.0)  # gaps of three runs, relative to the scene's
 ORDERS = (0.3, 2.0)  # between which the order in the gap is believed
 # Three loads change too little to tell an order: below this share of the largest.
 TOO_LITTLE = 1e-6
@@ -278,20 +280,20 @@ def by_coarser_run(scene: Scene, computed: Loads, solve: Solve) -> Term:
 
 
 def of_gap(scene: Scene, solve: Solve) -> Term:
-    """What closing the gap between grain and bed would change, from coarse runs with larger gaps."""
-    loads = [solve(_coarse(scene, contact=_with_gap(scene, factor))) for factor in (1.0, 2.0, 4.0)]
+    """What closing the gap between grain and bed would change, from coarse runs with larger gaps.
+
+    Of a wide gap the runs have smaller ones: larger than the widest allowed are none.
+    """
+    contact = scene.contact or Contact(friction=0.0)  # friction plays no part in the flow
+    wide = 4.0 * contact.gap > WIDEST_GAP
+    sections = [{**contact.model_dump(), "gap": k * contact.gap} for k in (SMALLER if wide else LARGER)]
+    loads = [solve(_coarse(scene, contact=section)) for section in sections]
     values = [np.concatenate([one.force, one.couple]) for one in loads]
     errors = np.array([_to_zero(*three) for three in zip(*values, strict=True)])
-    return Term(
-        "gap", errors[:3], errors[3:], "coarse runs with 1, 2 and 4 times the gap, extrapolated to none"
-    )
-
-
-def _with_gap(scene: Scene, factor: float) -> dict[str, Any]:
-    """The section of contact with a larger gap; friction plays no part in the flow."""
-    size = scene.grain.size if scene.grain is not None else 1.0
-    friction = scene.contact.friction if scene.contact is not None else 0.0
-    return {"gap": factor * scene.contact_gap / size, "friction": friction}
+    if wide:  # found is the error with the smallest gap, to which the way there from the scene's is added
+        errors += np.abs(values[2] - values[0])
+    told = "1/4, 1/2 and 1" if wide else "1, 2 and 4"
+    return Term("gap", errors[:3], errors[3:], f"coarse runs with {told} times the gap, extrapolated to none")
 
 
 def _to_zero(at_one: float, at_two: float, at_four: float) -> float:
@@ -378,7 +380,7 @@ def _coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
     numerics["tolerance"] = max(MODEL_ITERATION, scene.numerics.tolerance)
     if scene.body is not None and not scene.body.moves:
         # Without weight no step is judged.
-        sections["body"] = {"density": None}
+        sections["body"] = {"density": None, "mass": None, "inertia": None}
     return changed(scene, numerics=numerics, time=_longer_steps(scene.time), **sections)
 
 

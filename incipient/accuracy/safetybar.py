@@ -53,10 +53,9 @@ def bar_of_scene(
     scene: Scene, contacts: Contacts, force: Forces, couple: Couples, errors: Errors
 ) -> SafetyBar | None:
     """The bar of a scene's grain under the loads computed; None where there is nothing to judge. Not collective."""
-    if scene.contact is None or scene.body is None or scene.body.density is None:
+    if scene.contact is None or scene.body is None or scene.mass is None:
         return None
-    assert scene.grain is not None and scene.placement is not None
-    inert = mass_and_inertia(scene.grain, scene.body.density, scene.placement)
+    inert = mass_and_inertia(scene.body)
     return bar_of_safety(load_of(scene, force, couple), contacts, scene.contact.friction, inert, errors)
 
 

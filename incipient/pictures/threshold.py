@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from ..contact import Contacts, Load, equilibrium
 from ..errors import ConvergenceError, OutputError
 from ..files import reported
+from ..judgement import mass_and_inertia
 from ..scene import Scene, load
 from . import style
 from .judged import Judged, judged
@@ -95,18 +96,16 @@ def _with_motion(stored: dict[str, Any], scene: Scene) -> dict[str, Any]:
 
 def _onset(stored: dict[str, Any], scene: Scene) -> dict[str, Any] | None:
     """The incipient motion where the flow is a little stronger than critical."""
-    grain, body, placement = scene.grain, scene.body, scene.placement
-    assert grain is not None and body is not None and placement is not None
+    assert scene.body is not None
     acting, at = stored["load"], stored["contacts"]
     force, couple = ((1.0 + _BEYOND) * np.array(acting[name]) for name in ("flow_force", "flow_couple"))
     stronger = Load(force, couple, np.array(acting["weight"]), np.array(acting["centre"]))
     contacts = Contacts(at["points"], at["normals"], at["areas"])
-    density, friction = body.density or 1.0, scene.contact.friction if scene.contact else 0.0
-    inertia = density * grain.inertia[2, 2] * np.eye(3)
+    friction, inert = scene.contact.friction if scene.contact else 0.0, mass_and_inertia(scene.body)
+    if inert is None:
+        return None
     try:
-        return equilibrium.incipient_motion(
-            stronger, contacts, friction, density * grain.volume, inertia
-        ).to_dict()
+        return equilibrium.incipient_motion(stronger, contacts, friction, *inert).to_dict()
     except ConvergenceError:
         return None
 

@@ -25,7 +25,18 @@ _TOPS_OF_FLOWS = {
 
 def contradictions(scene: Scene) -> list[Problem]:
     """All contradictions between sections; those of places and extents only when there are no others."""
-    checks = (_flow, _scale, _bed_needed, _body_needed, _slope, _time, _motion, _accuracy, contradictory)
+    checks = (
+        _flow,
+        _scale,
+        _bed_needed,
+        _body_needed,
+        _slope,
+        _time,
+        _motion,
+        _ignored,
+        _accuracy,
+        contradictory,
+    )
     found = [problem for check in checks for problem in check(scene)]
     return found or [*_bed_extent(scene)] or [*_body_place(scene)]
 
@@ -100,8 +111,20 @@ def _motion(scene: Scene) -> Iterator[Problem]:
         return
     if scene.time is None:
         yield Problem(("body", "motion"), "a grain moves in time", "add a section [time]")
-    if scene.body.course is not None and len(scene.body.locked) > 0:
-        yield Problem(("body", "locked"), "all of a prescribed motion is locked", "leave it out")
+
+
+def _ignored(scene: Scene) -> Iterator[Problem]:
+    """Keys of [numerics] with another value than the default that the scene has no use for."""
+    numerics = scene.numerics
+    unused = []
+    if scene.body is None or not scene.body.moves:
+        keys = ("coupling", "interface_tolerance", "remesh_below")
+        unused += [(key, "is read only for a grain that moves", "set body.motion") for key in keys]
+    if scene.time is None:
+        unused.append(("form", "is read only for flow in time", "add a section [time]"))
+    for key, why, remedy in unused:
+        if getattr(numerics, key) != type(numerics).model_fields[key].default:
+            yield Problem(("numerics", key), why, f"leave it out or {remedy}")
 
 
 def _accuracy(scene: Scene) -> Iterator[Problem]:
@@ -123,7 +146,7 @@ def _accuracy(scene: Scene) -> Iterator[Problem]:
         return
     if not verdict and numerics.accuracy_of != "safety factor":
         return
-    if body.x is None or scene.bed is None or scene.contact is None or body.density is None:
+    if body.x is None or scene.bed is None or scene.contact is None or scene.mass is None:
         what = "a verdict" if verdict else "a safety factor"
         why = f"{what} needs a grain that rests on a bed, its density and friction"
         remedy = "give body.x, body.density, [bed] and [contact], or a number for the accuracy of the force"

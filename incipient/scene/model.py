@@ -16,6 +16,7 @@ from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, mo
 from ..errors import SceneError
 from .effects import Effects, section_of
 from .messages import refusal, split
+from .motion import mass, mean_density
 from .section import NotNegative, Pair, Positive, Section, contradiction
 from .shapes import (
     Bed,
@@ -90,6 +91,8 @@ _TOPS: dict[str, Top] = {
 # Below this the curved cells' geometry errs as much, which no estimate sees (docs/accuracy.md).
 FINEST = 1e-5
 _DEFAULT_GAP = 0.01
+# Gaps [grain sizes]: above the first the plan warns, above the second the flow is no more that around a grain at rest.
+WIDE_GAP, WIDEST_GAP = 0.03, 0.1
 _DEFAULT_TOLERANCE = 1e-6
 
 
@@ -237,11 +240,20 @@ class Contact(Section):
 
     friction: NotNegative = Field(description="Coefficient of static friction [-]")
     gap: Positive = Field(
-        _DEFAULT_GAP, description="Gap that stands for contact while the flow is computed [grain sizes]"
+        _DEFAULT_GAP,
+        description="Gap that stands for contact while the flow is computed, 0.1 at most [grain sizes]",
     )
     tolerance: Positive = Field(
         _DEFAULT_TOLERANCE, description="Distance that counts as touching [grain sizes]"
     )
+
+    @field_validator("gap")
+    @classmethod
+    def _is_narrow(cls, gap: float) -> float:
+        if gap > WIDEST_GAP:
+            why = f"is {gap:g}: so far from the bed the flow pushes otherwise than on a grain that touches it"
+            raise contradiction(why, f"give at most {WIDEST_GAP:g}, better {WIDE_GAP:g} or less")
+        return gap
 
 
 class Time(Section):
@@ -394,11 +406,12 @@ class Scene(Section):
     @property
     def mass(self) -> float | None:
         """Mass of the grain per unit depth (fluid density one), None where neither it nor a density is given."""
-        if self.body is None or self.grain is None:
-            return None
-        if self.body.mass is not None:
-            return self.body.mass
-        return None if self.body.density is None else self.body.density * self.grain.volume
+        return None if self.body is None else mass(self.body)
+
+    @property
+    def density(self) -> float | None:
+        """Mass of the grain over its area, relative to the fluid's density; None where `mass` is."""
+        return None if self.body is None else mean_density(self.body)
 
     @property
     def rests(self) -> bool:

@@ -13,6 +13,7 @@ from pydantic import BeforeValidator, Field, ValidationError, ValidationInfo, fi
 
 from ..errors import SceneError
 from .messages import Problem, counted, refusal, split
+from .motion import unfit
 from .section import NotNegative, Pair, Positive, PositivePair, Section, contradiction
 
 if TYPE_CHECKING:
@@ -46,7 +47,7 @@ class GrainSection(Section):
     angle: float = Field(0.0, description="Turned counter-clockwise by this [degrees]")
     density: NotNegative | None = Field(
         None,
-        description="Density relative to the fluid [-]; without it no weight and no verdict",
+        description="Density relative to the fluid [-]; without it or a mass no weight and no verdict",
         examples=[2.65],
     )
     settle: bool = Field(
@@ -56,10 +57,10 @@ class GrainSection(Section):
         "fixed", description="How the grain moves: not, as flow and weight move it, or as `course` says"
     )
     mass: NotNegative | None = Field(
-        None, description="Mass of a free grain [density x area]; by default from density", examples=[2.0]
+        None, description="Mass in place of density [density of the fluid x area]", examples=[2.0]
     )
     inertia: NotNegative | None = Field(
-        None, description="Its moment about the centroid; by default from density and shape", examples=[0.25]
+        None, description="Moment about the centroid; by default that of a uniform grain", examples=[0.25]
     )
     velocity: Pair = Field((0.0, 0.0), description="Velocity of a free grain at time 0 [length/time]")
     spin: float = Field(0.0, description="Angular velocity of a free grain at time 0 [radians/time]")
@@ -73,7 +74,7 @@ class GrainSection(Section):
     )
     on_contact: Literal["stop", "repel"] = Field(
         "stop",
-        description="What a moving grain does within contact.gap of a wall: end the run, or be repelled",
+        description="What a free grain does within contact.gap of a wall: end the run, or be repelled",
     )
 
     @field_validator("course")
@@ -92,18 +93,9 @@ class GrainSection(Section):
 
     @model_validator(mode="after")
     def _moves_consistently(self) -> GrainSection:
-        if self.motion == "prescribed" and self.course is None:
-            raise self.refused(
-                "course", "is missing though the motion is prescribed", "add it, or hold the grain"
-            )
-        if self.motion != "prescribed" and self.course is not None:
-            raise self.refused("course", "is given though the motion is not", 'set motion = "prescribed"')
-        if self.motion == "free" and self.density is None and None in (self.mass, self.inertia):
-            why = "a free grain needs a mass and a moment of inertia, which may be zero"
-            raise self.refused("density", why, "give density, or mass and inertia")
-        if self.motion != "fixed" and self.centre is None:
-            why = "a moving grain starts away from the bed"
-            raise self.refused("x", why, "give centre instead of x")
+        found = [Problem((key,), why, remedy) for key, why, remedy in unfit(self)]
+        if found:
+            raise refusal(type(self).__name__, found)
         return self
 
     @model_validator(mode="after")
