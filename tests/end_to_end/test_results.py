@@ -79,6 +79,21 @@ def test_result_has_the_documented_keys(name, request):
     assert {"order", "geometry_order", "mesh_size", "convection", "scheme", "reynolds"} <= set(result["plan"])
 
 
+def test_a_wide_gap_is_warned_of_wherever_the_run_is_told(tmp_path):
+    scene = settings(numerics_mesh_size=6, numerics_error_bars=False, contact_gap=0.05, output_fields=False)
+    done = subprocess.run(
+        [sys.executable, "-m", "incipient", "run", GRAIN_ON_BED, *scene, "--out", str(tmp_path)],
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    warning = "contact.gap = 0.05 is wide"
+    assert done.returncode == 0 and warning in done.stdout and f"warning: {warning}" in done.stderr
+    (told,) = result_of(tmp_path)["plan"]["warnings"]
+    assert told.startswith(warning)
+
+
 def test_the_cost_is_told(grain, street):
     for directory in (grain, street):
         cost = result_of(directory)["cost"]

@@ -85,6 +85,20 @@ def test_gap_term_against_a_gap_closed(time: Time | None, inertia: bool) -> None
     assert all(1.0 / WITHIN < one < WITHIN for one in found)
 
 
+@pytest.mark.parametrize("gap", [0.02, 0.05, 0.1])
+def test_gap_term_of_a_wide_gap(gap: float) -> None:
+    """A load that grows with the gap: all of it is the error; no gap is wider than a scene may have."""
+    solved: list[float] = []
+
+    def growing(scene: Scene) -> Loads:
+        solved.append(scene.contact.gap)
+        return Loads(np.full(3, 1.0 + scene.contact.gap), np.zeros(3))
+
+    term = errorbars.of_gap(on_bed(contact={"gap": gap}), growing)
+    assert term.force == pytest.approx(np.full(3, gap))
+    assert max(solved) <= 0.1
+
+
 @pytest.mark.parametrize("time", TIMES[:2])
 def test_domain_term_against_a_far_larger_domain(time: Time | None) -> None:
     """Sides three to four times as far, for shear over a bed; the term extrapolates from 1.5 times."""

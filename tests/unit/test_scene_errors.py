@@ -189,6 +189,49 @@ ONE_KEY = [
     (lambda: Gravity(acceleration=-1), "Gravity: acceleration: is -1; give a number of at least 0"),
     (lambda: Contact(friction=-0.1), "Contact: friction: is -0.1; give a number of at least 0"),
     (lambda: Contact(friction=0.1, gap=0), "Contact: gap: is 0; give a number greater than 0"),
+    (
+        lambda: Contact(friction=0.1, gap=0.101),
+        "Contact: gap: is 0.101: so far from the bed the flow pushes otherwise than on a grain that touches it; "
+        "give at most 0.1",
+    ),
+    *[
+        (
+            lambda key=key, value=value: Disc(diameter=1, x=1, density=2, **{key: value}),
+            f'Disc: {key}: is read only with motion = "free", but the motion is "fixed"; leave it out, or',
+        )
+        for key, value in (
+            ("velocity", (1, 0)),
+            ("spin", 1),
+            ("locked", ("x",)),
+            ("on_contact", "repel"),
+        )
+    ],
+    *[
+        (
+            lambda key=key, value=value: Disc(
+                diameter=1, centre=(1, 1), motion="prescribed", course=("0", "0", "0"), **{key: value}
+            ),
+            f'Disc: {key}: is read only with motion = "free", but the motion is "prescribed"; leave it out, or',
+        )
+        for key, value in (
+            ("velocity", (1, 0)),
+            ("spin", 1),
+            ("locked", ("x",)),
+            ("on_contact", "repel"),
+        )
+    ],
+    (
+        lambda: Disc(diameter=1, x=1, course=("0", "0", "0")),
+        'Disc: course: is read only with motion = "prescribed", but the motion is "fixed"; leave it out, or',
+    ),
+    (
+        lambda: Disc(diameter=1, x=1, density=2, mass=1),
+        "Disc: mass: is given beside density, from which it follows; leave one of them out",
+    ),
+    (
+        lambda: Disc(diameter=1, x=1, inertia=1),
+        "Disc: inertia: is given without a mass; give density or mass as well, or leave it out",
+    ),
     (lambda: Time(end=1, step=2), "Time: step: is 2 but time ends at 1; reduce step or enlarge end"),
     (lambda: Numerics(order=5), "Numerics: order: is 5; give a number of at most 4"),
     (lambda: Numerics(order=2.0), "Numerics: order: is 2.0; give a whole number"),
@@ -256,6 +299,17 @@ BETWEEN = [
         {"numerics": Numerics(convection="extrapolated")},
         'numerics.convection: "extrapolated" needs earlier steps but without [time] the flow is steady; '
         'add a section [time] or use "implicit"',
+    ),
+    *[
+        (
+            {"numerics": Numerics(**{key: value})},
+            f"numerics.{key}: is read only for a grain that moves; leave it out or set body.motion",
+        )
+        for key, value in (("coupling", "naive"), ("interface_tolerance", 1e-6), ("remesh_below", 0.5))
+    ],
+    (
+        {"numerics": Numerics(form="energy-stable")},
+        "numerics.form: is read only for flow in time; leave it out or add a section [time]",
     ),
     (
         {"output": Output(every=2)},

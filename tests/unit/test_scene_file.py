@@ -397,7 +397,8 @@ CHANNELS = st.builds(
     body=AT.flatmap(bodies),
     bed=BEDS,
     gravity=st.builds(Gravity, acceleration=numbers(0, 1e3)),
-    contact=st.none() | st.builds(Contact, friction=numbers(0, 10), gap=POSITIVE, tolerance=POSITIVE),
+    contact=st.none()
+    | st.builds(Contact, friction=numbers(0, 10), gap=numbers(1e-6, 0.1), tolerance=POSITIVE),
     **SETTINGS,
 )
 BOXES = st.builds(
