@@ -9,11 +9,17 @@ from __future__ import annotations
 import inspect
 from typing import Any
 
+# isort: off
+# In this order. PyPI's dolfinx finds no MPI of its own; beside it are two copies of HDF5, h5py's and PETSc's, and h5py
+# works only if its own is loaded first. So the others take `petsc` from here.
+from mpi4py import MPI
+import h5py  # noqa: F401
 import dolfinx
-import dolfinx.fem.petsc
+from dolfinx.fem import petsc
+# isort: on
+
 import numpy as np
 import ufl
-from mpi4py import MPI
 from petsc4py import PETSc
 
 ADD = dolfinx.la.InsertMode.add if hasattr(dolfinx.la, "InsertMode") else dolfinx.la.ScatterMode.add
@@ -173,7 +179,7 @@ def set_zero(vector: Any, conditions: list[Any]) -> None:
 
     The factor goes by position: its name is `scale` in 0.5.2 and `alpha` later.
     """
-    dolfinx.fem.petsc.set_bc(vector, conditions, None, 0.0)
+    petsc.set_bc(vector, conditions, None, 0.0)
 
 
 def impose(values: np.ndarray, conditions: list[Any]) -> None:

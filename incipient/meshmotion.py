@@ -17,12 +17,12 @@ import basix
 import dolfinx
 import numpy as np
 import ufl
-from dolfinx.fem import petsc
 from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from . import compat
+from .compat import petsc
 from .domain import Domain
 from .geometry.placement import Placement
 

@@ -254,10 +254,10 @@ def change_of_velocity(fluid: Fluid, term: Term) -> float:
 def _tested(fluid: Fluid, term: Term) -> Floats:
     """(owned unknowns,) the term at the fluid's state against every test function."""
     import ufl
-    from dolfinx.fem import petsc
     from petsc4py import PETSc
 
     from . import compat
+    from .compat import petsc
 
     v, _ = ufl.split(fluid.state)
     w, _ = ufl.TestFunctions(fluid.space.mixed)

@@ -17,10 +17,10 @@ from typing import Any
 import dolfinx
 import numpy as np
 import ufl
-from dolfinx.fem import petsc
 from petsc4py import PETSc
 
 from . import compat
+from .compat import petsc
 from .fluid import Fluid
 from .fluid.linear import solve_mass_matrix
 from .fluid.space import boundary_blocks

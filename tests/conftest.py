@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from environment import environment
+from environment import environment, on_ranks
 from hypothesis import settings
 
 # The same examples in every run, so that a failure is the change's; HYPOTHESIS_PROFILE=explore looks further.
@@ -34,7 +34,7 @@ def mpirun(tmp_path: Path) -> Launch:
         n: int, script: str | Path, *args: object, timeout: float = 120
     ) -> subprocess.CompletedProcess[str]:
         path = script if isinstance(script, Path) else _written(script, tmp_path)
-        command = ["mpirun", "-n", str(n), "--oversubscribe", sys.executable, str(path), *map(str, args)]
+        command = [*on_ranks(n), sys.executable, str(path), *map(str, args)]
         return subprocess.run(
             command,
             env=environment() | {"PYTHONPATH": str(TESTS)},

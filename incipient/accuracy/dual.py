@@ -18,12 +18,12 @@ from typing import Any
 import dolfinx
 import numpy as np
 import ufl
-from dolfinx.fem import petsc
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from .. import compat
 from ..bodystate import turned
+from ..compat import petsc
 from ..fluid import Fluid
 from ..fluid.space import boundary_blocks
 from ..tractions import Resultant, TractionProbe

@@ -9,10 +9,10 @@ from typing import Any
 import dolfinx
 import numpy as np
 import ufl
-from dolfinx.fem import petsc
 from petsc4py import PETSc
 
 from .. import compat
+from ..compat import petsc
 from ..domain import Domain
 from ..errors import IncipientError
 from ..forms import FlowTerms, ReferenceMap, energy_stable_rate, residual, swept

@@ -7,10 +7,10 @@ from typing import Any
 import dolfinx
 import numpy as np
 import ufl
-from dolfinx.fem import petsc
 from petsc4py import PETSc
 
 from .. import compat
+from ..compat import petsc
 from ..forms.terms import continuity, inertia
 from .flow import Fluid
 from .linear import KeptFactorisation

@@ -6,10 +6,10 @@ from typing import Any
 
 import dolfinx
 import ufl
-from dolfinx.fem import petsc
 from petsc4py import PETSc
 
 from .. import compat
+from ..compat import petsc
 from ..forms import vorticity as curl_of
 from .flow import Fluid
 from .linear import solve_mass_matrix

@@ -13,7 +13,7 @@ import tempfile
 from pathlib import Path
 
 import pytest
-from environment import environment
+from environment import environment, on_ranks
 from processes import result_of
 
 DEMOS = Path(__file__).parents[2] / "demos"
@@ -41,7 +41,7 @@ SAID = {"cavity.py": "Re = 100", "grain_on_bed.py": "verdict"}
 def run_demo(script, arguments, directory):
     """Run a demo on two ranks in a directory; its results by name, as they are pinned."""
     done = subprocess.run(
-        ["mpirun", "-n", "2", "--oversubscribe", sys.executable, str(DEMOS / script), *arguments],
+        [*on_ranks(2), sys.executable, str(DEMOS / script), *arguments],
         env=environment(),
         capture_output=True,
         text=True,

@@ -14,7 +14,7 @@ import h5py
 import numpy as np
 import pytest
 from conftest import Session
-from environment import environment
+from environment import environment, on_ranks
 from processes import (
     CAVITY,
     GRAIN_ON_BED,
@@ -85,7 +85,7 @@ def started():
     running = []
 
     def start(ranks, *arguments, **variables):
-        several = ["mpirun", "-n", str(ranks), "--oversubscribe"] if ranks > 1 else []
+        several = on_ranks(ranks) if ranks > 1 else []
         run = subprocess.Popen(
             [*several, sys.executable, "-m", "incipient", *map(str, arguments)],
             env=environment() | variables,

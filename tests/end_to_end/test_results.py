@@ -305,4 +305,4 @@ def test_nothing_is_imported_that_the_scene_does_not_call_for(tmp_path):
     unused = ("contact", "tractions", "judgement", "fluid.vorticity", "output.xdmf", "pictures")
     assert needed <= loaded
     assert not {f"incipient.{name}" for name in unused} & loaded
-    assert not {"pyvista", "matplotlib", "vtk", "h5py"} & loaded
+    assert not {"pyvista", "matplotlib", "vtk"} & loaded

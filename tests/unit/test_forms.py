@@ -16,11 +16,11 @@ import dolfinx
 import numpy as np
 import pytest
 import ufl
-from dolfinx.fem import petsc
 from domains import curved_box, unit_box
 from moving import RandomMotion
 
 from incipient import compat, forms
+from incipient.compat import petsc
 from incipient.domain import Domain
 from incipient.fluid import FlowModel, Fluid, Open, Prescribed, no_slip
 from incipient.fluid.space import (

@@ -8,11 +8,11 @@ import dolfinx
 import numpy as np
 import pytest
 import ufl
-from dolfinx.fem import petsc
 from domains import unit_box
 from petsc4py import PETSc
 
 from incipient import compat
+from incipient.compat import petsc
 from incipient.errors import ConvergenceError
 from incipient.fluid import linear
 from incipient.fluid.linear import KeptFactorisation, solve_mass_matrix

@@ -13,14 +13,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from environment import environment
+from environment import environment, on_ranks
 from xdmf_writer import CELLS, RADIUS, SEMI_AXES, STEPS_A_MESH, placement, pressure, velocity
 
 from incipient.errors import OutputError
 from incipient.output.series_file import SeriesFile, read_step, times
 
 WRITER = Path(__file__).with_name("xdmf_writer.py")
-MAKE = {1: [sys.executable], 2: ["mpirun", "-n", "2", "--oversubscribe", sys.executable]}
+MAKE = {1: [sys.executable], 2: [*on_ranks(2), sys.executable]}
 QUADRATIC_EDGE, QUADRATIC_TRIANGLE, QUADRATIC_TETRAHEDRON = 21, 22, 24  # vtkCellType.h
 
 
