@@ -11,10 +11,10 @@ export OMP_NUM_THREADS := 1
 export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 
-.PHONY: help setup demo test test-slow lint types bench cost effects stress clean
+.PHONY: help setup demo test test-slow test-debian13 test-wheel lint types bench cost effects stress clean
 
 help: ## list the targets
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 setup: ## install what is missing: Debian's packages and .venv
 	@./setup.sh
@@ -27,6 +27,12 @@ test: setup ## the default tests (ARGS="-k name -x" goes to pytest)
 
 test-slow: setup ## the tests that take minutes
 	$(PYTHON) -m pytest -m slow $(ARGS)
+
+test-debian13: ## the default tests on Debian 13, in a directory of its own (as root)
+	.ci/debian13 packages $(ARGS)
+
+test-wheel: ## the default tests with the dolfinx that PyPI has, on Debian 13's Python (as root)
+	.ci/debian13 wheel $(ARGS)
 
 lint: setup ## ruff: rules and format
 	$(PYTHON) -m ruff check
