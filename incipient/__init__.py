@@ -16,7 +16,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .errors import ConvergenceError, IncipientError, Interrupted, MeshError, OutputError, SceneError
+from .errors import (
+    ConvergenceError,
+    IncipientError,
+    Interrupted,
+    MeshError,
+    MissingError,
+    OutputError,
+    SceneError,
+)
 from .plan import Plan, make_plan
 from .scene import Scene, load
 
@@ -32,6 +40,7 @@ __all__ = [
     "IncipientError",
     "Interrupted",
     "MeshError",
+    "MissingError",
     "OutputError",
     "Plan",
     "Scene",
@@ -61,11 +70,10 @@ def run(
     Raises:
         IncipientError: on all ranks, one line; what was computed before it stays in the directory.
     """
-    from mpi4py import MPI as mpi
-
+    from .parallel import world
     from .simulation import simulate
 
-    comm = comm or mpi.COMM_WORLD
+    comm = comm or world()
     if scene.numerics.accuracy is None:
         return simulate(scene, comm, _recorder(directory, comm), voice)
     from .accuracy.adaptation import run_to_accuracy
@@ -103,12 +111,11 @@ def resume(
         IncipientError: as `run`; and when the checkpoint is missing, damaged, incomplete, of another version or
             of another scene, or when there is nothing left to compute.
     """
-    from mpi4py import MPI as mpi
-
     from .output.directory import ResultDirectory
+    from .parallel import world
     from .restart.reopening import reopened
     from .simulation import simulate
 
-    comm, directory = comm or mpi.COMM_WORLD, Path(directory)
+    comm, directory = comm or world(), Path(directory)
     scene, kept = reopened(directory, overrides, comm)
     return simulate(scene, comm, ResultDirectory(directory, comm, kept), voice, kept)

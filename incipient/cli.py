@@ -12,10 +12,12 @@ import time
 import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, cast
 
-from .errors import IncipientError, SceneError
+from .errors import IncipientError, MissingError, SceneError
+from .installed import required
 from .interrupt import forget_unfinished_form
+from .parallel import Alone, world
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -271,14 +273,13 @@ def _whereabouts(directory: Path, fields: bool, pictures: list[Path], cost: dict
 def _plan(options: argparse.Namespace, comm: MPI.Comm) -> int:
     import incipient
 
-    from .cost.command import planned, predicted
+    from .cost.command import planned_and_predicted
     from .parallel import collectively
 
     scene = incipient.load(options.scene, options.overrides)
     with collectively(comm):
         if comm.rank == 0:
-            plan = planned(scene)
-            prediction, words = predicted(scene, plan)
+            plan, prediction, words = planned_and_predicted(scene)
             told = json.dumps({**plan.to_dict(), "prediction": prediction}, indent=2)
             print(told if options.json else f"{plan.text()}\n{words}")
     return 0
@@ -397,14 +398,13 @@ def _schema(options: argparse.Namespace, comm: MPI.Comm) -> int:
 
 def _guarded(arguments: Sequence[str] | None) -> int:
     """Run the command; turn errors into one line and an exit code, on all ranks, without a hang."""
-    from mpi4py import MPI
-
-    comm = MPI.COMM_WORLD
+    comm = _ranks_there_are()
     try:
         options = _parser().parse_args(arguments)
         _listen(options.log_level)
         signal.signal(signal.SIGTERM, _as_interrupt)
-        return int(options.command(options, comm))
+        with required():
+            return int(options.command(options, comm))
     except IncipientError as error:
         # Raised on all ranks alike: rank 0 speaks for all, and all leave in an orderly way.
         if comm.rank == 0:
@@ -455,10 +455,17 @@ def start_alone_quickly() -> None:
     wanted = {"OMPI_MCA_ess_singleton_isolated": "1", "OMPI_MCA_pml": "ob1", "OMPI_MCA_btl": "self"}
     added = {name: value for name, value in wanted.items() if name not in os.environ}
     os.environ.update(added)
-    from mpi4py import MPI  # noqa: F401 (reads them as it starts)
-
+    _ranks_there_are()  # mpi4py reads them as it starts
     for name in added:
         del os.environ[name]
+
+
+def _ranks_there_are() -> MPI.Comm:
+    """All ranks; without an MPI this process alone, which judges and plans, and says what is missing for a flow."""
+    try:
+        return world()
+    except MissingError:
+        return cast("MPI.Comm", Alone())
 
 
 def _nobody() -> logging.Logger:

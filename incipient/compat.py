@@ -22,6 +22,8 @@ import numpy as np
 import ufl
 from petsc4py import PETSc
 
+from .installed import required
+
 ADD = dolfinx.la.InsertMode.add if hasattr(dolfinx.la, "InsertMode") else dolfinx.la.ScatterMode.add
 
 
@@ -49,7 +51,8 @@ def mixed_element(parts: list[Any]) -> Any:
 def function_space(mesh: Any, any_element: Any) -> Any:
     """Function space of an element as made by `element` or `mixed_element`, or of a coordinate element."""
     make = getattr(dolfinx.fem, "functionspace", None) or dolfinx.fem.FunctionSpace
-    return make(mesh, any_element)
+    with required():
+        return make(mesh, any_element)
 
 
 def space(mesh: Any, degree: tuple[str, int], shape: tuple[int, ...] = ()) -> Any:
@@ -59,11 +62,16 @@ def space(mesh: Any, degree: tuple[str, int], shape: tuple[int, ...] = ()) -> An
 
 
 def form(expression: Any, compiler: dict[str, Any] | None = None) -> Any:
-    """Compile a UFL form. Collective; cached on disk by dolfinx."""
+    """Compile a UFL form. Collective; cached on disk by dolfinx.
+
+    Raises:
+        MissingError: the C compiler, or what it needs, is not installed.
+    """
     keyword = "form_compiler_options"
     if keyword not in inspect.signature(dolfinx.fem.form).parameters:
         keyword = "form_compiler_params"
-    return dolfinx.fem.form(expression, **{keyword: dict(compiler or {})})
+    with required():
+        return dolfinx.fem.form(expression, **{keyword: dict(compiler or {})})
 
 
 def model_to_mesh(model: Any, comm: MPI.Comm, gdim: int) -> tuple[Any, Any, Any]:

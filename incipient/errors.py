@@ -31,6 +31,12 @@ class OutputError(IncipientError):
     exit_code = 5
 
 
+class MissingError(IncipientError):
+    """A module, a library or the compiler that the flow needs is not installed."""
+
+    exit_code = 6
+
+
 class Interrupted(IncipientError):
     """The run was asked to end; what it needs to go on has been kept."""
 

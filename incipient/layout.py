@@ -12,6 +12,7 @@ import numpy as np
 from .geometry.curves import Curve, Line, Point
 from .geometry.grain import Placement
 from .geometry.rest import clearance, lifted
+from .installed import required
 from .meshes import Grid, Near, Region, Sizes
 from .plan import Estimate, Plan
 from .scene import Scene
@@ -52,8 +53,10 @@ class Layout:
 
         Raises:
             MeshError: the geometry cannot be meshed.
+            MissingError: gmsh, or a library that it needs, is not installed.
         """
-        from .meshes.model import grid_model, region_model
+        with required():
+            from .meshes.model import grid_model, region_model
 
         if isinstance(self.shape, Grid):
             return grid_model(self.shape, self.geometry_order)

@@ -4,12 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from .errors import IncipientError
+from .installed import required
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+
+
+class Alone:
+    """The only rank: what commands that compute no flow ask of a communicator, where mpi4py is not installed."""
+
+    rank, size = 0, 1
+
+    def allgather(self, value: Any) -> list[Any]:
+        """The values of all ranks."""
+        return [value]
+
+
+def world() -> MPI.Comm:
+    """The communicator of all ranks.
+
+    Raises:
+        MissingError: mpi4py, or the MPI library that it needs, is not installed.
+    """
+    with required():
+        from mpi4py import MPI
+    return MPI.COMM_WORLD
 
 
 @contextmanager

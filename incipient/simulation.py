@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from . import layout as layouts
 from .attribution import Corrections
 from .errors import IncipientError, Interrupted, OutputError
+from .installed import required
 from .interrupt import Interruption, told_where_kept
 from .ledger import Ledger
 from .outcome import loads, outcome, with_estimates
@@ -97,7 +98,7 @@ class Simulation:
             self.plan = make_plan(scene)
             self.layout = self.sizing(layouts.lay_out(scene, self.plan))
             self.corrections = Corrections(self.ledger, self.plan)
-        with self.stage("import"):
+        with self.stage("import"), required():
             from . import boundaries, domain, fluid
         with self.stage("mesh"):
             self.contacts = self._contacts()

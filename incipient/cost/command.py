@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import ConvergenceError, SceneError
+from ..errors import ConvergenceError, MissingError, SceneError
 from ..files import reported
 from . import calibration
 from . import page as cost_page
@@ -103,6 +103,21 @@ def predicted(scene: Scene, plan: Plan) -> tuple[dict[str, Any] | None, str]:
         return (None, uncalibrated()) if found is None else (plain(found), found.text())
     foreseen = foresee(scene, plan.estimate)
     return (None, foreseen) if isinstance(foreseen, str) else (plain(foreseen), foreseen.text())
+
+
+def planned_and_predicted(scene: Scene) -> tuple[Plan, dict[str, Any] | None, str]:
+    """`planned` and `predicted` together; without gmsh the plan is told all the same, with the reason for the rest.
+
+    Raises:
+        MeshError: a mesh cannot be made.
+    """
+    from ..plan import make_plan
+
+    try:
+        plan = planned(scene)
+        return plan, *predicted(scene, plan)
+    except MissingError as error:
+        return make_plan(scene), None, f"  cells, unknowns, memory and time are not known: {error}"
 
 
 # -- calibration --------------------------------------------------------------------------------------------

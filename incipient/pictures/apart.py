@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 
 from ..errors import OutputError
+from ..installed import missing_in_words
 
 # What would make the child take part in the parallel run it was started from.
 PARALLEL = ("OMPI_", "PMIX_", "PMI_", "ORTE_")
@@ -50,5 +51,5 @@ def _apart(nothing: str, *arguments: str) -> list[Path]:
     )
     if child.returncode:
         lines = child.stderr.strip().splitlines() or [f"the drawing ended with code {child.returncode}"]
-        raise OutputError(f"{nothing}: {lines[-1]}")
+        raise OutputError(f"{nothing}: {missing_in_words(lines[-1]) or lines[-1]}")
     return [Path(line) for line in child.stdout.splitlines()]

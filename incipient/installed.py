@@ -1,0 +1,59 @@
+"""What the flow needs beside the Python packages that always come along; what is missing is named with its remedy."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from .errors import MissingError
+
+# Modules that `pip install incipient` does not bring.
+MODULES = ("mpi4py", "petsc4py", "dolfinx", "ufl", "basix", "ffcx", "gmsh", "h5py")
+MODULES_REMEDY = (
+    "on Debian run apt-get install python3-dolfinx python3-gmsh python3-h5py, elsewhere, with Python 3.12 or newer, "
+    "pip install 'incipient[dolfinx]'"
+)
+# What PyPI's packages expect of the system: gmsh, pictures by VTK, and the forms that dolfinx compiles.
+LIBRARIES = (
+    "libglu1-mesa libgl1 libgomp1 libxcursor1 libxft2 libxinerama1 libxrender1",
+    "libegl1 libgl1-mesa-dri",
+)
+COMPILER = "gcc libc6-dev python3-dev"
+SYSTEM_REMEDY = f"on Debian run apt-get install {' '.join(LIBRARIES)} {COMPILER}"
+
+
+def missing(error: BaseException) -> str | None:
+    """What an error says to be missing, and how to get it, in one line; None if it says nothing of the kind."""
+    if isinstance(error, ModuleNotFoundError) and (error.name or "").partition(".")[0] in MODULES:
+        return f"{(error.name or '').partition('.')[0]} is not installed: {MODULES_REMEDY}"
+    return missing_in_words(str(error))
+
+
+def missing_in_words(words: str) -> str | None:
+    """As `missing`, from what an error, or another program, has said."""
+    library = re.search(r"(lib[\w.+-]+\.so[.\d]*): cannot open shared object file", words)
+    if library:
+        return f"the library {library[1]} is not installed: {SYSTEM_REMEDY}"
+    if "cannot load MPI library" in words:
+        return f"there is no MPI library: {MODULES_REMEDY}"
+    failed = re.search(r"CompileError.*|Compilation failed on root node", words)
+    if failed:
+        return f"a form was not compiled, it takes a C compiler and Python's headers ({failed[0]}): {SYSTEM_REMEDY}"
+    return None
+
+
+@contextmanager
+def required() -> Iterator[None]:
+    """Let errors of the block that come from a missing module, library or compiler say so. Not collective.
+
+    Raises:
+        MissingError: in their place; other errors pass.
+    """
+    try:
+        yield
+    except Exception as error:
+        words = missing(error)
+        if words is None:
+            raise
+        raise MissingError(words) from error
