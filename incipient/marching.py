@@ -102,8 +102,8 @@ class March:
                 simulation.take_over(travel)
                 simulation.recorder.remeshed(simulation.domain)
             simulation.probe = travel.coupling.probe
-            last = travel.coupling.met or step.time >= time.end * (1 - 1e-9)
-            self._record(step, travel.row(step), last)
+            met, over = travel.coupling.met, step.time >= time.end * (1 - 1e-9)
+            self._record(step, travel.row(step), met or over, kept=met and not over)
 
     def _trajectory(self) -> Trajectory:
         """The grain and its surroundings, at the start or as the checkpoint has them."""
@@ -138,8 +138,11 @@ class March:
             yield step
         simulation.interruption.armed = False
 
-    def _record(self, step: TimeStep, row: dict[str, Any], last: bool) -> None:
-        """Hand a step over to the recorder, with a checkpoint where one is due, and stop if that was asked for."""
+    def _record(self, step: TimeStep, row: dict[str, Any], last: bool, kept: bool = False) -> None:
+        """Hand a step over to the recorder, with a checkpoint where one is due, and stop if that was asked for.
+
+        `kept` asks for one of the last step: a run that has ended at contact may go on otherwise.
+        """
         simulation = self._of
         simulation.recorder.step(row)
         simulation.voice.advance(step.time, self._time.end)
@@ -148,10 +151,10 @@ class March:
         if not simulation.recorder.keeps:
             return
         every, stop = simulation.scene.output.checkpoint, simulation.interruption.asked() and not last
-        if stop or (every > 0 and step.number % every == 0):
-            kept = self._keep()
+        if stop or kept or (every > 0 and step.number % every == 0):
+            path = self._keep()
         if stop:
-            raise Interrupted(f"interrupted at t = {step.time:.6g}; to go on: incipient resume {kept}")
+            raise Interrupted(f"interrupted at t = {step.time:.6g}; to go on: incipient resume {path}")
 
     def _row(self, step: TimeStep) -> dict[str, Any]:
         """One line of the history of a grain that is held, or of a flow without one."""

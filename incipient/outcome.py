@@ -12,11 +12,13 @@ import numpy as np
 
 from .attribution import cost_of_effects
 from .errors import IncipientError
+from .landing import landing
 from .ledger import peak_memory_mib
 from .result import Coefficients, Couples, Forces, Result, gap_of
 
 if TYPE_CHECKING:
     from .accuracy.errorbars import ErrorBars
+    from .contact import Contacts
     from .omitted import Omission
     from .scene import Scene
     from .simulation import Simulation
@@ -32,10 +34,15 @@ def outcome(simulation: Simulation, status: str = "complete", error: str = "") -
     scene, travel = simulation.scene, simulation.trajectory
     with simulation.stage("tractions"):
         force = couple = verdict = None
+        contacts, trajectory = simulation.contacts, None if travel is None else travel.summary()
         if simulation.probe is not None:
             force, couple = loads(simulation, surface=True)
             if status == "complete":
                 verdict = judged(simulation, force, couple)
+            if travel is not None and trajectory is not None and travel.coupling.met:
+                landed = landing(scene, travel.state, travel.clearance(), force, couple)
+                contacts, verdict = landed.contacts, landed.verdict
+                trajectory["ended"]["without_verdict"] = landed.why_not
         gap = None if travel is not None else gap_of(simulation.layout, simulation.domain)
         lines = centrelines(scene, simulation.fluid)
         cells = _cell_reynolds(simulation)
@@ -48,9 +55,9 @@ def outcome(simulation: Simulation, status: str = "complete", error: str = "") -
         coefficients=None if force is None or couple is None else coefficients(scene, force, couple),
         grain=_grain(simulation),
         gap=gap,
-        contacts=_contacts(simulation),
+        contacts=_contacts(contacts),
         verdict=verdict,
-        trajectory=None if travel is None else travel.summary(),
+        trajectory=trajectory,
         centrelines=lines,
         measured_cell_reynolds=cells,
         cost=cost(simulation),
@@ -118,7 +125,12 @@ def loads(simulation: Simulation, surface: bool, speed: float = 1.0) -> tuple[Fo
     gravity, unit = np.append(scene.gravity_vector, 0.0), speed**2
     buoyancy, weight = -scene.grain.volume * gravity, (scene.mass or 0.0) * gravity
     force = Forces(unit * flow.force, unit * check.force, buoyancy, weight)
-    return force, Couples(unit * flow.couple, unit * check.couple, flow.about)
+    couple = Couples(unit * flow.couple, unit * check.couple, flow.about)
+    if simulation.trajectory is None:
+        return force, couple
+    x, y, turning = simulation.trajectory.repulsion()
+    pushed, twisted = np.array([x, y, 0.0]), np.array([0.0, 0.0, turning])
+    return replace(force, repulsion=pushed), replace(couple, repulsion=twisted)
 
 
 def coefficients(scene: Scene, force: Forces, couple: Couples) -> Coefficients:
@@ -177,9 +189,8 @@ def _cell_reynolds(simulation: Simulation) -> float | None:
     return measured_cell_reynolds(simulation.fluid)
 
 
-def _contacts(simulation: Simulation) -> list[dict[str, Any]]:
+def _contacts(contacts: Contacts | None) -> list[dict[str, Any]]:
     """Contacts as plain data: point, outward normal of the grain, area (0 for a point). Not collective."""
-    contacts = simulation.contacts
     if contacts is None:
         return []
     areas = np.zeros(len(contacts.points)) if contacts.areas is None else contacts.areas

@@ -34,26 +34,29 @@ class Forces:
     surface_integral: the same by integrating sigma n over the surface (cross-check)
     buoyancy:         of the hydrostatic pressure, exact
     weight:           of the grain
+    repulsion:        from what a grain that is repelled has come close to; zero for others
     """
 
     flow: np.ndarray
     surface_integral: np.ndarray
     buoyancy: np.ndarray
     weight: np.ndarray
+    repulsion: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
     @property
     def total(self) -> np.ndarray:
-        """Flow, buoyancy and weight together: the paper's F_flow&g (9)."""
-        return self.flow + self.buoyancy + self.weight
+        """Flow, buoyancy and weight together, the paper's F_flow&g (9), and what repels the grain."""
+        return self.flow + self.buoyancy + self.weight + self.repulsion
 
 
 @dataclass(frozen=True)
 class Couples:
-    """Couples on the grain (3,) about its centre of mass; in 2D along the third axis."""
+    """Couples on the grain (3,) about its centre of mass, as the forces of these names; in 2D along the third axis."""
 
     flow: np.ndarray
     surface_integral: np.ndarray
     about: np.ndarray
+    repulsion: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
 
 @dataclass(frozen=True)
@@ -123,6 +126,11 @@ class Result:
     velocity: Any = field(default=None, repr=False)
     pressure: Any = field(default=None, repr=False)
 
+    @property
+    def met(self) -> bool:
+        """Whether the run ended because its grain met something; with a checkpoint it may go on."""
+        return self.trajectory is not None and self.trajectory["ended"]["by"] == "contact"
+
     def to_dict(self) -> dict[str, Any]:
         """Everything but the fields, as result.json holds it."""
         stored: dict[str, Any] = {
@@ -155,6 +163,9 @@ def _lines(result: Result) -> list[str]:
         lines.append(
             f"force of the flow   ({f[0]:.6g}, {f[1]:.6g})   couple {c[2]:.6g} about the centre of mass"
         )
+        if result.force.repulsion.any():
+            f, c = result.force.repulsion, result.couple.repulsion
+            lines.append(f"force of repulsion  ({f[0]:.6g}, {f[1]:.6g})   couple {c[2]:.6g}")
     if result.error_bars is not None:
         lines += result.error_bars.lines()
     elif result.without_error_bars:
@@ -177,7 +188,9 @@ def _lines(result: Result) -> list[str]:
     if result.verdict is not None:
         said = result.verdict["sentence"].split("; ", 1)
         lines += [f"{'' if row else 'verdict':<20}{part}" for row, part in enumerate(said)]
-        if result.verdict["safety_status"] in ("UNHELD", "HELD_BY_FLOW"):
+        if "note" in result.verdict:
+            lines.append(f"{'':<20}{result.verdict['note']}")
+        elif result.verdict["safety_status"] in ("UNHELD", "HELD_BY_FLOW"):
             lines.append(f"{'':<20}{_without_rest(result.scene)}")
     if result.error_bars is not None and result.error_bars.safety is not None:
         lines.append(f"{'':<20}{result.error_bars.safety.sentence()}")
@@ -199,10 +212,12 @@ def _path(trajectory: dict[str, Any]) -> list[str]:
     nearest = f"{ended['clearance']:.3g} from the {ended['nearest']}"
     end = f"met the {ended['nearest']}" if ended["by"] == "contact" else nearest
     iterations = trajectory["interface_iterations"]
+    missing = ended["without_verdict"]
     return [
         f"grain at            ({x:.6g}, {y:.6g}), turned by {trajectory['angle']:.6g} rad; "
         f"t = {ended['time']:.6g}, {end}",
         f"velocity            ({u:.6g}, {v:.6g}), spin {trajectory['spin']:.6g} rad per unit of time",
         f"interface           {iterations['mean']:.1f} iterations a step, {iterations['most']} at most; "
         f"{len(trajectory['remeshings'])} new meshes",
+        *([f"verdict             none: {missing}"] if missing else []),
     ]

@@ -28,6 +28,7 @@ from .rigidbody import RigidBody
 from .scene import Scene
 from .scene.expression import Expression
 from .scene.motion import moment
+from .surroundings import Clearance
 
 Floats = NDArray[np.float64]
 Stage = Callable[[str], AbstractContextManager[Any]]
@@ -35,6 +36,8 @@ Stage = Callable[[str], AbstractContextManager[Any]]
 # Of a grain's place, relative to its size, and of its angle, when a mesh is drawn around it, which then is moved
 # by the rest. Meshes so are the same for places that differ by round-off: on any number of ranks, and after resuming.
 ROUNDING = 1e-6
+# Columns of the history of a free grain: of what repels it, zero for one that is not repelled.
+REPULSION = ("repulsion_x", "repulsion_y", "repulsion_couple")
 
 
 class Trajectory:
@@ -57,9 +60,11 @@ class Trajectory:
         state: BodyState | None = None,
     ):
         self.scene, self.plan, self.fluid, self._stage, self._voice = scene, plan, fluid, stage, voice
-        assert scene.grain is not None and scene.placement is not None and scene.time is not None
+        assert scene.body is not None and scene.time is not None
+        assert scene.grain is not None and scene.placement is not None
         self.grain, self.time = scene.grain, scene.time
         self.surroundings = layout.surroundings(scene)
+        self._is_free, self._is_repelled = scene.body.motion == "free", scene.body.on_contact == "repel"
         self.body = rigid_body(scene)
         self.remeshings: list[Remeshing] = []
         self.interface_iterations: list[int] = []
@@ -101,6 +106,7 @@ class Trajectory:
         """One line of the history."""
         assert isinstance(step.report, InterfaceReport)
         state, load = self.state, self.coupling.end.flow_load
+        repulsion = dict(zip(REPULSION, self.repulsion().tolist(), strict=True))
         with self._stage("tractions"):
             kinetic, dissipation, power = (
                 self.energy.kinetic(),
@@ -122,6 +128,7 @@ class Trajectory:
             "force_x": load[0],
             "force_y": load[1],
             "couple": load[2],
+            **(repulsion if self._is_free else {}),
             "interface": step.report.corrected,
             "interface_residual": residuals[-1],
             "mesh_quality": self.coupling.quality.worst,
@@ -134,7 +141,7 @@ class Trajectory:
 
     def summary(self) -> dict[str, Any]:
         """Plain data for the result: how it ended, where the grain is, how it went."""
-        state, near = self.state, self.surroundings.clearance(self.state.placement)
+        state, near = self.state, self.clearance()
         iterations = self.interface_iterations or [0]
         return {
             "ended": {
@@ -142,6 +149,7 @@ class Trajectory:
                 "time": self.fluid.time,
                 "clearance": near.distance,
                 "nearest": near.other,
+                "without_verdict": "",
             },
             "place": state.place,
             "angle": float(state.orientation[0]),
@@ -153,13 +161,20 @@ class Trajectory:
             "remeshings": [asdict(one) for one in self.remeshings],
         }
 
+    def clearance(self) -> Clearance:
+        """How far the grain is from what is nearest to it. Not collective."""
+        return self.surroundings.clearance(self.state.placement)
+
+    def repulsion(self) -> Floats:
+        """Force and couple (3,) on the grain from what it has come close to; zero unless it is repelled."""
+        return self._repulsion(self.state) if self._is_repelled else np.zeros(self.body.size)
+
     # -- building ---------------------------------------------------------------------------------
 
     def _coupled(self, fluid: Fluid, state: BodyState, drawn: Placement | None = None) -> Coupling:
         """The grain in the fluid, whose mesh, drawn for a placement, is moved to where the state is."""
         numerics = self.scene.numerics
         turning = not isinstance(self.grain, Disc)
-        stop = self.scene.body is not None and self.scene.body.on_contact == "stop"
         motion = MeshMotion(fluid.domain, "body", drawn or state.placement, turning)
         if drawn is not None:
             motion.move(state.placement)
@@ -170,7 +185,7 @@ class Trajectory:
             state,
             motion,
             self._other_load,
-            room=self._room if stop else None,
+            room=None if self._is_repelled else self._room,
             tolerance=numerics.interface_tolerance,
             stage=self._stage,
             added_mass=numerics.coupling == "exact",
@@ -185,7 +200,7 @@ class Trajectory:
         """Weight and buoyancy, and what keeps a repelled grain away."""
         load = np.zeros(self.body.size)
         load[: self.body.gdim] = (self.body.inertia.mass - self.grain.volume) * self.scene.gravity_vector
-        if self.scene.body is not None and self.scene.body.on_contact == "repel":
+        if self._is_repelled:
             load += self._repulsion(state)
         return load
 

@@ -149,11 +149,12 @@ class ResultDirectory:
         return self.path
 
     def finish(self, result: Result) -> None:
-        """Write result.json; after a complete run a checkpoint stays only where the scene wants some."""
+        """Write result.json; after a complete run a checkpoint stays where the scene wants some, and after contact."""
         with collectively(self.comm):
             if self.comm.rank == 0:
                 write_json(self.path / "result.json", result.to_dict())
-                if result.status == "complete" and not result.scene["output"]["checkpoint"]:
+                wanted = result.scene["output"]["checkpoint"] or result.met
+                if result.status == "complete" and not wanted:
                     with reported(self.path / CHECKPOINT):
                         (self.path / CHECKPOINT).unlink(missing_ok=True)
 

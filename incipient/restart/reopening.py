@@ -28,6 +28,8 @@ MAY_CHANGE_IF_THE_GRAIN_MOVES = (
     *("numerics.remesh_below", "numerics.mesh_size", "numerics.interface_tolerance", "numerics.coupling"),
     "contact.gap",
 )
+# Where the grain moves a key may take this value, too.
+MAY_BECOME = {"body.on_contact": "repel"}
 
 
 def reopened(directory: Path, overrides: Sequence[str], comm: MPI.Comm) -> tuple[Scene, Checkpoint]:
@@ -53,19 +55,29 @@ def _require_same(path: Path, scene: Scene, of_checkpoint: Scene) -> None:
     now, before = (dict(_flat(one.model_dump(mode="json"))) for one in (scene, of_checkpoint))
     moves = scene.body is not None and scene.body.moves
     allowed = MAY_CHANGE + (MAY_CHANGE_IF_THE_GRAIN_MOVES if moves else ())
+    becomes = MAY_BECOME if moves else {}
     for key in sorted(now.keys() | before.keys()):
-        if now.get(key) != before.get(key) and key not in (*allowed, "title"):
-            raise SceneError(
-                f"{path}: {key} is {now.get(key)}, but the run to resume has {before.get(key)}; "
-                f"leave it so (only {', '.join(allowed)} may change) or start anew with: incipient run"
-            )
+        if (
+            now.get(key) == before.get(key)
+            or key in (*allowed, "title")
+            or becomes.get(key, ...) == now.get(key)
+        ):
+            continue
+        others = [*allowed, *(f'{name} = "{value}"' for name, value in becomes.items())]
+        raise SceneError(
+            f"{path}: {key} is {now.get(key)}, but the run to resume has {before.get(key)}; "
+            f"leave it so (only {', '.join(others)} may change) or start anew with: incipient run"
+        )
 
 
 def _require_work(scene: Scene, of_checkpoint: Scene, kept: Checkpoint) -> None:
     assert scene.time is not None
-    if kept.body is not None and kept.body.met and scene.contact_gap >= of_checkpoint.contact_gap:
+    repelled = scene.body is not None and scene.body.on_contact == "repel"
+    met = kept.body is not None and kept.body.met
+    if met and not repelled and scene.contact_gap >= of_checkpoint.contact_gap:
         raise SceneError(
-            "the run has ended: its grain met something; there is nothing to resume, but with a smaller contact.gap"
+            "the run has ended: its grain met something; "
+            'to go on set body.on_contact = "repel", or a smaller contact.gap'
         )
     if scene.time.end - kept.time <= 1e-9 * scene.time.end:
         raise SceneError(

@@ -351,7 +351,7 @@ class Output(Section):
     checkpoint: int = Field(
         0,
         ge=0,
-        description="Save all that a run needs to go on every so many time steps; 0: only if it is cut short",
+        description="Save all that a run needs to go on every so many steps; 0: only if it is cut short or at contact",
     )
 
 

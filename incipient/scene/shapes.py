@@ -74,7 +74,7 @@ class GrainSection(Section):
     )
     on_contact: Literal["stop", "repel"] = Field(
         "stop",
-        description="What a free grain does within contact.gap of a wall: end the run, or be repelled",
+        description="A grain that moves within contact.gap of a wall ends the run; a free one may be repelled",
     )
 
     @field_validator("course")

@@ -18,11 +18,10 @@ from incipient.restart.checkpoint import read
 from incipient.result import Result
 from incipient.scene.file import loads
 
-# The ellipse in the cavity, heavy: it sinks to the bottom. A run that ends at contact keeps no checkpoint unless it is
-# told to.
+# The ellipse in the cavity, heavy: it sinks to the bottom.
 SINKING = (
     *("body.density=5", "body.centre=[1.5, 1.2]", "gravity.acceleration=10", "fluid.reynolds=5"),
-    *("time.end=20", "contact.friction=0", "output.checkpoint=1"),
+    *("time.end=20", "contact.friction=0"),
 )
 # A box whose lid gets faster and faster, beyond what coarse cells can bear without stabilisation.
 FASTER = """
@@ -83,7 +82,7 @@ CASES = {
         ),
         HardCase(
             "sinking until contact, gap made smaller",
-            *(CARRIED, SINKING, ("contact.gap=0.2",), ("contact.gap=0.05",)),
+            *(CARRIED, SINKING, ("contact.gap=0.1",), ("contact.gap=0.05",)),
         ),
         HardCase(
             "adaptive steps far too small, stopped by a signal",
