@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ..contact.error_box import shifted
 from ..contact.exact import judged
 from ..judgement import find_contacts, load_of
-from .safetybar import bar_of_scene, shifted
+from .safetybar import bar_of_scene
 
 if TYPE_CHECKING:
     from ..contact import Contacts
@@ -73,9 +74,7 @@ class Goal:
         errors = {"discretisation": np.abs(np.concatenate([of_force, of_couple]))}
         bar = bar_of_scene(self.scene, self.contacts, force, couple, errors)
         assert bar is not None
-        if bar.low == bar.high:
-            return 0.0
-        return _ratio(bar.high - bar.low, bar.value)
+        return bar.relative
 
     def _slope(self, force: Forces, couple: Couples) -> Floats:
         """Derivatives of log(safety factor) along force and couple in the plane (3,)."""

@@ -1,9 +1,9 @@
-"""What errors of force and couple mean for the verdict: the range of safety factors, and if one mode is certain."""
+"""What errors of force and couple mean for the verdict: the range of safety factors, and what is certain within it."""
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contact import Contacts, Load
-from ..contact.exact import MassAndInertia, judged
+from ..contact.error_box import ErrorBox, Interval, SafetyRange, safety_range
+from ..contact.exact import Exact, MassAndInertia, judged
+from ..contact.planar_modes import modes_within
 from ..judgement import load_of, mass_and_inertia
 
 if TYPE_CHECKING:
@@ -25,10 +27,16 @@ Errors = Mapping[str, Floats]
 
 @dataclass(frozen=True)
 class SafetyBar:
-    """The safety factor over all loads within the error bars, whether they all give one mode, and what to improve.
+    """The safety factor over all loads within the error bars, what is certain of them, and what to improve.
 
-    decisive: the term without which the range of safety factors would shrink most
-    unknown:  terms that should be there but could not be computed
+    low, high: the smallest and the largest safety factor of a load within the bars
+    certain:   whether it is proved that all of these loads are held, or that none is: rest, or motion
+    modes:     what loads within the bars do, with `complete`; otherwise what those that were asked do
+    complete:  whether it is proved that no load within the bars does anything else; one mode is then certain
+    decisive:  the term without which the range of safety factors would shrink most
+    some, every: the smallest and largest multiple of the flow's load with which some load within the bars is held,
+               and with which all are; None where there is none
+    unknown:   terms that should be there but could not be computed
     """
 
     value: float
@@ -36,17 +44,46 @@ class SafetyBar:
     high: float
     certain: bool
     modes: tuple[str, ...]
+    complete: bool
     decisive: str
+    some: Interval | None
+    every: Interval | None
     unknown: tuple[str, ...] = ()
+
+    @property
+    def relative(self) -> float:
+        """The width of the range over the safety factor; infinite where only one of the ends is.
+
+        Where the weight alone is not held, and the factor therefore is zero, that by which `some` is longer than
+        `every`, over its largest factor.
+        """
+        if (self.low, self.high) != (0.0, 0.0) or self.some is None or self.some[0] == 0.0:
+            return _ratio(self.low, self.high, self.value)
+        low, high = self.every or (self.some[1], self.some[0])
+        return _ratio(high, self.some[1], self.some[1]) + _ratio(self.some[0], low, self.some[1])
 
     def sentence(self) -> str:
         """What the error bars mean for the verdict."""
         between = f"safety factor {self.value:.4g}, between {self.low:.4g} and {self.high:.4g}"
+        if self.high == 0.0:
+            between = f"safety factor 0; {_held(self.some, self.every)}"
         if not self.certain:
             return f"NOT certain: {between}; to decide, reduce the error of the {self.decisive}"
         if self.unknown:
-            return f"certain but for the error of the {' and '.join(self.unknown)}, which is not known: {between}"
-        return f"certain within the error bars: {between}"
+            names = " and ".join(self.unknown)
+            return f"certain but for the error of the {names}, which is not known: {self._outcome()}; {between}"
+        return f"certain within the error bars: {self._outcome()}; {between}"
+
+    def _outcome(self) -> str:
+        """Rest or motion, and the mode where that is proved as well."""
+        if self.modes == ("rest",):
+            return "it rests"
+        modes = [mode for mode in self.modes if mode != "moves"]
+        if not modes:
+            return "it moves"
+        if not self.complete:
+            return f"it moves, but how ({' or '.join(modes)}) is not certain"
+        return f"it moves ({modes[0]})" if len(modes) == 1 else f"it moves, by {' or '.join(modes)}"
 
 
 def bar_of_scene(
@@ -62,59 +99,69 @@ def bar_of_scene(
 def bar_of_safety(
     load: Load, contacts: Contacts, friction: float, inert: MassAndInertia | None, errors: Errors
 ) -> SafetyBar:
-    """The exact judge's answers at all corners of the error bars, and at the load itself. Not collective."""
-    judge = _Judge(load, contacts, friction, inert)
-    factors, modes = zip(*judge.answers(errors), strict=True)
-    widths = {}
-    for name in errors:
-        others = {other: error for other, error in errors.items() if other != name}
-        widths[name] = _width([factor for factor, _ in judge.answers(others)])
+    """What is proved of all loads within the sum of the errors, by `safety_range`. Not collective."""
+
+    def within(names: set[str]) -> tuple[ErrorBox, SafetyRange]:
+        """The box of the terms named, and what the loads in it have in common."""
+        box = ErrorBox.of(sum((errors[name] for name in sorted(names)), np.zeros(6)))
+        return box, safety_range(load, contacts, friction, box)
+
+    box, found = within(set(errors))
+    widths = {name: within(set(errors) - {name})[1].width for name in errors}
+    exact = judged(load, contacts, friction, inert)
+    modes, complete = _modes(_Case(load, contacts, friction, inert), box, found, exact)
+    value = exact.safety.value
     return SafetyBar(
-        value=factors[0],
-        low=min(factors),
-        high=max(factors),
-        certain=len(set(modes)) == 1,
-        modes=tuple(dict.fromkeys(modes)),
+        value=value,
+        low=min(found.low, value),
+        high=max(found.high, value),
+        certain=found.rests or found.moves,
+        modes=modes,
+        complete=complete,
         decisive=min(widths, key=lambda name: widths[name], default=""),
+        some=found.some,
+        every=found.every,
     )
 
 
-def shifted(load: Load, change: Floats) -> Load:
-    """The load with force and couple of the flow changed, by (6,). Not collective."""
-    return Load(load.flow_force + change[:3], load.flow_couple + change[3:], load.weight, load.centre)
-
-
 @dataclass(frozen=True, eq=False)
-class _Judge:
-    """The exact judge of one grain."""
+class _Case:
+    """What the exact judge is asked about."""
 
     load: Load
     contacts: Contacts
     friction: float
     inert: MassAndInertia | None
 
-    def answers(self, errors: Errors) -> list[tuple[float, str]]:
-        """Safety factors and modes: of the load itself, then of those at the corners of the errors' sum."""
-        found = [
-            judged(corner, self.contacts, self.friction, self.inert) for corner in _corners(self.load, errors)
-        ]
-        return [(one.safety.value, one.label) for one in found]
+
+def _modes(case: _Case, box: ErrorBox, found: SafetyRange, exact: Exact) -> tuple[tuple[str, ...], bool]:
+    """What loads of the box do, and whether that is all they can do."""
+    if found.rests:
+        return ("rest",), True
+    if found.moves and case.inert is not None:
+        proved = modes_within(case.load, case.contacts, case.friction, box.ways, *case.inert)
+        if proved:
+            return tuple(mode.label for mode in proved), True
+    worst = judged(found.worst, case.contacts, case.friction, case.inert)
+    labels = [exact.label, worst.label] + ([] if found.moves else ["rest"])
+    return tuple(dict.fromkeys(labels)), False
 
 
-def _corners(load: Load, errors: Errors) -> Iterator[Load]:
-    """The load itself and the loads at the corners of the errors' sum."""
-    yield load
-    together = sum(errors.values(), np.zeros(6))
-    which = np.flatnonzero(together > 0.0)
-    if len(which) == 0:
-        return
-    for signs in itertools.product((-1.0, 1.0), repeat=len(which)):
-        change = np.zeros(6)
-        change[which] = np.array(signs) * together[which]
-        yield shifted(load, change)
+def _held(some: Interval | None, every: Interval | None) -> str:
+    """At which multiples of its load the flow holds a grain that its weight alone moves."""
+    if some is None or some[1] == 0.0:
+        return "no multiple of the flow's load holds it, whatever the errors"
+    if every is None:
+        return f"{_factors(some)} times the flow's load may hold it, none does whatever the errors"
+    return f"{_factors(every)} times the flow's load hold it whatever the errors, {_factors(some)} may"
 
 
-def _width(factors: list[float]) -> float:
-    """Of a range of safety factors, on the scale of 1/(1 + factor), where infinity is a number, too."""
-    shares = [1.0 / (1.0 + factor) for factor in factors]
-    return max(shares) - min(shares)
+def _factors(interval: Interval) -> str:
+    return f"{interval[0]:.4g} to {interval[1]:.4g}"
+
+
+def _ratio(low: float, high: float, scale: float) -> float:
+    """(high - low) / scale, with zero for equal ends and infinity where only one end is infinite."""
+    if low >= high:
+        return 0.0
+    return math.inf if math.isinf(high) or scale == 0.0 else (high - low) / scale

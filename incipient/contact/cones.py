@@ -88,6 +88,28 @@ def largest_share(forces: Balance, flow: Floats, weight: Floats) -> tuple[float,
     return float(np.clip(answer[size], 0.0, 1.0)), start + basis @ answer
 
 
+def share_bound(columns: Floats, single: int, first: Floats, second: Floats) -> float | None:
+    """At least the largest a in [0, 1] such that columns x + a first + (1 - a) second = 0, and no more than round-off.
+
+    x: scaled forces, and last a number `single` of unknowns >= 0. None if no a does, for which the program has a
+    certificate; 1 if it is not answered. The value of the dual program is what is given: it is a bound from above.
+    """
+    height, width = columns.shape
+    rows = np.zeros((height + 2 + width, width + 1))
+    rows[:height, :width], rows[:height, width] = columns, first - second
+    rows[height : height + 2, width] = 1.0, -1.0
+    rows[height + 2 : height + 2 + single, width - single : width] = -np.eye(single)
+    rows[height + 2 + single :, : width - single] = -np.eye(width - single)
+    limits = np.zeros(len(rows))
+    limits[:height], limits[height] = -second, 1.0
+    solution = _run(-np.eye(width + 1)[width], rows, limits, nonnegative=2 + single, equal=height)
+    if solution.status == clarabel.SolverStatus.PrimalInfeasible:
+        return None
+    if solution.status not in ANSWERED:
+        return 1.0
+    return float(np.clip(max(-solution.obj_val_dual, solution.x[width]), 0.0, 1.0))
+
+
 def can_jam(forces: Balance) -> bool:
     """Whether contact forces in the cones, not all zero, balance one another."""
     if forces.null.shape[1] == 0:
@@ -155,18 +177,25 @@ def minimum(
 
 
 def _run(
-    linear: Floats, rows: Floats, limits: Floats, nonnegative: int = 0, quadratic: Floats | None = None
+    linear: Floats,
+    rows: Floats,
+    limits: Floats,
+    nonnegative: int = 0,
+    quadratic: Floats | None = None,
+    equal: int = 0,
 ) -> Any:
     """Minimise x.quadratic.x / 2 + linear.x under limits - rows x in the cones.
 
-    `nonnegative` rows are plain inequalities, the others triples in unit circular cones.
+    The first `equal` rows are equations, the next `nonnegative` plain inequalities, the others triples in unit
+    circular cones.
     """
     height, width = rows.shape
     table, square = Table(rows.T.ravel(), *_full(height, width)), _none(width)
     if quadratic is not None:
         square = Table(np.triu(quadratic).T.ravel(), *_full(width, width))
-    cones = [clarabel.NonnegativeConeT(nonnegative)] if nonnegative else []
-    cones += [TRIPLE] * ((height - nonnegative) // 3)
+    cones: list[Any] = [clarabel.ZeroConeT(equal)] if equal else []
+    cones += [clarabel.NonnegativeConeT(nonnegative)] if nonnegative else []
+    cones += [TRIPLE] * ((height - equal - nonnegative) // 3)
     return clarabel.DefaultSolver(square, linear, table, limits, cones, _settings()).solve()
 
 

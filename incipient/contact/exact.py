@@ -31,7 +31,7 @@ class Exact:
     def label(self) -> str:
         """The mode in words; where it is not known only that the grain moves."""
         if self.motion is not None and self.motion.moves:
-            return self.motion.mode.name.lower().replace("_", " ")
+            return self.motion.mode.label
         return "moves" if self.moves else "rest"
 
     def to_dict(self) -> dict[str, Any]:

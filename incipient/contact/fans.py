@@ -63,7 +63,13 @@ def has_share(columns: Floats, flow: Floats, weight: Floats) -> bool:
     """Whether a flow + b weight is balanced for any a, b >= 0 that are not both zero."""
     system = np.vstack([np.column_stack([columns, flow, weight]), np.zeros(columns.shape[1] + 2)])
     system[-1, -2:] = 1.0
-    return combination(system, LAST) is not None
+    return combination(system, np.append(np.zeros(len(columns)), 1.0)) is not None
+
+
+def beside(columns: Floats, ways: Floats) -> Floats:
+    """Columns (d, n) of forces, and beside them errors: ways p (d, m) with p + q = 2, p, q >= 0, (d + m, n + 2 m)."""
+    one, none = np.eye(ways.shape[1]), np.zeros((ways.shape[1], columns.shape[1]))
+    return np.asarray(np.block([[columns, ways, np.zeros_like(ways)], [none, one, one]]))
 
 
 def can_jam(columns: Floats, pressure: Floats) -> bool:

@@ -133,6 +133,13 @@ def wrenches(load: Load, reach: float) -> Wrenches:
     return Wrenches(parts[0] / (flow or 1.0), parts[1] / (weight or 1.0), flow, weight)
 
 
+def leave_plane(plane: Floats, changes: Floats) -> bool:
+    """Whether changes (6, m) of force and couple leave the plane (3, 3) of a case."""
+    sizes = np.sqrt((changes * changes).sum(axis=0))
+    across = np.vstack([plane[2] @ changes[:3], plane[:2] @ changes[3:]])
+    return bool((np.abs(across) > PLANAR * sizes).any())
+
+
 def cross(a: Floats, b: Floats) -> Floats:
     """The vector product along the last axis; numpy's takes several times as long for a few vectors."""
     ahead, behind = [1, 2, 0], [2, 0, 1]

@@ -50,6 +50,11 @@ class Mode(Enum):
         """Whether the grain begins to move."""
         return self is not Mode.REST
 
+    @property
+    def label(self) -> str:
+        """The name in words."""
+        return self.name.lower().replace("_", " ")
+
 
 class Uniqueness(Enum):
     """Whether the acceleration given is the only one that mechanics allows."""

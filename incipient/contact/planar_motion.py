@@ -56,7 +56,7 @@ class Plane:
 
 def planar_solutions(case: Release) -> list[Candidate]:
     """All solutions with different accelerations of a planar case with friction; of a family its ends."""
-    problem = _plane_problem(case)
+    problem = plane_problem(case)
     found: list[Candidate] = []
     for cells in (_rest, _free, _sectors, _sectors_of_several, _rays):
         for candidate in cells(problem):
@@ -64,7 +64,8 @@ def planar_solutions(case: Release) -> list[Candidate]:
     return found
 
 
-def _plane_problem(case: Release) -> Plane:
+def plane_problem(case: Release) -> Plane:
+    """The planar problem of a case that has a plane."""
     plane, fan = case.grasp.plane, case.grasp.fan
     assert plane is not None and fan is not None
     basis = np.zeros((3, 6))
@@ -116,16 +117,26 @@ def _sectors_of_several(problem: Plane) -> Iterator[Candidate]:
 
     Their planes N_i y = 0 are one plane, cut by their T_i y = 0 into sectors.
     """
+    for group in lines_of_action(problem):
+        if len(group) > 1:
+            for signs in ways_to_slide(problem, group):
+                yield from _slides_on_all(problem, group, signs)
+
+
+def lines_of_action(problem: Plane) -> Iterator[NDArray[np.int64]]:
+    """The contacts (m,) on each line along which contacts press, facing or not."""
     rows = problem.normal
     parallel = np.abs(cross(rows[:, None], rows[None])).max(axis=2) <= ZERO
-    for pattern in np.unique(parallel[parallel.sum(axis=1) > 1], axis=0):
-        group = np.flatnonzero(pattern)
-        axes = np.linalg.svd(rows[group[:1]])[2][1:]
-        for signs in _sectors_of_lines(problem.tangent[group] @ axes.T):
-            yield from _slides_on_all(problem, group, signs)
+    yield from (np.flatnonzero(pattern) for pattern in np.unique(parallel, axis=0))
 
 
-def _sectors_of_lines(lines: Floats) -> Floats:
+def ways_to_slide(problem: Plane, group: NDArray[np.int64]) -> Floats:
+    """The signs (s, m) of the tangential accelerations of contacts on one line, in each way to slide on all of them."""
+    axes = np.linalg.svd(problem.normal[group[:1]])[2][1:]
+    return sectors_of_lines(problem.tangent[group] @ axes.T)
+
+
+def sectors_of_lines(lines: Floats) -> Floats:
     """The signs (s, m) of m linear functions (m, 2) in each of the sectors into which their zeros cut a plane."""
     angles = np.arctan2(lines[:, 1], lines[:, 0]) + 0.5 * np.pi
     bounds = np.unique(np.round(np.concatenate([angles, angles + np.pi]) % (2.0 * np.pi), 12))
@@ -154,12 +165,8 @@ def _slides_on_all(problem: Plane, group: NDArray[np.int64], signs: Floats) -> I
 
 def _rays(problem: Plane) -> Iterator[Candidate]:
     """Accelerations along the lines where two contacts stay or one sticks: y = size * direction, size > 0."""
-    for direction in _directions(problem):
-        stays = problem.normal @ direction <= ZERO
-        way = np.where(stays, problem.tangent @ direction, np.nan)
-        allowed = np.zeros(problem.edges.shape[:2], dtype=bool)
-        allowed[:, np.abs(way) <= ZERO] = True
-        allowed[-1, way > ZERO] = allowed[-2, way < -ZERO] = True
+    for direction in directions(problem):
+        allowed = allowed_edges(problem, direction)
         system = np.column_stack([problem.mass @ direction, -problem.edges[allowed].T])
         answer = fans.combination(system, problem.wrench)
         if answer is None or answer[0] <= problem.zero:
@@ -173,7 +180,17 @@ def _rays(problem: Plane) -> Iterator[Candidate]:
             yield problem.candidate(end[0] * direction, factors, _apart([e[:1] for e in ends], problem.zero))
 
 
-def _directions(problem: Plane) -> Floats:
+def allowed_edges(problem: Plane, direction: Floats) -> NDArray[np.bool_]:
+    """Which edges (g, k) contact forces may have with an acceleration along a direction (3,)."""
+    stays, count = problem.normal @ direction <= ZERO, len(problem.fan)
+    way = np.where(stays, problem.tangent @ direction, np.nan)
+    allowed = np.zeros(problem.edges.shape[:2], dtype=bool)
+    allowed[:, np.abs(way) <= ZERO] = True
+    allowed[-1 % count, way > ZERO] = allowed[-2 % count, way < -ZERO] = True
+    return allowed
+
+
+def directions(problem: Plane) -> Floats:
     """The directions (d, 3), of length one, of these lines that lead the grain into no contact."""
     first, second = np.triu_indices(len(problem.normal), 1)
     meets = cross(problem.normal[first], problem.normal[second])

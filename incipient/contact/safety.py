@@ -85,11 +85,10 @@ def safety_factor(load: Load, contacts: Contacts, friction: float) -> SafetyFact
     acting = wrenches(load, held_by.reach)
     carried = support(held_by)
     weight_held = acting.weight_size == 0.0 or carried.holds(acting.weight)
-    found = _upper(carried, acting, weight_held)
-    low = None if found is None else _lower(carried, acting, weight_held)
-    interval = None if found is None or low is None else (low, found[0])
+    found = balanced_interval(carried, acting, weight_held)
+    interval, at_end = (None, None) if found is None else found
     value = interval[1] if interval is not None and weight_held else 0.0
-    factor, local = _shown(held_by, carried, acting, interval, None if found is None else found[1])
+    factor, local = _shown(held_by, carried, acting, interval, at_end)
     forces = held_by.forces(local if local is not None else np.zeros((len(held_by), 3)))
     return SafetyFactor(
         value=value,
@@ -102,6 +101,18 @@ def safety_factor(load: Load, contacts: Contacts, friction: float) -> SafetyFact
         jams=carried.can_jam(),
         residual=0.0 if local is None else _residual(held_by, acting, factor, local),
     )
+
+
+def balanced_interval(
+    carried: Support, acting: Wrenches, weight_held: bool
+) -> tuple[tuple[float, float], Floats | None] | None:
+    """The smallest and the largest factor that is balanced, and local forces (k, 3) at the largest if it is finite.
+
+    None if there is no such factor. `weight_held`: whether contact forces balance the weight alone.
+    """
+    found = _upper(carried, acting, weight_held)
+    low = None if found is None else _lower(carried, acting, weight_held)
+    return None if found is None or low is None else ((low, found[0]), found[1])
 
 
 def _upper(carried: Support, acting: Wrenches, weight_held: bool) -> tuple[float, Floats | None] | None:

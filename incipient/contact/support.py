@@ -90,7 +90,7 @@ class Circular:
 
     def holds(self, wrench: Floats) -> bool:
         """No if pyramids around the cones do not, yes if pyramids inside do, else by a cone program."""
-        around, inside = self._pyramids
+        around, inside = self.pyramids
         if fans.combination(around, -wrench) is None:
             return False
         return fans.combination(inside, -wrench) is not None or self.forces(wrench) is not None
@@ -107,7 +107,7 @@ class Circular:
 
     def has_share(self, flow: Floats, weight: Floats) -> bool:
         """By pyramids around the cones."""
-        return fans.has_share(self._pyramids[0], flow, weight)
+        return fans.has_share(self.pyramids[0], flow, weight)
 
     def largest_share(self, flow: Floats, weight: Floats) -> tuple[float, Floats] | None:
         """By a cone program, or by comparison where contacts cannot have every wrench."""
@@ -123,14 +123,14 @@ class Circular:
 
     def can_jam(self) -> bool:
         """By the same pyramids, else by a cone program."""
-        around, inside = self._pyramids
+        around, inside = self.pyramids
         pressure = np.repeat(self.grasp.scaling[0], around.shape[1])
         if not fans.can_jam(around, pressure):
             return False
         return fans.can_jam(inside, pressure) or cones.can_jam(self.balance)
 
     @cached_property
-    def _pyramids(self) -> tuple[Floats, Floats]:
+    def pyramids(self) -> tuple[Floats, Floats]:
         """Wrenches (6, k SIDES) of the edges of pyramids around the friction cones and of pyramids inside."""
         inside = fans.edges(self.grasp, RING * self.grasp.scaling)
         return fans.edges(self.grasp, RING_AROUND * self.grasp.scaling), inside
@@ -142,3 +142,56 @@ class Circular:
 
     def _local(self, scaled: Floats) -> Floats:
         return np.asarray(scaled.reshape(-1, 3) * self.grasp.scaling)
+
+
+@dataclass(frozen=True, eq=False)
+class Widened:
+    """What contacts hold of a flow's load that is known only within a box: flow + ways u with |u_i| <= 1.
+
+    Errors count as further contact forces: a (flow + ways u) is a (flow - sum of ways) + ways p with p + q = 2 a and
+    p, q >= 0. All arrays have one more row for each way, so that these sums hold as forces balance. `around`, `inside`:
+    edges of cones around the friction cones and inside; `circular`: columns of these themselves, three a contact and
+    then the errors, None where they have edges, which `around` then holds; `flow`: of length about one.
+    """
+
+    around: Floats
+    inside: Floats
+    circular: Floats | None
+    flow: Floats
+
+    @classmethod
+    def of(cls, carried: Support, flow: Floats, ways: Floats) -> "Widened":
+        """The errors (6, m) put beside what contacts can carry."""
+        shifted = np.concatenate([flow - ways.sum(axis=1), np.full(ways.shape[1], -2.0)])
+        if isinstance(carried, Polyhedral):
+            edges = fans.beside(carried.edges, ways)
+            return cls(edges, edges, None, shifted)
+        assert isinstance(carried, Circular)
+        around, inside = (fans.beside(edges, ways) for edges in carried.pyramids)
+        return cls(around, inside, fans.beside(carried.balance.matrix, ways), shifted)
+
+    def may_hold_flow(self) -> bool:
+        """Whether the flow's load is held for some u; False is certain."""
+        return self._largest_share(self.flow, self.flow) is not None
+
+    def largest_share_of_flow(self, weight: Floats) -> float | None:
+        """The largest a in [0, 1] such that for some u a (flow + ways u) + (1 - a) weight is held.
+
+        None if certainly none is; 1 where that is not found, so that it never is too small.
+        """
+        return self._largest_share(self.flow, self._longer(weight))
+
+    def largest_share_of_weight(self, weight: Floats) -> float | None:
+        """The largest b in [0, 1] such that for some u b weight + (1 - b) (flow + ways u) is held; None, 1 as above."""
+        return self._largest_share(self._longer(weight), self.flow)
+
+    def _largest_share(self, first: Floats, second: Floats) -> float | None:
+        if not fans.has_share(self.around, first, second):
+            return None
+        if self.circular is not None:
+            return cones.share_bound(self.circular, 2 * (len(first) - 6), first, second)
+        found = fans.largest_share(self.around, first, second)
+        return 1.0 if found is None else found[0]
+
+    def _longer(self, wrench: Floats) -> Floats:
+        return np.concatenate([wrench, np.zeros(len(self.flow) - 6)])

@@ -1,0 +1,132 @@
+"""Every mode with which a planar case can begin to move under loads that are known only within a box.
+
+The accelerations of a planar case fall into cells (`planar_motion`), in each of which the contact forces allowed are
+fixed. The loads that have a solution in a cell are therefore a convex cone, and whether some load of a box is among
+them is a linear program. Since every load has a solution, a single mode found over all cells is the mode of all loads.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linprog
+
+from incipient.contact import fans
+from incipient.contact.grasp import leave_plane
+from incipient.contact.model import Contacts, Floats, Load
+from incipient.contact.motion import MANY, ZERO
+from incipient.contact.motion_modes import Mode, contact_states, mode
+from incipient.contact.planar_motion import (
+    Plane,
+    allowed_edges,
+    directions,
+    lines_of_action,
+    plane_problem,
+    ways_to_slide,
+)
+from incipient.contact.release import Release, release
+
+
+@dataclass(frozen=True, eq=False)
+class _Cell:
+    """Accelerations y with rows y = 0 for the rows `still` (e, 3) and >= 0 for the rows `open` (o, 3).
+
+    `edges` (c, 3): wrenches of the forces allowed; `turning`, `straight`: the modes with and without rotation.
+    """
+
+    still: Floats
+    open: Floats
+    edges: Floats
+    turning: Mode
+    straight: Mode
+
+
+def modes_within(
+    load: Load, contacts: Contacts, friction: float, ways: Floats, mass: float, inertia: Floats
+) -> tuple[Mode, ...] | None:
+    """The modes of all motions of loads of a box, none of which is held; None if they cannot be enumerated.
+
+    `ways` (6, m): changes of force and couple of the flow, of which each load has any share from -1 to 1. A mode that
+    is missing is excluded for certain; one whose loads the box only touches may be among them. Enumerated are cases in
+    the plane of up to 64 contacts. Raises SceneError as `motion.incipient_motion` does. Not collective.
+    """
+    case = release(load, contacts, friction, mass, inertia)
+    units = case.force_unit * np.array([1.0, 1.0, 1.0, *3 * [case.grasp.reach]])
+    if case.grasp.plane is None or len(case.grasp) > MANY or case.force_unit == 0.0:
+        return None
+    changes = ways / units[:, None]
+    if leave_plane(case.grasp.plane, changes):
+        return None
+    problem = plane_problem(case)
+    spread = problem.basis @ changes
+    found = {one for cell in _cells(problem) for one in _modes_in(cell, problem, spread)}
+    found |= set(_modes_of_rays(case, problem, spread))
+    return tuple(one for one in Mode if one in found)
+
+
+def _cells(problem: Plane) -> Iterator[_Cell]:
+    """The free accelerations, and those that slide on every contact of one line of action."""
+    nothing = np.empty((0, 3))
+    yield _Cell(nothing, problem.normal, nothing, Mode.LIFTING_AND_ROTATING, Mode.LIFTING)
+    for group in lines_of_action(problem):
+        others = np.delete(problem.normal, group, axis=0)
+        for signs in ways_to_slide(problem, group):
+            edge = np.where(signs > 0.0, -1, -2) % len(problem.fan)
+            slides = np.vstack([signs[:, None] * problem.tangent[group], others])
+            forces = problem.edges[edge, group]
+            yield _Cell(problem.normal[group[:1]], slides, forces, Mode.PIVOTING_AND_SLIDING, Mode.SLIDING)
+
+
+def _modes_in(cell: _Cell, problem: Plane, spread: Floats) -> Iterator[Mode]:
+    """The modes of loads of the box that have an acceleration in a cell."""
+    least = _least(cell, problem, spread, 1.0)
+    if least is None:
+        return
+    other = _least(cell, problem, spread, -1.0)
+    most, none = math.inf if other is None else -other, ZERO * math.sqrt(problem.free @ problem.free)
+    if least < -none or most > none:
+        yield cell.turning
+    if least <= none and most >= -none:
+        yield cell.straight
+
+
+def _least(cell: _Cell, problem: Plane, spread: Floats, sign: float) -> float | None:
+    """The least `sign` times the angular acceleration in a cell, over the box; None: no load has one there."""
+    forces, errors = len(cell.edges), spread.shape[1]
+    system = np.zeros((3 + len(cell.still), 3 + forces + errors))
+    system[:3] = np.hstack([problem.mass, -cell.edges.T, -spread])
+    system[3:, :3] = cell.still
+    bounds = [(None, None)] * 3 + [(0.0, None)] * forces + [(-1.0, 1.0)] * errors
+    answer = linprog(
+        sign * np.eye(system.shape[1])[2],
+        -np.hstack([cell.open, np.zeros((len(cell.open), forces + errors))]),
+        np.zeros(len(cell.open)),
+        system,
+        np.concatenate([problem.wrench, np.zeros(len(cell.still))]),
+        bounds,
+        "highs",
+        options=fans.SOLVER,
+    )
+    if answer.success:
+        return float(answer.fun)
+    return None if answer.status == _INFEASIBLE else -math.inf
+
+
+def _modes_of_rays(case: Release, problem: Plane, spread: Floats) -> Iterator[Mode]:
+    """The modes of loads of the box that have an acceleration where two contacts stay or one sticks."""
+    count, plane = spread.shape[1], case.grasp.plane
+    assert plane is not None
+    target = np.concatenate([problem.wrench - spread.sum(axis=1), np.full(count, 2.0)])
+    for direction in directions(problem):
+        edges = problem.edges[allowed_edges(problem, direction)]
+        forces = np.column_stack([problem.mass @ direction, -edges.T])
+        if fans.combination(fans.beside(forces, -spread), target) is not None:
+            turning = direction[2] * plane[2] * (abs(direction[2]) > ZERO)
+            at_contacts = np.zeros((len(case.grasp), 3))
+            at_contacts[:, 0], at_contacts[:, 1] = problem.normal @ direction, problem.tangent @ direction
+            states = contact_states(at_contacts, bool(turning.any()), ZERO)
+            yield mode(states, case.grasp.frames[:, 0], turning, ZERO)
+
+
+_INFEASIBLE = 2  # scipy's status of a program without a solution
