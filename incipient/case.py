@@ -266,7 +266,8 @@ def text(case: Case, judgement: dict[str, Any]) -> str:
     lines = [case.title] if case.title else []
     lines += [f"{part[0].upper()}{part[1:]}." for part in verdict["sentence"].split("; ", 1)]
     if chances is not None:
-        lines.append(f"{chances['sentence'][0].upper()}{chances['sentence'][1:]}.")
+        said = (chances["sentence"], chances["within"]["sentence"])
+        lines += [f"{sentence[0].upper()}{sentence[1:]}." for sentence in said]
     return "\n".join(lines)
 
 

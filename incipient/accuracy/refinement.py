@@ -174,6 +174,9 @@ class Refinement(Search):
             self.reason, self.met = "reached", True
             return None
         order = attempt.scene.numerics.order
+        if np.isinf(error):  # the safety factor may be infinite: how much finer is enough is not known
+            order = cheapest_order(order, 1.0 / FOR_VERDICT)
+            return self._within_budget(self._finer(attempt, order, FOR_VERDICT, shares, error))
         higher = cheapest_order(order, excess / AIM)
         left = error * GAIN ** (higher - order)
         return self._within_budget(self._finer(attempt, higher, AIM * self.asked / left, shares, error))

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contact import Contacts, Load
-from ..contact.error_box import ErrorBox, Interval, SafetyRange, safety_range
+from ..contact.error_box import ErrorBox, Interval, SafetyRange, held_words, safety_range
 from ..contact.exact import Exact, MassAndInertia, judged
 from ..contact.planar_modes import modes_within
 from ..judgement import load_of, mass_and_inertia
@@ -52,26 +52,30 @@ class SafetyBar:
 
     @property
     def relative(self) -> float:
-        """The width of the range over the safety factor; infinite where only one of the ends is.
+        """The width of the range over the safety factor, infinite where only one of its ends is.
 
-        Where the weight alone is not held, and the factor therefore is zero, that by which `some` is longer than
-        `every`, over its largest factor.
+        Where the weight alone is not held, so that all safety factors are zero: by how much the ends of `every` differ
+        from those of `some`, relative.
         """
-        if (self.low, self.high) != (0.0, 0.0) or self.some is None or self.some[0] == 0.0:
+        if self.high > 0.0 or self.some is None:
             return _ratio(self.low, self.high, self.value)
-        low, high = self.every or (self.some[1], self.some[0])
-        return _ratio(high, self.some[1], self.some[1]) + _ratio(self.some[0], low, self.some[1])
+        if self.every is None:
+            return _ratio(*self.some, self.some[1])
+        lower = _ratio(self.some[0], self.every[0], self.every[0])
+        return lower + _ratio(self.every[1], self.some[1], self.some[1])
 
     def sentence(self) -> str:
         """What the error bars mean for the verdict."""
         between = f"safety factor {self.value:.4g}, between {self.low:.4g} and {self.high:.4g}"
         if self.high == 0.0:
-            between = f"safety factor 0; {_held(self.some, self.every)}"
+            between = f"safety factor 0, {held_words(self.some, self.every)}"
         if not self.certain:
             return f"NOT certain: {between}; to decide, reduce the error of the {self.decisive}"
         if self.unknown:
             names = " and ".join(self.unknown)
-            return f"certain but for the error of the {names}, which is not known: {self._outcome()}; {between}"
+            return (
+                f"certain but for the error of the {names}, which is not known: {self._outcome()}; {between}"
+            )
         return f"certain within the error bars: {self._outcome()}; {between}"
 
     def _outcome(self) -> str:
@@ -145,19 +149,6 @@ def _modes(case: _Case, box: ErrorBox, found: SafetyRange, exact: Exact) -> tupl
     worst = judged(found.worst, case.contacts, case.friction, case.inert)
     labels = [exact.label, worst.label] + ([] if found.moves else ["rest"])
     return tuple(dict.fromkeys(labels)), False
-
-
-def _held(some: Interval | None, every: Interval | None) -> str:
-    """At which multiples of its load the flow holds a grain that its weight alone moves."""
-    if some is None or some[1] == 0.0:
-        return "no multiple of the flow's load holds it, whatever the errors"
-    if every is None:
-        return f"{_factors(some)} times the flow's load may hold it, none does whatever the errors"
-    return f"{_factors(every)} times the flow's load hold it whatever the errors, {_factors(some)} may"
-
-
-def _factors(interval: Interval) -> str:
-    return f"{interval[0]:.4g} to {interval[1]:.4g}"
 
 
 def _ratio(low: float, high: float, scale: float) -> float:

@@ -96,6 +96,14 @@ def safety_range(load: Load, contacts: Contacts, friction: float, box: ErrorBox)
     )
 
 
+def held_words(some: Interval | None, every: Interval | None) -> str:
+    """At which multiples of the flow's load a grain is held, for one that its weight alone moves."""
+    if some is None or some[1] == 0.0:
+        return "no multiple of the flow's load holds it"
+    may = f"{_ends(some)} times the flow's load may hold it"
+    return f"{may}, none for certain" if every is None else f"{may}, {_ends(every)} times do for certain"
+
+
 def shifted(load: Load, change: Floats) -> Load:
     """The load with force and couple of the flow changed, by (6,). Not collective."""
     return Load(load.flow_force + change[:3], load.flow_couple + change[3:], load.weight, load.centre)
@@ -124,9 +132,10 @@ class _Held:
     def some(self) -> Interval | None:
         """The smallest and the largest factor at which some load of the box is held."""
         acting = self.acting
+        if self.ways.shape[1] == 0:
+            found = balanced_interval(self.carried, acting, self.weight_held)
+            return None if found is None else found[0]
         size = acting.flow_size + float(np.linalg.norm(self.ways))
-        if size == 0.0:
-            return (0.0, math.inf) if self.weight_held else None
         wide = Widened.of(self.carried, acting.flow * acting.flow_size / size, self.ways / size)
         if acting.weight_size == 0.0:
             return (0.0, math.inf if wide.may_hold_flow() else 0.0)
@@ -173,6 +182,10 @@ def _common(one: Interval, other: Interval | None) -> Interval | None:
 
 def _contains(interval: Interval | None, factor: float) -> bool:
     return interval is not None and interval[0] <= factor + TOLERANCE and interval[1] >= factor - TOLERANCE
+
+
+def _ends(interval: Interval) -> str:
+    return f"{interval[0]:.4g} to {interval[1]:.4g}"
 
 
 def _length(interval: Interval | None) -> float:

@@ -1,11 +1,15 @@
 """From a load with standard errors to the probability of each mode, by both judges, and the input that matters most.
 
+Cases drawn prove nothing of those that were not: a load that is held may be a rare one. Beside the probabilities it is
+therefore said what is certain while no input is off by more than two standard errors, by `error_box.safety_range`.
+
 Cases are drawn with errors that are normal and independent (friction cut off at zero), and each is judged. The
 influence of an input is its first-order share of the variance of the margin s / (1 + s), s the safety factor: the
 correlation ratio Var(E[margin | input]) / Var(margin), Sobol's first-order index for independent inputs, estimated
 from the means over classes of the input of equal size and corrected for their number (epsilon squared).
 """
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -13,12 +17,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from incipient.contact import criteria
+from incipient.contact.error_box import ErrorBox, SafetyRange, held_words, safety_range
 from incipient.contact.exact import MassAndInertia, judged
 from incipient.contact.model import Contacts, Floats, Load
 from incipient.errors import SceneError
 
 CLASSES = 20  # at most, and not fewer than ten cases in each
 AXES = "xyz"
+WITHIN = 2.0  # standard errors of every input, for what is certain
+DOUBT = 0.05  # the chance that a probability of which no case was drawn is larger than it is said to be below
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,23 +58,58 @@ class StandardErrors:
         named["friction"] = float(self.friction)
         return {name: size for name, size in named.items() if size > 0.0}
 
+    def box(self, centre: Floats) -> ErrorBox:
+        """The loads and frictions of which no input is off by more than two standard errors; `centre` of mass (3,)."""
+        ways = WITHIN * np.diag(np.concatenate([self.flow_force, self.flow_couple]))
+        arm = np.zeros(3) if self.about is None else np.asarray(self.about, dtype=float) - centre
+        ways[3:, :3] = np.cross(arm, ways[:3, :3].T).T
+        return ErrorBox(ways[:, ways.any(axis=0)], WITHIN * self.friction)
+
 
 @dataclass(frozen=True)
 class Probability:
-    """A probability and its standard error.
+    """A probability, its standard error, and both in words.
 
     Of k cases in n: k / n, and the standard deviation of Beta(k + 1, n - k + 1), which is what is known of it
-    after n cases without prior knowledge; it is not zero where all cases agree.
+    after n cases without prior knowledge; it is not zero where all cases agree. `words`: "34.1 +- 1.5%"; where no
+    case was drawn, or no other, the bound that it is on the right side of with a chance of 95%: "<0.3%".
     """
 
     value: float
     standard_error: float
+    words: str
 
     @classmethod
     def of(cls, count: int, total: int) -> "Probability":
         """That of `count` cases in `total`."""
         mean = (count + 1.0) / (total + 2.0)
-        return cls(count / total, float(np.sqrt(mean * (1.0 - mean) / (total + 3.0))))
+        error = float(np.sqrt(mean * (1.0 - mean) / (total + 3.0)))
+        return cls(count / total, error, _words(count, total, error))
+
+
+@dataclass(frozen=True)
+class Within:
+    """What is certain while no input is off by more than two standard errors.
+
+    `low`, `high`: the smallest and the largest safety factor; `certain`: whether all of these cases rest, or all move;
+    `sentence`: that in words.
+    """
+
+    low: float
+    high: float
+    certain: bool
+    sentence: str
+
+    @classmethod
+    def of(cls, found: SafetyRange) -> "Within":
+        """What is told of a range of safety factors."""
+        says = "it moves" if found.moves else "it rests"
+        says = f"{says} for certain" if found.rests or found.moves else "it may rest and it may move"
+        factors = f"safety factor between {found.low:.4g} and {found.high:.4g}"
+        if found.high == 0.0:
+            factors = f"safety factor 0, {held_words(found.some, found.every)}"
+        words = f"while no input is off by more than {WITHIN:g} standard errors {says}, {factors}"
+        return cls(found.low, found.high, found.rests or found.moves, words)
 
 
 @dataclass(frozen=True)
@@ -78,7 +120,7 @@ class Probabilities:
     likely first; `moves_criteria`, `moves_equilibrium`: that the grain moves; `same`: that the judges agree on
     whether it does. `margin`: 5%, 50% and 95% of the safety factor. `influence`: first-order share of each
     input; `interactions`: what is left of the variance; `most`: the input that matters most, None if the margin
-    does not vary.
+    does not vary; `within`: what is certain.
     """
 
     samples: int
@@ -92,11 +134,12 @@ class Probabilities:
     influence: dict[str, float]
     interactions: float
     most: str | None
+    within: Within
 
     @property
     def sentence(self) -> str:
         """The outcome in a sentence."""
-        said = f"with the standard errors given it moves with a probability of {_percent(self.moves_equilibrium)}"
+        said = f"with the standard errors given it moves with a probability of {self.moves_equilibrium.words}"
         if self.most is not None:
             share = self.influence[self.most]
             said += f"; what matters most is {self.most}, {share:.0%} of the variance of the margin"
@@ -139,6 +182,7 @@ def probabilities(
         influence=influence,
         interactions=max(0.0, 1.0 - sum(influence.values())) if influence else 0.0,
         most=max(influence, key=lambda name: influence[name]) if influence else None,
+        within=Within.of(safety_range(load, contacts, friction, errors.box(load.centre))),
     )
 
 
@@ -208,5 +252,16 @@ def _shares(labels: Iterable[str]) -> dict[str, Probability]:
     return {label: Probability.of(count, total) for label, count in counted.most_common()}
 
 
-def _percent(probability: Probability) -> str:
-    return f"{100.0 * probability.value:.1f} +- {100.0 * probability.standard_error:.1f}%"
+def _words(count: int, total: int, error: float) -> str:
+    """A probability in percent, with as many digits as its standard error has; a bound where all cases agree."""
+    if count in (0, total):
+        bound = 100.0 * (1.0 - DOUBT ** (1.0 / (total + 1.0)))
+        digits = _digits(bound)
+        return f"<{bound:.{digits}f}%" if count == 0 else f">{100.0 - bound:.{digits}f}%"
+    digits = _digits(100.0 * error)
+    return f"{100.0 * count / total:.{digits}f} +- {100.0 * error:.{digits}f}%"
+
+
+def _digits(percent: float) -> int:
+    """Decimals with which one digit of a small percentage is seen, one at least."""
+    return max(1, -math.floor(math.log10(percent)))

@@ -73,8 +73,7 @@ def _probability_rows(chances: dict[str, Any] | None) -> list[Group]:
     rows: Group = [("Probability", f"{chances['samples']} samples", INK)]
     likely = sorted(chances["equilibrium"].items(), key=lambda item: -item[1]["value"])
     for mode, chance in likely[:4]:
-        value, error = 100 * chance["value"], 100 * chance["standard_error"]
-        rows.append((mode, f"{value:.3g} ± {error:.2g} %", INK))
+        rows.append((mode, chance["words"].replace("+-", "±").replace("%", " %"), INK))
     return [rows]
 
 

@@ -58,7 +58,7 @@ class TestProbability:
             assert [chance.value for chance in judge.values()] == sorted(
                 (chance.value for chance in judge.values()), reverse=True
             )
-        rest = found.equilibrium.get("rest", Probability(0.0, 0.0)).value
+        rest = found.equilibrium.get("rest", Probability.of(0, 100)).value
         assert rest == pytest.approx(1.0 - found.moves_equilibrium.value)
         low, middle, high = found.margin
         assert low <= middle <= high
@@ -84,6 +84,59 @@ class TestProbability:
         found = Probability.of(count, total)
         assert found.value == count / total
         assert found.standard_error == pytest.approx(sqrt(a * b / ((a + b) ** 2 * (a + b + 1))))
+
+    @pytest.mark.parametrize(
+        ("count", "total", "words"),
+        [
+            (0, 500, "<0.6%"),
+            (500, 500, ">99.4%"),
+            (0, 100_000, "<0.003%"),
+            (2, 500, "0.4 +- 0.3%"),
+            (5, 100_000, "0.005 +- 0.002%"),
+            (170, 500, "34.0 +- 2.1%"),
+        ],
+    )
+    def test_words(self, count, total, words):
+        # Where none of n cases moves, (1 - p)^(n + 1) = 5% is the largest p that is not unlikely.
+        assert Probability.of(count, total).words == words
+
+
+class TestWithin:
+    """What is certain while no input is off by more than two standard errors; cases drawn prove nothing of that."""
+
+    def test_a_load_that_is_held_but_never_drawn(self):
+        # A disc on a plane is held only without a couple about the contact, which has a probability of zero.
+        disc = Contacts([[0.0, -0.5, 0.0]], [DOWN])
+        found = probabilities(pushed(0.0, 0.1), disc, 0.5, StandardErrors([0, 0, 0], [0, 0, 0.1]), 100)
+        assert found.moves_equilibrium.words == ">97.1%"
+        assert not found.within.certain
+        assert (found.within.low, found.within.high) == (0.0, np.inf)
+        assert "it may rest and it may move" in found.within.sentence
+
+    @pytest.mark.parametrize(("force", "certain"), [(0.2, True), (0.45, False), (0.8, True)])
+    def test_block(self, force, certain):
+        # It slides if F > friction: 0.5 / F, with F to 0.1 and friction to 0.05.
+        errors = StandardErrors([0.05, 0, 0], friction=0.025)
+        within = probabilities(pushed(force), BLOCK, 0.5, errors, 10).within
+        expected = (0.45 / (force + 0.1), 0.55 / (force - 0.1))
+        assert (within.low, within.high) == pytest.approx(expected)
+        assert within.certain == certain
+        says = (
+            "it may rest"
+            if not certain
+            else "it rests for certain"
+            if force < 0.5
+            else "it moves for certain"
+        )
+        assert says in within.sentence
+
+    def test_couple_about_the_contact(self):
+        # Known about the contact the couple there is zero whatever the force.
+        disc, spread = Contacts([[0.0, -0.5, 0.0]], [DOWN]), [0.1, 0.0, 0.0]
+        balanced = pushed(0.3, 0.15)
+        about = StandardErrors(spread, about=[0.0, -0.5, 0.0])
+        assert probabilities(balanced, disc, 10.0, about, 10).within.certain
+        assert not probabilities(balanced, disc, 10.0, StandardErrors(spread), 10).within.certain
 
 
 class TestInfluence:
