@@ -1,0 +1,139 @@
+"""Wheel and source package: built from the checkout as it is, complete, and usable."""
+
+from __future__ import annotations
+
+import email
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from email.message import Message
+from pathlib import Path
+
+import pytest
+from environment import environment
+
+ROOT = Path(__file__).parents[2]
+NOT_COPIED = (
+    ".git",
+    ".venv",
+    "results",
+    "build",
+    "dist",
+    "*.egg-info",
+    "__pycache__",
+    ".*_cache",
+    ".hypothesis",
+)
+BUILD = "from setuptools import build_meta; build_meta.build_{kind}({target!r})"
+LINKED = "https://example.org/incipient"
+
+pytest.importorskip("setuptools", minversion="77")
+
+
+def copied(source: Path, target: Path) -> Path:
+    shutil.copytree(source, target, symlinks=True, ignore=shutil.ignore_patterns(*NOT_COPIED))
+    return target
+
+
+def built(kind: str, source: Path, target: Path) -> Path:
+    """The package that a build makes of a source, by the interface that pip uses."""
+    code = BUILD.format(kind=kind, target=str(target))
+    command = [sys.executable, "-W", "error::DeprecationWarning:setuptools", "-c", code]
+    done = subprocess.run(command, cwd=source, env=environment(), capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert "Deprecated" not in done.stderr
+    (package,) = target.iterdir()
+    return package
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """That of the checkout."""
+    directory = tmp_path_factory.mktemp("wheel")
+    return built("wheel", copied(ROOT, directory / "checkout"), directory / "made")
+
+
+@pytest.fixture(scope="module")
+def unpacked_sdist(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The source package of the checkout, unpacked."""
+    directory = tmp_path_factory.mktemp("sdist")
+    sdist = built("sdist", copied(ROOT, directory / "checkout"), directory / "made")
+    shutil.unpack_archive(sdist, directory / "unpacked")
+    (top,) = (directory / "unpacked").iterdir()
+    return top
+
+
+def modules_of(wheel: Path) -> set[str]:
+    with zipfile.ZipFile(wheel) as archive:
+        return {name for name in archive.namelist() if name.endswith(".py")}
+
+
+def metadata_of(wheel: Path) -> Message:
+    with zipfile.ZipFile(wheel) as archive:
+        (name,) = [name for name in archive.namelist() if name.endswith(".dist-info/METADATA")]
+        return email.message_from_bytes(archive.read(name))
+
+
+def files_below(directory: Path) -> set[str]:
+    """Relative paths of what is kept in a directory, links followed."""
+    found = (Path(where) / name for where, _, names in os.walk(directory, followlinks=True) for name in names)
+    relative = {path.relative_to(directory) for path in found}
+    return {path.as_posix() for path in relative if path.suffix != ".pyc" and "results" not in path.parts}
+
+
+def test_the_wheel_has_every_module(wheel: Path) -> None:
+    """Also those behind the links `incipient/forms` and `incipient/meshes`, and nothing beside the package."""
+    assert modules_of(wheel) == {f"incipient/{name}" for name in files_below(ROOT / "incipient")}
+
+
+def test_the_wheel_runs(wheel: Path, tmp_path: Path) -> None:
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(tmp_path)
+    code = "import incipient; print(incipient.__file__); from incipient.cli import main; raise SystemExit(main())"
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", code, "judge", str(ROOT / "demos/cases/disc_in_pocket.toml")],
+        env=environment() | {"PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith(str(tmp_path)) and "The grain stays at rest" in done.stdout
+
+
+@pytest.mark.parametrize("directory", ["demos", "docs", "tests", "benchmarks", ".ci", "incipient"])
+def test_the_source_package_has_the_whole_directory(unpacked_sdist: Path, directory: str) -> None:
+    assert files_below(unpacked_sdist / directory) == files_below(ROOT / directory)
+
+
+def test_the_source_package_can_be_set_up(unpacked_sdist: Path) -> None:
+    for name in ("Makefile", "LICENSE", "README.md", "CHANGELOG.md", "CITATION.cff", "pyproject.toml"):
+        assert (unpacked_sdist / name).read_bytes() == (ROOT / name).read_bytes()
+    assert os.access(unpacked_sdist / "setup.sh", os.X_OK)
+
+
+def test_the_source_package_makes_the_same_wheel(unpacked_sdist: Path, wheel: Path, tmp_path: Path) -> None:
+    again = built("wheel", copied(unpacked_sdist, tmp_path / "source"), tmp_path / "made")
+    assert modules_of(again) == modules_of(wheel)
+    assert metadata_of(again).as_string() == metadata_of(wheel).as_string()
+
+
+def test_the_licence_is_an_expression(wheel: Path) -> None:
+    assert metadata_of(wheel)["License-Expression"] == "MIT"
+
+
+@pytest.mark.parametrize("repository", ["", LINKED])
+def test_links_of_the_readme_are_absolute_where_the_address_is_known(repository: str, tmp_path: Path) -> None:
+    """A package index shows no picture that is named by a path."""
+    source = copied(ROOT, tmp_path / "source")
+    settings = (source / "pyproject.toml").read_text().replace("[project.urls]", "[project.other]")
+    if repository:
+        settings += f'\n[project.urls]\nRepository = "{repository}"\n'
+    (source / "pyproject.toml").write_text(settings)
+    shown = metadata_of(built("wheel", source, tmp_path / "made")).get_payload()
+    assert isinstance(shown, str)
+    raw, blob = (f"{repository}/{kind}/HEAD/" if repository else "" for kind in ("raw", "blob"))
+    assert f"]({raw}docs/figures/pothole.png)" in shown
+    assert f"[docs/moving.md]({blob}docs/moving.md)" in shown
