@@ -98,7 +98,9 @@ def _planar(grain: Grain, placement: Placement, bed: Bed, tolerance: float) -> C
 
 def _patches(grain: Grain, placement: Placement, bed: Bed, tolerance: float) -> list[Patch]:
     """All straight sides, or parts of them, that lie on straight pieces of the bed."""
-    sides = [curve for curve in placed_outline(grain, placement) if isinstance(curve, Line)]
+    outline = placed_outline(grain, placement)
+    near = (outline[int(k)] for k in outline.near(bed, tolerance))
+    sides = [curve for curve in near if isinstance(curve, Line)]
     centre, reach = placement.centre[0], grain.size
     x0, x1 = max(centre - reach, bed.extent[0]), min(centre + reach, bed.extent[1])
     if not sides or x0 >= x1:
@@ -126,6 +128,9 @@ def _joined(patches: list[Patch], patch: Patch, tolerance: float) -> list[Patch]
 
 def _patch(side: Line, piece: Line, tolerance: float) -> Patch | None:
     """The part of a grain's side above a piece of bed, if all of that part is within the tolerance."""
+    x = side.start[0], side.end[0]
+    if max(x) < piece.start[0] - tolerance or min(x) > piece.end[0] + tolerance:
+        return None
     along, forward = piece.tangent([0.0])[0], side.tangent([0.0])[0]
     upward, outward = np.array([-along[1], along[0]]), np.array([forward[1], -forward[0]])
     if outward @ upward > -0.5:

@@ -5,6 +5,7 @@ A curve runs from its start (s = 0) to its end (s = 1). Lengths are scene units 
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -152,6 +153,7 @@ class Spline:
         """The length of the polygon through the points, a little below that of the curve."""
         return float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
 
+    @cached_property
     def _slopes(self) -> Floats:
         """Derivatives at the points per step of the index: central inside, cubic one-sided at the ends."""
         p = self.points
@@ -165,7 +167,7 @@ class Spline:
         index = _column(s) * (len(self.points) - 1)
         piece = np.clip(index[:, 0].astype(int), 0, len(self.points) - 2)
         ends = np.stack([piece, piece + 1], axis=1)
-        return index - piece[:, None], self.points[ends], self._slopes()[ends]
+        return index - piece[:, None], self.points[ends], self._slopes[ends]
 
     def point(self, s: ArrayLike) -> Floats:
         """Points at the parameters s (n,), (n, 2)."""

@@ -7,6 +7,7 @@ A `Placement` turns and carries the frame into the scene. Lengths are scene unit
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +15,7 @@ from numpy.typing import ArrayLike
 from incipient.errors import SceneError
 from incipient.geometry import moments
 from incipient.geometry.curves import Arc, Curve, Floats, Line, Point, rows
+from incipient.geometry.outline import Chain
 from incipient.geometry.placement import Placement as Placement  # known by this name here, too
 
 
@@ -64,6 +66,15 @@ class Grain(ABC):
     @abstractmethod
     def outline(self) -> tuple[Curve, ...]:
         """The surface as a closed counter-clockwise chain of curves in the body frame."""
+
+    @cached_property
+    def chain(self) -> Chain:
+        """The outline with what is known of all its curves at once."""
+        return Chain(self.outline())
+
+    def drawn(self) -> tuple[Curve, ...]:
+        """The outline as a mesh is made of it."""
+        return self.chain.curves
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,9 @@ import numpy as np
 
 from incipient.geometry.bed import Bed
 from incipient.geometry.curves import Arc, Curve, Floats, Line
-from incipient.geometry.distance import Approach, approaches, placed_outline, refined, samples
+from incipient.geometry.distance import Approach, approaches, placed_outline, refined
 from incipient.geometry.grain import Grain
+from incipient.geometry.outline import Outline
 from incipient.geometry.placement import Placement
 from incipient.geometry.rest import rest
 
@@ -77,7 +78,7 @@ class PlanarProximity:
         found = approaches(self.grain, placement, self.bed, within)
         rows = [row for approach in found for row in self._rows(approach)]
         outline = placed_outline(self.grain, placement)
-        rows += [row for k in self._corners for row in self._joint(outline, k, within)]
+        rows += self._joints(outline, within)
         return PlanarMinima(tuple(row for row in rows if row.gap <= within))
 
     def tracked(self, placement: Placement, old: PlanarMinima) -> PlanarMinima:
@@ -98,30 +99,25 @@ class PlanarProximity:
 
     def _counts(self, k: int, given: set[int]) -> bool:
         """Whether the start of curve k is sharp, or the start or end of a side that touches with both ends."""
-        outline = self.grain.outline()
-        after, before = (k + 1) % len(outline), (k - 1) % len(outline)
-        return (
-            self._corners[k]
-            or (isinstance(outline[k], Line) and after in given)
-            or (isinstance(outline[before], Line) and before in given)
+        chain, count = self.grain.chain, len(self.grain.chain.curves)
+        after, before = (k + 1) % count, (k - 1) % count
+        return bool(
+            chain.sharp[k]
+            or (chain.straight[k] and after in given)
+            or (chain.straight[before] and before in given)
         )
 
     @cached_property
-    def _corners(self) -> dict[int, bool]:
-        """Curves of the outline that begin at a corner (true) or at a smooth end of a straight side (false)."""
-        outline = self.grain.outline()
-        found = {}
-        for k, (first, second) in enumerate(zip((outline[-1], *outline), outline, strict=False)):
-            sharp = bool(np.abs(first.tangent([1.0]) - second.tangent([0.0])).max() > 1e-9)
-            if sharp or isinstance(first, Line) or isinstance(second, Line):
-                found[k] = sharp
-        return found
+    def _corners(self) -> np.ndarray:
+        """Numbers of the curves that begin at a corner or at a smooth end of a straight side."""
+        chain = self.grain.chain
+        return np.flatnonzero(chain.sharp | chain.straight | np.roll(chain.straight, 1))
 
     def lowered(self, placement: Placement) -> Placement:
         """The placement, lowered (or raised) vertically until the grain touches the bed."""
         return rest(self.grain, self.bed, placement.centre[0], placement.angle)
 
-    def _tracked(self, outline: tuple[Curve, ...], old: _Row) -> _Row:
+    def _tracked(self, outline: Outline, old: _Row) -> _Row:
         """Of what is found at the old place on the outline that whose normal is closest to the old one."""
         if old.parameter is None:
             rows = self._joint(outline, old.curve, np.inf)
@@ -129,27 +125,31 @@ class PlanarProximity:
             rows = self._rows(self._followed(outline, old.curve, old.parameter))
         return min(rows, key=lambda row: float(np.abs(row.normal - old.normal).max()), default=old)
 
-    def _followed(self, outline: tuple[Curve, ...], k: int, s: float) -> Approach:
+    def _followed(self, outline: Outline, k: int, s: float) -> Approach:
         """The minimum downhill from a parameter, which may be some samples away: a grain that rolls moves it."""
         for _ in range(MOST_SAMPLES):
             approach = refined(outline, self._brackets(outline, k, s), self.bed)
             on, at = approach.place
-            step = 1.0 / (len(samples(outline[k], self.bed, self.size)) - 1)
+            step = self._step(outline, k)
             # Along a straight side that nearly lies on the bed the minimum would jump to the other end.
             if isinstance(outline[on], Line) or (on == k and abs(at - s) < 0.999 * step):
                 break
             k, s = on, at
         return approach
 
-    def _brackets(self, outline: tuple[Curve, ...], k: int, s: float) -> list[tuple[int, float, float]]:
+    def _brackets(self, outline: Outline, k: int, s: float) -> list[tuple[int, float, float]]:
         """The surroundings of a parameter, also on the next curve where it is near an end."""
-        step = 1.0 / (len(samples(outline[k], self.bed, self.size)) - 1)
+        step = self._step(outline, k)
         brackets = [(k, max(s - step, 0.0), min(s + step, 1.0))]
         if s < step:
             brackets.append(((k - 1) % len(outline), 1.0 - step, 1.0))
         if s > 1.0 - step:
             brackets.append(((k + 1) % len(outline), 0.0, step))
         return brackets
+
+    def _step(self, outline: Outline, k: int) -> float:
+        """The step of the parameter with which curve k is sampled."""
+        return 1.0 / float(outline.steps(np.array([k]), self.bed, self.size)[0])
 
     def _rows(self, approach: Approach) -> list[_Row]:
         """The bed's normals at a minimum: where a corner of the grain stands in a valley there are two."""
@@ -163,7 +163,25 @@ class PlanarProximity:
             normals = [left, right] if _is_valley(left, right) else [self.bed.normal(foot[:1])[0]]
         return [_Row(gap, point, normal, *approach.place) for normal in normals]
 
-    def _joint(self, outline: tuple[Curve, ...], k: int, within: float) -> list[_Row]:
+    def _joints(self, outline: Outline, within: float) -> list[_Row]:
+        """All corners that are close; where the bed has none, they are looked at together."""
+        corners = self._corners[outline.starts[self._corners, 1] - self.bed.crest <= within]
+        if len(corners) == 0:
+            return []
+        points = outline.starts[corners]
+        gaps = self.bed.distance(points)
+        corners, points, gaps = (column[gaps <= within] for column in (corners, points, gaps))
+        if len(corners) == 0:
+            return []
+        x, y = points.T
+        reach = float(np.abs(y - self.bed.height(x)).max()) + within + self.size
+        if len(self.bed.corners(float(x.min()) - reach, float(x.max()) + reach)):
+            return [row for k in corners for row in self._joint(outline, int(k), within)]
+        normals = self.bed.normal(self.bed.nearest(points)[:, 0])
+        rows = zip(gaps, points, normals, corners, strict=True)
+        return [_Row(float(gap), point, normal, int(k), None) for gap, point, normal, k in rows]
+
+    def _joint(self, outline: Outline, k: int, within: float) -> list[_Row]:
         """The start of curve k, seen from all pieces of bed that are close."""
         point = np.asarray(outline[k].start)
         if np.isfinite(within) and point[1] - self.bed.crest > within:

@@ -10,9 +10,10 @@ import numpy as np
 from incipient.errors import SceneError
 from incipient.geometry.bed import Bed
 from incipient.geometry.closest import SpatialProximity
-from incipient.geometry.curves import Curve, Floats
-from incipient.geometry.distance import approaches, corners_below, crossings, placed_outline, samples
+from incipient.geometry.curves import Floats
+from incipient.geometry.distance import approaches, placed_outline
 from incipient.geometry.grain import Grain, Placement
+from incipient.geometry.outline import Outline
 from incipient.geometry.solid import Solid
 from incipient.geometry.terrain import Terrain
 
@@ -38,9 +39,10 @@ def rest(
     grain, bed = planar(grain, bed)
     above = Placement((float(x), 0.0), float(angle))  # type: ignore[arg-type]
     outline = placed_outline(grain, above)
-    corners = corners_below(outline, bed)
-    lowest = min(_smallest_drop(curve, bed, corners, grain.size) for curve in outline)
-    return above.raised(-lowest)
+    down = float((outline.starts[:, 1] - bed.height(outline.starts[:, 0])).min())
+    # Lowered so far, the grain touches or enters the bed: only where it is at the bed can it come down first.
+    near = placed_outline(grain, above.raised(-down)).near(bed, 0.0)
+    return above.raised(-_smallest_drop(outline, near, bed, grain.size))
 
 
 def spatial(grain: Grain | Solid, bed: Bed | Terrain) -> SpatialProximity:
@@ -64,37 +66,43 @@ def _mismatch(grain: Grain | Solid, bed: Bed | Terrain) -> SceneError:
     )
 
 
-def _smallest_drop(curve: Curve, bed: Bed, corners: Floats, size: float) -> float:
-    """The smallest vertical distance y - b(x) along a curve."""
-    s = samples(curve, bed, size)
-    s = np.union1d(s, crossings(curve, s, corners))
-    drop = _drop(curve, bed, s)
+def _smallest_drop(outline: Outline, curves: np.ndarray, bed: Bed, size: float) -> float:
+    """The smallest vertical distance y - b(x) along some of an outline's curves."""
+    curve, s = outline.sampled(curves, bed, size)
+    x = outline.point(curve, s)[:, 0]
+    corners = bed.corners(float(x.min()), float(x.max()))
+    at, place = outline.crossings(curve, s, corners)
+    curve, s = np.concatenate([curve, at]), np.concatenate([s, place])
+    order = np.lexsort((s, curve))
+    curve, s = curve[order], s[order]
+    drop = _drop(outline, curve, bed, s)
     # Refine wherever a step between samples could hide the minimum.
-    steepest = np.abs(np.diff(drop)).max(initial=0.0)
-    valley = np.ones(len(s), dtype=bool)
-    valley[1:] &= drop[1:] <= drop[:-1]
-    valley[:-1] &= drop[:-1] <= drop[1:]
-    valley &= drop <= drop.min() + steepest
+    joined = curve[1:] == curve[:-1]
+    steepest = np.abs(np.diff(drop)[joined]).max(initial=0.0)
+    valley = drop <= drop.min() + steepest
+    valley[1:] &= (drop[1:] <= drop[:-1]) | ~joined
+    valley[:-1] &= (drop[:-1] <= drop[1:]) | ~joined
     lowest = np.flatnonzero(valley)
-    left, right = np.maximum(lowest - 1, 0), np.minimum(lowest + 1, len(s) - 1)
+    left = lowest - (lowest > 0) * np.append(False, joined)[lowest]
+    right = lowest + (lowest < len(s) - 1) * np.append(joined, False)[lowest]
     low = np.concatenate([s[left], s[lowest]])
     high = np.concatenate([s[lowest], s[right]])
-    return float(min(drop.min(), _golden(curve, bed, low, high).min()))
+    return float(min(drop.min(), _golden(outline, np.tile(curve[lowest], 2), bed, low, high).min()))
 
 
-def _drop(curve: Curve, bed: Bed, s: Floats) -> Floats:
-    points = curve.point(s)
+def _drop(outline: Outline, curve: np.ndarray, bed: Bed, s: Floats) -> Floats:
+    points = outline.point(curve, s)
     return np.asarray(points[:, 1] - bed.height(points[:, 0]))
 
 
-def _golden(curve: Curve, bed: Bed, low: Floats, high: Floats) -> Floats:
-    """The smallest vertical distances in the brackets [low, high] (n,) by golden section."""
+def _golden(outline: Outline, curve: np.ndarray, bed: Bed, low: Floats, high: Floats) -> Floats:
+    """The smallest vertical distances in the brackets [low, high] (n,) of curves (n,) by golden section."""
     for _ in range(60):
         width = GOLDEN * (high - low)
         first, second = high - width, low + width
-        downhill = _drop(curve, bed, first) > _drop(curve, bed, second)
+        downhill = _drop(outline, curve, bed, first) > _drop(outline, curve, bed, second)
         low, high = np.where(downhill, first, low), np.where(downhill, high, second)
-    return _drop(curve, bed, 0.5 * (low + high))
+    return _drop(outline, curve, bed, 0.5 * (low + high))
 
 
 def clearance(grain: Grain | Solid, placement: Placement, bed: Bed | Terrain) -> tuple[float, Floats, Floats]:
