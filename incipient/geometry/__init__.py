@@ -3,9 +3,10 @@
 from incipient.geometry.bed import Bed, Flat, HalfDiscs, Polyline, Sinusoidal
 from incipient.geometry.curves import Arc, Curve, Line, Spline
 from incipient.geometry.discs import Discs
-from incipient.geometry.grain import Disc, Ellipse, Grain, Polygon, Rectangle
+from incipient.geometry.grain import Disc, Ellipse, Grain, Rectangle
 from incipient.geometry.heightmap import HeightMap
 from incipient.geometry.placement import Placement
+from incipient.geometry.polygon import Polygon
 from incipient.geometry.polyhedra import Box, Polyhedron, Triangulated
 from incipient.geometry.rest import clearance, lifted, rest
 from incipient.geometry.settle import Outcome, Settled, settle

@@ -5,7 +5,6 @@ A `Placement` turns and carries the frame into the scene. Lengths are scene unit
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -204,78 +203,6 @@ class Rectangle(Grain):
         return tuple(curves)
 
 
-@dataclass(frozen=True)
-class Polygon(Grain):
-    """A simple polygon, convex or not; vertices in either sense; they are shifted to the centroid."""
-
-    vertices: tuple[Point, ...]
-
-    def __init__(self, vertices: Sequence[Sequence[float]] | Floats) -> None:
-        corners = np.array(vertices, dtype=float)
-        if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3 or not np.isfinite(corners).all():
-            raise SceneError("a polygon needs at least three vertices of two finite coordinates; add them")
-        corners = _centred(corners)
-        _require_simple(corners)
-        object.__setattr__(self, "vertices", tuple((float(x), float(y)) for x, y in corners))
-
-    @property
-    def size(self) -> float:
-        """The largest distance of two vertices."""
-        corners = np.array(self.vertices)
-        return float(np.linalg.norm(corners[:, None] - corners[None], axis=2).max())
-
-    @property
-    def volume(self) -> float:
-        """The area, by the shoelace formula."""
-        return _shoelace(np.array(self.vertices))[0]
-
-    @property
-    def polar_moment(self) -> float:
-        """By the triangles of the sides with the centroid."""
-        return float(np.trace(moments.polygon(np.array(self.vertices)).second))
-
-    def _nearest(self, x: Floats) -> tuple[Floats, Floats]:
-        """Offsets from the nearest point of each side, (n, sides, 2), and the parameters on them."""
-        start = np.array(self.vertices)
-        side = np.roll(start, -1, axis=0) - start
-        from_start = x[:, None] - start
-        s = np.clip((from_start * side).sum(-1) / (side * side).sum(-1), 0.0, 1.0)
-        return from_start - s[..., None] * side, s
-
-    def _inside(self, x: Floats) -> Floats:
-        """-1 where a ray to the right crosses the outline an odd number of times, else 1; (n,)."""
-        start = np.array(self.vertices)
-        end = np.roll(start, -1, axis=0)
-        y = x[:, 1, None]
-        straddles = (start[:, 1] > y) != (end[:, 1] > y)
-        rise = np.where(start[:, 1] == end[:, 1], 1.0, end[:, 1] - start[:, 1])
-        crossing = start[:, 0] + (y - start[:, 1]) / rise * (end[:, 0] - start[:, 0])
-        odd = (straddles & (x[:, 0, None] < crossing)).sum(axis=1) % 2
-        return np.where(odd == 1, -1.0, 1.0)
-
-    def level(self, x: ArrayLike) -> Floats:
-        """The signed distance at points (n, 2)."""
-        x = rows(x)
-        offset, _ = self._nearest(x)
-        return np.asarray(self._inside(x) * np.linalg.norm(offset, axis=2).min(axis=1))
-
-    def normal(self, x: ArrayLike) -> Floats:
-        """The normals (n, 2) of the side nearest to each of the points (n, 2), at a corner the bisector."""
-        x = rows(x)
-        corners = np.array(self.vertices)
-        side = np.roll(corners, -1, axis=0) - corners
-        outward = _unit(np.column_stack([side[:, 1], -side[:, 0]]))
-        distance = np.linalg.norm(self._nearest(x)[0], axis=2)
-        # Sides that are equally near, to round-off, meet in a corner and share the normal.
-        nearest = distance <= distance.min(axis=1, keepdims=True) + 1e-12 * self.size
-        return _unit(nearest.astype(float) @ outward)
-
-    def outline(self) -> tuple[Curve, ...]:
-        """One line a side."""
-        corners = self.vertices
-        return tuple(Line(corners[k], corners[(k + 1) % len(corners)]) for k in range(len(corners)))
-
-
 def _require_positive(name: str, value: float) -> None:
     if not (np.isfinite(value) and value > 0.0):
         raise SceneError(f"{name} {value} is not a positive length; give a positive number")
@@ -288,41 +215,3 @@ def _unit(x: Floats) -> Floats:
 
 def _shifted(x: Floats, by: Point = (0.0, 0.0)) -> Point:
     return float(x[0] + by[0]), float(x[1] + by[1])
-
-
-def _shoelace(corners: Floats) -> tuple[float, Floats]:
-    """Signed area (positive counter-clockwise) and centroid of a polygon."""
-    following = np.roll(corners, -1, axis=0)
-    cross = corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]
-    area = 0.5 * float(cross.sum())
-    if area == 0.0:
-        return area, corners.mean(axis=0)
-    return area, ((corners + following) * cross[:, None]).sum(axis=0) / (6.0 * area)
-
-
-def _centred(corners: Floats) -> Floats:
-    """The same polygon counter-clockwise with its centroid at the origin."""
-    corners = corners - corners.mean(axis=0)
-    area, centroid = _shoelace(corners)
-    extent = np.ptp(corners, axis=0).max()
-    if abs(area) <= 1e-12 * extent**2:
-        raise SceneError("the polygon has no area; give vertices that are not all on one line")
-    return (corners - centroid)[:: 1 if area > 0.0 else -1]
-
-
-def _require_simple(corners: Floats) -> None:
-    """Refuse repeated vertices and sides that cross."""
-    start, end = corners, np.roll(corners, -1, axis=0)
-    repeated = (start == end).all(axis=1)
-    if repeated.any():
-        raise SceneError(f"polygon vertex {int(np.argmax(repeated))} is repeated; leave one out")
-    side = end - start
-    first = np.sign(_cross(side[:, None], start[None] - start[:, None]))
-    second = np.sign(_cross(side[:, None], end[None] - start[:, None]))
-    straddles = first * second < 0
-    if (straddles & straddles.T).any():
-        raise SceneError("the polygon's sides cross; list the vertices in order around it")
-
-
-def _cross(a: Floats, b: Floats) -> Floats:
-    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])

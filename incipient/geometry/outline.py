@@ -1,6 +1,6 @@
 """Outlines of grains as closed chains of curves, in which many straight sides are dealt with as arrays.
 
-Lengths are scene units. Points of an outline are told by the numbers of their curves (n,) and the parameters (n,) there.
+Lengths are scene units. Points of an outline are told by numbers of curves (n,) and parameters (n,) there.
 """
 
 from collections.abc import Iterator, Sequence
