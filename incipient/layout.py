@@ -73,7 +73,7 @@ def lay_out(scene: Scene, plan: Plan, moved: Placement | None = None) -> Layout:
         gap, ends = near.distance, (near.on_grain, near.on_other)
     holes = {}
     if scene.grain is not None and placement is not None:
-        holes["body"] = tuple(curve.moved(placement) for curve in scene.grain.outline())
+        holes["body"] = tuple(curve.moved(placement) for curve in scene.grain.drawn())
     region = Region(_bottom(scene), scene.domain.ceiling, holes, side_names(scene))
     sizes = _sizes(scene, plan, holes.get("body", ()), gap, ends).scaled(plan.mesh_size)
     return Layout(region, sizes, plan.geometry_order, resting, placement, gap, ends)

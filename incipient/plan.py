@@ -133,7 +133,7 @@ def _geometry_order(scene: Scene) -> int:
     """Straight cells where every boundary is straight, else curved ones to match the velocity."""
     if scene.numerics.geometry_order is not None:
         return scene.numerics.geometry_order
-    curves = list(scene.grain.outline()) if scene.grain is not None else []
+    curves = list(scene.grain.drawn()) if scene.grain is not None else []
     if scene.bed_shape is not None:
         curves.extend(scene.bed_shape.curves(scene.domain.left, scene.domain.right))
     return 1 if all(isinstance(curve, Line) for curve in curves) else GEOMETRY_ORDER[scene.numerics.order]

@@ -63,8 +63,7 @@ class Surroundings:
 
     @cached_property
     def _outline(self) -> Floats:
-        s = np.linspace(0.0, 1.0, SAMPLES)
-        return np.vstack([curve.point(s) for curve in self.grain.outline()])
+        return self.grain.chain.points(SAMPLES)
 
     @staticmethod
     def _side(outline: Floats, axis: int, place: float, inwards: int, name: str) -> Clearance:

@@ -5,6 +5,7 @@ Every bed takes `origin_y`, the height of its base line in the scene. Lengths ar
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -349,7 +350,7 @@ class Polyline(Bed):
         object.__setattr__(self, "points", tuple((float(x), float(y)) for x, y in array))
         object.__setattr__(self, "origin_y", float(origin_y))
 
-    @property
+    @cached_property
     def _vertices(self) -> Floats:
         return np.array(self.points) + np.array([0.0, self.origin_y])
 
@@ -358,12 +359,12 @@ class Polyline(Bed):
         """The abscissae of the first and the last point."""
         return self.points[0][0], self.points[-1][0]
 
-    @property
+    @cached_property
     def feature(self) -> float:
         """The shortest horizontal extent of a line."""
         return float(np.diff(self._vertices[:, 0]).min())
 
-    @property
+    @cached_property
     def crest(self) -> float:
         """The height of the highest point."""
         return float(self._vertices[:, 1].max())

@@ -235,8 +235,7 @@ def _outline(scene: Scene) -> np.ndarray:
     grain, placement = scene.grain, scene.placement
     if grain is None or placement is None:
         return np.empty((0, 2))
-    s = np.linspace(0.0, 1.0, 65)
-    return placement.to_scene(np.vstack([curve.point(s) for curve in grain.outline()]))
+    return placement.to_scene(grain.chain.points(65))
 
 
 def _bed_points(scene: Scene) -> np.ndarray:

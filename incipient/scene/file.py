@@ -15,6 +15,7 @@ from ..errors import SceneError
 from .example import commented, grain_on_bed
 from .messages import Key, Problem, key_text, one_line, problems_of
 from .model import Scene
+from .points import file_text
 from .section import Section, ordered_keys
 
 S = TypeVar("S", bound=Section)
@@ -50,7 +51,7 @@ def read(model: type[S], path: Path | str, overrides: Sequence[str] = ()) -> S:
     """What a TOML file describes, a scene or another model; as `load`."""
     path, kind = Path(path), model.__name__.lower()
     try:
-        text = path.read_text(encoding="utf-8")
+        text = file_text(path)
     except OSError as error:
         raise SceneError(
             f"{path}: cannot be read ({error.strerror}); give the name of a {kind} file"

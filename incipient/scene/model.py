@@ -398,7 +398,7 @@ class Scene(Section):
         """The upper boundary: what the scene says, or for "auto" what suits the flow."""
         return _TOPS[self.flow.kind] if self.domain.top == "auto" else self.domain.top
 
-    @property
+    @cached_property
     def grain(self) -> Grain | None:
         """The grain's shape in its body frame, if there is a grain."""
         return None if self.body is None else self.body.grain()
@@ -418,7 +418,7 @@ class Scene(Section):
         """Whether there is a grain that rests on the bed."""
         return self.body is not None and self.bed is not None and self.body.x is not None
 
-    @property
+    @cached_property
     def bed_shape(self) -> BedSurface | None:
         """The bed's shape, if there is a bed."""
         return None if self.bed is None else self.bed.surface(self.domain.bottom)

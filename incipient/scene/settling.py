@@ -8,6 +8,7 @@ from functools import lru_cache
 from ..errors import SceneError
 from ..geometry.bed import Bed
 from ..geometry.grain import Grain, Placement
+from ..geometry.polygon import Polygon
 from ..geometry.settle import settle
 
 DEFAULT_FRICTION = 1.0  # where the scene has no contact: rough enough for slopes of 45 degrees
@@ -26,6 +27,11 @@ def rested(
     gravity = (math.sin(slope), -math.cos(slope))
     hold = DEFAULT_FRICTION if friction is None else friction
     start = Placement((x, bed.crest + grain.size), angle)
+    smoothed = grain.smoothed if isinstance(grain, Polygon) else None
+    if smoothed is not None:
+        # On many short sides a grain would roll by one after the other: it first rolls on a smooth outline.
+        coarse = settle(smoothed, bed, start, gravity, hold, reach / grain.size)
+        start = coarse.placement if coarse.stable else start
     found = settle(grain, bed, start, gravity, hold, reach / grain.size)
     if not found.stable:
         raise SceneError(f"the grain {found.outcome.value}; change x or angle, or leave settle out")

@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, ValidationError, ValidationInfo, field_validator, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from ..errors import SceneError
 from .messages import Problem, counted, refusal, split
 from .motion import unfit
+from .points import MOST_POINTS, Point, about_file, read_points
 from .section import NotNegative, Pair, Positive, PositivePair, Section, contradiction
 
 if TYPE_CHECKING:
     from ..geometry import bed as bed_geometry
     from ..geometry import grain as grain_geometry
 
-Point = tuple[float, float]
+MOST_DISCS, MOST_HARMONICS = 500, 100
+
 Numbers = Annotated[tuple[float, ...], Field(strict=False)]
 Course = Annotated[tuple[str, str, str], Field(strict=False)]
 
@@ -116,6 +119,14 @@ class GrainSection(Section):
 
     def grain(self) -> grain_geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
+        return self._grain
+
+    @cached_property  # an outline of many points takes time to check
+    def _grain(self) -> grain_geometry.Grain:
+        return self.made()
+
+    def made(self) -> grain_geometry.Grain:
+        """The same, made anew."""
         raise NotImplementedError
 
 
@@ -125,7 +136,7 @@ class Disc(GrainSection):
     shape: Literal["disc"] = Field("disc", description="Shape of the grain")
     diameter: Positive = Field(description="Diameter [length]")
 
-    def grain(self) -> grain_geometry.Grain:
+    def made(self) -> grain_geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
         from ..geometry import grain
 
@@ -138,7 +149,7 @@ class Ellipse(GrainSection):
     shape: Literal["ellipse"] = Field("ellipse", description="Shape of the grain")
     semi_axes: PositivePair = Field(description="Semi-axes, the first along x when angle is 0 [length]")
 
-    def grain(self) -> grain_geometry.Grain:
+    def made(self) -> grain_geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
         from ..geometry import grain
 
@@ -161,7 +172,7 @@ class Rectangle(GrainSection):
             raise self.refused("corner_radius", why, "make it smaller")
         return self
 
-    def grain(self) -> grain_geometry.Grain:
+    def made(self) -> grain_geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
         from ..geometry import grain
 
@@ -169,18 +180,38 @@ class Rectangle(GrainSection):
 
 
 class Polygon(GrainSection):
-    """A polygon whose sides do not cross."""
+    """A polygon whose sides do not cross; one of many points, such as a traced outline, may stand in a file."""
 
     shape: Literal["polygon"] = Field("polygon", description="Shape of the grain")
-    vertices: Annotated[tuple[Pair, ...], Field(strict=False, min_length=3)] = Field(
-        description="Vertices in order around it, three or more, relative to any point [length]"
+    file: str | None = Field(
+        None,
+        description="CSV file of x, y, relative to the scene; the resolved scene has vertices instead",
+        examples=["grain.csv"],
     )
+    vertices: Annotated[tuple[Pair, ...], Field(strict=False, min_length=3)] = Field(
+        (), description="Vertices in order around it, three or more, relative to any point [length]"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read(cls, data: Any, info: ValidationInfo) -> Any:
+        """Replace the file by its points; an outline that ends where it began is closed without the last."""
+        data = _with_points(data, info, "vertices", "Polygon", fewest=3)
+        if isinstance(data, dict) and isinstance(data.get("vertices"), _FromFile):
+            points = data["vertices"].points
+            data = {**data, "vertices": points[:-1] if points[0] == points[-1] else points}
+        return data
 
     @model_validator(mode="after")
     def _is_simple(self) -> Polygon:
+        import numpy as np
+
+        from ..geometry.polygon import meeting_sides
+
+        _limit(self, "vertices", MOST_POINTS)
         if len(set(self.vertices)) < len(self.vertices):
             raise self.refused("vertices", "a vertex is given twice", "leave the repeated one out")
-        crossing = _crossing_sides(self.vertices)
+        crossing = meeting_sides(np.array(self.vertices))
         if crossing:
             why = f"the sides after vertices {crossing[0]} and {crossing[1]} meet (counted from 0)"
             raise self.refused("vertices", why, "list the vertices in order around the grain")
@@ -190,34 +221,11 @@ class Polygon(GrainSection):
             raise self.refused("vertices", *split(str(error))) from None
         return self
 
-    def grain(self) -> grain_geometry.Grain:
+    def made(self) -> grain_geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
-        from ..geometry import grain
+        from ..geometry import polygon
 
-        return grain.Polygon(self.vertices)
-
-
-def _crossing_sides(vertices: Sequence[Point]) -> tuple[int, int] | None:
-    """The first two sides of a polygon that cross or touch without being neighbours."""
-    n = len(vertices)
-    for i in range(n):
-        for j in range(i + 2, n - (i == 0)):
-            if _meet(vertices[i], vertices[i + 1], vertices[j], vertices[(j + 1) % n]):
-                return i, j
-    return None
-
-
-def _meet(a: Point, b: Point, c: Point, d: Point) -> bool:
-    """Whether the segments a-b and c-d have a point in common."""
-    if any(max(a[k], b[k]) < min(c[k], d[k]) or max(c[k], d[k]) < min(a[k], b[k]) for k in (0, 1)):
-        return False
-    return _side(a, b, c) * _side(a, b, d) <= 0 and _side(c, d, a) * _side(c, d, b) <= 0
-
-
-def _side(a: Point, b: Point, p: Point) -> int:
-    """1 left of the line a-b, -1 right of it, 0 on it."""
-    area = (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
-    return (area > 0.0) - (area < 0.0)
+        return polygon.Polygon(self.vertices)
 
 
 class Superellipse(GrainSection):
@@ -229,7 +237,7 @@ class Superellipse(GrainSection):
         ge=2, le=100, description="n in |x/a|^n + |y/b|^n = 1: 2 is an ellipse, 100 almost a box"
     )
 
-    def grain(self) -> grain_geometry.Grain:
+    def made(self) -> grain_geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
         from ..geometry import smooth
 
@@ -248,6 +256,8 @@ class Star(GrainSection):
 
     @model_validator(mode="after")
     def _encloses_its_pole(self) -> Star:
+        for name in ("cosines", "sines"):
+            _limit(self, name, MOST_HARMONICS)
         try:
             self.grain()
         except SceneError as error:
@@ -255,7 +265,7 @@ class Star(GrainSection):
             raise self.refused(key, *split(str(error))) from None
         return self
 
-    def grain(self) -> grain_geometry.Grain:
+    def made(self) -> grain_geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
         from ..geometry import smooth
 
@@ -272,13 +282,14 @@ class Discs(GrainSection):
 
     @model_validator(mode="after")
     def _hang_together(self) -> Discs:
+        _limit(self, "discs", MOST_DISCS)
         try:
             self.grain()
         except SceneError as error:
             raise self.refused("discs", *split(str(error))) from None
         return self
 
-    def grain(self) -> grain_geometry.Grain:
+    def made(self) -> grain_geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
         from ..geometry import discs
 
@@ -389,19 +400,17 @@ class Polyline(BedSection):
     @classmethod
     def _read(cls, data: Any, info: ValidationInfo) -> Any:
         """Replace the file by its points, so that the scene no longer depends on where it was read."""
-        if not isinstance(data, dict):
-            return data
-        if ("points" in data) == ("file" in data):
-            which = "both file and points are" if "file" in data else "neither file nor points is"
-            raise _about_file(f"{which} given", "give one of them")
-        if not isinstance(data.get("file"), str):
-            return data
-        path = Path((info.context or {}).get("directory", "."), data["file"])
-        rest = {key: value for key, value in data.items() if key != "file"}
-        return {**rest, "points": _read_points(path)}
+        data = _with_points(data, info, "points", "Polyline", fewest=2)
+        if isinstance(data, dict) and isinstance(data.get("points"), _FromFile):
+            path, points = data["points"].path, data["points"].points
+            if why := _disorder(points):
+                raise about_file("Polyline", f"{path} {why}", "sort the points by ascending x, each x once")
+            data = {**data, "points": points}
+        return data
 
     @model_validator(mode="after")
     def _is_sorted(self) -> Polyline:
+        _limit(self, "points", MOST_POINTS)
         why = _disorder(self.points)
         if why:
             raise self.refused("points", why, "sort the points by ascending x, each x once")
@@ -417,40 +426,32 @@ class Polyline(BedSection):
 Bed = Annotated[Flat | Inclined | Sinusoidal | HalfDiscs | Polyline, Field(discriminator="kind")]
 
 
-def _about_file(why: str, remedy: str) -> ValidationError:
-    return refusal("Polyline", [Problem(("file",), why, remedy)])
+@dataclass(frozen=True)
+class _FromFile:
+    """Points that stand in a file."""
+
+    path: Path
+    points: list[Point]
 
 
-def _read_points(path: Path) -> list[Point]:
-    """Rows x, y of a CSV file; a heading, empty lines and lines beginning with # are passed over."""
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        why = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-        raise _about_file(f"{path} cannot be read ({why})", "give the name of a CSV file of x, y") from None
-    rows = [
-        (k, row) for k, row in enumerate(csv.reader(lines), 1) if row and not row[0].lstrip().startswith("#")
-    ]
-    if rows and not any(_is_number(cell) for cell in rows[0][1]):
-        rows = rows[1:]
-    points = [_point(f"{path} line {number}", row) for number, row in rows]
-    why = f"has {counted(len(points), 'point')}" if len(points) < 2 else _disorder(points)
-    if why:
-        raise _about_file(f"{path} {why}", "give two or more points sorted by ascending x, each x once")
-    return points
+def _with_points(data: Any, info: ValidationInfo, key: str, section: str, fewest: int) -> Any:
+    """What is given for a section, the points of its file put under a key that may be given instead."""
+    if not isinstance(data, dict):
+        return data
+    if (key in data) == ("file" in data):
+        which = f"both file and {key} are" if "file" in data else f"neither file nor {key} is"
+        raise about_file(section, f"{which} given", "give one of them")
+    if not isinstance(data.get("file"), str):
+        return data
+    path = Path((info.context or {}).get("directory", "."), data["file"])
+    rest = {name: value for name, value in data.items() if name != "file"}
+    return {**rest, key: _FromFile(path, read_points(path, fewest, section))}
 
 
-def _point(place: str, row: Sequence[str]) -> Point:
-    if len(row) != 2 or not all(_is_number(cell) for cell in row):
-        raise _about_file(f'{place} is "{",".join(row)[:40]}"', "write two finite numbers x, y a line")
-    return float(row[0]), float(row[1])
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        return math.isfinite(float(cell))
-    except ValueError:
-        return False
+def _limit(section: Section, key: str, most: int) -> None:
+    """Refuse a list that is too long to be dealt with."""
+    if len(getattr(section, key)) > most:
+        raise section.refused(key, f"has {len(getattr(section, key))} items", f"give {most} at most")
 
 
 def _disorder(points: Sequence[Point]) -> str | None:

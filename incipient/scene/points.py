@@ -1,0 +1,75 @@
+"""Points x, y that a scene names a file for, and files whose size is limited."""
+
+from __future__ import annotations
+
+import csv
+import errno
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from .messages import Problem, counted, refusal
+
+Point = tuple[float, float]
+
+LARGEST_FILE = 16  # MiB
+MOST_POINTS = 100_000
+
+
+def file_text(path: Path) -> str:
+    """The text of a file in UTF-8, its line ends made uniform; no more is read than a file may hold.
+
+    Raises:
+        OSError: it cannot be read, or is larger than LARGEST_FILE.
+        UnicodeDecodeError: it is no text.
+    """
+    with path.open("rb") as stream:
+        data = stream.read((LARGEST_FILE << 20) + 1)
+    if len(data) > LARGEST_FILE << 20:
+        raise OSError(errno.EFBIG, f"it is larger than {LARGEST_FILE} MiB")
+    return data.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
+
+
+def read_points(path: Path, fewest: int, section: str) -> list[Point]:
+    """Rows x, y of a CSV file; a heading, empty lines and lines beginning with # are passed over.
+
+    Raises:
+        ValidationError: about the key `file` of a section, where there are not `fewest` to MOST_POINTS points.
+    """
+    try:
+        lines = file_text(path).splitlines()
+    except (OSError, UnicodeDecodeError, ValueError) as error:
+        why = (isinstance(error, OSError) and error.strerror) or "not UTF-8 text"
+        remedy = "give the name of a CSV file of x, y"
+        raise about_file(section, f"{path} cannot be read ({why})", remedy) from None
+    try:
+        rows = list(enumerate(csv.reader(lines), 1))
+    except csv.Error as error:
+        raise about_file(section, f"{path} is no table ({error})", "write two numbers x, y a line") from None
+    rows = [(k, row) for k, row in rows if row and not row[0].lstrip().startswith("#")]
+    if rows and not any(_is_number(cell) for cell in rows[0][1]):
+        rows = rows[1:]
+    if not fewest <= len(rows) <= MOST_POINTS:
+        remedy = f"give {fewest} or more, {MOST_POINTS} at most"
+        raise about_file(section, f"{path} has {counted(len(rows), 'point')}", remedy)
+    return [_point(section, f"{path} line {number}", row) for number, row in rows]
+
+
+def about_file(section: str, why: str, remedy: str) -> ValidationError:
+    """The error about the key `file` of a section."""
+    return refusal(section, [Problem(("file",), why, remedy)])
+
+
+def _point(section: str, place: str, row: Sequence[str]) -> Point:
+    if len(row) != 2 or not all(_is_number(cell) for cell in row):
+        raise about_file(section, f'{place} is "{",".join(row)[:40]}"', "write two finite numbers x, y a line")
+    return float(row[0]), float(row[1])
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        return math.isfinite(float(cell))
+    except ValueError:
+        return False
