@@ -52,7 +52,7 @@ def read_points(path: Path, fewest: int, section: str) -> list[Point]:
     if rows and not any(_is_number(cell) for cell in rows[0][1]):
         rows = rows[1:]
     if not fewest <= len(rows) <= MOST_POINTS:
-        remedy = f"give {fewest} or more, {MOST_POINTS} at most"
+        remedy = f"give {'two' if fewest == 2 else 'three'} or more points, {MOST_POINTS} at most"
         raise about_file(section, f"{path} has {counted(len(rows), 'point')}", remedy)
     return [_point(section, f"{path} line {number}", row) for number, row in rows]
 
@@ -64,7 +64,9 @@ def about_file(section: str, why: str, remedy: str) -> ValidationError:
 
 def _point(section: str, place: str, row: Sequence[str]) -> Point:
     if len(row) != 2 or not all(_is_number(cell) for cell in row):
-        raise about_file(section, f'{place} is "{",".join(row)[:40]}"', "write two finite numbers x, y a line")
+        raise about_file(
+            section, f'{place} is "{",".join(row)[:40]}"', "write two finite numbers x, y a line"
+        )
     return float(row[0]), float(row[1])
 
 

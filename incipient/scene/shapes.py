@@ -404,7 +404,8 @@ class Polyline(BedSection):
         if isinstance(data, dict) and isinstance(data.get("points"), _FromFile):
             path, points = data["points"].path, data["points"].points
             if why := _disorder(points):
-                raise about_file("Polyline", f"{path} {why}", "sort the points by ascending x, each x once")
+                remedy = "give two or more points sorted by ascending x, each x once"
+                raise about_file("Polyline", f"{path} {why}", remedy)
             data = {**data, "points": points}
         return data
 
