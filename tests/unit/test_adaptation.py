@@ -10,12 +10,14 @@ from incipient.accuracy.adaptation import Adaptation, Trial
 from incipient.accuracy.errorbars import changed
 from incipient.accuracy.goal import Goal
 from incipient.accuracy.halving import finer
-from incipient.accuracy.refinement import SMALLEST_GAP, cheapest_order, with_less_of
+from incipient.accuracy.refinement import SMALLEST_GAP, Refinement, cheapest_order, with_less_of
 from incipient.accuracy.sizing import LARGEST, SMALLEST, STEEPEST, Shares, resized
 from incipient.errors import SceneError
 from incipient.geometry.curves import Line
 from incipient.meshes import Near, Region, SizeField, Sizes
 from incipient.meshes.model import region_model
+from incipient.progress import Silent
+from incipient.recorder import Unrecorded
 from incipient.result import Couples, Forces
 from incipient.scene import Scene, loads
 from incipient.scene.example import commented, grain_on_bed
@@ -166,6 +168,27 @@ def test_slope_of_the_safety_factor() -> None:
         for loads_ in (loaded(0.99, -0.1), loaded(1.01, -0.1))
     ]
     assert np.log(factors[1] / factors[0]) == pytest.approx(0.02 * slope[0], rel=1e-2)
+
+
+def test_a_safety_factor_that_may_be_infinite_is_refined_step_by_step() -> None:
+    """Its error is infinite, which tells nothing of the cells needed; the finest allowed would be 25 times as many."""
+    search = Refinement(wanting(accuracy_of="safety factor"), MPI.COMM_SELF, Unrecorded, Silent())
+    search.tell(Trial(2, 200, 1000, np.inf, 0.1))
+    points, triangles = grid(10)
+    shares = Shares(points, triangles, np.ones(len(points)))
+    following = search._to_refine(search._first(4.0), np.inf, shares, np.inf)
+    assert following is not None and 1000.0 < following.expected < 6000.0
+
+
+def test_a_range_with_an_infinite_end() -> None:
+    """In a pocket a force that is small may within its error be none, which is held at any factor."""
+    pocket = ("bed.kind=half-discs", "bed.radius=0.5", "bed.spacing=1.2", "bed.offset=1.0")
+    wanted = ("numerics.accuracy=0.01", "numerics.accuracy_of=safety factor")
+    goal = Goal.of(loads(commented(grain_on_bed()), overrides=(*pocket, *wanted)))
+    force, couple = loaded(0.1, 0.0)
+    errors = np.array([0.01, 0.0, 0.0]), np.zeros(3)
+    assert goal.error(force, couple, *errors) == pytest.approx(1.0 / 0.9 - 1.0 / 1.1)
+    assert goal.error(force, couple, 10.0 * errors[0], errors[1]) == np.inf
 
 
 # -- what may be asked for ----------------------------------------------------------------------------
