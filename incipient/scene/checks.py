@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
     from .model import Scene
 
+# Distances in grain sizes: from the bed, where cells get as small as the gap; from a side, where they do not.
+TOUCHING, NEARLY_TOUCHING = 1e-6, 1e-3
 _CHANNEL_FLOWS = ("shear", "poiseuille", "uniform", "open-channel")
 _TOPS_OF_FLOWS = {
     "poiseuille": ("auto", "wall"),
@@ -202,22 +204,26 @@ def _far_out(scene: Scene) -> Iterator[str]:
 
 
 def _beyond(scene: Scene) -> Iterator[str]:
-    """How the grain leaves the domain, or touches one of its sides."""
-    domain, outline = scene.domain, _outline(scene)
+    """How the grain leaves the domain, or touches one of its sides, if only nearly."""
+    domain, grain, outline = scene.domain, scene.grain, _outline(scene)
+    assert grain is not None
     (left, low), (right, high) = outline.min(axis=0), outline.max(axis=0)
     sides = [
-        ("x", left, left <= domain.left, "left side", domain.left),
-        ("x", right, right >= domain.right, "right side", domain.right),
-        ("y", high, high >= domain.ceiling, "top", domain.ceiling),
-        ("y", low, scene.bed is None and low <= domain.bottom, "lower side", domain.bottom),
+        ("x", left, left - domain.left, "left side", domain.left),
+        ("x", right, domain.right - right, "right side", domain.right),
+        ("y", high, domain.ceiling - high, "top", domain.ceiling),
     ]
-    for axis, reach, outside, side, place in sides:
-        if outside:
+    if scene.bed is None:
+        sides.append(("y", low, low - domain.bottom, "lower side", domain.bottom))
+    for axis, reach, distance, side, place in sides:
+        if distance <= 0.0:
             yield f"the grain reaches {axis} = {reach:g}, the domain's {side} is at {place:g}"
+        elif distance < NEARLY_TOUCHING * grain.size:
+            yield f"the grain nearly touches the domain's {side}, from which it is {distance:.3g}"
 
 
 def _into_bed(scene: Scene) -> Iterator[str]:
-    """How deep the grain is in the bed, if it is."""
+    """How deep the grain is in the bed, or that it touches the bed above which it is to be held."""
     bed, grain, placement = scene.bed_shape, scene.grain, scene.placement
     if bed is None or grain is None or placement is None:
         return
@@ -226,6 +232,8 @@ def _into_bed(scene: Scene) -> Iterator[str]:
     depth = -clearance(grain, placement, bed)[0]
     if depth > scene.contact_tolerance:
         yield f"the grain reaches {depth:.3g} into the bed"
+    elif not scene.rests and -depth <= max(scene.contact_tolerance, TOUCHING * grain.size):
+        yield "the grain touches the bed above which centre holds it"
 
 
 def _outline(scene: Scene) -> np.ndarray:

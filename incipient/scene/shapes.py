@@ -45,7 +45,7 @@ class GrainSection(Section):
         None, description="Rests on the bed at this abscissa [length]; give x or centre", examples=[4.0]
     )
     centre: Pair | None = Field(
-        None, description="Held with its centroid there [length]; give x or centre", examples=[(4.0, 0.5)]
+        None, description="Held with its centroid there [length]; give x or centre", examples=[(4.0, 2.0)]
     )
     angle: float = Field(0.0, description="Turned counter-clockwise by this [degrees]")
     density: NotNegative | None = Field(

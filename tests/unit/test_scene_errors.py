@@ -352,6 +352,30 @@ BETWEEN = [
         f"body.centre: the grain reaches y = -0.1, the domain's lower side is at 0; {MOVE}",
     ),
     (
+        {"body": Disc(diameter=1, centre=(4, 0.5))},
+        "body.centre: the grain touches the bed above which centre holds it; raise the grain, or give x to let",
+    ),
+    (
+        {"body": Disc(diameter=1, centre=(4, 0.5 + 1e-8))},
+        "body.centre: the grain touches the bed above which centre holds it; raise the grain, or give x to let",
+    ),
+    *[
+        (
+            {"body": Disc(diameter=1, centre=centre), "bed": None},
+            f"body.centre: the grain nearly touches the domain's {side}, from which it is 0.0005; {MOVE}",
+        )
+        for side, centre in (
+            ("left side", (0.5005, 3)),
+            ("right side", (11.4995, 3)),
+            ("top", (4, 5.4995)),
+            ("lower side", (4, 0.5005)),
+        )
+    ],
+    (
+        {"body": Disc(diameter=1, x=0.5005)},
+        f"body.x: the grain nearly touches the domain's left side, from which it is 0.0005; {MOVE}",
+    ),
+    (
         {"body": Disc(diameter=1, centre=(4, 0.3))},
         "body.centre: the grain reaches 0.2 into the bed; raise the grain, or give x to let it rest",
     ),

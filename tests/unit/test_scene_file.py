@@ -91,7 +91,7 @@ def test_what_the_example_comments_out_may_be_set():
     assert scene.time == Time(end=10.0, step=0.05, tolerance=1e-4)
     assert scene.numerics.geometry_order == 2
     held = re.sub(r"(?m)^x = .*$", "", example()).replace("# centre", "centre")
-    assert loads(held).body.centre == (4.0, 0.5)
+    assert loads(held).body.centre == (4.0, 2.0)
 
 
 @pytest.mark.parametrize("path", sorted(SCENES.glob("*.toml")), ids=lambda path: path.stem)
