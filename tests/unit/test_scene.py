@@ -12,6 +12,7 @@ from scenes import BOX, FLOW_SCALE, message, scene
 from incipient.geometry import bed as bed_geometry
 from incipient.geometry import discs as disc_geometry
 from incipient.geometry import grain as grain_geometry
+from incipient.geometry import polygon as polygon_geometry
 from incipient.geometry import smooth as smooth_geometry
 from incipient.scene import (
     Contact,
@@ -114,7 +115,7 @@ def test_shapes_become_geometry():
         Disc(diameter=1, x=4): grain_geometry.Disc(1.0),
         Ellipse(semi_axes=(1, 0.5), x=4): grain_geometry.Ellipse((1.0, 0.5)),
         Rectangle(width=1, height=2, corner_radius=0.1, x=4): grain_geometry.Rectangle(1.0, 2.0, 0.1),
-        Polygon(vertices=[(0, 0), (1, 0), (0, 1)], x=4): grain_geometry.Polygon([(0, 0), (1, 0), (0, 1)]),
+        Polygon(vertices=[(0, 0), (1, 0), (0, 1)], x=4): polygon_geometry.Polygon([(0, 0), (1, 0), (0, 1)]),
         Superellipse(semi_axes=(1, 0.5), exponent=4, x=4): smooth_geometry.Superellipse((1.0, 0.5), 4.0),
         Star(radius=0.5, cosines=(0, 0.1), x=4): smooth_geometry.Star(
             smooth_geometry.Harmonics(0.5, (0.0, 0.1))
