@@ -57,39 +57,44 @@ def run(
     directory: Path | str | None = None,
     comm: MPI.Comm | None = None,
     voice: Silent | None = None,
+    overwrite: bool = False,
 ) -> Result:
     """Simulate a scene and judge its grain. Collective over `comm` (default: all ranks).
 
-    With `numerics.accuracy` mesh and order are chosen to reach it (docs/accuracy.md).
+    With `numerics.accuracy` mesh and order are chosen to reach it (docs/accuracy.md). When the run has its mesh, an
+    earlier one in the directory makes room: it is removed, or moved to a numbered neighbour if it can be resumed.
 
     Args:
         scene: what to simulate.
         directory: where to write the resolved scene, result.json, history and fields; None writes nothing.
         voice: told what is going on; default: nobody.
+        overwrite: remove the earlier run even if it can be resumed.
 
     Raises:
         IncipientError: on all ranks, one line; what was computed before it stays in the directory.
     """
     from .parallel import world
-    from .simulation import simulate
+    from .recorder import Unrecorded
 
     comm = comm or world()
+    if directory is None:
+        return _simulated(scene, comm, Unrecorded(), voice)
+    from .output.directory import ResultDirectory
+    from .output.lock import locked
+
+    directory = Path(directory)
+    with locked(directory, comm, make=True):
+        return _simulated(scene, comm, ResultDirectory(directory, comm, overwrite=overwrite), voice)
+
+
+def _simulated(scene: Scene, comm: MPI.Comm, recorder: Recorder, voice: Silent | None) -> Result:
+    from .simulation import simulate
+
     if scene.numerics.accuracy is None:
-        return simulate(scene, comm, _recorder(directory, comm), voice)
+        return simulate(scene, comm, recorder, voice)
     from .accuracy.adaptation import run_to_accuracy
 
-    return run_to_accuracy(scene, comm, lambda: _recorder(directory, comm), voice)
-
-
-def _recorder(directory: Path | str | None, comm: MPI.Comm) -> Recorder:
-    """What writes a run into a directory, from the start."""
-    if directory is None:
-        from .recorder import Unrecorded
-
-        return Unrecorded()
-    from .output.directory import ResultDirectory
-
-    return ResultDirectory(Path(directory), comm)
+    return run_to_accuracy(scene, comm, recorder, voice)
 
 
 def resume(
@@ -100,7 +105,8 @@ def resume(
 ) -> Result:
     """Go on with a run that was cut short, from the checkpoint in its directory. Collective over `comm`.
 
-    The number of ranks need not be that of the run. History and fields go on where the checkpoint was written.
+    The number of ranks need not be that of the run. History and fields go on where the checkpoint was written; fields
+    that cannot be read are put aside. Until there is a new result the earlier one stays.
 
     Args:
         directory: of the run.
@@ -112,10 +118,12 @@ def resume(
             of another scene, or when there is nothing left to compute.
     """
     from .output.directory import ResultDirectory
+    from .output.lock import locked
     from .parallel import world
     from .restart.reopening import reopened
     from .simulation import simulate
 
     comm, directory = comm or world(), Path(directory)
-    scene, kept = reopened(directory, overrides, comm)
-    return simulate(scene, comm, ResultDirectory(directory, comm, kept), voice, kept)
+    with locked(directory, comm):
+        scene, kept = reopened(directory, overrides, comm)
+        return simulate(scene, comm, ResultDirectory(directory, comm, kept), voice, kept)

@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, cast
 
-from .errors import IncipientError, MissingError, SceneError
+from .errors import IncipientError, MissingError, OutputError, SceneError
 from .installed import required
 from .interrupt import forget_unfinished_form
 from .parallel import Alone, world
@@ -22,6 +22,7 @@ from .parallel import Alone, world
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from .pictures.apart import Drawn
     from .result import Result
 
 INTERRUPTED = 130
@@ -117,6 +118,11 @@ def _options_of_run(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=_named, help="directory for the results (default: results/NAME OF THE SCENE)"
     )
+    parser.add_argument(
+        "--overwrite",
+        action="store_true",
+        help="remove an earlier run from the directory even if it can be resumed (default: move it to a numbered one)",
+    )
 
 
 def _options_of_resume(parser: argparse.ArgumentParser) -> None:
@@ -197,7 +203,7 @@ def _run(options: argparse.Namespace, comm: MPI.Comm) -> int:
         "%s on %s\n%s", scene.title or options.scene.stem, _ranks(comm), incipient.make_plan(scene).text()
     )
     with telling(comm.rank) as voice:
-        result = incipient.run(scene, directory, comm, voice)
+        result = incipient.run(scene, directory, comm, voice, options.overwrite)
     _tell(result, directory, comm)
     return 0
 
@@ -215,52 +221,59 @@ def _resume(options: argparse.Namespace, comm: MPI.Comm) -> int:
 
 
 def _tell(result: Result, directory: Path, comm: MPI.Comm) -> None:
-    """Draw the pictures if the scene wants some, and say what came out and where it is."""
+    """Say what came out and where it is; then draw the pictures if the scene wants some."""
     output = result.scene["output"]
-    pictures = _pictures(directory, comm) if output["pictures"] else []
     if comm.rank == 0:
         print(result.text())
-        print(_whereabouts(directory, output["fields"], pictures, result.cost))
+        print(_whereabouts(directory, output["fields"], result.cost), flush=True)
+    _tell_of_pictures(directory, output["pictures"], comm)
+
+
+def _tell_of_pictures(directory: Path, wanted: bool, comm: MPI.Comm) -> None:
+    """Draw pictures if they are wanted, and say where they are; one that fails takes nothing else with it."""
+    from .parallel import collectively
+    from .pictures.apart import Drawn, draw_apart
+
+    with collectively(comm):
+        if comm.rank == 0:
+            _say_drawn(draw_apart(directory) if wanted else Drawn([]), directory)
+
+
+def _say_drawn(drawn: Drawn, directory: Path) -> None:
+    names = ", ".join(path.name for path in drawn.paths)
+    print(
+        f"pictures            {f'{directory}/: {names}' if names else f'incipient show {directory}'}",
+        flush=True,
+    )
+    if drawn.complaint:
+        raise OutputError(
+            f"{drawn.complaint}; the rest is there, draw again with: incipient show {directory}"
+        )
 
 
 def _threshold(options: argparse.Namespace, comm: MPI.Comm) -> int:
     import incipient
 
     from .output.directory import write_threshold
+    from .output.lock import locked
     from .progress import telling
     from .threshold import find_threshold
 
     scene = incipient.load(options.scene, options.overrides)
     directory = options.out or Path("results") / f"{options.scene.stem}_threshold"
-    with telling(comm.rank) as voice:
-        threshold = find_threshold(scene, comm, voice)
-    write_threshold(directory, scene, threshold, comm)
-    pictures = _pictures(directory, comm) if scene.output.pictures else []
+    with locked(directory, comm, make=True):
+        with telling(comm.rank) as voice:
+            threshold = find_threshold(scene, comm, voice)
+        write_threshold(directory, scene, threshold, comm)
     if comm.rank == 0:
         print(threshold.text())
-        print(f"numbers             {directory / 'threshold.json'}")
-        print(f"pictures            {', '.join(map(str, pictures)) or f'incipient show {directory}'}")
+        print(f"numbers             {directory / 'threshold.json'}", flush=True)
+    _tell_of_pictures(directory, scene.output.pictures, comm)
     return 0
 
 
-def _pictures(directory: Path, comm: MPI.Comm) -> list[Path]:
-    from .parallel import collectively
-
-    drawn: list[Path] = []
-    with collectively(comm):
-        if comm.rank == 0:
-            from .pictures.apart import draw_apart
-
-            drawn = draw_apart(directory)
-    return drawn
-
-
-def _whereabouts(directory: Path, fields: bool, pictures: list[Path], cost: dict[str, Any]) -> str:
+def _whereabouts(directory: Path, fields: bool, cost: dict[str, Any]) -> str:
     lines = [f"verdict and numbers {directory / 'result.json'}"]
-    if pictures:
-        lines.append(f"pictures            {directory}/: {', '.join(path.name for path in pictures)}")
-    else:
-        lines.append(f"pictures            incipient show {directory}")
     if fields:
         lines.append(f"for ParaView        {directory / 'fields.xdmf'}")
     lines.append(
@@ -289,16 +302,17 @@ def _cost(options: argparse.Namespace, comm: MPI.Comm) -> int:
     import incipient
 
     from .cost import command as cost_command
-    from .pictures.apart import draw_apart
+    from .output.lock import locked
 
     _alone("cost", comm)
     scene = incipient.load(options.scene, options.overrides)
     directory = options.out or Path("results") / f"{options.scene.stem}_cost"
     lists = {name: getattr(options, name) for name in ("orders", "sizes", "steps", "solvers")}
     spread = cost_command.chosen(scene, options.quick, **lists)
-    found = cost_command.study(scene, directory, spread, logging.getLogger("incipient").info)
-    draw_apart(directory)
-    print(cost_command.told(found, directory))
+    with locked(directory, comm, make=True):
+        found = cost_command.study(scene, directory, spread, logging.getLogger("incipient").info)
+    print(cost_command.told(found, directory), flush=True)
+    _tell_of_pictures(directory, True, comm)
     return 0
 
 
@@ -335,8 +349,9 @@ def _show(options: argparse.Namespace, comm: MPI.Comm) -> int:
             raise SceneError("--field says what to animate; add --animate")
         if options.out is not None:
             raise SceneError("--out names the animation; add --animate")
-        for path in _pictures(options.directory, comm):
-            print(path)
+        with collectively(comm):
+            if comm.rank == 0:
+                _show_pictures(options.directory)
         return 0
     with collectively(comm):
         if comm.rank == 0:
@@ -344,6 +359,16 @@ def _show(options: argparse.Namespace, comm: MPI.Comm) -> int:
 
             print(animate_apart(options.directory, options.out, options.field or "velocity"))
     return 0
+
+
+def _show_pictures(directory: Path) -> None:
+    from .pictures.apart import draw_apart
+
+    drawn = draw_apart(directory)
+    for path in drawn.paths:
+        print(path)
+    if drawn.complaint:
+        raise OutputError(drawn.complaint)
 
 
 def _judge(options: argparse.Namespace, comm: MPI.Comm) -> int:
@@ -366,8 +391,8 @@ def _keep(judgement: dict[str, Any], directory: Path) -> None:
     from .pictures.apart import draw_apart
 
     cases.save(judgement, directory)
-    print(f"numbers             {directory / 'judgement.json'}")
-    print(f"pictures            {', '.join(map(str, draw_apart(directory)))}")
+    print(f"numbers             {directory / 'judgement.json'}", flush=True)
+    _say_drawn(draw_apart(directory), directory)
 
 
 def _new(options: argparse.Namespace, comm: MPI.Comm) -> int:

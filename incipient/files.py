@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import errno
 import io
+import itertools
 import json
 import math
 import os
@@ -61,6 +62,12 @@ def cause_of(error: Exception) -> str:
     """Why an HDF5 file could not be read or written; what the library says of its own insides is left out."""
     code = getattr(error, "errno", None)
     return os.strerror(code) if code else "it is damaged or incomplete"
+
+
+def numbered(path: Path) -> Path:
+    """The first of path.1, path.2 ... that is not there yet."""
+    names = (path.with_name(f"{path.name}.{number}") for number in itertools.count(1))
+    return next(name for name in names if not name.exists())
 
 
 def write_text_atomically(path: Path, text: str) -> None:

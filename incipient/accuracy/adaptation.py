@@ -86,12 +86,12 @@ class Adaptation:
 
 
 def run_to_accuracy(
-    scene: Scene, comm: MPI.Comm, recorder: Callable[[], Recorder] = Unrecorded, voice: Silent | None = None
+    scene: Scene, comm: MPI.Comm, recorder: Recorder | None = None, voice: Silent | None = None
 ) -> Result:
     """Run a scene with `numerics.accuracy` on meshes of the program's choice. Collective over `comm`.
 
     Args:
-        recorder: makes what the last run is handed to; for flow in time it may be called again.
+        recorder: what the last run is handed to; it may begin again.
 
     Raises:
         IncipientError: on all ranks, if no mesh could be solved on.
@@ -100,7 +100,8 @@ def run_to_accuracy(
     from .refinement import Refinement
 
     search = Halving if scene.time is not None else Refinement
-    with nullcontext() if recorder is Unrecorded else Interruption(comm):
+    recorder = recorder or Unrecorded()
+    with Interruption(comm) if recorder.keeps else nullcontext():
         return search(scene, comm, recorder, voice or Silent()).result()
 
 
@@ -154,7 +155,7 @@ class Told:
 class Search:
     """What both ways have in common: the accounts and the budget."""
 
-    def __init__(self, scene: Scene, comm: MPI.Comm, recorder: Callable[[], Recorder], voice: Silent):
+    def __init__(self, scene: Scene, comm: MPI.Comm, recorder: Recorder, voice: Silent):
         self.scene, self.comm, self.recorder, self.voice = scene, comm, recorder, voice
         self.numerics, self.ledger, self.trials = scene.numerics, Ledger(), list[Trial]()
         self.iterations: dict[str, int] = {}

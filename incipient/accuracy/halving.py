@@ -61,7 +61,7 @@ class Halving(Search):
             if result.status == "complete" and not again:
                 self._judge(scene, result, self.elapsed() - began)
 
-        told = Told(self.recorder() if recorded else Unrecorded(), scene, self.adaptation, judge)
+        told = Told(self.recorder if recorded else Unrecorded(), scene, self.adaptation, judge)
         quiet = scene if recorded else changed(scene, numerics={"error_bars": False})
         simulation = Simulation(quiet, self.comm, cast(Recorder, told), self.voice)
         simulation.known, simulation.spent = self.known, self.spent

@@ -149,7 +149,7 @@ class Refinement(Search):
         asked = changed(
             simulation.scene, numerics={"order": self.numerics.order, "tolerance": self.numerics.tolerance}
         )
-        told = Told(self.recorder(), asked, self.adaptation)
+        told = Told(self.recorder, asked, self.adaptation)
         simulation.hand_over(cast(Recorder, told))
         return told
 

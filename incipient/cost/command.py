@@ -58,7 +58,7 @@ def told(found: Study, directory: Path) -> str:
     lines = [f"{'accuracy':<20}{found.words()}"]
     lines += [_told_of_solver(one) for one in found.solvers()]
     lines += [f"{'failed':<20}{run.rung.name}: {run.failed}" for run in found.failed]
-    lines.append(f"{'numbers':<20}{directory}/: cost.md, cost.csv, cost.json, cost.png")
+    lines.append(f"{'numbers':<20}{directory}/: cost.md, cost.csv, cost.json")
     return "\n".join(lines)
 
 

@@ -11,6 +11,7 @@ from ..parallel import collectively
 from ..plan import Plan
 from ..result import Result
 from ..scene import Scene
+from .earlier import CHECKPOINT, RESULT, SCENE, keep_complete_result, make_room, remove_pictures
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -20,45 +21,18 @@ if TYPE_CHECKING:
     from ..threshold import Threshold
     from .xdmf import FieldSeries, SurfaceSeries
 
-CHECKPOINT = "checkpoint.h5"
-# What an earlier run into the same directory may have left and this one may not write again.
-PICTURES = (
-    "flow",
-    "pressure",
-    "vorticity",
-    "traction",
-    "verdict",
-    "profiles",
-    "mesh",
-    "threshold",
-    "trajectory",
-)
-ANIMATIONS = ("velocity", "pressure", "vorticity")
-DATA = (
-    "result.json",
-    "history.csv",
-    "fields.xdmf",
-    "fields.h5",
-    "surface.xdmf",
-    "surface.h5",
-    "threshold.json",
-    CHECKPOINT,
-)
-# What a run writes when it is over.
-ENDINGS = (
-    "result.json",
-    "threshold.json",
-    *(f"{name}.png" for name in PICTURES),
-    *(f"{name}.gif" for name in ANIMATIONS),
-)
-LEFTOVERS = (*DATA, *(f"{name}.png" for name in PICTURES), *(f"{name}.gif" for name in ANIMATIONS))
-
 
 class ResultDirectory:
     """Records a run in a directory (see `incipient.recorder.Recorder`). Every method is collective.
 
+    Nothing that the directory holds is touched before a run begins. Then an earlier run makes room, as `earlier` says.
     Given the checkpoint that a run goes on from, what the directory holds of later steps is dropped, and the rest
-    goes on.
+    goes on; the result is the earlier one's until there is a new one.
+
+    Args:
+        path: the directory, made if it is not there.
+        resumed: the checkpoint.
+        overwrite: whether to remove an earlier run that could be resumed, rather than to move it.
 
     Raises:
         OutputError: on all ranks, when something cannot be written.
@@ -66,30 +40,26 @@ class ResultDirectory:
 
     keeps = True
 
-    def __init__(self, path: Path, comm: MPI.Comm, resumed: Checkpoint | None = None):
+    def __init__(
+        self, path: Path, comm: MPI.Comm, resumed: Checkpoint | None = None, overwrite: bool = False
+    ):
         self.path, self.comm, self._resumed = path, comm, resumed
+        self._overwrite = overwrite
         self._rows = 0
         self._series: FieldSeries | None = None
         self._surface: SurfaceSeries | None = None
-        with collectively(comm):
-            if comm.rank == 0 and resumed is None:
-                self._prepare()
-
-    def _prepare(self) -> None:
-        with reported(self.path):
-            self.path.mkdir(parents=True, exist_ok=True)
-            for name in LEFTOVERS:
-                (self.path / name).unlink(missing_ok=True)
 
     def begin(self, scene: Scene, plan: Plan, domain: Domain) -> None:
-        """Write the resolved scene; open the field series if fields are wanted."""
+        """Write the resolved scene; open the field series if fields are wanted. Called again: start anew."""
         from ..scene import save
 
-        self._output = scene.output
+        self._output, self._series, self._surface = scene.output, None, None
+        self._rows = 0 if self._resumed is None else self._resumed.recorded.rows
         with collectively(self.comm):
             if self.comm.rank == 0:
-                self._go_back()
-                save(scene, self.path / "scene.toml")
+                self._make_ready()
+                save(scene, self.path / SCENE)
+        self._overwrite = True  # what is there from now on is this run's own
         if not scene.output.fields:
             return
         from .xdmf import FieldSeries, SurfaceSeries
@@ -101,6 +71,16 @@ class ResultDirectory:
             self._surface = SurfaceSeries(
                 self.path / "surface", domain.mesh, facets, self.comm, after, steady
             )
+
+    def _make_ready(self) -> None:
+        """Let an earlier run make room; of one that is resumed, drop the rows that came after the checkpoint."""
+        if self._resumed is not None:
+            recorded = self._resumed.recorded
+            cut(self.path / "history.csv", recorded.rows, recorded.bytes)
+            return
+        with reported(self.path):
+            self.path.mkdir(parents=True, exist_ok=True)
+        make_room(self.path, self._overwrite)
 
     def wants_fields(self, number: int, last: bool) -> bool:
         """At the end, and every so many steps if the scene says so."""
@@ -145,33 +125,32 @@ class ResultDirectory:
         """Write result.json; the directory."""
         with collectively(self.comm):
             if self.comm.rank == 0:
-                write_json(self.path / "result.json", result.to_dict())
+                self._write(result)
         return self.path
 
     def finish(self, result: Result) -> None:
         """Write result.json; after a complete run a checkpoint stays where the scene wants some, and after contact."""
         with collectively(self.comm):
             if self.comm.rank == 0:
-                write_json(self.path / "result.json", result.to_dict())
+                self._write(result)
                 wanted = result.scene["output"]["checkpoint"] or result.met
                 if result.status == "complete" and not wanted:
                     with reported(self.path / CHECKPOINT):
                         (self.path / CHECKPOINT).unlink(missing_ok=True)
 
-    def _go_back(self) -> None:
-        """Of a run that is resumed, drop from the directory what came after the checkpoint."""
-        if self._resumed is None:
-            return
-        recorded = self._resumed.recorded
-        self._rows = recorded.rows
-        with reported(self.path):
-            for name in ENDINGS:
-                (self.path / name).unlink(missing_ok=True)
-        cut(self.path / "history.csv", recorded.rows, recorded.bytes)
+    def _write(self, result: Result) -> None:
+        """Write result.json in place of that of the run that was resumed, if any, which stays if it says more."""
+        if self._resumed is not None:
+            remove_pictures(self.path)
+            if result.status != "complete":
+                keep_complete_result(self.path)
+        write_json(self.path / RESULT, result.to_dict())
 
 
 def write_threshold(path: Path, scene: Scene, threshold: Threshold, comm: MPI.Comm) -> None:
     """Write threshold.json and the resolved scene into a directory, made if it is not there. Collective.
+
+    A run there that can be resumed makes room: it could not with another scene.
 
     Raises:
         OutputError: on all ranks, when something cannot be written.
@@ -182,5 +161,7 @@ def write_threshold(path: Path, scene: Scene, threshold: Threshold, comm: MPI.Co
         if comm.rank == 0:
             with reported(path):
                 path.mkdir(parents=True, exist_ok=True)
-            save(scene, path / "scene.toml")
+            if (path / CHECKPOINT).exists():
+                make_room(path, overwrite=False)
+            save(scene, path / SCENE)
             write_json(path / "threshold.json", threshold.to_dict())

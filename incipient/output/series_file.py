@@ -22,6 +22,7 @@ import numpy as np
 
 from ..errors import OutputError
 from ..files import cause_of, ends_with, insert_before_end, reported, write_text_atomically
+from .earlier import put_aside
 
 _METADATA_BYTES = 1 << 16
 _HEAD = '<?xml version="1.0"?>\n<Xdmf Version="3.0">\n  <Domain>\n'
@@ -30,6 +31,10 @@ _END_OF_SERIES = f"    </Grid>\n{_END}"
 _ABOUT = {"time", "topology", "geometry"}  # the attributes of a step, which it gets last
 _ATTRIBUTE_TYPES = {1: "Scalar", 2: "Vector"}
 _SAME_TIME = 1e-12  # relative; steps further apart are different
+
+
+class Unreadable(OutputError):
+    """A pair is missing, damaged or empty."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +111,8 @@ class SeriesFile:
         A mesh must be added before the next step. The XDMF file is written anew, whatever its state.
 
         Raises:
-            OutputError: when there is no such pair, or its HDF5 file is damaged.
+            Unreadable: when there is no such pair, or its HDF5 file is damaged.
+            OutputError: when the XDMF file cannot be written.
         """
         with _opened(self._hdf5, "r+") as file:
             for index in range(_count(file)):
@@ -115,6 +121,10 @@ class SeriesFile:
             self._steps = _count(file)
             self._mesh = _Mesh(sum(name.startswith("mesh") for name in file) - 1)
         self._write_xdmf()
+
+    def put_aside(self) -> Path | None:
+        """Give the HDF5 file another name; which, None if there is none."""
+        return put_aside(self._hdf5) if self._hdf5.exists() else None
 
     def add_mesh(self, topology: np.ndarray) -> None:
         """Cells (cells, nodes per cell) for the steps to come; a geometry must follow."""
@@ -209,7 +219,7 @@ def times(stem: Path) -> list[float]:
     """The times of the steps of a pair written by `SeriesFile`, in the order written. Not collective.
 
     Raises:
-        OutputError: when the file is missing, damaged, or holds no step.
+        Unreadable: when the file is missing, damaged, or holds no step.
     """
     path = _pair(stem)[1]
     with _opened(path, "r") as file:
@@ -220,7 +230,7 @@ def read_step(stem: Path, index: int = -1) -> Step:
     """Read one step (the last by default) of a pair written by `SeriesFile`. Not collective.
 
     Raises:
-        OutputError: when the file is missing, damaged, or has no such step.
+        Unreadable: when the file is missing, damaged, or has no such step.
     """
     path = _pair(stem)[1]
     with _opened(path, "r") as file:
@@ -236,12 +246,12 @@ def _opened(path: Path, mode: str) -> Iterator[Any]:
     import h5py
 
     if not path.is_file():
-        raise OutputError(f"{path}: no such file; run the scene with output.fields = true")
+        raise Unreadable(f"{path}: no such file; run the scene with output.fields = true")
     try:
         with h5py.File(path, mode, locking=False) as file:
             yield file
     except (OSError, KeyError, IndexError, RuntimeError, ValueError) as error:
-        raise OutputError(f"{path}: cannot be read: {cause_of(error)}; run the scene again") from error
+        raise Unreadable(f"{path}: cannot be read: {cause_of(error)}; run the scene again") from error
 
 
 def _count(file: Any) -> int:
@@ -261,7 +271,7 @@ def _some(file: Any, path: Path) -> int:
     """The number of steps, which is not zero."""
     count = _count(file)
     if not count:
-        raise OutputError(f"{path}: holds no step; the run ended before its first result")
+        raise Unreadable(f"{path}: holds no step; the run ended before its first result")
     return count
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Self
@@ -11,7 +12,9 @@ from mpi4py import MPI
 
 from ..parallel import collectively
 from .nodes import QuadraticNodes
-from .series_file import SeriesFile
+from .series_file import SeriesFile, Unreadable
+
+log = logging.getLogger("incipient")
 
 
 class Series:
@@ -29,8 +32,18 @@ class Series:
         self._file = SeriesFile(stem, nodes.cell_type, steady)
         with collectively(comm):
             if comm.rank == 0:
-                self._file.create() if after is None else self._file.resume(after)
+                self._file.create() if after is None else self._resume(after)
         self._go_on(nodes)
+
+    def _resume(self, after: float) -> None:
+        """Go on with the files that are there; what cannot be read is put aside, and does not stop the run."""
+        try:
+            self._file.resume(after)
+        except Unreadable as error:
+            why, aside = str(error).rpartition("; ")[0], self._file.put_aside()
+            kept = f", what there was is in {aside}" if aside else ""
+            log.warning("%s; the series starts anew after t = %g%s", why, after, kept)
+            self._file.create()
 
     def _go_on(self, nodes: QuadraticNodes) -> None:
         """The steps to come are on these nodes."""

@@ -6,9 +6,13 @@ pyvista shows the mesh, and judged grains in space.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from ..errors import IncipientError, OutputError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -18,7 +22,7 @@ if TYPE_CHECKING:
     Maker = Callable[[Run], Figure]
 
 
-def draw(directory: Path) -> list[Path]:
+def draw(directory: Path, announce: Callable[[Path], object] = lambda path: None) -> list[Path]:
     """Draw all pictures that the results in a directory allow, as PNG files beside them. Not collective.
 
     A run (result.json): always flow, pressure, vorticity and mesh; with a grain the traction on it and the verdict,
@@ -26,50 +30,86 @@ def draw(directory: Path) -> list[Path]:
     profiles on both centrelines. A threshold (threshold.json), a judged case (judgement.json), and
     a study of what accuracy costs (cost.json): one picture each.
 
+    Args:
+        announce: called with the path of every picture as soon as it is there.
+
     Raises:
-        OutputError: when there is no result, when one is incomplete or damaged, or a picture cannot be written.
+        OutputError: when there is no result, when one is incomplete or damaged, or a picture could not be drawn or
+            written; all others have been drawn then.
     """
-    written = []
+    drawing = _Drawing(announce)
     names = ("judgement.json", "threshold.json", "cost.json")
     judged, found, studied = ((directory / name).exists() for name in names)
     if (directory / "result.json").exists() or not (judged or found or studied):
-        written += _draw_run(directory)
+        with drawing.attempt(directory / "result.json"):
+            _draw_run(directory, drawing)
     if found:
         from . import threshold
 
-        written += threshold.draw(directory)
+        drawing.add(directory / "threshold.json", threshold.draw)
     if studied:
         from . import cost
 
-        written += cost.draw(directory)
+        drawing.add(directory / "cost.json", cost.draw)
     if judged:
         from . import judgement
 
-        written += judgement.draw(directory)
-    return written
+        drawing.add(directory / "judgement.json", judgement.draw)
+    if drawing.failures:
+        raise OutputError("; ".join(drawing.failures))
+    return drawing.written
 
 
-def _draw_run(directory: Path) -> list[Path]:
+class _Drawing:
+    """Pictures drawn one after the other; one that fails does not keep the others from being drawn."""
+
+    def __init__(self, announce: Callable[[Path], object]):
+        self._announce = announce
+        self.written: list[Path] = []
+        self.failures: list[str] = []
+
+    @contextmanager
+    def attempt(self, path: Path) -> Iterator[None]:
+        """Note what goes wrong in the block, which draws from or into a file."""
+        try:
+            yield
+        except IncipientError as error:
+            self.failures.append(str(error))
+        except Exception as error:
+            why = " ".join(f"{type(error).__name__}: {error}".split())
+            self.failures.append(f"{path}: cannot be drawn: {why}")
+
+    def done(self, path: Path) -> None:
+        """A picture is there."""
+        self.written.append(path)
+        self._announce(path)
+
+    def add(self, source: Path, make: Callable[[Path], list[Path]]) -> None:
+        """Draw what a file of the results allows."""
+        with self.attempt(source):
+            for path in make(source.parent):
+                self.done(path)
+
+
+def _draw_run(directory: Path, drawing: _Drawing) -> None:
     from ..files import reported
     from . import cells, style
     from .record import read
 
     run = read(directory)
-    written = []
     if run.moves:
         from . import trajectory
 
-        written += trajectory.draw(directory, run.headline)
-    with style.applied():
-        for name, make in _makers(run).items():
-            path = directory / f"{name}.png"
-            with reported(path):
-                make(run).savefig(path, dpi=style.DOTS_PER_INCH, pil_kwargs={"compress_level": 3})
-            written.append(path)
+        drawing.add(directory / "history.csv", partial(trajectory.draw, title=run.headline))
+    for name, make in _makers(run).items():
+        path = directory / f"{name}.png"
+        with drawing.attempt(path), style.applied(), reported(path):
+            make(run).savefig(path, dpi=style.DOTS_PER_INCH, pil_kwargs={"compress_level": 3})
+            drawing.done(path)
     path = directory / "mesh.png"
-    with reported(path):
+    with drawing.attempt(path), reported(path):
         cells.picture(run, path)
-    return [*written, path]
+        drawing.done(path)
 
 
 def _makers(run: Run) -> dict[str, Maker]:

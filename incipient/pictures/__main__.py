@@ -1,4 +1,4 @@
-"""`python -m incipient.pictures DIR` draws the pictures of its results and prints their paths, one a line.
+"""`python -m incipient.pictures DIR` draws the pictures of its results and prints their paths as they come.
 
 With `--animate --field NAME` it makes the one animation instead,
 with `--out FILE` under another than the usual name.
@@ -23,7 +23,7 @@ try:
 
         print(animate(options.directory, options.out, options.field))
     else:
-        print(*draw(options.directory), sep="\n")
+        draw(options.directory, lambda path: print(path, flush=True))
 except IncipientError as error:
     print(error, file=sys.stderr)
     raise SystemExit(error.exit_code) from None

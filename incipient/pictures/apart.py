@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import OutputError
@@ -19,13 +20,17 @@ from ..installed import missing_in_words
 PARALLEL = ("OMPI_", "PMIX_", "PMI_", "ORTE_")
 
 
-def draw_apart(directory: Path) -> list[Path]:
-    """Draw the pictures of a directory's results in another process; returns their paths. Not collective.
+@dataclass(frozen=True)
+class Drawn:
+    """The files that a drawing has made, and in one line what went wrong with others, if anything did."""
 
-    Raises:
-        OutputError: with the drawing's own explanation.
-    """
-    return _apart("no pictures", str(directory))
+    paths: list[Path]
+    complaint: str = ""
+
+
+def draw_apart(directory: Path) -> Drawn:
+    """Draw the pictures of a directory's results in another process. Not collective."""
+    return _apart("not drawn", str(directory))
 
 
 def animate_apart(directory: Path, target: Path | None, field: str) -> Path:
@@ -35,11 +40,14 @@ def animate_apart(directory: Path, target: Path | None, field: str) -> Path:
         OutputError: with the drawing's own explanation.
     """
     named = () if target is None else (f"--out={target}",)
-    (path,) = _apart("no animation", str(directory), "--animate", f"--field={field}", *named)
+    drawn = _apart("no animation", str(directory), "--animate", f"--field={field}", *named)
+    if drawn.complaint:
+        raise OutputError(drawn.complaint)
+    (path,) = drawn.paths
     return path
 
 
-def _apart(nothing: str, *arguments: str) -> list[Path]:
+def _apart(nothing: str, *arguments: str) -> Drawn:
     surroundings = {name: value for name, value in os.environ.items() if not name.startswith(PARALLEL)}
     # -P: modules are not looked for in the working directory, where a file may be named like one of Python's.
     child = subprocess.run(
@@ -49,7 +57,8 @@ def _apart(nothing: str, *arguments: str) -> list[Path]:
         env=surroundings,
         check=False,
     )
+    paths, complaint = [Path(line) for line in child.stdout.splitlines()], ""
     if child.returncode:
         lines = child.stderr.strip().splitlines() or [f"the drawing ended with code {child.returncode}"]
-        raise OutputError(f"{nothing}: {missing_in_words(lines[-1]) or lines[-1]}")
-    return [Path(line) for line in child.stdout.splitlines()]
+        complaint = f"{nothing}: {missing_in_words(lines[-1]) or lines[-1]}"
+    return Drawn(paths, complaint)

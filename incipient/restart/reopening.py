@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import SceneError
-from ..output.directory import CHECKPOINT
+from ..output.earlier import CHECKPOINT, SCENE
 from ..parallel import collectively
 from ..scene import Scene, load
 from ..scene.file import loads
@@ -43,8 +43,8 @@ def reopened(directory: Path, overrides: Sequence[str], comm: MPI.Comm) -> tuple
     with collectively(comm):
         if comm.rank == 0:
             kept = checkpoints.read(directory / CHECKPOINT)
-            scene = load(directory / "scene.toml", overrides)
-            _require_same(directory / "scene.toml", scene, loads(kept.scene))
+            scene = load(directory / SCENE, overrides)
+            _require_same(directory / SCENE, scene, loads(kept.scene))
             _require_work(scene, loads(kept.scene), kept)
             found = scene, _adapted(scene, loads(kept.scene), kept)
     reopened: tuple[Scene, Checkpoint] = comm.bcast(found)

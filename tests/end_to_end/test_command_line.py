@@ -18,6 +18,7 @@ from processes import (
     settings,
 )
 
+from incipient.cli import main
 from incipient.scene.file import load
 
 COARSE = settings(numerics_mesh_size=4, numerics_order=2)
@@ -70,6 +71,21 @@ def test_pictures_with_the_run_and_afterwards(command, tmp_path):
     assert sorted(Path(line).name for line in shown.stdout.splitlines()) == drawn
     assert command("run", GRAIN_ON_BED, *COARSE, "--out", "x").returncode == 0
     assert not list((tmp_path / "x").glob("*.png")), "pictures of the earlier run beside the new numbers"
+
+
+def test_pictures_that_fail_take_nothing_with_them(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("incipient.pictures.apart.sys.executable", "/bin/false")
+    options = [*COARSE, *settings(output_pictures=True, numerics_error_bars=False)]
+    code = main(["run", str(GRAIN_ON_BED), *options, "--out", str(tmp_path)])
+    said = capsys.readouterr()
+    assert code == 5
+    for line in ("verdict  ", f"verdict and numbers {tmp_path / 'result.json'}", "cost  ", "pictures  "):
+        assert f"\n{line}" in said.out
+    assert said.err.splitlines()[-1] == (
+        "incipient: not drawn: the drawing ended with code 1; the rest is there, "
+        f"draw again with: incipient show {tmp_path}"
+    )
+    assert result_of(tmp_path)["status"] == "complete"
 
 
 def test_on_a_terminal_a_line_lives_and_goes(tmp_path):

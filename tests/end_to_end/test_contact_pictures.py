@@ -146,7 +146,7 @@ def test_a_case_that_gives_a_shape_is_drawn_with_it(tmp_path):
 @pytest.mark.parametrize("flow", ["[0.2, 0.0, 0.0]", "[0.4, 0.1, 0.05]"])  # rests, pivots
 def test_cases_in_space_are_drawn(tmp_path, flow):
     judged_case(tmp_path, "sphere_on_three_spheres", f"load.flow_force={flow}")
-    written = draw_apart(tmp_path)
+    written = draw_apart(tmp_path).paths
     assert [path.name for path in written] == ["judgement.png"]
     assert_is_a_picture(written[0])
 

@@ -25,7 +25,8 @@ from processes import (
 )
 
 import incipient
-from incipient.errors import ConvergenceError
+from incipient.cli import main
+from incipient.errors import ConvergenceError, MeshError
 from incipient.restart.checkpoint import read
 
 STEP = 0.005
@@ -153,6 +154,40 @@ def test_a_signal_to_one_rank_ends_both(started, tmp_path):
     assert read(tmp_path / "checkpoint.h5").progress.number == assert_all_kept(tmp_path)
 
 
+def test_a_second_run_into_a_directory_is_refused(started, tmp_path, capsys):
+    """The first goes on as if nothing were; when it has been killed, another may run there."""
+    run = started(1, *LONG, "--out", tmp_path)
+    wait_until(has_rows(tmp_path, 2), run)
+    for arguments in (
+        ["run", str(CAVITY), "--out"],
+        ["run", str(CAVITY), "--overwrite", "--out"],
+        ["resume"],
+    ):
+        assert main([*arguments, str(tmp_path), "--log-level", "error"]) == 5
+        (line,) = capsys.readouterr().err.splitlines()
+        assert line.startswith(f"incipient: {tmp_path}: another run is at work there (process {run.pid} on ")
+    rows = assert_all_kept_so_far(tmp_path)
+    wait_until(has_rows(tmp_path, rows + 1), run)
+    run.kill()
+    run.communicate()
+    assert assert_all_kept(tmp_path) > rows
+    small = settings(numerics_order=2, numerics_mesh_size=6)
+    assert main(["run", str(CAVITY), *small, "--out", str(tmp_path)]) == 0
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "scene.toml",
+        "result.json",
+        "fields.xdmf",
+        "fields.h5",
+    }
+
+
+def assert_all_kept_so_far(directory):
+    """Every row of a run that goes on is complete and the next of the one before; how many."""
+    times = [float(row["time"]) for row in rows_of(directory)]
+    assert times == pytest.approx(STEP * np.arange(1, len(times) + 1))
+    return len(times)
+
+
 def _children(process):
     return [int(child) for child in Path(f"/proc/{process}/task/{process}/children").read_text().split()]
 
@@ -253,6 +288,16 @@ def _hugged(gap: float) -> tuple[str, str]:
     text = GRAIN_ON_BED.read_text().split("[gravity]")[0]
     text = text.replace("x = 4.0 ", "centre = [4.0, 0.1] ").replace('"flat"', '"polyline"\nfile = "bowl.csv"')
     return text, "x,y\n" + "".join(f"{x:.9f},{y:.9f}\n" for x, y in points)
+
+
+def test_a_run_without_a_mesh_leaves_the_earlier_one(tmp_path):
+    incipient.run(
+        incipient.load(GRAIN_ON_BED, ["numerics.mesh_size=6", "numerics.error_bars=false"]), tmp_path
+    )
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    with pytest.raises(MeshError):
+        incipient.run(incipient.load(GRAIN_ON_BED, ["contact.gap=1e-12"]), tmp_path, overwrite=True)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
 @pytest.mark.parametrize("ranks", [1, 2])

@@ -41,7 +41,7 @@ def test_demo_cases(name, tmp_path, capsys):
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert said.splitlines()[-2:] == [
         f"numbers             {tmp_path / 'judgement.json'}",
-        f"pictures            {picture}",
+        f"pictures            {tmp_path}/: {picture.name}",
     ]
     title, exact, paper, *_ = said.splitlines()
     assert title == stored["title"]
@@ -110,7 +110,10 @@ def test_a_picture_that_cannot_be_drawn_is_one_line(tmp_path, capsys, monkeypatc
     monkeypatch.setattr("incipient.pictures.apart.sys.executable", "/bin/false")
     code, _, error = judged(CASES / "block_on_incline.toml", capsys, "--out", str(tmp_path))
     assert code == OutputError.exit_code
-    assert error == "incipient: no pictures: the drawing ended with code 1\n"
+    assert error.startswith(
+        "incipient: not drawn: the drawing ended with code 1; the rest is there, draw again"
+    )
+    assert error.count("\n") == 1
     assert (tmp_path / "judgement.json").exists()  # the numbers are kept
 
 

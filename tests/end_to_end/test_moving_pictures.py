@@ -58,7 +58,7 @@ def drawn(scene_text, history):
 
 
 def test_all_pictures_of_a_grain_that_moves(run):
-    written = draw_apart(run)
+    written = draw_apart(run).paths
     names = ["trajectory", "flow", "pressure", "vorticity", "traction", "mesh"]
     assert [path.stem for path in written] == names
     for path in written:

@@ -141,14 +141,14 @@ def box_run(tmp_path):
 
 
 def test_all_pictures_of_a_grain(grain_run):
-    written = draw_apart(grain_run)
+    written = draw_apart(grain_run).paths
     assert [path.name for path in written] == [*FLOW_PICTURES, "traction.png", "verdict.png", "mesh.png"]
     for path in written:
         assert_is_a_picture(path, margin=path.stem != "mesh")
 
 
 def test_a_box_without_a_grain_has_flow_pictures_and_profiles(box_run):
-    written = draw_apart(box_run)
+    written = draw_apart(box_run).paths
     assert [path.name for path in written] == [*FLOW_PICTURES, "profiles.png", "mesh.png"]
     for path in written:
         assert_is_a_picture(path, margin=path.stem != "mesh")
@@ -211,7 +211,7 @@ def test_still_fluid_is_drawn(grain_run):
     file.add_geometry(np.column_stack([points, np.zeros(len(points))]))
     nothing = np.zeros(len(points))
     file.add_step(0.0, {"velocity": np.zeros((len(points), 3)), "pressure": nothing, "vorticity": nothing})
-    assert len(draw_apart(grain_run)) == 6
+    assert len(draw_apart(grain_run).paths) == 6
 
 
 @pytest.mark.parametrize(
@@ -246,14 +246,28 @@ def test_a_missing_field_is_named(box_run):
     file.add_mesh(cells)
     file.add_geometry(np.column_stack([points, np.zeros(len(points))]))
     file.add_step(0.0, {"velocity": rotation(points)["velocity"]})
-    with pytest.raises(OutputError, match=r"fields\.h5: holds no pressure"):
-        draw(box_run)
+    drawn = draw_apart(box_run)
+    assert f"{box_run / 'fields.h5'}: holds no pressure" in drawn.complaint
+    assert [path.name for path in drawn.paths] == ["flow.png", "profiles.png", "mesh.png"]
 
 
-def test_a_picture_that_cannot_be_written_is_an_error(box_run):
+def test_a_picture_that_cannot_be_written_takes_no_other_with_it(box_run):
     (box_run / "flow.png").mkdir()
-    with pytest.raises(OutputError, match=r"flow\.png: cannot be written"):
-        draw(box_run)
+    drawn = draw_apart(box_run)
+    assert drawn.complaint.startswith(f"not drawn: {box_run / 'flow.png'}: cannot be written")
+    assert [path.name for path in drawn.paths] == [*FLOW_PICTURES[1:], "profiles.png", "mesh.png"]
+
+
+def test_a_defect_in_one_picture_is_named_and_the_others_are_drawn(tmp_path, monkeypatch):
+    """Of a threshold and a judgement, one being beyond drawing."""
+    for name in ("threshold", "judgement"):
+        (tmp_path / f"{name}.json").write_text("{}")
+    monkeypatch.setattr("incipient.pictures.threshold.draw", lambda directory: [][0])
+    monkeypatch.setattr("incipient.pictures.judgement.draw", lambda directory: [directory / "judgement.png"])
+    announced = []
+    with pytest.raises(OutputError, match=r"^[^;]*threshold\.json: cannot be drawn: IndexError: [^;]*$"):
+        draw(tmp_path, announced.append)
+    assert announced == [tmp_path / "judgement.png"]
 
 
 def test_boundary_of_a_mesh_with_a_hole():

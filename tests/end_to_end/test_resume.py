@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import os
 import shutil
 import signal
@@ -344,12 +345,75 @@ def test_a_checkpoint_that_cannot_be_written_keeps_the_one_before(
     assert incipient.resume(tmp_path).status == "complete"
 
 
+# -- what is kept ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("left", ["half", "nothing"])
+def test_fields_that_cannot_be_read_do_not_stop_it(
+    whole_pothole: Path, tmp_path: Path, left: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    directory = copy_of(whole_pothole, tmp_path)
+    half = (directory / "fields.h5").read_bytes()[:50_000]
+    (directory / "fields.h5").write_bytes(half) if left == "half" else (directory / "fields.h5").unlink()
+    assert incipient.resume(directory).status == "complete"
+    assert history(directory)["time"] == history(whole_pothole)["time"]
+    assert times(directory / "surface") == pytest.approx(times(whole_pothole / "surface"))
+    assert times(directory / "fields") == pytest.approx([1.1, 1.2, 1.3])
+    (told,) = [record.getMessage() for record in caplog.records if "fields.h5" in record.getMessage()]
+    assert "; the series starts anew after t = 1" in told
+    if left == "half":
+        assert told.endswith(f"what there was is in {directory / 'fields.h5.1'}")
+        assert (directory / "fields.h5.1").read_bytes() == half
+
+
+def test_a_resumed_run_that_fails_keeps_the_complete_result(
+    whole_pothole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    directory = copy_of(whole_pothole, tmp_path)
+    with monkeypatch.context() as patch, pytest.raises(ConvergenceError):
+        patch.setattr(Fluid, "solve", lambda self, *arguments: NewtonReport(False, (1.0,), np.inf))
+        incipient.resume(directory)
+    assert result_of(directory)["status"] == "failed"
+    assert json.loads((directory / "result.json.1").read_text()) == result_of(whole_pothole)
+
+
+def test_a_resumed_run_that_is_interrupted_keeps_the_result(
+    whole_pothole: Path, tmp_path: Path, stopped: Callable[[int], None]
+) -> None:
+    directory = copy_of(whole_pothole, tmp_path)
+    stopped(1)
+    with pytest.raises(Interrupted):
+        incipient.resume(directory)
+    assert result_of(directory) == result_of(whole_pothole)
+    assert not (directory / "lock.json").exists()
+
+
+def test_a_run_that_can_be_resumed_is_moved_before_another(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    directory = tmp_path / "x"
+    first, second = vortices(time_end=0.02, output_checkpoint=1), vortices(time_end=0.01)
+    incipient.run(first, directory)
+    (directory / "notes.txt").write_text("mine")
+    before = {path.name for path in directory.iterdir()} - {"notes.txt"}
+    incipient.run(second, directory)
+    (told,) = [record.getMessage() for record in caplog.records]
+    assert told == f"{directory}: the earlier run there, which can be resumed, is now in {tmp_path / 'x.1'}"
+    assert {path.name for path in (tmp_path / "x.1").iterdir()} == before
+    assert (directory / "notes.txt").exists() and result_of(directory)["scene"]["time"]["end"] == 0.01
+    assert incipient.resume(tmp_path / "x.1", ["time.end=0.03"]).status == "complete"
+    # It is removed where that is asked for, and one that cannot be resumed in any case.
+    incipient.run(second, tmp_path / "x.1", overwrite=True)
+    incipient.run(second, directory)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["x", "x.1"]
+
+
 # -- what is refused ---------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_refusals_are_one_line(whole_pothole: Path, tmp_path: Path, session: Session, ranks: int) -> None:
-    names = ("version", "damaged", "half", "history", "fields", "good")
+    names = ("version", "damaged", "half", "history", "good")
     for name in names:
         shutil.copytree(whole_pothole, tmp_path / name)
     with h5py.File(tmp_path / "version/checkpoint.h5", "r+") as file:
@@ -358,7 +422,6 @@ def test_refusals_are_one_line(whole_pothole: Path, tmp_path: Path, session: Ses
         del file["body/weights"]
     os.truncate(tmp_path / "half/checkpoint.h5", 20_000)
     os.truncate(tmp_path / "history/history.csv", 1000)
-    (tmp_path / "fields/fields.h5").unlink()
     other = ["resume", "good", "--set", "body.mass=1"]
     outcomes = session(ranks, [*(["resume", name] for name in ("absent", *names[:-1])), other])
     told = [
@@ -367,7 +430,6 @@ def test_refusals_are_one_line(whole_pothole: Path, tmp_path: Path, session: Ses
         (5, "damaged/checkpoint.h5: is damaged, its content is not what was written; start anew"),
         (5, "half/checkpoint.h5: cannot be read: it is damaged or incomplete; start anew"),
         (5, "history/history.csv: has lost some of its 10 rows; put the file back, or start anew"),
-        (5, "fields/fields.h5: no such file"),
         (
             2,
             "good/scene.toml: body.mass is 1.0, but the run to resume has 251.3; leave it so (only time.end, ",
@@ -376,4 +438,6 @@ def test_refusals_are_one_line(whole_pothole: Path, tmp_path: Path, session: Ses
     for outcome, (code, start) in zip(outcomes, told, strict=True):
         assert outcome.codes == [code] * ranks, outcome.lines
         assert outcome.complaint.startswith(start)
+    for name in names:
+        assert result_of(tmp_path / name) == result_of(whole_pothole)
     assert history(tmp_path / "good") == history(whole_pothole)
