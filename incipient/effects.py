@@ -67,7 +67,7 @@ class Numbers:
 
     grain_reynolds: speed of the flow past the grain times its largest diameter over the viscosity
     flow_reynolds:  reference velocity times height of the domain over the viscosity
-    bed_reynolds:   speed at the height of the bed's relief times that height over the viscosity
+    bed_reynolds:   speed at the height of the bed's relief above the datum times that height over the viscosity
     reach:          how far the grain's disturbance goes before a wall stops it, in grain sizes
     strouhal:       grain size over speed times the time in which the flow changes
     density_ratio:  of a free or weighing grain to the fluid
@@ -344,7 +344,7 @@ def _own_speed(scene: Scene, times: np.ndarray) -> float:
 
 
 def _bed_reynolds(scene: Scene) -> float | None:
-    """Of the bed's forms, by the given flow up to their height; None for a plane."""
+    """Of the bed's forms, by the given flow up to their height above its datum; None for a plane."""
     import numpy as np
 
     from .boundaries import undisturbed
@@ -356,8 +356,7 @@ def _bed_reynolds(scene: Scene) -> float | None:
     relief = float(heights.max() - heights.min())
     if relief == 0.0:
         return None
-    base = float(bed.height([domain.left])[0])
-    levels = base + np.linspace(0.0, relief, SAMPLES)
+    levels = scene.datum + np.linspace(0.0, relief, SAMPLES)
     points = np.vstack([np.full(SAMPLES, domain.left), levels, np.zeros(SAMPLES)])
     return float(np.abs(undisturbed(scene)(points, 0.0)).max()) * relief / scene.viscosity
 
@@ -371,7 +370,7 @@ def _wall_distance(scene: Scene) -> float:
     y, distances = placement.centre[1], [domain.height]
     bounded = domain.kind == "box" or scene.top == "wall" or scene.flow.kind == "open-channel"
     if scene.bed is not None or bounded:
-        distances.append(y - domain.bottom)
+        distances.append(y - scene.datum)
     if scene.top == "wall":
         distances.append(domain.ceiling - y)
     return max(min(distances) / grain.size - 0.5, 0.0)

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+from .datum import Datum, datum_of
 from .effects import Effect, Numbers, effects_of, numbers_of
 from .geometry.curves import Line
 from .scene import Scene
@@ -36,6 +37,7 @@ class Plan:
 
     sought:   what mesh and order are chosen for by the run, in words; empty where the scene chooses them
     warnings: what in the scene makes the result less sure, in words
+    datum:    where the profile of the flow starts, None without a profile or a bed
     """
 
     effects: tuple[Effect, ...]
@@ -50,6 +52,7 @@ class Plan:
     estimate: Estimate | None = None
     sought: str = ""
     warnings: tuple[str, ...] = ()
+    datum: Datum | None = None
 
     def has(self, name: str) -> bool:
         """Whether an effect is simulated."""
@@ -68,6 +71,8 @@ class Plan:
         lines = [f"  {'yes' if e.present else ' no'}  {e.name}: {e.reason}" for e in self.effects]
         if self.numbers is not None:
             lines.append(f"  {self.numbers.text()}")
+        if self.datum is not None:
+            lines.append(f"  {self.datum.text()}")
         lines += [*self._discretisation(), f"  {self.stabilisation.text()}"]
         if self.estimate is not None:
             e, first = self.estimate, "first mesh: " if self.sought else ""
@@ -102,6 +107,7 @@ def make_plan(scene: Scene) -> Plan:
         stabilisation=stabilisation_of(scene, "inertia" in present),
         sought=_sought(scene),
         warnings=tuple(_warnings(scene)),
+        datum=datum_of(scene),
     )
 
 

@@ -47,7 +47,7 @@ class Threshold:
 
     factor:          critical speed over that of the scene; 0: any flow moves it, or its weight alone does;
                      inf: no flow moves it
-    shields:         Shields number tau_b / ((rho_s - rho_f) g d), tau_b of the undisturbed flow at the bed
+    shields:         Shields number tau_b / ((rho_s - rho_f) g d), tau_b of the undisturbed flow at its datum
     reynolds:        the scene's Reynolds number, critical
     shear_reynolds:  u* d / nu with u*^2 = tau_b / rho_f
     mode:            how the grain begins to move, by the exact judge
@@ -249,14 +249,15 @@ def find_root(excess: Callable[[float], float], factor: float, value: float) -> 
 
 
 def bed_stress(scene: Scene) -> float:
-    """Shear stress of the undisturbed flow at the bed at the inflow, scene units with fluid density one."""
+    """Shear stress of the undisturbed flow at its datum, scene units with fluid density one. Not collective.
+
+    It is that of the flow's profile, the same over the whole bed; of a flow given by formulas, at the inflow.
+    """
     from .boundaries import undisturbed
 
-    bed, left = scene.bed_shape, scene.domain.left
-    base = scene.domain.bottom if bed is None else float(bed.height([left])[0])
     step = 1e-6 * scene.domain.height
-    heights = base + step * np.array([0.0, 1.0, 2.0])
-    x = np.vstack([np.full(3, left), heights, np.zeros(3)])
+    heights = scene.datum + step * np.array([0.0, 1.0, 2.0])
+    x = np.vstack([np.full(3, scene.domain.left), heights, np.zeros(3)])
     speed = undisturbed(scene)(x, 0.0)[0]
     gradient = (-3 * speed[0] + 4 * speed[1] - speed[2]) / (2 * step)
     return float(scene.viscosity * abs(gradient))

@@ -44,6 +44,14 @@ class Bed(ABC):
     def crest(self) -> float:
         """A height that the bed nowhere exceeds."""
 
+    def crest_level(self, x0: float, x1: float) -> float:
+        """The height that the crests reach from x0 to x1; it does not depend on where these cut a bed that repeats."""
+        return self.crest
+
+    def mean(self, x0: float, x1: float) -> float:
+        """The mean height over a period; that from x0 to x1 of a bed that does not repeat."""
+        return self.origin_y
+
     @abstractmethod
     def slopes(self, x: ArrayLike) -> tuple[Floats, Floats]:
         """db/dx just left and just right of the abscissae (n,); they differ at corners; may be infinite."""
@@ -242,6 +250,10 @@ class HalfDiscs(Bed):
         """The top of the half-discs."""
         return self.origin_y + self.radius
 
+    def mean(self, x0: float, x1: float) -> float:
+        """The mean height over a period."""
+        return self.origin_y + 0.5 * np.pi * self.radius**2 / self.spacing
+
     @property
     def _touching(self) -> bool:
         """Whether the half-discs leave no base line between them."""
@@ -368,6 +380,22 @@ class Polyline(Bed):
     def crest(self) -> float:
         """The height of the highest point."""
         return float(self._vertices[:, 1].max())
+
+    def crest_level(self, x0: float, x1: float) -> float:
+        """The height that is reached in every third from x0 to x1 and at x0: a lone obstacle does not count."""
+        cuts = np.linspace(x0, x1, 4)
+        thirds = [self._between(*cut)[:, 1].max() for cut in pairwise(cuts)]
+        return float(max(min(thirds), self.height([x0])[0]))
+
+    def mean(self, x0: float, x1: float) -> float:
+        """The mean height from x0 to x1."""
+        x, y = self._between(x0, x1).T
+        return float(0.5 * (y[1:] + y[:-1]) @ np.diff(x) / (x1 - x0))
+
+    def _between(self, x0: float, x1: float) -> Floats:
+        """The points (n, 2) of the bed at x0, at its corners, and at x1."""
+        stations = _stations(x0, x1, self._vertices[:, 0], 0.0)
+        return np.column_stack([stations, self.height(stations)])
 
     def height(self, x: ArrayLike) -> Floats:
         """b at abscissae (n,), (n,)."""

@@ -40,7 +40,7 @@ def contradictions(scene: Scene) -> list[Problem]:
         contradictory,
     )
     found = [problem for check in checks for problem in check(scene)]
-    return found or [*_bed_extent(scene)] or [*_body_place(scene)]
+    return found or [*_bed_extent(scene)] or [*_datum_of_the_bed(scene)] or [*_body_place(scene)]
 
 
 def _flow(scene: Scene) -> Iterator[Problem]:
@@ -73,6 +73,9 @@ def _scale(scene: Scene) -> Iterator[Problem]:
 def _bed_needed(scene: Scene) -> Iterator[Problem]:
     if scene.bed is not None:
         return
+    if getattr(scene.flow, "datum", "crest") != "crest":
+        why = "is a height of the bed but there is none"
+        yield Problem(("flow", "datum"), why, "add a section [bed] or leave it out")
     if scene.contact is not None and not (scene.body is not None and scene.body.moves):
         why = "friction needs a bed to rub against but there is none"
         yield Problem(("contact", "friction"), why, "add a section [bed] or leave [contact] out")
@@ -168,10 +171,22 @@ def _bed_extent(scene: Scene) -> Iterator[Problem]:
                 f"reaches from x = {first:g} to {last:g}, the domain from {domain.left:g} to {domain.right:g}"
             )
             yield Problem(("bed",), why, "add points or shorten the domain")
-    highest = float(_bed_points(scene)[:, 1].max())
+    _, highest = _bed_heights(scene)
     if highest >= domain.ceiling:
         why = f"rises to y = {highest:g}, the top is at {domain.ceiling:g}"
         yield Problem(("bed",), why, "enlarge domain.height or lower the bed")
+
+
+def _datum_of_the_bed(scene: Scene) -> Iterator[Problem]:
+    """A datum given as a number must be a height that the bed has: above it a layer of fluid would be at rest."""
+    level, base = getattr(scene.flow, "datum", "crest"), scene.domain.bottom
+    if isinstance(level, str) or scene.bed is None:
+        return
+    lowest, highest = (height - base for height in _bed_heights(scene))
+    slack = 1e-9 * scene.domain.height
+    if not lowest - slack <= level <= highest + slack:
+        why = f"is {level:g}, the bed's heights above its base line go from {lowest:g} to {highest:g}"
+        yield Problem(("flow", "datum"), why, 'give one of them, or "crest" or "mean"')
 
 
 def _body_place(scene: Scene) -> Iterator[Problem]:
@@ -256,3 +271,10 @@ def _bed_points(scene: Scene) -> np.ndarray:
     x = np.linspace(domain.left, domain.right, 2001)
     x = np.concatenate([x, bed.corners(domain.left, domain.right)])
     return np.column_stack([x, bed.height(x)])
+
+
+def _bed_heights(scene: Scene) -> tuple[float, float]:
+    """The lowest and the highest y of the bed, the crest of one that repeats also where the domain has none."""
+    bed, domain, heights = scene.bed_shape, scene.domain, _bed_points(scene)[:, 1]
+    assert bed is not None
+    return float(heights.min()), max(float(heights.max()), bed.crest_level(domain.left, domain.right))

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
-from ..errors import SceneError
 from .effects import Effects, section_of
-from .messages import refusal, split
+from .flows import ExpressionFlow, Flow, Lid, OpenChannel, Poiseuille, Shear, Still, Uniform
+from .messages import refusal
 from .motion import mass, mean_density
 from .section import NotNegative, Pair, Positive, Section, contradiction
 from .shapes import (
@@ -76,7 +76,6 @@ __all__ = [
 ]
 
 Accuracy = float | Literal["verdict"]
-Words = Annotated[tuple[str, str], Field(strict=False)]
 Top = Literal["auto", "wall", "slip", "stream"]
 
 _TOPS: dict[str, Top] = {
@@ -149,84 +148,6 @@ class Fluid(Section):
         description="L is the largest diameter of the grain, or the height of the domain"
     )
     inertia: bool = Field(True, description="false: Stokes flow, without convection; true: see [effects]")
-
-
-class Shear(Section):
-    """Linear shear, u = rate (y - y of the lower side)."""
-
-    kind: Literal["shear"] = Field("shear", description="Kind of flow")
-    rate: Positive = Field(1.0, description="Shear rate [1/time]; V = rate L")
-
-
-class Poiseuille(Section):
-    """Parabolic flow between two walls."""
-
-    kind: Literal["poiseuille"] = Field("poiseuille", description="Kind of flow")
-    velocity: Positive = Field(1.0, description="Mean velocity V [length/time]")
-
-
-class OpenChannel(Section):
-    """Half a parabola, without shear on top."""
-
-    kind: Literal["open-channel"] = Field("open-channel", description="Kind of flow")
-    velocity: Positive = Field(1.0, description="Mean velocity V [length/time]")
-
-
-class Uniform(Section):
-    """A uniform stream."""
-
-    kind: Literal["uniform"] = Field("uniform", description="Kind of flow")
-    velocity: Positive = Field(1.0, description="Velocity V of the stream [length/time]")
-
-
-class Lid(Section):
-    """A box whose top slides."""
-
-    kind: Literal["lid"] = Field("lid", description="Kind of flow")
-    velocity: Positive = Field(1.0, description="Velocity V of the lid [length/time]")
-
-
-class ExpressionFlow(Section):
-    """A velocity given by formulas, on the inflow and on the top."""
-
-    kind: Literal["expression"] = Field("expression", description="Kind of flow")
-    components: Words = Field(description="Two formulas in x, y and t for the velocity [length/time]")
-    velocity: Positive = Field(1.0, description="Reference velocity V [length/time]")
-
-    @field_validator("components")
-    @classmethod
-    def _are_formulas(cls, components: tuple[str, str]) -> tuple[str, str]:
-        from .expression import Expression
-
-        for text in components:
-            try:
-                variables = Expression(text).variables
-            except SceneError as error:
-                raise contradiction(*split(str(error))) from None
-            if "z" in variables:
-                raise contradiction(
-                    f'"{text}" depends on z but the scene is two-dimensional', "use x, y and t"
-                )
-        return components
-
-    @property
-    def unsteady(self) -> bool:
-        """Whether a component depends on time."""
-        from .expression import Expression
-
-        return any("t" in Expression(text).variables for text in self.components)
-
-
-class Still(Section):
-    """Fluid at rest."""
-
-    kind: Literal["still"] = Field("still", description="Kind of flow")
-    velocity: Positive = Field(1.0, description="Velocity V used for scaling only [length/time]")
-
-
-Flow = Annotated[
-    Shear | Poiseuille | OpenChannel | Uniform | Lid | ExpressionFlow | Still, Field(discriminator="kind")
-]
 
 
 class Gravity(Section):
@@ -422,6 +343,17 @@ class Scene(Section):
     def bed_shape(self) -> BedSurface | None:
         """The bed's shape, if there is a bed."""
         return None if self.bed is None else self.bed.surface(self.domain.bottom)
+
+    @property
+    def datum(self) -> float:
+        """The height y at which the profile of the undisturbed flow starts; the same over the whole bed."""
+        domain, bed = self.domain, self.bed_shape
+        if bed is None:
+            return domain.bottom
+        level = getattr(self.flow, "datum", "crest")
+        if level == "crest":
+            return bed.crest_level(domain.left, domain.right)
+        return bed.mean(domain.left, domain.right) if level == "mean" else domain.bottom + float(level)
 
     @cached_property  # it is asked for at every step and takes longer than a step's solution
     def placement(self) -> Placement | None:

@@ -94,6 +94,12 @@ def test_a_wide_gap_is_warned_of_wherever_the_run_is_told(tmp_path):
     assert told.startswith(warning)
 
 
+def test_the_plan_in_the_result_has_the_datum(grain, cavity):
+    reason = "the crest of the bed; the shear flow starts there"
+    assert result_of(grain)["plan"]["datum"] == {"height": 0.5, "reason": reason}
+    assert result_of(cavity)["plan"]["datum"] is None
+
+
 def test_the_cost_is_told(grain, street):
     for directory in (grain, street):
         cost = result_of(directory)["cost"]
@@ -207,8 +213,8 @@ def test_vtk_opens_the_fields(grain):
     assert grid.bounds[:4] == pytest.approx((0, 12, 0, 6))
     assert grid["velocity"].shape[1] == 3
     inflow = grid.points[:, 0] == 0
-    # The profile starts from the bed, which for a row of half-discs of radius 0.5 is at sqrt(0.5^2 - 0.2^2) there.
-    height = np.clip(grid.points[inflow, 1] - np.sqrt(0.21), 0, None)
+    # The profile starts from the crests of the half-discs, whose radius is 0.5.
+    height = np.clip(grid.points[inflow, 1] - 0.5, 0, None)
     assert grid["velocity"][inflow, 0] == pytest.approx(height, abs=1e-9)
     centre = np.array(result_of(grain)["grain"]["computed_centre"])
     on_grain = np.isclose(np.linalg.norm(grid.points[:, :2] - centre, axis=1), 0.5, atol=1e-6)

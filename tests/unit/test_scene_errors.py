@@ -175,6 +175,16 @@ ONE_KEY = [
         lambda: HalfDiscs(radius=1, spacing=1.5),
         "HalfDiscs: spacing: 1.5 is less than two radii, 2: the half-discs overlap; enlarge spacing or",
     ),
+    (lambda: Shear(datum="top"), 'Shear: datum: is "top"; use "crest", "mean" or a height'),
+    (lambda: Uniform(datum=True), 'Uniform: datum: is True; use "crest", "mean" or a height'),
+    (lambda: Poiseuille(datum=math.nan), 'Poiseuille: datum: is nan; use "crest", "mean" or a height'),
+    (lambda: OpenChannel(datum=10**400), "OpenChannel: datum: is 1"),
+    (lambda: Lid(datum="mean"), 'Lid: datum: unknown key for "lid"; known are kind, velocity'),
+    (lambda: Still(datum=0.0), 'Still: datum: unknown key for "still"; known are kind, velocity'),
+    (
+        lambda: ExpressionFlow(components=("y", "0"), datum="crest"),
+        'ExpressionFlow: datum: unknown key for "expression"; known are kind, components, velocity',
+    ),
     (lambda: Polyline(), "Polyline: file: neither file nor points is given; give one of them"),
     (
         lambda: Polyline(file="a.csv", points=[(0, 0), (1, 0)]),
@@ -327,6 +337,22 @@ BETWEEN = [
     (
         {"bed": Polyline(points=[(0, 0), (4.0001, 0), (4.0002, 6.5), (4.0003, 0), (12, 0)])},
         "bed: rises to y = 6.5, the top is at 6; enlarge domain.height or lower the bed",
+    ),
+    (
+        {"fluid": FLOW_SCALE, "body": None, "bed": None, "flow": Shear(datum="mean")},
+        "flow.datum: is a height of the bed but there is none; add a section [bed] or leave it out",
+    ),
+    (
+        {"bed": HalfDiscs(radius=0.5, spacing=1.2), "flow": Poiseuille(datum=0.6)},
+        "flow.datum: is 0.6, the bed's heights above its base line go from 0 to 0.5; give one of them, or",
+    ),
+    (
+        {"domain": Domain(length=12, height=6, origin=(0, 5)), "flow": Uniform(datum=-0.1)},
+        "flow.datum: is -0.1, the bed's heights above its base line go from 0 to 0; give one of them, or",
+    ),
+    (
+        {"domain": Domain(length=12, height=1), "bed": Sinusoidal(amplitude=1, wavelength=80, phase=-90)},
+        "bed: rises to y = 1, the top is at 1; enlarge domain.height or lower the bed",
     ),
     (
         {"body": Disc(diameter=1, x=0.2)},

@@ -202,7 +202,7 @@ def test_a_contradiction_elsewhere_names_the_file_and_what_was_set():
             MINIMAL.replace("kind =", "kin ="),
             'flow.kind: is missing; use "shear", "poiseuille", "open-channel", ',
         ),
-        (MINIMAL + "velocity = 1\n", 'flow.velocity: unknown key for "shear"; known are kind, rate'),
+        (MINIMAL + "velocity = 1\n", 'flow.velocity: unknown key for "shear"; known are datum, kind, rate'),
         (
             MINIMAL.replace('kind = "shear"', 'kind = "lid"'),
             "flow.kind: a lid closes a box but the domain is a channel",
@@ -313,7 +313,7 @@ def test_polyline_files_that_cannot_be_used(tmp_path):
 def test_saved_scenes_are_complete(tmp_path):
     save(loads(MINIMAL), tmp_path / "scene.toml")
     data = tomllib.loads((tmp_path / "scene.toml").read_text(encoding="utf-8"))
-    assert data["flow"] == {"kind": "shear", "rate": 1.0}
+    assert data["flow"] == {"kind": "shear", "rate": 1.0, "datum": "crest"}
     assert data["numerics"]["mesh_size"] == 1.0
     assert [path.name for path in tmp_path.iterdir()] == ["scene.toml"]
 

@@ -1,0 +1,110 @@
+"""The flows of a scene: what a user writes about what drives the fluid."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, field_validator
+
+from ..errors import SceneError
+from .messages import split
+from .section import Positive, Section, contradiction
+
+Words = Annotated[tuple[str, str], Field(strict=False)]
+
+
+class Profile(Section):
+    """What streams of a given profile have in common."""
+
+    datum: float | Literal["crest", "mean"] = Field(
+        "crest",
+        description="Where the profile starts: crest or mean of the bed, or a height above its base line [length]",
+    )
+
+    @field_validator("datum", mode="before")
+    @classmethod
+    def _is_a_level(cls, value: Any) -> Any:
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if value in ("crest", "mean") or (number and abs(value) <= sys.float_info.max):
+            return value
+        shown = f'"{value}"' if isinstance(value, str) else value
+        raise contradiction(f"is {shown}", 'use "crest", "mean" or a height above the bed\'s base line')
+
+
+class Shear(Profile):
+    """Linear shear, u = rate (y - y of the datum)."""
+
+    kind: Literal["shear"] = Field("shear", description="Kind of flow")
+    rate: Positive = Field(1.0, description="Shear rate [1/time]; V = rate L")
+
+
+class Poiseuille(Profile):
+    """Parabolic flow between two walls."""
+
+    kind: Literal["poiseuille"] = Field("poiseuille", description="Kind of flow")
+    velocity: Positive = Field(1.0, description="Mean velocity V [length/time]")
+
+
+class OpenChannel(Profile):
+    """Half a parabola, without shear on top."""
+
+    kind: Literal["open-channel"] = Field("open-channel", description="Kind of flow")
+    velocity: Positive = Field(1.0, description="Mean velocity V [length/time]")
+
+
+class Uniform(Profile):
+    """A uniform stream above the datum."""
+
+    kind: Literal["uniform"] = Field("uniform", description="Kind of flow")
+    velocity: Positive = Field(1.0, description="Velocity V of the stream [length/time]")
+
+
+class Lid(Section):
+    """A box whose top slides."""
+
+    kind: Literal["lid"] = Field("lid", description="Kind of flow")
+    velocity: Positive = Field(1.0, description="Velocity V of the lid [length/time]")
+
+
+class ExpressionFlow(Section):
+    """A velocity given by formulas, on the inflow and on the top."""
+
+    kind: Literal["expression"] = Field("expression", description="Kind of flow")
+    components: Words = Field(description="Two formulas in x, y and t for the velocity [length/time]")
+    velocity: Positive = Field(1.0, description="Reference velocity V [length/time]")
+
+    @field_validator("components")
+    @classmethod
+    def _are_formulas(cls, components: tuple[str, str]) -> tuple[str, str]:
+        from .expression import Expression
+
+        for text in components:
+            try:
+                variables = Expression(text).variables
+            except SceneError as error:
+                raise contradiction(*split(str(error))) from None
+            if "z" in variables:
+                raise contradiction(
+                    f'"{text}" depends on z but the scene is two-dimensional', "use x, y and t"
+                )
+        return components
+
+    @property
+    def unsteady(self) -> bool:
+        """Whether a component depends on time."""
+        from .expression import Expression
+
+        return any("t" in Expression(text).variables for text in self.components)
+
+
+class Still(Section):
+    """Fluid at rest."""
+
+    kind: Literal["still"] = Field("still", description="Kind of flow")
+    velocity: Positive = Field(1.0, description="Velocity V used for scaling only [length/time]")
+
+
+Flow = Annotated[
+    Shear | Poiseuille | OpenChannel | Uniform | Lid | ExpressionFlow | Still, Field(discriminator="kind")
+]

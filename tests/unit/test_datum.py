@@ -1,0 +1,156 @@
+"""The datum of the undisturbed flow: one for the whole bed, wherever the domain cuts it."""
+
+import numpy as np
+import pytest
+from scenes import CHANNEL, DISC, scene
+
+from incipient import make_plan
+from incipient.boundaries import inflow, undisturbed
+from incipient.effects import numbers_of
+from incipient.scene import (
+    Disc,
+    Domain,
+    ExpressionFlow,
+    Flat,
+    Gravity,
+    HalfDiscs,
+    Inclined,
+    OpenChannel,
+    Poiseuille,
+    Polyline,
+    Shear,
+    Sinusoidal,
+    Uniform,
+    dumps,
+    loads,
+)
+from incipient.threshold import bed_stress
+
+HEIGHTS = np.linspace(0.0, 6.0, 6001)
+PHASES = np.linspace(0.0, 1.2, 5)
+OBSTACLE = [(0, 0.01), (3, 0.02), (3.4, 0.5), (3.5, 0), (7, 0.02), (8, 0), (11, 0.01), (12, 0)]
+FLOWS = {
+    "shear": Shear,
+    "poiseuille": Poiseuille,
+    "open-channel": OpenChannel,
+    "uniform": Uniform,
+}
+
+
+def rough(phase: float = 0.0, **flow):
+    """A disc in a pocket of half-discs, moved along the channel together with them."""
+    kind = FLOWS[flow.pop("kind", "shear")]
+    bed = HalfDiscs(radius=0.5, spacing=1.2, offset=1 + phase)
+    return scene(bed=bed, body=Disc(diameter=1, x=4 + phase), flow=kind(**flow))
+
+
+def speeds(velocity) -> np.ndarray:
+    """Along the inflow, as high as HEIGHTS."""
+    return velocity(np.vstack([np.zeros_like(HEIGHTS), HEIGHTS, np.zeros_like(HEIGHTS)]), 0.0)[0]
+
+
+@pytest.mark.parametrize(
+    ("bed", "crest", "mean"),
+    [
+        (Flat(), 0, 0),
+        (Inclined(slope=3), 0, 0),
+        (Sinusoidal(amplitude=0.3, wavelength=40, phase=-90), 0.3, 0),  # no crest within the domain
+        (HalfDiscs(radius=0.5, spacing=1.2), 0.5, np.pi * 0.5**2 / 2 / 1.2),
+        (Polyline(points=[(0.5 * k, 0.2 * (k % 2)) for k in range(-3, 30)]), 0.2, 0.1),
+        (Polyline(points=[(-5, 3), (0, 0), (6, 0), (6.1, 0.4), (12, 0.4), (20, 9)]), 0, 0.4 * 5.95 / 12),
+        (Polyline(points=[(0, 0.4), (6, 0.4), (6.1, 0), (12, 0)]), 0.4, 0.4 * 6.05 / 12),  # a step down
+        (Polyline(points=OBSTACLE), 0.01, None),
+    ],
+)
+def test_crest_and_mean_of_beds(bed, crest, mean):
+    """Heights in the scene; the base line is where the domain begins. What is outside the domain does not count."""
+    high = {"domain": Domain(length=12, height=6, origin=(0, 2)), "bed": bed, "body": None}
+    high |= {"gravity": Gravity(acceleration=1), "fluid": {"reynolds": 20, "scale": "flow"}}
+    assert scene(**high).datum == pytest.approx(2 + crest)
+    if mean is not None:
+        assert scene(**high, flow=Shear(datum="mean")).datum == pytest.approx(2 + mean)
+
+
+def test_a_number_is_a_height_above_the_base_line():
+    domain = Domain(length=12, height=6, origin=(0, 2))
+    found = scene(domain=domain, bed=HalfDiscs(radius=0.5, spacing=1.2), flow=Shear(datum=0.3))
+    assert found.datum == pytest.approx(2.3)
+    assert loads(dumps(found)) == found
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"bed": HalfDiscs(radius=0.5, spacing=1.2)}, "y = 0.5: the crest of the bed; the shear flow starts"),
+        (
+            {"bed": Sinusoidal(amplitude=0.1, wavelength=2), "flow": Poiseuille(datum="mean")},
+            "y = 0: the mean height of the bed; the poiseuille flow starts",
+        ),
+        (
+            {"bed": Sinusoidal(amplitude=0.1, wavelength=2), "flow": Shear(datum=0.05)},
+            "y = 0.05: flow.datum = 0.05; the shear flow starts",
+        ),
+        ({"bed": Polyline(points=OBSTACLE)}, "what is higher, up to y = 0.5, does not count; the shear flow"),
+    ],
+)
+def test_the_plan_tells_the_datum(changes, words):
+    assert words in make_plan(scene(**changes)).text()
+
+
+def test_flows_without_a_profile_or_a_bed_have_no_datum():
+    assert make_plan(scene(flow=ExpressionFlow(components=("y", "0")))).datum is None
+    held = Disc(diameter=1, centre=(4, 3))
+    free = scene(body=held, bed=None)
+    assert make_plan(free).datum is None and free.datum == 0.0
+
+
+@pytest.mark.parametrize("kind", FLOWS)
+def test_the_phase_of_the_bed_changes_nothing_about_the_stream(kind):
+    """Inflow, stress at the bed and dimensionless numbers are those of one datum, the crests."""
+    first = rough(0.0, kind=kind)
+    for phase in PHASES:
+        moved = rough(phase, kind=kind)
+        assert np.array_equal(speeds(inflow(moved)), speeds(inflow(first)))
+        assert bed_stress(moved) == bed_stress(first)
+        now, before = numbers_of(moved), numbers_of(first)
+        assert now.grain_reynolds == pytest.approx(before.grain_reynolds, rel=1e-6)
+        assert now.bed_reynolds == pytest.approx(before.bed_reynolds, rel=1e-4)
+
+
+@pytest.mark.parametrize("kind", FLOWS)
+@pytest.mark.parametrize("datum", ["crest", "mean", 0.1])
+def test_the_inflow_is_at_rest_on_the_bed_and_carries_the_same_flux(kind, datum):
+    """Nothing flows backwards; a bed above the datum takes less than 2% of the flux, and only there."""
+    for phase in PHASES:
+        moved = rough(phase, kind=kind, datum=datum)
+        there, everywhere = speeds(inflow(moved)), speeds(undisturbed(moved))
+        bed = moved.bed_shape.height([0.0])[0]
+        assert there.min() == 0.0 and (there[HEIGHTS < max(bed, moved.datum) - 1e-9] == 0.0).all()
+        assert np.array_equal(there[HEIGHTS > 1.0], everywhere[HEIGHTS > 1.0])
+        if kind != "uniform":
+            assert there[HEIGHTS <= bed].max(initial=0.0) == 0.0
+            assert there.sum() == pytest.approx(everywhere.sum(), rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("kind", "stress"), [("shear", 1.0), ("poiseuille", 6 / 5.5), ("open-channel", 3 / 5.5)]
+)
+def test_the_stress_is_that_of_the_profile_above_the_datum(kind, stress):
+    """Shear: nu rate; parabola of mean V over the depth h above the datum: 6 nu V/h; half a parabola: 3 nu V/h."""
+    found = rough(kind=kind)
+    assert bed_stress(found) == pytest.approx(found.viscosity * stress, rel=1e-5)
+
+
+def test_a_bed_counts_with_the_speed_at_its_relief_above_the_datum():
+    """Half-discs of radius 1/2, speed 1/2 there, viscosity 1/20; a grain that hides below the crests adds nothing."""
+    assert numbers_of(rough()).bed_reynolds == pytest.approx(0.5 * 0.5 * 20)
+    deep = scene(bed=HalfDiscs(radius=2, spacing=8), body=Disc(diameter=1, x=4), domain=CHANNEL)
+    assert numbers_of(deep).grain_reynolds == 0.0
+    assert numbers_of(deep).bed_reynolds == pytest.approx(2 * 2 * 20)
+
+
+def test_the_wall_below_a_held_grain_is_at_the_datum():
+    """Half the domain above the crests, whose height is half the grain's size."""
+    held = scene(body=Disc(diameter=1, centre=(4, 3)), bed=HalfDiscs(radius=0.5, spacing=1.2))
+    assert numbers_of(held).reach == pytest.approx(2.5)
+    assert numbers_of(scene(body=DISC)).reach == pytest.approx(0.5)
