@@ -16,11 +16,10 @@ MODULES_REMEDY = (
 )
 # What PyPI's packages expect of the system: gmsh, pictures by VTK, and the forms that dolfinx compiles.
 LIBRARIES = (
-    "libglu1-mesa libgl1 libgomp1 libxcursor1 libxft2 libxinerama1 libxrender1",
-    "libegl1 libgl1-mesa-dri",
+    "libglu1-mesa libgl1 libgomp1 libxcursor1 libxft2 libxinerama1 libxrender1 libegl1 libgl1-mesa-dri"
 )
 COMPILER = "gcc libc6-dev python3-dev"
-SYSTEM_REMEDY = f"on Debian run apt-get install {' '.join(LIBRARIES)} {COMPILER}"
+SYSTEM_REMEDY = f"on Debian run apt-get install {LIBRARIES} {COMPILER}"
 
 
 def missing(error: BaseException) -> str | None:

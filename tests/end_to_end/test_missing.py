@@ -12,8 +12,9 @@ from environment import environment, on_ranks
 from processes import CAVITY, GRAIN_ON_BED, SCENES, Finished, settings
 
 from incipient import MissingError
-from incipient.installed import MODULES, missing, required
+from incipient.installed import COMPILER, LIBRARIES, MODULES, missing, required
 
+ROOT = Path(__file__).parents[2]
 CASE = SCENES.parent / "cases" / "disc_in_pocket.toml"
 COARSE = settings(numerics_order=2, numerics_mesh_size=4)
 # The command where some modules cannot be found.
@@ -97,6 +98,12 @@ def test_a_missing_library_is_named() -> None:
         required(),
     ):
         ctypes.CDLL("libNone.so.7")
+
+
+@pytest.mark.parametrize("text", ["README.md", ".ci/debian13"])
+def test_what_the_system_must_have_is_the_same_wherever_it_is_said(text: str) -> None:
+    said = set((ROOT / text).read_text().replace("`", " ").split())
+    assert {*LIBRARIES.split(), *COMPILER.split()} <= said
 
 
 def test_other_errors_pass() -> None:
