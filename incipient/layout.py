@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from .errors import SceneError
 from .geometry.curves import Curve, Line, Point
 from .geometry.grain import Placement
 from .geometry.rest import clearance, lifted
@@ -38,6 +39,7 @@ class Layout:
     placement: the grain where the flow is computed: lifted by the gap
     gap:       smallest distance of grain and bed in the computed flow [length], inf without contact
     gap_ends:  the two points between which the gap is measured
+    max_cells: triangles expected above which no mesh is made
     """
 
     shape: Region | Grid
@@ -47,14 +49,17 @@ class Layout:
     placement: Placement | None = None
     gap: float = np.inf
     gap_ends: tuple[Point, Point] | None = None
+    max_cells: float = np.inf
 
     def drawing(self) -> AbstractContextManager[Any]:
         """A meshed gmsh model; for one rank only.
 
         Raises:
             MeshError: the geometry cannot be meshed.
+            SceneError: too many cells are expected.
             MissingError: gmsh, or a library that it needs, is not installed.
         """
+        self._require_few_cells()
         with required():
             from .meshes.model import grid_model, region_model
 
@@ -62,11 +67,31 @@ class Layout:
             return grid_model(self.shape, self.geometry_order)
         return region_model(self.shape, self.sizes, self.geometry_order)
 
+    def _require_few_cells(self) -> None:
+        """Refuse a mesh that would take hours and all memory before it is begun."""
+        from .meshes.expected import expected_cells
+
+        parts = expected_cells(self.shape, self.sizes)
+        expected, most = sum(parts.values()), max(parts, key=lambda name: parts[name])
+        if not expected <= self.max_cells:
+            raise SceneError(
+                f"numerics.max_cells: a mesh of about {expected:.2g} cells is expected, most for the {most}, more than "
+                f"{self.max_cells:g}; enlarge numerics.mesh_size or the smallest length, or allow them with "
+                f"--set numerics.max_cells={_round_up(expected)}"
+            )
+
+
+def _round_up(number: float) -> int:
+    """A little more than a number, in two digits."""
+    digits = 10 ** max(int(math.log10(max(number, 1.0))) - 1, 0)
+    return (int(number / digits) + 1) * digits
+
 
 def lay_out(scene: Scene, plan: Plan, moved: Placement | None = None) -> Layout:
     """Place the grain, where the scene has it or where it has `moved`, and decide cell sizes. Not collective."""
+    most = scene.numerics.max_cells
     if is_grid(scene):
-        return Layout(_grid(scene, plan), Sizes(1.0), plan.geometry_order)
+        return Layout(_grid(scene, plan), Sizes(1.0), plan.geometry_order, max_cells=most)
     resting, placement, gap, ends = _placed(scene, plan) if moved is None else (moved, moved, np.inf, None)
     if plan.has("moving mesh") and placement is not None:
         near = surroundings(scene).clearance(placement)
@@ -76,7 +101,7 @@ def lay_out(scene: Scene, plan: Plan, moved: Placement | None = None) -> Layout:
         holes["body"] = tuple(curve.moved(placement) for curve in scene.grain.drawn())
     region = Region(_bottom(scene), scene.domain.ceiling, holes, side_names(scene))
     sizes = _sizes(scene, plan, holes.get("body", ()), gap, ends).scaled(plan.mesh_size)
-    return Layout(region, sizes, plan.geometry_order, resting, placement, gap, ends)
+    return Layout(region, sizes, plan.geometry_order, resting, placement, gap, ends, most)
 
 
 def surroundings(scene: Scene) -> Surroundings:

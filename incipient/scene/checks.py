@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 # Distances in grain sizes: from the bed, where cells get as small as the gap; from a side, where they do not.
 TOUCHING, NEARLY_TOUCHING = 1e-6, 1e-3
+CELLS_OF_A_FORM = 20  # at the least
 _CHANNEL_FLOWS = ("shear", "poiseuille", "uniform", "open-channel")
 _TOPS_OF_FLOWS = {
     "poiseuille": ("auto", "wall"),
@@ -40,7 +41,10 @@ def contradictions(scene: Scene) -> list[Problem]:
         contradictory,
     )
     found = [problem for check in checks for problem in check(scene)]
-    return found or [*_bed_extent(scene)] or [*_datum_of_the_bed(scene)] or [*_body_place(scene)]
+    if found:
+        return found
+    checks = (_forms, _bed_extent, _datum_of_the_bed, _body_place)
+    return next((problems for check in checks if (problems := [*check(scene)])), [])
 
 
 def _flow(scene: Scene) -> Iterator[Problem]:
@@ -158,6 +162,20 @@ def _accuracy(scene: Scene) -> Iterator[Problem]:
         yield Problem(key if verdict else ("numerics", "accuracy_of"), why, remedy)
     elif verdict and scene.time is not None:
         yield Problem(key, '"verdict" is for steady flow', "give a number, or leave [time] out")
+
+
+def _forms(scene: Scene) -> Iterator[Problem]:
+    """More bed forms than can be meshed, which it would take too long to look at one by one."""
+    if scene.bed is None:
+        return
+    forms = scene.bed.forms(scene.domain.length)
+    if forms * CELLS_OF_A_FORM > scene.numerics.max_cells:
+        why = (
+            f"has about {forms:.2g} forms on the domain's length, with at least {CELLS_OF_A_FORM} cells each more than "
+            f"numerics.max_cells = {scene.numerics.max_cells}"
+        )
+        remedy = "shorten the domain or enlarge the forms, or allow more with --set numerics.max_cells=NUMBER"
+        yield Problem(("bed",), why, remedy)
 
 
 def _bed_extent(scene: Scene) -> Iterator[Problem]:

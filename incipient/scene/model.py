@@ -209,6 +209,9 @@ class Numerics(Section):
     mesh_size: float = Field(
         1.0, ge=0.01, le=100.0, description="Factor on the size of all cells; 0.5 halves them [-]"
     )
+    max_cells: int = Field(
+        1_000_000, ge=1, description="Triangles expected of a mesh above which it is not made"
+    )
     convection: Literal["implicit", "extrapolated"] = Field(
         "implicit", description="By Newton iteration, or linearised about earlier steps"
     )

@@ -309,6 +309,10 @@ class BedSection(Section):
         """The angle in radians by which gravity is turned."""
         return 0.0
 
+    def forms(self, length: float) -> float:
+        """About how many forms, such as ripples, there are on a length."""
+        return 0.0
+
     def surface(self, origin_y: float) -> bed_geometry.Bed:
         """The bed's shape above its base line y = origin_y."""
         raise NotImplementedError
@@ -354,6 +358,10 @@ class Sinusoidal(BedSection):
     wavelength: Positive = Field(description="Distance of crests [length]")
     phase: float = Field(0.0, description="Phase at x = 0 [degrees]")
 
+    def forms(self, length: float) -> float:
+        """Ripples; of very steep ones the sharpness of the crests counts."""
+        return 0.5 * length / self.surface(0.0).feature
+
     def surface(self, origin_y: float) -> bed_geometry.Bed:
         """The bed's shape above its base line y = origin_y."""
         from ..geometry import bed
@@ -368,6 +376,10 @@ class HalfDiscs(BedSection):
     radius: Positive = Field(description="Radius of the half-discs [length]")
     spacing: Positive = Field(description="Distance of their centres, at least two radii [length]")
     offset: float = Field(0.0, description="Abscissa of the centre of one of them [length]")
+
+    def forms(self, length: float) -> float:
+        """Half-discs."""
+        return length / self.spacing
 
     @model_validator(mode="after")
     def _do_not_overlap(self) -> HalfDiscs:

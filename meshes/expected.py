@@ -1,0 +1,53 @@
+"""How many triangles a region will be meshed with, told from the sizes wanted before anything is meshed."""
+
+import numpy as np
+
+from .region import Grid, Near, Region, Sizes
+
+PER_AREA = 2.3  # triangles of side h on an area of h^2
+PER_CURVE = 4.0  # triangles about a curve that is shorter than the cells next to it
+
+
+def expected_cells(shape: Region | Grid, sizes: Sizes) -> dict[str, float]:
+    """About how many triangles each part of the sizes asks for, by name: the sum is that of all.
+
+    The sizes grow with the distance from boundaries and points, so that their integrals are known.
+    """
+    if isinstance(shape, Grid):
+        return {"domain": 2.0 * shape.columns * shape.rows}
+    left, right = shape.bottom[0].start, shape.bottom[-1].end
+    height = shape.top - min(min(curve.start[1], curve.end[1]) for curve in shape.bottom)
+    lengths = {
+        shape.sides[0]: sum(curve.length for curve in shape.bottom),
+        **{name: sum(curve.length for curve in outline) for name, outline in shape.holes.items()},
+    }
+    found = {"domain": PER_AREA * (right[0] - left[0]) * height / sizes.far**2}
+    # Points lie on boundaries, whose own sizes are smaller from some distance on.
+    beside = min([2.0 * near.size for near in sizes.near if near.boundary], default=sizes.far)
+    for near in sizes.near:
+        name = near.boundary or "narrow places and corners"
+        most = min(beside, sizes.far) if near.points else sizes.far
+        found[name] = found.get(name, 0.0) + PER_AREA * _integral(near, most, height, lengths)
+    found["single curves"] = PER_CURVE * (len(shape.bottom) + sum(map(len, shape.holes.values())))
+    if sizes.field is not None:
+        found["adaptation"] = PER_AREA * _integral_of_field(sizes)
+    return found
+
+
+def _integral(near: Near, far: float, height: float, lengths: dict[str, float]) -> float:
+    """The integral of 1/h^2 - 1/far^2 about a feature, on one side of it, where its size h is less than `far`."""
+    if near.size >= far:
+        return 0.0
+    reach = min((far - near.size) / near.growth, height)
+    ratio = 1.0 + near.growth * reach / near.size
+    if near.points:
+        return len(near.points) * np.pi / near.growth**2 * (np.log(ratio) - 1.0 + 1.0 / ratio)
+    return lengths[near.boundary] * (1.0 - 1.0 / ratio) / (near.growth * near.size)
+
+
+def _integral_of_field(sizes: Sizes) -> float:
+    """The integral of 1/h^2 over the triangles on whose vertices the sizes are given."""
+    assert sizes.field is not None
+    a, b, c = sizes.field.points[sizes.field.triangles].transpose(1, 0, 2)
+    doubled = np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+    return float((0.5 * doubled * (sizes.field.sizes[sizes.field.triangles] ** -2.0).mean(axis=1)).sum())
