@@ -398,7 +398,7 @@ CHANNELS = st.builds(
     bed=BEDS,
     gravity=st.builds(Gravity, acceleration=numbers(0, 1e3)),
     contact=st.none()
-    | st.builds(Contact, friction=numbers(0, 10), gap=numbers(1e-6, 0.1), tolerance=POSITIVE),
+    | st.builds(Contact, friction=numbers(0, 10), gap=numbers(1e-6, 0.1), tolerance=numbers(1e-6, 0.01)),
     **SETTINGS,
 )
 BOXES = st.builds(
