@@ -43,8 +43,8 @@ def contradictions(scene: Scene) -> list[Problem]:
     found = [problem for check in checks for problem in check(scene)]
     if found:
         return found
-    checks = (_forms, _bed_extent, _datum_of_the_bed, _body_place)
-    return next((problems for check in checks if (problems := [*check(scene)])), [])
+    in_turn = (_forms, _bed_extent, _datum_of_the_bed, _body_place)
+    return next((problems for check in in_turn if (problems := [*check(scene)])), [])
 
 
 def _flow(scene: Scene) -> Iterator[Problem]:

@@ -246,7 +246,7 @@ ONE_KEY = [
     (lambda: Numerics(order=5), "Numerics: order: is 5; give a number of at most 4"),
     (lambda: Numerics(order=2.0), "Numerics: order: is 2.0; give a whole number"),
     (lambda: Numerics(mesh_size=0), "Numerics: mesh_size: is 0; give a number of at least 0.01"),
-    (lambda: Numerics(cells=3), "Numerics: cells: unknown key; known are order, geometry_order, mesh_size"),
+    (lambda: Numerics(grid=3), "Numerics: grid: unknown key; known are order, geometry_order, mesh_size"),
     (lambda: Output(every=-1), "Output: every: is -1; give a number of at least 0"),
 ]
 
