@@ -27,7 +27,7 @@ def faxen(scene):
 
 
 shape, *settings = sys.argv[1:] or ["disc"]
-scene = incipient.load(Path(__file__).parent / "scenes/settling.toml", settings)
+scene = incipient.load(Path(__file__).parent / "scenes/settling.toml", settings, MPI.COMM_WORLD)
 if shape == "ellipse":  # of the disc's area, aslant
     keys = scene.body.model_dump(exclude={"shape", "diameter", "angle"})
     scene = scene.model_copy(update={"body": Ellipse(semi_axes=(0.7, 0.3571), angle=30.0, **keys)})

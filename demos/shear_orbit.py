@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 
 import incipient
 
-scene = incipient.load(Path(__file__).parent / "scenes/shear_orbit.toml", sys.argv[1:])
+scene = incipient.load(Path(__file__).parent / "scenes/shear_orbit.toml", sys.argv[1:], MPI.COMM_WORLD)
 result = incipient.run(scene, "results/shear_orbit")
 if MPI.COMM_WORLD.rank == 0:
     history = np.genfromtxt("results/shear_orbit/history.csv", delimiter=",", names=True)

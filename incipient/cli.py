@@ -197,7 +197,7 @@ def _run(options: argparse.Namespace, comm: MPI.Comm) -> int:
     from .progress import telling
 
     log = logging.getLogger("incipient") if comm.rank == 0 else _nobody()
-    scene = incipient.load(options.scene, options.overrides)
+    scene = incipient.load(options.scene, options.overrides, comm)
     directory = options.out or Path("results") / options.scene.stem
     log.info(
         "%s on %s\n%s", scene.title or options.scene.stem, _ranks(comm), incipient.make_plan(scene).text()
@@ -259,7 +259,7 @@ def _threshold(options: argparse.Namespace, comm: MPI.Comm) -> int:
     from .progress import telling
     from .threshold import find_threshold
 
-    scene = incipient.load(options.scene, options.overrides)
+    scene = incipient.load(options.scene, options.overrides, comm)
     directory = options.out or Path("results") / f"{options.scene.stem}_threshold"
     with locked(directory, comm, make=True):
         with telling(comm.rank) as voice:
@@ -289,7 +289,7 @@ def _plan(options: argparse.Namespace, comm: MPI.Comm) -> int:
     from .cost.command import planned_and_predicted
     from .parallel import collectively
 
-    scene = incipient.load(options.scene, options.overrides)
+    scene = incipient.load(options.scene, options.overrides, comm)
     with collectively(comm):
         if comm.rank == 0:
             plan, prediction, words = planned_and_predicted(scene)
@@ -305,7 +305,7 @@ def _cost(options: argparse.Namespace, comm: MPI.Comm) -> int:
     from .output.lock import locked
 
     _alone("cost", comm)
-    scene = incipient.load(options.scene, options.overrides)
+    scene = incipient.load(options.scene, options.overrides, comm)
     directory = options.out or Path("results") / f"{options.scene.stem}_cost"
     lists = {name: getattr(options, name) for name in ("orders", "sizes", "steps", "solvers")}
     spread = cost_command.chosen(scene, options.quick, **lists)

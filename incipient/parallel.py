@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from .errors import IncipientError
 from .installed import required
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+
+T = TypeVar("T")
 
 
 class Alone:
@@ -56,6 +58,21 @@ def collectively(comm: MPI.Comm) -> Iterator[None]:
         raise error
     kind, message = failures[0]
     raise kind(message) from error
+
+
+def from_first(comm: MPI.Comm, compute: Callable[[], T]) -> T:
+    """What a function returns on the first rank, which alone calls it, on every rank. Collective.
+
+    For files above all, which need not be there on the machines of other ranks. The value must be picklable.
+
+    Raises:
+        IncipientError: on all ranks, what the function raised.
+    """
+    found: Any = None
+    with collectively(comm):
+        if comm.rank == 0:
+            found = compute()
+    return found if comm.size == 1 else comm.bcast(found)
 
 
 def _described(error: Exception | None) -> tuple[type[IncipientError], str] | None:

@@ -104,15 +104,15 @@ class Simulation:
             self.contacts = self._contacts()
             self.domain = self._resumed_domain() or domain.build(self.comm, self.layout.drawing, scene.gdim)
         self.recorder.begin(scene, self.plan, self.domain)
-        with self.stage("forms"):
-            model = self.model(unsteady=self.plan.has("unsteadiness"))
-            conditions = boundaries.conditions(scene)
-            self.fluid: Fluid = fluid.Fluid(self.domain, model, conditions, self.plan.reynolds)
-            self.fluid.watch = self.corrections.made
-            self.probe = self._probe()
         with ExitStack() as stack:
-            # Another fluid may have taken its place by then.
-            stack.push(lambda *exception: self.fluid.__exit__(*exception))
+            with self.stage("forms"):
+                model = self.model(unsteady=self.plan.has("unsteadiness"))
+                conditions = boundaries.conditions(scene)
+                self.fluid: Fluid = fluid.Fluid(self.domain, model, conditions, self.plan.reynolds)
+                # Another fluid may have taken its place by then.
+                stack.push(lambda *exception: self.fluid.__exit__(*exception))
+                self.fluid.watch = self.corrections.made
+                self.probe = self._probe()
             yield
 
     def loads_at(self, factor: float) -> tuple[Forces, Couples]:

@@ -13,6 +13,7 @@ leaves out.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from typing import Any
 
 import dolfinx
@@ -47,17 +48,20 @@ class GoalErrors:
         self.computed = TractionProbe(fluid, boundary, about).resultant()
         self._boundary, self._about = boundary, np.asarray(about, dtype=float)
         self.finer = fluid.at_order(fluid.space.order + 1)
-        self.finer.interpolate(fluid)
-        self._before = self.finer.state.x.array.copy()
-        self.finer.correct()
-        self._probe = TractionProbe(self.finer, boundary, about)
-        self.improved: Resultant = self._probe.resultant()
+        with ExitStack() as on_failure:
+            on_failure.push(self.finer)
+            self.finer.interpolate(fluid)
+            self._before = self.finer.state.x.array.copy()
+            self.finer.correct()
+            self._probe = TractionProbe(self.finer, boundary, about)
+            self.improved: Resultant = self._probe.resultant()
+            on_failure.pop_all()
 
     def __enter__(self) -> GoalErrors:
         return self
 
-    def __exit__(self, *exception: object) -> None:
-        self.finer.destroy()
+    def __exit__(self, *exception: Any) -> None:
+        self.finer.__exit__(*exception)
 
     @property
     def force(self) -> Floats:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import SceneError
 from ..output.earlier import CHECKPOINT, SCENE
-from ..parallel import collectively
+from ..parallel import from_first
 from ..scene import Scene, load
 from ..scene.file import loads
 from . import checkpoint as checkpoints
@@ -39,16 +39,15 @@ def reopened(directory: Path, overrides: Sequence[str], comm: MPI.Comm) -> tuple
         OutputError: the checkpoint is missing, damaged, incomplete or of another version.
         SceneError: the scene differs from that of the checkpoint, or there is nothing left to compute.
     """
-    found = None
-    with collectively(comm):
-        if comm.rank == 0:
-            kept = checkpoints.read(directory / CHECKPOINT)
-            scene = load(directory / SCENE, overrides)
-            _require_same(directory / SCENE, scene, loads(kept.scene))
-            _require_work(scene, loads(kept.scene), kept)
-            found = scene, _adapted(scene, loads(kept.scene), kept)
-    reopened: tuple[Scene, Checkpoint] = comm.bcast(found)
-    return reopened
+
+    def found() -> tuple[Scene, Checkpoint]:
+        kept = checkpoints.read(directory / CHECKPOINT)
+        scene = load(directory / SCENE, overrides)
+        _require_same(directory / SCENE, scene, loads(kept.scene))
+        _require_work(scene, loads(kept.scene), kept)
+        return scene, _adapted(scene, loads(kept.scene), kept)
+
+    return from_first(comm, found)
 
 
 def _require_same(path: Path, scene: Scene, of_checkpoint: Scene) -> None:

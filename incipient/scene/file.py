@@ -6,17 +6,21 @@ import re
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import tomli_w
 from pydantic import ValidationError
 
 from ..errors import SceneError
+from ..parallel import from_first
 from .example import commented, grain_on_bed
 from .messages import Key, Problem, key_text, one_line, problems_of
 from .model import Scene
 from .points import file_text
 from .section import Section, ordered_keys
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 S = TypeVar("S", bound=Section)
 
@@ -27,15 +31,18 @@ _NOT_THE_SCENE = ("title", "numerics", "output", "time")
 _BARE_WORD = re.compile(r"[A-Za-z_][^\n\"'=\[\]{}]*")
 
 
-def load(path: Path | str, overrides: Sequence[str] = ()) -> Scene:
-    """The scene in a TOML file, changed by overrides such as ``"fluid.reynolds=40"``. Not collective.
+def load(path: Path | str, overrides: Sequence[str] = (), comm: MPI.Comm | None = None) -> Scene:
+    """The scene in a TOML file, changed by overrides such as ``"fluid.reynolds=40"``.
 
-    Files that the scene names are read relative to the scene file.
+    Files that the scene names are read relative to the scene file. Collective over `comm`, of which the first rank
+    reads for all; without one, not collective: several ranks then need the files each.
 
     Raises:
         SceneError: one line that names the file, or the override, the key, why and the remedy.
     """
-    return read(Scene, path, overrides)
+    if comm is None:
+        return read(Scene, path, overrides)
+    return from_first(comm, lambda: read(Scene, path, overrides))
 
 
 def loads(text: str, base: Path | str = ".", overrides: Sequence[str] = (), name: str = "scene") -> Scene:

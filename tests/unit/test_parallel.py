@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -9,7 +11,10 @@ from mpi4py import MPI
 
 from incipient.errors import IncipientError, MeshError, OutputError
 from incipient.parallel import collectively
+from incipient.scene import load
+from incipient.scene.file import example
 
+SCENES = Path(__file__).parents[2] / "demos" / "scenes"
 COMM = MPI.COMM_WORLD
 
 
@@ -67,3 +72,40 @@ def test_a_defect_on_one_rank_is_told_to_the_others(mpirun: Any) -> None:
     assert done.returncode == 0, done.stderr
     expected = ["0: IncipientError: rank 1 failed", "1: ValueError: rank 1 failed"]
     assert sorted(done.stdout.split("\n"))[1:] == expected
+
+
+# The second rank works where no file is, as on a machine without the disk of the first.
+READING = """
+import os, sys
+from mpi4py import MPI
+from incipient import SceneError, load
+
+comm = MPI.COMM_WORLD
+if comm.rank:
+    os.chdir("/")
+told = [str(load("scene.toml", ["fluid.reynolds=40"], comm).model_dump())]
+for path, overrides in (("absent.toml", []), ("scene.toml", ["bed.file=absent.csv"])):
+    try:
+        load(path, overrides, comm)
+    except SceneError as error:
+        told.append(str(error))
+print(f"{comm.rank}: " + "; ".join(told) + "\\n", end="")
+"""
+
+
+def test_one_rank_reads_a_scene_and_its_files_for_all(mpirun: Any, tmp_path: Path) -> None:
+    (tmp_path / "bed.csv").write_text("x,y\n0,0\n3,0\n3.5,0.2\n4,0\n12,0\n")
+    text = example().replace('"flat"', '"polyline"\nfile = "bed.csv"')
+    (tmp_path / "scene.toml").write_text(text)
+    done = mpirun(2, READING, timeout=60)
+    assert done.returncode == 0, done.stderr
+    first, second = sorted(done.stdout.splitlines())
+    assert first.removeprefix("0: ") == second.removeprefix("1: ")
+    assert "'reynolds': 40.0" in first and "(3.5, 0.2)" in first
+    assert "; absent.toml: cannot be read" in first and "absent.csv cannot be read" in first
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in SCENES.glob("*.toml")))
+def test_scenes_can_be_sent_to_other_ranks(name: str) -> None:
+    scene = load(SCENES / f"{name}.toml")
+    assert pickle.loads(pickle.dumps(scene)) == scene

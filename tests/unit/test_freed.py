@@ -1,0 +1,58 @@
+"""What fails while it is being made gives back the memory that PETSc has lent it."""
+
+from __future__ import annotations
+
+import pytest
+from domains import square_in_box
+from mpi4py import MPI
+from ranks_script import box
+
+from incipient.accuracy.dual import GoalErrors
+from incipient.errors import ConvergenceError
+from incipient.fluid import FlowModel, Fluid
+from incipient.progress import Silent
+from incipient.recorder import Unrecorded
+from incipient.scene import loads
+from incipient.scene.file import example
+from incipient.simulation import Simulation
+from incipient.tractions import TractionProbe
+
+
+@pytest.fixture
+def destroyed(monkeypatch: pytest.MonkeyPatch) -> list[Fluid]:
+    """The fluids whose memory has been given back."""
+    given: list[Fluid] = []
+    destroy = Fluid.destroy
+
+    def noted(self: Fluid) -> None:
+        given.append(self)
+        destroy(self)
+
+    monkeypatch.setattr(Fluid, "destroy", noted)
+    return given
+
+
+def fail(*arguments: object) -> None:
+    raise ConvergenceError("no solution")
+
+
+def test_an_error_estimate_that_fails(destroyed: list[Fluid], monkeypatch: pytest.MonkeyPatch) -> None:
+    """The finer elements' memory goes, the flow itself stays."""
+    with Fluid(square_in_box(0.3, 0.5), FlowModel(order=2), box(), 20.0) as fluid:
+        monkeypatch.setattr(Fluid, "correct", fail)
+        with pytest.raises(ConvergenceError):
+            GoalErrors(fluid, "body", (0.8, 0.55))
+        (finer,) = destroyed
+        assert finer is not fluid and finer.space.order == 3
+    assert destroyed == [finer, fluid]
+
+
+def test_a_simulation_that_fails_while_it_is_prepared(
+    destroyed: list[Fluid], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = loads(example(), overrides=["numerics.mesh_size=6"])
+    simulation = Simulation(scene, MPI.COMM_SELF, Unrecorded(), Silent())
+    monkeypatch.setattr(TractionProbe, "__init__", fail)
+    with pytest.raises(ConvergenceError), simulation.prepared():
+        raise AssertionError("prepared all the same")
+    assert destroyed == [simulation.fluid]
