@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from environment import environment, on_ranks
+from environment import environment, finished, on_ranks
 from hypothesis import settings
 
 # The same examples in every run, so that a failure is the change's; HYPOTHESIS_PROFILE=explore looks further.
@@ -27,7 +27,7 @@ def mpirun(tmp_path: Path) -> Launch:
     """`mpirun(n, script, *args, timeout=120)`: run Python code, or a script by its path, on n ranks.
 
     Returns the completed process with its text output, whatever its exit code. A run that hangs fails
-    the test when the time is up. Scripts can import the modules beside this file.
+    the test when the time is up, and is ended with all its ranks. Scripts can import the modules beside this file.
     """
 
     def launch(
@@ -35,14 +35,8 @@ def mpirun(tmp_path: Path) -> Launch:
     ) -> subprocess.CompletedProcess[str]:
         path = script if isinstance(script, Path) else _written(script, tmp_path)
         command = [*on_ranks(n), sys.executable, str(path), *map(str, args)]
-        return subprocess.run(
-            command,
-            env=environment() | {"PYTHONPATH": str(TESTS)},
-            capture_output=True,
-            text=True,
-            timeout=timeout,
-            cwd=tmp_path,
-        )
+        surroundings = environment() | {"PYTHONPATH": str(TESTS)}
+        return finished(command, timeout, env=surroundings, cwd=tmp_path)
 
     return launch
 

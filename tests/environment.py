@@ -1,8 +1,13 @@
-"""The surroundings of processes that tests start."""
+"""Processes that tests start: their surroundings, and their end."""
 
 import os
+import signal
+import subprocess
 import sys
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
@@ -22,3 +27,39 @@ def on_ranks(number: int) -> list[str]:
     beside = Path(sys.executable).with_name("mpirun")
     command = [str(beside) if beside.exists() else "mpirun", "-n", str(number)]
     return [*command, "--oversubscribe"] if "Open MPI" in MPI.Get_library_version() else command
+
+
+def finished(command: Sequence[object], timeout: float, **options: Any) -> subprocess.CompletedProcess[str]:
+    """Run a command to its end, with its text output, and leave nothing of it behind, whatever happens.
+
+    Raises `subprocess.TimeoutExpired` when the time is up.
+    """
+    process = subprocess.Popen(
+        [str(part) for part in command],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        **options,
+    )
+    try:
+        said, complained = process.communicate(timeout=timeout)
+    except BaseException:
+        end(process)
+        raise
+    end_session(process.pid)
+    return subprocess.CompletedProcess(command, process.returncode, said, complained)
+
+
+def end(process: subprocess.Popen[str]) -> None:
+    """Kill a process that leads a session, and all that belong to it."""
+    end_session(process.pid)
+    process.communicate()
+
+
+def end_session(leader: int) -> None:
+    """Kill all processes of a session: ranks outlive a killed `mpirun`, which gives each a process group of its own."""
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            if int(stat.read_text().rpartition(")")[2].split()[3]) == leader:
+                os.kill(int(stat.parent.name), signal.SIGKILL)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
-from environment import environment
+from environment import end, environment, finished, on_ranks
 from processes import Finished, Outcome
 
 COMMAND = "from incipient.cli import main\nraise SystemExit(main())\n"
@@ -35,6 +35,7 @@ if comm.rank == 0:
 """
 
 Command = Callable[..., "Finished[str]"]
+Started = Callable[..., "subprocess.Popen[str]"]
 Session = Callable[..., list[Outcome]]
 
 
@@ -45,14 +46,8 @@ def command(tmp_path: Path, mpirun: Any) -> Command:
     def run(*arguments: object, ranks: int = 1, timeout: float = 60, **variables: str) -> Finished[str]:
         if ranks > 1:
             return mpirun(ranks, COMMAND, *arguments, timeout=timeout)
-        return subprocess.run(
-            [sys.executable, "-m", "incipient", *map(str, arguments)],
-            env=environment() | variables,
-            capture_output=True,
-            text=True,
-            timeout=timeout,
-            cwd=tmp_path,
-        )
+        command = [sys.executable, "-m", "incipient", *arguments]
+        return finished(command, timeout, env=environment() | variables, cwd=tmp_path)
 
     return run
 
@@ -71,3 +66,31 @@ def session(mpirun: Any) -> Session:
         return [Outcome(codes, "".join(said).splitlines()) for codes, said in told]
 
     return run
+
+
+@pytest.fixture
+def started() -> Iterator[Started]:
+    """`started(ranks, *arguments)`: the command running in a session of its own, as in a terminal."""
+    running = []
+
+    def start(ranks: int, *arguments: object, **variables: str) -> subprocess.Popen[str]:
+        run = subprocess.Popen(
+            [
+                *(on_ranks(ranks) if ranks > 1 else ()),
+                sys.executable,
+                "-m",
+                "incipient",
+                *map(str, arguments),
+            ],
+            env=environment() | variables,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+        running.append(run)
+        return run
+
+    yield start
+    for run in running:
+        end(run)

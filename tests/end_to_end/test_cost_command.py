@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from environment import environment
+from environment import end, environment
 from processes import CAVITY, CYLINDER, GRAIN_ON_BED, SCENES, settings
 
 COARSE = settings(numerics_mesh_size=2.5, contact_gap=0.05)
@@ -76,12 +76,17 @@ def test_cost_of_a_coarse_grain_on_a_bed(command: Any, tmp_path: Path) -> None:
 def interrupted(arguments: tuple[object, ...], out: Path, variables: dict[str, str]) -> None:
     """Stop the command after the first of its runs; no run goes on without it."""
     words = [sys.executable, "-m", "incipient", *map(str, arguments)]
-    process = subprocess.Popen(words, env=environment() | variables, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        words, env=environment() | variables, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
     rows, began = out / "cost.csv", time.monotonic()
     while not rows.exists() and process.poll() is None and time.monotonic() - began < 100:
         time.sleep(0.05)
     process.terminate()
-    _, said = process.communicate(timeout=30)
+    try:
+        _, said = process.communicate(timeout=30)
+    finally:
+        end(process)
     assert process.returncode == 130, said
     assert said.splitlines()[-1] == "incipient: interrupted; what was computed so far is kept"
 

@@ -7,13 +7,12 @@ runs them and pins the numbers anew.
 
 import ast
 import json
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
 import pytest
-from environment import environment, on_ranks
+from environment import environment, finished, on_ranks
 from processes import result_of
 
 DEMOS = Path(__file__).parents[2] / "demos"
@@ -40,14 +39,8 @@ SAID = {"cavity.py": "Re = 100", "grain_on_bed.py": "verdict"}
 
 def run_demo(script, arguments, directory):
     """Run a demo on two ranks in a directory; its results by name, as they are pinned."""
-    done = subprocess.run(
-        [*on_ranks(2), sys.executable, str(DEMOS / script), *arguments],
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=240,
-        cwd=directory,
-    )
+    command = [*on_ranks(2), sys.executable, DEMOS / script, *arguments]
+    done = finished(command, 240, env=environment(), cwd=directory)
     assert done.returncode == 0, done.stderr
     names = sorted(path.name for path in (Path(directory) / "results").iterdir())
     return done, {name: pinned(result_of(Path(directory) / "results" / name)) for name in names}

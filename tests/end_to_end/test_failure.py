@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 import time
-from contextlib import suppress
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -14,7 +13,7 @@ import h5py
 import numpy as np
 import pytest
 from conftest import Session
-from environment import environment, on_ranks
+from environment import environment
 from processes import (
     CAVITY,
     GRAIN_ON_BED,
@@ -78,31 +77,6 @@ def assert_all_kept(directory):
 
 
 # -- interrupts ----------------------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def started():
-    """`started(ranks, *arguments)`: the command running in a process group of its own, as in a terminal."""
-    running = []
-
-    def start(ranks, *arguments, **variables):
-        several = on_ranks(ranks) if ranks > 1 else []
-        run = subprocess.Popen(
-            [*several, sys.executable, "-m", "incipient", *map(str, arguments)],
-            env=environment() | variables,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            start_new_session=True,
-        )
-        running.append(run)
-        return run
-
-    yield start
-    for run in running:
-        with suppress(ProcessLookupError):
-            os.killpg(run.pid, signal.SIGKILL)
-        run.communicate()
 
 
 def wait_until(ready, run):

@@ -7,8 +7,6 @@ import json
 import os
 import shutil
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -17,8 +15,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from conftest import Command, Session
-from environment import environment
+from conftest import Command, Session, Started
 from processes import VORTEX_STREET, result_of, settings
 
 import incipient
@@ -248,11 +245,10 @@ def test_the_number_of_ranks_may_change(
 # -- signals -----------------------------------------------------------------------------------------------------
 
 
-def test_a_signal_to_a_running_process(whole_vortices: Path, tmp_path: Path, command: Command) -> None:
-    arguments = ["run", str(VORTEX_STREET), *VORTICES, "--out", str(tmp_path / "x")]
-    run = subprocess.Popen(
-        [sys.executable, "-m", "incipient", *arguments], env=environment(), stderr=subprocess.PIPE, text=True
-    )
+def test_a_signal_to_a_running_process(
+    whole_vortices: Path, tmp_path: Path, command: Command, started: Started
+) -> None:
+    run = started(1, "run", VORTEX_STREET, *VORTICES, "--out", tmp_path / "x")
     rows = tmp_path / "x/history.csv"
     deadline = time.monotonic() + 60
     while not rows.exists() or rows.read_bytes().count(b"\n") < 4:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from environment import environment, on_ranks
+from environment import environment, finished, on_ranks
 from xdmf_writer import CELLS, RADIUS, SEMI_AXES, STEPS_A_MESH, placement, pressure, velocity
 
 from incipient.errors import OutputError
@@ -25,8 +25,7 @@ QUADRATIC_EDGE, QUADRATIC_TRIANGLE, QUADRATIC_TETRAHEDRON = 21, 22, 24  # vtkCel
 
 
 def spawn(ranks: int, task: str, directory: Path) -> subprocess.CompletedProcess:
-    command = [*MAKE[ranks], WRITER, task, directory]
-    return subprocess.run(command, env=environment(), timeout=240, capture_output=True, text=True)
+    return finished([*MAKE[ranks], WRITER, task, directory], 240, env=environment())
 
 
 def grids(stem: Path):
