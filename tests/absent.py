@@ -82,6 +82,9 @@ def main(scene: str, state: str, counted: str, directory: str | None = None) -> 
     """Run the scene twice, and count in the second run; results go to a directory if one is given."""
     if state == "taken-out":
         take_out()
+    from mpi4py import MPI  # noqa: F401 (PyPI's dolfinx finds its MPI only then)
+
+    # isort: split
     import dolfinx
 
     import incipient

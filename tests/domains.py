@@ -7,10 +7,12 @@ from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
+from mpi4py import MPI  # first: PyPI's dolfinx finds its MPI only then
+
+# isort: split
 import dolfinx
 import gmsh
 import numpy as np
-from mpi4py import MPI
 
 from incipient.domain import Domain, build
 from incipient.geometry.curves import Line

@@ -6,11 +6,13 @@ import json
 import sys
 from typing import Any
 
+from mpi4py import MPI  # first: PyPI's dolfinx finds its MPI only then
+
+# isort: split
 import dolfinx
 import numpy as np
 import ufl
 from domains import ball_in_box, square_in_box
-from mpi4py import MPI
 
 from incipient import compat
 from incipient.domain import Domain

@@ -210,9 +210,9 @@ def test_tabulate(order: int) -> None:
 
 
 SUM = """
+from domains import unit_box
 import dolfinx
 import numpy as np
-from domains import unit_box
 from incipient import compat
 
 function = dolfinx.fem.Function(compat.space(unit_box(2, 4).mesh, ("Lagrange", 1)))

@@ -143,9 +143,9 @@ def test_no_points() -> None:
 
 RANKS = """
 import json
+from mpi4py import MPI
 import dolfinx
 import numpy as np
-from mpi4py import MPI
 from domains import ring
 from incipient import compat
 from incipient.transfer import Transfer

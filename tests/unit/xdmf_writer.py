@@ -8,11 +8,13 @@ import sys
 from functools import partial
 from pathlib import Path
 
+from mpi4py import MPI  # first: PyPI's dolfinx finds its MPI only then
+
+# isort: split
 import gmsh
 import numpy as np
 from dolfinx.fem import Function
 from dolfinx.mesh import create_unit_cube
-from mpi4py import MPI
 
 from incipient import compat
 from incipient.domain import build
