@@ -36,7 +36,10 @@ def missing_in_words(words: str) -> str | None:
         return f"the library {library[1]} is not installed: {SYSTEM_REMEDY}"
     if "cannot load MPI library" in words:
         return f"there is no MPI library: {MODULES_REMEDY}"
-    failed = re.search(r"CompileError.*|Compilation failed on root node", words)
+    # The latter are what other ranks say when the first could not compile, in older and newer versions of dolfinx.
+    failed = re.search(
+        r"CompileError.*|Compilation failed on root node|JIT compilation failed on rank 0", words
+    )
     if failed:
         return f"a form was not compiled, it takes a C compiler and Python's headers ({failed[0]}): {SYSTEM_REMEDY}"
     return None
