@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from . import layout as layouts
@@ -23,6 +23,7 @@ from .plan import Estimate, Plan, make_plan
 from .progress import Silent
 from .recorder import Recorder, Unrecorded
 from .scene import Scene
+from .stabilisation import stabilisation_of
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -38,6 +39,9 @@ if TYPE_CHECKING:
     from .result import Couples, Forces, Result
     from .tractions import TractionProbe
     from .trajectory import Trajectory
+
+# What is left of the way to a flow, going on from a slower one, when no shorter step is tried any more.
+SMALLEST_SHARE = 0.02
 
 
 def simulate(
@@ -115,15 +119,37 @@ class Simulation:
                 self.probe = self._probe()
             yield
 
-    def loads_at(self, factor: float) -> tuple[Forces, Couples]:
+    def loads_at(self, factor: float, start: float = 0.0) -> tuple[Forces, Couples]:
         """Solve steadily with the flow faster by a factor at the same viscosity; the loads then.
 
         In units of the faster flow only the Reynolds number changes, so the mesh, the forms and the last
-        solution serve again; forces go back to scene units with the factor squared.
+        solution serve again; forces go back to scene units with the factor squared. `start` is the factor of
+        the flow that the state is that of, if it is one to go on from.
+
+        Raises:
+            ConvergenceError: the fluid then holds the last flow found on the way, at its Reynolds number.
         """
+        self._stabilise(factor)
         self.fluid.reynolds = factor * self.plan.reynolds
-        self.solve_steadily(self.fluid)
+        way = {"reached": start / factor, "smallest_step": SMALLEST_SHARE} if start else {}
+        self.solve_steadily(self.fluid, **way)
         return loads(self, surface=False, speed=factor)
+
+    def _stabilise(self, factor: float) -> None:
+        """Go on with a fluid whose convection is stabilised, or not, as that of a run with the faster flow is."""
+        from .fluid import Fluid
+
+        before, model = self.fluid, self.fluid.model
+        wanted = stabilisation_of(self.scene, model.inertia, factor).present
+        if wanted == model.stabilisation:
+            return
+        model = replace(model, stabilisation=wanted)
+        self.fluid = Fluid(self.domain, model, before.conditions, before.reynolds)
+        self.fluid.state.x.array[:] = before.state.x.array
+        self.fluid.solver.statistics.add(before.solver.statistics)
+        self.fluid.watch = before.watch
+        self.probe = self._probe()
+        before.destroy()
 
     def hand_over(self, recorder: Recorder) -> Path | None:
         """Hand a steady flow that has been solved over to a recorder, with all but the error bars; where it is kept."""
@@ -193,8 +219,8 @@ class Simulation:
             stabilisation=self.plan.stabilisation.present,
         )
 
-    def solve_steadily(self, fluid: Fluid) -> None:
-        """Find the steady flow of a fluid.
+    def solve_steadily(self, fluid: Fluid, **way: float) -> None:
+        """Find the steady flow of a fluid; `way` may name what `fluid.solve_steady` takes besides.
 
         Raises:
             ConvergenceError: there is none that could be found.
@@ -207,8 +233,9 @@ class Simulation:
                 fluid,
                 numerics.tolerance,
                 numerics.max_iterations,
-                first_share=self._first_share(),
+                first_share=self._first_share(fluid),
                 watch=self.corrections.heard(self.voice.iterate),
+                **way,
             )
             self.corrections.book_steady(steps)
         self.count(continuation=len(steps), newton=sum(step.report.iterations for step in steps))
@@ -246,9 +273,9 @@ class Simulation:
 
         return TractionProbe(self.fluid, "body", self.layout.placement.centre)
 
-    def _first_share(self) -> float:
+    def _first_share(self, fluid: Fluid) -> float:
         """Where the continuation starts: at once, unless the Reynolds number of the whole flow is large."""
-        whole = self.plan.reynolds * self.scene.reference_velocity * self.scene.domain.height
+        whole = fluid.reynolds * self.scene.reference_velocity * self.scene.domain.height
         return min(1.0, 200.0 / whole) if self.plan.has("inertia") else 1.0
 
     def _resumed_domain(self) -> Domain | None:

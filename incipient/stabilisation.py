@@ -36,11 +36,11 @@ class Stabilisation:
 NO_CONVECTION = Stabilisation(False, "there is none", 0.0)
 
 
-def stabilisation_of(scene: Scene, inertia: bool) -> Stabilisation:
-    """Decide from the scene, and from whether it is computed with inertia. Not collective."""
+def stabilisation_of(scene: Scene, inertia: bool, speed: float = 1.0) -> Stabilisation:
+    """Decide from the scene, its flow `speed` times as fast, and whether it has inertia. Not collective."""
     if not inertia:
         return NO_CONVECTION
-    number, asked = cell_reynolds(scene), scene.numerics.stabilisation
+    number, asked = speed * cell_reynolds(scene), scene.numerics.stabilisation
     found = f"the Reynolds number of cells, V h/(k nu), is {number:.3g}"
     if asked != "auto":
         return Stabilisation(asked == "on", f'numerics.stabilisation = "{asked}"; {found}', number)

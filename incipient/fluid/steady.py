@@ -37,6 +37,8 @@ def solve_steady(
     max_iterations: int = 25,
     first_share: float = 1.0,
     watch: Watch = lambda share, iteration, size: None,
+    reached: float = 0.0,
+    smallest_step: float = SMALLEST_STEP,
 ) -> tuple[Step, ...]:
     """Solve steadily at the fluid's Reynolds number from its present state. Collective.
 
@@ -44,41 +46,52 @@ def solve_steady(
     costs a fraction; where that is not to be had, and for order two, the Reynolds number is approached
     from `first_share` of it. `watch` is told (share, iteration, size of the correction).
 
+    Args:
+        reached: share of the Reynolds number that the present state is the solution of; 0: of none.
+        smallest_step: share of the Reynolds number below which a step is not halved any more.
+
     Raises:
         ConvergenceError: the fluid then holds the last converged state, at the Reynolds number it belongs to.
     """
     if fluid.space.order == LOWEST_ORDER or fluid.model.linear:
-        return approach(fluid, tolerance, max_iterations, first_share, watch)
+        return approach(fluid, tolerance, max_iterations, first_share, watch, reached, smallest_step)
     before = fluid.state.x.array.copy()
     with fluid.at_order(LOWEST_ORDER) as coarse:
         coarse.interpolate(fluid)
         try:
-            steps = approach(coarse, TOLERANCE_ON_THE_WAY, max_iterations, first_share, watch)
+            steps = approach(
+                coarse, TOLERANCE_ON_THE_WAY, max_iterations, first_share, watch, reached, smallest_step
+            )
         except ConvergenceError:
             # Too coarse a mesh for low order may still do for the order asked for.
             fluid.state.x.array[:] = before
-            return approach(fluid, tolerance, max_iterations, first_share, watch)
+            return approach(fluid, tolerance, max_iterations, first_share, watch, reached, smallest_step)
         fluid.interpolate(coarse)
         fluid.solver.statistics.add(coarse.solver.statistics)
     return (*steps, *approach(fluid, tolerance, max_iterations, 1.0, watch))
 
 
 def approach(
-    fluid: Fluid, tolerance: float, max_iterations: int, first_share: float, watch: Watch
+    fluid: Fluid,
+    tolerance: float,
+    max_iterations: int,
+    first_share: float,
+    watch: Watch,
+    reached: float = 0.0,
+    smallest_step: float = SMALLEST_STEP,
 ) -> tuple[Step, ...]:
     """Approach the fluid's Reynolds number by steps that steer themselves. Collective.
 
     The step grows while Newton's method converges and halves when it does not; each start is
-    extrapolated from the two solutions before.
+    extrapolated from the two solutions before. From the solution at a share `reached` all the rest is tried first.
 
     Raises:
-        ConvergenceError: the step became smaller than a thousandth, or a factorisation failed; the fluid then
+        ConvergenceError: the step became smaller than `smallest_step`, or a factorisation failed; the fluid then
             holds the last converged state at its Reynolds number, or the start if there is none.
     """
     target, steps = fluid.reynolds, []
-    path = _Path(fluid)
-    stride = share = min(first_share, 1.0)
-    reached = 0.0
+    path = _Path(fluid, reached)
+    stride = share = 1.0 if reached else min(first_share, 1.0)
     while True:
         last = share >= 1.0
         fluid.reynolds = target * share
@@ -101,7 +114,7 @@ def approach(
         else:
             path.restore()
             stride = 0.5 * (share - reached)
-            if stride < SMALLEST_STEP:
+            if stride < smallest_step:
                 raise ConvergenceError(_explanation(reached))
         share = min(1.0, reached + stride)
 
@@ -121,9 +134,9 @@ def _explanation(reached: float) -> str:
 class _Path:
     """The last two converged states along the continuation."""
 
-    def __init__(self, fluid: Fluid):
+    def __init__(self, fluid: Fluid, reached: float):
         self.fluid, self.target = fluid, fluid.reynolds
-        self.states: list[tuple[float, np.ndarray]] = [(0.0, fluid.state.x.array.copy())]
+        self.states: list[tuple[float, np.ndarray]] = [(reached, fluid.state.x.array.copy())]
 
     def accept(self, share: float) -> None:
         """Keep the state as that of this share of the Reynolds number, and the one before it."""

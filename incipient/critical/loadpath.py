@@ -1,0 +1,148 @@
+"""The load on a grain as the flow grows from rest, between the flows that have been solved.
+
+The load over the flow's factor, c(f), goes from that of Stokes flow, where the load is proportional to the factor, to
+one that grows with the factor. It is smooth, and turns as inertia gains weight; the safety factor need be neither
+smooth, finite nor monotone. So c is interpolated, and the exact judge asked about the load interpolated.
+
+How much of the flow the grain could not hold, u = 1/S, is convex and positively homogeneous in the flow's load: a
+change of the load by d changes it by at most sum |d_i| u(+-e_i). With that an interval between two flows is called
+held although nothing was solved inside, as long as c is bent no more than a parabola with its vertex at one end.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from ..contact import Contacts, Load
+from ..contact.equilibrium import SafetyFactor, safety_factor
+
+Floats = NDArray[np.float64]
+
+SAMPLES = 6  # factors inside an interval at which the load interpolated is judged
+# |c - chord| <= BEND |c(b) - c(a)| at the middle of an interval: that of a parabola with its vertex at one end.
+BEND = 0.25
+LARGEST_LOGARITHM = 3.0  # of a safety factor while a root is looked for; infinite ones and zeros count as that
+NEAR_TOP = 1.2  # up to this much above the fastest flow the load is extrapolated by a parabola, beyond in a line
+ROOT = 1e-10  # relative error of a root of the load interpolated
+
+
+@dataclass(frozen=True, eq=False)
+class LoadPath:
+    """Loads of the flow over its factor, interpolated between factors.
+
+    factors: (n,) ascending
+    loads:   (n, 6) force and couple over the factor
+    rest:    the load without flow; contacts, friction: what holds the grain
+    before:  the same from another mesh; what is interpolated then is the difference
+    """
+
+    factors: Floats
+    loads: Floats
+    rest: Load
+    contacts: Contacts
+    friction: float
+    before: LoadPath | None = None
+
+    def load(self, factor: float) -> Load:
+        """The load with the flow at a factor."""
+        flow = factor * self.over_factor(factor)
+        return Load(flow[:3], flow[3:], self.rest.weight, self.rest.centre)
+
+    def over_factor(self, factor: float) -> Floats:
+        """(6,) the load over the factor, by the parabola through the three nearest flows, or what there are."""
+        if self.before is None:
+            return self._interpolated(factor, self.loads)
+        known = np.array([self.before.over_factor(one) for one in self.factors])
+        return self.before.over_factor(factor) + self._interpolated(factor, self.loads - known)
+
+    def _interpolated(self, factor: float, values: Floats) -> Floats:
+        chosen = self._nearest(factor)
+        found = np.zeros(6)
+        for i in chosen:
+            weight = 1.0
+            for j in chosen:
+                if j != i:
+                    weight *= (factor - self.factors[j]) / (self.factors[i] - self.factors[j])
+            found += weight * values[i]
+        return found
+
+    def _nearest(self, factor: float) -> list[int]:
+        """Numbers of the flows on both sides, and of the nearest one besides."""
+        count, above = len(self.factors), bisect_left(self.factors.tolist(), factor)
+        low = min(max(above - 1, 0), max(count - 2, 0))
+        chosen = list(range(low, min(low + 2, count)))
+        others = [i for i in (low - 1, low + 2) if 0 <= i < count]
+        if others and factor <= NEAR_TOP * self.factors[-1]:
+            chosen.append(min(others, key=lambda i: abs(self.factors[i] - factor)))
+        return chosen
+
+    def judged(self, factor: float) -> SafetyFactor:
+        """What the exact judge says of the load with the flow at a factor."""
+        return safety_factor(self.load(factor), self.contacts, self.friction)
+
+    def holds(self, factor: float) -> bool:
+        """Whether that load is held."""
+        return self.judged(factor).value >= 1.0
+
+    # -- where the grain is no longer held ----------------------------------------------------------
+
+    def loss(self, low: float, high: float) -> float | None:
+        """The first factor from `low`, which is held, to `high` from which on the load is not; None: it is held."""
+        samples = np.linspace(low, high, SAMPLES + 2)
+        values = self._logarithms(samples)
+        lost = np.flatnonzero(values[1:] < 0.0)
+        if len(lost) == 0:
+            return None
+        first = int(lost[0])
+        if values[first] <= 0.0:
+            return float(samples[first])
+        root = brentq(self._logarithm, samples[first], samples[first + 1], xtol=ROOT * high, rtol=ROOT)
+        return float(root)
+
+    def doubtful(self, low: float, high: float, end: float) -> float | None:
+        """The factor up to `end` between two flows solved, `low` and `high`, at which rest is least sure; None: it is.
+
+        Sure is rest where the load interpolated is held, and all loads as far from it as c may be bent.
+        """
+        samples = np.linspace(low, end, SAMPLES + 2)[1:-1]
+        place = (samples - low) / (high - low)
+        change = np.abs(self.over_factor(high) - self.over_factor(low))
+        bent = BEND * float(change @ self._loosest) * 4.0 * place * (1.0 - place)
+        lost = np.exp(-self._logarithms(samples)) + samples * bent
+        return float(samples[np.argmax(lost)]) if np.max(lost) >= 1.0 else None
+
+    def steepness(self, factor: float) -> float:
+        """-d log S / d log factor along the path; infinite where S jumps."""
+        step = 1e-3
+        low, high = (self.judged(factor * (1.0 + sign * step)).value for sign in (-1.0, 1.0))
+        with np.errstate(divide="ignore"):
+            return float(np.log(low) - np.log(high)) / (2.0 * step)
+
+    def _logarithm(self, factor: float) -> float:
+        """log S, within bounds."""
+        value = self.judged(factor).value
+        if value == 0.0:
+            return -LARGEST_LOGARITHM
+        return float(np.clip(np.log(value), -LARGEST_LOGARITHM, LARGEST_LOGARITHM))
+
+    def _logarithms(self, factors: Floats) -> Floats:
+        return np.array([self._logarithm(factor) for factor in factors])
+
+    @cached_property
+    def _loosest(self) -> Floats:
+        """(6,) the larger u of a unit load there and back along each axis; zero where any load moves the grain."""
+        found = np.zeros(6)
+        for i, unit in enumerate(np.eye(6)):
+            if not np.any(self.loads[:, i]):
+                continue
+            for sign in (-1.0, 1.0):
+                one = Load(sign * unit[:3], sign * unit[3:], self.rest.weight, self.rest.centre)
+                value = safety_factor(one, self.contacts, self.friction).value
+                found[i] = max(found[i], 1.0 / value if value > 0.0 else 0.0)
+        return found

@@ -1,0 +1,223 @@
+"""The search for the critical flow: the slowest one, as the flow grows from rest, in which the grain is not held.
+
+It begins with Stokes flow, which always can be solved and has a load proportional to its strength. From there the flow
+is made faster, in steps; after each the load is interpolated (`loadpath`), which says where the grain is lost, where a
+flow in between has to be solved to be sure that it is not, or how far up to go. Where no steady flow is found the search
+goes on below, or beyond, if that is where the load extrapolated loses the grain.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..contact import Load
+from ..contact.equilibrium import SafetyStatus, safety_factor
+from ..errors import ConvergenceError
+from ..judgement import load_of
+from .loadpath import LoadPath
+
+if TYPE_CHECKING:
+    from ..result import Couples, Forces
+    from ..simulation import Simulation
+
+CREEPING = 1e-6  # grain Reynolds number of the flow that stands for Stokes flow
+FIRST = 30.0  # grain Reynolds number of the first flow with inertia, at most
+GROWTH = 4.0  # from one flow to the next faster one, at most
+LARGEST = 1000.0  # grain Reynolds number up to which a threshold is looked for, or
+MOST_FASTER = 10.0  # so many times the flow of the scene, if that is more
+NEAR = 3e-3  # a flow solved so near the critical one is taken for it, relative; the load there is interpolated
+RESOLVED = 1.1  # intervals are not divided further
+MOST_FLOWS, MOST_FAILURES = 40, 4
+APART = 1.03  # a flow is tried only so far from one that could not be solved
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A flow that was solved: its factor, and the safety factor of the grain in it."""
+
+    factor: float
+    safety_factor: float
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What a search has found.
+
+    factor:   of the critical flow; 0: any flow, or none at all, moves the grain; inf: none that was seen
+    held_to:  factor up to which the grain is held, inf if it always is
+    path:     the load as the flow grows
+    trials:   flows solved, in that order; unsolved: factors at which no steady flow was found
+    reason:   why the search ended without a critical flow
+    """
+
+    factor: float
+    held_to: float
+    path: LoadPath
+    trials: tuple[Trial, ...]
+    unsolved: tuple[float, ...] = ()
+    reason: str = ""
+
+    @property
+    def is_critical(self) -> bool:
+        """Whether there is a flow at which the grain begins to move."""
+        return 0.0 < self.factor < np.inf
+
+    @property
+    def load(self) -> Load:
+        """The critical load; where any flow moves the grain that of Stokes flow, else that of the fastest flow seen."""
+        if self.factor == 0.0:
+            return self.path.load(1.0)
+        return self.path.load(min(self.factor, float(self.path.factors[-1])))
+
+
+class Search:
+    """The search on one mesh; a simulation that is prepared. Public methods are collective but those said not to be."""
+
+    def __init__(self, simulation: Simulation):
+        scene = simulation.scene
+        assert simulation.contacts is not None and scene.contact is not None
+        self.simulation, self.trials, self.unsolved = simulation, list[Trial](), list[float]()
+        self._contacts, self._friction = simulation.contacts, scene.contact.friction
+        self._solved: dict[float, tuple[Forces, Couples]] = {}
+        self._states: dict[float, np.ndarray] = {}
+        numbers = simulation.plan.numbers
+        self._reynolds = (numbers and numbers.grain_reynolds) or scene.fluid.reynolds
+
+    def found(self) -> Found:
+        """Search from rest upwards."""
+        inertia = self.simulation.plan.has("inertia")
+        slow = CREEPING / self._reynolds if inertia else 1.0
+        self._solve(slow)
+        value, load = self.trials[0].safety_factor, self._load(slow)
+        status = safety_factor(load, self._contacts, self._friction).status
+        if value == 0.0:
+            held = status is SafetyStatus.AT_ONCE
+            return self._ended(0.0, 0.0, "any flow moves the grain" if held else "its weight alone moves it")
+        if not inertia:
+            return self._ended(slow * value, slow * value, "the load grows in proportion")
+        return self._upwards(slow)
+
+    def near(self, before: Found) -> Found:
+        """Search near the critical flow of another mesh, from whose load that of this mesh will differ little."""
+        factor = before.factor
+        while True:
+            if factor not in self._states and not self._try(factor):
+                raise ConvergenceError(f"no steady flow was found at {factor:.4g} times that of the scene")
+            path = replace(self._path(), before=before.path)
+            low, high = 0.5 * factor, 2.0 * factor
+            new = path.loss(low, high) if path.holds(low) else None
+            if new is None:
+                raise ConvergenceError(f"no threshold near {factor:.4g} times the flow of the scene any more")
+            if self._is_near(new) or len(self.trials) >= MOST_FLOWS:
+                return Found(new, new, path, tuple(self.trials), tuple(self.unsolved))
+            factor = new
+
+    def at_nearest(self, factor: float) -> tuple[Forces, Couples]:
+        """Make the fluid that of the flow solved nearest to a factor; force and couple there."""
+        nearest = min(self._states, key=lambda one: abs(one - factor))
+        self._start_from(nearest)
+        self.simulation.fluid.reynolds = nearest * self.simulation.plan.reynolds
+        return self._solved[nearest]
+
+    # -- what to solve next -------------------------------------------------------------------------
+
+    def _upwards(self, slow: float) -> Found:
+        largest = max(LARGEST / self._reynolds, MOST_FASTER)
+        while len(self.trials) < MOST_FLOWS:
+            path = self._path()
+            inside = self._inside(path)
+            if isinstance(inside, Found):
+                return inside
+            top = float(path.factors[-1])
+            following = inside or self._beyond(path, top, FIRST / self._reynolds if top == slow else largest)
+            if isinstance(following, Found):
+                return following
+            self._try(following)
+        return self._ended(np.inf, 0.0, f"not found within {MOST_FLOWS} flows")
+
+    def _inside(self, path: LoadPath) -> float | Found | None:
+        """The next flow among those solved, or the critical one; nothing: the grain is held in all of them."""
+        for low, high in pairwise(path.factors.tolist()):
+            loss = path.loss(low, high)
+            near = loss is not None and self._is_near(loss)
+            if loss is not None and not near and self._may_be_solved(loss):
+                return loss
+            doubtful = path.doubtful(low, high, loss or high) if high > RESOLVED * low else None
+            if doubtful is not None and self._may_be_solved(doubtful):
+                return doubtful
+            if loss is not None:
+                return self._ended(loss, loss, "")
+        return None
+
+    def _beyond(self, path: LoadPath, top: float, largest: float) -> float | Found:
+        """The next flow above all those solved, or why there is none."""
+        goal = min(GROWTH * top, largest) if len(path.factors) > 1 else largest
+        loss = path.loss(top, max(goal, top))
+        if loss is not None and self._is_near(loss):
+            return self._ended(loss, loss, "")
+        following = loss or goal
+        beyond = [factor for factor in self.unsolved if factor > top]
+        if top >= largest / APART:
+            return self._ended(np.inf, top, "the grain is held in the fastest flow looked at")
+        if self._may_be_solved(following) and len(self.unsolved) < MOST_FAILURES:
+            return following
+        between = float(np.sqrt(top * min(beyond, default=top)))
+        if self._may_be_solved(between) and between > APART * top and len(self.unsolved) < MOST_FAILURES:
+            return between
+        return self._ended(np.inf, top, "no steady flow was found beyond")
+
+    def _is_near(self, factor: float) -> bool:
+        return any(abs(one / factor - 1.0) < NEAR for one in self._states)
+
+    def _may_be_solved(self, factor: float) -> bool:
+        """Whether no flow as fast has failed."""
+        return all(max(factor / one, one / factor) > APART for one in self.unsolved)
+
+    # -- solving ----------------------------------------------------------------------------------
+
+    def _try(self, factor: float) -> bool:
+        """Solve; if there is no such flow, note that, and solve where the way to it ended."""
+        try:
+            self._solve(factor)
+        except ConvergenceError:
+            reached = self.simulation.fluid.reynolds / self.simulation.plan.reynolds
+            self.unsolved.append(factor)
+            self.simulation.voice.say(f"flow x {factor:.6g}: no steady flow found, the last at {reached:.6g}")
+            if reached > APART * max((one for one in self._states if one < factor), default=0.0):
+                self._solve(reached, here=True)
+            return False
+        return True
+
+    def _solve(self, factor: float, here: bool = False) -> None:
+        """Solve from the next slower flow, or from the present state, which is nearly that flow."""
+        slower = max((one for one in self._states if one < factor), default=0.0)
+        if slower and not here:
+            self._start_from(slower)
+        simulation = self.simulation
+        force, couple = simulation.loads_at(factor, factor if here else slower)
+        self._solved[factor] = force, couple
+        self._states[factor] = simulation.fluid.state.x.array.copy()
+        value = safety_factor(self._load(factor), self._contacts, self._friction).value
+        self.trials.append(Trial(factor, value))
+        simulation.voice.say(f"flow x {factor:.6g}: safety factor {value:.6g}")
+
+    def _start_from(self, factor: float) -> None:
+        self.simulation.fluid.state.x.array[:] = self._states[factor]
+
+    def _load(self, factor: float) -> Load:
+        return load_of(self.simulation.scene, *self._solved[factor])
+
+    def _path(self) -> LoadPath:
+        factors = np.array(sorted(self._solved))
+        loads = [self._load(factor) for factor in factors]
+        flows = [np.concatenate([load.flow_force, load.flow_couple]) for load in loads]
+        over = np.array(flows) / factors[:, None]
+        rest = Load(np.zeros(3), np.zeros(3), loads[0].weight, loads[0].centre)
+        return LoadPath(factors, over, rest, self._contacts, self._friction)
+
+    def _ended(self, factor: float, held_to: float, reason: str) -> Found:
+        return Found(factor, held_to, self._path(), tuple(self.trials), tuple(self.unsolved), reason)
