@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from .pictures.apart import Drawn
     from .result import Result
+    from .threshold import Threshold
 
 INTERRUPTED = 130
 BESIDE = object()  # a directory that is asked for and not named: that of the case
@@ -261,10 +262,15 @@ def _threshold(options: argparse.Namespace, comm: MPI.Comm) -> int:
 
     scene = incipient.load(options.scene, options.overrides, comm)
     directory = options.out or Path("results") / f"{options.scene.stem}_threshold"
+
+    def keep(threshold: Threshold) -> Path:
+        write_threshold(directory, scene, threshold, comm)
+        return directory
+
     with locked(directory, comm, make=True):
         with telling(comm.rank) as voice:
-            threshold = find_threshold(scene, comm, voice)
-        write_threshold(directory, scene, threshold, comm)
+            threshold = find_threshold(scene, comm, voice, keep)
+        keep(threshold)
     if comm.rank == 0:
         print(threshold.text())
         print(f"numbers             {directory / 'threshold.json'}", flush=True)

@@ -129,13 +129,13 @@ class Simulation:
         Raises:
             ConvergenceError: the fluid then holds the last flow found on the way, at its Reynolds number.
         """
-        self._stabilise(factor)
+        self.stabilise(factor)
         self.fluid.reynolds = factor * self.plan.reynolds
         way = {"reached": start / factor, "smallest_step": SMALLEST_SHARE} if start else {}
         self.solve_steadily(self.fluid, **way)
         return loads(self, surface=False, speed=factor)
 
-    def _stabilise(self, factor: float) -> None:
+    def stabilise(self, factor: float) -> None:
         """Go on with a fluid whose convection is stabilised, or not, as that of a run with the faster flow is."""
         from .fluid import Fluid
 

@@ -21,7 +21,7 @@ from ..progress import Silent
 from ..recorder import Recorder, Unrecorded
 from ..result import Result
 from ..scene import Scene
-from .goal import Goal
+from .goal import Goal, Quantity
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -160,7 +160,8 @@ class Search:
         self.numerics, self.ledger, self.trials = scene.numerics, Ledger(), list[Trial]()
         self.iterations: dict[str, int] = {}
         self.known: dict[str, Any] = {}
-        self.goal = Goal.of(scene)
+        self.goal: Quantity = Goal.of(scene)
+        self.speed = 1.0  # of the flow whose loads are looked at, over that of the scene
         self.reason, self.met = "", False
 
     @property

@@ -171,9 +171,14 @@ def error_bars(simulation: Simulation, force: Forces, couple: Couples) -> ErrorB
     A term whose coarse run fails is left out, and the reason said. What `simulation.known` holds, terms by name and
     loads of coarse runs by the JSON of their scene, is not computed again, and what is found is added to it.
     """
-    scene, found = simulation.scene, _Found(simulation)
+    return error_terms(simulation, force, couple).judged(simulation, force, couple)
+
+
+def error_terms(simulation: Simulation, force: Forces, couple: Couples, speed: float = 1.0) -> ErrorBars:
+    """Error bars but for what they mean for the verdict; a steady flow may be `speed` times the scene's. Collective."""
+    scene, found = simulation.scene, _Found(simulation, speed)
     if scene.time is None:
-        found.add("discretisation", lambda solve: _dual(simulation))
+        found.add("discretisation", lambda solve: _dual(simulation, speed))
     else:
         computed = _computed(simulation, force, couple)
         found.add("discretisation", lambda solve: by_coarser_run(scene, computed, solve))
@@ -182,7 +187,7 @@ def error_bars(simulation: Simulation, force: Forces, couple: Couples) -> ErrorB
             found.leave_out(name, reason)
         else:
             found.add(name, partial(estimate, scene))
-    return found.bars().judged(simulation, force, couple)
+    return found.bars()
 
 
 def _computed(simulation: Simulation, force: Forces, couple: Couples) -> Loads:
@@ -193,19 +198,20 @@ def _computed(simulation: Simulation, force: Forces, couple: Couples) -> Loads:
     return Loads(force.flow, couple.flow, np.concatenate([state.place, state.orientation]))
 
 
-def _dual(simulation: Simulation) -> Term:
+def _dual(simulation: Simulation, speed: float) -> Term:
     from .dual import GoalErrors  # not above: a plan asks for the coarse runs, without finite elements
 
     placement = simulation.layout.placement
     assert placement is not None
     with GoalErrors(simulation.fluid, "body", placement.centre) as goals:
-        return by_dual(goals.force, goals.couple)
+        return by_dual(speed**2 * goals.force, speed**2 * goals.couple)
 
 
 class _Found:
     """Terms as they are found; each coarse run is made once."""
 
-    def __init__(self, simulation: Simulation):
+    def __init__(self, simulation: Simulation, speed: float):
+        self._speed = speed
         self._comm, self._known, self._spent = simulation.comm, simulation.known, simulation.spent
         self._terms: list[Term] = []
         self._left_out: dict[str, str] = {}
@@ -235,15 +241,22 @@ class _Found:
         if not isinstance(loads, Loads):
             if reason := self._spent():
                 raise Spent(reason)
-            loads = self._known[key] = loads_of(scene, self._comm)
+            loads = self._known[key] = loads_of(scene, self._comm, self._speed)
         return loads
 
 
-def loads_of(scene: Scene, comm: MPI.Comm) -> Loads:
-    """Run a scene for its force and couple at the end. Collective."""
-    from ..simulation import simulate
+def loads_of(scene: Scene, comm: MPI.Comm, speed: float = 1.0) -> Loads:
+    """Run a scene for its force and couple at the end; a steady flow may be `speed` times the scene's. Collective."""
+    from ..progress import Silent
+    from ..recorder import Unrecorded
+    from ..simulation import Simulation, simulate
 
-    return Loads.of(simulate(scene, comm))
+    if speed == 1.0:
+        return Loads.of(simulate(scene, comm))
+    simulation = Simulation(scene, comm, Unrecorded(), Silent())
+    with simulation.prepared():
+        force, couple = simulation.loads_at(speed)
+        return Loads(force.flow, couple.flow)
 
 
 def coarse_scenes(scene: Scene) -> list[Scene]:

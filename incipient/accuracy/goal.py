@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,23 @@ Floats = NDArray[np.float64]
 # A couple smaller than this share of force times grain size is measured against that share.
 LEAST_COUPLE = 0.01
 DIFFERENCE = 1e-4  # of the load, for the derivative of the safety factor
+
+
+class Quantity(Protocol):
+    """What a mesh is refined for: its name, its relative error, and what it hangs on; see `Goal`."""
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        ...
+
+    def error(self, force: Forces, couple: Couples, of_force: Floats, of_couple: Floats) -> float:
+        """Relative error for errors (3,) of force and couple."""
+        ...
+
+    def goals(self, force: Forces, couple: Couples) -> list[Floats]:
+        """Weights (3,) of force and couple in the plane, whose errors are those of the quantity, relative."""
+        ...
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from ..errors import ConvergenceError, MeshError
 from ..interrupt import told_where_kept
 from ..layout import Layout
 from ..recorder import Recorder, Unrecorded
-from ..result import Result
+from ..result import Couples, Forces, Result
 from ..scene import Scene
 from ..simulation import Simulation
 from .adaptation import Search, Told, Trial
@@ -96,7 +96,7 @@ class Refinement(Search):
                     raise
                 attempt = self._first(COARSEST * 0.5**failures)
                 continue
-            if isinstance(outcome, Result):
+            if not isinstance(outcome, _Attempt):
                 return outcome
             best, attempt = attempt, outcome
 
@@ -121,15 +121,17 @@ class Refinement(Search):
         began = self.elapsed()
         simulation = self._simulation(attempt)
         with simulation.prepared():
-            force, couple = simulation.loads_at(1.0)
+            force, couple = self._solved(simulation)
             assert simulation.layout.placement is not None
+            unit = self.speed**2  # of loads, over those of the fluid
             with (
                 self.ledger.stage("error bars"),
                 GoalErrors(simulation.fluid, "body", simulation.layout.placement.centre) as goals,
             ):
-                self.known["discretisation"] = by_dual(goals.force, goals.couple)
-                error = self.goal.error(force, couple, goals.force, goals.couple)
-                parts = [goals.shares(goal) for goal in self.goal.goals(force, couple)]
+                of_force, of_couple = unit * goals.force, unit * goals.couple
+                self.known["discretisation"] = by_dual(of_force, of_couple)
+                error = self.goal.error(force, couple, of_force, of_couple)
+                parts = [goals.shares(unit * goal) for goal in self.goal.goals(force, couple)]
                 shares = gathered(simulation.domain.mesh, parts)
             cells = int(self.comm.bcast(len(shares.triangles), root=0))
             seconds = self.elapsed() - began
@@ -143,6 +145,10 @@ class Refinement(Search):
             with told_where_kept(told.kept, self.comm):
                 bars = error_bars(simulation, force, couple)
             return self._to_decide(attempt, bars, shares) or self._concluded(simulation, told)
+
+    def _solved(self, simulation: Simulation) -> tuple[Forces, Couples]:
+        """Solve for the load whose errors are looked at, with the flow `speed` times that of the scene. Collective."""
+        return simulation.loads_at(self.speed)
 
     def _handed_over(self, simulation: Simulation) -> Told:
         """The recorder that has got the solution at hand, but for its error bars. Collective."""
@@ -163,7 +169,7 @@ class Refinement(Search):
         simulation = self._simulation(attempt)
         self.known.pop("discretisation", None)
         with simulation.prepared():
-            simulation.loads_at(1.0)
+            self._solved(simulation)
             return self._concluded(simulation, self._handed_over(simulation))
 
     # -- what next ------------------------------------------------------------------------------

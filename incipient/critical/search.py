@@ -1,9 +1,9 @@
 """The search for the critical flow: the slowest one, as the flow grows from rest, in which the grain is not held.
 
-It begins with Stokes flow, which always can be solved and has a load proportional to its strength. From there the flow
-is made faster, in steps; after each the load is interpolated (`loadpath`), which says where the grain is lost, where a
-flow in between has to be solved to be sure that it is not, or how far up to go. Where no steady flow is found the search
-goes on below, or beyond, if that is where the load extrapolated loses the grain.
+It begins with Stokes flow, which always can be solved and has a load proportional to its strength. From there the
+flow is made faster, in steps; after each the load is interpolated (`loadpath`), which says where the grain is lost,
+where a flow in between has to be solved to be sure that it is not, or how far up to go. Where no steady flow is found
+the search goes on below, or beyond, if that is where the load extrapolated loses the grain.
 """
 
 from __future__ import annotations
@@ -29,7 +29,10 @@ FIRST = 30.0  # grain Reynolds number of the first flow with inertia, at most
 GROWTH = 4.0  # from one flow to the next faster one, at most
 LARGEST = 1000.0  # grain Reynolds number up to which a threshold is looked for, or
 MOST_FASTER = 10.0  # so many times the flow of the scene, if that is more
-NEAR = 3e-3  # a flow solved so near the critical one is taken for it, relative; the load there is interpolated
+NEAR = (
+    3e-3  # a flow solved so near the critical one is taken for it, relative; the load there is interpolated
+)
+WEAK = 0.1  # force of the flow over the weight, where any flow moves the grain
 RESOLVED = 1.1  # intervals are not divided further
 MOST_FLOWS, MOST_FAILURES = 40, 4
 APART = 1.03  # a flow is tried only so far from one that could not be solved
@@ -48,6 +51,7 @@ class Found:
     """What a search has found.
 
     factor:   of the critical flow; 0: any flow, or none at all, moves the grain; inf: none that was seen
+    between:  factors of flows that it is between, where no steady flow was found nearer to it
     held_to:  factor up to which the grain is held, inf if it always is
     path:     the load as the flow grows
     trials:   flows solved, in that order; unsolved: factors at which no steady flow was found
@@ -60,6 +64,17 @@ class Found:
     trials: tuple[Trial, ...]
     unsolved: tuple[float, ...] = ()
     reason: str = ""
+    between: tuple[float, float] | None = None
+
+    @property
+    def low(self) -> float:
+        """The fastest flow below the critical one that holds the grain, where none was solved nearer."""
+        return self.between[0] if self.between else self.factor
+
+    @property
+    def high(self) -> float:
+        """The slowest flow above the critical one that does not hold it, where none was solved nearer."""
+        return self.between[1] if self.between else self.factor
 
     @property
     def is_critical(self) -> bool:
@@ -68,10 +83,15 @@ class Found:
 
     @property
     def load(self) -> Load:
-        """The critical load; where any flow moves the grain that of Stokes flow, else that of the fastest flow seen."""
+        """The critical load; where any flow moves the grain that of a slow one, else that of the fastest one seen."""
         if self.factor == 0.0:
-            return self.path.load(1.0)
+            return self.path.load(WEAK * float(np.linalg.norm(self.path.rest.weight)) / self._drag)
         return self.path.load(min(self.factor, float(self.path.factors[-1])))
+
+    @property
+    def _drag(self) -> float:
+        """Size of the slowest flow's force over its factor."""
+        return float(np.linalg.norm(self.path.loads[0, :3])) or 1.0
 
 
 class Search:
@@ -86,6 +106,7 @@ class Search:
         self._states: dict[float, np.ndarray] = {}
         numbers = simulation.plan.numbers
         self._reynolds = (numbers and numbers.grain_reynolds) or scene.fluid.reynolds
+        self._sure = 0.0  # factor up to which the grain is surely held
 
     def found(self) -> Found:
         """Search from rest upwards."""
@@ -118,7 +139,9 @@ class Search:
 
     def at_nearest(self, factor: float) -> tuple[Forces, Couples]:
         """Make the fluid that of the flow solved nearest to a factor; force and couple there."""
-        nearest = min(self._states, key=lambda one: abs(one - factor))
+        within = min(factor, max(self._states))
+        nearest = min(self._states, key=lambda one: abs(one - within))
+        self.simulation.stabilise(nearest)
         self._start_from(nearest)
         self.simulation.fluid.reynolds = nearest * self.simulation.plan.reynolds
         return self._solved[nearest]
@@ -137,11 +160,12 @@ class Search:
             if isinstance(following, Found):
                 return following
             self._try(following)
-        return self._ended(np.inf, 0.0, f"not found within {MOST_FLOWS} flows")
+        return self._ended(np.inf, self._sure, f"not found within {MOST_FLOWS} flows")
 
     def _inside(self, path: LoadPath) -> float | Found | None:
         """The next flow among those solved, or the critical one; nothing: the grain is held in all of them."""
         for low, high in pairwise(path.factors.tolist()):
+            self._sure = low
             loss = path.loss(low, high)
             near = loss is not None and self._is_near(loss)
             if loss is not None and not near and self._may_be_solved(loss):
@@ -150,7 +174,8 @@ class Search:
             if doubtful is not None and self._may_be_solved(doubtful):
                 return doubtful
             if loss is not None:
-                return self._ended(loss, loss, "")
+                found = self._ended(loss, loss, "" if near else "no steady flow was found nearer")
+                return found if near else replace(found, between=(low, high))
         return None
 
     def _beyond(self, path: LoadPath, top: float, largest: float) -> float | Found:

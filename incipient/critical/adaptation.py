@@ -1,0 +1,70 @@
+"""A critical flow to a given accuracy: meshes are refined as for a load, by what its errors mean for the critical flow.
+
+On the first mesh the whole search is made. On the next ones the load as a function of the factor differs by little,
+and one flow, the critical one of the mesh before, is enough in most cases.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from ..accuracy.adaptation import Adaptation
+from ..accuracy.refinement import Refinement
+from ..errors import SceneError
+from ..recorder import Unrecorded
+from .bars import CriticalGoal
+from .search import Found, Search
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from ..progress import Silent
+    from ..result import Couples, Forces
+    from ..scene import Scene
+    from ..simulation import Simulation
+
+Conclude = Callable[["Simulation", Search, Found, Adaptation], Any]
+
+
+class CriticalRefinement(Refinement):
+    """From mesh to mesh by what each vertex contributes to the error of the critical flow.
+
+    Args:
+        conclude: makes the result of the search on the last mesh, while its simulation is at hand.
+    """
+
+    def __init__(self, scene: Scene, comm: MPI.Comm, voice: Silent, conclude: Conclude):
+        if scene.numerics.accuracy == "verdict":
+            raise SceneError(
+                'numerics.accuracy: "verdict" means nothing for a threshold; give a relative error of the critical '
+                "flow such as 0.01"
+            )
+        super().__init__(scene, comm, Unrecorded, voice)
+        self._conclude, self._found = conclude, list[Found]()
+        self._search: Search | None = None
+
+    def threshold(self) -> Any:
+        """Try meshes until the accuracy is reached or cannot be; what `conclude` makes of the last. Collective."""
+        return self.result()
+
+    def _solved(self, simulation: Simulation) -> tuple[Forces, Couples]:
+        self._search = search = Search(simulation)
+        found = search.near(self._found[-1]) if self._found else search.found()
+        self._found.append(found)
+        if found.is_critical:
+            self.speed, self.goal = found.factor, CriticalGoal(found)
+        return search.at_nearest(found.factor)
+
+    def _to_refine(self, attempt: Any, excess: float, shares: Any, error: float) -> Any:
+        if self._found[-1].is_critical:
+            return super()._to_refine(attempt, excess, shares, error)
+        self.reason = "there is no critical flow whose error could be made smaller"
+        return None
+
+    def _handed_over(self, simulation: Simulation) -> Any:
+        """Nothing is kept before the conclusion."""
+
+    def _concluded(self, simulation: Simulation, told: Any) -> Any:
+        assert self._search is not None
+        return self._conclude(simulation, self._search, self._found[-1], self.adaptation())

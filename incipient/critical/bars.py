@@ -1,0 +1,124 @@
+"""Error bars of a critical flow: what errors of force and couple, and of the search itself, mean for its factor.
+
+Within the errors of the load at the critical flow the safety factor, one there, is in a range [S_low, S_high]. Along
+the path of the load S goes as a power -p of the factor nearby, so that the critical factor f is in
+[f S_low^(1/p), f S_high^(1/p)].
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..accuracy.errorbars import ErrorBars
+from ..accuracy.safetybar import Errors, bar_of_safety, shifted
+from ..contact.equilibrium import safety_factor
+
+if TYPE_CHECKING:
+    from ..result import Couples, Forces
+    from .search import Found
+
+Floats = NDArray[np.float64]
+Range = tuple[float, float]
+
+DIFFERENCE = 1e-4  # of the load, for derivatives of the safety factor
+
+
+@dataclass(frozen=True)
+class CriticalBars:
+    """Error bars of the factor of a critical flow.
+
+    low, high: range of the factor with all errors together
+    terms:     largest error of the factor that each source makes alone
+    loads:     the errors of force and couple at the critical flow
+    """
+
+    factor: float
+    low: float
+    high: float
+    terms: dict[str, float]
+    loads: ErrorBars
+
+    @property
+    def error(self) -> float:
+        """The larger of the errors to both sides."""
+        return max(self.factor - self.low, self.high - self.factor)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for threshold.json; an error without bound is None there."""
+        return {
+            "factor": {"low": self.low, "high": self.high, "error": self.error, "terms": self.terms},
+            "load": self.loads.to_dict(),
+        }
+
+    def lines(self) -> list[str]:
+        """Where the error of the factor comes from, for a reader."""
+        known = [f"{name} {error:.1e}" for name, error in self.terms.items()]
+        lines = [f"error bars          of that multiple: {', '.join(known) or 'none is known'}"]
+        lines += [f"  {name:<18}{why}" for name, why in self.loads.left_out.items()]
+        return lines + [f"  {name:<18}not computed: {why}" for name, why in self.loads.failed.items()]
+
+
+def critical_bars(found: Found, loads: ErrorBars) -> CriticalBars:
+    """The error bars of a critical flow from those of force and couple there. Not collective."""
+    errors = {term.name: np.concatenate([term.force, term.couple]) for term in loads.terms}
+    ranges = {name: factor_range(found, {name: error}) for name, error in errors.items()}
+    low, high = factor_range(found, errors)
+    if found.low < found.high:
+        ranges["search"] = found.low, found.high
+        low, high = low + found.low - found.factor, high + found.high - found.factor
+    terms = {name: max(found.factor - a, b - found.factor) for name, (a, b) in ranges.items()}
+    return CriticalBars(found.factor, max(low, 0.0), high, terms, loads)
+
+
+def factor_range(found: Found, errors: Errors) -> Range:
+    """The smallest and the largest critical factor within errors (6,) of force and couple. Not collective."""
+    path, factor = found.path, found.factor
+    bar = bar_of_safety(found.load, path.contacts, path.friction, None, errors)
+    power = path.steepness(factor)
+    return factor * _root(min(bar.low, 1.0), power), factor * _root(max(bar.high, 1.0), power)
+
+
+def _root(value: float, power: float) -> float:
+    """value^(1/power), for a value that is zero or infinite itself; without bound where the power is not positive."""
+    if value in (0.0, 1.0, math.inf):
+        return value
+    if power <= 0.0:
+        return 0.0 if value < 1.0 else math.inf
+    return float(value ** (1.0 / power))
+
+
+@dataclass(frozen=True)
+class CriticalGoal:
+    """The critical flow as what a mesh is refined for (see `accuracy.goal.Quantity`)."""
+
+    found: Found
+    name: str = "critical flow"
+
+    def error(self, force: Forces, couple: Couples, of_force: Floats, of_couple: Floats) -> float:
+        """Relative error of the critical factor for errors (3,) of force and couple."""
+        errors = {"discretisation": np.abs(np.concatenate([of_force, of_couple]))}
+        low, high = factor_range(self.found, errors)
+        return max(high / self.found.factor - 1.0, 1.0 - low / self.found.factor)
+
+    def goals(self, force: Forces, couple: Couples) -> list[Floats]:
+        """Derivatives (3,) of log factor along force and couple in the plane; along the force, where S jumps."""
+        found, load = self.found, self.found.load
+        size = DIFFERENCE * float(np.linalg.norm(load.flow_force))
+        slopes = np.empty(3)
+        for i, place in enumerate((0, 1, 5)):
+            ahead = size * np.eye(6)[place]
+            values = [
+                safety_factor(shifted(load, sign * ahead), found.path.contacts, found.path.friction).value
+                for sign in (-1.0, 1.0)
+            ]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                slopes[i] = np.diff(np.log(values))[0] / (2.0 * size)
+        slopes /= found.path.steepness(found.factor)
+        if np.all(np.isfinite(slopes)) and np.any(slopes):
+            return [slopes]
+        return [row / float(np.linalg.norm(load.flow_force)) for row in np.eye(3)[:2]]
