@@ -203,8 +203,10 @@ def _dual(simulation: Simulation, speed: float) -> Term:
 
     placement = simulation.layout.placement
     assert placement is not None
+    # The fluid's unit of speed is its own; what is left of the way to `speed` is short, or in Stokes flow.
+    unit = speed * simulation.fluid.reynolds / simulation.plan.reynolds
     with GoalErrors(simulation.fluid, "body", placement.centre) as goals:
-        return by_dual(speed**2 * goals.force, speed**2 * goals.couple)
+        return by_dual(unit * goals.force, unit * goals.couple)
 
 
 class _Found:

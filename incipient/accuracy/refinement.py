@@ -123,7 +123,8 @@ class Refinement(Search):
         with simulation.prepared():
             force, couple = self._solved(simulation)
             assert simulation.layout.placement is not None
-            unit = self.speed**2  # of loads, over those of the fluid
+            # Of loads, over those of the fluid, which has a speed of its own; both are near, or it is Stokes flow.
+            unit = self.speed * simulation.fluid.reynolds / simulation.plan.reynolds
             with (
                 self.ledger.stage("error bars"),
                 GoalErrors(simulation.fluid, "body", simulation.layout.placement.centre) as goals,

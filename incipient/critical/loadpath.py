@@ -5,8 +5,9 @@ one that grows with the factor. It is smooth, and turns as inertia gains weight;
 smooth, finite nor monotone. So c is interpolated, and the exact judge asked about the load interpolated.
 
 How much of the flow the grain could not hold, u = 1/S, is convex and positively homogeneous in the flow's load: a
-change of the load by d changes it by at most sum |d_i| u(+-e_i). With that an interval between two flows is called
-held although nothing was solved inside, as long as c is bent no more than a parabola with its vertex at one end.
+change of the load by d changes it by at most sum |d_i| u(+-e_i), and within a box it is largest at a corner. With that
+an interval between two flows is called held although nothing was solved inside, as long as c leaves the chord by no
+more than half of what it changes by: twice as much as a parabola with its vertex at one end.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +27,8 @@ from ..contact.equilibrium import SafetyFactor, safety_factor
 Floats = NDArray[np.float64]
 
 SAMPLES = 6  # factors inside an interval at which the load interpolated is judged
-# |c - chord| <= BEND |c(b) - c(a)| at the middle of an interval: that of a parabola with its vertex at one end.
-BEND = 0.25
+# |c - chord| <= BEND |c(b) - c(a)| at the middle of an interval, for force and couple.
+BEND = 0.5
 LARGEST_LOGARITHM = (
     3.0  # of a safety factor while a root is looked for; infinite ones and zeros count as that
 )
@@ -112,14 +114,39 @@ class LoadPath:
     def doubtful(self, low: float, high: float, end: float) -> float | None:
         """The factor up to `end` between two flows solved, `low` and `high`, at which rest is least sure; None: it is.
 
-        Sure is rest where the load interpolated is held, and all loads as far from it as c may be bent.
+        Sure is rest where all loads as far from that interpolated as c may be bent are held.
         """
-        samples = np.linspace(low, end, SAMPLES + 2)[1:-1]
-        place = (samples - low) / (high - low)
-        change = np.abs(self.over_factor(high) - self.over_factor(low))
-        bent = BEND * float(change @ self._loosest) * 4.0 * place * (1.0 - place)
-        lost = np.exp(-self._logarithms(samples)) + samples * bent
-        return float(samples[np.argmax(lost)]) if np.max(lost) >= 1.0 else None
+        change = self._change(low, high)
+        worst, least = 1.0, None
+        for factor in np.linspace(low, end, SAMPLES + 2)[1:-1].tolist():
+            place = (factor - low) / (high - low)
+            bent = BEND * 4.0 * place * (1.0 - place) * change
+            lost = self._lost(self.over_factor(factor), bent, factor)
+            if lost >= worst:
+                worst, least = lost, factor
+        return least
+
+    def _change(self, low: float, high: float) -> Floats:
+        """(6,) by how much the force changes from one factor to another, in any direction of it; and the couple."""
+        difference = np.reshape(self.over_factor(high) - self.over_factor(low), (2, 3))
+        return np.repeat(np.linalg.norm(difference, axis=1), 3) * np.any(self.loads, axis=0)
+
+    def _lost(self, over: Floats, bent: Floats, factor: float) -> float:
+        """An upper bound of u over all loads within `bent` of one; both over the factor."""
+        simple = self._u(over) + float(bent @ self._loosest)
+        if factor * simple < 1.0:
+            return factor * simple
+        ways = np.flatnonzero(bent)
+        corners = [
+            over + np.array(signs) @ (bent * np.eye(6))[ways] for signs in product((-1, 1), repeat=len(ways))
+        ]
+        return factor * max(self._u(corner) for corner in corners)
+
+    def _u(self, flow: Floats) -> float:
+        """1/S of a flow's load (6,); infinite where no part of it is held."""
+        load = Load(flow[:3], flow[3:], self.rest.weight, self.rest.centre)
+        value = safety_factor(load, self.contacts, self.friction).value
+        return 1.0 / value if value > 0.0 else np.inf
 
     def steepness(self, factor: float) -> float:
         """-d log S / d log factor along the path; infinite where S jumps."""
@@ -140,13 +167,6 @@ class LoadPath:
 
     @cached_property
     def _loosest(self) -> Floats:
-        """(6,) the larger u of a unit load there and back along each axis; zero where any load moves the grain."""
-        found = np.zeros(6)
-        for i, unit in enumerate(np.eye(6)):
-            if not np.any(self.loads[:, i]):
-                continue
-            for sign in (-1.0, 1.0):
-                one = Load(sign * unit[:3], sign * unit[3:], self.rest.weight, self.rest.centre)
-                value = safety_factor(one, self.contacts, self.friction).value
-                found[i] = max(found[i], 1.0 / value if value > 0.0 else 0.0)
-        return found
+        """(6,) the larger u of a unit load there and back along each axis; zero along those without load."""
+        axes = np.eye(6) * np.any(self.loads, axis=0)
+        return np.array([max(self._u(-axis), self._u(axis)) for axis in axes])

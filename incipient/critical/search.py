@@ -33,7 +33,7 @@ NEAR = (
     3e-3  # a flow solved so near the critical one is taken for it, relative; the load there is interpolated
 )
 WEAK = 0.1  # force of the flow over the weight, where any flow moves the grain
-RESOLVED = 1.1  # intervals are not divided further
+RESOLVED = 1.1  # an interval whose ends differ by no more than this factor is not divided further
 MOST_FLOWS, MOST_FAILURES = 40, 4
 APART = 1.03  # a flow is tried only so far from one that could not be solved
 
@@ -86,7 +86,7 @@ class Found:
         """The critical load; where any flow moves the grain that of a slow one, else that of the fastest one seen."""
         if self.factor == 0.0:
             return self.path.load(WEAK * float(np.linalg.norm(self.path.rest.weight)) / self._drag)
-        return self.path.load(min(self.factor, float(self.path.factors[-1])))
+        return self.path.load(self.factor if self.is_critical else float(self.path.factors[-1]))
 
     @property
     def _drag(self) -> float:
@@ -107,6 +107,7 @@ class Search:
         numbers = simulation.plan.numbers
         self._reynolds = (numbers and numbers.grain_reynolds) or scene.fluid.reynolds
         self._sure = 0.0  # factor up to which the grain is surely held
+        self._held: set[tuple[float, float]] = set()  # intervals in which it is
 
     def found(self) -> Found:
         """Search from rest upwards."""
@@ -166,16 +167,21 @@ class Search:
         """The next flow among those solved, or the critical one; nothing: the grain is held in all of them."""
         for low, high in pairwise(path.factors.tolist()):
             self._sure = low
+            if (low, high) in self._held:
+                continue
             loss = path.loss(low, high)
             near = loss is not None and self._is_near(loss)
             if loss is not None and not near and self._may_be_solved(loss):
                 return loss
-            doubtful = path.doubtful(low, high, loss or high) if high > RESOLVED * low else None
+            end = loss or high
+            doubtful = path.doubtful(low, high, end) if end > RESOLVED * low else None
             if doubtful is not None and self._may_be_solved(doubtful):
                 return doubtful
-            if loss is not None:
-                found = self._ended(loss, loss, "" if near else "no steady flow was found nearer")
-                return found if near else replace(found, between=(low, high))
+            if loss is None:
+                self._held.add((low, high))
+                continue
+            found = self._ended(loss, loss, "" if near else "no steady flow was found nearer")
+            return found if near else replace(found, between=(low, high))
         return None
 
     def _beyond(self, path: LoadPath, top: float, largest: float) -> float | Found:
@@ -187,13 +193,13 @@ class Search:
         following = loss or goal
         beyond = [factor for factor in self.unsolved if factor > top]
         if top >= largest / APART:
-            return self._ended(np.inf, top, "the grain is held in the fastest flow looked at")
+            return self._ended(np.inf, top, "the grain is held in all flows looked at")
         if self._may_be_solved(following) and len(self.unsolved) < MOST_FAILURES:
             return following
         between = float(np.sqrt(top * min(beyond, default=top)))
         if self._may_be_solved(between) and between > APART * top and len(self.unsolved) < MOST_FAILURES:
             return between
-        return self._ended(np.inf, top, "no steady flow was found beyond")
+        return self._ended(np.inf, top, "the grain is held, and beyond no steady flow was found")
 
     def _is_near(self, factor: float) -> bool:
         return any(abs(one / factor - 1.0) < NEAR for one in self._states)

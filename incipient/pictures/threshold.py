@@ -15,6 +15,7 @@ from ..errors import ConvergenceError, OutputError
 from ..files import reported
 from ..judgement import mass_and_inertia
 from ..scene import Scene, load
+from ..threshold import with_error
 from . import style
 from .judged import Judged, judged
 from .outlines import bed_line, grain_outline
@@ -24,6 +25,7 @@ from .sheet import Group, contact_rows, explain, judge_rows, load_rows, number, 
 from .style import FLOW, INK, MOTION
 
 _BEYOND = 1e-4  # how much more than the critical load shows the motion
+_SLOWEST = 1e-3  # of the fastest flow, shown
 _UP, _PANEL = 5.2, 1.5  # of the drawing and of the trials, inches
 _UNIT = "[scene units]"
 
@@ -116,15 +118,18 @@ def _onset(stored: dict[str, Any], scene: Scene) -> dict[str, Any] | None:
 def critical_sentence(stored: dict[str, Any]) -> str:
     """How fast the flow must be for the grain to move, or why there is no such speed."""
     factor, status = stored["factor"], stored["verdict"]["safety_status"]
-    if factor is None:
+    if factor is None and stored["held_to"] is None:
         return "There is no threshold: no strength of this flow moves the grain."
+    if factor is None:
+        return f"No threshold up to {stored['held_to']:.3g} times the flow of the scene: {stored['reason']}."
     if factor == 0.0 and status == "AT_ONCE":
         return f"There is no threshold: however weak this flow is, the grain begins {stored['mode']}."
     if factor == 0.0 and status == "HELD_BY_FLOW":
         return "There is no threshold: without any flow the grain moves, and some of it would hold it."
     if factor == 0.0:
         return f"There is no threshold: without any flow the grain begins {stored['mode']}."
-    return f"The grain begins {stored['mode']} where the flow is {factor:.4g} times that of the scene."
+    told = _told(stored, "factor")
+    return f"The grain begins {stored['mode']} where the flow is {told} times that of the scene."
 
 
 def _critical_rows(stored: dict[str, Any], friction: float) -> Group:
@@ -135,13 +140,23 @@ def _critical_rows(stored: dict[str, Any], friction: float) -> Group:
         ("Reynolds number of the scene", "reynolds"),
         ("Shear Reynolds number", "shear_reynolds"),
     ):
-        rows.append((name, number(stored[key]), INK))
+        rows.append((name, _told(stored, key), INK))
     return [*rows, ("Coefficient of static friction", number(friction), INK)]
+
+
+def _told(stored: dict[str, Any], key: str) -> str:
+    """A number of the threshold with its error, none where there is no threshold."""
+    if stored[key] is None:
+        return "none"
+    return with_error(stored[key], stored["errors"][key]).replace("+-", "\N{PLUS-MINUS SIGN}")
 
 
 def _show_trials(axes: Axes, stored: dict[str, Any]) -> None:
     """The safety factor against the strength of the flow, both on logarithmic scales."""
-    trials = sorted((t["factor"], t["safety_factor"]) for t in stored["trials"] if t["safety_factor"])
+    solved = [(t["factor"], t["safety_factor"]) for t in stored["trials"] if t["safety_factor"]]
+    fastest = max((t["factor"] for t in stored["trials"]), default=1.0)
+    # The flow that stands for that of Stokes is too slow to be shown beside the others.
+    trials = sorted(pair for pair in solved if pair[0] > _SLOWEST * fastest)
     axes.set_title(f"Safety factor, {_counted(len(stored['trials']))} solved", fontsize=8.5)
     axes.tick_params(labelsize=7)
     _plot_trials(axes, np.array(trials).reshape(-1, 2), float(stored["factor"]))

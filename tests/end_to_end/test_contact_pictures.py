@@ -44,6 +44,9 @@ def found(directory, overrides, flow=FLOW, factor=None):
     verdict = judge(critical, contacts, scene.contact.friction, (2.0, np.eye(3)))
     stored = {
         "factor": safety.value if factor is None else factor,
+        "held_to": safety.value,
+        "reason": "",
+        "errors": {"factor": 0.2, "shields": 0.001, "reynolds": 5.0, "shear_reynolds": None},
         "shields": 0.01,
         "reynolds": 55.0,
         "shear_reynolds": 7.4,
@@ -101,7 +104,7 @@ def test_why_there_is_no_threshold_is_said(tmp_path, overrides, flow, said):
 
 
 @pytest.mark.parametrize(
-    "missing", ["factor", "shields", "reynolds", "mode", "verdict", "load", "contacts", "trials"]
+    "missing", ["factor", "errors", "shields", "reynolds", "mode", "verdict", "load", "contacts", "trials"]
 )
 def test_an_incomplete_threshold_is_named(tmp_path, missing):
     path = found(tmp_path, POCKET) / "threshold.json"
@@ -110,6 +113,14 @@ def test_an_incomplete_threshold_is_named(tmp_path, missing):
     path.write_text(json.dumps(stored))
     with pytest.raises(OutputError, match=rf"threshold\.json: holds no {missing}"):
         draw(tmp_path)
+
+
+def test_a_search_that_ended_without_a_threshold_says_how_far_it_went(tmp_path):
+    path = found(tmp_path, [*POCKET, "contact.friction=5.0"]) / "threshold.json"
+    stored = json.loads(path.read_text()) | {"held_to": 12.0, "reason": "the grain is held"}
+    path.write_text(json.dumps(stored))
+    assert_is_a_picture(*threshold.draw(tmp_path))
+    assert threshold.critical_sentence(stored).startswith("No threshold up to 12 times the flow of the scene")
 
 
 def test_a_threshold_without_its_scene_is_an_error(tmp_path):
