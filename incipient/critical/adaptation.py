@@ -40,7 +40,7 @@ class CriticalRefinement(Refinement):
                 'numerics.accuracy: "verdict" means nothing for a threshold; give a relative error of the critical '
                 "flow such as 0.01"
             )
-        super().__init__(scene, comm, Unrecorded, voice)
+        super().__init__(scene, comm, Unrecorded(), voice)
         self._conclude, self._found = conclude, list[Found]()
         self._search: Search | None = None
 

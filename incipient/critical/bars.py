@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..accuracy.errorbars import ErrorBars
-from ..accuracy.safetybar import Errors, bar_of_safety, shifted
+from ..accuracy.safetybar import Errors
 from ..contact.equilibrium import safety_factor
+from ..contact.error_box import ErrorBox, safety_range, shifted
 
 if TYPE_CHECKING:
     from ..result import Couples, Forces
@@ -78,9 +79,10 @@ def critical_bars(found: Found, loads: ErrorBars) -> CriticalBars:
 def factor_range(found: Found, errors: Errors) -> Range:
     """The smallest and the largest critical factor within errors (6,) of force and couple. Not collective."""
     path, factor = found.path, found.factor
-    bar = bar_of_safety(found.load, path.contacts, path.friction, None, errors)
+    box = ErrorBox.of(sum(errors.values(), np.zeros(6)))
+    within = safety_range(found.load, path.contacts, path.friction, box)
     power = path.steepness(factor)
-    return factor * _root(min(bar.low, 1.0), power), factor * _root(max(bar.high, 1.0), power)
+    return factor * _root(min(within.low, 1.0), power), factor * _root(max(within.high, 1.0), power)
 
 
 def _root(value: float, power: float) -> float:

@@ -15,7 +15,6 @@ from __future__ import annotations
 from bisect import bisect_left
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +22,7 @@ from scipy.optimize import brentq
 
 from ..contact import Contacts, Load
 from ..contact.equilibrium import SafetyFactor, safety_factor
+from ..contact.error_box import ErrorBox, safety_range
 
 Floats = NDArray[np.float64]
 
@@ -133,14 +133,12 @@ class LoadPath:
 
     def _lost(self, over: Floats, bent: Floats, factor: float) -> float:
         """An upper bound of u over all loads within `bent` of one; both over the factor."""
-        simple = self._u(over) + float(bent @ self._loosest)
-        if factor * simple < 1.0:
-            return factor * simple
-        ways = np.flatnonzero(bent)
-        corners = [
-            over + np.array(signs) @ (bent * np.eye(6))[ways] for signs in product((-1, 1), repeat=len(ways))
-        ]
-        return factor * max(self._u(corner) for corner in corners)
+        simple = factor * (self._u(over) + float(bent @ self._loosest))
+        if simple < 1.0:
+            return simple
+        load = Load(over[:3], over[3:], self.rest.weight, self.rest.centre)
+        low = safety_range(load, self.contacts, self.friction, ErrorBox.of(bent)).low
+        return factor / low if low > 0.0 else np.inf
 
     def _u(self, flow: Floats) -> float:
         """1/S of a flow's load (6,); infinite where no part of it is held."""
