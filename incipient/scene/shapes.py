@@ -451,8 +451,9 @@ def _with_points(data: Any, info: ValidationInfo, key: str, section: str, fewest
     """What is given for a section, the points of its file put under a key that may be given instead."""
     if not isinstance(data, dict):
         return data
-    if (key in data) == ("file" in data):
-        which = f"both file and {key} are" if "file" in data else f"neither file nor {key} is"
+    from_file = data.get("file") is not None  # a scene dumped and read again names no file
+    if (key in data) == from_file:
+        which = f"both file and {key} are" if from_file else f"neither file nor {key} is"
         raise about_file(section, f"{which} given", "give one of them")
     if not isinstance(data.get("file"), str):
         return data

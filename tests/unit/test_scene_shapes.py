@@ -196,3 +196,10 @@ class TestBadScenes:
         path = tmp_path / "case.toml"
         found = refused(text(SUPERELLIPSE, FLAT, "x = 0.3\nsettle = true"), path)
         assert found.startswith("body.x: the grain reaches x = -0.3, the domain's left side is at 0; ")
+
+
+def test_points_dumped_are_read_again():
+    """Coarse runs change a scene through its plain data; the file that points might have come from is none."""
+    polygon = 'shape = "polygon"\nvertices = [[0.0, 0.0], [2.0, 0.0], [2.0, 0.5]]'
+    scene = loads(text(polygon, 'kind = "polyline"\npoints = [[0, 0], [5, 0.1], [10, 0]]'))
+    assert type(scene)(**scene.model_dump()) == scene
