@@ -16,11 +16,11 @@ from incipient.scene import Contact, Disc, Domain, Fluid, Gravity, HalfDiscs, Sc
 for gravity in map(float, sys.argv[1:] or ("1", "3", "10")):
     scene = Scene(
         title=f"Disc in a pocket of two half-discs, gravity {gravity:g}",
-        domain=Domain(kind="channel", length=12.0, height=6.0),
+        domain=Domain(kind="channel", length=24.0, height=20.0),
         fluid=Fluid(reynolds=20.0, scale="grain"),
         flow=Shear(rate=1.0),
-        body=Disc(diameter=1.0, x=4.0, density=2.65),
-        bed=HalfDiscs(radius=0.5, spacing=1.2, offset=1.0),  # half-discs at 3.4 and 4.6
+        body=Disc(diameter=1.0, x=16.0, density=2.65),
+        bed=HalfDiscs(radius=0.5, spacing=1.2, offset=1.0),  # half-discs at 15.4 and 16.6
         gravity=Gravity(acceleration=gravity),
         contact=Contact(friction=0.5),
     )

@@ -223,11 +223,20 @@ def _free_surface(scene: Scene, numbers: Numbers) -> Effect:
 
 def _turbulence(scene: Scene, numbers: Numbers) -> Effect:
     reason = "not part of this version"
-    if scene.domain.kind == "channel" and numbers.flow_reynolds > turbulent_from(scene):
+    if may_be_turbulent(scene, numbers):
         least = turbulent_from(scene)
         told = f"flow Re {numbers.flow_reynolds:.4g}: channels may be turbulent from {least:g} on"
         return Effect("turbulence", False, f"{reason}; {told}")
     return Effect("turbulence", False, reason)
+
+
+def may_be_turbulent(scene: Scene, numbers: Numbers) -> bool:
+    """Whether the flow's Reynolds number is one of turbulence.
+
+    A top that moves as the stream does stands for an endless flow, whose depth the height of the domain does not tell.
+    """
+    deep = scene.domain.kind == "channel" and scene.top != "stream"
+    return deep and numbers.flow_reynolds > turbulent_from(scene)
 
 
 def turbulent_from(scene: Scene) -> float:

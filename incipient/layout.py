@@ -14,7 +14,7 @@ from .geometry.curves import Curve, Line, Point
 from .geometry.grain import Placement
 from .geometry.rest import clearance, lifted
 from .installed import required
-from .meshes import Grid, Near, Region, Sizes
+from .meshes import Away, Grid, Near, Region, Sizes
 from .plan import Estimate, Plan
 from .scene import Scene
 from .surroundings import Surroundings
@@ -27,6 +27,9 @@ GAP_CELL = {2: 0.5, 3: 0.75, 4: 1.0}  # of the gap between grain and bed
 CORNER_CELL = 0.3  # of the grain's cells, at its corners
 GRID_CELLS = {2: 48, 3: 32, 4: 24}  # along the shorter side of an empty box
 GROWTH, GAP_GROWTH = 0.25, 0.18  # of cell sizes with distance
+# Along a bed away from the grain: how fast cells grow with the distance from it, and up to which part of the bed's
+# smallest feature. There only the drag of the bed as a whole matters (docs/numerics.md).
+BED_GROWTH, BED_LARGEST = 0.05, 0.6
 MEMORY_BASE = 180.0  # MiB, of the libraries and the mesh
 MEMORY_GROWTH = 194.0  # bytes per n log2 n of n unknowns; both fitted, see docs/performance.md
 
@@ -100,7 +103,8 @@ def lay_out(scene: Scene, plan: Plan, moved: Placement | None = None) -> Layout:
     if scene.grain is not None and placement is not None:
         holes["body"] = tuple(curve.moved(placement) for curve in scene.grain.drawn())
     region = Region(_bottom(scene), scene.domain.ceiling, holes, side_names(scene))
-    sizes = _sizes(scene, plan, holes.get("body", ()), gap, ends).scaled(plan.mesh_size)
+    finer = _near(scene, plan, holes.get("body", ()), placement, gap, ends)
+    sizes = Sizes(FAR_CELL[plan.order] * scene.domain.height, finer).scaled(plan.mesh_size)
     return Layout(region, sizes, plan.geometry_order, resting, placement, gap, ends, most)
 
 
@@ -137,11 +141,16 @@ def _bottom(scene: Scene) -> tuple[Curve, ...]:
     return bed.curves(domain.left, domain.right)
 
 
-def _sizes(
-    scene: Scene, plan: Plan, outline: tuple[Curve, ...], gap: float, ends: tuple[Point, Point] | None
-) -> Sizes:
-    far, near = FAR_CELL[plan.order] * scene.domain.height, []
-    grain, bed = scene.grain, scene.bed_shape
+def _near(
+    scene: Scene,
+    plan: Plan,
+    outline: tuple[Curve, ...],
+    placement: Placement | None,
+    gap: float,
+    ends: tuple[Point, Point] | None,
+) -> tuple[Near, ...]:
+    """Where cells are smaller than away from everything."""
+    near, grain, bed = [], scene.grain, scene.bed_shape
     if grain is not None:
         size = GRAIN_CELL[plan.order] * grain.size
         near.append(Near(size, GROWTH, boundary="body"))
@@ -151,12 +160,15 @@ def _sizes(
             points = _gap_points(scene, plan, ends)
             near.append(Near(GAP_CELL[plan.order] * gap, GAP_GROWTH, points=points, needed=True))
     if bed is not None and np.isfinite(bed.feature):
-        near.append(Near(BED_CELL[plan.order] * bed.feature, GROWTH, boundary="bed"))
+        size, away = BED_CELL[plan.order] * bed.feature, None
+        if placement is not None:
+            away = Away(_point(placement.centre), BED_GROWTH, BED_LARGEST * bed.feature)
+        near.append(Near(size, GROWTH, boundary="bed", away=away))
     if scene.flow.kind == "lid":
         domain = scene.domain
         corners = ((domain.left, domain.ceiling), (domain.right, domain.ceiling))
-        near.append(Near(0.1 * far, GROWTH, points=corners))
-    return Sizes(far, tuple(near))
+        near.append(Near(0.1 * FAR_CELL[plan.order] * domain.height, GROWTH, points=corners))
+    return tuple(near)
 
 
 def _gap_points(scene: Scene, plan: Plan, ends: tuple[Point, Point]) -> tuple[Point, ...]:

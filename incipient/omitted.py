@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .effects import accuracy_asked, percent, turbulent_from
+from .effects import accuracy_asked, may_be_turbulent, percent, turbulent_from
 
 if TYPE_CHECKING:
     from .effects import Effect
@@ -152,9 +152,7 @@ def _free_surface(simulation: Simulation, effect: Effect, *loads: Any) -> Iterat
 
 def _turbulence(simulation: Simulation, effect: Effect, *loads: Any) -> Iterator[Omission]:
     numbers, scene = simulation.plan.numbers, simulation.scene
-    if numbers is None or scene.domain.kind != "channel":
-        return
-    if numbers.flow_reynolds > turbulent_from(scene):
+    if numbers is not None and may_be_turbulent(scene, numbers):
         how = f"flow Re {numbers.flow_reynolds:.4g} is above {turbulent_from(scene):g}"
         yield Omission(effect.name, None, how, True, "the flow computed is the laminar one")
 

@@ -1,5 +1,5 @@
 """Geometry in, gmsh mesh and tags out."""
 
-from .region import Grid, Near, Region, SizeField, Sizes
+from .region import Away, Grid, Near, Region, SizeField, Sizes
 
-__all__ = ["Grid", "Near", "Region", "SizeField", "Sizes"]
+__all__ = ["Away", "Grid", "Near", "Region", "SizeField", "Sizes"]

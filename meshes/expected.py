@@ -1,11 +1,13 @@
 """How many triangles a region will be meshed with, told from the sizes wanted before anything is meshed."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .region import Grid, Near, Region, Sizes
 
 PER_AREA = 2.3  # triangles of side h on an area of h^2
 PER_CURVE = 4.0  # triangles about a curve that is shorter than the cells next to it
+PARTS = 50  # of a boundary along which sizes grow
 
 
 def expected_cells(shape: Region | Grid, sizes: Sizes) -> dict[str, float]:
@@ -36,13 +38,20 @@ def expected_cells(shape: Region | Grid, sizes: Sizes) -> dict[str, float]:
 
 def _integral(near: Near, far: float, height: float, lengths: dict[str, float]) -> float:
     """The integral of 1/h^2 - 1/far^2 about a feature, on one side of it, where its size h is less than `far`."""
-    if near.size >= far:
-        return 0.0
-    reach = min((far - near.size) / near.growth, height)
-    ratio = 1.0 + near.growth * reach / near.size
+    size = np.minimum(_along(near, lengths), far)
+    reach = np.minimum((far - size) / near.growth, height)
+    ratio = 1.0 + near.growth * reach / size
     if near.points:
-        return len(near.points) * np.pi / near.growth**2 * (np.log(ratio) - 1.0 + 1.0 / ratio)
-    return lengths[near.boundary] * (1.0 - 1.0 / ratio) / (near.growth * near.size)
+        return float(len(near.points) * np.pi / near.growth**2 * (np.log(ratio) - 1.0 + 1.0 / ratio)[0])
+    return float(lengths[near.boundary] * np.mean((1.0 - 1.0 / ratio) / (near.growth * size)))
+
+
+def _along(near: Near, lengths: dict[str, float]) -> NDArray[np.float64]:
+    """The sizes at equal parts of a boundary, at points one; what is away is taken to be so on both sides alike."""
+    if near.away is None or near.points:
+        return np.array([near.size])
+    distances = 0.5 * lengths[near.boundary] * (np.arange(PARTS) + 0.5) / PARTS
+    return np.maximum(near.size, np.minimum(near.away.largest, near.away.growth * distances))
 
 
 def _integral_of_field(sizes: Sizes) -> float:

@@ -153,7 +153,7 @@ def _near_field(near: Near, far: float, curves: dict[str, list[int]]) -> int:
     fields = gmsh.model.mesh.field
     size = fields.add("MathEval")
     if near.points:
-        distances = [f"Sqrt((x-({x!r}))^2+(y-({y!r}))^2)" for x, y in near.points]
+        distances = [_distance_to(point) for point in near.points]
         expression = distances[0]
         for other in distances[1:]:
             expression = f"Min({expression},{other})"
@@ -163,8 +163,21 @@ def _near_field(near: Near, far: float, curves: dict[str, list[int]]) -> int:
         samples = _samples(curves[near.boundary], near.size)
         _set_either(distance, ("Sampling", "NumPointsPerCurve"), fields.setNumber, samples)
         expression = f"F{distance}"
-    fields.setString(size, "F", f"{near.size!r}+{near.growth!r}*({expression})")
+    fields.setString(size, "F", f"{_size_at(near)}+{near.growth!r}*({expression})")
     return size
+
+
+def _distance_to(point: Point) -> str:
+    x, y = point
+    return f"Sqrt((x-({x!r}))^2+(y-({y!r}))^2)"
+
+
+def _size_at(near: Near) -> str:
+    """The size of cells at the feature itself."""
+    away = near.away
+    if away is None:
+        return repr(near.size)
+    return f"Max({near.size!r},Min({away.largest!r},{away.growth!r}*{_distance_to(away.point)}))"
 
 
 def _view_field(wanted: SizeField) -> int:

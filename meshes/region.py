@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -28,10 +27,20 @@ class Region:
 
 
 @dataclass(frozen=True)
+class Away:
+    """How cells along a feature may grow with the distance from a point, up to a largest size; scene units."""
+
+    point: Point
+    growth: float
+    largest: float
+
+
+@dataclass(frozen=True)
 class Near:
     """Cells of a size (scene units) at points or at a named boundary, growing with the distance from them.
 
     needed: without cells of this size the geometry is not resolved; they are not coarsened
+    away:   where along a boundary the cells may be larger; None: nowhere
     """
 
     size: float
@@ -39,6 +48,12 @@ class Near:
     points: tuple[Point, ...] = ()
     boundary: str = ""
     needed: bool = False
+    away: Away | None = None
+
+    def scaled(self, factor: float) -> Near:
+        """The size, and the largest one away, times a factor."""
+        away = self.away and replace(self.away, largest=self.away.largest * factor)
+        return replace(self, size=self.size * factor, away=away)
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,9 +78,7 @@ class Sizes:
 
     def scaled(self, factor: float) -> Sizes:
         """All sizes but a field's times a factor: one number refines everything alike."""
-        return replace(
-            self, far=self.far * factor, near=tuple(replace(n, size=n.size * factor) for n in self.near)
-        )
+        return replace(self, far=self.far * factor, near=tuple(n.scaled(factor) for n in self.near))
 
     def coarsened(self, factor: float, growth: float) -> Sizes:
         """Sizes times a factor but where they are needed, all growing with distance at least as given."""
@@ -74,11 +87,6 @@ class Sizes:
             for n in self.near
         )
         return replace(self, far=self.far * factor, near=near)
-
-    def at(self, distances: Iterable[float]) -> float:
-        """The size where the distances to the features are as given, in their order."""
-        sizes = (n.size + n.growth * d for n, d in zip(self.near, distances, strict=True))
-        return min(self.far, *sizes)
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from ..simulation import Simulation
 from .adaptation import Search, Told, Trial
 from .dual import GoalErrors
 from .errorbars import by_dual, changed, error_bars, farther, has_no_far_sides
-from .sizing import Shares, gathered, resized
+from .sizing import STEEPEST, Shares, gathered, resized
 
 if TYPE_CHECKING:
     from ..meshes import SizeField
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 ORDERS = (2, 3, 4)
 UNKNOWNS = {2: 9, 3: 22, 4: 41}  # per vertex of a large plane mesh
 GAIN = 0.1  # what one order more is expected to leave of the error on the same mesh
-COARSEST, STEEPEST = 4.0, 0.5  # the first mesh: its cells relative to those by default, and their growth
+COARSEST = 4.0  # the first mesh: its cells relative to those by default
 AIM = 0.6  # of the accuracy, so that the mesh expected to reach it does
 CANCELLING = 4.0  # most that contributions of the next mesh are trusted to cancel
 MOST_MESHES, MOST_FAILURES = 12, 3

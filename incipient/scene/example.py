@@ -21,13 +21,16 @@ _COLUMN = 26
 
 
 def grain_on_bed() -> Scene:
-    """A disc resting on a flat bed in linear shear."""
+    """A disc resting on a flat bed in linear shear.
+
+    The domain stands for an endless one, to about 1% of force and couple (docs/accuracy.md).
+    """
     return Scene(
         title="A disc on a flat bed in shear flow",
-        domain=Domain(kind="channel", length=12.0, height=6.0),
+        domain=Domain(kind="channel", length=24.0, height=20.0),
         fluid=Fluid(reynolds=20.0, scale="grain"),
         flow=Shear(rate=1.0),
-        body=Disc(diameter=1.0, x=4.0, density=2.65),
+        body=Disc(diameter=1.0, x=16.0, density=2.65),
         bed=Flat(),
         gravity=Gravity(acceleration=10.0),
         contact=Contact(friction=0.5),

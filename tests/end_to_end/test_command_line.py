@@ -217,8 +217,8 @@ BAD_SCENES = {
         "domain.top: a closed box has no free surface; use",
     ),
     "outside": (
-        _changed(GRAIN_ON_BED, "x = 4.0", "x = 14.0"),
-        "body.x: x = 14 is outside the domain, 0 to 12; move the grain",
+        _changed(GRAIN_ON_BED, "x = 16.0", "x = 26.0"),
+        "body.x: x = 26 is outside the domain, 0 to 24; move the grain",
     ),
     "friction": (
         CYLINDER.read_text() + "[contact]\nfriction = 0.5\n",

@@ -257,10 +257,12 @@ def _hugged(gap: float) -> tuple[str, str]:
     """A disc in a bowl of many short sides, and the bowl: in coarse cells the disc's curved edges cross others."""
     angles = np.radians(np.linspace(-150, -30, 25))
     rim = 0.1 + (0.5 + gap) * np.sin(angles[0])
-    bowl = np.column_stack([4 + (0.5 + gap) * np.cos(angles), 0.1 + (0.5 + gap) * np.sin(angles)])
-    points = [(0.0, rim), *bowl, (12.0, rim)]
+    bowl = np.column_stack([16 + (0.5 + gap) * np.cos(angles), 0.1 + (0.5 + gap) * np.sin(angles)])
+    points = [(0.0, rim), *bowl, (24.0, rim)]
     text = GRAIN_ON_BED.read_text().split("[gravity]")[0]
-    text = text.replace("x = 4.0 ", "centre = [4.0, 0.1] ").replace('"flat"', '"polyline"\nfile = "bowl.csv"')
+    text = text.replace("x = 16.0 ", "centre = [16.0, 0.1] ").replace(
+        '"flat"', '"polyline"\nfile = "bowl.csv"'
+    )
     return text, "x,y\n" + "".join(f"{x:.9f},{y:.9f}\n" for x, y in points)
 
 

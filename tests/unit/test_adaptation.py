@@ -113,8 +113,8 @@ def test_a_smaller_gap_or_a_larger_domain() -> None:
     assert said == "gap 0.0025 of the grain's size"
     assert with_less_of("gap", changed(scene, contact={"gap": SMALLEST_GAP})) is None
     larger, said = with_less_of("domain", scene) or (scene, "")
-    assert (larger.domain.length, larger.domain.height) == (18.0, 9.0)
-    assert said == "domain 18 x 9"
+    assert (larger.domain.length, larger.domain.height) == (36.0, 30.0)
+    assert said == "domain 36 x 30"
     box = loads(commented(scene), overrides=("domain.kind=box", "flow={kind='lid'}"))
     assert with_less_of("domain", box) is None
     assert with_less_of("discretisation", scene) is None

@@ -184,6 +184,8 @@ def test_channels_that_may_be_turbulent():
     # Half of a channel between walls, with half its height.
     found = effect("turbulence", flow=OpenChannel(), fluid=Fluid(reynolds=700, scale="flow"))
     assert "may be turbulent from 650 on" in found.reason
+    # Endless shear: the domain's height says nothing of its depth.
+    assert effect("turbulence", fluid=fast).reason == "not part of this version"
 
 
 def test_the_plan_tells_the_numbers():

@@ -110,6 +110,29 @@ def test_domain_term_against_a_far_larger_domain(time: Time | None) -> None:
     assert all(1.0 / WITHIN < one < WITHIN for one in found)
 
 
+@pytest.mark.parametrize("inertia", [True, False])
+def test_domain_of_the_example_is_large_enough(inertia: bool) -> None:
+    """It stands for an endless one to 2% of force and couple, by the estimate and by a domain five times as large."""
+    scene = on_bed(fluid={"inertia": inertia})
+    large = changed(scene, domain={"origin": (-64.0, 0.0), "length": 120.0, "height": 100.0})
+    here, there, term = solve(scene), solve(large), errorbars.of_domain(scene, solve)
+    assert all(e < 0.02 * size for e, size in zip(estimated(term), sizes(here), strict=True))
+    assert all(d < 0.02 * size for d, size in zip(difference(here, there), sizes(there), strict=True))
+
+
+def sizes(one: Loads) -> list[float]:
+    return [float(np.linalg.norm(one.force)), float(np.linalg.norm(one.couple))]
+
+
+@pytest.mark.parametrize("flow", ["poiseuille", "open-channel"])
+def test_height_of_a_channel_is_no_error(flow: str) -> None:
+    """Where the domain is the channel itself only inflow and outflow are moved away."""
+    channel = loads(commented(grain_on_bed()), overrides=(f"flow={{kind='{flow}', velocity=2.0}}",))
+    larger = farther(channel)
+    assert larger.domain.height == channel.domain.height
+    assert larger.domain.left < channel.domain.left and larger.domain.right > channel.domain.right
+
+
 @pytest.mark.parametrize("time", [None, Time(end=4.0, step=0.1, start="stokes")])
 def test_domain_term_of_a_stream(time: Time | None) -> None:
     """The drag in a stream between sides that move with it falls as they go away, at once or from Stokes flow on."""

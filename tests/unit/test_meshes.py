@@ -13,7 +13,7 @@ from incipient.errors import MeshError
 from incipient.geometry.bed import HalfDiscs, Sinusoidal
 from incipient.geometry.curves import Line
 from incipient.geometry.grain import Disc, Ellipse, Placement, Rectangle
-from incipient.meshes import Grid, Near, Region, Sizes
+from incipient.meshes import Away, Grid, Near, Region, Sizes
 from incipient.meshes.model import grid_model, region_model
 
 FLOOR = (Line((0.0, 0.0), (2.0, 0.0)),)
@@ -139,8 +139,18 @@ def test_one_factor_scales_all_sizes() -> None:
 def test_scaled_sizes() -> None:
     sizes = Sizes(1.0, (Near(0.1, 0.2, points=((0.0, 0.0),)), Near(0.3, 0.5, boundary="bed"))).scaled(0.5)
     assert sizes == Sizes(0.5, (Near(0.05, 0.2, points=((0.0, 0.0),)), Near(0.15, 0.5, boundary="bed")))
-    assert sizes.at([1.0, 0.1]) == pytest.approx(0.2)
-    assert sizes.at([9.0, 9.0]) == 0.5
+
+
+def test_cells_along_a_bed_are_larger_far_away() -> None:
+    """They grow with the distance from a point up to the largest; a factor on all sizes holds for that one, too."""
+    size, growth, largest = 0.02, 0.1, 0.1
+    near = Near(size, 0.3, boundary="bed", away=Away((0.0, 0.0), growth, largest))
+    for factor in (1.0, 0.5):
+        with region_model(Region(FLOOR, 1.0), Sizes(0.5, (near,)).scaled(factor), 1) as model:
+            places = np.sort(on_boundary(model, "bed")[:, 0])
+        middles, lengths = 0.5 * (places[1:] + places[:-1]), np.diff(places)
+        wanted = np.clip(growth * middles, factor * size, factor * largest)
+        assert lengths == pytest.approx(wanted, rel=0.35)
 
 
 def test_cells_are_small_where_asked_and_grow_from_there() -> None:

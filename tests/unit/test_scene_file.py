@@ -66,11 +66,11 @@ def test_the_example_is_a_disc_on_a_flat_bed_in_shear():
     """nu = rate D^2 / Re = 1/20; the disc of diameter 1 rests with its centre at y = 0.5."""
     scene = loads(example())
     assert scene.flow == Shear(rate=1.0)
-    assert scene.body == Disc(diameter=1.0, x=4.0, density=2.65)
-    assert (scene.domain.length, scene.domain.height, scene.fluid.reynolds) == (12.0, 6.0, 20.0)
+    assert scene.body == Disc(diameter=1.0, x=16.0, density=2.65)
+    assert (scene.domain.length, scene.domain.height, scene.fluid.reynolds) == (24.0, 20.0, 20.0)
     assert (scene.contact.friction, scene.gravity.acceleration) == (0.5, 10.0)
     assert scene.viscosity == pytest.approx(0.05, rel=1e-15)
-    assert scene.placement.centre == pytest.approx((4.0, 0.5), rel=1e-12)
+    assert scene.placement.centre == pytest.approx((16.0, 0.5), rel=1e-12)
 
 
 def test_the_example_is_a_demo():

@@ -211,7 +211,7 @@ def test_bed_stress_of_exact_profiles() -> None:
     assert bed_stress(shear) == pytest.approx(shear.viscosity * 1.0, rel=1e-9)
     for kind, factor in (("poiseuille", 6.0), ("open-channel", 3.0)):
         channel = scene(f"flow={{kind = '{kind}', velocity = 2.0}}")
-        assert bed_stress(channel) == pytest.approx(factor * channel.viscosity * 2.0 / 6.0, rel=1e-5)
+        assert bed_stress(channel) == pytest.approx(factor * channel.viscosity * 2.0 / 20.0, rel=1e-5)
 
 
 @pytest.mark.parametrize(
