@@ -51,8 +51,8 @@ class Near:
     away: Away | None = None
 
     def scaled(self, factor: float) -> Near:
-        """The size, and the largest one away, times a factor."""
-        away = self.away and replace(self.away, largest=self.away.largest * factor)
+        """The size times a factor; the largest one away, which the boundary's shape bears, does not grow."""
+        away = self.away and replace(self.away, largest=self.away.largest * min(factor, 1.0))
         return replace(self, size=self.size * factor, away=away)
 
 

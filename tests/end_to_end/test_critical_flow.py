@@ -106,7 +106,7 @@ def test_contact_forces_balance_the_critical_load() -> None:
 
 def shields(shift: float = 0.0, spacing: float = 1.2, *overrides: str) -> float:
     """Critical Shields number of the grain in a pocket; grain and bed are shifted along the channel together."""
-    x = 4.0 + shift
+    x = 16.0 + shift
     places = (f"body.x={x}", f"bed.spacing={spacing}", f"bed.offset={x - spacing / 2}")
     return threshold_of(on_bed(*POCKET, ALONE, *places, *overrides)).shields
 
