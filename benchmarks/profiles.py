@@ -12,7 +12,7 @@ import numpy as np
 from references import ghia
 
 import incipient
-from incipient.sampling import sample
+from incipient.mesh.sampling import sample
 
 SCENE = Path(__file__).parents[1] / "demos/scenes/cavity.toml"
 COMPONENT = {"u": 0, "v": 1}

@@ -25,15 +25,15 @@ from .errors import (
     OutputError,
     SceneError,
 )
-from .plan import Plan, make_plan
+from .planning.plan import Plan, make_plan
 from .scene import Scene, load
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
     from .progress import Silent
-    from .recorder import Recorder
-    from .result import Result
+    from .results.result import Result
+    from .simulation.recorder import Recorder
 
 __all__ = [
     "ConvergenceError",
@@ -74,7 +74,7 @@ def run(
         IncipientError: on all ranks, one line; what was computed before it stays in the directory.
     """
     from .parallel import world
-    from .recorder import Unrecorded
+    from .simulation.recorder import Unrecorded
 
     comm = comm or world()
     if directory is None:
@@ -88,11 +88,11 @@ def run(
 
 
 def _simulated(scene: Scene, comm: MPI.Comm, recorder: Recorder, voice: Silent | None) -> Result:
-    from .simulation import simulate
+    from .simulation.simulate import simulate
 
     if scene.numerics.accuracy is None:
         return simulate(scene, comm, recorder, voice)
-    from .accuracy.adaptation import run_to_accuracy
+    from .adaptive.search import run_to_accuracy
 
     return run_to_accuracy(scene, comm, recorder, voice)
 
@@ -119,9 +119,9 @@ def resume(
     """
     from .output.directory import ResultDirectory
     from .output.lock import locked
+    from .output.reopening import reopened
     from .parallel import world
-    from .restart.reopening import reopened
-    from .simulation import simulate
+    from .simulation.simulate import simulate
 
     comm, directory = comm or world(), Path(directory)
     with locked(directory, comm):

@@ -22,9 +22,9 @@ from .parallel import Alone, world
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from .critical.threshold import Threshold
     from .pictures.apart import Drawn
-    from .result import Result
-    from .threshold import Threshold
+    from .results.result import Result
 
 INTERRUPTED = 130
 BESIDE = object()  # a directory that is asked for and not named: that of the case
@@ -255,10 +255,10 @@ def _say_drawn(drawn: Drawn, directory: Path) -> None:
 def _threshold(options: argparse.Namespace, comm: MPI.Comm) -> int:
     import incipient
 
+    from .critical.threshold import find_threshold
     from .output.directory import write_threshold
     from .output.lock import locked
     from .progress import telling
-    from .threshold import find_threshold
 
     scene = incipient.load(options.scene, options.overrides, comm)
     directory = options.out or Path("results") / f"{options.scene.stem}_threshold"
@@ -378,8 +378,8 @@ def _show_pictures(directory: Path) -> None:
 
 
 def _judge(options: argparse.Namespace, comm: MPI.Comm) -> int:
-    from . import case as cases
     from .parallel import collectively
+    from .simulation import judge_case as cases
 
     with collectively(comm):
         if comm.rank == 0:
@@ -393,8 +393,8 @@ def _judge(options: argparse.Namespace, comm: MPI.Comm) -> int:
 
 def _keep(judgement: dict[str, Any], directory: Path) -> None:
     """Write a judgement and its picture, and say where they are."""
-    from . import case as cases
     from .pictures.apart import draw_apart
+    from .simulation import judge_case as cases
 
     cases.save(judgement, directory)
     print(f"numbers             {directory / 'judgement.json'}", flush=True)

@@ -11,7 +11,7 @@ import gmsh
 import numpy as np
 
 from incipient.errors import MeshError
-from incipient.geometry.curves import Arc, Curve, Line, Point, Spline
+from incipient.geometry.plane.curves import Arc, Curve, Line, Point, Spline
 
 from .region import Grid, Near, Region, SizeField, Sizes
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from incipient.geometry.curves import Curve, Point
+from incipient.geometry.plane.curves import Curve, Point
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ import dolfinx
 import gmsh
 import numpy as np
 
-from incipient.domain import Domain, build
-from incipient.geometry.curves import Line
+from incipient.geometry.plane.curves import Line
+from incipient.mesh.domain import Domain, build
 from incipient.meshes import Grid, Near, Region, Sizes
 from incipient.meshes.model import grid_model, region_model
 

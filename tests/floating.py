@@ -12,17 +12,17 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from incipient.bodystate import BodyState, Freedom, Inertia
-from incipient.coupling import Coupling
-from incipient.domain import Domain, build
+from incipient.body.rigidbody import RigidBody
+from incipient.body.state import BodyState, Freedom, Inertia
+from incipient.coupled.coupling import Coupling
 from incipient.fluid import Carried, Condition, FlowModel, Fluid, TimeStep, Transient
-from incipient.geometry.curves import Line
-from incipient.geometry.grain import Disc, Grain
 from incipient.geometry.placement import Placement
+from incipient.geometry.plane.curves import Line
+from incipient.geometry.plane.grain import Disc, Grain
+from incipient.mesh.domain import Domain, build
+from incipient.mesh.motion import MeshMotion
 from incipient.meshes import Near, Region, Sizes
 from incipient.meshes.model import region_model
-from incipient.meshmotion import MeshMotion
-from incipient.rigidbody import RigidBody
 
 Floats = NDArray[np.float64]
 

@@ -3,14 +3,7 @@
 import pytest
 
 from incipient.errors import SceneError
-from incipient.scene import (
-    Disc,
-    Domain,
-    Flat,
-    Fluid,
-    Scene,
-    Shear,
-)
+from incipient.scene import Disc, Domain, Flat, Fluid, Scene, Shear
 
 FLOW_SCALE = Fluid(reynolds=100, scale="flow")
 GRAIN_SCALE = Fluid(reynolds=20, scale="grain")

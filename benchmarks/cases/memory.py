@@ -90,9 +90,9 @@ def describe(data: dict[str, Any]) -> str:
     found = data["fit"]
     return f"""## Memory announced and used
 
-`incipient plan` announces base + c n log2 n for n unknowns; the constants stand in `incipient/layout.py`. With the
-error bars of steady flow the unknowns of the dual solution, of one order more, come on top. Peak resident memory of
-the whole process:
+`incipient plan` announces base + c n log2 n for n unknowns; the constants stand in
+`incipient/planning/drawing.py`. With the error bars of steady flow the unknowns of the dual solution, of one order
+more, come on top. Peak resident memory of the whole process:
 
 {table(["scene", "unknowns", "peak [MiB]", "announced [MiB]", "off by"], cells)}
 

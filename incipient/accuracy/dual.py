@@ -23,11 +23,11 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from .. import compat
-from ..bodystate import turned
+from ..body.state import turned
 from ..compat import petsc
+from ..coupled.tractions import Resultant, TractionProbe
 from ..fluid import Fluid
 from ..fluid.space import boundary_blocks
-from ..tractions import Resultant, TractionProbe
 
 Floats = NDArray[np.float64]
 

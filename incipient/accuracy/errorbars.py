@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import IncipientError
-from ..result import Couples, Forces, Result
+from ..results.result import Couples, Forces, Result
 from ..scene import Contact, Scene, Time
 from ..scene.model import WIDEST_GAP
 from .safetybar import SafetyBar, bar_of_scene
@@ -31,7 +31,7 @@ from .safetybar import SafetyBar, bar_of_scene
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from ..simulation import Simulation
+    from ..simulation.simulate import Simulation
 
 Floats = NDArray[np.float64]
 Solve = Callable[[Scene], "Loads"]
@@ -250,8 +250,8 @@ class _Found:
 def loads_of(scene: Scene, comm: MPI.Comm, speed: float = 1.0) -> Loads:
     """Run a scene for its force and couple at the end; a steady flow may be `speed` times the scene's. Collective."""
     from ..progress import Silent
-    from ..recorder import Unrecorded
-    from ..simulation import Simulation, simulate
+    from ..simulation.recorder import Unrecorded
+    from ..simulation.simulate import Simulation, simulate
 
     if speed == 1.0:
         return Loads.of(simulate(scene, comm))

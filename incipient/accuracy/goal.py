@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from ..contact.error_box import shifted
 from ..contact.exact import judged
-from ..judgement import find_contacts, load_of
+from ..results.verdict import find_contacts, load_of
 from .safetybar import bar_of_scene
 
 if TYPE_CHECKING:
     from ..contact import Contacts
-    from ..result import Couples, Forces
+    from ..results.result import Couples, Forces
     from ..scene import Scene
 
 Floats = NDArray[np.float64]

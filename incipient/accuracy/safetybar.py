@@ -14,10 +14,10 @@ from ..contact import Contacts, Load
 from ..contact.error_box import ErrorBox, Interval, SafetyRange, held_words, safety_range
 from ..contact.exact import Exact, MassAndInertia, judged
 from ..contact.planar_modes import modes_within
-from ..judgement import load_of, mass_and_inertia
+from ..results.verdict import load_of, mass_and_inertia
 
 if TYPE_CHECKING:
-    from ..result import Couples, Forces
+    from ..results.result import Couples, Forces
     from ..scene import Scene
 
 Floats = NDArray[np.float64]

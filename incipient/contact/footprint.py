@@ -6,11 +6,11 @@ import numpy as np
 
 from incipient.contact.model import Contacts
 from incipient.errors import SceneError
-from incipient.geometry.closest import Minima, SpatialProximity
-from incipient.geometry.curves import Floats
 from incipient.geometry.placement import Placement
-from incipient.geometry.solid import Core, frame_of, unit
-from incipient.geometry.surfaces import connected, vector_areas
+from incipient.geometry.plane.curves import Floats
+from incipient.geometry.space.closest import Minima, SpatialProximity
+from incipient.geometry.space.solid import Core, frame_of, unit
+from incipient.geometry.space.surfaces import connected, vector_areas
 
 THINNEST = 1e-9  # area of a patch, in grain sizes squared, below which it is none
 

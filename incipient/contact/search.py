@@ -5,14 +5,15 @@ import numpy as np
 from incipient.contact.footprint import footprint
 from incipient.contact.model import Contacts
 from incipient.errors import SceneError
-from incipient.geometry.bed import Bed
-from incipient.geometry.closest import SpatialProximity
-from incipient.geometry.curves import Floats, Line
-from incipient.geometry.distance import Approach, approaches, placed_outline
-from incipient.geometry.grain import Grain, Placement
+from incipient.geometry.placement import Placement
+from incipient.geometry.plane.bed import Bed
+from incipient.geometry.plane.curves import Floats, Line
+from incipient.geometry.plane.distance import Approach, approaches, placed_outline
+from incipient.geometry.plane.grain import Grain
 from incipient.geometry.proximity import proximity
-from incipient.geometry.solid import Solid
-from incipient.geometry.terrain import Terrain
+from incipient.geometry.space.closest import SpatialProximity
+from incipient.geometry.space.solid import Solid
+from incipient.geometry.space.terrain import Terrain
 
 SAME_DIRECTION = 1e-6  # normals closer than this belong to the same contact
 

@@ -20,7 +20,7 @@ import numpy as np
 from ..files import reported, write_json
 from .counts import COUNTS, Counts
 from .errorlaw import ErrorLaw
-from .expense import MOVING, STEADY, UNSTEADY, Known, Work
+from .prices import MOVING, STEADY, UNSTEADY, Known, Work
 
 if TYPE_CHECKING:
     from ..scene import Scene

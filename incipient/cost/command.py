@@ -14,12 +14,12 @@ from . import page as cost_page
 from .comparison import Compared
 from .frontier import percent
 from .ladder import Spread, ladder, spread
-from .rung import measure, quickest
+from .measurement import measure, quickest
 from .solvers import named
 from .study import Study, climb
 
 if TYPE_CHECKING:
-    from ..plan import Plan
+    from ..planning.plan import Plan
     from ..scene import Scene
 
 Say = Callable[[str], None]
@@ -74,12 +74,12 @@ def planned(scene: Scene) -> Plan:
     Raises:
         MeshError: it cannot be made.
     """
-    from ..plan import make_plan
-    from ..simulation import estimate
+    from ..planning.plan import make_plan
+    from ..simulation.simulate import estimate
 
     if scene.numerics.accuracy is None:
         return estimate(scene)
-    from .foresight import first_mesh
+    from .forecast import first_mesh
 
     return make_plan(scene).with_estimate(first_mesh(scene))
 
@@ -94,7 +94,7 @@ def predicted(scene: Scene, plan: Plan) -> tuple[dict[str, Any] | None, str]:
         MeshError: a coarse mesh for the error bars cannot be made.
     """
     from ..files import plain
-    from .foresight import foresee
+    from .forecast import foresee
     from .prediction import predict, uncalibrated
 
     assert plan.estimate is not None
@@ -111,7 +111,7 @@ def planned_and_predicted(scene: Scene) -> tuple[Plan, dict[str, Any] | None, st
     Raises:
         MeshError: a mesh cannot be made.
     """
-    from ..plan import make_plan
+    from ..planning.plan import make_plan
 
     try:
         plan = planned(scene)

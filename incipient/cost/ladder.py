@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from ..errors import SceneError
 from ..scene import Scene
 from . import solvers
-from .rung import Rung
+from .measurement import Rung
 
 RATIO = math.sqrt(2.0)  # of cell sizes from one rung to the next
 UNEQUAL = 1.02  # ratios that differ by more are not the same

@@ -12,9 +12,9 @@ from . import frontier, solvers
 from .calibration import KnownErrors
 from .comparison import Compared
 from .errorlaw import ErrorLaw, Seen, fit
-from .expense import Work
 from .frontier import Law, percent, seconds
-from .rung import ENOUGH, TURNS, Measured
+from .measurement import ENOUGH, TURNS, Measured
+from .prices import Work
 from .study import Judged, Study, doubt, to_dict
 
 

@@ -13,7 +13,7 @@ from .frontier import percent
 from .times import Expected, Times, finer_unknowns
 
 if TYPE_CHECKING:
-    from ..plan import Estimate
+    from ..planning.plan import Estimate
     from ..scene import Scene
 
 # The least that errors of own runs, and those of others, are trusted to.

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from ..result import Result
+    from ..results.result import Result
     from ..scene import Scene
 
 SMALLEST_COUPLE = 0.01  # of force times grain size: below it a couple's error is relative to that

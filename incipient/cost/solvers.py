@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from ..errors import SceneError
-from ..plan import Plan, make_plan
+from ..planning.plan import Plan, make_plan
 
 if TYPE_CHECKING:
     from ..scene import Scene

@@ -1,7 +1,7 @@
 """What accuracy costs for a scene: a ladder of runs, their errors against a finer one, and the law behind them.
 
-Every run has a process of its own (`incipient.cost.rung`). Their numbers are kept as they come (`incipient.cost.rows`):
-a study that was interrupted goes on from there.
+Every run has a process of its own (`incipient.cost.measurement`). Their numbers are kept as they come
+(`incipient.cost.records`): a study that was interrupted goes on from there.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from . import frontier
 from .comparison import Compared, compared
 from .frontier import Law, Reference, percent, seconds
 from .ladder import Ladder
+from .measurement import Measured, Rung
 from .quantities import Goal, columns, goals
-from .rows import ROWS, append, completed, known_runs
-from .rung import Measured, Rung
+from .records import ROWS, append, completed, known_runs
 
 LEAST_WORK = 1.05  # times its start: what the shortest run takes
 EARLIER = (

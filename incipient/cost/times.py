@@ -6,25 +6,15 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from .. import layout
+from ..planning import drawing as layout
 from . import calibration as calibrations
 from .calibration import Calibration
 from .counts import Counts
-from .expense import (
-    STEADY,
-    Known,
-    Prices,
-    Work,
-    correction,
-    memory_correction,
-    most_alike,
-    prices,
-    work_like,
-)
 from .frontier import seconds
+from .prices import STEADY, Known, Prices, Work, correction, memory_correction, most_alike, prices, work_like
 
 if TYPE_CHECKING:
-    from ..plan import Estimate
+    from ..planning.plan import Estimate
     from ..scene import Scene
 
 OWN, FOREIGN = 1.4, 2.0  # factors within which times of a scene's own runs, and those of others, are trusted
@@ -147,7 +137,7 @@ def _steps(scene: Scene, like: Known, found: Known) -> float:
 
 def counted(scene: Scene) -> Estimate:
     """Cells and unknowns of a scene, by making its mesh."""
-    from ..simulation import estimate
+    from ..simulation.simulate import estimate
 
     made = estimate(scene).estimate
     assert made is not None

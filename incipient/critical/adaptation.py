@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from ..accuracy.adaptation import Adaptation
-from ..accuracy.refinement import Refinement
+from ..adaptive.refinement import Refinement
+from ..adaptive.search import Adaptation
 from ..errors import SceneError
-from ..recorder import Unrecorded
+from ..simulation.recorder import Unrecorded
 from .bars import CriticalGoal
 from .search import Found, Search
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from ..progress import Silent
-    from ..result import Couples, Forces
+    from ..results.result import Couples, Forces
     from ..scene import Scene
-    from ..simulation import Simulation
+    from ..simulation.simulate import Simulation
 
 Conclude = Callable[["Simulation", Search, Found, Adaptation], Any]
 

@@ -20,7 +20,7 @@ from ..contact.equilibrium import safety_factor
 from ..contact.error_box import ErrorBox, safety_range, shifted
 
 if TYPE_CHECKING:
-    from ..result import Couples, Forces
+    from ..results.result import Couples, Forces
     from .search import Found
 
 Floats = NDArray[np.float64]

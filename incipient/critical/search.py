@@ -17,12 +17,12 @@ import numpy as np
 from ..contact import Load
 from ..contact.equilibrium import SafetyStatus, safety_factor
 from ..errors import ConvergenceError
-from ..judgement import load_of
+from ..results.verdict import load_of
 from .loadpath import LoadPath
 
 if TYPE_CHECKING:
-    from ..result import Couples, Forces
-    from ..simulation import Simulation
+    from ..results.result import Couples, Forces
+    from ..simulation.simulate import Simulation
 
 CREEPING = 1e-6  # grain Reynolds number of the flow that stands for Stokes flow
 FIRST = 30.0  # grain Reynolds number of the first flow with inertia, at most

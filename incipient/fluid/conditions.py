@@ -11,7 +11,7 @@ import numpy as np
 from mpi4py import MPI
 
 from .. import compat
-from ..domain import Domain
+from ..mesh.domain import Domain
 from .space import TaylorHood, boundary_blocks
 
 Velocity = Callable[[np.ndarray, float], np.ndarray]

@@ -13,9 +13,9 @@ from petsc4py import PETSc
 
 from .. import compat
 from ..compat import petsc
-from ..domain import Domain
 from ..errors import IncipientError
 from ..forms import FlowTerms, ReferenceMap, energy_stable_rate, residual, swept
+from ..mesh.domain import Domain
 from . import newton
 from .conditions import Condition, Constraints
 from .linear import KeptFactorisation

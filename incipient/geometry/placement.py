@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from incipient.errors import SceneError
-from incipient.geometry.curves import Floats
+from incipient.geometry.plane.curves import Floats
 
 Quaternion = tuple[float, float, float, float]
 

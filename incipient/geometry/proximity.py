@@ -4,14 +4,14 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from incipient.geometry.bed import Bed
-from incipient.geometry.closest import SpatialProximity
-from incipient.geometry.curves import Floats
-from incipient.geometry.grain import Grain
-from incipient.geometry.planar import PlanarProximity
+from incipient.geometry.plane.bed import Bed
+from incipient.geometry.plane.curves import Floats
+from incipient.geometry.plane.grain import Grain
+from incipient.geometry.plane.planar import PlanarProximity
 from incipient.geometry.rest import planar, spatial
-from incipient.geometry.solid import Solid
-from incipient.geometry.terrain import Terrain
+from incipient.geometry.space.closest import SpatialProximity
+from incipient.geometry.space.solid import Solid
+from incipient.geometry.space.terrain import Terrain
 
 
 class Near(Protocol):

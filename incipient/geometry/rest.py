@@ -8,14 +8,15 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from incipient.errors import SceneError
-from incipient.geometry.bed import Bed
-from incipient.geometry.closest import SpatialProximity
-from incipient.geometry.curves import Floats
-from incipient.geometry.distance import approaches, placed_outline
-from incipient.geometry.grain import Grain, Placement
-from incipient.geometry.outline import Outline
-from incipient.geometry.solid import Solid
-from incipient.geometry.terrain import Terrain
+from incipient.geometry.placement import Placement
+from incipient.geometry.plane.bed import Bed
+from incipient.geometry.plane.curves import Floats
+from incipient.geometry.plane.distance import approaches, placed_outline
+from incipient.geometry.plane.grain import Grain
+from incipient.geometry.plane.outline import Outline
+from incipient.geometry.space.closest import SpatialProximity
+from incipient.geometry.space.solid import Solid
+from incipient.geometry.space.terrain import Terrain
 
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 

@@ -17,14 +17,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from incipient.errors import SceneError
-from incipient.geometry.bed import Bed
-from incipient.geometry.curves import Floats
-from incipient.geometry.grain import Grain
 from incipient.geometry.placement import Placement
+from incipient.geometry.plane.bed import Bed
+from incipient.geometry.plane.curves import Floats
+from incipient.geometry.plane.grain import Grain
 from incipient.geometry.proximity import Near, proximity
-from incipient.geometry.solid import Solid
+from incipient.geometry.space.solid import Solid
+from incipient.geometry.space.terrain import Terrain
 from incipient.geometry.statics import Grip, balance, free_motions, grip, nearest_motion, tangents, wrenches
-from incipient.geometry.terrain import Terrain
 
 if TYPE_CHECKING:
     from incipient.contact.model import Contacts

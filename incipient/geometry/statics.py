@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from incipient.geometry.curves import Floats
-from incipient.geometry.solid import frame_of
+from incipient.geometry.plane.curves import Floats
+from incipient.geometry.space.solid import frame_of
 
 PYRAMID = 16  # sides of the pyramid inside a friction cone in space: its corners are on the cone
 

@@ -8,22 +8,22 @@ from typing import TYPE_CHECKING, Any
 
 from ..files import append_row, cut, reported, sync, write_json
 from ..parallel import collectively
-from ..plan import Plan
-from ..result import Result
+from ..planning.plan import Plan
+from ..results.result import Result
 from ..scene import Scene
 from .earlier import CHECKPOINT, RESULT, SCENE, keep_complete_result, make_room, remove_pictures
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from ..domain import Domain
+    from ..critical.threshold import Threshold
+    from ..mesh.domain import Domain
     from ..restart.checkpoint import Checkpoint
-    from ..threshold import Threshold
     from .xdmf import FieldSeries, SurfaceSeries
 
 
 class ResultDirectory:
-    """Records a run in a directory (see `incipient.recorder.Recorder`). Every method is collective.
+    """Records a run in a directory (see `incipient.simulation.recorder.Recorder`). Every method is collective.
 
     Nothing that the directory holds is touched before a run begins. Then an earlier run makes room, as `earlier` says.
     Given the checkpoint that a run goes on from, what the directory holds of later steps is dropped, and the rest

@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..case import Case
 from ..errors import OutputError, SceneError
 from ..files import reported
+from ..simulation.judge_case import Case
 from . import style
 from .judged import Judged, judged, sentence
 from .outlines import Outline, Solid, grain_outline, sketched_outline, sketched_solid

@@ -55,7 +55,7 @@ def sketched_solid(case: Judged) -> Solid:
     """
     from scipy.spatial import ConvexHull, QhullError
 
-    from ..geometry.surfaces import sphere
+    from ..geometry.space.surfaces import sphere
 
     radius = round_radius(case)
     if radius is not None:

@@ -11,11 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..contact import Contacts, Load, equilibrium
+from ..critical.threshold import with_error
 from ..errors import ConvergenceError, OutputError
 from ..files import reported
-from ..judgement import mass_and_inertia
+from ..results.verdict import mass_and_inertia
 from ..scene import Scene, load
-from ..threshold import with_error
 from . import style
 from .judged import Judged, judged
 from .outlines import bed_line, grain_outline

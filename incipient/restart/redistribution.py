@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from .. import compat
-from ..domain import Domain
 from ..errors import OutputError
 from ..fluid import Fluid
+from ..mesh.domain import Domain
 from ..parallel import collectively
 from .checkpoint import WholeFlow, WholeMesh
 

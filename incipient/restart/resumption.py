@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..bodystate import BodyState
-from ..coupling import Coupling, End, Position
-from ..domain import Domain
+from ..body.rigidbody import MeanLoad
+from ..body.state import BodyState
+from ..coupled.coupling import Coupling, End, Position
+from ..coupled.remeshing import Remeshing
 from ..fluid import Transient
 from ..fluid.transient import Past
-from ..remeshing import Remeshing
-from ..rigidbody import MeanLoad
+from ..mesh.domain import Domain
 from ..scene.file import dumps
 from .checkpoint import Body, Checkpoint, Progress
 from .redistribution import node_gatherer, spread_flow, spread_mesh, spread_nodes, whole_flow, whole_mesh
@@ -22,8 +22,8 @@ from .redistribution import node_gatherer, spread_flow, spread_mesh, spread_node
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from ..simulation import Simulation
-    from ..trajectory import Trajectory
+    from ..simulation.moving_grain import Trajectory
+    from ..simulation.simulate import Simulation
 
 Floats = NDArray[np.float64]
 

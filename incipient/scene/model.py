@@ -38,8 +38,9 @@ from .shapes import (
 if TYPE_CHECKING:
     import numpy as np
 
-    from ..geometry.bed import Bed as BedSurface
-    from ..geometry.grain import Grain, Placement
+    from ..geometry.placement import Placement
+    from ..geometry.plane.bed import Bed as BedSurface
+    from ..geometry.plane.grain import Grain
 
 __all__ = [
     "Bed",
@@ -364,7 +365,7 @@ class Scene(Section):
 
         With body.settle it then rolls and tips until it rests. Raises SceneError if it does not.
         """
-        from ..geometry.grain import Placement
+        from ..geometry.placement import Placement
         from ..geometry.rest import rest
         from .settling import rested
 

@@ -6,9 +6,10 @@ import math
 from functools import lru_cache
 
 from ..errors import SceneError
-from ..geometry.bed import Bed
-from ..geometry.grain import Grain, Placement
-from ..geometry.polygon import Polygon
+from ..geometry.placement import Placement
+from ..geometry.plane.bed import Bed
+from ..geometry.plane.grain import Grain
+from ..geometry.plane.polygon import Polygon
 from ..geometry.settle import settle
 
 DEFAULT_FRICTION = 1.0  # where the scene has no contact: rough enough for slopes of 45 degrees

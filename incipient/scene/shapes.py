@@ -19,8 +19,8 @@ from .points import MOST_POINTS, Point, about_file, read_points
 from .section import NotNegative, Pair, Positive, PositivePair, Section, contradiction
 
 if TYPE_CHECKING:
-    from ..geometry import bed as bed_geometry
-    from ..geometry import grain as grain_geometry
+    from ..geometry.plane import bed as bed_geometry
+    from ..geometry.plane import grain as grain_geometry
 
 MOST_DISCS, MOST_HARMONICS = 500, 100
 
@@ -138,7 +138,7 @@ class Disc(GrainSection):
 
     def made(self) -> grain_geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
-        from ..geometry import grain
+        from ..geometry.plane import grain
 
         return grain.Disc(self.diameter)
 
@@ -151,7 +151,7 @@ class Ellipse(GrainSection):
 
     def made(self) -> grain_geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
-        from ..geometry import grain
+        from ..geometry.plane import grain
 
         return grain.Ellipse(self.semi_axes)
 
@@ -174,7 +174,7 @@ class Rectangle(GrainSection):
 
     def made(self) -> grain_geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
-        from ..geometry import grain
+        from ..geometry.plane import grain
 
         return grain.Rectangle(self.width, self.height, self.corner_radius)
 
@@ -206,7 +206,7 @@ class Polygon(GrainSection):
     def _is_simple(self) -> Polygon:
         import numpy as np
 
-        from ..geometry.polygon import meeting_sides
+        from ..geometry.plane.polygon import meeting_sides
 
         _limit(self, "vertices", MOST_POINTS)
         if len(set(self.vertices)) < len(self.vertices):
@@ -223,7 +223,7 @@ class Polygon(GrainSection):
 
     def made(self) -> grain_geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
-        from ..geometry import polygon
+        from ..geometry.plane import polygon
 
         return polygon.Polygon(self.vertices)
 
@@ -239,7 +239,7 @@ class Superellipse(GrainSection):
 
     def made(self) -> grain_geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
-        from ..geometry import smooth
+        from ..geometry.plane import smooth
 
         return smooth.Superellipse(self.semi_axes, self.exponent)
 
@@ -267,7 +267,7 @@ class Star(GrainSection):
 
     def made(self) -> grain_geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
-        from ..geometry import smooth
+        from ..geometry.plane import smooth
 
         return smooth.Star(smooth.Harmonics(self.radius, self.cosines, self.sines))
 
@@ -291,7 +291,7 @@ class Discs(GrainSection):
 
     def made(self) -> grain_geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
-        from ..geometry import discs
+        from ..geometry.plane import discs
 
         return discs.Discs([disc[:2] for disc in self.discs], [disc[2] for disc in self.discs])
 
@@ -325,7 +325,7 @@ class Flat(BedSection):
 
     def surface(self, origin_y: float) -> bed_geometry.Bed:
         """The bed's shape above its base line y = origin_y."""
-        from ..geometry import bed
+        from ..geometry.plane import bed
 
         return bed.Flat(origin_y)
 
@@ -345,7 +345,7 @@ class Inclined(BedSection):
 
     def surface(self, origin_y: float) -> bed_geometry.Bed:
         """The bed's shape above its base line y = origin_y."""
-        from ..geometry import bed
+        from ..geometry.plane import bed
 
         return bed.Flat(origin_y)
 
@@ -364,7 +364,7 @@ class Sinusoidal(BedSection):
 
     def surface(self, origin_y: float) -> bed_geometry.Bed:
         """The bed's shape above its base line y = origin_y."""
-        from ..geometry import bed
+        from ..geometry.plane import bed
 
         return bed.Sinusoidal(self.amplitude, self.wavelength, math.radians(self.phase), origin_y)
 
@@ -390,7 +390,7 @@ class HalfDiscs(BedSection):
 
     def surface(self, origin_y: float) -> bed_geometry.Bed:
         """The bed's shape above its base line y = origin_y."""
-        from ..geometry import bed
+        from ..geometry.plane import bed
 
         return bed.HalfDiscs(self.radius, self.spacing, self.offset, origin_y)
 
@@ -431,7 +431,7 @@ class Polyline(BedSection):
 
     def surface(self, origin_y: float) -> bed_geometry.Bed:
         """The bed's shape above its base line y = origin_y."""
-        from ..geometry import bed
+        from ..geometry.plane import bed
 
         return bed.Polyline(self.points, origin_y)
 

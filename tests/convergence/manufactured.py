@@ -17,8 +17,8 @@ from domains import SIDES
 from mpi4py import MPI
 
 from incipient import compat, forms
-from incipient.domain import Domain
 from incipient.fluid import FlowModel, Fluid, Open, Prescribed
+from incipient.mesh.domain import Domain
 
 Components = Callable[[Any, Any, Any], Sequence[Any]]
 

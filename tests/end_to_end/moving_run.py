@@ -119,9 +119,9 @@ def domain_at(time: float):
     """The box less the ellipse at a time."""
     from mpi4py import MPI
 
-    from incipient.domain import build
-    from incipient.geometry.curves import Line
-    from incipient.geometry.grain import Ellipse
+    from incipient.geometry.plane.curves import Line
+    from incipient.geometry.plane.grain import Ellipse
+    from incipient.mesh.domain import build
     from incipient.meshes import Near, Region, Sizes
     from incipient.meshes.model import region_model
 
@@ -137,7 +137,7 @@ def write_fields(directory: Path, times, meshes: int) -> list[float]:
     from dolfinx.fem import Function
 
     from incipient import compat
-    from incipient.meshmotion import MeshMotion
+    from incipient.mesh.motion import MeshMotion
     from incipient.output.xdmf import FieldSeries, SurfaceSeries
 
     fields = surface = None

@@ -12,12 +12,12 @@ from mpi4py import MPI
 
 import incipient
 from incipient.accuracy.errorbars import changed
-from incipient.cost.foresight import first_mesh
+from incipient.cost.forecast import first_mesh
 from incipient.errors import ConvergenceError
-from incipient.result import Result
+from incipient.results.result import Result
 from incipient.scene import Scene, load, loads
 from incipient.scene.example import commented, grain_on_bed
-from incipient.simulation import Simulation
+from incipient.simulation.simulate import Simulation
 
 DEMOS = Path(__file__).parents[2] / "demos" / "scenes"
 # Drag and lift of DFG 2D-1 over V^2 L/2 = 0.2^2 0.1/2: G. Nabh, On high order methods for the stationary

@@ -10,11 +10,11 @@ from mpi4py import MPI
 
 import incipient
 from incipient.accuracy.errorbars import farther
+from incipient.critical.threshold import Threshold, find_threshold
 from incipient.output.directory import write_threshold
 from incipient.pictures.record import parsed_json
 from incipient.scene import loads
 from incipient.scene.example import commented, grain_on_bed
-from incipient.threshold import Threshold, find_threshold
 
 POCKET = (
     "bed.kind=half-discs",

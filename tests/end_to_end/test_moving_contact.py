@@ -12,18 +12,7 @@ from test_moving_grain import history_of
 
 import incipient
 from incipient.errors import SceneError
-from incipient.scene import (
-    Contact,
-    Domain,
-    Ellipse,
-    Fluid,
-    Gravity,
-    Numerics,
-    Output,
-    Scene,
-    Still,
-    Time,
-)
+from incipient.scene import Contact, Domain, Ellipse, Fluid, Gravity, Numerics, Output, Scene, Still, Time
 
 DENSITY, SEMI_AXES, GRAVITY, STEP = 3.0, (0.5, 0.35), 10.0, 0.04
 AREA = np.pi * SEMI_AXES[0] * SEMI_AXES[1]

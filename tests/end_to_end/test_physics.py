@@ -9,7 +9,7 @@ import pytest
 from processes import CAVITY, CYLINDER, GRAIN_ON_BED, VORTEX_STREET, result_of, settings
 
 import incipient
-from incipient.sampling import sample
+from incipient.mesh.sampling import sample
 from incipient.scene import (
     Contact,
     Disc,

@@ -13,17 +13,17 @@ from domains import unit_box
 from floating import Floating, Floats, box_around, floating
 from mpi4py import MPI
 
-from incipient.coupling import Coupling, InterfaceReport
-from incipient.domain import Domain, build
+from incipient.coupled.coupling import Coupling, InterfaceReport
+from incipient.coupled.tractions import TractionProbe
 from incipient.errors import ConvergenceError, IncipientError
 from incipient.fluid import FlowModel, Fluid, Prescribed, Transient, no_slip, solve_steady
-from incipient.geometry.curves import Line
-from incipient.geometry.grain import Disc
 from incipient.geometry.placement import Placement
+from incipient.geometry.plane.curves import Line
+from incipient.geometry.plane.grain import Disc
+from incipient.mesh.domain import Domain, build
+from incipient.mesh.sampling import extremum
 from incipient.meshes import Grid, Near, Region, Sizes
 from incipient.meshes.model import grid_model, region_model
-from incipient.sampling import extremum
-from incipient.tractions import TractionProbe
 
 WALLS = ("left", "right", "bottom")
 DISC = Disc(0.3)

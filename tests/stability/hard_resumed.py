@@ -15,7 +15,7 @@ import incipient
 from incipient.errors import IncipientError
 from incipient.progress import Silent
 from incipient.restart.checkpoint import read
-from incipient.result import Result
+from incipient.results.result import Result
 from incipient.scene.file import loads
 
 # The ellipse in the cavity, heavy: it sinks to the bottom.

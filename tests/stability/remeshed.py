@@ -8,7 +8,7 @@ from mpi4py import MPI
 from scenes import CARRIED
 
 from incipient.scene.file import loads
-from incipient.simulation import simulate
+from incipient.simulation.simulate import simulate
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ from domains import SIDES, curved_box, unit_box
 from energy import energies, thrown
 from moving import RandomMotion, Steps
 
-from incipient.domain import Domain
 from incipient.fluid import FlowModel, Fluid, Open, Prescribed
+from incipient.mesh.domain import Domain
 
 FORM = pytest.mark.parametrize("energy_stable", [False, True], ids=["printed", "energy-stable"])
 CONVECTION = pytest.mark.parametrize("convection", ["implicit", "extrapolated"])

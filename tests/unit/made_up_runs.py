@@ -8,7 +8,7 @@ from pathlib import Path
 from incipient.cost import study as cost
 from incipient.cost.counts import Counts
 from incipient.cost.ladder import ladder, spread
-from incipient.cost.rung import Measured, Rung
+from incipient.cost.measurement import Measured, Rung
 from incipient.scene import Scene, loads
 from incipient.scene.example import commented, grain_on_bed
 

@@ -15,7 +15,7 @@ import ufl
 from domains import ball_in_box, square_in_box
 
 from incipient import compat
-from incipient.domain import Domain
+from incipient.coupled.tractions import TractionProbe
 from incipient.fluid import (
     Condition,
     FlowModel,
@@ -28,8 +28,8 @@ from incipient.fluid import (
     solve_steady,
 )
 from incipient.fluid.vorticity import vorticity
-from incipient.sampling import sample
-from incipient.tractions import TractionProbe
+from incipient.mesh.domain import Domain
+from incipient.mesh.sampling import sample
 
 COMM = MPI.COMM_WORLD
 

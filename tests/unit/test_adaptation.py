@@ -6,21 +6,21 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from incipient.accuracy.adaptation import Adaptation, Trial
 from incipient.accuracy.errorbars import changed
 from incipient.accuracy.goal import Goal
-from incipient.accuracy.halving import finer
-from incipient.accuracy.refinement import SMALLEST_GAP, Refinement, cheapest_order, with_less_of
-from incipient.accuracy.sizing import LARGEST, SMALLEST, STEEPEST, Shares, resized
+from incipient.adaptive.halving import finer
+from incipient.adaptive.refinement import SMALLEST_GAP, Refinement, cheapest_order, with_less_of
+from incipient.adaptive.search import Adaptation, Trial
+from incipient.adaptive.sizing import LARGEST, SMALLEST, STEEPEST, Shares, resized
 from incipient.errors import SceneError
-from incipient.geometry.curves import Line
+from incipient.geometry.plane.curves import Line
 from incipient.meshes import Near, Region, SizeField, Sizes
 from incipient.meshes.model import region_model
 from incipient.progress import Silent
-from incipient.recorder import Unrecorded
-from incipient.result import Couples, Forces
+from incipient.results.result import Couples, Forces
 from incipient.scene import Scene, loads
 from incipient.scene.example import commented, grain_on_bed
+from incipient.simulation.recorder import Unrecorded
 
 
 def grid(n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -156,7 +156,7 @@ def test_goals_are_relative() -> None:
 def test_slope_of_the_safety_factor() -> None:
     """In a pocket: the change that its slope foretells is the change of its logarithm."""
     from incipient.contact.exact import judged
-    from incipient.judgement import load_of
+    from incipient.results.verdict import load_of
 
     text, pocket = commented(grain_on_bed()), ("bed.kind=half-discs", "bed.radius=0.5", "bed.spacing=1.2")
     wanted = ("bed.offset=1.0", "numerics.accuracy=0.01", "numerics.accuracy_of=safety factor")

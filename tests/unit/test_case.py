@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from incipient.case import Case, load_case
 from incipient.errors import SceneError
+from incipient.simulation.judge_case import Case, load_case
 
 CASES = Path(__file__).parents[2] / "demos" / "cases"
 

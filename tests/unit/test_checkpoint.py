@@ -16,12 +16,13 @@ import pytest
 from domains import ball_in_box, curved_box, ring, square_in_box, unit_box
 from mpi4py import MPI
 
-from incipient.domain import Domain
 from incipient.errors import OutputError, SceneError
 from incipient.files import cut
 from incipient.fluid import FlowModel, Fluid, Prescribed, Transient
 from incipient.interrupt import SAME_WISH, Interruption
+from incipient.mesh.domain import Domain
 from incipient.output.directory import CHECKPOINT
+from incipient.output.reopening import reopened
 from incipient.restart import checkpoint as checkpoints
 from incipient.restart.checkpoint import (
     Body,
@@ -34,7 +35,6 @@ from incipient.restart.checkpoint import (
     write,
 )
 from incipient.restart.redistribution import spread_flow, spread_mesh, whole_flow, whole_mesh
-from incipient.restart.reopening import reopened
 from incipient.scene.file import dumps, loads
 
 COMM = MPI.COMM_SELF

@@ -14,21 +14,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 from made_up_runs import TIMED, Runner, climbed, quiet, scene
 
-from incipient import layout
-from incipient.cost import calibration, expense, frontier, quantities
+from incipient.cost import calibration, frontier, quantities
 from incipient.cost import page as cost_page
+from incipient.cost import prices as expense
 from incipient.cost import study as cost
 from incipient.cost.command import builtin, chosen, predicted, told
 from incipient.cost.counts import Counts
 from incipient.cost.errorlaw import ErrorLaw, Seen, fit
-from incipient.cost.expense import STEADY, UNSTEADY, Known, Work
 from incipient.cost.ladder import QUICK, RATIO, Spread, ladder, spread
 from incipient.cost.ladder import STEADY as STEADY_SPREAD
+from incipient.cost.measurement import Measured, Rung
 from incipient.cost.prediction import predict
-from incipient.cost.rows import known_runs
-from incipient.cost.rung import Measured, Rung
+from incipient.cost.prices import STEADY, UNSTEADY, Known, Work
+from incipient.cost.records import known_runs
 from incipient.errors import ConvergenceError, OutputError, SceneError
-from incipient.plan import Estimate, make_plan
+from incipient.planning import drawing as layout
+from incipient.planning.plan import Estimate, make_plan
 from incipient.scene import Scene
 
 # -- numbers ------------------------------------------------------------------------------------------------

@@ -12,14 +12,14 @@ import pytest
 from made_up_runs import TIMED, Runner, climbed, quiet, scene
 
 from incipient.cost import calibration, process, solvers
+from incipient.cost import measurement as rungs
 from incipient.cost import page as cost_page
-from incipient.cost import rung as rungs
 from incipient.cost import study as cost
 from incipient.cost.command import chosen, told
 from incipient.cost.comparison import compared
 from incipient.cost.ladder import QUICK, STEADY, Spread, ladder
-from incipient.cost.rows import completed, known_runs
-from incipient.cost.rung import Measured, Rung, quickest, surroundings
+from incipient.cost.measurement import Measured, Rung, quickest, surroundings
+from incipient.cost.records import completed, known_runs
 from incipient.errors import SceneError
 from incipient.pictures.cost import draw
 from incipient.scene import Scene, load, loads

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from domains import ball_in_box
 
-from incipient.bodystate import BodyState, Inertia
-from incipient.coupling import Coupling
+from incipient.body.rigidbody import RigidBody
+from incipient.body.state import BodyState, Inertia
+from incipient.coupled.coupling import Coupling
 from incipient.errors import ConvergenceError
 from incipient.fluid import Carried, FlowModel, Fluid, Prescribed, Transient
 from incipient.geometry.placement import Placement
-from incipient.meshmotion import MeshMotion
-from incipient.rigidbody import RigidBody
+from incipient.mesh.motion import MeshMotion
 
 RADIUS, CENTRE = 0.25, (0.6, 0.5, 0.5)
 

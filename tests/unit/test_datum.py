@@ -5,8 +5,9 @@ import pytest
 from scenes import CHANNEL, DISC, scene
 
 from incipient import make_plan
-from incipient.boundaries import inflow, undisturbed
-from incipient.effects import numbers_of
+from incipient.critical.threshold import bed_stress
+from incipient.planning.conditions import inflow, undisturbed
+from incipient.planning.effects import numbers_of
 from incipient.scene import (
     Disc,
     Domain,
@@ -24,7 +25,6 @@ from incipient.scene import (
     dumps,
     loads,
 )
-from incipient.threshold import bed_stress
 
 HEIGHTS = np.linspace(0.0, 6.0, 6001)
 PHASES = np.linspace(0.0, 1.2, 5)

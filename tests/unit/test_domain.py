@@ -12,8 +12,8 @@ from domains import spoilt, square_in_box, square_without_a_name, unit_box
 from mpi4py import MPI
 
 from incipient import compat
-from incipient.domain import build
 from incipient.errors import MeshError
+from incipient.mesh.domain import build
 
 
 def length(domain: Any, *names: str) -> float:

@@ -12,13 +12,13 @@ from mpi4py import MPI
 
 from incipient.accuracy.dual import GoalErrors
 from incipient.accuracy.errorbars import changed
-from incipient.domain import Domain
 from incipient.fluid import Condition, FlowModel, Fluid, solve_steady
+from incipient.mesh.domain import Domain
 from incipient.progress import Silent
-from incipient.recorder import Unrecorded
 from incipient.scene import Scene, load
 from incipient.scene.example import grain_on_bed
-from incipient.simulation import Simulation
+from incipient.simulation.recorder import Unrecorded
+from incipient.simulation.simulate import Simulation
 
 DEMOS = Path(__file__).parents[2] / "demos" / "scenes"
 # Drag and lift of DFG 2D-1 over V^2 L/2 = 0.2^2 0.1/2: G. Nabh, On high order methods for the stationary

@@ -3,8 +3,8 @@
 import pytest
 
 from incipient import make_plan
-from incipient.effects import OSEEN, accuracy_asked, numbers_of
 from incipient.errors import SceneError
+from incipient.planning.effects import OSEEN, accuracy_asked, numbers_of
 from incipient.scene import (
     Contact,
     Disc,

@@ -25,10 +25,10 @@ from incipient.accuracy.safetybar import SafetyBar, bar_of_safety
 from incipient.contact import Contacts, Load
 from incipient.errors import ConvergenceError
 from incipient.progress import Silent
-from incipient.recorder import Unrecorded
 from incipient.scene import Scene, Time, loads
 from incipient.scene.example import commented, grain_on_bed
-from incipient.simulation import Simulation
+from incipient.simulation.recorder import Unrecorded
+from incipient.simulation.simulate import Simulation
 
 IN_STREAM = """
 [domain]

@@ -5,11 +5,12 @@ from pathlib import Path
 import pytest
 from scenes import message
 
-from incipient import layout, load
+from incipient import load
 from incipient.meshes import expected
-from incipient.plan import make_plan
+from incipient.planning import drawing as layout
+from incipient.planning.plan import make_plan
 from incipient.scene import Scene, loads
-from incipient.simulation import estimate
+from incipient.simulation.simulate import estimate
 
 SCENES = Path(__file__).parents[2] / "demos" / "scenes"
 RIPPLES = """\

@@ -6,17 +6,17 @@ from pathlib import Path
 import pytest
 from made_up_runs import TIMED, scene
 
-from incipient.accuracy import halving
-from incipient.accuracy.refinement import AIM, GAIN, UNKNOWNS
+from incipient.adaptive import halving
+from incipient.adaptive.refinement import AIM, GAIN, UNKNOWNS
 from incipient.cost import calibration
 from incipient.cost.calibration import Calibration, KnownErrors
 from incipient.cost.command import planned, predicted
 from incipient.cost.counts import Counts
 from incipient.cost.errorlaw import ErrorLaw, OrderLaw
-from incipient.cost.expense import Known, Work
-from incipient.cost.foresight import Foresight, first_mesh, foresee
+from incipient.cost.forecast import Foresight, first_mesh, foresee
+from incipient.cost.prices import Known, Work
 from incipient.cost.times import Times
-from incipient.plan import Estimate, make_plan
+from incipient.planning.plan import Estimate, make_plan
 from incipient.scene import Scene, load
 
 SCENES = Path(__file__).parents[2] / "demos" / "scenes"

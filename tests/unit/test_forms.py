@@ -21,7 +21,6 @@ from moving import RandomMotion
 
 from incipient import compat, forms
 from incipient.compat import petsc
-from incipient.domain import Domain
 from incipient.fluid import FlowModel, Fluid, Open, Prescribed, no_slip
 from incipient.fluid.space import (
     TaylorHood,
@@ -31,6 +30,7 @@ from incipient.fluid.space import (
     taylor_hood,
 )
 from incipient.fluid.transient import backward_difference
+from incipient.mesh.domain import Domain
 
 QUADRATURE = {"quadrature_degree": 6}
 ROUND_OFF = 1e-12

@@ -8,14 +8,14 @@ from mpi4py import MPI
 from ranks_script import box
 
 from incipient.accuracy.dual import GoalErrors
+from incipient.coupled.tractions import TractionProbe
 from incipient.errors import ConvergenceError
 from incipient.fluid import FlowModel, Fluid
 from incipient.progress import Silent
-from incipient.recorder import Unrecorded
 from incipient.scene import loads
 from incipient.scene.file import example
-from incipient.simulation import Simulation
-from incipient.tractions import TractionProbe
+from incipient.simulation.recorder import Unrecorded
+from incipient.simulation.simulate import Simulation
 
 
 @pytest.fixture

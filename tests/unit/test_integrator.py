@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from incipient.body.fehlberg import NODES, STAGES, WEIGHTS
+from incipient.body.integrator import Event, Integrator, Outcome, Tolerances
 from incipient.errors import ConvergenceError
-from incipient.fehlberg import NODES, STAGES, WEIGHTS
-from incipient.integrator import Event, Integrator, Outcome, Tolerances
 
 LOOSE = Tolerances(1.0, 1e300)  # every step passes: the step stays at its largest length
 

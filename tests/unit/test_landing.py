@@ -5,11 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from incipient.bodystate import BodyState
+from incipient.body.state import BodyState
 from incipient.geometry.placement import Placement
-from incipient.landing import FARTHER, landing
-from incipient.layout import surroundings
-from incipient.result import Couples, Forces
+from incipient.planning.drawing import surroundings
+from incipient.results.result import Couples, Forces
 from incipient.scene import (
     Contact,
     Disc,
@@ -24,6 +23,7 @@ from incipient.scene import (
     Still,
     Time,
 )
+from incipient.simulation.landing import FARTHER, landing
 
 GAP = 0.05
 BOX = Rectangle(width=1.0, height=0.5, centre=(2.0, 2.0), density=3.0, motion="free")

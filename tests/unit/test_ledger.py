@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from incipient import ledger as ledgers
-from incipient.attribution import Corrections, cost_lines
-from incipient.ledger import Ledger, Share
+from incipient.results import timing as ledgers
+from incipient.results.cost_of_effects import Corrections, cost_lines
+from incipient.results.timing import Ledger, Share
 
 
 @pytest.fixture

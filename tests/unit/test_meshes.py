@@ -10,9 +10,10 @@ import pytest
 from domains import square_outline
 
 from incipient.errors import MeshError
-from incipient.geometry.bed import HalfDiscs, Sinusoidal
-from incipient.geometry.curves import Line
-from incipient.geometry.grain import Disc, Ellipse, Placement, Rectangle
+from incipient.geometry.placement import Placement
+from incipient.geometry.plane.bed import HalfDiscs, Sinusoidal
+from incipient.geometry.plane.curves import Line
+from incipient.geometry.plane.grain import Disc, Ellipse, Rectangle
 from incipient.meshes import Away, Grid, Near, Region, Sizes
 from incipient.meshes.model import grid_model, region_model
 

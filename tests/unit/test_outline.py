@@ -11,9 +11,9 @@ from scenes import message
 from incipient import load
 from incipient.geometry import Flat, HalfDiscs, Placement, Polygon, Sinusoidal, clearance, rest
 from incipient.geometry import Polyline as PolylineBed
-from incipient.geometry.curves import Line
-from incipient.geometry.polygon import diameter, meeting_sides
-from incipient.simulation import estimate
+from incipient.geometry.plane.curves import Line
+from incipient.geometry.plane.polygon import diameter, meeting_sides
+from incipient.simulation.simulate import estimate
 
 Floats = NDArray[np.float64]
 SCENE = """\

@@ -6,9 +6,7 @@ from hypothesis import given, settings
 from solids_and_terrains import vectors
 
 from incipient.errors import SceneError
-from incipient.geometry import (
-    Placement,
-)
+from incipient.geometry import Placement
 from incipient.geometry.placement import product, rotation_by
 
 

@@ -4,15 +4,7 @@ import numpy as np
 import pytest
 
 from incipient.errors import SceneError
-from incipient.geometry import (
-    Discs,
-    Ellipse,
-    Harmonics,
-    Polygon,
-    Rectangle,
-    Star,
-    Superellipse,
-)
+from incipient.geometry import Discs, Ellipse, Harmonics, Polygon, Rectangle, Star, Superellipse
 
 HEXAGON = [(np.cos(k * np.pi / 3), np.sin(k * np.pi / 3)) for k in range(6)]
 

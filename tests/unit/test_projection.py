@@ -13,10 +13,10 @@ import ufl
 from domains import SIDES, ball_in_box, ring, square_in_box, unit_box
 
 from incipient import compat
-from incipient.domain import Domain
 from incipient.fluid import Condition, FlowModel, Fluid, Open, Prescribed, Slip, no_slip
 from incipient.fluid.projection import net_flux, restore_incompressibility
-from incipient.transfer import Transfer
+from incipient.mesh.domain import Domain
+from incipient.mesh.transfer import Transfer
 
 
 def flow(domain: Domain, conditions: Sequence[Condition], order: int = 2) -> Fluid:

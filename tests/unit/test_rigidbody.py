@@ -7,12 +7,12 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
 
-from incipient.bodystate import BodyState, Freedom, Inertia, rotation_matrix
+from incipient.body.integrator import Tolerances
+from incipient.body.rigidbody import MeanLoad, RigidBody
+from incipient.body.state import BodyState, Freedom, Inertia, rotation_matrix
 from incipient.errors import ConvergenceError, SceneError
 from incipient.geometry import Box, Disc, Ellipse, Ellipsoid, Placement, Rectangle, Sphere
 from incipient.geometry.placement import rotation_by
-from incipient.integrator import Tolerances
-from incipient.rigidbody import MeanLoad, RigidBody
 
 TOP = Inertia(2.0, np.array([1.0, 2.0, 2.5]))
 ASKEW = rotation_by([0.3, -0.8, 0.5])  # an orientation like any other
@@ -448,6 +448,6 @@ def test_corrections_run_out(monkeypatch) -> None:
     args = (0.2, np.ones(6), 10.0 * np.diag(np.arange(1.0, 7.0)), np.ones(6))
     gained = body.angular_momentum(body.advance(wild, *args)) - body.angular_momentum(wild)
     assert np.linalg.norm(gained) > 1.0
-    monkeypatch.setattr("incipient.rigidbody.MOST_CORRECTIONS", 2)
+    monkeypatch.setattr("incipient.body.rigidbody.MOST_CORRECTIONS", 2)
     with pytest.raises(ConvergenceError, match="turns too far"):
         body.advance(wild, *args)

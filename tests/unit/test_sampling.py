@@ -10,7 +10,7 @@ import pytest
 from domains import unit_box
 
 from incipient import compat
-from incipient.sampling import cells_between, extremum, sample
+from incipient.mesh.sampling import cells_between, extremum, sample
 
 
 def field(gdim: int, shape: tuple[int, ...], values: Any) -> Any:

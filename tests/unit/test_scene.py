@@ -9,11 +9,11 @@ import pytest
 from pydantic import ValidationError
 from scenes import BOX, FLOW_SCALE, message, scene
 
-from incipient.geometry import bed as bed_geometry
-from incipient.geometry import discs as disc_geometry
-from incipient.geometry import grain as grain_geometry
-from incipient.geometry import polygon as polygon_geometry
-from incipient.geometry import smooth as smooth_geometry
+from incipient.geometry.plane import bed as bed_geometry
+from incipient.geometry.plane import discs as disc_geometry
+from incipient.geometry.plane import grain as grain_geometry
+from incipient.geometry.plane import polygon as polygon_geometry
+from incipient.geometry.plane import smooth as smooth_geometry
 from incipient.scene import (
     Contact,
     Disc,

@@ -19,7 +19,7 @@ from incipient.geometry import (
     Superquadric,
     Triangulated,
 )
-from incipient.geometry.surfaces import require_closed
+from incipient.geometry.space.surfaces import require_closed
 
 
 def counted_moments(solid, count=60):

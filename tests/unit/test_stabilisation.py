@@ -11,8 +11,8 @@ from domains import SIDES, unit_box
 from incipient import Scene, compat
 from incipient.fluid import FlowModel, Fluid, no_slip
 from incipient.forms import FlowTerms, ReferenceMap, residual, terms
-from incipient.plan import make_plan
-from incipient.stabilisation import COARSE, cell_reynolds, measured_cell_reynolds
+from incipient.planning.plan import make_plan
+from incipient.planning.stabilisation import COARSE, cell_reynolds, measured_cell_reynolds
 
 
 def scene(reynolds: float, **numerics: object) -> Scene:

@@ -5,14 +5,7 @@ import pytest
 from solids_and_terrains import terrains
 
 from incipient.errors import SceneError
-from incipient.geometry import (
-    EggCrate,
-    HeightMap,
-    Hemispheres,
-    Plane,
-    Relief,
-    Ridges,
-)
+from incipient.geometry import EggCrate, HeightMap, Hemispheres, Plane, Relief, Ridges
 
 
 class TestTerrains:

@@ -15,13 +15,13 @@ from incipient.contact import Load
 from incipient.contact.equilibrium import safety_factor
 from incipient.critical.loadpath import LoadPath
 from incipient.critical.search import Found, Search
+from incipient.critical.threshold import bed_stress, find_threshold, with_error
 from incipient.errors import ConvergenceError, SceneError
-from incipient.judgement import find_contacts
 from incipient.progress import Silent
-from incipient.result import Couples, Forces
+from incipient.results.result import Couples, Forces
+from incipient.results.verdict import find_contacts
 from incipient.scene import loads
 from incipient.scene.example import commented, grain_on_bed
-from incipient.threshold import bed_stress, find_threshold, with_error
 
 POCKET = ("bed.kind=half-discs", "bed.radius=0.5", "bed.spacing=1.2", "bed.offset=1.0")
 # Forces over the factor of the flow: along the stream, and pressing the grain into its pocket.

@@ -12,9 +12,9 @@ import ufl
 from domains import ball_in_box, ring, square_in_box, unit_box
 
 from incipient import compat, forms
-from incipient.domain import Domain
+from incipient.coupled.tractions import TractionProbe
 from incipient.fluid import FlowModel, Fluid, Open, Prescribed, no_slip, solve_steady
-from incipient.tractions import TractionProbe
+from incipient.mesh.domain import Domain
 
 SIZE = 0.3
 

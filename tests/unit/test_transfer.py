@@ -12,7 +12,7 @@ import pytest
 from domains import ball_in_box, bent_box, ring, square_in_box, unit_box
 
 from incipient import compat
-from incipient.transfer import Transfer
+from incipient.mesh.transfer import Transfer
 
 Values = Callable[[np.ndarray], np.ndarray]
 

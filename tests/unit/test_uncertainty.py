@@ -6,13 +6,7 @@ import numpy as np
 import pytest
 
 from incipient.contact import Contacts, Load
-from incipient.contact.uncertainty import (
-    Probability,
-    StandardErrors,
-    draw,
-    influences,
-    probabilities,
-)
+from incipient.contact.uncertainty import Probability, StandardErrors, draw, influences, probabilities
 from incipient.errors import SceneError
 
 DOWN = [0.0, -1.0, 0.0]

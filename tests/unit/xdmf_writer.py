@@ -17,14 +17,14 @@ from dolfinx.fem import Function
 from dolfinx.mesh import create_unit_cube
 
 from incipient import compat
-from incipient.domain import build
 from incipient.errors import OutputError
-from incipient.geometry.curves import Line
-from incipient.geometry.grain import Ellipse
 from incipient.geometry.placement import Placement
+from incipient.geometry.plane.curves import Line
+from incipient.geometry.plane.grain import Ellipse
+from incipient.mesh.domain import build
+from incipient.mesh.motion import MeshMotion
 from incipient.meshes import Near, Region, Sizes
 from incipient.meshes.model import region_model
-from incipient.meshmotion import MeshMotion
 from incipient.output.xdmf import FieldSeries, SurfaceSeries
 
 RADIUS = 0.4

@@ -1,0 +1,283 @@
+"""What the effects left out would have changed, estimated from the flow that was computed.
+
+A term T that is missing in the equations changes force and couple, to first order, by -T(v)(z): the term at the
+computed flow v, tested with the solution z of the dual problem of force or couple (Becker & Rannacher 2001, Acta
+Numerica 10, 1; Oden & Prudhomme 2002, J. Comput. Phys. 182, 496, for errors of models). The factors at hand serve, on
+the same elements: one assembly, and a back-substitution for each of force and couple. Of the second order in the
+term nothing is known: an estimate that is not small says that the effect matters, not by how much.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..planning.effects import accuracy_asked, may_be_turbulent, percent, turbulent_from
+
+if TYPE_CHECKING:
+    from ..fluid import Fluid
+    from ..planning.effects import Effect
+    from ..results.result import Couples, Forces
+    from ..simulation.simulate import Simulation
+
+Floats = NDArray[np.float64]
+Term = Callable[[Any, Any], Any]  # velocity and its test function to the integrand, both UFL
+
+
+@dataclass(frozen=True)
+class Omission:
+    """An effect left out.
+
+    relative: change that it would have made, relative to the load; None: not known
+    force:    change of the force (3,), and `couple` (3,) of the couple; None: not known
+    exceeds:  whether it may be more than the accuracy asked for
+    """
+
+    name: str
+    relative: float | None
+    how: str
+    exceeds: bool
+    remedy: str = ""
+    force: Floats | None = None
+    couple: Floats | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for result.json."""
+        return asdict(self)
+
+    def lines(self) -> list[str]:
+        """One line for a reader, and a warning where one is due."""
+        size = "by an unknown amount" if self.relative is None else f"by about {percent(self.relative)}"
+        told = [f"left out            {self.name}: would change the result {size} ({self.how})"]
+        if self.exceeds:
+            told.append(
+                f"WARNING             {self.name} may matter at the accuracy asked for: {self.remedy}"
+            )
+        return told
+
+
+def omissions(
+    simulation: Simulation, force: Forces | None, couple: Couples | None, verdict: dict[str, Any] | None
+) -> tuple[Omission, ...]:
+    """The effects of the plan that were left out though the scene has them, and what they would change. Collective."""
+    accuracy, found = accuracy_asked(simulation.scene), []
+    for effect in simulation.plan.effects:
+        if effect.present:
+            continue
+        for one in _ESTIMATES.get(effect.name, _nothing)(simulation, effect, force, couple, verdict):
+            unknown = one.relative is None and one.exceeds
+            too_much = one.relative is not None and one.relative > accuracy
+            found.append(_replaced(one, unknown or too_much))
+    return tuple(found)
+
+
+def _replaced(one: Omission, exceeds: bool) -> Omission:
+    return Omission(one.name, one.relative, one.how, exceeds, one.remedy, one.force, one.couple)
+
+
+# -- one effect each --------------------------------------------------------------------------------
+
+
+def _nothing(*given: Any) -> Iterator[Omission]:
+    return iter(())
+
+
+def _inertia(simulation: Simulation, effect: Effect, *loads: Any) -> Iterator[Omission]:
+    scene, remedy = simulation.scene, "set fluid.inertia = true and effects.inertia = true"
+    if effect.expected == 0.0:
+        return
+    if not scene.numerics.error_bars:
+        yield Omission(effect.name, effect.expected, "by Oseen's term, at most", False, remedy)
+        return
+    yield _weighted(simulation, effect.name, _convection, remedy, *loads[:2])
+
+
+def _unsteadiness(simulation: Simulation, effect: Effect, *loads: Any) -> Iterator[Omission]:
+    scene = simulation.scene
+    if scene.time is None:
+        _, _, risk = effect.reason.partition("; ")
+        if risk:
+            yield Omission(effect.name, None, risk, True, "add a section [time]")
+        return
+    remedy = 'set effects.unsteadiness = "auto"'
+    transient = simulation.transient
+    if not scene.numerics.error_bars or transient is None or not transient.past:
+        how = "history force, pressure gradient and added mass, leading terms"
+        yield Omission(effect.name, effect.expected, how, False, remedy)
+        return
+    before = transient.past[0]
+    rate = simulation.fluid.velocity
+    values = simulation.fluid.state.x.array - before.state
+    length = simulation.fluid.time - before.time
+    rate.x.array[:] = values[simulation.fluid.space.velocity_map] / length
+    yield _weighted(simulation, effect.name, _rate(rate), remedy, *loads[:2])
+
+
+def _gravity(simulation: Simulation, effect: Effect, force: Forces | None, *rest: Any) -> Iterator[Omission]:
+    """Weight and buoyancy, which need no estimate."""
+    scene = simulation.scene
+    if not effect.forced or scene.gravity is None or scene.grain is None or force is None:
+        return
+    slope = scene.bed.slope_angle if scene.bed else 0.0
+    excess = (scene.mass or 0.0) - scene.grain.volume
+    change = excess * scene.gravity.acceleration * np.array([np.sin(slope), -np.cos(slope), 0.0])
+    relative = _ratio(change, force.flow)
+    remedy = 'set effects.gravity = "auto"'
+    yield Omission(effect.name, relative, "weight and buoyancy, exact", False, remedy, change, np.zeros(3))
+
+
+def _contact(simulation: Simulation, effect: Effect, *loads: Any) -> Iterator[Omission]:
+    if effect.forced:
+        yield Omission(effect.name, None, "there is no verdict without it", False)
+
+
+def _free_body(
+    simulation: Simulation, effect: Effect, force: Any, couple: Any, verdict: dict[str, Any] | None
+) -> Iterator[Omission]:
+    """A grain that is held in time though it would have begun to move."""
+    since = None if verdict is None else verdict.get("first_motion")
+    if since is not None:
+        yield Omission(effect.name, None, f"the grain moves from t = {since:.4g} on, but was held", False)
+
+
+def _free_surface(simulation: Simulation, effect: Effect, *loads: Any) -> Iterator[Omission]:
+    if effect.expected is not None:
+        how = "of the depth, Fr^2/2 by Bernoulli's equation"
+        yield Omission(effect.name, effect.expected, how, False, "none in this version; a deeper channel")
+
+
+def _turbulence(simulation: Simulation, effect: Effect, *loads: Any) -> Iterator[Omission]:
+    numbers, scene = simulation.plan.numbers, simulation.scene
+    if numbers is not None and may_be_turbulent(scene, numbers):
+        how = f"flow Re {numbers.flow_reynolds:.4g} is above {turbulent_from(scene):g}"
+        yield Omission(effect.name, None, how, True, "the flow computed is the laminar one")
+
+
+_ESTIMATES: dict[str, Callable[..., Iterator[Omission]]] = {
+    "inertia": _inertia,
+    "unsteadiness": _unsteadiness,
+    "gravity": _gravity,
+    "contact": _contact,
+    "free body": _free_body,
+    "free surface": _free_surface,
+    "turbulence": _turbulence,
+}
+
+
+# -- terms weighted with dual solutions -------------------------------------------------------------
+
+
+def _convection(v: Any, w: Any) -> Any:
+    from ..forms.terms import convection
+
+    return convection(v, v, w)
+
+
+def _rate(rate: Any) -> Term:
+    from ..forms.terms import inertia
+
+    return lambda v, w: inertia(rate, w)
+
+
+def _weighted(
+    simulation: Simulation, name: str, term: Term, remedy: str, force: Forces | None, couple: Couples | None
+) -> Omission:
+    """The change of force and couple by a missing term; without a grain, that of the velocity."""
+    fluid, grain = simulation.fluid, simulation.scene.grain
+    with_factors_of_steady_flow(fluid)
+    if force is None or couple is None or grain is None:
+        how = "of the velocity in the mean, linear"
+        return Omission(name, change_of_velocity(fluid, term), how, False, remedy)
+    forces, couples = change_of_loads(fluid, term, "body", couple.about[: fluid.space.gdim].tolist())
+    # A couple may vanish by symmetry: it then is compared with half the grain's size times the force.
+    arm = 0.5 * grain.size * float(np.linalg.norm(force.flow))
+    of_couple = float(np.linalg.norm(couples)) / max(float(np.linalg.norm(couple.flow)), arm, 1e-300)
+    relative = max(_ratio(forces, force.flow), of_couple)
+    return Omission(name, relative, "dual-weighted, linear", False, remedy, forces, couples)
+
+
+def with_factors_of_steady_flow(fluid: Fluid) -> None:
+    """Let the fluid's factors be those of its steady equations, linearised about its state. Collective.
+
+    The state stays; of an unsteady fluid the next step sets everything anew.
+    """
+    if fluid.model.linear and not fluid.model.unsteady:
+        return
+    state = fluid.state.x.array.copy()
+    fluid.discretise_time((0.0, 0.0, 0.0), (1.0, 0.0))
+    fluid.correct()
+    fluid.state.x.array[:] = state
+    fluid.renew_factors()
+
+
+def change_of_loads(fluid: Fluid, term: Term, boundary: str, about: Sequence[float]) -> tuple[Floats, Floats]:
+    """By how much a missing term would change force (3,) and couple (3,) on a boundary, to first order. Collective.
+
+    Args:
+        fluid: solved, with factors of its steady equations at hand.
+        term: the integrand, on the left-hand side of the momentum equation.
+        about: point (gdim,) that the couple refers to.
+    """
+    tested, gdim = _tested(fluid, term), fluid.space.gdim
+    size = 3 if gdim == 2 else 6
+    owned = len(tested)
+    mine = [tested @ fluid.dual(_rigid_motion(fluid, boundary, about, k))[:owned] for k in np.eye(size)]
+    changes = -fluid.domain.comm.allreduce(np.array(mine))
+    force, couple = np.zeros(3), np.zeros(3)
+    force[:gdim] = changes[:gdim]
+    couple[-(size - gdim) :] = changes[gdim:]
+    return force, couple
+
+
+def change_of_velocity(fluid: Fluid, term: Term) -> float:
+    """By how much a missing term would change the velocity, relative to it in the mean, to first order. Collective."""
+    from .. import compat
+
+    matrix = fluid.solver.matrix
+    right, change = matrix.createVecLeft(), matrix.createVecRight()
+    right.setArray(_tested(fluid, term))
+    compat.set_zero(right, fluid.constraints.dirichlet)
+    fluid.solver.apply(right, change)
+    size = fluid.squared_velocities(change.array_r)
+    whole = fluid.squared_velocities(fluid.state.x.array)
+    for held in (right, change):
+        held.destroy()
+    return float(np.sqrt(size / whole)) if whole else 0.0
+
+
+def _tested(fluid: Fluid, term: Term) -> Floats:
+    """(owned unknowns,) the term at the fluid's state against every test function."""
+    import ufl
+    from petsc4py import PETSc
+
+    from .. import compat
+    from ..compat import petsc
+
+    v, _ = ufl.split(fluid.state)
+    w, _ = ufl.TestFunctions(fluid.space.mixed)
+    vector = petsc.assemble_vector(compat.form(term(v, w) * fluid.space.quadrature()))
+    vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    values = vector.array_r.copy()
+    vector.destroy()
+    return np.asarray(values)
+
+
+def _rigid_motion(fluid: Fluid, boundary: str, about: Sequence[float], goal: Floats) -> Floats:
+    """(local unknowns,) a rigid motion (3 or 6,) of the boundary about a point, zero elsewhere."""
+    from ..body.state import turned
+    from ..fluid.space import boundary_blocks
+
+    space, gdim = fluid.space, fluid.space.gdim
+    blocks = boundary_blocks(space.velocity, fluid.domain.facets_of(boundary))
+    arms = fluid.constraints.points[blocks, :gdim] - np.asarray(about, dtype=float)
+    values = np.zeros_like(fluid.state.x.array)
+    values[space.velocity_map.reshape(-1, gdim)[blocks]] = goal[:gdim] + turned(goal[gdim:], arms)
+    return values
+
+
+def _ratio(change: Floats, whole: Floats) -> float:
+    return float(np.linalg.norm(change)) / max(float(np.linalg.norm(whole)), 1e-300)

@@ -1,0 +1,1 @@
+"""Runs to an accuracy: meshes, orders and steps of the program's choice."""

@@ -1,0 +1,253 @@
+"""Steady flow to a given accuracy: from mesh to mesh by what each vertex contributes to the error.
+
+The first mesh is as coarse as the geometry allows, in elements of the scene's order. The dual-weighted residual
+(`dual`) gives the error of the quantity asked for and what each vertex has to do with it, and from that
+follow the sizes of the next mesh's cells (`sizing`). A higher order is chosen where it is expected to need
+fewer unknowns (`cheapest_order`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from ..accuracy.dual import GoalErrors
+from ..accuracy.errorbars import by_dual, changed, error_bars, farther, has_no_far_sides
+from ..errors import ConvergenceError, MeshError
+from ..interrupt import told_where_kept
+from ..planning.drawing import Layout
+from ..results.result import Couples, Forces, Result
+from ..scene import Scene
+from ..simulation.recorder import Recorder, Unrecorded
+from ..simulation.simulate import Simulation
+from .search import Search, Told, Trial
+from .sizing import STEEPEST, Shares, gathered, resized
+
+if TYPE_CHECKING:
+    from ..accuracy.errorbars import ErrorBars
+    from ..meshes import SizeField
+
+ORDERS = (2, 3, 4)
+UNKNOWNS = {2: 9, 3: 22, 4: 41}  # per vertex of a large plane mesh
+GAIN = 0.1  # what one order more is expected to leave of the error on the same mesh
+COARSEST = 4.0  # the first mesh: its cells relative to those by default
+AIM = 0.6  # of the accuracy, so that the mesh expected to reach it does
+CANCELLING = 4.0  # most that contributions of the next mesh are trusted to cancel
+MOST_MESHES, MOST_FAILURES = 12, 3
+SOLVER_SHARE = 1e-3  # of the accuracy: what the iteration may leave
+TOLERANCES = (1e-10, 1e-5)
+TIME_GROWTH = 1.3  # of the time to solve and estimate with unknowns
+FOR_VERDICT = 0.2  # what is left of an error that is to decide a verdict
+SMALLEST_GAP = 1e-4  # of the grain's size
+CLOSER = 0.25  # a gap that is to decide a verdict, relative to before
+CRITICAL = 1e-4  # a safety factor known this well and still on both sides of one
+
+
+def cheapest_order(order: int, excess: float) -> int:
+    """The order, not below the given one, that is expected to need the fewest unknowns.
+
+    excess: the error in elements of the given order over the accuracy asked for. One order more on the same mesh is
+    expected to leave a tenth; what is then too much needs (error / accuracy)^(1/k) times the unknowns in the plane.
+    """
+
+    def unknowns(k: int) -> float:
+        """Expected of elements of order k, relative."""
+        return UNKNOWNS[k] * max(1.0, excess * GAIN ** (k - order)) ** (1.0 / k)
+
+    return min((k for k in ORDERS if k >= order), key=unknowns)
+
+
+@dataclass(frozen=True)
+class _Attempt:
+    """A mesh to be tried: the scene with order and tolerance, and what becomes of the cell sizes laid out."""
+
+    scene: Scene
+    sizing: Callable[[Layout], Layout]
+    expected: float = 0.0  # unknowns
+    note: str = ""
+
+
+def coarse_sizes(factor: float, field: SizeField | None, layout: Layout) -> Layout:
+    """A layout with cells so many times as large as by default, but in gaps and where a field says otherwise."""
+    sizes = layout.sizes.coarsened(factor, STEEPEST)
+    return replace(layout, sizes=replace(sizes, field=field))
+
+
+class Refinement(Search):
+    """Steady flow: from mesh to mesh by the shares of the vertices."""
+
+    def result(self) -> Result:
+        """Try meshes until the accuracy is reached or cannot be. Collective."""
+        attempt, best, failures = self._first(COARSEST), None, 0
+        while True:
+            try:
+                outcome = self._tried(attempt)
+            except (ConvergenceError, MeshError) as error:
+                failures += 1
+                self.tell(Trial(attempt.scene.numerics.order, 0, 0, None, 0.0, note=str(error)))
+                if best is not None:
+                    self.reason = f"the next mesh failed: {error}"
+                    return self._repeated(best)
+                if failures == MOST_FAILURES:
+                    raise
+                attempt = self._first(COARSEST * 0.5**failures)
+                continue
+            if not isinstance(outcome, _Attempt):
+                return outcome
+            best, attempt = attempt, outcome
+
+    def _first(self, factor: float) -> _Attempt:
+        sizing = partial(coarse_sizes, factor, None)
+        return _Attempt(self._set_up(self.scene, self.numerics.order), sizing)
+
+    def _set_up(self, scene: Scene, order: int) -> Scene:
+        asked = self.numerics.accuracy
+        wanted = SOLVER_SHARE * (asked if isinstance(asked, float | int) else CRITICAL)
+        tolerance = float(np.clip(wanted, *TOLERANCES))
+        return changed(scene, numerics={"order": order, "tolerance": tolerance})
+
+    def _simulation(self, attempt: _Attempt) -> Simulation:
+        simulation = Simulation(attempt.scene, self.comm, Unrecorded(), self.voice, sizing=attempt.sizing)
+        simulation.ledger, simulation.iterations, simulation.known = self.ledger, self.iterations, self.known
+        simulation.spent = self.spent
+        return simulation
+
+    def _tried(self, attempt: _Attempt) -> Result | _Attempt:
+        """Solve, estimate, and either conclude or say what to try next. Collective."""
+        began = self.elapsed()
+        simulation = self._simulation(attempt)
+        with simulation.prepared():
+            force, couple = self._solved(simulation)
+            assert simulation.layout.placement is not None
+            # Of loads, over those of the fluid, which has a speed of its own; both are near, or it is Stokes flow.
+            unit = self.speed * simulation.fluid.reynolds / simulation.plan.reynolds
+            with (
+                self.ledger.stage("error bars"),
+                GoalErrors(simulation.fluid, "body", simulation.layout.placement.centre) as goals,
+            ):
+                of_force, of_couple = unit * goals.force, unit * goals.couple
+                self.known["discretisation"] = by_dual(of_force, of_couple)
+                error = self.goal.error(force, couple, of_force, of_couple)
+                parts = [goals.shares(unit * goal) for goal in self.goal.goals(force, couple)]
+                shares = gathered(simulation.domain.mesh, parts)
+            cells = int(self.comm.bcast(len(shares.triangles), root=0))
+            seconds = self.elapsed() - began
+            order, unknowns = attempt.scene.numerics.order, simulation.fluid.space.unknowns
+            self.tell(Trial(order, cells, unknowns, error, seconds, note=attempt.note))
+            if self.numerics.accuracy != "verdict":
+                following = self._to_refine(attempt, error / self.asked, shares, error)
+                return following or self._concluded(simulation, self._handed_over(simulation))
+            # Coarse runs come next, for the error bars: what has been found outlasts an interrupt.
+            told = self._handed_over(simulation)
+            with told_where_kept(told.kept, self.comm):
+                bars = error_bars(simulation, force, couple)
+            return self._to_decide(attempt, bars, shares) or self._concluded(simulation, told)
+
+    def _solved(self, simulation: Simulation) -> tuple[Forces, Couples]:
+        """Solve for the load whose errors are looked at, with the flow `speed` times that of the scene. Collective."""
+        return simulation.loads_at(self.speed)
+
+    def _handed_over(self, simulation: Simulation) -> Told:
+        """The recorder that has got the solution at hand, but for its error bars. Collective."""
+        asked = changed(
+            simulation.scene, numerics={"order": self.numerics.order, "tolerance": self.numerics.tolerance}
+        )
+        told = Told(self.recorder, asked, self.adaptation)
+        simulation.hand_over(cast(Recorder, told))
+        return told
+
+    def _concluded(self, simulation: Simulation, told: Told) -> Result:
+        """Estimate the errors of the solution that has been handed over, and end with it. Collective."""
+        simulation.finished()
+        return told.result
+
+    def _repeated(self, attempt: _Attempt) -> Result:
+        """Solve once more on a mesh that was solved on before. Collective."""
+        simulation = self._simulation(attempt)
+        self.known.pop("discretisation", None)
+        with simulation.prepared():
+            self._solved(simulation)
+            return self._concluded(simulation, self._handed_over(simulation))
+
+    # -- what next ------------------------------------------------------------------------------
+
+    def _to_refine(self, attempt: _Attempt, excess: float, shares: Shares, error: float) -> _Attempt | None:
+        """The next mesh, or nothing once the accuracy is reached or cannot be."""
+        if excess <= 1.0:
+            self.reason, self.met = "reached", True
+            return None
+        order = attempt.scene.numerics.order
+        if np.isinf(error):  # the safety factor may be infinite: how much finer is enough is not known
+            order = cheapest_order(order, 1.0 / FOR_VERDICT)
+            return self._within_budget(self._finer(attempt, order, FOR_VERDICT, shares, error))
+        higher = cheapest_order(order, excess / AIM)
+        left = error * GAIN ** (higher - order)
+        return self._within_budget(self._finer(attempt, higher, AIM * self.asked / left, shares, error))
+
+    def _finer(
+        self, attempt: _Attempt, order: int, relative: float, shares: Shares, error: float, note: str = ""
+    ) -> _Attempt:
+        """A mesh on which the error is expected to be `relative` times that in elements of an order on this one."""
+        together = self.comm.bcast(float(np.sum(shares.errors)), root=0)
+        # As far as contributions cancel, their sum may be larger than the error.
+        cancelling = float(np.clip(error / max(together, 1e-300) * CANCELLING, None, 1.0))
+        wanted = resized(shares, order, relative * cancelling, self.comm)
+        per_vertex = UNKNOWNS[order] / UNKNOWNS[attempt.scene.numerics.order]
+        return _Attempt(
+            self._set_up(attempt.scene, order),
+            partial(coarse_sizes, COARSEST, wanted.field),
+            self.trials[-1].unknowns * per_vertex * wanted.more_cells,
+            note,
+        )
+
+    def _within_budget(self, attempt: _Attempt) -> _Attempt | None:
+        """The attempt if it is affordable, else nothing, and why."""
+        last = self.trials[-1]
+        seconds = last.seconds * max(1.0, attempt.expected / last.unknowns) ** TIME_GROWTH
+        self.reason = self.beyond_budget(seconds, attempt.expected)
+        if not self.reason and len(self.trials) >= MOST_MESHES:
+            self.reason = f"not reached with {MOST_MESHES} meshes"
+        return None if self.reason else attempt
+
+    def _to_decide(self, attempt: _Attempt, bars: ErrorBars, shares: Shares) -> _Attempt | None:
+        """The next mesh, gap or domain, or nothing once the verdict is decided or cannot be."""
+        bar, error = bars.safety, self.trials[-1].estimate
+        assert bar is not None and error is not None
+        if bar.certain and bars.failed:
+            why = "; ".join(f"that of the {name}: {reason}" for name, reason in bars.failed.items())
+            self.reason = f"undecided: certain but for errors that are not known, {why}"
+            return None
+        if bar.certain:
+            self.reason, self.met = "the verdict is certain", True
+            return None
+        scene, decisive = attempt.scene, bar.decisive
+        if decisive == "discretisation" and error > CRITICAL:
+            order = cheapest_order(scene.numerics.order, 1.0 / FOR_VERDICT)
+            finer = self._finer(attempt, order, FOR_VERDICT, shares, error, "for the verdict")
+            return self._within_budget(finer)
+        other = with_less_of(decisive, scene)
+        if other is None:
+            self.reason = (
+                f"undecided: the safety factor is between {bar.low:.6g} and {bar.high:.6g}, and the error of "
+                f"the {decisive} cannot be made smaller"
+            )
+            return None
+        for name in ("gap", "domain"):
+            self.known.pop(name, None)
+        unknowns = 1.2 * self.trials[-1].unknowns
+        return self._within_budget(replace(attempt, scene=other[0], expected=unknowns, note=other[1]))
+
+
+def with_less_of(term: str, scene: Scene) -> tuple[Scene, str] | None:
+    """The scene with a smaller gap or a larger domain, and in words; nothing where that ends."""
+    if term == "gap" and scene.contact is not None and scene.contact.gap > SMALLEST_GAP:
+        gap = max(CLOSER * scene.contact.gap, SMALLEST_GAP)
+        return changed(scene, contact={"gap": gap}), f"gap {gap:.3g} of the grain's size"
+    if term == "domain" and not has_no_far_sides(scene):
+        larger = farther(scene)
+        return larger, f"domain {larger.domain.length:.3g} x {larger.domain.height:.3g}"
+    return None

@@ -1,0 +1,226 @@
+"""Asking for accuracy instead of a mesh: solve, estimate the error, refine where it comes from, and again.
+
+Steady flow is refined where the error comes from (`refinement`); for flow in time mesh and steps are made
+finer together (`halving`). Here is what both have in common: the record of the meshes tried, and the budget.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from contextlib import nullcontext
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..accuracy.goal import Goal, Quantity
+from ..interrupt import Interruption
+from ..planning.drawing import MEMORY_GROWTH
+from ..progress import Silent
+from ..results.result import Result
+from ..results.timing import Ledger, peak_memory_mib
+from ..scene import Scene
+from ..simulation.recorder import Recorder, Unrecorded
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from mpi4py import MPI
+
+# What a result says of a search that is still on; one that is stopped leaves it so.
+UNFINISHED = "the search goes on, or was stopped"
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One mesh tried.
+
+    estimate: relative error of the quantity asked for; None where the flow could not be solved, or not compared yet
+    seconds:  wall time, mesh, solution and estimate together
+    step:     the time step, None for steady flow
+    note:     what was changed besides the mesh, or why there is no solution
+    """
+
+    order: int
+    cells: int
+    unknowns: int
+    estimate: float | None
+    seconds: float
+    step: float | None = None
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Adaptation:
+    """What was asked for, what has been reached, and the meshes tried on the way.
+
+    asked: the relative error, or "verdict"; reached: its estimate, None if there is none
+    """
+
+    asked: float | str
+    of: str
+    reached: float | None
+    met: bool
+    reason: str
+    trials: tuple[Trial, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for result.json."""
+        return asdict(self)
+
+    def lines(self) -> list[str]:
+        """The outcome and the trials, a line each."""
+        reached = "unknown" if self.reached is None else f"{self.reached:.1e}"
+        lines = [
+            f"accuracy            error of the {self.of} {reached}, asked for {self.asked}: {self.reason}"
+        ]
+        for trial in self.trials:
+            error = "            " if trial.estimate is None else f"error {trial.estimate:.1e}"
+            step = "" if trial.step is None else f"   step {trial.step:.3g}"
+            lines.append(
+                f"  P{trial.order:<17d}{trial.cells:6d} cells {trial.unknowns:7d} unknowns   {error}   "
+                f"{trial.seconds:5.1f} s{step}   {trial.note}".rstrip()
+            )
+        return lines
+
+
+def run_to_accuracy(
+    scene: Scene, comm: MPI.Comm, recorder: Recorder | None = None, voice: Silent | None = None
+) -> Result:
+    """Run a scene with `numerics.accuracy` on meshes of the program's choice. Collective over `comm`.
+
+    Args:
+        recorder: what the last run is handed to; it may begin again.
+
+    Raises:
+        IncipientError: on all ranks, if no mesh could be solved on.
+    """
+    from .halving import Halving
+    from .refinement import Refinement
+
+    search = Halving if scene.time is not None else Refinement
+    recorder = recorder or Unrecorded()
+    with Interruption(comm) if recorder.keeps else nullcontext():
+        return search(scene, comm, recorder, voice or Silent()).result()
+
+
+class Told:
+    """A recorder that also learns how the mesh was found; the scene it keeps is as it was asked for.
+
+    result: what it was told last, with the adaptation
+    kept:   where a result without error bars is kept, None if nowhere
+
+    Args:
+        adaptation: the search so far.
+        judge: told of the result when the run is over, before the search is asked for.
+    """
+
+    result: Result
+    kept: Path | None = None
+
+    def __init__(
+        self,
+        recorder: Recorder,
+        asked: Scene,
+        adaptation: Callable[[], Adaptation],
+        judge: Callable[[Result], None] = lambda result: None,
+    ):
+        self.keeps, self._recorder, self._asked = recorder.keeps, recorder, asked
+        self._adaptation, self._judge = adaptation, judge
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._recorder, name)
+
+    def begin(self, scene: Scene, plan: Any, domain: Any) -> None:
+        """The mesh is there."""
+        self._recorder.begin(self._asked, plan, domain)
+
+    def provisional(self, result: Result) -> Path | None:
+        """The run is over but for its error bars, and the search goes on."""
+        self.kept = self._recorder.provisional(self._with_search(result))
+        return self.kept
+
+    def finish(self, result: Result) -> None:
+        """The run is over."""
+        self._judge(result)
+        self.result = self._with_search(result)
+        self._recorder.finish(self.result)
+
+    def _with_search(self, result: Result) -> Result:
+        scene = self._asked.model_dump(mode="json")
+        return replace(result, scene=scene, adaptation=self._adaptation())
+
+
+class Search:
+    """What both ways have in common: the accounts and the budget."""
+
+    def __init__(self, scene: Scene, comm: MPI.Comm, recorder: Recorder, voice: Silent):
+        self.scene, self.comm, self.recorder, self.voice = scene, comm, recorder, voice
+        self.numerics, self.ledger, self.trials = scene.numerics, Ledger(), list[Trial]()
+        self.iterations: dict[str, int] = {}
+        self.known: dict[str, Any] = {}
+        self.goal: Quantity = Goal.of(scene)
+        self.speed = 1.0  # of the flow whose loads are looked at, over that of the scene
+        self.reason, self.met = "", False
+
+    @property
+    def asked(self) -> float:
+        """The relative error asked for."""
+        assert isinstance(self.numerics.accuracy, float | int)
+        return self.numerics.accuracy
+
+    def adaptation(self) -> Adaptation:
+        """The record of the search so far."""
+        asked, reached = self.numerics.accuracy, [t.estimate for t in self.trials if t.estimate is not None]
+        assert asked is not None
+        last, reason = reached[-1] if reached else None, self.reason or UNFINISHED
+        return Adaptation(asked, self.goal.name, last, self.met, reason, tuple(self.trials))
+
+    def elapsed(self) -> float:
+        """Seconds so far, the same on all ranks."""
+        return float(self.comm.bcast(self.ledger.total(), root=0))
+
+    def spent(self) -> str:
+        """Why no estimate shall be begun any more, or nothing. Collective."""
+        limit = self.numerics.budget_seconds
+        if limit is None or self.elapsed() <= limit:
+            return ""
+        return f"numerics.budget_seconds = {limit:g} is spent"
+
+    def beyond_budget(self, seconds: float, unknowns: float) -> str:
+        """Why a run of so many seconds and unknowns is not made, or nothing. Collective."""
+        numerics = self.numerics
+        if numerics.budget_seconds is not None and self.elapsed() + seconds > numerics.budget_seconds:
+            return (
+                f"stopped at numerics.budget_seconds = {numerics.budget_seconds:g}: the next mesh would "
+                f"take about {seconds:.1f} s"
+            )
+        now = float(sum(self.comm.allgather(peak_memory_mib())))
+        expected = now + max(0.0, _factors_mib(unknowns) - _factors_mib(self.trials[-1].unknowns))
+        if numerics.budget_mib is not None and expected > numerics.budget_mib:
+            return (
+                f"stopped at numerics.budget_mib = {numerics.budget_mib:g}: the next mesh would need about "
+                f"{expected:.0f} MiB"
+            )
+        if expected - now > self.comm.bcast(_free_mib(), root=0):
+            return f"stopped: the next mesh would need about {expected:.0f} MiB, more than there is"
+        return ""
+
+    def tell(self, trial: Trial) -> None:
+        """Keep a trial and say how it went."""
+        self.trials.append(trial)
+        error = trial.note if trial.estimate is None else f"estimated error {trial.estimate:.2e}"
+        self.voice.say(
+            f"mesh {len(self.trials)}: P{trial.order}, {trial.unknowns} unknowns, {trial.seconds:.1f} s: {error}"
+        )
+
+
+def _factors_mib(unknowns: float) -> float:
+    """Memory of the factors of a flow and of that in elements of one order more."""
+    both = np.array([1.0, 2.0]) * max(unknowns, 2.0)
+    return float(MEMORY_GROWTH * np.sum(both * np.log2(both)) / 2**20)
+
+
+def _free_mib() -> float:
+    return float(os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")) / 2**20

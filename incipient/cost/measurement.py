@@ -1,0 +1,228 @@
+"""One run among many of the same scene: how finely it is computed, and what that takes and gives.
+
+Each run has a process of its own, so that time and memory are its own. `python -m incipient.cost.measurement` is that
+process: it reads a scene as TOML and prints one line of JSON.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..scene import Scene
+from ..simulation.recorder import Unrecorded
+from . import process, solvers
+from .counts import NOTHING, Counts
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+# What would make the new process take part in a parallel run.
+PARALLEL = ("OMPI_COMM_", "OMPI_UNIVERSE", "PMIX_", "PMI_", "ORTE_")
+COMPILED = 0.05  # processor time [s] of compilers that tells that forms were compiled
+ENOUGH, TURNS = 5.0, 3  # processor time [s] after which a run is not made again, and how often at the most
+
+
+@dataclass(frozen=True, order=True)
+class Rung:
+    """How finely: order of the velocity, factor on cell sizes, time step (None: steady); and how it is solved.
+
+    solver: one of the ways of `solvers`, empty for the scene's own
+    """
+
+    order: int
+    mesh_size: float
+    step: float | None = None
+    solver: str = ""
+
+    @property
+    def name(self) -> str:
+        """Such as "P3-P2, mesh_size 0.5, step 0.01, extrapolated"."""
+        step = "" if self.step is None else f", step {self.step:.4g}"
+        solver = f", {self.solver}" if self.solver else ""
+        return f"P{self.order}-P{self.order - 1}, mesh_size {self.mesh_size:.4g}{step}{solver}"
+
+    @property
+    def key(self) -> tuple[int, str, str, str]:
+        """What tells rungs apart in a file of rounded numbers."""
+        step = "" if self.step is None else f"{self.step:.6g}"
+        return self.order, f"{self.mesh_size:.6g}", step, self.solver
+
+    def of(self, scene: Scene) -> Scene:
+        """The scene computed so, without error bars and files; PETSc's options are not part of it.
+
+        Raises:
+            SceneError: the scene cannot be computed so.
+        """
+        from ..accuracy.errorbars import changed
+
+        numerics = {"order": self.order, "mesh_size": self.mesh_size, "geometry_order": None}
+        sections: dict[str, dict[str, Any]] = {"numerics": {**numerics, "error_bars": False}}
+        # An accuracy asked for would choose the mesh itself.
+        for name in ("accuracy", "budget_seconds", "budget_mib"):
+            if name in type(scene.numerics).model_fields:
+                sections["numerics"][name] = None
+        sections["output"] = {"fields": False, "pictures": False, "every": 0, "checkpoint": 0}
+        if self.step is not None:
+            # A step that adapts itself would not be the rung's.
+            sections["time"] = {"step": self.step, "tolerance": None}
+        for name, keys in solvers.sections(self.solver, scene).items():
+            sections[name] = sections.get(name, {}) | keys
+        return changed(scene, **sections)
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What a run took and gave.
+
+    wall, cpu: seconds of the whole process; start: processor time until everything was imported
+    found:     the numbers its accuracy is measured by
+    failed:    why it gave nothing; the rest is then empty
+    """
+
+    rung: Rung
+    wall: float
+    cpu: float
+    start: float = 0.0
+    peak_mib: float = 0.0
+    cells: int = 0
+    unknowns: int = 0
+    counts: Counts = NOTHING
+    found: Mapping[str, float] = field(default_factory=dict)
+    failed: str = ""
+
+
+def measure(scene: Scene, rung: Rung) -> Measured:
+    """Run a scene at a rung in a process of its own; a run that compiled forms is made again. Not collective.
+
+    A run that fails is not an error: `failed` says why.
+    """
+    measured, compiled = _once(scene, rung)
+    return _once(scene, rung)[0] if compiled and not measured.failed else measured
+
+
+def quickest(scene: Scene, rung: Rung) -> Measured:
+    """The quickest of a few runs, so that chance counts little where times are compared; of a long run the only one.
+
+    As `measure` else. Not collective.
+    """
+    runs = [measure(scene, rung)]
+    while len(runs) < TURNS and sum(run.cpu for run in runs) < ENOUGH and not runs[-1].failed:
+        runs.append(measure(scene, rung))
+    return min(runs, key=lambda run: (bool(run.failed), run.cpu))
+
+
+def _once(scene: Scene, rung: Rung) -> tuple[Measured, bool]:
+    from ..errors import SceneError
+    from ..scene.file import dumps
+
+    try:
+        text = dumps(rung.of(scene))
+    except SceneError as error:
+        return Measured(rung, 0.0, 0.0, failed=str(error)), False
+    # -P: modules are not looked for in the working directory.
+    command = [sys.executable, "-P", "-m", "incipient.cost.measurement"]
+    # In a session of its own: an interrupt is this process's to deal with.
+    used = process.run(command, surroundings(solvers.options(rung.solver)), given=text, apart=True)
+    if used.exit_code != 0:
+        return Measured(rung, used.wall, used.cpu, failed=_complaint(used.exit_code, used.errors)), False
+    told = json.loads(used.output.strip().splitlines()[-1])
+    compiled = told.pop("compiling") > COMPILED
+    counts = Counts.of(told.pop("counts"))
+    return Measured(rung, used.wall, used.cpu, counts=counts, **told), compiled
+
+
+def surroundings(options: str = "") -> dict[str, str]:
+    """The environment of a run alone: one thread, no part in a parallel run, names of forms that stay.
+
+    `options` of PETSc come after those that the environment has.
+    """
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(PARALLEL)}
+    if options:
+        kept["PETSC_OPTIONS"] = f"{kept.get('PETSC_OPTIONS', '')} {options}".strip()
+    # A form's signature may depend on the order of a set: fixed, or forms would be compiled again.
+    return {**kept, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "0"}
+
+
+def _complaint(code: int, errors: str) -> str:
+    if code < 0:
+        return f"ended by signal {-code}" + (": not enough memory?" if code == -9 else "")
+    lines = errors.strip().splitlines() or [f"exit code {code}"]
+    return lines[-1].removeprefix("incipient: ")
+
+
+# -- the process --------------------------------------------------------------------------------------------
+
+
+class _Rows(Unrecorded):
+    """Keeps the history of a run."""
+
+    def __init__(self) -> None:
+        self.rows: list[dict[str, Any]] = []
+
+    def step(self, row: dict[str, Any]) -> None:
+        """See `recorder.Recorder`."""
+        self.rows.append(row)
+
+
+def main() -> int:
+    """Run the scene on standard input and tell what it took and gave; the exit code."""
+    from ..cli import start_alone_quickly
+    from ..errors import IncipientError
+
+    start_alone_quickly()
+    from mpi4py import MPI
+
+    from ..scene import loads
+
+    try:
+        print(json.dumps(told(loads(sys.stdin.read()), MPI.COMM_SELF)))
+    except IncipientError as error:
+        print(f"incipient: {error}", file=sys.stderr)
+        return error.exit_code
+    return 0
+
+
+def told(scene: Scene, comm: MPI.Comm) -> dict[str, Any]:
+    """Run a scene; what `Measured` holds beside the times of the whole process. Collective."""
+    from ..coupled import tractions  # noqa: F401 (the start is over then)
+    from ..simulation import simulate as simulation
+    from .quantities import quantities
+
+    start, recorder = time.process_time(), _Rows()
+    result = simulation.simulate(scene, comm, recorder)
+    counted = {
+        **result.cost["iterations"],
+        "remeshings": len((result.trajectory or {}).get("remeshings", ())),
+    }
+    compilers = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return {
+        "start": start,
+        "peak_mib": _peak_mib(),
+        "cells": result.cost["cells"],
+        "unknowns": result.cost["unknowns"],
+        "counts": vars(Counts.of(counted)),
+        "found": quantities(scene, result, recorder.rows),
+        "compiling": compilers.ru_utime + compilers.ru_stime,
+    }
+
+
+def _peak_mib() -> float:
+    """Largest resident memory of this program; the kernel's other count has that of the starting process in it."""
+    from ..results.timing import peak_memory_mib
+
+    status = Path("/proc/self/status")
+    lines = status.read_text().splitlines() if status.exists() else []
+    peaks = [int(line.split()[1]) / 1024 for line in lines if line.startswith("VmHWM:")]
+    return peaks[0] if peaks else peak_memory_mib()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,122 @@
+"""The runs of a study in its file cost.csv, a row each, appended when a run is over."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+
+from ..errors import OutputError
+from ..files import append_row, reported, write_text_atomically
+from ..scene import Scene
+from .counts import COUNTS, Counts
+from .measurement import Measured, Rung
+from .quantities import columns
+
+Key = tuple[int, str, str, str]
+
+ROWS = "cost.csv"
+SOLVER, AFTER = "solver", "step"  # a column that files of earlier versions lack, and that before it
+
+
+def append(scene: Scene, run: Measured, directory: Path) -> None:
+    """Add a run to the file in a directory. Not collective.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    append_row(directory / ROWS, row_of(scene, run))
+
+
+def row_of(scene: Scene, run: Measured) -> dict[str, float | int | str]:
+    """A run as a row; what a failed run lacks is empty."""
+    good, (order, mesh_size, step, solver) = not run.failed, run.rung.key
+    row: dict[str, float | int | str] = {
+        "order": order,
+        "mesh_size": mesh_size,
+        AFTER: step,
+        SOLVER: solver,
+        "failed": run.failed,
+        "wall [s]": round(run.wall, 3),
+        "processor [s]": round(run.cpu, 3),
+        "start [s]": round(run.start, 3) if good else "",
+        "memory [MiB]": round(run.peak_mib, 1) if good else "",
+        "cells": run.cells if good else "",
+        "unknowns": run.unknowns if good else "",
+    }
+    row |= {name: getattr(run.counts, name) if good else "" for name in COUNTS}
+    return row | {name: repr(run.found[name]) if good else "" for name in columns(scene)}
+
+
+def known_runs(scene: Scene, directory: Path) -> dict[Key, Measured]:
+    """The runs in the file of a directory, by the keys of their rungs. Not collective.
+
+    Half a row at its end, of a writer that was killed, is cut off. In a file of an earlier version all runs were
+    solved as the scene says.
+
+    Raises:
+        OutputError: the file is damaged, or cannot be written.
+    """
+    path = directory / ROWS
+    if not path.exists():
+        return {}
+    with reported(path):
+        text = path.read_bytes()
+        whole = text.rfind(b"\n") + 1
+        if whole < len(text):
+            os.truncate(path, whole)
+    try:
+        rows = csv.DictReader(text[:whole].decode().splitlines())
+        runs = [_run_of(scene, row) for row in rows]
+    except (KeyError, ValueError, TypeError) as error:
+        raise OutputError(f"{path}: cannot be understood ({error}); delete it to begin anew") from error
+    return {run.rung.key: run for run in runs}
+
+
+def _run_of(scene: Scene, row: Mapping[str, str]) -> Measured:
+    step = float(row[AFTER]) if row[AFTER] else None
+    rung = Rung(int(row["order"]), float(row["mesh_size"]), step, row.get(SOLVER, ""))
+    spent = float(row["wall [s]"]), float(row["processor [s]"])
+    if row["failed"]:
+        return Measured(rung, *spent, failed=row["failed"])
+    return Measured(
+        rung,
+        *spent,
+        start=float(row["start [s]"]),
+        peak_mib=float(row["memory [MiB]"]),
+        cells=int(row["cells"]),
+        unknowns=int(row["unknowns"]),
+        counts=Counts(**{name: int(row[name]) for name in COUNTS}),
+        found={name: float(row[name]) for name in columns(scene)},
+    )
+
+
+def completed(directory: Path, compared: Collection[Rung]) -> bool:
+    """Give a file of an earlier version the column that it lacks; whether it was one. Not collective.
+
+    It loses the runs `compared` with others that are still to be made: times of another day would not do. Read it
+    with `known_runs` before, which tells whether it is damaged.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    path = directory / ROWS
+    table = csv.DictReader(path.read_text(encoding="utf-8").splitlines() if path.exists() else [])
+    heads = list(table.fieldnames or ())
+    if AFTER not in heads or SOLVER in heads:
+        return False
+    old = {tuple(map(str, rung.key[:-1])) for rung in compared}
+    rows = [row for row in table if (row["order"], row["mesh_size"], row[AFTER]) not in old]
+    at = heads.index(AFTER) + 1
+    write_text_atomically(path, _table([*heads[:at], SOLVER, *heads[at:]], rows))
+    return True
+
+
+def _table(heads: Sequence[str], rows: Sequence[Mapping[str, str]]) -> str:
+    text = io.StringIO()
+    writer = csv.DictWriter(text, heads, restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()

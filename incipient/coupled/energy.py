@@ -1,0 +1,49 @@
+"""Where the energy of a flow is and goes: kinetic energy, dissipation, and the power put in at the boundaries."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem
+
+from .. import compat
+from ..fluid import Fluid
+from ..forms.kinematics import rate_of_strain
+
+
+class EnergyBudget:
+    """Reads the energies of a fluid without a reference map. Every method is collective.
+
+    Without open boundaries and body forces, the power less the dissipation is the rate of the kinetic energy.
+    """
+
+    def __init__(self, fluid: Fluid):
+        self.fluid = fluid
+        v = ufl.split(fluid.state)[0]
+        dx, D = fluid.space.quadrature(), rate_of_strain(v, None)
+        self._kinetic = compat.form(ufl.inner(v, v) / 2 * dx)
+        self._dissipation = compat.form(2 / fluid.reynolds_constant * ufl.inner(D, D) * dx)
+
+    def kinetic(self) -> float:
+        """The integral of |v|^2/2, fluid density one."""
+        return self._sum(self._kinetic)
+
+    def dissipation(self) -> float:
+        """The integral of (2/Re) D : D, energy turned into heat in unit time."""
+        return self._sum(self._dissipation)
+
+    def power(self) -> float:
+        """Work that prescribed and carried boundaries do on the fluid in unit time.
+
+        The residual vanishes but where velocities are given: there it is the force that holds them.
+        """
+        residual = self.fluid.residual()
+        velocities = self.fluid.space.velocity_map
+        mine = velocities[velocities < len(residual)]
+        work = float(residual[mine] @ self.fluid.state.x.array[mine])
+        return float(self.fluid.domain.comm.allreduce(work))
+
+    def _sum(self, form: Any) -> float:
+        return float(self.fluid.domain.comm.allreduce(float(np.real(fem.assemble_scalar(form)))))

@@ -1,0 +1,143 @@
+"""A new mesh on the way: everything the run needs is carried over from the old one, and checked.
+
+Fields, past states and past places of the mesh live on the old mesh as it is now. Each point of the new mesh
+takes what the old one has there: velocities and pressures now and before, and the way its point of the mesh
+has come. The second-order backward difference goes on as if nothing had happened. Velocities then get their
+boundary values, and the nearest velocity field without (discrete) divergence, each on the mesh of its time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import dolfinx
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import compat
+from ..body.state import rigid_velocity
+from ..errors import MeshError
+from ..fluid import Fluid
+from ..fluid.projection import restore_incompressibility
+from ..fluid.space import geometry_function, set_geometry_function
+from ..fluid.transient import Past
+from ..mesh.transfer import Transfer
+from .coupling import Coupling, Position
+from .energy import EnergyBudget
+
+Floats = NDArray[np.float64]
+
+# Relative change of the velocity by the projection from which on the new mesh is too coarse for the flow.
+LARGEST_CHANGE = 0.1
+
+
+@dataclass(frozen=True)
+class Remeshing:
+    """A new mesh: when, of how many cells, the worst cell of both, and how much the flow changed with it.
+
+    outside: nodes of the new mesh that were not in the old one, and how far from it (`farthest`) [length]
+    change:  of the velocity by making it free of divergence again, relative
+    energy:  relative change of the fluid's kinetic energy
+    """
+
+    time: float
+    cells: int
+    old_quality: float
+    new_quality: float
+    outside: int
+    farthest: float
+    change: float
+    energy: float
+
+
+def carry_over(old: Coupling, new: Coupling, states: Sequence[Past]) -> tuple[list[Past], Remeshing]:
+    """Carry the states of the old fluid, the present one first, to the new fluid and its coupling. Collective.
+
+    The new fluid's state becomes the present one; the states come back as they are on the new mesh.
+
+    Raises:
+        MeshError: the new mesh is folded, or too coarse for the flow. The old fluid is as it was.
+    """
+    carrier = Carrier(old.fluid, new.fluid)
+    new.mean_load, new.end, new.fluid.time = old.mean_load, old.end, old.fluid.time
+    new.past = [Position(one.state, carrier.places(one.places)) for one in old.past]
+    carried, changes = [], []
+    for k, one in enumerate(states):
+        state = carrier.state(one.state)
+        if k < len(new.past):
+            state, change = _admissible(new, new.past[k], state)
+            changes.append(change)
+        carried.append(Past(one.time, state, one.velocities))
+    _put(new, new.past[0])
+    new.fluid.state.x.array[:] = carried[0].state
+    told = _told(old, new, carrier, max(changes))
+    if not (told.new_quality > 0.0 and told.change < LARGEST_CHANGE):
+        raise MeshError(
+            f"at t = {told.time:.6g} the flow does not survive the transfer to a new mesh (change {told.change:.2g}, "
+            f"worst cell {told.new_quality:.2g}): use a smaller numerics.mesh_size"
+        )
+    return carried, told
+
+
+def _admissible(new: Coupling, position: Position, state: Floats) -> tuple[Floats, float]:
+    """A state with its boundary values and without divergence, and the relative change that took."""
+    fluid = new.fluid
+    _put(new, position)
+    fluid.state.x.array[:] = state
+    fluid.constraints.update(position.state.time)
+    fluid.constraints.carry(new.boundary, lambda x: rigid_velocity(position.state, x))
+    compat.impose(fluid.state.x.array, fluid.constraints.dirichlet)
+    change = restore_incompressibility(fluid)
+    return fluid.state.x.array.copy(), change
+
+
+def _put(new: Coupling, position: Position) -> None:
+    """Move the new mesh to where it is, or was, at a position."""
+    new.fluid.domain.mesh.geometry.x[:] = position.places
+    new.fluid.constraints.boundary_points_moved()
+
+
+def _told(old: Coupling, new: Coupling, carrier: Carrier, change: float) -> Remeshing:
+    before, after = (EnergyBudget(one.fluid).kinetic() for one in (old, new))
+    topology = new.fluid.domain.mesh.topology
+    return Remeshing(
+        time=new.fluid.time,
+        cells=int(topology.index_map(topology.dim).size_global),
+        old_quality=old.motion.quality().worst,
+        new_quality=new.motion.quality().worst,
+        outside=carrier.velocity.outside,
+        farthest=carrier.velocity.farthest,
+        change=change,
+        energy=abs(after - before) / before if before else 0.0,
+    )
+
+
+class Carrier:
+    """From the nodes of one fluid to those of another. Every method is collective."""
+
+    def __init__(self, old: Fluid, new: Fluid):
+        self.old, self.new = old, new
+        mesh = old.domain.mesh
+        self.velocity = Transfer(mesh, new.space.velocity_points())
+        self.pressure = Transfer(mesh, new.space.pressure.tabulate_dof_coordinates())
+        self.geometry = Transfer(mesh, new.domain.mesh.geometry.x)
+
+    def state(self, values: Floats) -> Floats:
+        """The fluid's unknowns on the new mesh of a state on the old one."""
+        carried = np.zeros_like(self.new.state.x.array)
+        spaces = (self.old.space, self.new.space)
+        for name, transfer in (("velocity", self.velocity), ("pressure", self.pressure)):
+            part = dolfinx.fem.Function(getattr(spaces[0], name))
+            part.x.array[:] = values[getattr(spaces[0], f"{name}_map")]
+            carried[getattr(spaces[1], f"{name}_map")] = transfer.values(part).ravel()
+        return carried
+
+    def places(self, old_places: Floats) -> Floats:
+        """Where the nodes of the new mesh would have been when those of the old one were at their old places."""
+        mesh = self.old.domain.mesh
+        way = geometry_function(mesh)
+        set_geometry_function(way, mesh.geometry.x - old_places)
+        new_places = self.new.domain.mesh.geometry.x.copy()
+        new_places[:, : self.old.space.gdim] -= self.geometry.values(way)
+        return new_places

@@ -1,0 +1,147 @@
+"""Force, couple and traction of the fluid on a boundary.
+
+The force on a body is the integral of sigma n over its surface with n out of the body, into the fluid.
+The consistent (residual) method reads it off the assembled momentum residual: tested with the extension
+of a rigid motion from the surface, the residual is minus the power of the traction in that motion. It
+converges at twice the rate of integrating sigma n, which is kept as a cross-check.
+
+Hydrostatic pressure is not in the flow's pressure (see docs/paper.md): buoyancy is a force of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import dolfinx
+import numpy as np
+import ufl
+from petsc4py import PETSc
+
+from .. import compat
+from ..compat import petsc
+from ..fluid import Fluid
+from ..fluid.linear import solve_mass_matrix
+from ..fluid.space import boundary_blocks
+from ..forms import ReferenceMap, surface_traction, surface_vector
+
+
+@dataclass(frozen=True)
+class Resultant:
+    """Force (3,) and couple (3,) about a point (3,), in scene units; in 2D the couple is along the third axis."""
+
+    force: np.ndarray
+    couple: np.ndarray
+    about: np.ndarray
+
+
+class TractionProbe:
+    """Reads the traction of one fluid on one of its boundaries. Every method is collective.
+
+    Args:
+        fluid: the solved flow.
+        boundary: name of the boundary, such as "body". Where it meets another one (a wall and the inflow),
+            the residual force holds the share of the end nodes in that one's traction too.
+        about: point that couples refer to, (gdim,).
+    """
+
+    def __init__(self, fluid: Fluid, boundary: str, about: Sequence[float]):
+        self.fluid, self.boundary = fluid, boundary
+        self.refer_to(about)
+        space = fluid.space.velocity
+        owned = space.dofmap.index_map.size_local
+        blocks = boundary_blocks(space, fluid.domain.facets_of(boundary))
+        self._blocks = blocks[blocks < owned]
+        self._surface_form: Any = None
+
+    def refer_to(self, about: Sequence[float]) -> None:
+        """Let couples refer to another point (gdim,), such as the centre of a body that has moved."""
+        self.about = _padded(np.asarray(about, dtype=float)[None])[0]
+
+    def resultant(self) -> Resultant:
+        """Force and couple by the residual method."""
+        return self._sum(self._nodal_forces())
+
+    def resultant_of(self, residual: np.ndarray) -> Resultant:
+        """Force and couple that a residual of the fluid (owned unknowns,), or a change of it, stands for."""
+        return self._sum(-residual[self._unknowns()])
+
+    def surface_resultant(self) -> Resultant:
+        """Force and couple by integrating sigma n over the boundary: the cross-check."""
+        space = self.fluid.space.velocity
+        if self._surface_form is None:
+            v, p = ufl.split(self.fluid.state)
+            w = ufl.TestFunction(space)
+            n = -ufl.FacetNormal(self.fluid.domain.mesh)
+            traction = surface_traction(v, p, n, self.fluid.reynolds_constant, self._map)
+            ds = self.fluid.domain.measure(self.boundary)
+            self._surface_form = compat.form(ufl.inner(traction, w) * ds)
+        vector = petsc.assemble_vector(self._surface_form)
+        vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        forces = vector.array_r.reshape(-1, self.fluid.space.gdim)[self._blocks].copy()
+        vector.destroy()
+        return self._sum(forces)
+
+    def field(self) -> Any:
+        """The traction as a velocity-space function, zero off the boundary; its integral is the residual force.
+
+        The function t with (t, w) over the boundary equal to the nodal forces for every w.
+        """
+        space = self.fluid.space.velocity
+        traction = dolfinx.fem.Function(space, name="traction")
+        mass = self._boundary_mass()
+        right = mass.createVecRight()
+        values = np.zeros(right.getLocalSize())
+        values.reshape(-1, self.fluid.space.gdim)[self._blocks] = self._nodal_forces()
+        right.setArray(values)
+        solve_mass_matrix(mass, right, traction)
+        return traction
+
+    @property
+    def _map(self) -> ReferenceMap | None:
+        return self.fluid.model.reference_map
+
+    def _nodal_forces(self) -> np.ndarray:
+        """(owned nodes on the boundary, gdim): minus the momentum residual there."""
+        return -self.fluid.residual()[self._unknowns()]
+
+    def _unknowns(self) -> np.ndarray:
+        """(owned nodes on the boundary, gdim): numbers of their velocities in the fluid's state."""
+        gdim = self.fluid.space.gdim
+        return self.fluid.space.velocity_map.reshape(-1, gdim)[self._blocks]
+
+    def _sum(self, forces: np.ndarray) -> Resultant:
+        forces = _padded(forces)
+        arms = _padded(self._places()) - self.about
+        mine = np.array([forces.sum(axis=0), np.cross(arms, forces).sum(axis=0)])
+        force, couple = self.fluid.domain.comm.allreduce(mine)
+        return Resultant(force, couple, self.about)
+
+    def _places(self) -> np.ndarray:
+        """Places in space of the boundary's owned nodes, (n, gdim)."""
+        gdim = self.fluid.space.gdim
+        if self._map is None:
+            return self.fluid.constraints.points[self._blocks, :gdim]
+        place = dolfinx.fem.Function(self.fluid.space.velocity)
+        points = compat.interpolation_points(self.fluid.space.velocity)
+        place.interpolate(dolfinx.fem.Expression(self.fluid.place(), points))
+        return place.x.array.reshape(-1, gdim)[self._blocks]
+
+    def _boundary_mass(self) -> Any:
+        space = self.fluid.space.velocity
+        t, w = ufl.TrialFunction(space), ufl.TestFunction(space)
+        scale = 1.0
+        if self._map is not None:
+            normal = surface_vector(ufl.FacetNormal(self.fluid.domain.mesh), self._map)
+            scale = ufl.sqrt(ufl.inner(normal, normal))
+        mass = petsc.assemble_matrix(
+            compat.form(scale * ufl.inner(t, w) * self.fluid.domain.measure(self.boundary))
+        )
+        mass.assemble()
+        return mass
+
+
+def _padded(rows: np.ndarray) -> np.ndarray:
+    """(n, 2) or (n, 3) as (n, 3)."""
+    return np.pad(rows, ((0, 0), (0, 3 - rows.shape[1])))

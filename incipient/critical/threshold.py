@@ -1,0 +1,344 @@
+"""The critical flow: how fast the scene's flow must be for its grain to begin to move.
+
+The flow is made faster by a factor at the same viscosity, grain and gravity, from rest upwards; the critical factor is
+the first one at which the grain is not held any more (`critical.search`). Its error bars follow from those of force and
+couple there (`critical.bars`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import IncipientError, SceneError
+from ..interrupt import told_where_kept
+from ..progress import Silent
+from ..scene import Scene
+from ..simulation.assemble import cost
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from ..adaptive.search import Adaptation
+    from ..contact import Contacts, Load
+    from ..contact.verdict import Verdict
+    from ..simulation.simulate import Simulation
+    from .bars import CriticalBars
+    from .search import Found, Search, Trial
+
+SCHEMA_VERSION = 2
+BEYOND = 1e-4  # how much faster than critical a flow is that shows the motion
+# What shields is, and what it is not, beside the number.
+SHIELDS = "tau_b/((rho_s - rho_f) g d), d = {size:g}: the largest diameter of the grain"
+LAMINAR = (
+    "in laminar {flow} over one grain in the plane: not a point of Shields' curve, which is of turbulent flow"
+)
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """The critical flow of a scene, or why there is none.
+
+    factor:          critical speed over that of the scene; 0: any flow moves it, or its weight alone does;
+                     inf: none that was seen moves it
+    held_to:         factor up to which the grain is held; inf: it always is
+    reason:          why the search ended without a critical flow, or without one solved near it
+    shields:         Shields number tau_b / ((rho_s - rho_f) g d), tau_b of the undisturbed flow at its datum
+    reynolds:        the scene's Reynolds number, critical
+    shear_reynolds:  u* d / nu with u*^2 = tau_b / rho_f
+    size:            d, the largest diameter of the grain
+    notes:           what to know of the critical flow
+    mode:            how the grain begins to move, by the exact judge
+    load:            the load at the threshold, which the contact forces balance; where any flow moves the grain
+                     that of a weak one, where none does that of the strongest one seen
+    verdict:         both judges there
+    trials:          the flows solved on the way; unsolved: factors at which no steady flow was found
+    bars:            error bars of the factor, None: `without_bars` says why, or there is no threshold
+    adaptation:      how the mesh was found, None without `numerics.accuracy`
+    """
+
+    factor: float
+    held_to: float
+    reason: str
+    shields: float
+    reynolds: float
+    shear_reynolds: float
+    size: float
+    notes: tuple[str, ...]
+    mode: str
+    load: Load
+    contact_forces: np.ndarray
+    contacts: Contacts
+    verdict: dict[str, Any]
+    trials: tuple[Trial, ...]
+    unsolved: tuple[float, ...]
+    cost: dict[str, Any]
+    bars: CriticalBars | None = None
+    without_bars: str = ""
+    adaptation: Adaptation | None = field(default=None)
+
+    @property
+    def is_critical(self) -> bool:
+        """Whether there is a flow at which the grain begins to move."""
+        return 0.0 < self.factor < np.inf
+
+    @property
+    def errors(self) -> dict[str, float | None]:
+        """Absolute errors of factor, shields, reynolds and shear_reynolds; None where they are not known."""
+        share = None if self.bars is None or not self.bars.terms else self.bars.error / self.factor
+        powers = {"factor": 1.0, "shields": 1.0, "reynolds": 1.0, "shear_reynolds": 0.5}
+        return {
+            name: None if share is None else share * power * getattr(self, name)
+            for name, power in powers.items()
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain data for threshold.json."""
+        names = [
+            *self.errors,
+            "held_to",
+            "reason",
+            "size",
+            "notes",
+            "errors",
+            "mode",
+            "verdict",
+            "unsolved",
+            "cost",
+        ]
+        return {
+            **{name: getattr(self, name) for name in names},
+            "schema_version": SCHEMA_VERSION,
+            "error_bars": self.bars and self.bars.to_dict(),
+            "without_error_bars": self.without_bars,
+            "adaptation": self.adaptation and self.adaptation.to_dict(),
+            "load": asdict(self.load),
+            "contacts": {**asdict(self.contacts), "forces": self.contact_forces},
+            "trials": [asdict(trial) for trial in self.trials],
+        }
+
+    def text(self) -> str:
+        """The outcome in a few lines."""
+        lines = self._critical_lines() if self.is_critical else [f"threshold           {self.why_none()}"]
+        if self.bars is not None:
+            lines += self.bars.lines()
+        elif self.without_bars:
+            lines.append(f"error bars          {self.without_bars}")
+        if self.adaptation is not None:
+            lines += self.adaptation.lines()
+        unsolved = f", {len(self.unsolved)} not found" if self.unsolved else ""
+        return "\n".join([*lines, f"flows solved        {len(self.trials)}{unsolved}"])
+
+    def why_none(self) -> str:
+        """Why there is no critical flow, in words."""
+        if self.factor == 0.0 and self.verdict["safety_status"] == "AT_ONCE":
+            return f"zero: any flow moves the grain, {self.mode}"
+        if self.factor == 0.0:
+            return (
+                "none: the grain moves without any flow; with body.settle = true it first rolls and tips to a place "
+                "where it rests"
+            )
+        if not np.isfinite(self.held_to):
+            return (
+                "none: no strength of this flow moves the grain, whose load grows in proportion (no inertia)"
+            )
+        tried = f" (tried: {', '.join(f'{one:.3g}' for one in self.unsolved)} times)" if self.unsolved else ""
+        return f"none up to {self.held_to:.3g} times the flow of the scene; {self.reason}{tried}"
+
+    def _critical_lines(self) -> list[str]:
+        told = {name: with_error(getattr(self, name), error) for name, error in self.errors.items()}
+        return [
+            f"threshold           {told['factor']} times the flow of the scene; "
+            f"then the grain begins {self.mode}",
+            f"Shields number      {told['shields']}",
+            *(f"                    {note}" for note in self.notes),
+            f"Reynolds number     {told['reynolds']}   shear Reynolds number {told['shear_reynolds']}",
+        ]
+
+
+def with_error(value: float, error: float | None) -> str:
+    """A number with its error and no more digits than are certain; four where the error is not known."""
+    if error is None:
+        return f"{value:.4g}"
+    if not np.isfinite(error):
+        return f"{value:.2g} (error without bound)"
+    if error <= 1e-6 * value:  # digits beyond are those of the search
+        return f"{value:.6g}"
+    place = int(np.floor(np.log10(error)))
+    digits = max(0, (1 if error / 10.0**place < 2.0 else 0) - place)
+    shown = np.ceil(error * 10.0**digits) / 10.0**digits
+    return f"{value:.{digits}f} +- {shown:.{digits}f}"
+
+
+def find_threshold(
+    scene: Scene,
+    comm: MPI.Comm,
+    voice: Silent | None = None,
+    keep: Callable[[Threshold], Path | None] = lambda threshold: None,
+) -> Threshold:
+    """Find the critical flow of a scene with a grain resting on a bed. Collective.
+
+    With `numerics.accuracy` the mesh is refined until the error of the critical flow is small enough.
+
+    Args:
+        keep: is given the threshold before its error bars are computed; returns where it is kept.
+
+    Raises:
+        SceneError: the scene has no weight, friction or bed to judge the grain by, or is time-dependent.
+        ConvergenceError: not even the slowest flow could be solved.
+    """
+    from ..simulation.recorder import Unrecorded
+    from ..simulation.simulate import Simulation
+    from .adaptation import CriticalRefinement
+    from .search import Search
+
+    _require(scene)
+    if scene.fluid.inertia and scene.effects.inertia == "auto":
+        # Where the plan would leave inertia out, it may matter at the threshold.
+        scene = scene.model_copy(update={"effects": scene.effects.model_copy(update={"inertia": True})})
+
+    def concluded(
+        simulation: Simulation, search: Search, found: Found, adaptation: Adaptation | None = None
+    ) -> Threshold:
+        threshold = _threshold(simulation, found)
+        if found.is_critical:
+            threshold = replace(threshold, adaptation=adaptation)
+        if not (found.is_critical and simulation.scene.numerics.error_bars):
+            return threshold
+        kept = keep(threshold)
+        with told_where_kept(kept, comm):
+            return _with_bars(threshold, simulation, search, found)
+
+    voice = voice or Silent()
+    if scene.numerics.accuracy is not None:
+        return CriticalRefinement(scene, comm, voice, concluded).threshold()
+    simulation = Simulation(scene, comm, Unrecorded(), voice)
+    with simulation.prepared():
+        search = Search(simulation)
+        return concluded(simulation, search, search.found())
+
+
+def _require(scene: Scene) -> None:
+    body = scene.body
+    needs = (
+        (
+            body is not None and body.x is not None and scene.bed is not None,
+            "a grain that rests on a bed (body.x and [bed])",
+        ),
+        (
+            (scene.density or 0.0) > 1.0,
+            "a grain denser than the fluid (body.density > 1)",
+        ),
+        (
+            scene.gravity is not None and scene.gravity.acceleration > 0.0,
+            "gravity ([gravity] acceleration > 0)",
+        ),
+        (scene.contact is not None, "friction ([contact] friction)"),
+        (scene.time is None, "a steady flow (no [time] section)"),
+        (scene.flow.kind != "still", "a flow (flow.kind other than still)"),
+    )
+    for met, need in needs:
+        if not met:
+            raise SceneError(f"a threshold needs {need}")
+
+
+def _threshold(simulation: Simulation, found: Found) -> Threshold:
+    """The threshold without error bars. Collective."""
+    scene, load = simulation.scene, found.load
+    critical = _judged(simulation, load)
+    stress = found.factor * bed_stress(scene)
+    return Threshold(
+        factor=found.factor,
+        held_to=found.held_to,
+        reason=found.reason,
+        shields=stress / _stress_unit(scene),
+        reynolds=found.factor * scene.fluid.reynolds,
+        shear_reynolds=float(np.sqrt(stress) * _size(scene) / scene.viscosity),
+        size=_size(scene),
+        notes=_notes(scene, found),
+        mode=_mode(simulation, found),
+        load=load,
+        contact_forces=critical.equilibrium.safety.contact_forces,
+        contacts=found.path.contacts,
+        verdict=critical.to_dict(),
+        trials=found.trials,
+        unsolved=found.unsolved,
+        cost=cost(simulation),
+    )
+
+
+def _with_bars(threshold: Threshold, simulation: Simulation, search: Search, found: Found) -> Threshold:
+    """The threshold with error bars, or with what kept them from being computed. Collective."""
+    from ..accuracy.errorbars import error_terms
+    from .bars import critical_bars
+
+    with simulation.stage("error bars"):
+        try:
+            force, couple = search.at_nearest(found.factor)
+            bars = critical_bars(found, error_terms(simulation, force, couple, found.factor))
+        except IncipientError as error:
+            return replace(threshold, without_bars=f"not computed: {error}", cost=cost(simulation))
+    return replace(threshold, bars=bars, cost=cost(simulation))
+
+
+def _notes(scene: Scene, found: Found) -> tuple[str, ...]:
+    """What the Shields number is, and whether the flow can be laminar there. Not collective."""
+    from ..planning.effects import numbers_of, turbulent_from
+
+    if not found.is_critical:
+        return ()
+    notes = [SHIELDS.format(size=_size(scene)), LAMINAR.format(flow=f"{scene.flow.kind} flow")]
+    there = found.factor * numbers_of(scene).flow_reynolds
+    if scene.domain.kind == "channel" and there > (least := turbulent_from(scene)):
+        notes.append(f"flow Re {there:.3g} at the threshold: channels may be turbulent from {least:g} on")
+    if found.between is not None:
+        low, high = found.between
+        notes.append(f"interpolated between {low:.4g} and {high:.4g} times the flow: {found.reason}")
+    return tuple(notes)
+
+
+def _mode(simulation: Simulation, found: Found) -> str:
+    """How the grain begins to move when the flow is a little faster than critical."""
+    if not np.isfinite(found.factor):
+        return "rest"
+    load = found.path.load(found.factor * (1.0 + BEYOND)) if found.factor else found.load
+    return _judged(simulation, load).equilibrium.label
+
+
+def _judged(simulation: Simulation, load: Load) -> Verdict:
+    from ..contact.verdict import judge
+    from ..results.verdict import mass_and_inertia
+
+    scene, contacts = simulation.scene, simulation.contacts
+    assert scene.body is not None and scene.contact is not None and contacts is not None
+    return judge(load, contacts, scene.contact.friction, mass_and_inertia(scene.body))
+
+
+def bed_stress(scene: Scene) -> float:
+    """Shear stress of the undisturbed flow at its datum, scene units with fluid density one. Not collective.
+
+    It is that of the flow's profile, the same over the whole bed; of a flow given by formulas, at the inflow.
+    """
+    from ..planning.conditions import undisturbed
+
+    step = 1e-6 * scene.domain.height
+    heights = scene.datum + step * np.array([0.0, 1.0, 2.0])
+    x = np.vstack([np.full(3, scene.domain.left), heights, np.zeros(3)])
+    speed = undisturbed(scene)(x, 0.0)[0]
+    gradient = (-3 * speed[0] + 4 * speed[1] - speed[2]) / (2 * step)
+    return float(scene.viscosity * abs(gradient))
+
+
+def _stress_unit(scene: Scene) -> float:
+    """(rho_s - rho_f) g d."""
+    assert scene.gravity is not None and scene.density is not None
+    return (scene.density - 1.0) * scene.gravity.acceleration * _size(scene)
+
+
+def _size(scene: Scene) -> float:
+    assert scene.grain is not None
+    return scene.grain.size

@@ -1,0 +1,1 @@
+"""Grains and beds in the plane."""

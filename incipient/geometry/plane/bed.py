@@ -1,0 +1,499 @@
+"""Rigid beds y = b(x): the height, the normal into the fluid, the nearest point, and exact curves to mesh.
+
+Every bed takes `origin_y`, the height of its base line in the scene. Lengths are scene units, angles radians.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from incipient.errors import SceneError
+from incipient.geometry.plane.curves import Arc, Curve, Floats, Line, Point, Spline, rows
+
+
+class Bed(ABC):
+    """A rigid surface y = b(x) below the fluid, for all x."""
+
+    origin_y: float
+
+    @property
+    def gdim(self) -> int:
+        """Dimension of the space the bed lies in."""
+        return 2
+
+    @property
+    @abstractmethod
+    def feature(self) -> float:
+        """The smallest horizontal length of the bed's shape, for choosing numbers of samples (inf: none)."""
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """The abscissae between which `curves` can be asked for."""
+        return -np.inf, np.inf
+
+    @abstractmethod
+    def height(self, x: ArrayLike) -> Floats:
+        """b at abscissae (n,), (n,)."""
+
+    @property
+    @abstractmethod
+    def crest(self) -> float:
+        """A height that the bed nowhere exceeds."""
+
+    def crest_level(self, x0: float, x1: float) -> float:
+        """The height that the crests reach from x0 to x1; it does not depend on where these cut a bed that repeats."""
+        return self.crest
+
+    def mean(self, x0: float, x1: float) -> float:
+        """The mean height over a period; that from x0 to x1 of a bed that does not repeat."""
+        return self.origin_y
+
+    @abstractmethod
+    def slopes(self, x: ArrayLike) -> tuple[Floats, Floats]:
+        """db/dx just left and just right of the abscissae (n,); they differ at corners; may be infinite."""
+
+    @abstractmethod
+    def corners(self, x0: float, x1: float) -> Floats:
+        """Abscissae in [x0, x1] at which the bed has a corner, ascending."""
+
+    @abstractmethod
+    def nearest(self, points: Floats) -> Floats:
+        """The point of the bed nearest to each of the points (n, 2) in the fluid, (n, 2)."""
+
+    @abstractmethod
+    def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
+        """The bed from x0 to x1 > x0 as curves, left to right, each beginning where the one before ends."""
+
+    def normal(self, x: ArrayLike) -> Floats:
+        """Unit normals into the fluid at abscissae (n,), (n, 2); at a corner the bisector."""
+        left, right = self.side_normals(x)
+        total = left + right
+        length = np.linalg.norm(total, axis=1, keepdims=True)
+        # In a cusp, where two half-discs touch, the sides face each other and the bisector is vertical.
+        return np.where(length > 1e-12, total / np.maximum(length, 1e-300), [0.0, 1.0])
+
+    def side_normals(self, x: ArrayLike) -> tuple[Floats, Floats]:
+        """Unit normals into the fluid just left and just right of abscissae (n,), (n, 2) each."""
+        left, right = (np.arctan(slope) for slope in self.slopes(x))
+        return _upward(left), _upward(right)
+
+    def distance(self, points: Floats) -> Floats:
+        """The Euclidean distance of points (n, 2) from the bed, (n,), negative below it."""
+        points = rows(points)
+        length = np.linalg.norm(points - self.nearest(points), axis=1)
+        return np.where(points[:, 1] < self.height(points[:, 0]), -length, length)
+
+
+@dataclass(frozen=True)
+class Flat(Bed):
+    """The plane y = origin_y; an inclined bed is this one with gravity turned."""
+
+    origin_y: float = 0.0
+
+    @property
+    def feature(self) -> float:
+        """None."""
+        return float("inf")
+
+    @property
+    def crest(self) -> float:
+        """`origin_y`."""
+        return self.origin_y
+
+    def height(self, x: ArrayLike) -> Floats:
+        """`origin_y` everywhere, (n,)."""
+        return np.full(_abscissae(x).shape, float(self.origin_y))
+
+    def slopes(self, x: ArrayLike) -> tuple[Floats, Floats]:
+        """Zero."""
+        zero = np.zeros(_abscissae(x).shape)
+        return zero, zero
+
+    def corners(self, x0: float, x1: float) -> Floats:
+        """None."""
+        return np.empty(0)
+
+    def nearest(self, points: Floats) -> Floats:
+        """The point straight below."""
+        x = rows(points)[:, 0]
+        return np.column_stack([x, self.height(x)])
+
+    def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
+        """One line."""
+        _require_order(x0, x1)
+        return (Line((float(x0), float(self.origin_y)), (float(x1), float(self.origin_y))),)
+
+
+@dataclass(frozen=True)
+class Sinusoidal(Bed):
+    """y = origin_y + amplitude sin(2 pi x / wavelength + phase), phase in radians."""
+
+    amplitude: float
+    wavelength: float
+    phase: float = 0.0
+    origin_y: float = 0.0
+
+    def __post_init__(self) -> None:
+        _require_positive("wavelength", self.wavelength)
+        if not (np.isfinite(self.amplitude) and self.amplitude >= 0.0):
+            raise SceneError(
+                f"amplitude {self.amplitude} is not a length; give a number that is not negative"
+            )
+
+    @property
+    def feature(self) -> float:
+        """Half a wavelength, or the radius of curvature at a crest where that is smaller."""
+        curvature = self.amplitude * self._wavenumber**2
+        return min(0.5 * self.wavelength, 1.0 / curvature if curvature > 0.0 else np.inf)
+
+    @property
+    def crest(self) -> float:
+        """The height of the crests."""
+        return self.origin_y + self.amplitude
+
+    @property
+    def _wavenumber(self) -> float:
+        return 2.0 * np.pi / self.wavelength
+
+    def height(self, x: ArrayLike) -> Floats:
+        """b at abscissae (n,), (n,)."""
+        angle = self._wavenumber * _abscissae(x) + self.phase
+        return np.asarray(self.origin_y + self.amplitude * np.sin(angle))
+
+    def slopes(self, x: ArrayLike) -> tuple[Floats, Floats]:
+        """The derivative, the same on both sides."""
+        k = self._wavenumber
+        slope = k * self.amplitude * np.cos(k * _abscissae(x) + self.phase)
+        return slope, slope
+
+    def corners(self, x0: float, x1: float) -> Floats:
+        """None."""
+        return np.empty(0)
+
+    def nearest(self, points: Floats) -> Floats:
+        """The nearest point, within half a wavelength of each abscissa because the bed is periodic."""
+        points = rows(points)
+        window = np.linspace(-0.55, 0.55, 89) * self.wavelength
+        x = points[:, :1] + window
+        squared = (x - points[:, :1]) ** 2 + (self.height(x) - points[:, 1:]) ** 2
+        bracket = window[1] - window[0]
+        # The best samples of up to three valleys: sampling alone could mistake a near tie between valleys.
+        valley = (squared[:, 1:-1] <= squared[:, :-2]) & (squared[:, 1:-1] <= squared[:, 2:])
+        order = np.argsort(np.where(valley, squared[:, 1:-1], np.inf), axis=1)[:, :3]
+        starts = np.take_along_axis(x[:, 1:-1], order, axis=1)
+        feet = self._refined(points, starts, bracket)
+        squared = (feet - points[:, :1]) ** 2 + (self.height(feet) - points[:, 1:]) ** 2
+        best = np.take_along_axis(feet, np.argmin(squared, axis=1)[:, None], axis=1)[:, 0]
+        return np.column_stack([best, self.height(best)])
+
+    def _refined(self, points: Floats, starts: Floats, bracket: float) -> Floats:
+        """Zeros (n, k) of the derivative of the squared distance within `bracket` of the starts (n, k)."""
+        low, high = starts - bracket, starts + bracket
+        for _ in range(12):
+            middle = 0.5 * (low + high)
+            falling = self._half_slope(points, middle)[0] < 0.0
+            low, high = np.where(falling, middle, low), np.where(falling, high, middle)
+        x = 0.5 * (low + high)
+        for _ in range(6):
+            first, second = self._half_slope(points, x)
+            step = np.where(second > 0.0, first / np.where(second > 0.0, second, 1.0), 0.0)
+            x = np.clip(x - step, low, high)
+        return x
+
+    def _half_slope(self, points: Floats, x: Floats) -> tuple[Floats, Floats]:
+        """First two derivatives by x (n, k) of half the squared distance from points (n, 2)."""
+        offset, slope = self.height(x) - points[:, 1:], self.slopes(x)[0]
+        bend = -(self._wavenumber**2) * (self.height(x) - self.origin_y)
+        return x - points[:, :1] + offset * slope, 1.0 + slope**2 + offset * bend
+
+    def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
+        """One spline, closer to the bed than 1e-6 of the wavelength also in kernels with crude end slopes."""
+        _require_order(x0, x1)
+        # With central differences for slopes a cubic is wrong by 0.016 h^3 b''', at the ends, where mesh
+        # generators take the slope of the first chord, by 0.074 h^2 b'': both are held at 2.5e-7 wavelengths.
+        steepness = max(self.amplitude / self.wavelength, 1e-3)
+        step = min((2.5e-7 / (0.016 * steepness)) ** (1.0 / 3.0), 0.2) / self._wavenumber
+        end_step = min((2.5e-7 / (0.074 * steepness)) ** 0.5 / self._wavenumber, step)
+        x = _graded(x0, x1, step, end_step)
+        return (Spline(np.column_stack([x, self.height(x)])),)
+
+
+@dataclass(frozen=True)
+class HalfDiscs(Bed):
+    """A row of half-discs on y = origin_y, one centred at x = offset, the others `spacing` apart."""
+
+    radius: float
+    spacing: float
+    offset: float = 0.0
+    origin_y: float = 0.0
+
+    def __post_init__(self) -> None:
+        _require_positive("radius", self.radius)
+        _require_positive("spacing", self.spacing)
+        if self.spacing < 2.0 * self.radius * (1.0 - 1e-12):
+            raise SceneError(
+                f"spacing {self.spacing} of the half-discs is below their diameter {2.0 * self.radius}; "
+                "they would overlap: enlarge spacing or reduce radius"
+            )
+
+    @property
+    def feature(self) -> float:
+        """The radius."""
+        return self.radius
+
+    @property
+    def crest(self) -> float:
+        """The top of the half-discs."""
+        return self.origin_y + self.radius
+
+    def mean(self, x0: float, x1: float) -> float:
+        """The mean height over a period."""
+        return self.origin_y + 0.5 * np.pi * self.radius**2 / self.spacing
+
+    @property
+    def _touching(self) -> bool:
+        """Whether the half-discs leave no base line between them."""
+        return self.spacing - 2.0 * self.radius <= 1e-9 * self.radius
+
+    def _centre(self, x: Floats) -> Floats:
+        """Abscissae of the nearest half-discs' centres."""
+        return np.asarray(self.offset + self.spacing * np.round((x - self.offset) / self.spacing))
+
+    def _centres(self, x0: float, x1: float) -> Floats:
+        """Abscissae of all half-discs that reach between x0 and x1, and of some beyond."""
+        first = np.floor((x0 - self.offset) / self.spacing) - 1
+        last = np.ceil((x1 - self.offset) / self.spacing) + 1
+        return np.asarray(self.offset + self.spacing * np.arange(first, last + 1))
+
+    def height(self, x: ArrayLike) -> Floats:
+        """b at abscissae (n,), (n,)."""
+        x = _abscissae(x)
+        off_centre = np.minimum(np.abs(x - self._centre(x)), self.radius)
+        return np.asarray(self.origin_y + np.sqrt((self.radius - off_centre) * (self.radius + off_centre)))
+
+    def slopes(self, x: ArrayLike) -> tuple[Floats, Floats]:
+        """db/dx left and right; infinite where a half-disc stands on the base line."""
+        x = _abscissae(x)
+        away = x - self._centre(x)
+        # A foot of a half-disc found to round-off is that foot.
+        away = np.where(
+            np.isclose(np.abs(away), self.radius, rtol=1e-12), np.copysign(self.radius, away), away
+        )
+        with np.errstate(divide="ignore", invalid="ignore"):
+            slope = np.where(np.abs(away) <= self.radius, -away / np.sqrt(self.radius**2 - away**2), 0.0)
+        if self._touching:
+            at_foot = np.abs(away) == self.radius
+            return np.where(at_foot, -np.inf, slope), np.where(at_foot, np.inf, slope)
+        return np.where(away == -self.radius, 0.0, slope), np.where(away == self.radius, 0.0, slope)
+
+    def corners(self, x0: float, x1: float) -> Floats:
+        """The feet of the half-discs."""
+        centres = self._centres(x0, x1)
+        feet = np.sort(np.concatenate([centres - self.radius, centres + self.radius]))
+        if self._touching:
+            feet = feet[::2]
+        return np.asarray(feet[(feet >= x0) & (feet <= x1)])
+
+    def nearest(self, points: Floats) -> Floats:
+        """The nearest of the feet on the closest half-discs and on the base line between them."""
+        points = rows(points)
+        centre = self._centre(points[:, 0])
+        candidates = [self._on_disc(points, centre + k * self.spacing) for k in (-1.0, 0.0, 1.0)]
+        if not self._touching:
+            candidates += [self._on_base(points, centre + k * self.spacing) for k in (-1.0, 0.0)]
+        feet = np.stack(candidates)
+        best = np.argmin(np.linalg.norm(feet - points, axis=2), axis=0)
+        return np.asarray(feet[best, np.arange(len(points))])
+
+    def _on_disc(self, points: Floats, centre: Floats) -> Floats:
+        """Nearest points on the half-discs with the given centres."""
+        away = points - np.column_stack([centre, np.full(len(points), self.origin_y)])
+        away[:, 1] = np.maximum(away[:, 1], 0.0)
+        length = np.linalg.norm(away, axis=1, keepdims=True)
+        direction = np.where(length > 0.0, away / np.where(length > 0.0, length, 1.0), [0.0, 1.0])
+        return np.column_stack([centre, np.full(len(points), self.origin_y)]) + self.radius * direction
+
+    def _on_base(self, points: Floats, centre: Floats) -> Floats:
+        """Nearest points on the base line to the right of the half-discs with the given centres."""
+        x = np.clip(points[:, 0], centre + self.radius, centre + self.spacing - self.radius)
+        return np.column_stack([x, np.full(len(points), self.origin_y)])
+
+    def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
+        """Quarter arcs, joined by lines where the half-discs leave room; cut at x0 and x1."""
+        _require_order(x0, x1)
+        crests = self._centres(x0, x1)
+        sliver = 1e-9 * self.radius
+        stations = _stations(x0, x1, np.concatenate([self.corners(x0, x1), crests]), sliver)
+        # The height is so steep at a foot that a cut there must be set on the base line, not computed.
+        at_foot = np.abs(np.abs(stations - self._centre(stations)) - self.radius) <= sliver
+        heights = np.where(at_foot, self.origin_y, self.height(stations)).tolist()
+        curves: list[Curve] = []
+        for k in range(len(stations) - 1):
+            start, end = (float(stations[k]), heights[k]), (float(stations[k + 1]), heights[k + 1])
+            middle = 0.5 * (start[0] + end[0])
+            centre = float(self._centre(np.array(middle)))
+            on_disc = abs(middle - centre) < self.radius
+            curves.append(Arc(start, (centre, float(self.origin_y)), end) if on_disc else Line(start, end))
+        return tuple(curves)
+
+
+@dataclass(frozen=True, init=False)
+class Polyline(Bed):
+    """Straight lines through `points` (n, 2) with ascending x; y counts from origin_y.
+
+    Beyond the first and last point the height continues unchanged, but curves are given only between them.
+    """
+
+    points: tuple[Point, ...]
+    origin_y: float = 0.0
+
+    def __init__(self, points: ArrayLike, origin_y: float = 0.0) -> None:
+        array = np.array(points, dtype=float)
+        if array.ndim != 2 or array.shape[1] != 2 or len(array) < 2 or not np.isfinite(array).all():
+            raise SceneError("a polyline bed needs at least two points of two finite coordinates; add them")
+        falling = np.diff(array[:, 0]) <= 0.0
+        if falling.any():
+            k = int(np.argmax(falling)) + 1
+            raise SceneError(f"polyline point {k} does not lie to the right of the one before; sort by x")
+        object.__setattr__(self, "points", tuple((float(x), float(y)) for x, y in array))
+        object.__setattr__(self, "origin_y", float(origin_y))
+
+    @cached_property
+    def _vertices(self) -> Floats:
+        return np.array(self.points) + np.array([0.0, self.origin_y])
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """The abscissae of the first and the last point."""
+        return self.points[0][0], self.points[-1][0]
+
+    @cached_property
+    def feature(self) -> float:
+        """The shortest horizontal extent of a line."""
+        return float(np.diff(self._vertices[:, 0]).min())
+
+    @cached_property
+    def crest(self) -> float:
+        """The height of the highest point."""
+        return float(self._vertices[:, 1].max())
+
+    def crest_level(self, x0: float, x1: float) -> float:
+        """The height that is reached in every third from x0 to x1 and at x0: a lone obstacle does not count."""
+        cuts = np.linspace(x0, x1, 4)
+        thirds = [self._between(*cut)[:, 1].max() for cut in pairwise(cuts)]
+        return float(max(min(thirds), self.height([x0])[0]))
+
+    def mean(self, x0: float, x1: float) -> float:
+        """The mean height from x0 to x1."""
+        x, y = self._between(x0, x1).T
+        return float(0.5 * (y[1:] + y[:-1]) @ np.diff(x) / (x1 - x0))
+
+    def _between(self, x0: float, x1: float) -> Floats:
+        """The points (n, 2) of the bed at x0, at its corners, and at x1."""
+        stations = _stations(x0, x1, self._vertices[:, 0], 0.0)
+        return np.column_stack([stations, self.height(stations)])
+
+    def height(self, x: ArrayLike) -> Floats:
+        """b at abscissae (n,), (n,)."""
+        vertices = self._vertices
+        return np.asarray(np.interp(_abscissae(x), vertices[:, 0], vertices[:, 1]))
+
+    def slopes(self, x: ArrayLike) -> tuple[Floats, Floats]:
+        """The slopes of the lines left and right; zero beyond the ends."""
+        vertices, x = self._vertices, _abscissae(x)
+        dx, dy = np.diff(vertices, axis=0).T
+        slope = np.concatenate([[0.0], dy / dx, [0.0]])
+        # A vertex found to round-off is that vertex.
+        slack = 1e-12 * np.ptp(vertices[:, 0])
+        left = slope[np.searchsorted(vertices[:, 0], x - slack, side="left")]
+        right = slope[np.searchsorted(vertices[:, 0], x + slack, side="right")]
+        return left, right
+
+    def corners(self, x0: float, x1: float) -> Floats:
+        """The points between x0 and x1, also those that are not real corners."""
+        x = self._vertices[:, 0]
+        return np.asarray(x[(x >= x0) & (x <= x1)])
+
+    def nearest(self, points: Floats) -> Floats:
+        """The nearest point of all lines, and of the level continuations beyond the ends."""
+        points = rows(points)
+        order = np.argsort(points[:, 0])
+        feet = np.empty_like(points)
+        # In blocks of neighbours, so that each block meets few lines and the tables stay small.
+        for block in np.array_split(order, 1 + len(points) // 64):
+            feet[block] = self._nearest(points[block])
+        return feet
+
+    def _nearest(self, points: Floats) -> Floats:
+        """The same for a few points, compared with the lines that may be nearer than what is straight below."""
+        if len(points) == 0:
+            return points
+        vertices = self._vertices
+        reach = float(np.abs(points[:, 1] - self.height(points[:, 0])).max()) + 1e-9 * np.ptp(vertices[:, 0])
+        x0, x1 = points[:, 0].min() - reach, points[:, 0].max() + reach
+        left = np.array([[min(x0, vertices[0, 0]) - reach, vertices[0, 1]]])
+        right = np.array([[max(x1, vertices[-1, 0]) + reach, vertices[-1, 1]]])
+        vertices = np.vstack([left, vertices, right])
+        first = max(int(np.searchsorted(vertices[:, 0], x0)) - 1, 0)
+        vertices = vertices[first : int(np.searchsorted(vertices[:, 0], x1)) + 1]
+        side = np.diff(vertices, axis=0)
+        from_start = points[:, None] - vertices[:-1]
+        s = np.clip((from_start * side).sum(-1) / (side * side).sum(-1), 0.0, 1.0)
+        # Weighted ends: a foot at an end of a line is that end exactly.
+        feet = (1.0 - s[..., None]) * vertices[:-1] + s[..., None] * vertices[1:]
+        best = np.argmin(((feet - points[:, None]) ** 2).sum(axis=2), axis=1)
+        return np.asarray(feet[np.arange(len(points)), best])
+
+    def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
+        """One line from point to point, cut at x0 and x1."""
+        _require_order(x0, x1)
+        x = self._vertices[:, 0]
+        if x0 < x[0] or x1 > x[-1]:
+            raise SceneError(
+                f"the polyline bed reaches from x = {x[0]:g} to {x[-1]:g}, the domain from {x0:g} to {x1:g}; "
+                "add points or shorten the domain"
+            )
+        stations = _stations(x0, x1, x, 1e-9 * (x1 - x0))
+        ends = [(float(a), float(b)) for a, b in zip(stations, self.height(stations), strict=True)]
+        return tuple(Line(start, end) for start, end in pairwise(ends))
+
+
+def _abscissae(x: ArrayLike) -> Floats:
+    return np.asarray(x, dtype=float)
+
+
+def _upward(angle: Floats) -> Floats:
+    """Unit normals (n, 2) of lines at the angles (n,) to the horizontal."""
+    angle = np.atleast_1d(angle)
+    return np.column_stack([-np.sin(angle), np.cos(angle)])
+
+
+def _stations(x0: float, x1: float, between: Floats, sliver: float) -> Floats:
+    """x0, the abscissae `between` that keep `sliver` away from both ends, and x1; ascending."""
+    inner = between[(between > x0 + sliver) & (between < x1 - sliver)]
+    return np.concatenate([[x0], np.unique(inner), [x1]])
+
+
+def _graded(x0: float, x1: float, step: float, end_step: float) -> Floats:
+    """Abscissae from x0 to x1 at most `step` apart, `end_step` at both ends, growing by 2% a step."""
+    count = int(np.ceil(np.log(step / end_step) / np.log(1.02)))
+    growing = end_step * 1.02 ** np.arange(count)
+    middle = max(int(np.ceil((x1 - x0 - 2.0 * growing.sum()) / step)), 4)
+    x = np.concatenate([[0.0], np.cumsum(np.concatenate([growing, np.full(middle, step), growing[::-1]]))])
+    x = x0 + (x1 - x0) * (x / x[-1])
+    x[-1] = x1
+    return np.asarray(x)
+
+
+def _require_order(x0: float, x1: float) -> None:
+    if not x0 < x1:
+        raise SceneError(f"a piece of bed from x = {x0} to {x1} is empty; give x0 < x1")
+
+
+def _require_positive(name: str, value: float) -> None:
+    if not (np.isfinite(value) and value > 0.0):
+        raise SceneError(f"{name} {value} is not a positive length; give a positive number")

@@ -1,0 +1,225 @@
+"""Where a grain in the plane comes close to its bed, in the form that settling needs."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from incipient.geometry.placement import Placement
+from incipient.geometry.plane.bed import Bed
+from incipient.geometry.plane.curves import Arc, Curve, Floats, Line
+from incipient.geometry.plane.distance import Approach, approaches, placed_outline, refined
+from incipient.geometry.plane.grain import Grain
+from incipient.geometry.plane.outline import Outline
+from incipient.geometry.rest import rest
+
+MOST_SAMPLES = 30  # that a minimum is followed from one placement to the next
+ON_CORNER = 1e-9  # of the grain's size: nearer than this a corner of the grain touches a corner of the bed
+
+
+@dataclass(frozen=True, eq=False)
+class _Row:
+    """One place: gap, point, the bed's normal, the curve of the outline and its parameter (None: its start)."""
+
+    gap: float
+    point: Floats
+    normal: Floats
+    curve: int
+    parameter: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class PlanarMinima:
+    """Places where the distance of a placed grain from the bed is least, or a corner of its outline is close.
+
+    gaps:    distances (k,), negative where the grain is in the bed
+    points:  on the grain (k, 2); `normals` (k, 2) are the bed's there, into the fluid
+    """
+
+    rows: tuple[_Row, ...]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @cached_property
+    def gaps(self) -> Floats:
+        """Distances (k,), negative where the grain is in the bed."""
+        return np.array([row.gap for row in self.rows])
+
+    @cached_property
+    def points(self) -> Floats:
+        """Points on the grain (k, 2)."""
+        return np.array([row.point for row in self.rows]).reshape(-1, 2)
+
+    @cached_property
+    def normals(self) -> Floats:
+        """The bed's unit normals into the fluid (k, 2)."""
+        return np.array([row.normal for row in self.rows]).reshape(-1, 2)
+
+    def only(self, which: np.ndarray) -> "PlanarMinima":
+        """Some of the minima, by a mask or by indices."""
+        return PlanarMinima(tuple(self.rows[i] for i in np.arange(len(self.rows))[which]))
+
+
+@dataclass(frozen=True, eq=False)
+class PlanarProximity:
+    """A grain and a bed in the plane, prepared for questions about many placements."""
+
+    grain: Grain
+    bed: Bed
+
+    @cached_property
+    def size(self) -> float:
+        """The grain's."""
+        return self.grain.size
+
+    def minima(self, placement: Placement, within: float) -> PlanarMinima:
+        """Local minima along the outline and corners of the outline, with gaps of at most `within` (a length)."""
+        found = approaches(self.grain, placement, self.bed, within)
+        rows = [row for approach in found for row in self._rows(approach)]
+        outline = placed_outline(self.grain, placement)
+        rows += self._joints(outline, within)
+        return PlanarMinima(tuple(row for row in rows if row.gap <= within))
+
+    def tracked(self, placement: Placement, old: PlanarMinima) -> PlanarMinima:
+        """The same minima and joints at another placement close by, in the same order."""
+        outline = placed_outline(self.grain, placement)
+        return PlanarMinima(tuple(self._tracked(outline, row) for row in old.rows))
+
+    def locally_least(
+        self, placement: Placement, minima: PlanarMinima, corners: bool = False, slack: float = 0.0
+    ) -> PlanarMinima:
+        """Those that are local minima, or ends of a straight side of which both are given; or with all corners."""
+        if corners:
+            return minima
+        given = {row.curve for row in minima.rows if row.parameter is None}
+        return PlanarMinima(
+            tuple(r for r in minima.rows if r.parameter is not None or self._counts(r.curve, given))
+        )
+
+    def _counts(self, k: int, given: set[int]) -> bool:
+        """Whether the start of curve k is sharp, or the start or end of a side that touches with both ends."""
+        chain, count = self.grain.chain, len(self.grain.chain.curves)
+        after, before = (k + 1) % count, (k - 1) % count
+        return bool(
+            chain.sharp[k]
+            or (chain.straight[k] and after in given)
+            or (chain.straight[before] and before in given)
+        )
+
+    @cached_property
+    def _corners(self) -> np.ndarray:
+        """Numbers of the curves that begin at a corner or at a smooth end of a straight side."""
+        chain = self.grain.chain
+        return np.flatnonzero(chain.sharp | chain.straight | np.roll(chain.straight, 1))
+
+    def lowered(self, placement: Placement) -> Placement:
+        """The placement, lowered (or raised) vertically until the grain touches the bed."""
+        return rest(self.grain, self.bed, placement.centre[0], placement.angle)
+
+    def _tracked(self, outline: Outline, old: _Row) -> _Row:
+        """Of what is found at the old place on the outline that whose normal is closest to the old one."""
+        if old.parameter is None:
+            rows = self._joint(outline, old.curve, np.inf)
+        else:
+            rows = self._rows(self._followed(outline, old.curve, old.parameter))
+        return min(rows, key=lambda row: float(np.abs(row.normal - old.normal).max()), default=old)
+
+    def _followed(self, outline: Outline, k: int, s: float) -> Approach:
+        """The minimum downhill from a parameter, which may be some samples away: a grain that rolls moves it."""
+        for _ in range(MOST_SAMPLES):
+            approach = refined(outline, self._brackets(outline, k, s), self.bed)
+            on, at = approach.place
+            step = self._step(outline, k)
+            # Along a straight side that nearly lies on the bed the minimum would jump to the other end.
+            if isinstance(outline[on], Line) or (on == k and abs(at - s) < 0.999 * step):
+                break
+            k, s = on, at
+        return approach
+
+    def _brackets(self, outline: Outline, k: int, s: float) -> list[tuple[int, float, float]]:
+        """The surroundings of a parameter, also on the next curve where it is near an end."""
+        step = self._step(outline, k)
+        brackets = [(k, max(s - step, 0.0), min(s + step, 1.0))]
+        if s < step:
+            brackets.append(((k - 1) % len(outline), 1.0 - step, 1.0))
+        if s > 1.0 - step:
+            brackets.append(((k + 1) % len(outline), 0.0, step))
+        return brackets
+
+    def _step(self, outline: Outline, k: int) -> float:
+        """The step of the parameter with which curve k is sampled."""
+        return 1.0 / float(outline.steps(np.array([k]), self.bed, self.size)[0])
+
+    def _rows(self, approach: Approach) -> list[_Row]:
+        """The bed's normals at a minimum: where a corner of the grain stands in a valley there are two."""
+        gap, point, foot = approach.distance, approach.on_grain, approach.on_bed
+        if approach.normal is not None:
+            normals = [-approach.normal]
+        elif abs(gap) > ON_CORNER * self.size:
+            normals = [(point - foot) / gap]
+        else:
+            left, right = (side[0] for side in self.bed.side_normals(foot[:1]))
+            normals = [left, right] if _is_valley(left, right) else [self.bed.normal(foot[:1])[0]]
+        return [_Row(gap, point, normal, *approach.place) for normal in normals]
+
+    def _joints(self, outline: Outline, within: float) -> list[_Row]:
+        """All corners that are close; where the bed has none, they are looked at together."""
+        corners = self._corners[outline.starts[self._corners, 1] - self.bed.crest <= within]
+        if len(corners) == 0:
+            return []
+        points = outline.starts[corners]
+        gaps = self.bed.distance(points)
+        corners, points, gaps = (column[gaps <= within] for column in (corners, points, gaps))
+        if len(corners) == 0:
+            return []
+        x, y = points.T
+        reach = float(np.abs(y - self.bed.height(x)).max()) + within + self.size
+        if len(self.bed.corners(float(x.min()) - reach, float(x.max()) + reach)):
+            return [row for k in corners for row in self._joint(outline, int(k), within)]
+        normals = self.bed.normal(self.bed.nearest(points)[:, 0])
+        rows = zip(gaps, points, normals, corners, strict=True)
+        return [_Row(float(gap), point, normal, int(k), None) for gap, point, normal, k in rows]
+
+    def _joint(self, outline: Outline, k: int, within: float) -> list[_Row]:
+        """The start of curve k, seen from all pieces of bed that are close."""
+        point = np.asarray(outline[k].start)
+        if np.isfinite(within) and point[1] - self.bed.crest > within:
+            return []
+        above = float(np.abs(point[1] - self.bed.height(point[:1])[0]))
+        reach = max(above, 1e-3 * self.size) + (within if np.isfinite(within) else 0.0)
+        found = self._seen(point, reach)
+        return [_Row(gap, point, normal, k, None) for gap, normal in found if gap <= within]
+
+    def _seen(self, point: Floats, reach: float) -> list[tuple[float, Floats]]:
+        """Distances and normals of the bed's pieces around a point."""
+        x0, x1 = max(point[0] - reach, self.bed.extent[0]), min(point[0] + reach, self.bed.extent[1])
+        if len(self.bed.corners(x0, x1)) == 0:
+            foot = self.bed.nearest(point)
+            return [(float(self.bed.distance(point)[0]), self.bed.normal(foot[:, 0])[0])]
+        if x0 >= x1:
+            return []
+        seen = [_distance_from(piece, point) for piece in self.bed.curves(x0, x1)]
+        return [row for row in seen if row is not None]
+
+
+def _is_valley(left: Floats, right: Floats) -> bool:
+    """Whether the bed steepens, seen by the normals left and right of a corner."""
+    return bool(left[0] * right[1] - left[1] * right[0] > 1e-9)
+
+
+def _distance_from(piece: Curve, point: Floats) -> tuple[float, Floats] | None:
+    """Distance and normal of a line or arc of a bed that goes from left to right; None beyond its ends."""
+    if isinstance(piece, Line):
+        along = piece.tangent([0.0])[0]
+        away = point - np.asarray(piece.start)
+        normal = np.array([-along[1], along[0]])
+        beside = -1e-9 <= away @ along / piece.length <= 1.0 + 1e-9
+        return (float(away @ normal), normal) if beside else None
+    if isinstance(piece, Arc):
+        centre = np.asarray(piece.centre)
+        away, ends = point - centre, np.array([piece.start, piece.end]) - centre
+        length, radius = float(np.linalg.norm(away)), float(np.linalg.norm(ends[0]))
+        turns = (ends[:, 0] * away[1] - ends[:, 1] * away[0]) / (length * radius)
+        return (length - radius, away / length) if turns[0] <= 1e-9 and turns[1] >= -1e-9 else None
+    return None

@@ -1,0 +1,184 @@
+"""Beds from height maps: a raster of heights, read from an image or a table, between which cubics run."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from incipient.errors import SceneError
+from incipient.geometry.plane.curves import Floats, rows
+from incipient.geometry.space.solid import require_positive
+from incipient.geometry.space.terrain import Extent, Smooth
+
+IMAGES = (".png", ".tif", ".tiff")
+
+
+@dataclass(frozen=True, eq=False)
+class HeightMap(Smooth):
+    """Heights (rows, columns) at points `cell` apart, the first row lowest in y, the first point at `origin`.
+
+    Bicubic interpolation through the heights with slopes from central differences (Keys 1981): the surface
+    and its normals are continuous; beyond the outermost points it continues level. `origin` is (x, y, z).
+    """
+
+    heights: Floats
+    cell: tuple[float, float]
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        heights = np.array(self.heights, dtype=float)
+        if heights.ndim != 2 or min(heights.shape) < 2:
+            raise SceneError("a height map needs two or more rows and columns; give a table of heights")
+        if not np.isfinite(heights).all():
+            row, column = np.argwhere(~np.isfinite(heights))[0]
+            raise SceneError(f"the height in row {row}, column {column} is not finite; fill the gap")
+        require_positive("cell", *self.cell)
+        heights.flags.writeable = False
+        object.__setattr__(self, "heights", heights)
+
+    @classmethod
+    def from_file(
+        cls,
+        path: str | Path,
+        cell: tuple[float, float] | None = None,
+        relief: float = 1.0,
+        origin: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ) -> "HeightMap":
+        """A bed from a PNG or TIFF image, an array in a .npy file, or an ESRI ASCII grid (.asc).
+
+        Heights are `relief` times what the file holds: in images whole numbers are divided by the largest of
+        their type (black 0, white 1), and the upper edge is that of largest y, as in an ASCII grid; the first
+        row of a .npy array is that of least y. An ASCII grid brings its own cell and corner, to which `origin`
+        is added. Raises SceneError if the file is missing, cannot be read, or is no table of finite heights.
+        """
+        path = Path(path)
+        if not path.is_file():
+            raise SceneError(f"{path} does not exist; give the name of a PNG, TIFF, .npy or .asc file")
+        heights, own_cell, corner = _read(path)
+        if cell is None and own_cell is None:
+            raise SceneError(f"{path} does not say how far apart its heights are; give cell")
+        place = (origin[0] + corner[0], origin[1] + corner[1], origin[2])
+        return cls(relief * heights, cell or own_cell or (0.0, 0.0), place)
+
+    @property
+    def origin_z(self) -> float:  # type: ignore[override]
+        """The height that those of the map are counted from."""
+        return self.origin[2]
+
+    @property
+    def feature(self) -> float:
+        """Two cells."""
+        return 2.0 * min(self.cell)
+
+    @property
+    def extent(self) -> Extent:
+        """Between the outermost points."""
+        rows_, columns = self.heights.shape
+        (x, y, _), (dx, dy) = self.origin, self.cell
+        return (x, x + dx * (columns - 1)), (y, y + dy * (rows_ - 1))
+
+    def height(self, x: ArrayLike) -> Floats:
+        """b at points (n, 2), (n,)."""
+        return np.asarray(self.origin[2] + self._derivatives(x, [(0, 0)])[0])
+
+    def gradient(self, x: ArrayLike) -> Floats:
+        """The derivatives (n, 2)."""
+        return np.column_stack(self._derivatives(x, [(1, 0), (0, 1)]))
+
+    def hessian(self, x: ArrayLike) -> Floats:
+        """The second derivatives (n, 2, 2), which jump between cells."""
+        xx, xy, yy = self._derivatives(x, [(2, 0), (1, 1), (0, 2)])
+        return np.moveaxis(np.array([[xx, xy], [xy, yy]]), 2, 0)
+
+    def _derivatives(self, x: ArrayLike, orders: list[tuple[int, int]]) -> list[Floats]:
+        """Derivatives (n,) of the interpolation at points (n, 2), of some orders in x and y."""
+        at = (rows(x) - np.asarray(self.origin[:2])) / np.asarray(self.cell)
+        count = np.array(self.heights.shape[::-1])
+        first = np.clip(np.floor(at), 0, count - 2).astype(int)
+        # Beyond the edge everything is as at the edge.
+        t = np.clip(at - first, 0.0, 1.0)
+        outside = (at < 0.0) | (at > count - 1)
+        i, j = (np.clip(first[:, k, None] + np.arange(-1, 3), 0, count[k] - 1) for k in (0, 1))
+        values = self.heights[j[:, :, None], i[:, None, :]]
+        found = []
+        for along_x, along_y in orders:
+            u, v = _weights(t[:, 0], along_x, self.cell[0]), _weights(t[:, 1], along_y, self.cell[1])
+            total = ((values @ u[..., None])[..., 0] * v).sum(axis=1)
+            level = (outside[:, 0] & (along_x > 0)) | (outside[:, 1] & (along_y > 0))
+            found.append(np.where(level, 0.0, total))
+        return found
+
+
+def _weights(t: Floats, derivative: int, step: float) -> Floats:
+    """Weights (n, 4) of four neighbouring heights at fractions t (n,) of the middle cell."""
+    one, zero = np.ones_like(t), np.zeros_like(t)
+    powers = (
+        [one, t, t * t, t**3],
+        [zero, one, 2.0 * t, 3.0 * t * t],
+        [zero, zero, 2.0 * one, 6.0 * t],
+    )[derivative]
+    keys = 0.5 * np.array(
+        [[0.0, 2.0, 0.0, 0.0], [-1.0, 0.0, 1.0, 0.0], [2.0, -5.0, 4.0, -1.0], [-1.0, 3.0, -3.0, 1.0]]
+    )
+    return np.asarray(np.column_stack(powers) @ keys / step**derivative)
+
+
+Raster = tuple[Floats, tuple[float, float] | None, tuple[float, float]]  # heights, cell, first point
+
+
+def _read(path: Path) -> Raster:
+    kind = path.suffix.lower()
+    readers = {".npy": _read_array, ".asc": _read_grid, **dict.fromkeys(IMAGES, _read_image)}
+    if kind not in readers:
+        raise SceneError(f"{path} is not a PNG, TIFF, .npy or .asc file; convert it")
+    try:
+        return readers[kind](path)
+    except SceneError:
+        raise
+    except Exception as error:  # whatever the reader stumbled over
+        why = " ".join(str(error).split()) or type(error).__name__
+        raise SceneError(f"{path} cannot be read as heights ({why[:80]}); export it again") from None
+
+
+def _read_array(path: Path) -> Raster:
+    return np.load(path, allow_pickle=False).astype(float), None, (0.0, 0.0)
+
+
+def _read_image(path: Path) -> Raster:
+    """Grey values; of a colour image the mean of red, green and blue."""
+    from PIL import Image
+
+    with Image.open(path) as opened:
+        image: Image.Image = opened
+        if image.mode in ("P", "1", "LA", "RGBA", "CMYK"):
+            image = image.convert("L" if image.mode in ("1", "LA") else "RGB")
+        values = np.asarray(image)
+    # 16-bit greys are delivered as 32-bit integers by some versions of the reader.
+    whole = values.dtype.kind in "ui"
+    largest = (255 if values.dtype.itemsize == 1 else 65535) if whole else 1
+    heights = values.astype(float) / largest
+    return (heights.mean(axis=2) if heights.ndim == 3 else heights)[::-1], None, (0.0, 0.0)
+
+
+def _read_grid(path: Path) -> Raster:
+    """An ESRI ASCII grid: header lines of a word and a number, then rows from the north."""
+    header: dict[str, float] = {}
+    lines = path.read_text(encoding="ascii").splitlines()
+    while lines and lines[0].split() and lines[0].split()[0][0].isalpha():
+        word, number = lines.pop(0).split()
+        header[word.lower()] = float(number)
+    missing = [word for word in ("ncols", "nrows", "cellsize") if word not in header]
+    if missing:
+        raise SceneError(f"{path} lacks {missing[0]} in its header; write an ESRI ASCII grid")
+    shape = int(header["nrows"]), int(header["ncols"])
+    values = np.array(" ".join(lines).split(), dtype=float)
+    if values.size != shape[0] * shape[1]:
+        raise SceneError(
+            f"{path} has {values.size} heights instead of {shape[0]} x {shape[1]}; check its header"
+        )
+    if (values == header.get("nodata_value", np.nan)).any():
+        raise SceneError(f"{path} has cells without data; fill them")
+    cell = header["cellsize"]
+    corner = [header.get(f"{a}llcenter", header.get(f"{a}llcorner", -0.5 * cell) + 0.5 * cell) for a in "xy"]
+    return values.reshape(shape)[::-1], (cell, cell), (corner[0], corner[1])

@@ -1,0 +1,344 @@
+"""Rigid beds z = b(x, y) in space: height, normal, distance, and the pieces that a grain may touch.
+
+Every bed takes `origin_z`, the height of its base plane in the scene. Lengths are scene units, angles radians.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from incipient.errors import SceneError
+from incipient.geometry.plane.curves import Floats, rows
+from incipient.geometry.space.pieces import Graph, HalfSpacesAndBalls, Pieces
+from incipient.geometry.space.solid import require_positive, table
+
+Extent = tuple[tuple[float, float], tuple[float, float]]
+
+
+class Terrain(ABC):
+    """A rigid surface z = b(x, y) below the fluid."""
+
+    origin_z: float
+
+    @property
+    def gdim(self) -> int:
+        """Dimension of the space the bed lies in."""
+        return 3
+
+    @property
+    @abstractmethod
+    def feature(self) -> float:
+        """The smallest horizontal length of the bed's shape, for choosing numbers of samples (inf: none)."""
+
+    @property
+    def extent(self) -> Extent:
+        """The abscissae between which the bed is known, for both directions."""
+        return (-np.inf, np.inf), (-np.inf, np.inf)
+
+    @abstractmethod
+    def height(self, x: ArrayLike) -> Floats:
+        """b at points (n, 2), (n,)."""
+
+    @abstractmethod
+    def gradient(self, x: ArrayLike) -> Floats:
+        """The derivatives of b at points (n, 2), (n, 2)."""
+
+    @abstractmethod
+    def pieces(self, middle: ArrayLike, reach: float) -> Pieces:
+        """The pieces within a horizontal distance `reach` of a point (2,)."""
+
+    def normal(self, x: ArrayLike) -> Floats:
+        """Unit normals into the fluid at points (n, 2), (n, 3)."""
+        slope = self.gradient(x)
+        normals = np.column_stack([-slope, np.ones(len(slope))])
+        # Where the bed is vertical the slope is infinite.
+        steep = ~np.isfinite(slope).all(axis=1)
+        outward = np.where(np.isfinite(slope[steep]), 0.0, -np.sign(slope[steep]))
+        normals[steep] = np.column_stack([outward, np.zeros(len(outward))])
+        return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
+
+    def nearest(self, points: ArrayLike) -> Floats:
+        """The point of the bed nearest to each of the points (n, 3) in the fluid, (n, 3).
+
+        On smooth beds the best of nine starts: exact where the distance is less than about a feature.
+        """
+        return self._seen(table(points))[1]
+
+    def distance(self, points: ArrayLike) -> Floats:
+        """The Euclidean distance of points (n, 3) from the bed, (n,), negative below it; see `nearest`."""
+        return self._seen(table(points))[0]
+
+    def _seen(self, points: Floats) -> tuple[Floats, Floats]:
+        """Signed distances (n,) and nearest points (n, 3)."""
+        middle = 0.5 * (points[:, :2].min(axis=0) + points[:, :2].max(axis=0))
+        above = np.abs(points[:, 2] - self.height(points[:, :2])).max()
+        reach = float(np.linalg.norm(points[:, :2] - middle, axis=1).max() + above)
+        pieces = self.pieces(middle, reach)
+        if isinstance(pieces, Graph):
+            step = 0.25 * min(pieces.feature, 4.0 * float(above))
+            offsets = step * np.array([[i, j] for i in (0, -1, 1) for j in (0, -1, 1)])
+            which = np.zeros(len(points), dtype=int)
+            sights = [pieces.seen(points, which, points[:, :2] + offset) for offset in offsets]
+        else:
+            nearest = np.argmin(pieces.rough(points), axis=0)
+            sights = [pieces.seen(points, nearest, points[:, :2])]
+        gaps, feet = np.array([s.gaps for s in sights]), np.array([s.feet for s in sights])
+        apart = np.linalg.norm(feet - points, axis=2)
+        best = np.argmin(apart, axis=0)
+        each = np.arange(len(points))
+        return np.copysign(apart[best, each], gaps[best, each]), feet[best, each]
+
+
+@dataclass(frozen=True)
+class Plane(Terrain):
+    """z = origin_z + slope[0] x + slope[1] y; the slopes are tangents of angles."""
+
+    slope: tuple[float, float] = (0.0, 0.0)
+    origin_z: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not np.isfinite([*self.slope, self.origin_z]).all():
+            raise SceneError(f"the plane's slope {self.slope} is not finite; give finite numbers")
+
+    @property
+    def feature(self) -> float:
+        """None."""
+        return float("inf")
+
+    def height(self, x: ArrayLike) -> Floats:
+        """b at points (n, 2), (n,)."""
+        return np.asarray(self.origin_z + rows(x) @ np.asarray(self.slope))
+
+    def gradient(self, x: ArrayLike) -> Floats:
+        """The slope everywhere, (n, 2)."""
+        return np.tile(np.asarray(self.slope, dtype=float), (len(rows(x)), 1))
+
+    def pieces(self, middle: ArrayLike, reach: float) -> Pieces:
+        """The half-space below."""
+        return _with_balls(self.origin_z, self.normal([[0.0, 0.0]]), np.empty((0, 3)), np.empty(0))
+
+
+def _with_balls(origin_z: float, normal: Floats, centres: Floats, radii: Floats) -> Pieces:
+    return HalfSpacesAndBalls(np.array([[0.0, 0.0, origin_z]]), normal, centres, radii)
+
+
+@dataclass(frozen=True)
+class Hemispheres(Terrain):
+    """Half-balls centred on the plane z = origin_z in a regular array, one of them at `offset`.
+
+    arrangement "square": centres `spacing` apart along x and y; "triangular": rows along x, each shifted by
+    half a spacing against the one before, so that neighbours form equilateral triangles. Half-balls closer
+    than their diameter overlap.
+    """
+
+    radius: float
+    spacing: float
+    arrangement: Literal["square", "triangular"] = "square"
+    offset: tuple[float, float] = (0.0, 0.0)
+    origin_z: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_positive("radius", self.radius)
+        require_positive("spacing", self.spacing)
+        if self.arrangement not in ("square", "triangular"):
+            raise SceneError(f'arrangement "{self.arrangement}" is not known; use "square" or "triangular"')
+
+    @property
+    def feature(self) -> float:
+        """The radius, or half the spacing where that is smaller."""
+        return min(self.radius, 0.5 * self.spacing)
+
+    @property
+    def _lattice(self) -> Floats:
+        """The two steps from one centre to its neighbours, in rows."""
+        if self.arrangement == "square":
+            return self.spacing * np.eye(2)
+        return self.spacing * np.array([[1.0, 0.0], [0.5, np.sqrt(0.75)]])
+
+    def centres(self, middle: ArrayLike, reach: float) -> Floats:
+        """All centres (k, 3) within a horizontal distance of a point (2,)."""
+        middle = np.asarray(middle, dtype=float)
+        home = np.linalg.solve(self._lattice.T, middle - np.asarray(self.offset))
+        around = int(np.ceil(1.2 * reach / self.spacing)) + 1
+        steps = np.arange(-around, around + 1)
+        i, j = np.meshgrid(np.round(home[0]) + steps, np.round(home[1]) + steps)
+        centres = np.asarray(self.offset) + np.column_stack([i.ravel(), j.ravel()]) @ self._lattice
+        centres = centres[np.linalg.norm(centres - middle, axis=1) <= reach]
+        return np.column_stack([centres, np.full(len(centres), self.origin_z)])
+
+    def _away(self, x: ArrayLike) -> Floats:
+        """The vectors (n, 2) from the nearest centre to points (n, 2)."""
+        relative = rows(x) - np.asarray(self.offset)
+        home = np.round(np.linalg.solve(self._lattice.T, relative.T).T)
+        around = np.array([[i, j] for i in (-1, 0, 1) for j in (-1, 0, 1)])
+        away = relative[:, None] - (home[:, None] + around) @ self._lattice
+        best = np.argmin((away**2).sum(axis=2), axis=1)
+        return np.asarray(away[np.arange(len(relative)), best])
+
+    def height(self, x: ArrayLike) -> Floats:
+        """b at points (n, 2), (n,)."""
+        squared = (self._away(x) ** 2).sum(axis=1)
+        return np.asarray(self.origin_z + np.sqrt(np.maximum(self.radius**2 - squared, 0.0)))
+
+    def gradient(self, x: ArrayLike) -> Floats:
+        """The derivatives (n, 2), infinite at the feet of half-balls."""
+        away = self._away(x)
+        below = self.radius**2 - (away**2).sum(axis=1, keepdims=True)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(below >= 0.0, -away / np.sqrt(np.maximum(below, 0.0)), 0.0)
+
+    def pieces(self, middle: ArrayLike, reach: float) -> Pieces:
+        """The half-space below the base plane, and the balls."""
+        centres = self.centres(middle, reach + self.radius)
+        up = np.array([[0.0, 0.0, 1.0]])
+        return _with_balls(self.origin_z, up, centres, np.full(len(centres), self.radius))
+
+
+class Smooth(Terrain):
+    """A bed with two derivatives."""
+
+    @abstractmethod
+    def hessian(self, x: ArrayLike) -> Floats:
+        """The second derivatives of b at points (n, 2), (n, 2, 2)."""
+
+    def pieces(self, middle: ArrayLike, reach: float) -> Pieces:
+        """The whole bed."""
+        return Graph(self.height, self.gradient, self.hessian, self.feature)
+
+
+class _Waves(Smooth):
+    """A sum of plane sinusoids, `waves` being rows of amplitude, wave vector (2) and phase."""
+
+    origin_z: float
+
+    @property
+    @abstractmethod
+    def waves(self) -> Floats:
+        """Rows of amplitude, wave vector (2), phase."""
+
+    @property
+    def feature(self) -> float:
+        """Half the shortest wavelength, or the radius of curvature at a crest where that is smaller."""
+        numbers = np.linalg.norm(self.waves[:, 1:3], axis=1)
+        curvature = float((self.waves[:, 0] * numbers**2).max())
+        return min(float(np.pi / numbers.max()), 1.0 / curvature if curvature > 0.0 else np.inf)
+
+    def height(self, x: ArrayLike) -> Floats:
+        """b at points (n, 2), (n,)."""
+        waves = self.waves
+        return np.asarray(self.origin_z + np.sin(rows(x) @ waves[:, 1:3].T + waves[:, 3]) @ waves[:, 0])
+
+    def gradient(self, x: ArrayLike) -> Floats:
+        """The derivatives (n, 2)."""
+        waves = self.waves
+        return np.asarray(np.cos(rows(x) @ waves[:, 1:3].T + waves[:, 3]) @ (waves[:, :1] * waves[:, 1:3]))
+
+    def hessian(self, x: ArrayLike) -> Floats:
+        """The second derivatives (n, 2, 2)."""
+        waves = self.waves
+        sines = -waves[:, 0] * np.sin(rows(x) @ waves[:, 1:3].T + waves[:, 3])
+        return np.einsum("nk,ki,kj->nij", sines, waves[:, 1:3], waves[:, 1:3])
+
+
+@dataclass(frozen=True)
+class Ridges(_Waves):
+    """z = origin_z + amplitude sin(2 pi (x cos(angle) + y sin(angle)) / wavelength + phase)."""
+
+    amplitude: float
+    wavelength: float
+    angle: float = 0.0
+    phase: float = 0.0
+    origin_z: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_positive("wavelength", self.wavelength)
+        _require_amplitude(self.amplitude)
+
+    @property
+    def waves(self) -> Floats:
+        """One wave."""
+        k = 2.0 * np.pi / self.wavelength
+        return np.array([[self.amplitude, k * np.cos(self.angle), k * np.sin(self.angle), self.phase]])
+
+
+@dataclass(frozen=True)
+class EggCrate(_Waves):
+    """z = origin_z + amplitude/2 (sin(2 pi x / wavelengths[0] + phases[0]) + the same of y)."""
+
+    amplitude: float
+    wavelengths: tuple[float, float]
+    phases: tuple[float, float] = (0.0, 0.0)
+    origin_z: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_positive("wavelength", *self.wavelengths)
+        _require_amplitude(self.amplitude)
+
+    @property
+    def waves(self) -> Floats:
+        """One wave along each direction."""
+        kx, ky = 2.0 * np.pi / np.asarray(self.wavelengths)
+        half = 0.5 * self.amplitude
+        return np.array([[half, kx, 0.0, self.phases[0]], [half, 0.0, ky, self.phases[1]]])
+
+
+def _require_amplitude(value: float) -> None:
+    if not (np.isfinite(value) and value >= 0.0):
+        raise SceneError(f"amplitude {value} is not a length; give a number that is not negative")
+
+
+@dataclass(frozen=True)
+class Relief(Smooth):
+    """z = origin_z + function(x) for any smooth function of points (n, 2) that returns heights (n,).
+
+    `feature` is the smallest horizontal length of its shape; derivatives are differences over parts of it
+    (first ones with an error of about 1e-12, second ones of 1e-8 of the heights).
+    """
+
+    function: Callable[[Floats], Floats]
+    feature_length: float
+    origin_z: float = 0.0
+    within: Extent = ((-np.inf, np.inf), (-np.inf, np.inf))
+
+    def __post_init__(self) -> None:
+        require_positive("feature_length", self.feature_length)
+        x = np.array([[np.clip(0.0, *side) for side in self.within]])
+        value = np.asarray(self.function(np.repeat(x, 2, axis=0)), dtype=float)
+        if value.shape != (2,) or not np.isfinite(value).all():
+            raise SceneError("the bed's function does not return one finite height for each point; change it")
+
+    @property
+    def feature(self) -> float:
+        """`feature_length`."""
+        return self.feature_length
+
+    @property
+    def extent(self) -> Extent:
+        """`within`."""
+        return self.within
+
+    def height(self, x: ArrayLike) -> Floats:
+        """b at points (n, 2), (n,)."""
+        return np.asarray(self.origin_z + np.asarray(self.function(rows(x)), dtype=float))
+
+    def gradient(self, x: ArrayLike) -> Floats:
+        """Central differences of fourth order, (n, 2)."""
+        h = 1e-3 * self.feature_length
+        return np.column_stack([_fourth_order(self.height, rows(x), h * e) / h for e in np.eye(2)])
+
+    def hessian(self, x: ArrayLike) -> Floats:
+        """Central differences of the first derivatives, (n, 2, 2)."""
+        h = 1e-3 * self.feature_length
+        second = np.stack([_fourth_order(self.gradient, rows(x), h * e) / h for e in np.eye(2)], axis=2)
+        return np.asarray(0.5 * (second + np.swapaxes(second, 1, 2)))
+
+
+def _fourth_order(function: Callable[[Floats], Floats], x: Floats, step: Floats) -> Floats:
+    """The change of a function per step, by differences of fourth order."""
+    near = function(x + step) - function(x - step)
+    far = function(x + 2.0 * step) - function(x - 2.0 * step)
+    return np.asarray((8.0 * near - far) / 12.0)

@@ -1,0 +1,217 @@
+"""The mesh that follows a body: rigid near it, blended out towards the other boundaries, its cells watched.
+
+A node at X goes to x = X + w (c - c0) + (R(w_r theta) - I) (X - c0), where c - c0 and theta are the body's
+translation and rotation since the mesh was made. The weights w, one for each direction, and w_r are one near the
+body and zero on other boundaries; but along straight sides the nodes slide, so that a long channel's mesh is
+stretched before and behind the body instead of being sheared above and below it. The places are a smooth
+function of the body's place alone: nothing is solved, and the mesh's velocity has the accuracy of the body's.
+A body whose surface is the same however it is turned (disc, sphere) does not turn the mesh, which slides along it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import basix
+import dolfinx
+import numpy as np
+import ufl
+from mpi4py import MPI
+from numpy.typing import NDArray
+from petsc4py import PETSc
+
+from .. import compat
+from ..compat import petsc
+from ..geometry.placement import Placement
+from .domain import Domain
+
+Floats = NDArray[np.float64]
+
+# Potential, one on the body and zero on the other boundaries, above which the mesh is rigid.
+RIGID = 0.75
+# Extent of a boundary along an axis, relative to its largest, below which it is plane and normal to the axis.
+FLAT = 1e-9
+
+
+@dataclass(frozen=True)
+class MeshQuality:
+    """The worst cell: its quality (1 equilateral, 0 flat, negative folded), and that over its quality when made."""
+
+    worst: float
+    relative: float
+
+
+class MeshMotion:
+    """Moves the mesh of a domain with one body. Collective unless said otherwise.
+
+    Args:
+        domain: whose mesh is moved, in place.
+        boundary: name of the body's boundary.
+        placement: of the body in the mesh as it is now.
+        turning: whether the mesh turns with the body; False for discs and spheres.
+
+    Attributes:
+        weights: (n, gdim + 1) how far each node follows the body in each direction, and when it turns.
+    """
+
+    def __init__(self, domain: Domain, boundary: str, placement: Placement, turning: bool):
+        self.domain, self.placement, self.turning = domain, placement, turning
+        self.reference: Floats = domain.mesh.geometry.x.copy()
+        sliding = [*_sliding(domain, boundary), ()]
+        self.weights = np.column_stack([_weights(domain, boundary, names) for names in sliding])
+        self._cells = compat.geometry_dofs(domain.mesh)
+        self._slopes = _slopes(domain.mesh)
+        self._qualities = self._cell_qualities(self.reference)
+
+    def places(self, placement: Placement) -> Floats:
+        """(n, 3) places of the mesh's nodes when the body is there. Not collective."""
+        gdim = self.domain.gdim
+        along, about = self.weights[:, :gdim], self.weights[:, gdim:]
+        start, end = (np.asarray(p.centre) for p in (self.placement, placement))
+        moved = self.reference.copy()
+        arms = self.reference[:, :gdim] - start
+        if self.turning:
+            arms = _turned(arms, about * _rotation_between(self.placement, placement))
+        moved[:, :gdim] = start + along * (end - start) + arms
+        return moved
+
+    def move(self, placement: Placement) -> None:
+        """Move the mesh to where it belongs when the body is there. Not collective."""
+        self.domain.mesh.geometry.x[:] = self.places(placement)
+
+    def quality(self, placement: Placement | None = None) -> MeshQuality:
+        """Of the mesh as it is now, or as it would be with the body somewhere else."""
+        places = self.domain.mesh.geometry.x if placement is None else self.places(placement)
+        qualities = self._cell_qualities(places)
+        worst, relative = qualities.min(initial=1.0), (qualities / self._qualities).min(initial=1.0)
+        comm = self.domain.comm
+        return MeshQuality(
+            comm.allreduce(float(worst), op=MPI.MIN), comm.allreduce(float(relative), op=MPI.MIN)
+        )
+
+    def _cell_qualities(self, places: Floats) -> Floats:
+        """(cells,) the least of d det(A)^(2/d) / |A|^2 over points of each cell, A mapping from an equilateral one."""
+        gdim = self.domain.gdim
+        nodes = places[self._cells, :gdim].transpose(2, 0, 1)
+        jacobians = nodes[:, None] @ self._slopes.transpose(0, 2, 1)  # (gdim, gdim, cells, points)
+        volume = _determinant(jacobians)
+        size = (jacobians**2).sum(axis=(0, 1))
+        quality = gdim * np.sign(volume) * np.abs(volume) ** (2 / gdim) / np.maximum(size, 1e-300)
+        return np.asarray(quality.min(axis=1))
+
+
+def _determinant(a: Floats) -> Floats:
+    """Of matrices (d, d, ...), written out: for many small ones far faster than a factorisation of each."""
+    if len(a) == 2:
+        return np.asarray(a[0, 0] * a[1, 1] - a[0, 1] * a[1, 0])
+    return np.asarray((a[0] * np.cross(a[1], a[2], axis=0)).sum(axis=0))
+
+
+def _sliding(domain: Domain, boundary: str) -> list[tuple[str, ...]]:
+    """For each direction the boundaries along which nodes may slide in it: plane ones, normal to another axis."""
+    names = [name for name in sorted(domain.names) if name != boundary]
+    normals = {name: _normal_axis(domain, name) for name in names}
+    return [tuple(name for name in names if normals[name] not in (None, axis)) for axis in range(domain.gdim)]
+
+
+def _normal_axis(domain: Domain, name: str) -> int | None:
+    """The axis that a plane boundary is normal to; None for others."""
+    mesh, gdim = domain.mesh, domain.gdim
+    blocks = compat.nodes_on(space := _nodes(mesh), domain.facets_of(name))
+    points = space.tabulate_dof_coordinates()[blocks, :gdim]
+    low = np.min(domain.comm.allgather(points.min(axis=0, initial=np.inf)), axis=0)
+    high = np.max(domain.comm.allgather(points.max(axis=0, initial=-np.inf)), axis=0)
+    flat = np.flatnonzero(high - low <= FLAT * float((high - low).max()))
+    return int(flat[0]) if len(flat) else None
+
+
+def _nodes(mesh: Any) -> Any:
+    """The scalar space on the nodes of the mesh's geometry."""
+    return compat.function_space(mesh, compat.scalar_part(compat.coordinate_element(mesh)))
+
+
+def _weights(domain: Domain, boundary: str, sliding: tuple[str, ...]) -> Floats:
+    """(n,) weight of each node of the mesh's geometry, from the potential between the boundaries.
+
+    It is one on the body's `boundary` and zero on the others but for those along which the nodes are `sliding`.
+    """
+    mesh = domain.mesh
+    space = _nodes(mesh)
+    u, w = ufl.TrialFunction(space), ufl.TestFunction(space)
+    held = [name for name in sorted(domain.names) if name not in (boundary, *sliding)]
+    conditions = [
+        _fixed(space, domain.facets_of(name), float(name == boundary)) for name in [*held, boundary]
+    ]
+    matrix = petsc.assemble_matrix(compat.form(ufl.inner(ufl.grad(u), ufl.grad(w)) * ufl.dx), conditions)
+    matrix.assemble()
+    potential = dolfinx.fem.Function(space)
+    _solve(matrix, conditions, potential)
+    values = np.empty(len(mesh.geometry.x))
+    values[compat.geometry_dofs(mesh)] = potential.x.array[compat.cell_dofs(space)]
+    return np.clip(values / RIGID, 0.0, 1.0)
+
+
+def _fixed(space: Any, facets: NDArray[np.int32], value: float) -> Any:
+    return dolfinx.fem.dirichletbc(PETSc.ScalarType(value), compat.nodes_on(space, facets), space)
+
+
+def _solve(matrix: Any, conditions: list[Any], potential: Any) -> None:
+    """Laplace's equation with the given boundary values; the matrix is freed."""
+    space = potential.function_space
+    zero = compat.form(ufl.inner(dolfinx.fem.Constant(space.mesh, 0.0), ufl.TestFunction(space)) * ufl.dx)
+    stiffness = ufl.inner(ufl.grad(ufl.TrialFunction(space)), ufl.grad(ufl.TestFunction(space))) * ufl.dx
+    right = petsc.assemble_vector(zero)
+    petsc.apply_lifting(right, [compat.form(stiffness)], [conditions])
+    right.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    petsc.set_bc(right, conditions)
+    solver = PETSc.KSP().create(space.mesh.comm)
+    solver.setOperators(matrix)
+    solver.setType("cg")
+    solver.getPC().setType("hypre" if PETSc.Sys.hasExternalPackage("hypre") else "jacobi")
+    solver.setTolerances(rtol=1e-10, max_it=10_000)
+    solution = matrix.createVecRight()
+    solver.solve(right, solution)
+    potential.x.array[: solution.getLocalSize()] = solution.array_r
+    potential.x.scatter_forward()
+    for held in (matrix, right, solution, solver):
+        held.destroy()
+
+
+def _slopes(mesh: Any) -> Floats:
+    """(gdim, points, nodes) derivatives of the cell's shape functions along the axes of an equilateral cell."""
+    gdim, degree = mesh.topology.dim, compat.geometry_degree(mesh)
+    kind = {2: basix.CellType.triangle, 3: basix.CellType.tetrahedron}[gdim]
+    element = basix.create_element(basix.ElementFamily.P, kind, degree, basix.LagrangeVariant.equispaced)
+    # Straight cells have one Jacobian; the determinant of curved ones is of the lattice's order in the plane.
+    points = basix.create_lattice(kind, max(1, 2 * (degree - 1)), basix.LatticeType.equispaced, True)
+    table = element.tabulate(1, points if degree > 1 else points[:1])[1:, :, :, 0]
+    flat = [[1.0, 0.5, 0.5], [0.0, 3**0.5 / 2, 3**0.5 / 6], [0.0, 0.0, (2 / 3) ** 0.5]]
+    edges = np.array(flat)[:gdim, :gdim]  # of the equilateral cell, as columns
+    return np.asarray(np.einsum("kpn,kd->dpn", table, np.linalg.inv(edges)))
+
+
+def _rotation_between(first: Placement, second: Placement) -> Floats:
+    """The rotation (1,) or rotation vector (3,) [radians] from one placement to another."""
+    if first.gdim == 2:
+        return np.array([second.angle - first.angle])
+    from ..geometry.placement import product
+
+    assert first.quaternion is not None and second.quaternion is not None
+    w, *vector = first.quaternion
+    scalar, *axis = product(second.quaternion, (w, *(-v for v in vector)))
+    length = float(np.linalg.norm(axis))
+    angle = 2.0 * np.arctan2(length, scalar)
+    angle -= 2.0 * np.pi * (angle > np.pi)
+    return np.asarray(axis) * (angle / length if length else 0.0)
+
+
+def _turned(arms: Floats, rotations: Floats) -> Floats:
+    """Arms (n, gdim), each turned by its own angle (n, 1) or rotation vector (n, 3) [radians]."""
+    if arms.shape[1] == 2:
+        c, s = np.cos(rotations[:, 0]), np.sin(rotations[:, 0])
+        return np.column_stack([c * arms[:, 0] - s * arms[:, 1], s * arms[:, 0] + c * arms[:, 1]])
+    angle = np.linalg.norm(rotations, axis=1, keepdims=True)
+    axis = rotations / np.maximum(angle, 1e-300)
+    along = (axis * arms).sum(axis=1, keepdims=True) * axis
+    return np.asarray(along + np.cos(angle) * (arms - along) + np.sin(angle) * np.cross(axis, arms))

@@ -1,0 +1,102 @@
+"""Fields taken from one mesh to points anywhere, such as the nodes of a mesh that replaces it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from .locator import Floats, Integers, Locator, Places, evaluate
+
+
+@dataclass(frozen=True)
+class _Exchange:
+    """Points that ranks look up for one another.
+
+    rows:   for each rank the numbers of this rank's points that it looks up
+    places: in this rank's cells of the points it looks up, those of the first rank first
+    splits: where the points of the next rank begin
+    """
+
+    rows: list[Integers]
+    places: Places
+    splits: Integers
+
+
+class Transfer:
+    """From one mesh, where it is now, to points anywhere; a point may differ from rank to rank.
+
+    Making it finds the points in the cells, once for any number of functions on the mesh; it is collective. A
+    point outside the mesh takes the polynomial of the nearest cell, extrapolated: meant for a curved boundary
+    meshed anew, whose nodes lie off the old mesh by a fraction of a cell. The caller judges by `farthest`
+    whether that is so: far away extrapolation means nothing.
+
+    Args:
+        mesh: of simplices, straight or curved.
+        points: (n, gdim or 3) of this rank, in scene units.
+
+    Attributes:
+        outside: how many of the points of all ranks no cell holds.
+        farthest: largest distance of any of them from the cell it takes its values from; zero if there are none.
+    """
+
+    def __init__(self, mesh: Any, points: Floats):
+        self._comm = mesh.comm
+        self._points = np.asarray(points, dtype=float)[:, : mesh.geometry.dim]
+        locator = Locator(mesh)
+        within = self._exchange(self._candidates(locator), locator.inside)
+        lost = np.setdiff1d(np.arange(len(self._points)), np.concatenate(within.rows))
+        beyond = self._exchange([lost] * self._comm.size, locator.nearest)
+        self._exchanges = (within, beyond)
+        self.outside = int(self._comm.allreduce(len(lost)))
+        farthest = float(beyond.places.distances.max(initial=0.0))
+        self.farthest = float(self._comm.allreduce(farthest, op=MPI.MAX))
+
+    def values(self, function: Any) -> Floats:
+        """(n, components) values of a function on the mesh at this rank's points. Collective.
+
+        The function is scalar or vector, in a Lagrange space of any order, its ghosts up to date. Within the
+        mesh the values are the function's own.
+        """
+        block = function.function_space.dofmap.index_map_bs
+        values = np.empty((len(self._points), block))
+        for exchange in self._exchanges:
+            mine = evaluate(function, exchange.places)
+            answers = self._comm.alltoall(np.split(mine, exchange.splits))
+            for rows, answer in zip(exchange.rows, answers, strict=True):
+                values[rows] = answer
+        return values
+
+    def _candidates(self, locator: Locator) -> list[Integers]:
+        """For each rank the numbers of the points in the box about its cells."""
+        x = self._points
+        boxes = self._comm.allgather(locator.box)
+        slack = 1e-6 * max(float(np.ptp(box)) for box in boxes if np.isfinite(box).all())
+        return [np.flatnonzero(((x >= low - slack) & (x <= high + slack)).all(axis=1)) for low, high in boxes]
+
+    def _exchange(self, asked: list[Integers], look_up: Callable[[Floats], Places]) -> _Exchange:
+        """Have points looked up by the ranks asked; each is left to the rank where it is least remote."""
+        requests = self._comm.alltoall([self._points[rows] for rows in asked])
+        places = look_up(np.concatenate(requests))
+        answers = self._comm.alltoall(np.split(places.remoteness, _splits(requests)))
+        best = self._least_remote(asked, answers)
+        wanted = [best[rows] == rank for rank, rows in enumerate(asked)]
+        rows = [rows[chosen] for rows, chosen in zip(asked, wanted, strict=True)]
+        kept = self._comm.alltoall(wanted)
+        splits = _splits([np.flatnonzero(chosen) for chosen in kept])
+        return _Exchange(rows, places.at(np.concatenate(kept)), splits)
+
+    def _least_remote(self, asked: list[Integers], answers: list[Floats]) -> Integers:
+        """(n,) the first rank from which each point is least remote, -1 where it is so from none."""
+        remoteness = np.full((len(asked), len(self._points)), np.inf)
+        for rank, (rows, answer) in enumerate(zip(asked, answers, strict=True)):
+            remoteness[rank, rows] = answer
+        return np.where(np.isfinite(remoteness).any(axis=0), remoteness.argmin(axis=0), -1)
+
+
+def _splits(parts: list[Any]) -> Integers:
+    """Where each of the parts but the first begins when they are put one after the other."""
+    return np.cumsum([len(part) for part in parts])[:-1]

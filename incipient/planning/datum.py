@@ -1,0 +1,46 @@
+"""The datum of the undisturbed flow: the height at which its profile starts, and why there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..scene import Scene
+
+
+@dataclass(frozen=True)
+class Datum:
+    """Where the profile of a scene's flow starts; it is the same over the whole bed.
+
+    height: y in the scene [length]
+    reason: what the height is of the bed, in words
+    """
+
+    height: float
+    reason: str
+
+    def text(self) -> str:
+        """One line of the plan."""
+        return f"datum y = {self.height:g}: {self.reason}"
+
+
+def datum_of(scene: Scene) -> Datum | None:
+    """The datum of a flow of given profile over a bed; None for another flow, or without a bed. Not collective."""
+    level = getattr(scene.flow, "datum", None)
+    if level is None or scene.bed is None:
+        return None
+    return Datum(scene.datum, f"{_words(scene, level)}; the {scene.flow.kind} flow starts there")
+
+
+def _words(scene: Scene, level: float | str) -> str:
+    bed = scene.bed_shape
+    assert bed is not None
+    if level == "mean":
+        return "the mean height of the bed"
+    if level != "crest":
+        return f"flow.datum = {level:g}"
+    if bed.crest > scene.datum:
+        return (
+            "the crests of the bed, which are as high in every third of the domain; "
+            f"what is higher, up to y = {bed.crest:g}, does not count"
+        )
+    return "the crest of the bed"

@@ -1,0 +1,258 @@
+"""Where everything is and how finely it is meshed: the scene and its plan turned into a drawing for gmsh."""
+
+from __future__ import annotations
+
+import math
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..errors import SceneError
+from ..geometry.placement import Placement
+from ..geometry.plane.curves import Curve, Line, Point
+from ..geometry.rest import clearance, lifted
+from ..installed import required
+from ..meshes import Away, Grid, Near, Region, Sizes
+from ..scene import Scene
+from .clearance import Surroundings
+from .plan import Estimate, Plan
+
+# Cell sizes for mesh_size = 1 by order of the velocity, chosen so that the orders err alike (docs/numerics.md).
+GRAIN_CELL = {2: 0.05, 3: 0.1, 4: 0.15}  # of the grain's size, at its surface
+FAR_CELL = {2: 0.10, 3: 0.15, 4: 0.20}  # of the domain's height
+BED_CELL = {2: 0.15, 3: 0.25, 4: 0.35}  # of the bed's smallest feature
+GAP_CELL = {2: 0.5, 3: 0.75, 4: 1.0}  # of the gap between grain and bed
+CORNER_CELL = 0.3  # of the grain's cells, at its corners
+GRID_CELLS = {2: 48, 3: 32, 4: 24}  # along the shorter side of an empty box
+GROWTH, GAP_GROWTH = 0.25, 0.18  # of cell sizes with distance
+# Along a bed away from the grain: how fast cells grow with the distance from it, and up to which part of the bed's
+# smallest feature. There only the drag of the bed as a whole matters (docs/numerics.md).
+BED_GROWTH, BED_LARGEST = 0.05, 0.6
+MEMORY_BASE = 180.0  # MiB, of the libraries and the mesh
+MEMORY_GROWTH = 194.0  # bytes per n log2 n of n unknowns; both fitted, see docs/performance.md
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The scene's geometry in place, ready to be drawn.
+
+    resting:   the grain where it touches the bed (or is held), None without a grain
+    placement: the grain where the flow is computed: lifted by the gap
+    gap:       smallest distance of grain and bed in the computed flow [length], inf without contact
+    gap_ends:  the two points between which the gap is measured
+    max_cells: triangles expected above which no mesh is made
+    """
+
+    shape: Region | Grid
+    sizes: Sizes
+    geometry_order: int
+    resting: Placement | None = None
+    placement: Placement | None = None
+    gap: float = np.inf
+    gap_ends: tuple[Point, Point] | None = None
+    max_cells: float = np.inf
+
+    def drawing(self) -> AbstractContextManager[Any]:
+        """A meshed gmsh model; for one rank only.
+
+        Raises:
+            MeshError: the geometry cannot be meshed.
+            SceneError: too many cells are expected.
+            MissingError: gmsh, or a library that it needs, is not installed.
+        """
+        self._require_few_cells()
+        with required():
+            from ..meshes.model import grid_model, region_model
+
+        if isinstance(self.shape, Grid):
+            return grid_model(self.shape, self.geometry_order)
+        return region_model(self.shape, self.sizes, self.geometry_order)
+
+    def _require_few_cells(self) -> None:
+        """Refuse a mesh that would take hours and all memory before it is begun."""
+        from ..meshes.expected import expected_cells
+
+        parts = expected_cells(self.shape, self.sizes)
+        expected, most = sum(parts.values()), max(parts, key=lambda name: parts[name])
+        if not expected <= self.max_cells:
+            raise SceneError(
+                f"numerics.max_cells: a mesh of about {expected:.2g} cells is expected, most for the {most}, more than "
+                f"{self.max_cells:g}; enlarge numerics.mesh_size or the smallest length, or allow them with "
+                f"--set numerics.max_cells={_round_up(expected)}"
+            )
+
+
+def _round_up(number: float) -> int:
+    """A little more than a number, in two digits."""
+    digits = 10 ** max(int(math.log10(max(number, 1.0))) - 1, 0)
+    return (int(number / digits) + 1) * digits
+
+
+def lay_out(scene: Scene, plan: Plan, moved: Placement | None = None) -> Layout:
+    """Place the grain, where the scene has it or where it has `moved`, and decide cell sizes. Not collective."""
+    most = scene.numerics.max_cells
+    if is_grid(scene):
+        return Layout(_grid(scene, plan), Sizes(1.0), plan.geometry_order, max_cells=most)
+    resting, placement, gap, ends = _placed(scene, plan) if moved is None else (moved, moved, np.inf, None)
+    if plan.has("moving mesh") and placement is not None:
+        near = surroundings(scene).clearance(placement)
+        gap, ends = near.distance, (near.on_grain, near.on_other)
+    holes = {}
+    if scene.grain is not None and placement is not None:
+        holes["body"] = tuple(curve.moved(placement) for curve in scene.grain.drawn())
+    region = Region(_bottom(scene), scene.domain.ceiling, holes, side_names(scene))
+    finer = _near(scene, plan, holes.get("body", ()), placement, gap, ends)
+    sizes = Sizes(FAR_CELL[plan.order] * scene.domain.height, finer).scaled(plan.mesh_size)
+    return Layout(region, sizes, plan.geometry_order, resting, placement, gap, ends, most)
+
+
+def surroundings(scene: Scene) -> Surroundings:
+    """What the grain of a scene may run into."""
+    assert scene.grain is not None
+    return Surroundings(scene.grain, scene.domain, side_names(scene), scene.bed_shape)
+
+
+def side_names(scene: Scene) -> tuple[str, str, str, str]:
+    """Names of the bottom, right, top and left boundary."""
+    bottom = "bed" if scene.bed is not None else "bottom"
+    if scene.domain.kind == "channel":
+        return bottom, "outflow", "top", "inflow"
+    return bottom, "right", "top", "left"
+
+
+def _placed(
+    scene: Scene, plan: Plan
+) -> tuple[Placement | None, Placement | None, float, tuple[Point, Point] | None]:
+    """Resting place, computed place, gap and the points it is measured between."""
+    grain, bed, resting = scene.grain, scene.bed_shape, scene.placement
+    if grain is None or bed is None or resting is None:
+        return resting, resting, np.inf, None
+    placement = lifted(grain, resting, bed, scene.contact_gap) if scene.rests else resting
+    gap, on_grain, on_bed = clearance(grain, placement, bed)
+    return resting, placement, gap, (_point(on_grain), _point(on_bed))
+
+
+def _bottom(scene: Scene) -> tuple[Curve, ...]:
+    domain, bed = scene.domain, scene.bed_shape
+    if bed is None:
+        return (Line((domain.left, domain.bottom), (domain.right, domain.bottom)),)
+    return bed.curves(domain.left, domain.right)
+
+
+def _near(
+    scene: Scene,
+    plan: Plan,
+    outline: tuple[Curve, ...],
+    placement: Placement | None,
+    gap: float,
+    ends: tuple[Point, Point] | None,
+) -> tuple[Near, ...]:
+    """Where cells are smaller than away from everything."""
+    near, grain, bed = [], scene.grain, scene.bed_shape
+    if grain is not None:
+        size = GRAIN_CELL[plan.order] * grain.size
+        near.append(Near(size, GROWTH, boundary="body"))
+        if corners := _corners(outline):
+            near.append(Near(CORNER_CELL * size, GROWTH, points=corners))
+        if gap < 4 * size and ends is not None:
+            points = _gap_points(scene, plan, ends)
+            near.append(Near(GAP_CELL[plan.order] * gap, GAP_GROWTH, points=points, needed=True))
+    if bed is not None and np.isfinite(bed.feature):
+        size, away = BED_CELL[plan.order] * bed.feature, None
+        if placement is not None:
+            away = Away(_point(placement.centre), BED_GROWTH, BED_LARGEST * bed.feature)
+        near.append(Near(size, GROWTH, boundary="bed", away=away))
+    if scene.flow.kind == "lid":
+        domain = scene.domain
+        corners = ((domain.left, domain.ceiling), (domain.right, domain.ceiling))
+        near.append(Near(0.1 * FAR_CELL[plan.order] * domain.height, GROWTH, points=corners))
+    return tuple(near)
+
+
+def _gap_points(scene: Scene, plan: Plan, ends: tuple[Point, Point]) -> tuple[Point, ...]:
+    """Where grain and bed nearly touch: the narrowest place, and every contact of a resting grain."""
+    if not scene.rests:
+        return ends if plan.has("moving mesh") else (ends[0],)
+    from ..contact.search import touching
+
+    grain, bed, resting = scene.grain, scene.bed_shape, scene.placement
+    assert grain is not None and bed is not None and resting is not None
+    contacts = touching(grain, resting, bed, scene.contact_tolerance)
+    return tuple(dict.fromkeys([ends[0], *(_point(x) for x in contacts.points[:, :2])]))
+
+
+def _corners(outline: tuple[Curve, ...]) -> tuple[Point, ...]:
+    """Where consecutive curves of a closed outline meet at an angle of more than ten degrees."""
+    corners = []
+    for before, after in zip(outline, outline[1:] + outline[:1], strict=True):
+        cosine = float(before.tangent([1.0])[0] @ after.tangent([0.0])[0])
+        if cosine < np.cos(np.radians(10.0)):
+            corners.append(after.start)
+    return tuple(corners)
+
+
+def _grid(scene: Scene, plan: Plan) -> Grid:
+    domain, cell = scene.domain, plan.mesh_size * largest_cell(scene)
+    columns, rows = (max(4, round(side / cell)) for side in (domain.length, domain.height))
+    return Grid(domain.origin, domain.length, domain.height, columns, rows, sides=side_names(scene))
+
+
+def largest_cell(scene: Scene) -> float:
+    """Size of the cells away from everything for mesh_size = 1 [length]."""
+    domain, order = scene.domain, scene.numerics.order
+    if not is_grid(scene):
+        return FAR_CELL[order] * domain.height
+    # Boundary layers thin as Re^-1/2, the grading makes up for half of that.
+    crowd = max(1.0, (scene.fluid.reynolds / 1000.0) ** 0.25)
+    return min(domain.length, domain.height) / (GRID_CELLS[order] * crowd)
+
+
+def is_grid(scene: Scene) -> bool:
+    """Whether the scene is an empty box, which gets a grid."""
+    return scene.domain.kind == "box" and scene.body is None and scene.bed is None
+
+
+def count(layout: Layout, order: int, dual: bool = False) -> Estimate:
+    """Cells, unknowns and memory of the flow on the layout's mesh, by making it. Not collective.
+
+    dual: whether the errors of a steady flow are estimated as well, with elements of one order more (see `has_dual`)
+    """
+    with layout.drawing() as model:
+        _, tags, nodes = model.mesh.getElements(2)
+        cells = sum(len(t) for t in tags)
+        per_cell = (layout.geometry_order + 1) * (layout.geometry_order + 2) // 2
+        corners = np.concatenate([n.reshape(-1, per_cell)[:, :3] for n in nodes])
+    vertices = len(np.unique(corners))
+    # Euler's formula with one closed outline per hole.
+    holes = len(layout.shape.holes) if isinstance(layout.shape, Region) else 0
+    edges = vertices + cells - 1 + holes
+    unknowns = [
+        2 * _lagrange(k, vertices, edges, cells) + _lagrange(k - 1, vertices, edges, cells)
+        for k in range(order, order + 1 + dual)
+    ]
+    return Estimate(cells, unknowns[0], memory(*unknowns))
+
+
+def has_dual(scene: Scene) -> bool:
+    """Whether a scene's error bars take a dual solution beside the flow. Not collective."""
+    return scene.numerics.error_bars and scene.body is not None and scene.time is None
+
+
+def memory(*unknowns: int) -> float:
+    """MiB for systems of so many unknowns that are there at once. Not collective.
+
+    The sparse factors of a planar mesh of n unknowns have about c n log n entries (George 1973); c and the base
+    were fitted to measured peaks (docs/performance.md).
+    """
+    entries = sum(n * math.log2(n) for n in unknowns)
+    return MEMORY_BASE + MEMORY_GROWTH * entries / 2**20
+
+
+def _lagrange(order: int, vertices: int, edges: int, cells: int) -> int:
+    return vertices + (order - 1) * edges + (order - 1) * (order - 2) // 2 * cells
+
+
+def _point(x: Any) -> Point:
+    return float(x[0]), float(x[1])

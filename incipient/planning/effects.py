@@ -1,0 +1,391 @@
+"""Which effects a scene calls for: its dimensionless numbers, what leaving an effect out would change, the decision.
+
+An effect is left out where its expected influence on the drag is below a tenth of the accuracy asked for: errors of
+the model then stay small beside those of the discretisation. The estimates are the leading terms for a sphere:
+
+- inertia: Oseen's correction of the drag, 3/16 Re, with the Reynolds number of diameter and speed (Proudman &
+  Pearson 1957, J. Fluid Mech. 2, 237). A grain away from walls feels inertia as far as the next wall: the
+  flow of Stokes decays as slowly as the distance grows (Oseen 1910), in the plane even more slowly. For a
+  sphere that touches a wall in shear G, lift over drag is 0.287 G a^2/nu (Leighton & Acrivos 1985, ZAMP 36,
+  174), that is 0.07 Re with the speed at its top: Oseen's is the larger.
+- unsteadiness: what a stream that changes does to a sphere held in it, over the drag of Stokes: the history
+  force, a/sqrt(nu T), and the pressure that accelerates stream and displaced fluid with the added mass,
+  a^2/(3 nu T), with a the radius and T the time in which the flow changes (Maxey & Riley 1983, Phys. Fluids
+  26, 883; the history force is that in a stream that oscillates: one that grows steadily for a time T has
+  2/sqrt(pi) times as much).
+
+They only decide. What was left out is estimated once more from the flow that was computed
+(`incipient.accuracy.left_out`).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from ..geometry.placement import Placement
+    from ..scene import Scene
+
+OSEEN = 3.0 / 16.0
+SHARE = 0.1  # of the accuracy asked for that an effect left out by the plan may use up
+USUAL_ACCURACY = 0.01
+# A cylinder in a stream sheds vortices from this Reynolds number on (Heil, Rosso, Hazel & Brøns 2017, J.
+# Fluid Mech. 812, 199; experiments: 47, Provansal, Mathis & Boyer 1987, J. Fluid Mech. 182, 1); close to a
+# wall, within 0.3 diameters, it does not (Bearman & Zdravkovich 1978, J. Fluid Mech. 89, 33; a square one
+# within 0.35: Bosch, Kappler & Rodi 1996, Exp. Therm. Fluid Sci. 13).
+SHEDDING, SHEDDING_CLEARANCE = 46.0, 0.3
+# From about this Reynolds number on the turbulence of a channel sustains itself. Between walls, of mean
+# velocity and height: 4/3 of 965, of half the height and the greatest velocity (Gomé, Tuckerman & Barkley
+# 2020, Phys. Rev. Fluids 5, 083905; experiments: about 1000, Orszag & Kells 1980, J. Fluid Mech. 96, 159). In
+# shear, of the velocity on top and the height: 4 times 324, of half of each (Duguet, Schlatter & Henningson
+# 2010, J. Fluid Mech. 650, 119).
+TURBULENT = 1300.0
+SAMPLES = 33  # of times and of heights at which a given flow is looked at
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One physical effect, whether it is simulated, and the reason.
+
+    forced:   the scene says so, not the plan
+    expected: relative change of the drag that the effect makes, by its leading term; None: no estimate
+    """
+
+    name: str
+    present: bool
+    reason: str
+    forced: bool = False
+    expected: float | None = None
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """A scene's dimensionless numbers; None where the scene has nothing of the kind.
+
+    grain_reynolds: speed of the flow past the grain times its largest diameter over the viscosity
+    flow_reynolds:  reference velocity times height of the domain over the viscosity
+    bed_reynolds:   speed at the height of the bed's relief above the datum times that height over the viscosity
+    reach:          how far the grain's disturbance goes before a wall stops it, in grain sizes
+    strouhal:       grain size over speed times the time in which the flow changes
+    density_ratio:  of a free or weighing grain to the fluid
+    stokes:         density ratio times grain Reynolds number / 18: how sluggishly the grain follows the flow
+    froude:         reference velocity over sqrt(g height)
+    """
+
+    grain_reynolds: float | None
+    flow_reynolds: float
+    bed_reynolds: float | None
+    reach: float
+    strouhal: float | None
+    density_ratio: float | None
+    stokes: float | None
+    froude: float | None
+
+    def text(self) -> str:
+        """Those that there are, on one line."""
+        named = {
+            "grain Re": self.grain_reynolds,
+            "flow Re": self.flow_reynolds,
+            "bed Re": self.bed_reynolds,
+            "Strouhal": self.strouhal,
+            "density ratio": self.density_ratio,
+            "Stokes": self.stokes,
+            "Froude": self.froude,
+        }
+        return ", ".join(f"{name} {value:.3g}" for name, value in named.items() if value is not None)
+
+
+def accuracy_asked(scene: Scene) -> float:
+    """The relative accuracy that the scene asks for, or what is usual."""
+    asked = scene.numerics.accuracy
+    return asked if isinstance(asked, float) else USUAL_ACCURACY
+
+
+def effects_of(scene: Scene, numbers: Numbers) -> tuple[Effect, ...]:
+    """Decide on every effect. Not collective."""
+    moving = scene.flow.kind != "still"
+    body = scene.body
+    return (
+        _inertia(scene, numbers),
+        _unsteadiness(scene, numbers),
+        Effect("traction", body is not None, "of the fluid on the grain" if body else "no [body] section"),
+        _gravity(scene),
+        _contact(scene),
+        Effect("flow", moving, f"{scene.flow.kind} flow" if moving else "the fluid is at rest"),
+        Effect("moving mesh", moves(scene), _mesh_motion(scene), scene.effects.moving_mesh != "auto"),
+        _free_body(scene, numbers),
+        _free_surface(scene, numbers),
+        _turbulence(scene, numbers),
+        Effect("third dimension", False, "the scene is two-dimensional"),
+    )
+
+
+# -- one effect each --------------------------------------------------------------------------------
+
+
+def _inertia(scene: Scene, numbers: Numbers) -> Effect:
+    if not scene.fluid.inertia or scene.effects.inertia is False:
+        key = "fluid.inertia" if not scene.fluid.inertia else "effects.inertia"
+        return Effect("inertia", False, f"{key} = false", True, expected_of_inertia(scene, numbers))
+    told = f"Re = {scene.fluid.reynolds:g} on {scene.fluid.scale} scale"
+    if scene.effects.inertia is True:
+        return Effect("inertia", True, f"effects.inertia = true; {told}", True)
+    if scene.flow.kind == "still" and not moves(scene):
+        return Effect("inertia", False, "the fluid is at rest", expected=0.0)
+    expected = expected_of_inertia(scene, numbers)
+    which = "flow Re" if numbers.grain_reynolds is None else "grain Re"
+    value = numbers.flow_reynolds if numbers.grain_reynolds is None else numbers.grain_reynolds
+    if expected > SHARE * accuracy_asked(scene):
+        return Effect("inertia", True, told, expected=expected)
+    reason = f"{which} {value:.2g}; estimated effect on drag {percent(expected)}"
+    return Effect("inertia", False, reason, expected=expected)
+
+
+def _unsteadiness(scene: Scene, numbers: Numbers) -> Effect:
+    name, time = "unsteadiness", scene.time
+    if time is None:
+        risk = _shedding(scene, numbers)
+        return Effect(name, False, "no [time] section" + (f"; {risk}" if risk else ""))
+    expected = expected_of_unsteadiness(scene)
+    if scene.effects.unsteadiness is False:
+        return Effect(name, False, "effects.unsteadiness = false: quasi-steady flow", True, expected)
+    reason, small = f"until t = {time.end:g}", SHARE * accuracy_asked(scene)
+    if expected is not None and expected < small and not moves(scene):
+        reason += f"; effects.unsteadiness = false would change the drag by {percent(expected)}"
+    return Effect(name, True, reason, scene.effects.unsteadiness is True, expected)
+
+
+def _shedding(scene: Scene, numbers: Numbers) -> str:
+    """Why a steady flow may be none."""
+    reynolds = numbers.grain_reynolds
+    inert = scene.fluid.inertia and scene.effects.inertia is not False
+    if reynolds is None or reynolds <= SHEDDING or not inert or _wall_distance(scene) < SHEDDING_CLEARANCE:
+        return ""
+    return f"grain Re {reynolds:.3g}: a cylinder in a stream sheds vortices from {SHEDDING:g} on"
+
+
+def _gravity(scene: Scene) -> Effect:
+    if scene.gravity is None:
+        return Effect("gravity", False, "no [gravity] section")
+    if scene.effects.gravity is False:
+        return Effect("gravity", False, "effects.gravity = false", True)
+    reason = "weight and buoyancy of the grain; hydrostatic pressure in closed form, no unknowns"
+    return Effect("gravity", True, reason, scene.effects.gravity is True)
+
+
+def _contact(scene: Scene) -> Effect:
+    if not scene.rests:
+        return Effect("contact", False, "no grain rests on a bed")
+    if scene.effects.contact is False:
+        return Effect("contact", False, "effects.contact = false: no verdict", True)
+    return Effect("contact", True, "the grain rests on the bed", scene.effects.contact is True)
+
+
+def moves(scene: Scene) -> bool:
+    """Whether the scene has a grain that moves while the flow is computed."""
+    return scene.body is not None and scene.body.moves
+
+
+def _mesh_motion(scene: Scene) -> str:
+    if not moves(scene):
+        return "nothing moves"
+    if scene.body is not None and scene.body.shape == "disc":
+        return "the mesh follows the grain; it need not turn with a disc"
+    return "the mesh follows the grain"
+
+
+def _free_body(scene: Scene, numbers: Numbers) -> Effect:
+    body = scene.body
+    if body is None:
+        return Effect("free body", False, "no [body] section")
+    reason = f'body.motion = "{body.motion}"'
+    if body.locked:
+        reason += f" but for {', '.join(body.locked)}"
+    if body.motion == "free" and numbers.density_ratio is not None and numbers.stokes is not None:
+        reason += f"; density ratio {numbers.density_ratio:.3g}, Stokes number {numbers.stokes:.2g}"
+    return Effect("free body", body.motion == "free", reason, scene.effects.free_body != "auto")
+
+
+def _free_surface(scene: Scene, numbers: Numbers) -> Effect:
+    """A rigid lid in place of a surface: by Bernoulli's equation it hides a rise of Fr^2/2 of the depth."""
+    reason = f'the top is "{scene.top}"'
+    if scene.top != "slip" or numbers.froude is None:
+        return Effect("free surface", False, reason)
+    expected = 0.5 * numbers.froude**2
+    reason += (
+        f"; Froude number {numbers.froude:.2g}: a surface would rise by {percent(expected)} of the depth"
+    )
+    return Effect("free surface", False, reason, expected=expected)
+
+
+def _turbulence(scene: Scene, numbers: Numbers) -> Effect:
+    reason = "not part of this version"
+    if may_be_turbulent(scene, numbers):
+        least = turbulent_from(scene)
+        told = f"flow Re {numbers.flow_reynolds:.4g}: channels may be turbulent from {least:g} on"
+        return Effect("turbulence", False, f"{reason}; {told}")
+    return Effect("turbulence", False, reason)
+
+
+def may_be_turbulent(scene: Scene, numbers: Numbers) -> bool:
+    """Whether the flow's Reynolds number is one of turbulence.
+
+    A top that moves as the stream does stands for an endless flow, whose depth the height of the domain does not tell.
+    """
+    deep = scene.domain.kind == "channel" and scene.top != "stream"
+    return deep and numbers.flow_reynolds > turbulent_from(scene)
+
+
+def turbulent_from(scene: Scene) -> float:
+    """Flow Reynolds number from which a channel may be turbulent; an open one is half a closed one."""
+    return 0.5 * TURBULENT if scene.flow.kind == "open-channel" else TURBULENT
+
+
+# -- estimates --------------------------------------------------------------------------------------
+
+
+def expected_of_inertia(scene: Scene, numbers: Numbers) -> float:
+    """Relative change of the drag that convection makes, by Oseen's term; at most one."""
+    found = [OSEEN * (numbers.bed_reynolds or 0.0)]
+    if scene.flow.kind in ("lid", "expression"):  # not parallel: inertia bends the flow itself
+        found.append(OSEEN * numbers.flow_reynolds)
+    if numbers.grain_reynolds is not None:
+        found.append(OSEEN * numbers.grain_reynolds * max(1.0, numbers.reach))
+    elif scene.flow.kind != "still":
+        found.append(OSEEN * numbers.flow_reynolds)
+    return min(max(found), 1.0)
+
+
+def expected_of_unsteadiness(scene: Scene) -> float | None:
+    """Relative change of the drag on a held grain as the stream changes, at most one; None: it is steady."""
+    period, grain = time_of_change(scene), scene.grain
+    if period is None or grain is None:
+        return None
+    diffusion = (0.5 * grain.size) ** 2 / (scene.viscosity * period)
+    return min(math.sqrt(diffusion) + diffusion / 3.0, 1.0)
+
+
+def time_of_change(scene: Scene) -> float | None:
+    """Largest speed of the given flow over its largest rate of change; None where it does not change."""
+    import numpy as np
+
+    from .conditions import undisturbed
+
+    time, flow = scene.time, scene.flow
+    if time is None or flow.kind != "expression" or not flow.unsteady:
+        return None
+    times = np.linspace(0.0, time.end, 4 * SAMPLES)
+    points = np.vstack([np.full(SAMPLES, scene.domain.left), _heights(scene), np.zeros(SAMPLES)])
+    stream = undisturbed(scene)
+    speeds = np.array([stream(points, t) for t in times])
+    rate = float(np.abs(np.gradient(speeds, times, axis=0)).max())
+    return float(np.abs(speeds).max()) / rate if rate > 0.0 else None
+
+
+# -- numbers ----------------------------------------------------------------------------------------
+
+
+def numbers_of(scene: Scene) -> Numbers:
+    """The scene's dimensionless numbers. Not collective."""
+    grain, viscosity, height = scene.grain, scene.viscosity, scene.domain.height
+    reynolds = strouhal = ratio = stokes = froude = None
+    velocity, period = scene.reference_velocity, time_of_change(scene)
+    if grain is not None:
+        placement = scene.placement
+        assert placement is not None
+        speed = _speed_past_grain(scene, placement)
+        reynolds, ratio = speed * grain.size / viscosity, scene.density
+        stokes = None if ratio is None else ratio * reynolds / 18.0
+        strouhal = grain.size / (speed * period) if period is not None and speed > 0.0 else None
+    if acceleration := float(abs(scene.gravity_vector).max()):
+        froude = velocity / math.sqrt(acceleration * height)
+    if scene.flow.kind == "shear":  # whose reference velocity is that over the reference length
+        velocity *= height / scene.reference_length
+    if scene.flow.kind == "still":
+        velocity = 0.0
+    flow = velocity * height / viscosity
+    reach = _wall_distance(scene) + 0.5 if grain is not None else 0.0
+    return Numbers(reynolds, flow, _bed_reynolds(scene), reach, strouhal, ratio, stokes, froude)
+
+
+def _heights(scene: Scene) -> np.ndarray:
+    import numpy as np
+
+    return np.linspace(scene.domain.bottom, scene.domain.ceiling, SAMPLES)
+
+
+def _speed_past_grain(scene: Scene, placement: Placement) -> float:
+    """The largest of the speeds of the given flow over the grain's height and of the grain's own."""
+    import numpy as np
+
+    from .conditions import undisturbed
+
+    grain = scene.grain
+    assert grain is not None
+    x, y = placement.centre[:2]
+    heights = y + 0.5 * grain.size * np.linspace(-1.0, 1.0, SAMPLES)
+    points = np.vstack([np.full(SAMPLES, x), heights, np.zeros(SAMPLES)])
+    times = np.linspace(0.0, scene.time.end, SAMPLES) if scene.time else np.zeros(1)
+    stream = undisturbed(scene)
+    return max(float(max(np.abs(stream(points, t)).max() for t in times)), _own_speed(scene, times))
+
+
+def _own_speed(scene: Scene, times: np.ndarray) -> float:
+    """Of a grain that moves: as it starts or is told to, or as it settles by Stokes's law, at most in free fall."""
+    import numpy as np
+
+    from ..scene.expression import Expression
+
+    body, grain = scene.body, scene.grain
+    if body is None or grain is None or not body.moves:
+        return 0.0
+    if body.course is not None:
+        course = [Expression(formula) for formula in body.course]
+        origin = np.zeros((3, 1))
+        velocities = np.abs([[float(one(origin, float(t))[0]) for one in course] for t in times])
+        return float((velocities @ [1.0, 1.0, 0.5 * grain.size]).max())
+    drive = abs((scene.density or 0.0) - 1.0) * float(abs(scene.gravity_vector).max())
+    settling = min(drive * grain.size**2 / (18.0 * scene.viscosity), math.sqrt(drive * grain.size))
+    return max(settling, math.hypot(*body.velocity), 0.5 * grain.size * abs(body.spin))
+
+
+def _bed_reynolds(scene: Scene) -> float | None:
+    """Of the bed's forms, by the given flow up to their height above its datum; None for a plane."""
+    import numpy as np
+
+    from .conditions import undisturbed
+
+    bed, domain = scene.bed_shape, scene.domain
+    if bed is None:
+        return None
+    heights = bed.height(np.linspace(domain.left, domain.right, 20 * SAMPLES))
+    relief = float(heights.max() - heights.min())
+    if relief == 0.0:
+        return None
+    levels = scene.datum + np.linspace(0.0, relief, SAMPLES)
+    points = np.vstack([np.full(SAMPLES, domain.left), levels, np.zeros(SAMPLES)])
+    return float(np.abs(undisturbed(scene)(points, 0.0)).max()) * relief / scene.viscosity
+
+
+def _wall_distance(scene: Scene) -> float:
+    """From the grain to the next wall above or below, in grain sizes; without one, the height of the domain."""
+    grain, placement, domain = scene.grain, scene.placement, scene.domain
+    assert grain is not None and placement is not None
+    if scene.rests:
+        return 0.0
+    y, distances = placement.centre[1], [domain.height]
+    bounded = domain.kind == "box" or scene.top == "wall" or scene.flow.kind == "open-channel"
+    if scene.bed is not None or bounded:
+        distances.append(y - scene.datum)
+    if scene.top == "wall":
+        distances.append(domain.ceiling - y)
+    return max(min(distances) / grain.size - 0.5, 0.0)
+
+
+def percent(share: float) -> str:
+    """0.00075 as 0.08%."""
+    return f"{100 * share:.1g}%" if share < 0.1 else f"{100 * share:.0f}%"

@@ -1,0 +1,157 @@
+"""From the scene follows the plan: which effects are simulated, which are left out and why, and how finely.
+
+The plan decides what is built. A sub-problem or a term that it does not name is never made: no space, no
+compiled form, no unknown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from ..geometry.plane.curves import Line
+from ..scene import Scene
+from ..scene.model import WIDE_GAP
+from .datum import Datum, datum_of
+from .effects import Effect, Numbers, effects_of, numbers_of
+from .stabilisation import NO_CONVECTION, Stabilisation, stabilisation_of
+
+__all__ = ["Effect", "Estimate", "Plan", "make_plan"]
+
+GEOMETRY_ORDER = {2: 2, 3: 3, 4: 3}
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What the computation will need, counted on the mesh that will be used, the first one if there are several."""
+
+    cells: int
+    unknowns: int
+    memory_mib: float
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Effects, discretisation and (where it has been counted) expense of a scene's computation.
+
+    sought:   what mesh and order are chosen for by the run, in words; empty where the scene chooses them
+    warnings: what in the scene makes the result less sure, in words
+    datum:    where the profile of the flow starts, None without a profile or a bed
+    """
+
+    effects: tuple[Effect, ...]
+    order: int
+    geometry_order: int
+    mesh_size: float
+    convection: str
+    scheme: str
+    reynolds: float
+    numbers: Numbers | None = None
+    stabilisation: Stabilisation = NO_CONVECTION
+    estimate: Estimate | None = None
+    sought: str = ""
+    warnings: tuple[str, ...] = ()
+    datum: Datum | None = None
+
+    def has(self, name: str) -> bool:
+        """Whether an effect is simulated."""
+        return any(effect.present for effect in self.effects if effect.name == name)
+
+    def with_estimate(self, estimate: Estimate) -> Plan:
+        """The same plan with its expense counted."""
+        return replace(self, estimate=estimate)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for result.json."""
+        return asdict(self)
+
+    def text(self) -> str:
+        """The plan as a few lines for a reader."""
+        lines = [f"  {'yes' if e.present else ' no'}  {e.name}: {e.reason}" for e in self.effects]
+        if self.numbers is not None:
+            lines.append(f"  {self.numbers.text()}")
+        if self.datum is not None:
+            lines.append(f"  {self.datum.text()}")
+        lines += [*self._discretisation(), f"  {self.stabilisation.text()}"]
+        if self.estimate is not None:
+            e, first = self.estimate, "first mesh: " if self.sought else ""
+            lines.append(
+                f"  {first}{e.cells} cells, {e.unknowns} unknowns, about {e.memory_mib:.0f} MiB of memory"
+            )
+        lines += [f"  warning: {warning}" for warning in self.warnings]
+        return "\n".join(lines)
+
+    def _discretisation(self) -> list[str]:
+        elements = f"P{self.order}-P{self.order - 1} Taylor-Hood on cells of order {self.geometry_order}"
+        solved = f"{self.scheme}, {self.convection} convection"
+        if not self.sought:
+            return [f"  {elements}, cell sizes x {self.mesh_size:g}, {solved}"]
+        return [f"  {self.sought}", f"  {elements} at first, {solved}"]
+
+
+def make_plan(scene: Scene) -> Plan:
+    """Decide from the scene alone; nothing is meshed or computed. Not collective."""
+    numerics, numbers = scene.numerics, numbers_of(scene)
+    effects = effects_of(scene, numbers)
+    present = {effect.name for effect in effects if effect.present}
+    return Plan(
+        effects=effects,
+        order=numerics.order,
+        geometry_order=_geometry_order(scene),
+        mesh_size=numerics.mesh_size,
+        convection=_convection(scene, present),
+        scheme=_scheme(scene, present),
+        reynolds=1.0 / scene.viscosity,
+        numbers=numbers,
+        stabilisation=stabilisation_of(scene, "inertia" in present),
+        sought=_sought(scene),
+        warnings=tuple(_warnings(scene)),
+        datum=datum_of(scene),
+    )
+
+
+def _warnings(scene: Scene) -> Iterator[str]:
+    gap = scene.contact.gap if scene.contact is not None else 0.0
+    if gap > WIDE_GAP and scene.body is not None and (scene.rests or scene.body.moves):
+        yield (
+            f"contact.gap = {gap:g} is wide: contact is judged by the flow around a grain {gap:g} of its size "
+            f"away from the bed; give {WIDE_GAP:g} or less"
+        )
+
+
+def _sought(scene: Scene) -> str:
+    """What the run chooses mesh and order, or mesh and steps, for."""
+    numerics = scene.numerics
+    if numerics.accuracy is None:
+        return ""
+    chosen = "mesh and order" if scene.time is None else "mesh and steps"
+    aim = f"until the error of the {numerics.accuracy_of} is below {numerics.accuracy}"
+    if numerics.accuracy == "verdict":
+        aim = "until the verdict is decided"
+    budgets = ((numerics.budget_seconds, "s"), (numerics.budget_mib, "MiB"))
+    limits = [f"{limit:g} {unit}" for limit, unit in budgets if limit is not None]
+    beyond = f", within {' and '.join(limits)}" if limits else ""
+    return f"numerics.accuracy: {chosen} are chosen by the run, {aim}{beyond}"
+
+
+def _geometry_order(scene: Scene) -> int:
+    """Straight cells where every boundary is straight, else curved ones to match the velocity."""
+    if scene.numerics.geometry_order is not None:
+        return scene.numerics.geometry_order
+    curves = list(scene.grain.drawn()) if scene.grain is not None else []
+    if scene.bed_shape is not None:
+        curves.extend(scene.bed_shape.curves(scene.domain.left, scene.domain.right))
+    return 1 if all(isinstance(curve, Line) for curve in curves) else GEOMETRY_ORDER[scene.numerics.order]
+
+
+def _convection(scene: Scene, present: set[str]) -> str:
+    if "inertia" not in present:
+        return "no"
+    return scene.numerics.convection if "unsteadiness" in present else "implicit"
+
+
+def _scheme(scene: Scene, present: set[str]) -> str:
+    if scene.time is None:
+        return "steady"
+    return scene.time.scheme if "unsteadiness" in present else "quasi-steady"

@@ -1,0 +1,76 @@
+"""Whether the cells are too coarse for the convection: decided from the scene, and measured on a flow.
+
+The Reynolds number of a cell is P = V h/(k nu): V the scene's reference velocity, h the size of the largest cells, away
+from everything, k the order of the velocity, nu the viscosity. Below the bound plain Taylor-Hood elements err
+less, above it those stabilised by `forms.terms.grad_div`, if the plain ones have a solution at all (docs/numerics.md).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from ..fluid import Fluid
+    from ..scene import Scene
+
+# Reynolds number of cells from which on convection is stabilised.
+COARSE = 50.0
+
+
+@dataclass(frozen=True)
+class Stabilisation:
+    """Whether convection is stabilised, why, and the Reynolds number of the largest cells (zero: no convection)."""
+
+    present: bool
+    reason: str
+    cell_reynolds: float
+
+    def text(self) -> str:
+        """One line for a reader."""
+        return f"convection {'stabilised' if self.present else 'not stabilised'}: {self.reason}"
+
+
+NO_CONVECTION = Stabilisation(False, "there is none", 0.0)
+
+
+def stabilisation_of(scene: Scene, inertia: bool, speed: float = 1.0) -> Stabilisation:
+    """Decide from the scene, its flow `speed` times as fast, and whether it has inertia. Not collective."""
+    if not inertia:
+        return NO_CONVECTION
+    number, asked = speed * cell_reynolds(scene), scene.numerics.stabilisation
+    found = f"the Reynolds number of cells, V h/(k nu), is {number:.3g}"
+    if asked != "auto":
+        return Stabilisation(asked == "on", f'numerics.stabilisation = "{asked}"; {found}', number)
+    bound = f"{found}, {'above' if number > COARSE else 'not above'} {COARSE:g}"
+    return Stabilisation(number > COARSE, bound, number)
+
+
+def cell_reynolds(scene: Scene) -> float:
+    """V h/(k nu) of the largest cells, estimated without a mesh. Not collective."""
+    from .drawing import largest_cell
+
+    numerics = scene.numerics
+    size = numerics.mesh_size * largest_cell(scene)
+    return float(scene.reference_velocity * size / (numerics.order * scene.viscosity))
+
+
+def measured_cell_reynolds(fluid: Fluid) -> float:
+    """The largest |v| h/(k nu) of all cells of a flow at hand; h is the root of the doubled area. Collective."""
+    import dolfinx
+    import ufl
+    from mpi4py import MPI
+
+    from .. import compat
+
+    mesh, order = fluid.domain.mesh, fluid.space.order
+    space = compat.space(mesh, ("DG", order))
+    size = abs(ufl.JacobianDeterminant(mesh)) ** (1 / mesh.geometry.dim) / order
+    v, _ = ufl.split(fluid.state)
+    found = dolfinx.fem.Function(space)
+    number = ufl.sqrt(ufl.inner(v, v)) * size * fluid.reynolds_constant
+    found.interpolate(dolfinx.fem.Expression(number, compat.interpolation_points(space)))
+    mine = float(np.max(found.x.array, initial=0.0))
+    return float(fluid.domain.comm.allreduce(mine, op=MPI.MAX))

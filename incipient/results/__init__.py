@@ -1,0 +1,1 @@
+"""What a run gives back, as data: loads, verdict, error bars, timing."""

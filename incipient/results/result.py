@@ -1,0 +1,223 @@
+"""What a run gives back: forces, couples, contacts, verdict, and what they cost."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .cost_of_effects import cost_lines
+from ..planning.plan import Plan
+
+if TYPE_CHECKING:
+    from ..adaptive.search import Adaptation
+    from ..accuracy.errorbars import ErrorBars
+    from ..mesh.domain import Domain
+    from ..planning.drawing import Layout
+    from ..accuracy.left_out import Omission
+    from ..mesh.sampling import Extremum
+
+SCHEMA_VERSION = 1
+# What result.json has under the name and in the form that the result has it.
+AS_THEY_ARE = (
+    *("title", "status", "error", "scene", "grain", "contacts", "verdict", "trajectory", "cost"),
+    *("without_error_bars", "measured_cell_reynolds"),
+)
+
+
+@dataclass(frozen=True)
+class Forces:
+    """Forces on the grain (3,), scene units with fluid density one.
+
+    flow:             of the flow, by the residual method; without buoyancy
+    surface_integral: the same by integrating sigma n over the surface (cross-check)
+    buoyancy:         of the hydrostatic pressure, exact
+    weight:           of the grain
+    repulsion:        from what a grain that is repelled has come close to; zero for others
+    """
+
+    flow: np.ndarray
+    surface_integral: np.ndarray
+    buoyancy: np.ndarray
+    weight: np.ndarray
+    repulsion: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+    @property
+    def total(self) -> np.ndarray:
+        """Flow, buoyancy and weight together, the paper's F_flow&g (9), and what repels the grain."""
+        return self.flow + self.buoyancy + self.weight + self.repulsion
+
+
+@dataclass(frozen=True)
+class Couples:
+    """Couples on the grain (3,) about its centre of mass, as the forces of these names; in 2D along the third axis."""
+
+    flow: np.ndarray
+    surface_integral: np.ndarray
+    about: np.ndarray
+    repulsion: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+
+@dataclass(frozen=True)
+class Coefficients:
+    """Drag, lift and moment over V^2 L/2 and V^2 L^2/2, with V and L of the Reynolds number but L the grain's size."""
+
+    drag: float
+    lift: float
+    moment: float
+    reference_velocity: float
+    reference_length: float
+
+
+@dataclass(frozen=True)
+class Gap:
+    """The gap between grain and bed in the computed flow.
+
+    resolved: at least two cells lie across it, so that the flow in it is computed and not guessed
+    """
+
+    width: float
+    cells: int
+
+    @property
+    def resolved(self) -> bool:
+        """Whether at least two cells lie across the gap."""
+        return self.cells >= 2
+
+
+def gap_of(layout: Layout, domain: Domain) -> Gap | None:
+    """The gap of a layout on its mesh, None where grain and bed do not come near. Collective."""
+    from ..mesh.sampling import cells_between
+
+    if layout.gap_ends is None:
+        return None
+    return Gap(layout.gap, cells_between(domain.mesh, *layout.gap_ends))
+
+
+@dataclass(frozen=True)
+class Result:
+    """The outcome of a run. Vectors have three components in scene units; see `to_dict` for what is stored.
+
+    without_error_bars:     why error bars that are wanted are not there
+    measured_cell_reynolds: largest |v| h/(k nu) of a cell (`stabilisation`), None where there is no convection
+    """
+
+    title: str
+    plan: Plan
+    scene: dict[str, Any]
+    force: Forces | None
+    couple: Couples | None
+    coefficients: Coefficients | None
+    grain: dict[str, Any] | None
+    gap: Gap | None
+    contacts: list[dict[str, Any]]
+    verdict: dict[str, Any] | None
+    centrelines: dict[str, Extremum] | None
+    cost: dict[str, Any]
+    trajectory: dict[str, Any] | None = None
+    error_bars: ErrorBars | None = None
+    without_error_bars: str = ""
+    measured_cell_reynolds: float | None = None
+    adaptation: Adaptation | None = None
+    omitted: tuple[Omission, ...] = ()
+    status: str = "complete"
+    error: str = ""
+    velocity: Any = field(default=None, repr=False)
+    pressure: Any = field(default=None, repr=False)
+
+    @property
+    def met(self) -> bool:
+        """Whether the run ended because its grain met something; with a checkpoint it may go on."""
+        return self.trajectory is not None and self.trajectory["ended"]["by"] == "contact"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything but the fields, as result.json holds it."""
+        stored: dict[str, Any] = {
+            "schema_version": SCHEMA_VERSION,
+            **{n: getattr(self, n) for n in AS_THEY_ARE},
+        }
+        stored["plan"] = self.plan.to_dict()
+        for name in ("force", "couple", "coefficients", "gap"):
+            part = getattr(self, name)
+            stored[name] = None if part is None else asdict(part)
+        if self.force is not None:
+            stored["force"]["total"] = self.force.total
+        stored["error_bars"] = None if self.error_bars is None else self.error_bars.to_dict()
+        stored["adaptation"] = None if self.adaptation is None else self.adaptation.to_dict()
+        stored["omitted"] = [omission.to_dict() for omission in self.omitted]
+        if self.gap is not None:
+            stored["gap"]["resolved"] = self.gap.resolved
+        stored["centrelines"] = self.centrelines and {k: asdict(e) for k, e in self.centrelines.items()}
+        return stored
+
+    def text(self) -> str:
+        """The outcome in a few lines for a reader."""
+        return "\n".join(_lines(self))
+
+
+def _lines(result: Result) -> list[str]:
+    lines = []
+    if result.force is not None and result.couple is not None:
+        f, c = result.force.flow, result.couple.flow
+        lines.append(
+            f"force of the flow   ({f[0]:.6g}, {f[1]:.6g})   couple {c[2]:.6g} about the centre of mass"
+        )
+        if result.force.repulsion.any():
+            f, c = result.force.repulsion, result.couple.repulsion
+            lines.append(f"force of repulsion  ({f[0]:.6g}, {f[1]:.6g})   couple {c[2]:.6g}")
+    if result.error_bars is not None:
+        lines += result.error_bars.lines()
+    elif result.without_error_bars:
+        lines.append(f"error bars          {result.without_error_bars}")
+    if result.adaptation is not None:
+        lines += result.adaptation.lines()
+    if result.coefficients is not None:
+        k = result.coefficients
+        lines.append(f"coefficients        drag {k.drag:.6g}   lift {k.lift:.6g}   moment {k.moment:.6g}")
+    if result.gap is not None and np.isfinite(result.gap.width):
+        state = (
+            "resolved" if result.gap.resolved else "NOT resolved: refine with a smaller numerics.mesh_size"
+        )
+        lines.append(f"gap                 {result.gap.width:.4g}, {result.gap.cells} cells across: {state}")
+    lines += [f"warning             {warning}" for warning in result.plan.warnings]
+    if result.trajectory is not None:
+        lines += _path(result.trajectory)
+    for name, extreme in (result.centrelines or {}).items():
+        lines.append(f"{name:<20}{extreme.value:.6f} at {extreme.position:.4f}")
+    if result.verdict is not None:
+        said = result.verdict["sentence"].split("; ", 1)
+        lines += [f"{'' if row else 'verdict':<20}{part}" for row, part in enumerate(said)]
+        if "note" in result.verdict:
+            lines.append(f"{'':<20}{result.verdict['note']}")
+        elif result.verdict["safety_status"] in ("UNHELD", "HELD_BY_FLOW"):
+            lines.append(f"{'':<20}{_without_rest(result.scene)}")
+    if result.error_bars is not None and result.error_bars.safety is not None:
+        lines.append(f"{'':<20}{result.error_bars.safety.sentence()}")
+    for omission in result.omitted:
+        lines += omission.lines()
+    return lines + cost_lines(result.cost.get("effects", {}))
+
+
+def _without_rest(scene: dict[str, Any]) -> str:
+    """What to do about a grain that its weight alone moves."""
+    if (scene.get("body") or {}).get("settle"):
+        return "it settled on a rougher bed or another slope: see contact.friction and bed.slope"
+    return "with body.settle = true it first rolls and tips to a place where it rests"
+
+
+def _path(trajectory: dict[str, Any]) -> list[str]:
+    """Where a moving grain has come to."""
+    (x, y), (u, v), ended = trajectory["place"], trajectory["velocity"], trajectory["ended"]
+    nearest = f"{ended['clearance']:.3g} from the {ended['nearest']}"
+    end = f"met the {ended['nearest']}" if ended["by"] == "contact" else nearest
+    iterations = trajectory["interface_iterations"]
+    missing = ended["without_verdict"]
+    return [
+        f"grain at            ({x:.6g}, {y:.6g}), turned by {trajectory['angle']:.6g} rad; "
+        f"t = {ended['time']:.6g}, {end}",
+        f"velocity            ({u:.6g}, {v:.6g}), spin {trajectory['spin']:.6g} rad per unit of time",
+        f"interface           {iterations['mean']:.1f} iterations a step, {iterations['most']} at most; "
+        f"{len(trajectory['remeshings'])} new meshes",
+        *([f"verdict             none: {missing}"] if missing else []),
+    ]

@@ -1,0 +1,124 @@
+"""What a run costs: wall time and memory by stage and by effect, iterations, unknowns.
+
+Stages follow each other and nest. Each moment counts for one stage only, the innermost, and for one effect: that of
+the stage, unless it is transferred to another (`incipient.results.cost_of_effects`).
+"""
+
+from __future__ import annotations
+
+import resource
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+# For which effect a stage works, unless it says otherwise.
+EFFECT_OF_STAGE = {
+    "plan": "program",
+    "import": "program",
+    "mesh": "flow",
+    "forms": "flow",
+    "flow": "flow",
+    "tractions": "traction",
+    "contact": "contact",
+    "mesh motion": "moving mesh",
+    "remeshing": "moving mesh",
+    "interface": "free body",
+    "fields": "output",
+    "checkpoint": "output",
+    "error bars": "estimates",
+    "omitted effects": "estimates",
+}
+
+
+@dataclass
+class Share:
+    """Of one effect: wall time [s], and by how much the process's largest memory grew while it was at work [MiB]."""
+
+    wall_time: float = 0.0
+    memory_mib: float = 0.0
+
+
+@dataclass
+class Ledger:
+    """Wall times of named stages in seconds, in the order in which they first ran, and shares of effects."""
+
+    wall_time: dict[str, float] = field(default_factory=dict)
+    effects: dict[str, Share] = field(default_factory=dict)
+    began: float = field(default_factory=time.perf_counter)
+    _open: list[list[str]] = field(default_factory=list)  # stage and effect, the innermost last
+    _laps: dict[str, Share] = field(default_factory=dict)
+    _since: float = 0.0
+    _peak: float = field(default_factory=lambda: peak_memory_mib())
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Add the block's wall time to the stage, less that of stages within it. Not collective."""
+        self._settle()
+        self._open.append([name, EFFECT_OF_STAGE.get(name, name)])
+        try:
+            yield
+        finally:
+            self._settle()
+            self._open.pop()
+
+    def lap(self, effect: str) -> Share:
+        """What an effect has been booked since the last lap of it. Not collective."""
+        self._settle()
+        now, before = self.effects.get(effect, Share()), self._laps.get(effect, Share())
+        self._laps[effect] = Share(now.wall_time, now.memory_mib)
+        return Share(now.wall_time - before.wall_time, now.memory_mib - before.memory_mib)
+
+    def transfer(self, source: str, target: str, share: Share) -> None:
+        """Book a share on another effect instead. Not collective."""
+        for effect, sign in ((source, -1), (target, 1)):
+            of_effect = self.effects.setdefault(effect, Share())
+            of_effect.wall_time += sign * share.wall_time
+            of_effect.memory_mib += sign * share.memory_mib
+        mark = self._laps.get(source)
+        if mark is not None:
+            self._laps[source] = Share(mark.wall_time - share.wall_time, mark.memory_mib - share.memory_mib)
+
+    def _settle(self) -> None:
+        """Book what has passed since the last booking on the innermost open stage."""
+        now, peak = time.perf_counter(), peak_memory_mib()
+        if self._open:
+            name, effect = self._open[-1]
+            self.wall_time[name] = self.wall_time.get(name, 0.0) + now - self._since
+            share = self.effects.setdefault(effect, Share())
+            share.wall_time += now - self._since
+            share.memory_mib += peak - self._peak
+        self._since, self._peak = now, peak
+
+    def total(self) -> float:
+        """Seconds since the ledger was opened."""
+        return time.perf_counter() - self.began
+
+    def count(self, wall_time: dict[str, float], total: float) -> None:
+        """Count what an earlier session has taken as well: by stage, and in all.
+
+        What it did for effects within a stage is not known any more: the stage's own effect gets it all.
+        """
+        for name, taken in wall_time.items():
+            self.wall_time[name] = self.wall_time.get(name, 0.0) + taken
+            effect = EFFECT_OF_STAGE.get(name, name)
+            self.effects.setdefault(effect, Share()).wall_time += taken
+        self.began -= total
+
+    def to_dict(self) -> dict[str, Any]:
+        """Wall times by stage, and the total."""
+        self._settle()
+        return {**self.wall_time, "total": self.total()}
+
+    def by_effect(self, unknowns: dict[str, int]) -> dict[str, dict[str, Any]]:
+        """Wall time, growth of memory and unknowns of each effect that has cost anything."""
+        self._settle()
+        return {
+            name: {**asdict(share), "unknowns": unknowns.get(name, 0)} for name, share in self.effects.items()
+        }
+
+
+def peak_memory_mib() -> float:
+    """Largest resident memory of this process so far, in MiB (Linux counts it in KiB)."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

@@ -1,0 +1,51 @@
+"""From the load on the grain and its contacts to the verdict of both judges, in plain data and in a sentence."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..contact import Contacts, Load
+from ..contact.exact import MassAndInertia
+from ..contact.search import touching
+from ..contact.verdict import judge as judge_load
+from .result import Couples, Forces
+from ..scene import Body, Scene
+from ..scene.motion import mass, moment
+
+
+def find_contacts(scene: Scene) -> Contacts:
+    """Contacts of the resting grain with the bed, for a scene that has both."""
+    grain, bed, resting = scene.grain, scene.bed_shape, scene.placement
+    assert grain is not None and bed is not None and resting is not None
+    return touching(grain, resting, bed, scene.contact_tolerance)
+
+
+def load_of(scene: Scene, force: Forces, couple: Couples) -> Load:
+    """The load on the contacts: the flow's force and couple, and the submerged weight at the centre of mass.
+
+    The centre is that of the resting grain: contacts are where it touches, not where the gap has lifted it.
+    """
+    assert scene.placement is not None
+    return Load(
+        force.flow, couple.flow, force.weight + force.buoyancy, np.array([*scene.placement.centre, 0.0])
+    )
+
+
+def judge(scene: Scene, contacts: Contacts, force: Forces, couple: Couples) -> dict[str, Any] | None:
+    """The verdict of both judges with every quantity behind it, or None where there is nothing to judge."""
+    if scene.contact is None or scene.body is None or scene.mass is None:
+        return None
+    inert = mass_and_inertia(scene.body)
+    return judge_load(load_of(scene, force, couple), contacts, scene.contact.friction, inert).to_dict()
+
+
+def mass_and_inertia(body: Body) -> MassAndInertia | None:
+    """Mass and inertia (3, 3) about the centre of mass per unit depth; None for a grain without one of them.
+
+    In the plane only turns about the third axis matter, and the polar moment stands for all.
+    The fluid that moves along (added mass) is left out: it changes neither rest nor the safety factor.
+    """
+    heavy, inert = mass(body), moment(body)
+    return (heavy, inert * np.eye(3)) if heavy and inert else None

@@ -1,0 +1,93 @@
+"""Where a moving grain has met the bed: its contacts there, and whether it would stay if it stood there at rest.
+
+The run ends when the grain is within `contact.gap` of the bed and still moves. Its contacts are taken to be where it is
+that near, and both judges are asked about the loads of that moment: the flow's, which holds what the fluid sets against
+the grain's motion, and weight and buoyancy. Nothing here is collective.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..body.state import BodyState
+from ..contact import Contacts, Load
+from ..contact.search import touching
+from ..contact.verdict import judge
+from ..errors import IncipientError
+from ..geometry.plane.bed import Flat
+from ..planning.clearance import Clearance
+from ..planning.drawing import side_names
+from ..results.result import Couples, Forces
+from ..results.verdict import mass_and_inertia
+from ..scene import Scene
+
+# Relative to the distance at which the grain has met the bed: how much farther its other contacts may be.
+FARTHER = 1.01
+SUPPOSED = "at rest where it met the {bed}, under the loads at the end of the run"
+
+
+@dataclass(frozen=True)
+class Landing:
+    """The contacts and the verdict in plain data, each None where there is none, and why there is no verdict."""
+
+    contacts: Contacts | None = None
+    verdict: dict[str, Any] | None = None
+    why_not: str = ""
+
+
+def landing(scene: Scene, state: BodyState, met: Clearance, force: Forces, couple: Couples) -> Landing:
+    """What there is to say of a grain in a state in which it has met something. Not collective."""
+    bed = side_names(scene)[0]
+    if met.other != bed:
+        return Landing(why_not=f"the grain met the {met.other}, which is not the bed")
+    try:
+        contacts = contacts_at(scene, state, met.distance)
+    except IncipientError as error:
+        return Landing(why_not=f"the contacts where the grain met the {bed} were not found: {error}")
+    if why_not := _missing(scene):
+        return Landing(contacts, why_not=why_not)
+    assert scene.body is not None and scene.contact is not None
+    load = Load(force.flow, couple.flow, force.weight + force.buoyancy, np.array([*state.place, 0.0]))
+    try:
+        found = judge(load, contacts, scene.contact.friction, mass_and_inertia(scene.body)).to_dict()
+    except IncipientError as error:
+        return Landing(contacts, why_not=str(error))
+    found["supposed"] = SUPPOSED.format(bed=bed)
+    found["sentence"] = f"{found['supposed']}, {found['sentence']}"
+    found["note"] = _note(state)
+    return Landing(contacts, found)
+
+
+def _note(state: BodyState) -> str:
+    """What the verdict leaves open, and how to close it."""
+    (x, _), angle = state.place, math.degrees(float(state.orientation[0])) % 360.0
+    return (
+        "the load at the end holds the fluid's resistance to the grain's motion; for a grain that has come to rest "
+        f"run a scene with body.x = {x:.6g} and body.angle = {angle:.6g} in place of centre and motion"
+    )
+
+
+def _missing(scene: Scene) -> str:
+    """What keeps a grain that has met the bed from being judged, or nothing."""
+    if scene.contact is None:
+        return "it needs a section [contact] with a friction"
+    if scene.effects.contact is False:
+        return "effects.contact is false"
+    if scene.mass is None:
+        return "it needs body.density or body.mass"
+    locked = scene.body is not None and scene.body.locked
+    return "what body.locked keeps the grain from is no matter of contact" if locked else ""
+
+
+def contacts_at(scene: Scene, state: BodyState, distance: float) -> Contacts:
+    """Contacts of a grain with the bed, or the lower side in its place, from which it is that far [length].
+
+    Raises SceneError if there are none.
+    """
+    assert scene.grain is not None
+    bed = scene.bed_shape or Flat(scene.domain.bottom)
+    return touching(scene.grain, state.placement, bed, FARTHER * max(distance, scene.contact_gap))

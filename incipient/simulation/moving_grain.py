@@ -1,0 +1,296 @@
+"""The run of a moving grain: fluid and body step by step, new meshes on the way, and where it ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
+from dataclasses import asdict, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..body.rigidbody import RigidBody
+from ..body.state import BodyState, Freedom, Inertia
+from ..coupled.coupling import Coupling, InterfaceReport
+from ..coupled.energy import EnergyBudget
+from ..coupled.remeshing import Remeshing, carry_over
+from ..errors import IncipientError
+from ..fluid import Fluid, TimeStep, Transient
+from ..fluid.transient import Past
+from ..geometry.placement import Placement
+from ..geometry.plane.grain import Disc
+from ..mesh import domain
+from ..mesh.domain import Domain
+from ..mesh.motion import MeshMotion
+from ..planning import drawing as layout
+from ..planning.clearance import Clearance
+from ..planning.plan import Plan
+from ..progress import Silent
+from ..scene import Scene
+from ..scene.expression import Expression
+from ..scene.motion import moment
+
+Floats = NDArray[np.float64]
+Stage = Callable[[str], AbstractContextManager[Any]]
+
+# Of a grain's place, relative to its size, and of its angle, when a mesh is drawn around it, which then is moved
+# by the rest. Meshes so are the same for places that differ by round-off: on any number of ranks, and after resuming.
+ROUNDING = 1e-6
+# Columns of the history of a free grain: of what repels it, zero for one that is not repelled.
+REPULSION = ("repulsion_x", "repulsion_y", "repulsion_couple")
+
+
+class Trajectory:
+    """A grain that moves in its scene. Every method is collective.
+
+    Args:
+        fluid: at time zero, on the mesh that was made for the scene; replaced and destroyed with each new mesh.
+        stage: context managers by name that take the time.
+        voice: told of new meshes and of contact.
+        state: of the grain for which the mesh was made; None: that of the scene.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        plan: Plan,
+        fluid: Fluid,
+        stage: Stage,
+        voice: Silent,
+        state: BodyState | None = None,
+    ):
+        self.scene, self.plan, self.fluid, self._stage, self._voice = scene, plan, fluid, stage, voice
+        assert scene.body is not None and scene.time is not None
+        assert scene.grain is not None and scene.placement is not None
+        self.grain, self.time = scene.grain, scene.time
+        self.surroundings = layout.surroundings(scene)
+        self._is_free, self._is_repelled = scene.body.motion == "free", scene.body.on_contact == "repel"
+        self.body = rigid_body(scene)
+        self.remeshings: list[Remeshing] = []
+        self.interface_iterations: list[int] = []
+        self.coupling = self._coupled(fluid, state or initial_state(scene))
+        self.energy = EnergyBudget(fluid)
+        order = 2 if self.time.scheme == "bdf2" else 1
+        tolerance = max(scene.numerics.tolerance, 1e-9)
+        self.transient = Transient(fluid, order, tolerance, self.time.tolerance, self.coupling)
+
+    @property
+    def domain(self) -> Domain:
+        """The mesh at present."""
+        return self.fluid.domain
+
+    @property
+    def state(self) -> BodyState:
+        """The grain at present."""
+        return self.coupling.state
+
+    def steps(self) -> Iterator[TimeStep]:
+        """Advance to the end, or until the grain meets something. See `Transient.march`.
+
+        Raises:
+            ConvergenceError: a step failed; the last good state is kept.
+            MeshError: the grain's new place cannot be meshed, or fields do not survive the transfer.
+        """
+        self._renew_worn_mesh()
+        for step in self.transient.march(self.time.end, self.time.step):
+            assert isinstance(step.report, InterfaceReport)
+            self.interface_iterations.append(step.report.corrected)
+            yield step
+            if self.coupling.met or self.time.end - step.time <= 1e-9 * self.time.end:
+                return
+            self._renew_worn_mesh()
+
+    # -- what is told -----------------------------------------------------------------------------
+
+    def row(self, step: TimeStep) -> dict[str, Any]:
+        """One line of the history."""
+        assert isinstance(step.report, InterfaceReport)
+        state, load = self.state, self.coupling.end.flow_load
+        repulsion = dict(zip(REPULSION, self.repulsion().tolist(), strict=True))
+        with self._stage("tractions"):
+            kinetic, dissipation, power = (
+                self.energy.kinetic(),
+                self.energy.dissipation(),
+                self.energy.power(),
+            )
+        residuals = step.report.residuals
+        return {
+            "time": step.time,
+            "step": step.length,
+            "newton": step.report.iterations,
+            "error": np.nan if step.error is None else step.error,
+            "x": state.place[0],
+            "y": state.place[1],
+            "angle": state.orientation[0],
+            "velocity_x": state.velocity[0],
+            "velocity_y": state.velocity[1],
+            "spin": state.spin[0],
+            "force_x": load[0],
+            "force_y": load[1],
+            "couple": load[2],
+            **(repulsion if self._is_free else {}),
+            "interface": step.report.corrected,
+            "interface_residual": residuals[-1],
+            "mesh_quality": self.coupling.quality.worst,
+            "meshes": 1 + len(self.remeshings),
+            "energy_fluid": kinetic,
+            "energy_body": self.body.kinetic_energy(state),
+            "dissipation": dissipation,
+            "power": power,
+        }
+
+    def summary(self) -> dict[str, Any]:
+        """Plain data for the result: how it ended, where the grain is, how it went."""
+        state, near = self.state, self.clearance()
+        iterations = self.interface_iterations or [0]
+        return {
+            "ended": {
+                "by": "contact" if self.coupling.met else "time",
+                "time": self.fluid.time,
+                "clearance": near.distance,
+                "nearest": near.other,
+                "without_verdict": "",
+            },
+            "place": state.place,
+            "angle": float(state.orientation[0]),
+            "velocity": state.velocity,
+            "spin": float(state.spin[0]),
+            "mass": self.body.inertia.mass,
+            "inertia": float(self.body.inertia.moments[0]),
+            "interface_iterations": {"mean": float(np.mean(iterations)), "most": max(iterations)},
+            "remeshings": [asdict(one) for one in self.remeshings],
+        }
+
+    def clearance(self) -> Clearance:
+        """How far the grain is from what is nearest to it. Not collective."""
+        return self.surroundings.clearance(self.state.placement)
+
+    def repulsion(self) -> Floats:
+        """Force and couple (3,) on the grain from what it has come close to; zero unless it is repelled."""
+        return self._repulsion(self.state) if self._is_repelled else np.zeros(self.body.size)
+
+    # -- building ---------------------------------------------------------------------------------
+
+    def _coupled(self, fluid: Fluid, state: BodyState, drawn: Placement | None = None) -> Coupling:
+        """The grain in the fluid, whose mesh, drawn for a placement, is moved to where the state is."""
+        numerics = self.scene.numerics
+        turning = not isinstance(self.grain, Disc)
+        motion = MeshMotion(fluid.domain, "body", drawn or state.placement, turning)
+        if drawn is not None:
+            motion.move(state.placement)
+            fluid.constraints.boundary_points_moved()
+        return Coupling(
+            fluid,
+            self.body,
+            state,
+            motion,
+            self._other_load,
+            room=None if self._is_repelled else self._room,
+            tolerance=numerics.interface_tolerance,
+            stage=self._stage,
+            added_mass=numerics.coupling == "exact",
+        )
+
+    def _room(self, state: BodyState) -> float:
+        """How far the grain may still go before the gap to something is that which counts as contact."""
+        gap = self.scene.contact_gap
+        return self.surroundings.clearance(state.placement, 2.0 * gap).distance - gap
+
+    def _other_load(self, state: BodyState) -> Floats:
+        """Weight and buoyancy, and what keeps a repelled grain away."""
+        load = np.zeros(self.body.size)
+        load[: self.body.gdim] = (self.body.inertia.mass - self.grain.volume) * self.scene.gravity_vector
+        if self._is_repelled:
+            load += self._repulsion(state)
+        return load
+
+    def _repulsion(self, state: BodyState) -> Floats:
+        """Force and couple that keep a grain from what it comes close to.
+
+        Along the shortest line between both, S ((r - d)/r)^2 at a distance d below the range r, which is three
+        times the contact gap: enough to stop the grain at the reference velocity V, S = 10 (m + m_f) V^2/r,
+        against ten times its submerged weight, and against the drag 100 nu V in two dimensions.
+        """
+        reach = 3.0 * self.scene.contact_gap
+        near = self.surroundings.clearance(state.placement, reach)
+        if near.distance >= reach:
+            return np.zeros(self.body.size)
+        speed, volume, mass = self.scene.reference_velocity, self.grain.volume, self.body.inertia.mass
+        weight = abs(mass - volume) * float(np.linalg.norm(self.scene.gravity_vector))
+        strength = (
+            10.0 * (mass + volume) * speed**2 / reach + 10.0 * weight + 100.0 * self.scene.viscosity * speed
+        )
+        on_grain, on_other = np.array(near.on_grain), np.array(near.on_other)
+        towards = on_grain - on_other if near.distance > 0.0 else on_other - on_grain
+        away = towards / max(float(np.linalg.norm(towards)), 1e-300)
+        force = strength * (1.0 - near.distance / reach) ** 2 * away
+        arm = on_grain - state.place
+        return np.array([*force, arm[0] * force[1] - arm[1] * force[0]])
+
+    # -- a new mesh -------------------------------------------------------------------------------
+
+    def _renew_worn_mesh(self) -> None:
+        """Remesh if a step as long as the last would spoil the mesh."""
+        times = [one.state.time for one in self.coupling.past]
+        if len(times) == 1:
+            return
+        ahead = self.coupling.predicted(times[0] - times[1], self.transient.order).placement
+        if self.coupling.motion.quality(ahead).relative < self.scene.numerics.remesh_below:
+            self._remesh()
+
+    def _remesh(self) -> None:
+        """Mesh the fluid anew around the grain and carry everything over; the old mesh goes last."""
+        with self._stage("remeshing"):
+            old = self.fluid
+            drawn = rounded(self.state.placement, ROUNDING * self.grain.size)
+            drawing = layout.lay_out(self.scene, self.plan, drawn).drawing
+            made = domain.build(old.domain.comm, drawing, self.scene.gdim)
+            fluid = Fluid(made, old.model, old.conditions, old.reynolds)
+            fluid.watch = old.watch
+            try:
+                coupling = self._coupled(fluid, self.state, drawn)
+                now = Past(old.time, old.state.x.array, np.empty(0))
+                (_, *past), told = carry_over(self.coupling, coupling, [now, *self.transient.past])
+            except IncipientError:
+                fluid.destroy()
+                raise
+            self.fluid, self.coupling, self.energy = fluid, coupling, EnergyBudget(fluid)
+            self.transient.continue_on(fluid, coupling, past)
+            self.remeshings.append(told)
+            old.destroy()
+        self._voice.say(
+            f"t = {told.time:.6g}: a new mesh of {told.cells} cells; making the flow free of divergence on it "
+            f"changed the velocity by {told.change:.1e}"
+        )
+
+
+def rounded(placement: Placement, unit: float) -> Placement:
+    """The placement with its coordinates rounded to a unit of length, and its angle to ROUNDING."""
+    centre = tuple(unit * round(x / unit) for x in placement.centre)
+    return replace(placement, centre=centre, angle=ROUNDING * round(placement.angle / ROUNDING))
+
+
+def rigid_body(scene: Scene) -> RigidBody:
+    """Mass, moment and freedom of a scene's moving grain."""
+    body = scene.body
+    assert body is not None
+    inertia = Inertia(scene.mass or 0.0, np.array([moment(body) or 0.0]))
+    if body.course is None:
+        freedom = Freedom(tuple(name not in body.locked for name in ("x", "y", "angle")))
+    else:
+        freedom = Freedom.none(scene.gdim, _course(body.course))
+    return RigidBody(inertia, freedom)
+
+
+def initial_state(scene: Scene) -> BodyState:
+    """Place and velocities of a scene's moving grain at time zero."""
+    body, placement = scene.body, scene.placement
+    assert body is not None and placement is not None
+    return rigid_body(scene).consistent(BodyState.at(placement, [*body.velocity, body.spin]))
+
+
+def _course(formulas: tuple[str, str, str]) -> Callable[[float], Floats]:
+    """Velocities (3,) as functions of time."""
+    components = [Expression(formula) for formula in formulas]
+    return lambda time: np.array([float(one(np.zeros((3, 1)), time)[0]) for one in components])

@@ -1,0 +1,78 @@
+"""Where a run leaves its results: what it hands over, and the recorder that keeps nothing."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Protocol
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from ..mesh.domain import Domain
+    from ..planning.plan import Plan
+    from ..restart.checkpoint import Checkpoint
+    from ..results.result import Result
+    from ..scene import Scene
+
+
+class Recorder(Protocol):
+    """Where a run leaves its results while it goes on. All methods are collective.
+
+    `keeps` says whether `keep` does anything.
+    """
+
+    keeps: bool
+
+    def begin(self, scene: Scene, plan: Plan, domain: Domain) -> None:
+        """The mesh is there; computation begins."""
+
+    def wants_fields(self, number: int, last: bool) -> bool:
+        """Whether the fields of this step shall be handed over."""
+
+    def step(self, row: dict[str, Any]) -> None:
+        """A time step was accepted."""
+
+    def remeshed(self, domain: Domain) -> None:
+        """From now on fields are on another mesh."""
+
+    def fields(self, time: float, fields: dict[str, Any], traction: Any) -> None:
+        """Fields on the mesh, and the traction on the grain's surface (None without a grain)."""
+
+    def keep(self, checkpoint: Checkpoint) -> Path | None:
+        """Keep what the run needs to go on; where, None if nowhere."""
+
+    def provisional(self, result: Result) -> Path | None:
+        """The run is over but for its error bars; where this result is kept until `finish`, None if nowhere."""
+
+    def finish(self, result: Result) -> None:
+        """The run is over, whether complete or not."""
+
+
+class Unrecorded:
+    """Keeps nothing; the result object is all there is."""
+
+    keeps = False
+
+    def begin(self, scene: Scene, plan: Plan, domain: Domain) -> None:
+        """Nothing."""
+
+    def wants_fields(self, number: int, last: bool) -> bool:
+        """No."""
+        return False
+
+    def step(self, row: dict[str, Any]) -> None:
+        """Nothing."""
+
+    def remeshed(self, domain: Domain) -> None:
+        """Nothing."""
+
+    def fields(self, time: float, fields: dict[str, Any], traction: Any) -> None:
+        """Nothing."""
+
+    def keep(self, checkpoint: Checkpoint) -> Path | None:
+        """Nowhere."""
+
+    def provisional(self, result: Result) -> Path | None:
+        """Nowhere."""
+
+    def finish(self, result: Result) -> None:
+        """Nothing."""
