@@ -5,19 +5,18 @@ from __future__ import annotations
 import argparse
 import json
 import logging
-import os
 import signal
 import sys
 import time
 import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, cast
+from typing import TYPE_CHECKING, Any, NoReturn
 
-from .errors import IncipientError, MissingError, OutputError, SceneError
+from .errors import IncipientError, OutputError, SceneError
 from .installed import required
 from .interrupt import forget_unfinished_form
-from .parallel import Alone, world
+from .parallel import ranks_there_are, start_alone_quickly
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -429,7 +428,7 @@ def _schema(options: argparse.Namespace, comm: MPI.Comm) -> int:
 
 def _guarded(arguments: Sequence[str] | None) -> int:
     """Run the command; turn errors into one line and an exit code, on all ranks, without a hang."""
-    comm = _ranks_there_are()
+    comm = ranks_there_are()
     try:
         options = _parser().parse_args(arguments)
         _listen(options.log_level)
@@ -474,29 +473,6 @@ def _leave(comm: MPI.Comm, code: int) -> int:
 
 def _as_interrupt(number: int, frame: object) -> None:
     raise KeyboardInterrupt
-
-
-def start_alone_quickly() -> None:
-    """Without mpirun, OpenMPI need not start a daemon and look for networks: that takes 0.3 s.
-
-    The settings are for this process alone: one that it starts may be an mpirun.
-    """
-    if any(name.startswith(("OMPI_COMM_", "PMI_", "PMIX_", "SLURM_")) for name in os.environ):
-        return
-    wanted = {"OMPI_MCA_ess_singleton_isolated": "1", "OMPI_MCA_pml": "ob1", "OMPI_MCA_btl": "self"}
-    added = {name: value for name, value in wanted.items() if name not in os.environ}
-    os.environ.update(added)
-    _ranks_there_are()  # mpi4py reads them as it starts
-    for name in added:
-        del os.environ[name]
-
-
-def _ranks_there_are() -> MPI.Comm:
-    """All ranks; without an MPI this process alone, which judges and plans, and says what is missing for a flow."""
-    try:
-        return world()
-    except MissingError:
-        return cast("MPI.Comm", Alone())
 
 
 def _nobody() -> logging.Logger:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
-from .errors import IncipientError
+from .errors import IncipientError, MissingError
 from .installed import required
 
 if TYPE_CHECKING:
@@ -80,3 +81,26 @@ def _described(error: Exception | None) -> tuple[type[IncipientError], str] | No
         return None
     kind = type(error) if isinstance(error, IncipientError) else IncipientError
     return kind, str(error) or type(error).__name__
+
+
+def start_alone_quickly() -> None:
+    """Without mpirun, OpenMPI need not start a daemon and look for networks: that takes 0.3 s.
+
+    The settings are for this process alone: one that it starts may be an mpirun.
+    """
+    if any(name.startswith(("OMPI_COMM_", "PMI_", "PMIX_", "SLURM_")) for name in os.environ):
+        return
+    wanted = {"OMPI_MCA_ess_singleton_isolated": "1", "OMPI_MCA_pml": "ob1", "OMPI_MCA_btl": "self"}
+    added = {name: value for name, value in wanted.items() if name not in os.environ}
+    os.environ.update(added)
+    ranks_there_are()  # mpi4py reads them as it starts
+    for name in added:
+        del os.environ[name]
+
+
+def ranks_there_are() -> MPI.Comm:
+    """All ranks; without an MPI this process alone, which judges and plans, and says what is missing for a flow."""
+    try:
+        return world()
+    except MissingError:
+        return cast("MPI.Comm", Alone())

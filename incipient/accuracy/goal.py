@@ -15,7 +15,7 @@ from .safetybar import bar_of_scene
 
 if TYPE_CHECKING:
     from ..contact import Contacts
-    from ..results.result import Couples, Forces
+    from ..results.loads import Couples, Forces
     from ..scene import Scene
 
 Floats = NDArray[np.float64]

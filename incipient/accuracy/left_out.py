@@ -10,54 +10,22 @@ term nothing is known: an estimate that is not small says that the effect matter
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..planning.effects import accuracy_asked, may_be_turbulent, percent, turbulent_from
+from ..planning.effects import accuracy_asked, may_be_turbulent, turbulent_from
+from ..results.left_out import Omission
 
 if TYPE_CHECKING:
     from ..fluid import Fluid
     from ..planning.effects import Effect
-    from ..results.result import Couples, Forces
+    from ..results.loads import Couples, Forces
     from ..simulation.simulate import Simulation
 
 Floats = NDArray[np.float64]
 Term = Callable[[Any, Any], Any]  # velocity and its test function to the integrand, both UFL
-
-
-@dataclass(frozen=True)
-class Omission:
-    """An effect left out.
-
-    relative: change that it would have made, relative to the load; None: not known
-    force:    change of the force (3,), and `couple` (3,) of the couple; None: not known
-    exceeds:  whether it may be more than the accuracy asked for
-    """
-
-    name: str
-    relative: float | None
-    how: str
-    exceeds: bool
-    remedy: str = ""
-    force: Floats | None = None
-    couple: Floats | None = None
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data for result.json."""
-        return asdict(self)
-
-    def lines(self) -> list[str]:
-        """One line for a reader, and a warning where one is due."""
-        size = "by an unknown amount" if self.relative is None else f"by about {percent(self.relative)}"
-        told = [f"left out            {self.name}: would change the result {size} ({self.how})"]
-        if self.exceeds:
-            told.append(
-                f"WARNING             {self.name} may matter at the accuracy asked for: {self.remedy}"
-            )
-        return told
 
 
 def omissions(

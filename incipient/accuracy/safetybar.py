@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -11,83 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contact import Contacts, Load
-from ..contact.error_box import ErrorBox, Interval, SafetyRange, held_words, safety_range
+from ..contact.error_box import ErrorBox, SafetyRange, safety_range
 from ..contact.exact import Exact, MassAndInertia, judged
 from ..contact.planar_modes import modes_within
+from ..results.safetybar import SafetyBar
 from ..results.verdict import load_of, mass_and_inertia
 
 if TYPE_CHECKING:
-    from ..results.result import Couples, Forces
+    from ..results.loads import Couples, Forces
     from ..scene import Scene
 
 Floats = NDArray[np.float64]
 # Errors (6,) of force and couple by the name of what they come from.
 Errors = Mapping[str, Floats]
-
-
-@dataclass(frozen=True)
-class SafetyBar:
-    """The safety factor over all loads within the error bars, what is certain of them, and what to improve.
-
-    low, high: the smallest and the largest safety factor of a load within the bars
-    certain:   whether it is proved that all of these loads are held, or that none is: rest, or motion
-    modes:     what loads within the bars do, with `complete`; otherwise what those that were asked do
-    complete:  whether it is proved that no load within the bars does anything else; one mode is then certain
-    decisive:  the term without which the range of safety factors would shrink most
-    some, every: the smallest and largest multiple of the flow's load with which some load within the bars is held,
-               and with which all are; None where there is none
-    unknown:   terms that should be there but could not be computed
-    """
-
-    value: float
-    low: float
-    high: float
-    certain: bool
-    modes: tuple[str, ...]
-    complete: bool
-    decisive: str
-    some: Interval | None
-    every: Interval | None
-    unknown: tuple[str, ...] = ()
-
-    @property
-    def relative(self) -> float:
-        """The width of the range over the safety factor, infinite where only one of its ends is.
-
-        Where the weight alone is not held, so that all safety factors are zero: by how much the ends of `every` differ
-        from those of `some`, relative.
-        """
-        if self.high > 0.0 or self.some is None:
-            return _ratio(self.low, self.high, self.value)
-        if self.every is None:
-            return _ratio(*self.some, self.some[1])
-        lower = _ratio(self.some[0], self.every[0], self.every[0])
-        return lower + _ratio(self.every[1], self.some[1], self.some[1])
-
-    def sentence(self) -> str:
-        """What the error bars mean for the verdict."""
-        between = f"safety factor {self.value:.4g}, between {self.low:.4g} and {self.high:.4g}"
-        if self.high == 0.0:
-            between = f"safety factor 0, {held_words(self.some, self.every)}"
-        if not self.certain:
-            return f"NOT certain: {between}; to decide, reduce the error of the {self.decisive}"
-        if self.unknown:
-            names = " and ".join(self.unknown)
-            return (
-                f"certain but for the error of the {names}, which is not known: {self._outcome()}; {between}"
-            )
-        return f"certain within the error bars: {self._outcome()}; {between}"
-
-    def _outcome(self) -> str:
-        """Rest or motion, and the mode where that is proved as well."""
-        if self.modes == ("rest",):
-            return "it rests"
-        modes = [mode for mode in self.modes if mode != "moves"]
-        if not modes:
-            return "it moves"
-        if not self.complete:
-            return f"it moves, but how ({' or '.join(modes)}) is not certain"
-        return f"it moves ({modes[0]})" if len(modes) == 1 else f"it moves, by {' or '.join(modes)}"
 
 
 def bar_of_scene(
@@ -149,10 +84,3 @@ def _modes(case: _Case, box: ErrorBox, found: SafetyRange, exact: Exact) -> tupl
     worst = judged(found.worst, case.contacts, case.friction, case.inert)
     labels = [exact.label, worst.label] + ([] if found.moves else ["rest"])
     return tuple(dict.fromkeys(labels)), False
-
-
-def _ratio(low: float, high: float, scale: float) -> float:
-    """(high - low) / scale, with zero for equal ends and infinity where only one end is infinite."""
-    if low >= high:
-        return 0.0
-    return math.inf if math.isinf(high) or scale == 0.0 else (high - low) / scale

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from typing import cast
 
-from ..accuracy.errorbars import COARSER_MESH, LONGER_STEP, Loads, by_coarser_run, changed, coarser
+from ..accuracy.errorbars import COARSER_MESH, LONGER_STEP, by_coarser_run, changed, coarser
+from ..results.adaptation import Trial
+from ..results.errorbars import Loads
 from ..results.result import Result
 from ..scene import Scene
 from ..simulation.recorder import Recorder, Unrecorded
 from ..simulation.simulate import Simulation
-from .search import Search, Told, Trial
+from .search import Search, Told
 
 LEVELS_BELOW = 3  # that the first run is coarser than the scene says
 FEWEST_STEPS = 8

@@ -20,16 +20,18 @@ from ..accuracy.errorbars import by_dual, changed, error_bars, farther, has_no_f
 from ..errors import ConvergenceError, MeshError
 from ..interrupt import told_where_kept
 from ..planning.drawing import Layout
-from ..results.result import Couples, Forces, Result
+from ..results.adaptation import Trial
+from ..results.loads import Couples, Forces
+from ..results.result import Result
 from ..scene import Scene
 from ..simulation.recorder import Recorder, Unrecorded
 from ..simulation.simulate import Simulation
-from .search import Search, Told, Trial
+from .search import Search, Told
 from .sizing import STEEPEST, Shares, gathered, resized
 
 if TYPE_CHECKING:
-    from ..accuracy.errorbars import ErrorBars
     from ..meshes import SizeField
+    from ..results.errorbars import ErrorBars
 
 ORDERS = (2, 3, 4)
 UNKNOWNS = {2: 9, 3: 22, 4: 41}  # per vertex of a large plane mesh

@@ -174,8 +174,8 @@ class _Rows(Unrecorded):
 
 def main() -> int:
     """Run the scene on standard input and tell what it took and gave; the exit code."""
-    from ..cli import start_alone_quickly
     from ..errors import IncipientError
+    from ..parallel import start_alone_quickly
 
     start_alone_quickly()
     from mpi4py import MPI

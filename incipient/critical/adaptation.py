@@ -10,8 +10,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from ..adaptive.refinement import Refinement
-from ..adaptive.search import Adaptation
 from ..errors import SceneError
+from ..results.adaptation import Adaptation
 from ..simulation.recorder import Unrecorded
 from .bars import CriticalGoal
 from .search import Found, Search
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from ..progress import Silent
-    from ..results.result import Couples, Forces
+    from ..results.loads import Couples, Forces
     from ..scene import Scene
     from ..simulation.simulate import Simulation
 

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..accuracy.errorbars import ErrorBars
 from ..accuracy.safetybar import Errors
 from ..contact.equilibrium import safety_factor
 from ..contact.error_box import ErrorBox, safety_range, shifted
+from ..results.errorbars import ErrorBars
 
 if TYPE_CHECKING:
-    from ..results.result import Couples, Forces
+    from ..results.loads import Couples, Forces
     from .search import Found
 
 Floats = NDArray[np.float64]

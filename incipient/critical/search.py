@@ -21,7 +21,7 @@ from ..results.verdict import load_of
 from .loadpath import LoadPath
 
 if TYPE_CHECKING:
-    from ..results.result import Couples, Forces
+    from ..results.loads import Couples, Forces
     from ..simulation.simulate import Simulation
 
 CREEPING = 1e-6  # grain Reynolds number of the flow that stands for Stokes flow

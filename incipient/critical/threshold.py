@@ -23,9 +23,9 @@ from ..simulation.assemble import cost
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from ..adaptive.search import Adaptation
     from ..contact import Contacts, Load
     from ..contact.verdict import Verdict
+    from ..results.adaptation import Adaptation
     from ..simulation.simulate import Simulation
     from .bars import CriticalBars
     from .search import Found, Search, Trial
@@ -323,7 +323,7 @@ def bed_stress(scene: Scene) -> float:
 
     It is that of the flow's profile, the same over the whole bed; of a flow given by formulas, at the inflow.
     """
-    from ..planning.conditions import undisturbed
+    from ..planning.stream import undisturbed
 
     step = 1e-6 * scene.domain.height
     heights = scene.datum + step * np.array([0.0, 1.0, 2.0])

@@ -2,75 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from ..scene import ExpressionFlow, Scene, Shear
-from .drawing import side_names
+from ..scene import Scene
+from .cells import side_names
+from .stream import Velocity, inflow, undisturbed
 
 if TYPE_CHECKING:
     from ..fluid import Condition
-
-Velocity = Callable[[np.ndarray, float], np.ndarray]
-STEEPER = 3.0  # than the profile is its rise from a bed that is above the datum at the inflow
-
-
-def undisturbed(scene: Scene) -> Velocity:
-    """The velocity the flow would have without grain and bed forms: x (3, n) and t give (2, n), scene units.
-
-    Profiles start from the scene's datum; below it the fluid is at rest. Not collective.
-    """
-    return _stream(scene, scene.datum)
-
-
-def inflow(scene: Scene) -> Velocity:
-    """The velocity on the inflow: the undisturbed one, brought to rest on a bed that is above the datum there.
-
-    Not collective.
-    """
-    bed = scene.bed_shape
-    foot = scene.datum if bed is None else max(scene.datum, float(bed.height([scene.domain.left])[0]))
-    return _stream(scene, foot)
-
-
-def _stream(scene: Scene, foot: float) -> Velocity:
-    """The flow of the scene, at rest below `foot`, which is the datum or higher."""
-    if isinstance(scene.flow, ExpressionFlow):
-        return _from_expressions(scene.flow)
-    profile, datum = _profile(scene), scene.datum
-
-    def velocity(x: np.ndarray, t: float) -> np.ndarray:
-        speed = np.minimum(profile(x[1] - datum), STEEPER * profile(x[1] - foot))
-        return np.vstack([speed, np.zeros_like(speed)])
-
-    return velocity
-
-
-def _profile(scene: Scene) -> Callable[[np.ndarray], np.ndarray]:
-    """Speed against height above the datum; none below."""
-    flow, depth = scene.flow, scene.domain.ceiling - scene.datum
-    if isinstance(flow, Shear):
-        return lambda y: flow.rate * np.clip(y, 0.0, depth)
-    mean = flow.velocity
-    profiles: dict[str, Callable[[np.ndarray], np.ndarray]] = {
-        "poiseuille": lambda y: 6 * mean * y * (depth - y) / depth**2,
-        "open-channel": lambda y: 1.5 * mean * y * (2 * depth - y) / depth**2,
-        "uniform": lambda y: np.full_like(y, mean),
-        "lid": lambda y: np.full_like(y, mean),
-        "still": lambda y: np.zeros_like(y),
-    }
-    speed = profiles[flow.kind]
-    # A uniform stream begins at the datum itself, found to round-off.
-    return lambda y: np.where(y < -1e-9 * depth, 0.0, speed(np.clip(y, 0.0, depth)))
-
-
-def _from_expressions(flow: ExpressionFlow) -> Velocity:
-    from ..scene.expression import Expression
-
-    components = [Expression(text) for text in flow.components]
-    return lambda x, t: np.vstack([component(x, t) for component in components])
 
 
 def conditions(scene: Scene, held: bool = False) -> list[Condition]:
@@ -112,7 +51,7 @@ def conditions(scene: Scene, held: bool = False) -> list[Condition]:
 def _velocity_at_first(scene: Scene) -> Velocity:
     """Of the surface of a moving grain at time zero."""
     from ..body.state import rigid_velocity
-    from ..simulation.moving_grain import initial_state
+    from .body import initial_state
 
     state = initial_state(scene)
     return lambda x, t: rigid_velocity(state, x[:2].T).T

@@ -16,16 +16,15 @@ from ..geometry.rest import clearance, lifted
 from ..installed import required
 from ..meshes import Away, Grid, Near, Region, Sizes
 from ..scene import Scene
+from .cells import FAR_CELL, is_grid, largest_cell, side_names
 from .clearance import Surroundings
 from .plan import Estimate, Plan
 
 # Cell sizes for mesh_size = 1 by order of the velocity, chosen so that the orders err alike (docs/numerics.md).
 GRAIN_CELL = {2: 0.05, 3: 0.1, 4: 0.15}  # of the grain's size, at its surface
-FAR_CELL = {2: 0.10, 3: 0.15, 4: 0.20}  # of the domain's height
 BED_CELL = {2: 0.15, 3: 0.25, 4: 0.35}  # of the bed's smallest feature
 GAP_CELL = {2: 0.5, 3: 0.75, 4: 1.0}  # of the gap between grain and bed
 CORNER_CELL = 0.3  # of the grain's cells, at its corners
-GRID_CELLS = {2: 48, 3: 32, 4: 24}  # along the shorter side of an empty box
 GROWTH, GAP_GROWTH = 0.25, 0.18  # of cell sizes with distance
 # Along a bed away from the grain: how fast cells grow with the distance from it, and up to which part of the bed's
 # smallest feature. There only the drag of the bed as a whole matters (docs/numerics.md).
@@ -114,14 +113,6 @@ def surroundings(scene: Scene) -> Surroundings:
     return Surroundings(scene.grain, scene.domain, side_names(scene), scene.bed_shape)
 
 
-def side_names(scene: Scene) -> tuple[str, str, str, str]:
-    """Names of the bottom, right, top and left boundary."""
-    bottom = "bed" if scene.bed is not None else "bottom"
-    if scene.domain.kind == "channel":
-        return bottom, "outflow", "top", "inflow"
-    return bottom, "right", "top", "left"
-
-
 def _placed(
     scene: Scene, plan: Plan
 ) -> tuple[Placement | None, Placement | None, float, tuple[Point, Point] | None]:
@@ -197,21 +188,6 @@ def _grid(scene: Scene, plan: Plan) -> Grid:
     domain, cell = scene.domain, plan.mesh_size * largest_cell(scene)
     columns, rows = (max(4, round(side / cell)) for side in (domain.length, domain.height))
     return Grid(domain.origin, domain.length, domain.height, columns, rows, sides=side_names(scene))
-
-
-def largest_cell(scene: Scene) -> float:
-    """Size of the cells away from everything for mesh_size = 1 [length]."""
-    domain, order = scene.domain, scene.numerics.order
-    if not is_grid(scene):
-        return FAR_CELL[order] * domain.height
-    # Boundary layers thin as Re^-1/2, the grading makes up for half of that.
-    crowd = max(1.0, (scene.fluid.reynolds / 1000.0) ** 0.25)
-    return min(domain.length, domain.height) / (GRID_CELLS[order] * crowd)
-
-
-def is_grid(scene: Scene) -> bool:
-    """Whether the scene is an empty box, which gets a grid."""
-    return scene.domain.kind == "box" and scene.body is None and scene.bed is None
 
 
 def count(layout: Layout, order: int, dual: bool = False) -> Estimate:

@@ -273,7 +273,7 @@ def time_of_change(scene: Scene) -> float | None:
     """Largest speed of the given flow over its largest rate of change; None where it does not change."""
     import numpy as np
 
-    from .conditions import undisturbed
+    from .stream import undisturbed
 
     time, flow = scene.time, scene.flow
     if time is None or flow.kind != "expression" or not flow.unsteady:
@@ -322,7 +322,7 @@ def _speed_past_grain(scene: Scene, placement: Placement) -> float:
     """The largest of the speeds of the given flow over the grain's height and of the grain's own."""
     import numpy as np
 
-    from .conditions import undisturbed
+    from .stream import undisturbed
 
     grain = scene.grain
     assert grain is not None
@@ -357,7 +357,7 @@ def _bed_reynolds(scene: Scene) -> float | None:
     """Of the bed's forms, by the given flow up to their height above its datum; None for a plane."""
     import numpy as np
 
-    from .conditions import undisturbed
+    from .stream import undisturbed
 
     bed, domain = scene.bed_shape, scene.domain
     if bed is None:

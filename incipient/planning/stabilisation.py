@@ -50,7 +50,7 @@ def stabilisation_of(scene: Scene, inertia: bool, speed: float = 1.0) -> Stabili
 
 def cell_reynolds(scene: Scene) -> float:
     """V h/(k nu) of the largest cells, estimated without a mesh. Not collective."""
-    from .drawing import largest_cell
+    from .cells import largest_cell
 
     numerics = scene.numerics
     size = numerics.mesh_size * largest_cell(scene)

@@ -7,16 +7,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .cost_of_effects import cost_lines
 from ..planning.plan import Plan
+from .cost_of_effects import cost_lines
+from .loads import Coefficients, Couples, Forces, Gap
 
 if TYPE_CHECKING:
-    from ..adaptive.search import Adaptation
-    from ..accuracy.errorbars import ErrorBars
     from ..mesh.domain import Domain
-    from ..planning.drawing import Layout
-    from ..accuracy.left_out import Omission
     from ..mesh.sampling import Extremum
+    from ..planning.drawing import Layout
+    from .adaptation import Adaptation
+    from .errorbars import ErrorBars
+    from .left_out import Omission
 
 SCHEMA_VERSION = 1
 # What result.json has under the name and in the form that the result has it.
@@ -24,66 +25,6 @@ AS_THEY_ARE = (
     *("title", "status", "error", "scene", "grain", "contacts", "verdict", "trajectory", "cost"),
     *("without_error_bars", "measured_cell_reynolds"),
 )
-
-
-@dataclass(frozen=True)
-class Forces:
-    """Forces on the grain (3,), scene units with fluid density one.
-
-    flow:             of the flow, by the residual method; without buoyancy
-    surface_integral: the same by integrating sigma n over the surface (cross-check)
-    buoyancy:         of the hydrostatic pressure, exact
-    weight:           of the grain
-    repulsion:        from what a grain that is repelled has come close to; zero for others
-    """
-
-    flow: np.ndarray
-    surface_integral: np.ndarray
-    buoyancy: np.ndarray
-    weight: np.ndarray
-    repulsion: np.ndarray = field(default_factory=lambda: np.zeros(3))
-
-    @property
-    def total(self) -> np.ndarray:
-        """Flow, buoyancy and weight together, the paper's F_flow&g (9), and what repels the grain."""
-        return self.flow + self.buoyancy + self.weight + self.repulsion
-
-
-@dataclass(frozen=True)
-class Couples:
-    """Couples on the grain (3,) about its centre of mass, as the forces of these names; in 2D along the third axis."""
-
-    flow: np.ndarray
-    surface_integral: np.ndarray
-    about: np.ndarray
-    repulsion: np.ndarray = field(default_factory=lambda: np.zeros(3))
-
-
-@dataclass(frozen=True)
-class Coefficients:
-    """Drag, lift and moment over V^2 L/2 and V^2 L^2/2, with V and L of the Reynolds number but L the grain's size."""
-
-    drag: float
-    lift: float
-    moment: float
-    reference_velocity: float
-    reference_length: float
-
-
-@dataclass(frozen=True)
-class Gap:
-    """The gap between grain and bed in the computed flow.
-
-    resolved: at least two cells lie across it, so that the flow in it is computed and not guessed
-    """
-
-    width: float
-    cells: int
-
-    @property
-    def resolved(self) -> bool:
-        """Whether at least two cells lie across the gap."""
-        return self.cells >= 2
 
 
 def gap_of(layout: Layout, domain: Domain) -> Gap | None:

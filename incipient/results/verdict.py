@@ -10,9 +10,9 @@ from ..contact import Contacts, Load
 from ..contact.exact import MassAndInertia
 from ..contact.search import touching
 from ..contact.verdict import judge as judge_load
-from .result import Couples, Forces
 from ..scene import Body, Scene
 from ..scene.motion import mass, moment
+from .loads import Couples, Forces
 
 
 def find_contacts(scene: Scene) -> Contacts:

@@ -12,14 +12,15 @@ import numpy as np
 
 from ..errors import IncipientError
 from ..results.cost_of_effects import cost_of_effects
-from ..results.result import Coefficients, Couples, Forces, Result, gap_of
+from ..results.loads import Coefficients, Couples, Forces
+from ..results.result import Result, gap_of
 from ..results.timing import peak_memory_mib
 from .landing import landing
 
 if TYPE_CHECKING:
-    from ..accuracy.errorbars import ErrorBars
-    from ..accuracy.left_out import Omission
     from ..contact import Contacts
+    from ..results.errorbars import ErrorBars
+    from ..results.left_out import Omission
     from ..scene import Scene
     from .simulate import Simulation
 
@@ -104,7 +105,8 @@ def _error_bars(simulation: Simulation, result: Result) -> tuple[ErrorBars | Non
 
 
 def _omissions(simulation: Simulation, result: Result) -> tuple[Omission, ...]:
-    from ..accuracy.left_out import Omission, omissions
+    from ..accuracy.left_out import omissions
+    from ..results.left_out import Omission
 
     with simulation.stage("omitted effects"):
         try:

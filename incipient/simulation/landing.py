@@ -19,9 +19,9 @@ from ..contact.search import touching
 from ..contact.verdict import judge
 from ..errors import IncipientError
 from ..geometry.plane.bed import Flat
+from ..planning.cells import side_names
 from ..planning.clearance import Clearance
-from ..planning.drawing import side_names
-from ..results.result import Couples, Forces
+from ..results.loads import Couples, Forces
 from ..results.verdict import mass_and_inertia
 from ..scene import Scene
 

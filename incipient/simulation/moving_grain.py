@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..body.rigidbody import RigidBody
-from ..body.state import BodyState, Freedom, Inertia
+from ..body.state import BodyState
 from ..coupled.coupling import Coupling, InterfaceReport
 from ..coupled.energy import EnergyBudget
 from ..coupled.remeshing import Remeshing, carry_over
@@ -24,12 +23,11 @@ from ..mesh import domain
 from ..mesh.domain import Domain
 from ..mesh.motion import MeshMotion
 from ..planning import drawing as layout
+from ..planning.body import initial_state, rigid_body
 from ..planning.clearance import Clearance
 from ..planning.plan import Plan
 from ..progress import Silent
 from ..scene import Scene
-from ..scene.expression import Expression
-from ..scene.motion import moment
 
 Floats = NDArray[np.float64]
 Stage = Callable[[str], AbstractContextManager[Any]]
@@ -269,28 +267,3 @@ def rounded(placement: Placement, unit: float) -> Placement:
     """The placement with its coordinates rounded to a unit of length, and its angle to ROUNDING."""
     centre = tuple(unit * round(x / unit) for x in placement.centre)
     return replace(placement, centre=centre, angle=ROUNDING * round(placement.angle / ROUNDING))
-
-
-def rigid_body(scene: Scene) -> RigidBody:
-    """Mass, moment and freedom of a scene's moving grain."""
-    body = scene.body
-    assert body is not None
-    inertia = Inertia(scene.mass or 0.0, np.array([moment(body) or 0.0]))
-    if body.course is None:
-        freedom = Freedom(tuple(name not in body.locked for name in ("x", "y", "angle")))
-    else:
-        freedom = Freedom.none(scene.gdim, _course(body.course))
-    return RigidBody(inertia, freedom)
-
-
-def initial_state(scene: Scene) -> BodyState:
-    """Place and velocities of a scene's moving grain at time zero."""
-    body, placement = scene.body, scene.placement
-    assert body is not None and placement is not None
-    return rigid_body(scene).consistent(BodyState.at(placement, [*body.velocity, body.spin]))
-
-
-def _course(formulas: tuple[str, str, str]) -> Callable[[float], Floats]:
-    """Velocities (3,) as functions of time."""
-    components = [Expression(formula) for formula in formulas]
-    return lambda time: np.array([float(one(np.zeros((3, 1)), time)[0]) for one in components])

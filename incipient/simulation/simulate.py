@@ -30,14 +30,15 @@ if TYPE_CHECKING:
 
     from mpi4py import MPI
 
-    from ..accuracy.errorbars import Loads, Term
     from ..contact import Contacts
     from ..coupled.tractions import TractionProbe
     from ..fluid import FlowModel, Fluid, Transient
     from ..mesh.domain import Domain
     from ..planning.drawing import Layout
     from ..restart.checkpoint import Checkpoint
-    from ..results.result import Couples, Forces, Result
+    from ..results.errorbars import Loads, Term
+    from ..results.loads import Couples, Forces
+    from ..results.result import Result
     from .moving_grain import Trajectory
 
 # What is left of the way to a flow, going on from a slower one, when no shorter step is tried any more.

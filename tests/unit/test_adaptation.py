@@ -10,14 +10,14 @@ from incipient.accuracy.errorbars import changed
 from incipient.accuracy.goal import Goal
 from incipient.adaptive.halving import finer
 from incipient.adaptive.refinement import SMALLEST_GAP, Refinement, cheapest_order, with_less_of
-from incipient.adaptive.search import Adaptation, Trial
 from incipient.adaptive.sizing import LARGEST, SMALLEST, STEEPEST, Shares, resized
 from incipient.errors import SceneError
 from incipient.geometry.plane.curves import Line
 from incipient.meshes import Near, Region, SizeField, Sizes
 from incipient.meshes.model import region_model
 from incipient.progress import Silent
-from incipient.results.result import Couples, Forces
+from incipient.results.adaptation import Adaptation, Trial
+from incipient.results.loads import Couples, Forces
 from incipient.scene import Scene, loads
 from incipient.scene.example import commented, grain_on_bed
 from incipient.simulation.recorder import Unrecorded

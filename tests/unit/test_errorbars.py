@@ -12,19 +12,13 @@ from scenes import CARRIED
 
 import incipient
 from incipient.accuracy import errorbars
-from incipient.accuracy.errorbars import (
-    Loads,
-    Term,
-    by_coarser_run,
-    changed,
-    coarse_scenes,
-    farther,
-    loads_of,
-)
-from incipient.accuracy.safetybar import SafetyBar, bar_of_safety
+from incipient.accuracy.errorbars import by_coarser_run, changed, coarse_scenes, farther, loads_of
+from incipient.accuracy.safetybar import bar_of_safety
 from incipient.contact import Contacts, Load
 from incipient.errors import ConvergenceError
 from incipient.progress import Silent
+from incipient.results.errorbars import Loads, Term
+from incipient.results.safetybar import SafetyBar
 from incipient.scene import Scene, Time, loads
 from incipient.scene.example import commented, grain_on_bed
 from incipient.simulation.recorder import Unrecorded

@@ -7,10 +7,10 @@ import pytest
 from scenes import scene
 
 from incipient.critical.threshold import _stress_unit
+from incipient.planning.body import rigid_body
 from incipient.planning.plan import make_plan
 from incipient.results.verdict import mass_and_inertia
 from incipient.scene import Contact, Disc, Gravity, Time
-from incipient.simulation.moving_grain import rigid_body
 
 AREA, MASS = math.pi / 4, 2.0
 WEIGHED = [{"density": MASS / AREA}, {"mass": MASS}]

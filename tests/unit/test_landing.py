@@ -8,7 +8,7 @@ import pytest
 from incipient.body.state import BodyState
 from incipient.geometry.placement import Placement
 from incipient.planning.drawing import surroundings
-from incipient.results.result import Couples, Forces
+from incipient.results.loads import Couples, Forces
 from incipient.scene import (
     Contact,
     Disc,

@@ -18,7 +18,7 @@ from incipient.critical.search import Found, Search
 from incipient.critical.threshold import bed_stress, find_threshold, with_error
 from incipient.errors import ConvergenceError, SceneError
 from incipient.progress import Silent
-from incipient.results.result import Couples, Forces
+from incipient.results.loads import Couples, Forces
 from incipient.results.verdict import find_contacts
 from incipient.scene import loads
 from incipient.scene.example import commented, grain_on_bed

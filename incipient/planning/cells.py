@@ -1,0 +1,33 @@
+"""The sides of a scene's domain, and the cells away from everything."""
+
+from __future__ import annotations
+
+from ..scene import Scene
+
+FAR_CELL = {2: 0.10, 3: 0.15, 4: 0.20}  # of the domain's height
+
+
+GRID_CELLS = {2: 48, 3: 32, 4: 24}  # along the shorter side of an empty box
+
+
+def side_names(scene: Scene) -> tuple[str, str, str, str]:
+    """Names of the bottom, right, top and left boundary."""
+    bottom = "bed" if scene.bed is not None else "bottom"
+    if scene.domain.kind == "channel":
+        return bottom, "outflow", "top", "inflow"
+    return bottom, "right", "top", "left"
+
+
+def largest_cell(scene: Scene) -> float:
+    """Size of the cells away from everything for mesh_size = 1 [length]."""
+    domain, order = scene.domain, scene.numerics.order
+    if not is_grid(scene):
+        return FAR_CELL[order] * domain.height
+    # Boundary layers thin as Re^-1/2, the grading makes up for half of that.
+    crowd = max(1.0, (scene.fluid.reynolds / 1000.0) ** 0.25)
+    return min(domain.length, domain.height) / (GRID_CELLS[order] * crowd)
+
+
+def is_grid(scene: Scene) -> bool:
+    """Whether the scene is an empty box, which gets a grid."""
+    return scene.domain.kind == "box" and scene.body is None and scene.bed is None

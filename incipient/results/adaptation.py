@@ -1,0 +1,59 @@
+"""What was asked for in a run to an accuracy, what was reached, and the meshes tried, as data."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One mesh tried.
+
+    estimate: relative error of the quantity asked for; None where the flow could not be solved, or not compared yet
+    seconds:  wall time, mesh, solution and estimate together
+    step:     the time step, None for steady flow
+    note:     what was changed besides the mesh, or why there is no solution
+    """
+
+    order: int
+    cells: int
+    unknowns: int
+    estimate: float | None
+    seconds: float
+    step: float | None = None
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Adaptation:
+    """What was asked for, what has been reached, and the meshes tried on the way.
+
+    asked: the relative error, or "verdict"; reached: its estimate, None if there is none
+    """
+
+    asked: float | str
+    of: str
+    reached: float | None
+    met: bool
+    reason: str
+    trials: tuple[Trial, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for result.json."""
+        return asdict(self)
+
+    def lines(self) -> list[str]:
+        """The outcome and the trials, a line each."""
+        reached = "unknown" if self.reached is None else f"{self.reached:.1e}"
+        lines = [
+            f"accuracy            error of the {self.of} {reached}, asked for {self.asked}: {self.reason}"
+        ]
+        for trial in self.trials:
+            error = "            " if trial.estimate is None else f"error {trial.estimate:.1e}"
+            step = "" if trial.step is None else f"   step {trial.step:.3g}"
+            lines.append(
+                f"  P{trial.order:<17d}{trial.cells:6d} cells {trial.unknowns:7d} unknowns   {error}   "
+                f"{trial.seconds:5.1f} s{step}   {trial.note}".rstrip()
+            )
+        return lines

@@ -1,0 +1,115 @@
+"""Error bars on force, couple and path: their terms, as data."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .safetybar import SafetyBar
+
+if TYPE_CHECKING:
+    from .result import Result
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Loads:
+    """Force and couple (3,) of the flow on a grain, and place and turn (3,) of one that moves."""
+
+    force: Floats
+    couple: Floats
+    place: Floats | None = None
+
+    @classmethod
+    def of(cls, result: Result) -> Loads:
+        """Those of a run with a grain, at its end."""
+        assert result.force is not None and result.couple is not None
+        place = None
+        if result.trajectory is not None:
+            place = np.array([*result.trajectory["place"], result.trajectory["angle"]])
+        return cls(result.force.flow, result.couple.flow, place)
+
+
+@dataclass(frozen=True)
+class Term:
+    """One source of error: absolute errors of force and couple (3,), of the place of a moving grain, and how found."""
+
+    name: str
+    force: Floats
+    couple: Floats
+    how: str
+    place: Floats | None = None
+
+    @classmethod
+    def of_difference(cls, name: str, one: Loads, other: Loads, share: float, how: str) -> Term:
+        """The error that is a share of what two runs differ by."""
+        place = None
+        if one.place is not None and other.place is not None:
+            place = share * np.abs(one.place - other.place)
+        force, couple = np.abs(one.force - other.force), np.abs(one.couple - other.couple)
+        return cls(name, share * force, share * couple, how, place)
+
+
+@dataclass(frozen=True)
+class ErrorBars:
+    """The error terms of a run, and what they mean for the verdict.
+
+    left_out: terms that do not apply or are not estimated, with the reason
+    failed:   terms that should be there, with what kept them from being computed
+    """
+
+    terms: tuple[Term, ...]
+    left_out: dict[str, str] = field(default_factory=dict)
+    failed: dict[str, str] = field(default_factory=dict)
+    safety: SafetyBar | None = None
+
+    @property
+    def force(self) -> Floats:
+        """(3,) absolute error of the force."""
+        return np.sum([term.force for term in self.terms], axis=0) if self.terms else np.full(3, np.nan)
+
+    @property
+    def couple(self) -> Floats:
+        """(3,) absolute error of the couple."""
+        return np.sum([term.couple for term in self.terms], axis=0) if self.terms else np.full(3, np.nan)
+
+    @property
+    def place(self) -> Floats | None:
+        """(3,) absolute error of place and turn of a moving grain at the end of its path."""
+        places = [term.place for term in self.terms if term.place is not None]
+        return np.sum(places, axis=0) if places else None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for result.json."""
+        return {
+            "force": self.force,
+            "couple": self.couple,
+            "place": self.place,
+            "terms": [asdict(term) for term in self.terms],
+            "left_out": self.left_out,
+            "failed": self.failed,
+            "safety_factor": None if self.safety is None else asdict(self.safety),
+        }
+
+    def lines(self) -> list[str]:
+        """Errors and where they come from, for a reader."""
+        lines = [f"error bars          {_vectors(self.force, self.couple)}{_end_of_path(self.place)}"]
+        for term in self.terms:
+            errors = f"{_vectors(term.force, term.couple)}{_end_of_path(term.place)}"
+            lines.append(f"  {term.name:<18}{errors}   {term.how}")
+        lines += [f"  {name:<18}{why}" for name, why in self.left_out.items()]
+        return lines + [f"  {name:<18}not computed: {why}" for name, why in self.failed.items()]
+
+
+def _vectors(force: Floats, couple: Floats) -> str:
+    return f"({force[0]:.1e}, {force[1]:.1e})   couple {couple[2]:.1e}"
+
+
+def _end_of_path(place: Floats | None) -> str:
+    if place is None:
+        return ""
+    return f"   end of the path ({place[0]:.1e}, {place[1]:.1e}), turn {place[2]:.1e} rad"
