@@ -232,19 +232,19 @@ def _tell(result: Result, directory: Path, comm: MPI.Comm) -> None:
 def _tell_of_pictures(directory: Path, wanted: bool, comm: MPI.Comm) -> None:
     """Draw pictures if they are wanted, and say where they are; one that fails takes nothing else with it."""
     from .parallel import collectively
-    from .pictures.apart import Drawn, draw_apart
 
     with collectively(comm):
-        if comm.rank == 0:
-            _say_drawn(draw_apart(directory) if wanted else Drawn([]), directory)
+        if comm.rank == 0 and not wanted:
+            print(f"pictures            incipient show {directory}", flush=True)
+        elif comm.rank == 0:
+            from .pictures.apart import draw_apart
+
+            _say_drawn(draw_apart(directory), directory)
 
 
 def _say_drawn(drawn: Drawn, directory: Path) -> None:
     names = ", ".join(path.name for path in drawn.paths)
-    print(
-        f"pictures            {f'{directory}/: {names}' if names else f'incipient show {directory}'}",
-        flush=True,
-    )
+    print(f"pictures            {directory}/: {names}" if names else "pictures            none", flush=True)
     if drawn.complaint:
         raise OutputError(
             f"{drawn.complaint}; the rest is there, draw again with: incipient show {directory}"

@@ -16,10 +16,16 @@ from contextlib import AbstractContextManager
 from typing import Any
 
 # Modules that are for one effect only.
-OF_UNSTEADINESS = ("marching", "fluid.transient", "fluid.quasisteady")
-OF_MOVING_MESH = ("meshmotion", "remeshing", "transfer", "trajectory", "energy")
-OF_FREE_BODY = ("coupling", "rigidbody", "integrator", "fehlberg")
-OF_CONTACT = ("judgement", "contact")
+OF_UNSTEADINESS = ("simulation.time_loop", "fluid.transient", "fluid.quasisteady")
+OF_MOVING_MESH = (
+    "mesh.motion",
+    "mesh.transfer",
+    "coupled.remeshing",
+    "coupled.energy",
+    "simulation.moving_grain",
+)
+OF_FREE_BODY = ("coupled.coupling", "body.rigidbody", "body.integrator", "body.fehlberg")
+OF_CONTACT = ("results.verdict", "contact")
 OF_ESTIMATES = ("accuracy",)
 OF_CHECKPOINTS = ("restart",)
 MODULES = (*OF_UNSTEADINESS, *OF_MOVING_MESH, *OF_FREE_BODY, *OF_CONTACT, *OF_ESTIMATES, *OF_CHECKPOINTS)

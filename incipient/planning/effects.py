@@ -15,7 +15,7 @@ the model then stay small beside those of the discretisation. The estimates are 
   2/sqrt(pi) times as much).
 
 They only decide. What was left out is estimated once more from the flow that was computed
-(`incipient.accuracy.left_out`).
+(`incipient.simulation.left_out`).
 """
 
 from __future__ import annotations

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from ..contact.error_box import Interval, held_words
+if TYPE_CHECKING:
+    from ..contact.error_box import Interval
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,8 @@ class SafetyBar:
         """What the error bars mean for the verdict."""
         between = f"safety factor {self.value:.4g}, between {self.low:.4g} and {self.high:.4g}"
         if self.high == 0.0:
+            from ..contact.error_box import held_words
+
             between = f"safety factor 0, {held_words(self.some, self.every)}"
         if not self.certain:
             return f"NOT certain: {between}; to decide, reduce the error of the {self.decisive}"

@@ -15,7 +15,6 @@ from ..results.cost_of_effects import cost_of_effects
 from ..results.loads import Coefficients, Couples, Forces
 from ..results.result import Result, gap_of
 from ..results.timing import peak_memory_mib
-from .landing import landing
 
 if TYPE_CHECKING:
     from ..contact import Contacts
@@ -41,6 +40,8 @@ def outcome(simulation: Simulation, status: str = "complete", error: str = "") -
             if status == "complete":
                 verdict = judged(simulation, force, couple)
             if travel is not None and trajectory is not None and travel.coupling.met:
+                from .landing import landing
+
                 landed = landing(scene, travel.state, travel.clearance(), force, couple)
                 contacts, verdict = landed.contacts, landed.verdict
                 trajectory["ended"]["without_verdict"] = landed.why_not
@@ -105,8 +106,8 @@ def _error_bars(simulation: Simulation, result: Result) -> tuple[ErrorBars | Non
 
 
 def _omissions(simulation: Simulation, result: Result) -> tuple[Omission, ...]:
-    from ..accuracy.left_out import omissions
     from ..results.left_out import Omission
+    from .left_out import omissions
 
     with simulation.stage("omitted effects"):
         try:

@@ -308,7 +308,7 @@ def test_nothing_is_imported_that_the_scene_does_not_call_for(tmp_path):
     assert done.returncode == 0, done.stderr
     loaded = set(done.stdout.split())
     needed = {"incipient.simulation.simulate", "incipient.fluid.steady", "incipient.meshes.model"}
-    unused = ("contact", "tractions", "judgement", "fluid.vorticity", "output.xdmf", "pictures")
+    unused = ("contact", "coupled.tractions", "results.verdict", "fluid.vorticity", "output.xdmf", "pictures")
     assert needed <= loaded
     assert not {f"incipient.{name}" for name in unused} & loaded
     assert not {"pyvista", "matplotlib", "vtk"} & loaded

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ..fluid import Fluid
     from ..planning.effects import Effect
     from ..results.loads import Couples, Forces
-    from ..simulation.simulate import Simulation
+    from .simulate import Simulation
 
 Floats = NDArray[np.float64]
 Term = Callable[[Any, Any], Any]  # velocity and its test function to the integrand, both UFL
