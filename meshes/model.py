@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import gmsh
@@ -13,7 +14,7 @@ import numpy as np
 from incipient.errors import MeshError
 from incipient.geometry.plane.curves import Arc, Curve, Line, Point, Spline
 
-from .region import Grid, Near, Region, SizeField, Sizes
+from .region import GRID, Frame, Grid, Near, Region, SizeField, Sizes
 
 ENLARGED = 1.3  # triangles of an earlier mesh about their centroids, where they say how fine the next is
 
@@ -27,9 +28,11 @@ def region_model(region: Region, sizes: Sizes, order: int) -> Iterator[Any]:
     """
     with _session() as model:
         with _complaints_as_errors():
-            curves = _draw_region(region)
-            _set_sizes(sizes, curves)
+            frame = Frame.of(region)
+            curves = _draw_region(region, frame)
+            _set_sizes(sizes, curves, frame)
             _mesh(order)
+            _put_in_place(frame)
         yield model
 
 
@@ -38,8 +41,10 @@ def grid_model(grid: Grid, order: int) -> Iterator[Any]:
     """Yield the gmsh model of a graded grid of triangles. Not collective: one rank draws."""
     with _session() as model:
         with _complaints_as_errors():
-            _draw_grid(grid)
+            frame = Frame(grid.origin, grid.height)
+            _draw_grid(grid, frame)
             _mesh(order)
+            _put_in_place(frame)
         yield model
 
 
@@ -72,18 +77,23 @@ def _complaints_as_errors() -> Iterator[None]:
 
 
 class _Pen:
-    """Draws curves, joining those that share an end point."""
+    """Draws curves in a frame, joining those that share an end point."""
 
-    def __init__(self, tolerance: float):
-        self.tolerance = tolerance
+    def __init__(self, frame: Frame, tolerance: float):
+        self.frame, self.tolerance = frame, tolerance
         self.points: dict[tuple[int, int], int] = {}
 
     def point(self, x: Point) -> int:
         """The tag of a point, drawn if there is none there yet."""
-        key = (round(x[0] / self.tolerance), round(x[1] / self.tolerance))
+        place = self.frame.local(*x)
+        key = (round(place[0] / self.tolerance), round(place[1] / self.tolerance))
         if key not in self.points:
-            self.points[key] = gmsh.model.geo.addPoint(float(x[0]), float(x[1]), 0.0)
+            self.points[key] = gmsh.model.geo.addPoint(*place, 0.0)
         return self.points[key]
+
+    def _lone(self, x: Point) -> int:
+        """The tag of a point that no other curve shares."""
+        return gmsh.model.geo.addPoint(*self.frame.local(*x), 0.0)
 
     def curve(self, curve: Curve) -> int:
         """The tag of the curve, drawn."""
@@ -92,20 +102,20 @@ class _Pen:
         if isinstance(curve, Line):
             return geo.addLine(start, end)
         if isinstance(curve, Arc):
-            centre = geo.addPoint(*curve.centre, 0.0)
+            centre = self._lone(curve.centre)
             if curve.major is None:
                 return geo.addCircleArc(start, centre, end)
-            return geo.addEllipseArc(start, centre, geo.addPoint(*curve.major, 0.0), end)
+            return geo.addEllipseArc(start, centre, self._lone(curve.major), end)
         if isinstance(curve, Spline):
-            inner = [geo.addPoint(float(x), float(y), 0.0) for x, y in curve.points[1:-1]]
+            inner = [self._lone((float(x), float(y))) for x, y in curve.points[1:-1]]
             return geo.addSpline([start, *inner, end])
         raise MeshError(f"a curve of kind {type(curve).__name__} cannot be drawn")
 
 
-def _draw_region(region: Region) -> dict[str, list[int]]:
+def _draw_region(region: Region, frame: Frame) -> dict[str, list[int]]:
     """Draw, name the boundaries, and return the curves of each."""
-    pen = _Pen(tolerance=1e-9 * abs(region.bottom[-1].end[0] - region.bottom[0].start[0]))
     left, right = region.bottom[0].start, region.bottom[-1].end
+    pen = _Pen(frame, tolerance=max(1e-9 * abs(right[0] - left[0]) / frame.length, GRID))
     upper_left, upper_right = (left[0], region.top), (right[0], region.top)
     sides = [
         region.bottom,
@@ -134,13 +144,14 @@ def _name(curves: dict[str, list[int]], surface: int) -> None:
         gmsh.model.setPhysicalName(1, tag, name)
 
 
-def _set_sizes(sizes: Sizes, curves: dict[str, list[int]]) -> None:
+def _set_sizes(sizes: Sizes, curves: dict[str, list[int]], frame: Frame) -> None:
     fields = gmsh.model.mesh.field
-    parts = [_near_field(near, sizes.far, curves) for near in sizes.near]
+    parts = [_near_field(near, curves, frame) for near in sizes.near]
     if sizes.field is not None:
-        parts.append(_view_field(sizes.field))
+        points, lengths = (sizes.field.points - frame.origin) / frame.length, sizes.field.sizes / frame.length
+        parts.append(_view_field(replace(sizes.field, points=points, sizes=lengths)))
     whole = fields.add("MathEval")
-    fields.setString(whole, "F", repr(sizes.far))
+    fields.setString(whole, "F", repr(frame.size(sizes.far)))
     least = fields.add("Min")
     fields.setNumbers(least, "FieldsList", [whole, *parts])
     fields.setAsBackgroundMesh(least)
@@ -148,36 +159,37 @@ def _set_sizes(sizes: Sizes, curves: dict[str, list[int]]) -> None:
         _set_option(f"Mesh.MeshSize{option}", f"Mesh.CharacteristicLength{option}", 0)
 
 
-def _near_field(near: Near, far: float, curves: dict[str, list[int]]) -> int:
+def _near_field(near: Near, curves: dict[str, list[int]], frame: Frame) -> int:
     """A field that grows linearly with the distance from the feature."""
     fields = gmsh.model.mesh.field
     size = fields.add("MathEval")
     if near.points:
-        distances = [_distance_to(point) for point in near.points]
+        distances = [_distance_to(point, frame) for point in near.points]
         expression = distances[0]
         for other in distances[1:]:
             expression = f"Min({expression},{other})"
     else:
         distance = fields.add("Distance")
         _set_either(distance, ("CurvesList", "EdgesList"), fields.setNumbers, curves[near.boundary])
-        samples = _samples(curves[near.boundary], near.size)
+        samples = _samples(curves[near.boundary], frame.size(near.size))
         _set_either(distance, ("Sampling", "NumPointsPerCurve"), fields.setNumber, samples)
         expression = f"F{distance}"
-    fields.setString(size, "F", f"{_size_at(near)}+{near.growth!r}*({expression})")
+    fields.setString(size, "F", f"{_size_at(near, frame)}+{near.growth!r}*({expression})")
     return size
 
 
-def _distance_to(point: Point) -> str:
-    x, y = point
+def _distance_to(point: Point, frame: Frame) -> str:
+    x, y = frame.local(*point)
     return f"Sqrt((x-({x!r}))^2+(y-({y!r}))^2)"
 
 
-def _size_at(near: Near) -> str:
+def _size_at(near: Near, frame: Frame) -> str:
     """The size of cells at the feature itself."""
     away = near.away
     if away is None:
-        return repr(near.size)
-    return f"Max({near.size!r},Min({away.largest!r},{away.growth!r}*{_distance_to(away.point)}))"
+        return repr(frame.size(near.size))
+    size, largest = frame.size(near.size), frame.size(away.largest)
+    return f"Max({size!r},Min({largest!r},{away.growth!r}*{_distance_to(away.point, frame)}))"
 
 
 def _view_field(wanted: SizeField) -> int:
@@ -222,9 +234,9 @@ def _set_option(name: str, older: str, value: float) -> None:
         gmsh.option.setNumber(older, value)
 
 
-def _draw_grid(grid: Grid) -> None:
-    (x, y), geo = grid.origin, gmsh.model.geo
-    corners = [(x, y), (x + grid.length, y), (x + grid.length, y + grid.height), (x, y + grid.height)]
+def _draw_grid(grid: Grid, frame: Frame) -> None:
+    length, geo = frame.size(grid.length), gmsh.model.geo
+    corners = [(0.0, 0.0), (length, 0.0), (length, 1.0), (0.0, 1.0)]
     points = [geo.addPoint(*corner, 0.0) for corner in corners]
     lines = [geo.addLine(points[i], points[(i + 1) % 4]) for i in range(4)]
     for line, cells in zip(lines, [grid.columns, grid.rows] * 2, strict=True):
@@ -250,6 +262,15 @@ def _mesh(order: int) -> None:
     kinds, _, _ = gmsh.model.mesh.getElements(2)
     if order > 1:
         _check_not_folded(kinds[0])
+
+
+def _put_in_place(frame: Frame) -> None:
+    """Take the nodes of the mesh from the frame to the scene."""
+    tags, places, _ = gmsh.model.mesh.getNodes()
+    nodes = np.reshape(places, (-1, 3)) * frame.length
+    nodes[:, :2] += frame.origin
+    for tag, node in zip(tags.tolist(), nodes.tolist(), strict=True):
+        gmsh.model.mesh.setNode(tag, node, [])
 
 
 def _check_not_folded(kind: int) -> None:

@@ -9,6 +9,35 @@ from numpy.typing import NDArray
 
 from incipient.geometry.plane.curves import Curve, Point
 
+GRID = 2.0**-40  # of a region's height
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Coordinates in which a region is drawn: from its lower left corner, in units of its height.
+
+    The tolerances of a mesh generator are lengths: only so do they mean the same in every unit and at every place.
+    Coordinates are rounded to GRID, so that a scene in other units is drawn as the very same numbers.
+    """
+
+    origin: Point
+    length: float
+
+    @classmethod
+    def of(cls, region: Region) -> Frame:
+        """The frame of a region."""
+        low = min(curve.start[1] for curve in region.bottom)
+        return cls((region.bottom[0].start[0], low), region.top - low)
+
+    def local(self, x: float, y: float) -> Point:
+        """A point of the region in this frame."""
+        places = (x - self.origin[0]) / self.length, (y - self.origin[1]) / self.length
+        return round(places[0] / GRID) * GRID, round(places[1] / GRID) * GRID
+
+    def size(self, length: float) -> float:
+        """A length in this frame, in twelve digits."""
+        return float(f"{length / self.length:.12g}")
+
 
 @dataclass(frozen=True)
 class Region:

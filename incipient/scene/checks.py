@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 # Distances in grain sizes: from the bed, where cells get as small as the gap; from a side, where they do not.
 TOUCHING, NEARLY_TOUCHING = 1e-6, 1e-3
+FINEST_PLACE = 1e-6  # of the smallest size in the scene: how well places must be known at the least
 CELLS_OF_A_FORM = 20  # at the least
 _CHANNEL_FLOWS = ("shear", "poiseuille", "uniform", "open-channel")
 _TOPS_OF_FLOWS = {
@@ -43,7 +44,7 @@ def contradictions(scene: Scene) -> list[Problem]:
     found = [problem for check in checks for problem in check(scene)]
     if found:
         return found
-    in_turn = (_forms, _bed_extent, _datum_of_the_bed, _body_place)
+    in_turn = (_resolution, _forms, _bed_extent, _datum_of_the_bed, _body_place)
     return next((problems for check in in_turn if (problems := [*check(scene)])), [])
 
 
@@ -162,6 +163,21 @@ def _accuracy(scene: Scene) -> Iterator[Problem]:
         yield Problem(key if verdict else ("numerics", "accuracy_of"), why, remedy)
     elif verdict and scene.time is not None:
         yield Problem(key, '"verdict" is for steady flow', "give a number, or leave [time] out")
+
+
+def _resolution(scene: Scene) -> Iterator[Problem]:
+    """Coordinates so large that numbers next to each other are too far apart to place a grain, or cells."""
+    domain, grain = scene.domain, scene.grain
+    finest = FINEST_PLACE if grain is None or scene.contact is None else scene.contact.tolerance
+    for axis, extent in enumerate((domain.length, domain.height)):
+        apart = math.ulp(abs(domain.origin[axis]) + extent)
+        needed = finest * min(extent, extent if grain is None else grain.size)
+        if 4.0 * apart > needed:
+            why = (
+                f"is so large that numbers there are {apart:.2g} apart, but places are needed to {needed:.2g}"
+            )
+            key = "origin" if abs(domain.origin[axis]) > extent else ("length", "height")[axis]
+            yield Problem(("domain", key), why, "move the scene towards zero, or make it smaller")
 
 
 def _forms(scene: Scene) -> Iterator[Problem]:

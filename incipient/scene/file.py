@@ -123,6 +123,8 @@ def _parsed(text: str, name: str) -> dict[str, Any]:
         raise SceneError(f"{name}: {where}: {why[:1].lower() + why[1:]}; correct the TOML there") from None
     except RecursionError:
         raise SceneError(f"{name}: is nested too deeply; a scene has sections and keys only") from None
+    except ValueError:  # of Python's own reading of whole numbers
+        raise SceneError(f"{name}: has a whole number of thousands of digits; shorten it") from None
 
 
 def _override(data: dict[str, Any], override: str) -> Key:
@@ -158,14 +160,14 @@ def _value(text: str, override: str) -> Any:
         parsed = tomllib.loads(f"value = {text}")
         if list(parsed) == ["value"]:
             return parsed["value"]
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):
         if _BARE_WORD.fullmatch(text):
             return text
-    raise _wrong(override, f'"{text}" is not a value; write a number, true, [x, y] or "text"')
+    raise _wrong(override, f'"{_short(text)}" is not a value; write a number, true, [x, y] or "text"')
 
 
 def _wrong(override: str, why: str) -> SceneError:
-    return SceneError(" ".join(f"--set {override}: {why}".split()))
+    return SceneError(" ".join(f"--set {_short(override)}: {why}".split()))
 
 
 def _source(problem: Problem, places: dict[Key, str], name: str) -> str:
@@ -173,9 +175,9 @@ def _source(problem: Problem, places: dict[Key, str], name: str) -> str:
     key = problem.key
     for place, override in places.items():
         if key[: len(place)] == place or place[: len(key)] == key:
-            return f"--set {override}"
+            return f"--set {_short(override)}"
     concerned = [text for place, text in places.items() if problem.between or place[0] in key[:1]]
-    return " ".join([name, *(f"--set {override}" for override in concerned)])
+    return " ".join([name, *(f"--set {_short(override)}" for override in concerned)])
 
 
 def _plain(section: Section) -> dict[str, Any]:

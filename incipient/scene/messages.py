@@ -54,8 +54,9 @@ class Problem:
 
 
 def key_text(key: Key) -> str:
-    """A key as the user writes it: ``body.centre[1]``."""
-    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in key).lstrip(".")
+    """A key as the user writes it: ``body.centre[1]``; one that is too long is cut."""
+    text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in key).lstrip(".")
+    return text if len(text) <= 80 else f"{text[:77]}..."
 
 
 def one_line(source: str, problems: Sequence[Problem]) -> str:
@@ -210,7 +211,7 @@ def _wrong_alternative(detail: ErrorDetails, key: Key, section: type[BaseModel] 
         return Problem((*key, name), "is missing", choices)
     close = _closest(str(context["tag"]), tags)
     remedy = f'did you mean "{close}"?' if close else choices
-    return Problem((*key, name), f'"{context["tag"]}" is not known', remedy)
+    return Problem((*key, name), f"{_shown(str(context['tag']))} is not known", remedy)
 
 
 def _closest(word: str, known: list[str]) -> str | None:

@@ -369,19 +369,21 @@ class Scene(Section):
         from ..geometry.rest import rest
         from .settling import rested
 
-        body, bed = self.body, self.bed_shape
+        body, angle = self.body, math.radians(self.body.angle if self.body else 0.0)
         if body is None:
             return None
         if body.centre is not None:
-            return Placement(body.centre, math.radians(body.angle))
-        if body.x is None or bed is None:
+            return Placement(body.centre, angle)
+        if body.x is None or self.bed is None:
             return None
-        angle = math.radians(body.angle)
-        if not body.settle:
-            return rest(body.grain(), bed, body.x, angle)
-        slope = self.bed.slope_angle if self.bed else 0.0
-        friction = self.contact.friction if self.contact else None
-        return rested(body.grain(), bed, body.x, angle, slope, friction, self.domain.length)
+        # From the domain's corner: far from the origin numbers are too far apart for a grain that settles.
+        (left, bottom), bed = self.domain.origin, self.bed.surface(0.0, self.domain.left)
+        if body.settle:
+            slope, friction = self.bed.slope_angle, self.contact.friction if self.contact else None
+            found = rested(body.grain(), bed, body.x - left, angle, slope, friction, self.domain.length)
+        else:
+            found = rest(body.grain(), bed, body.x - left, angle)
+        return found.moved((left, bottom), 0.0)
 
     @property
     def reference_length(self) -> float:

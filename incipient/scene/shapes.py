@@ -313,8 +313,8 @@ class BedSection(Section):
         """About how many forms, such as ripples, there are on a length."""
         return 0.0
 
-    def surface(self, origin_y: float) -> bed_geometry.Bed:
-        """The bed's shape above its base line y = origin_y."""
+    def surface(self, origin_y: float, origin_x: float = 0.0) -> bed_geometry.Bed:
+        """The bed's shape above its base line y = origin_y, abscissae counted from origin_x."""
         raise NotImplementedError
 
 
@@ -323,8 +323,8 @@ class Flat(BedSection):
 
     kind: Literal["flat"] = Field("flat", description="Kind of bed")
 
-    def surface(self, origin_y: float) -> bed_geometry.Bed:
-        """The bed's shape above its base line y = origin_y."""
+    def surface(self, origin_y: float, origin_x: float = 0.0) -> bed_geometry.Bed:
+        """The bed's shape above its base line y = origin_y, abscissae counted from origin_x."""
         from ..geometry.plane import bed
 
         return bed.Flat(origin_y)
@@ -343,8 +343,8 @@ class Inclined(BedSection):
         """The angle in radians by which gravity is turned."""
         return math.radians(self.slope)
 
-    def surface(self, origin_y: float) -> bed_geometry.Bed:
-        """The bed's shape above its base line y = origin_y."""
+    def surface(self, origin_y: float, origin_x: float = 0.0) -> bed_geometry.Bed:
+        """The bed's shape above its base line y = origin_y, abscissae counted from origin_x."""
         from ..geometry.plane import bed
 
         return bed.Flat(origin_y)
@@ -362,11 +362,14 @@ class Sinusoidal(BedSection):
         """Ripples; of very steep ones the sharpness of the crests counts."""
         return 0.5 * length / self.surface(0.0).feature
 
-    def surface(self, origin_y: float) -> bed_geometry.Bed:
-        """The bed's shape above its base line y = origin_y."""
+    def surface(self, origin_y: float, origin_x: float = 0.0) -> bed_geometry.Bed:
+        """The bed's shape above its base line y = origin_y, abscissae counted from origin_x."""
         from ..geometry.plane import bed
 
-        return bed.Sinusoidal(self.amplitude, self.wavelength, math.radians(self.phase), origin_y)
+        phase = (
+            math.radians(self.phase) + 2.0 * math.pi * math.fmod(origin_x, self.wavelength) / self.wavelength
+        )
+        return bed.Sinusoidal(self.amplitude, self.wavelength, phase, origin_y)
 
 
 class HalfDiscs(BedSection):
@@ -388,11 +391,11 @@ class HalfDiscs(BedSection):
             raise self.refused("spacing", why, "enlarge spacing or reduce radius")
         return self
 
-    def surface(self, origin_y: float) -> bed_geometry.Bed:
-        """The bed's shape above its base line y = origin_y."""
+    def surface(self, origin_y: float, origin_x: float = 0.0) -> bed_geometry.Bed:
+        """The bed's shape above its base line y = origin_y, abscissae counted from origin_x."""
         from ..geometry.plane import bed
 
-        return bed.HalfDiscs(self.radius, self.spacing, self.offset, origin_y)
+        return bed.HalfDiscs(self.radius, self.spacing, self.offset - origin_x, origin_y)
 
 
 class Polyline(BedSection):
@@ -429,11 +432,11 @@ class Polyline(BedSection):
             raise self.refused("points", why, "sort the points by ascending x, each x once")
         return self
 
-    def surface(self, origin_y: float) -> bed_geometry.Bed:
-        """The bed's shape above its base line y = origin_y."""
+    def surface(self, origin_y: float, origin_x: float = 0.0) -> bed_geometry.Bed:
+        """The bed's shape above its base line y = origin_y, abscissae counted from origin_x."""
         from ..geometry.plane import bed
 
-        return bed.Polyline(self.points, origin_y)
+        return bed.Polyline([(x - origin_x, y) for x, y in self.points], origin_y)
 
 
 Bed = Annotated[Flat | Inclined | Sinusoidal | HalfDiscs | Polyline, Field(discriminator="kind")]

@@ -1,0 +1,272 @@
+"""Scene files at random, around valid ones: wrong types, extremes, sections of other scenes, broken text."""
+
+from __future__ import annotations
+
+import copy
+import math
+import signal
+import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import numpy as np
+import tomli_w
+
+from incipient.errors import IncipientError
+from incipient.scene import Scene, loads
+
+HANGING = 60  # seconds after which a scene counts as hanging
+DEMOS = Path(__file__).parents[2] / "demos" / "scenes"
+
+GRAINS: list[dict[str, Any]] = [
+    {"shape": "disc", "diameter": 1.0},
+    {"shape": "ellipse", "semi_axes": [0.6, 0.4]},
+    {"shape": "rectangle", "width": 1.0, "height": 0.6, "corner_radius": 0.1},
+    {"shape": "polygon", "vertices": [[0, 0], [1, 0.1], [0.9, 0.8], [0.2, 0.7]]},
+    {"shape": "superellipse", "semi_axes": [0.5, 0.4], "exponent": 4.0},
+    {"shape": "star", "radius": 0.5, "cosines": [0.0, 0.2]},
+    {"shape": "discs", "discs": [[0, 0, 0.5], [0.6, 0.1, 0.4]]},
+]
+BEDS: list[dict[str, Any]] = [
+    {"kind": "flat"},
+    {"kind": "inclined", "slope": 10.0},
+    {"kind": "sinusoidal", "amplitude": 0.1, "wavelength": 1.5, "phase": 30.0},
+    {"kind": "half-discs", "radius": 0.3, "spacing": 0.7},
+    {"kind": "polyline", "points": [[-1, 0], [3, 0.2], [5, 0.0], [9, 0.1]]},
+]
+FLOWS: list[dict[str, Any]] = [
+    {"kind": "shear", "rate": 1.0},
+    {"kind": "poiseuille", "velocity": 2.0},
+    {"kind": "open-channel"},
+    {"kind": "uniform"},
+    {"kind": "still"},
+    {"kind": "expression", "components": ["y*(4 - y)", "0"]},
+]
+FACTORS = (0.0, -1.0, 1e-300, 1e-30, 1e-12, 1e-6, 1e-3, 0.1, 0.5, 2.0, 10.0, 1e3, 1e6, 1e12, 1e30, 1e300)
+NASTY: list[Any] = [
+    *(0, 0.0, -0.0, -1, 1, 1e300, -1e300, 5e-324, math.nan, math.inf, -math.inf, 10**40, 10**400, -(2**63)),
+    *(
+        True,
+        False,
+        "",
+        " ",
+        "auto",
+        "on",
+        "no",
+        "disc",
+        "flat",
+        "\u00e9\u4e2d\U0001f642\u202e",
+        "x" * 10_000,
+        "../../etc",
+        "/dev/null",
+    ),
+    *(
+        [],
+        [[]],
+        [0],
+        [1.0, 2.0],
+        [1, 2, 3],
+        [math.nan, 1.0],
+        ["a", "b"],
+        [[0, 0], [1, 1]],
+        [[0, 0]] * 3,
+        [1e300, -1e300],
+    ),
+    *({}, {"kind": "disc"}, {"a": {"b": {"c": {}}}}),
+]
+
+
+def scene_text(random: Random) -> str:
+    """A scene file, rarely without a mistake."""
+    scene = _valid(random)
+    for _ in range(random.choice((0, 1, 1, 1, 2, 2, 3))):
+        scene = _changed(random, scene)
+    return _spoilt(random, tomli_w.dumps(scene))
+
+
+def odd_scene_text(random: Random) -> str:
+    """A scene whose numbers are unusual but allowed, in any units, on coarse cells."""
+    scene = _valid(random)
+    scene["numerics"] = {"mesh_size": random.choice((2.0, 3.0, 5.0)), "error_bars": False, "max_cells": 4000}
+    scene["output"] = {"fields": False}
+    scene["fluid"]["reynolds"] = 10.0 ** random.uniform(-6, 4)
+    if "density" in scene.get("body", {}):
+        scene["body"]["density"] = random.choice((0.0, 0.5, 1.0, 2.65, 1e6))
+    if "contact" in scene:
+        scene["contact"] = {
+            "friction": random.choice((0.0, 1e-9, 0.5, 1e9)),
+            "gap": 10.0 ** random.uniform(-4, -1),
+        }
+    if "gravity" in scene:
+        scene["gravity"]["acceleration"] = random.choice((0.0, 1e-12, 1.0, 1e12))
+    return tomli_w.dumps(scene)
+
+
+def _valid(random: Random) -> dict[str, Any]:
+    """A valid scene, or one that could be."""
+    if random.random() < 0.3:
+        path = random.choice(sorted(DEMOS.glob("*.toml")))
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    scene: dict[str, Any] = {
+        "domain": {"length": 8.0, "height": 4.0},
+        "fluid": {"reynolds": 20.0, "scale": random.choice(("grain", "flow"))},
+        "flow": copy.deepcopy(random.choice(FLOWS)),
+        "body": copy.deepcopy(random.choice(GRAINS)),
+    }
+    if random.random() < 0.7:
+        scene["body"] |= {
+            "x": random.uniform(2.0, 6.0),
+            "angle": random.uniform(-180.0, 180.0),
+            "density": 2.65,
+        }
+        scene |= {
+            "bed": copy.deepcopy(random.choice(BEDS)),
+            "gravity": {"acceleration": 1.0},
+            "contact": {"friction": 0.5},
+        }
+        if random.random() < 0.1:
+            scene["body"]["settle"] = True
+    else:
+        scene["body"] |= {"centre": [random.uniform(2.0, 6.0), 2.0]}
+    if random.random() < 0.2:
+        scene["time"] = {"end": 1.0, "step": 0.5}
+    return scene
+
+
+def _changed(random: Random, scene: dict[str, Any]) -> dict[str, Any]:
+    """The scene with one thing changed."""
+    scene = copy.deepcopy(scene)
+    places = list(_places(scene))
+    holder, key = random.choice(places)
+    match random.randrange(8):
+        case 0 | 1:
+            holder[key] = copy.deepcopy(random.choice(NASTY))
+        case 2 | 3 | 4:
+            numbers = [place for place in places if _is_number(place[0][place[1]])]
+            if numbers:
+                holder, key = random.choice(numbers)
+                holder[key] = _times(holder[key], random.choice(FACTORS))
+        case 5:
+            del holder[key]
+        case 6:
+            known = [(name, field) for name, field in Scene.model_fields.items()]
+            section = scene.setdefault(random.choice(known)[0], {})
+            if isinstance(section, dict):
+                section[random.choice(("kind", "x", "y", "tolerance", "\u00e9", "", "order", "accuracy"))] = (
+                    random.choice(NASTY)
+                )
+        case 7:
+            name = random.choice(("body", "bed", "flow"))
+            others = {"body": GRAINS, "bed": BEDS, "flow": FLOWS}[name]
+            if isinstance(scene.get(name), dict):
+                scene[name] = {**scene[name], **copy.deepcopy(random.choice(others))}
+    return scene
+
+
+def _places(node: Any) -> Iterator[tuple[Any, Any]]:
+    """Everything in the scene as what holds it and the key or index there."""
+    items = node.items() if isinstance(node, dict) else enumerate(node) if isinstance(node, list) else ()
+    for key, value in list(items):
+        yield node, key
+        yield from _places(value)
+
+
+def _times(number: float, factor: float) -> float:
+    """The product, infinite where whole numbers are too large for it."""
+    return number * factor if abs(number) < 1e300 else math.inf
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _spoilt(random: Random, text: str) -> str:
+    """The text, rarely with something in it that is no TOML."""
+    if random.random() < 0.9:
+        return text
+    at = random.randrange(len(text))
+    junk = (
+        "[" * 3000,
+        "9" * 5000,
+        "\0",
+        "\u202e",
+        "'''",
+        '"',
+        "=",
+        "\n[domain]\n",
+        "a.b.c = 1\n",
+        "{",
+        "\ud7ff",
+    )
+    return random.choice((text[:at], text[:at] + random.choice(junk) + text[at:]))
+
+
+@contextmanager
+def limited(seconds: int = HANGING) -> Iterator[None]:
+    """Raise TimeoutError in the block where it takes longer."""
+
+    def stop(number: int, frame: object) -> None:
+        raise TimeoutError(f"hangs for more than {seconds} s")
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.alarm(seconds)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def fate(text: str, directory: Path, mesh: bool, run: bool = False) -> str:
+    """What becomes of a scene file: "refused", "planned", "meshed" or "run"; anything but one line is an error.
+
+    Raises whatever the program raises that is not meant for users, and TimeoutError.
+    """
+    import incipient
+    from incipient import layout
+    from incipient.plan import make_plan
+    from incipient.simulation import estimate
+
+    reached = "refused"
+    try:
+        with limited():
+            scene = loads(text, directory)
+            reached = "planned"
+            plan = make_plan(scene)
+            assert "nan" not in plan.text().split()
+            if run:
+                _check(incipient.run(scene, directory / "run").to_dict())
+                return "run"
+            if mesh:
+                estimate(scene)
+                return "meshed"
+            layout.lay_out(scene, plan)
+    except IncipientError as error:
+        said = str(error)
+        assert said and "\n" not in said and len(said) < 1000 and "Error(" not in said, said
+        return f"{reached}, then refused" if reached != "refused" else reached
+    return reached
+
+
+def _check(result: dict[str, Any]) -> None:
+    """A result has finite loads on its grain, and nothing in it is not a number."""
+    if result["scene"]["body"] is not None and result["status"] == "complete":
+        for name in ("force", "couple"):
+            assert np.isfinite(np.asarray(result[name]["flow"], dtype=float)).all(), result[name]
+    for place, value in _leaves(result):
+        assert not (isinstance(value, float) and math.isnan(value)), place
+
+
+def _leaves(node: Any, place: str = "") -> Iterator[tuple[str, Any]]:
+    """All values that are no lists and no tables, with where they are."""
+    if isinstance(node, dict):
+        for key, value in node.items():
+            yield from _leaves(value, f"{place}.{key}")
+    elif isinstance(node, list | tuple | np.ndarray):
+        for index, value in enumerate(node):
+            yield from _leaves(value, f"{place}[{index}]")
+    else:
+        yield place, node
