@@ -1,0 +1,52 @@
+"""Scene files at random: each is planned, meshed or run, or refused in one line; none hangs, none gives no number."""
+
+import os
+from collections import Counter
+from pathlib import Path
+from random import Random
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from random_scenes import fate, odd_scene_text, scene_text
+
+USUAL = settings(derandomize=True, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+NOWHERE = Path(os.devnull).parent
+
+
+def test_any_scene_file_is_planned_or_refused_in_one_line() -> None:
+    """300 scene files around valid ones; every fifth that is a scene is meshed as well."""
+    found: Counter[str] = Counter()
+
+    @settings(USUAL, max_examples=300)
+    @given(st.randoms(use_true_random=False), st.integers(0, 4))
+    def tried(random: Random, turn: int) -> None:
+        found[fate(scene_text(random), NOWHERE, mesh=turn == 0)] += 1
+
+    tried()
+    assert found["refused"] > 30 and found["planned"] > 30 and found["meshed"] > 3, found
+
+
+@pytest.mark.parametrize("seed", [1, 2, 4, 5, 6, 7, 8, 13, 18, 19])
+def test_unusual_scenes_run_or_are_refused_in_one_line(seed: int) -> None:
+    assert fate(odd_scene_text(Random(seed)), NOWHERE, mesh=True, run=True) in (
+        "run",
+        "planned, then refused",
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("x = " + "9" * 5000, "has a whole number of thousands of digits; shorten it"),
+        ("x" * 5000 + " = 1", "unknown key; known are"),
+        ('[domain]\nlength = 1\nheight = 1\nkind = "' + "k" * 5000 + '"', "is not known; use"),
+    ],
+)
+def test_what_is_very_long_is_cut_in_the_message(text: str, why: str) -> None:
+    from incipient.errors import SceneError
+    from incipient.scene import loads
+
+    with pytest.raises(SceneError, match=why) as told:
+        loads(text)
+    assert len(str(told.value)) < 500
