@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 import incipient
-from incipient.result import Result
+from incipient.results.result import Result
 from incipient.scene import Scene
 from incipient.scene.file import loads
 

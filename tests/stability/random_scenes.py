@@ -228,9 +228,9 @@ def fate(text: str, directory: Path, mesh: bool, run: bool = False) -> str:
     Raises whatever the program raises that is not meant for users, and TimeoutError.
     """
     import incipient
-    from incipient import layout
-    from incipient.plan import make_plan
-    from incipient.simulation import estimate
+    from incipient.planning.drawing import lay_out
+    from incipient.planning.plan import make_plan
+    from incipient.simulation.simulate import estimate
 
     reached = "refused"
     try:
@@ -245,7 +245,7 @@ def fate(text: str, directory: Path, mesh: bool, run: bool = False) -> str:
             if mesh:
                 estimate(scene)
                 return "meshed"
-            layout.lay_out(scene, plan)
+            lay_out(scene, plan)
     except IncipientError as error:
         said = str(error)
         assert said and "\n" not in said and len(said) < 1000 and "Error(" not in said, said
