@@ -15,6 +15,7 @@ from .kinematics import ReferenceMap, volume_before
 class FlowTerms:
     """What enters the residual; None, or an empty tuple, means that the term is absent from the generated code.
 
+    viscosity:      kinematic viscosity, any expression, such as 1/Re
     rate:           time derivative at fixed X as an expression in the unknown velocity (None: steady)
     carrier:        velocity that convects, less that of the mesh where the mesh itself has been moved (None: Stokes)
     skew:           measure of the whole boundary for the energy-stable form of convection; None: as printed
@@ -24,7 +25,7 @@ class FlowTerms:
     reference_map:  None for the identity
     """
 
-    reynolds: Any
+    viscosity: Any
     rate: Any = None
     carrier: Any = None
     skew: Any = None
@@ -43,7 +44,7 @@ def residual(v: Any, p: Any, w: Any, q: Any, present: FlowTerms, dx: Any) -> Any
     x = present.reference_map
     if present.skew is not None and x is not None:
         raise ValueError("the energy-stable form is for a mesh that is itself moved, not for a reference map")
-    integrand = terms.internal_force(v, p, w, present.reynolds, x) + terms.continuity(v, q, x)
+    integrand = terms.internal_force(v, p, w, present.viscosity, x) + terms.continuity(v, q, x)
     if present.rate is not None:
         integrand += terms.inertia(present.rate, w, x)
     if present.carrier is not None and present.skew is not None:
@@ -51,7 +52,7 @@ def residual(v: Any, p: Any, w: Any, q: Any, present: FlowTerms, dx: Any) -> Any
     elif present.carrier is not None:
         integrand += terms.convection(v, present.carrier, w, x)
     if present.carrier is not None and present.cell_size is not None:
-        integrand += terms.grad_div(v, present.carrier, w, present.reynolds, present.cell_size, x)
+        integrand += terms.grad_div(v, present.carrier, w, present.viscosity, present.cell_size, x)
     if present.body_force is not None:
         integrand += terms.body_force(present.body_force, w, x)
     form = integrand * dx
@@ -59,7 +60,7 @@ def residual(v: Any, p: Any, w: Any, q: Any, present: FlowTerms, dx: Any) -> Any
     if present.carrier is not None and present.skew is not None:
         form += terms.through_boundary(v, present.carrier, w, n) * present.skew
     if present.open_boundary is not None:
-        form += terms.open_boundary(v, w, n, present.reynolds, x) * present.open_boundary
+        form += terms.open_boundary(v, w, n, present.viscosity, x) * present.open_boundary
     return form
 
 

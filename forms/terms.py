@@ -1,7 +1,8 @@
 """One function a term of the weak momentum and continuity equations (338), (339).
 
 Each returns the integrand to be tested with w (velocity) or q (pressure) and integrated over the
-reference domain. Signs are those of the residual: everything on the left-hand side.
+reference domain. Signs are those of the residual: everything on the left-hand side. The kinematic `viscosity`
+(fluid density one) is any UFL expression, 1/Re where the fluid has but that of its molecules.
 """
 
 from __future__ import annotations
@@ -16,9 +17,9 @@ from .kinematics import ReferenceMap, divergence, gradient, rate_of_strain, surf
 RESOLVED = 10.0
 
 
-def stress(v: Any, p: Any, reynolds: Any, reference_map: ReferenceMap | None = None) -> Any:
-    """Cauchy stress sigma = -p I + (2/Re) D."""
-    return -p * ufl.Identity(len(v)) + 2 / reynolds * rate_of_strain(v, reference_map)
+def stress(v: Any, p: Any, viscosity: Any, reference_map: ReferenceMap | None = None) -> Any:
+    """Cauchy stress sigma = -p I + 2 nu D, nu being the viscosity."""
+    return -p * ufl.Identity(len(v)) + 2 * viscosity * rate_of_strain(v, reference_map)
 
 
 def inertia(rate: Any, w: Any, reference_map: ReferenceMap | None = None) -> Any:
@@ -48,9 +49,9 @@ def through_boundary(v: Any, carrier: Any, w: Any, n: Any) -> Any:
 
 
 def grad_div(
-    v: Any, carrier: Any, w: Any, reynolds: Any, size: Any, reference_map: ReferenceMap | None = None
+    v: Any, carrier: Any, w: Any, viscosity: Any, size: Any, reference_map: ReferenceMap | None = None
 ) -> Any:
-    """J gamma div(v) div(w), gamma = (1/Re) P^3/(P0^2 + P^2) with the Reynolds number of cells P = |c| size Re.
+    """J gamma div(v) div(w), gamma = nu P^3/(P0^2 + P^2) with the Reynolds number of cells P = |c| size/nu.
 
     Where P is large gamma is |c| size, where P is small it vanishes like P^3. The exact flow is free of divergence,
     so that the term is consistent; with w = v it is not negative, so that it takes energy and never gives any.
@@ -60,18 +61,18 @@ def grad_div(
     if reference_map is not None:
         carrier = carrier - reference_map.velocity
         size = size * reference_map.J ** (1 / len(v))
-    square = ufl.inner(carrier, carrier) * (size * reynolds) ** 2
-    gamma = square**1.5 / (reynolds * (RESOLVED**2 + square))
+    square = ufl.inner(carrier, carrier) * (size / viscosity) ** 2
+    gamma = viscosity * square**1.5 / (RESOLVED**2 + square)
     return weighted(gamma * divergence(v, reference_map) * divergence(w, reference_map), reference_map)
 
 
-def internal_force(v: Any, p: Any, w: Any, reynolds: Any, reference_map: ReferenceMap | None = None) -> Any:
+def internal_force(v: Any, p: Any, w: Any, viscosity: Any, reference_map: ReferenceMap | None = None) -> Any:
     """P : grad w with P = J sigma F^-T, the weak form of -div P.
 
-    Written as (2/Re) D(v) : D(w) - p div w, which is the same since sigma is symmetric.
+    Written as 2 nu D(v) : D(w) - p div w, which is the same since sigma is symmetric.
     """
     strain_v, strain_w = rate_of_strain(v, reference_map), rate_of_strain(w, reference_map)
-    viscous = 2 / reynolds * ufl.inner(strain_v, strain_w)
+    viscous = 2 * viscosity * ufl.inner(strain_v, strain_w)
     return weighted(viscous - p * divergence(w, reference_map), reference_map)
 
 
@@ -85,21 +86,23 @@ def body_force(b: Any, w: Any, reference_map: ReferenceMap | None = None) -> Any
     return -weighted(ufl.inner(b, w), reference_map)
 
 
-def open_boundary(v: Any, w: Any, n: Any, reynolds: Any, reference_map: ReferenceMap | None = None) -> Any:
-    """-(1/Re) (grad(v)^T n - div(v) n) . w on an open boundary, so that a parallel flow leaves it undisturbed.
+def open_boundary(v: Any, w: Any, n: Any, viscosity: Any, reference_map: ReferenceMap | None = None) -> Any:
+    """-nu (grad(v)^T n - div(v) n) . w on an open boundary, so that a parallel flow leaves it undisturbed.
 
-    The natural condition then is -p n + (1/Re) dv/dn = 0 instead of sigma n = 0; the latter bends the
+    The natural condition then is -p n + nu dv/dn = 0 instead of sigma n = 0; the latter bends the
     streamlines of a developed channel flow as they leave (Heywood, Rannacher & Turek 1996). The vanishing
     div v keeps the Stokes operator symmetric: without it half an order of the velocity in L2 is lost.
     """
     normal = surface_vector(n, reference_map)
     shear = ufl.dot(gradient(v, reference_map).T, normal) - divergence(v, reference_map) * normal
-    return -1 / reynolds * ufl.inner(shear, w)
+    return -viscosity * ufl.inner(shear, w)
 
 
-def surface_traction(v: Any, p: Any, n: Any, reynolds: Any, reference_map: ReferenceMap | None = None) -> Any:
+def surface_traction(
+    v: Any, p: Any, n: Any, viscosity: Any, reference_map: ReferenceMap | None = None
+) -> Any:
     """sigma n per unit of reference area, n being the unit normal the caller chooses.
 
     With n out of the body and into the fluid it is the traction of the fluid on the body.
     """
-    return ufl.dot(stress(v, p, reynolds, reference_map), surface_vector(n, reference_map))
+    return ufl.dot(stress(v, p, viscosity, reference_map), surface_vector(n, reference_map))

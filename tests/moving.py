@@ -98,7 +98,7 @@ class Energy:
         volume = forms.volume_before(fluid._shifts[0])
         strain = ufl.sym(ufl.grad(v))
         self._kinetic = compat.form(ufl.inner(v, v) / 2 * dx)
-        self._dissipation = compat.form(2 / fluid.reynolds_constant * ufl.inner(strain, strain) * dx)
+        self._dissipation = compat.form(2 * fluid.viscosity * ufl.inner(strain, strain) * dx)
         self._increment = compat.form(volume / 2 * ufl.inner(v - before, v - before) * dx)
 
     def kinetic(self) -> float:

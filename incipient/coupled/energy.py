@@ -24,14 +24,14 @@ class EnergyBudget:
         v = ufl.split(fluid.state)[0]
         dx, D = fluid.space.quadrature(), rate_of_strain(v, None)
         self._kinetic = compat.form(ufl.inner(v, v) / 2 * dx)
-        self._dissipation = compat.form(2 / fluid.reynolds_constant * ufl.inner(D, D) * dx)
+        self._dissipation = compat.form(2 * fluid.viscosity * ufl.inner(D, D) * dx)
 
     def kinetic(self) -> float:
         """The integral of |v|^2/2, fluid density one."""
         return self._sum(self._kinetic)
 
     def dissipation(self) -> float:
-        """The integral of (2/Re) D : D, energy turned into heat in unit time."""
+        """The integral of 2 nu D : D, energy turned into heat in unit time."""
         return self._sum(self._dissipation)
 
     def power(self) -> float:

@@ -74,7 +74,7 @@ class TractionProbe:
             v, p = ufl.split(self.fluid.state)
             w = ufl.TestFunction(space)
             n = -ufl.FacetNormal(self.fluid.domain.mesh)
-            traction = surface_traction(v, p, n, self.fluid.reynolds_constant, self._map)
+            traction = surface_traction(v, p, n, self.fluid.viscosity, self._map)
             ds = self.fluid.domain.measure(self.boundary)
             self._surface_form = compat.form(ufl.inner(traction, w) * ds)
         vector = petsc.assemble_vector(self._surface_form)

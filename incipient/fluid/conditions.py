@@ -35,7 +35,7 @@ class Slip:
 
 @dataclass(frozen=True)
 class Open:
-    """A boundary through which fluid leaves freely: -p n + (1/Re) dv/dn = 0."""
+    """A boundary through which fluid leaves freely: -p n + nu dv/dn = 0."""
 
     boundary: str
 

@@ -39,6 +39,7 @@ class FlowModel:
     moving_mesh:   whether the mesh itself is moved between steps (`Fluid.mesh_moved`); the map then is None
     energy_stable: convection and rate in the form that cannot create kinetic energy, instead of as printed
     stabilisation: whether convection is stabilised on cells too coarse for it (`forms.terms.grad_div`)
+    viscosity:     function of 1/Re (UFL) giving the kinematic viscosity, or None: it is 1/Re
     """
 
     order: int = 2
@@ -50,6 +51,7 @@ class FlowModel:
     moving_mesh: bool = False
     energy_stable: bool = False
     stabilisation: bool = False
+    viscosity: Callable[[Any], Any] | None = None
 
     @property
     def linear(self) -> bool:
@@ -66,7 +68,7 @@ class Fluid:
         domain: mesh and named boundaries.
         model: the terms present.
         conditions: boundary conditions; where boundaries meet the later one holds.
-        reynolds: 1/nu in scene units.
+        reynolds: one over the viscosity of the molecules, in scene units.
     """
 
     def __init__(self, domain: Domain, model: FlowModel, conditions: Sequence[Condition], reynolds: float):
@@ -112,7 +114,7 @@ class Fluid:
         skew = self.space.boundary_quadrature(self.domain.facets) if model.energy_stable else None
         rate, carrier = self._rate_of_change(v), self._carrier(v)
         return FlowTerms(
-            self._reynolds, rate, carrier, skew, self._cell_size(), force, boundary, model.reference_map
+            self.viscosity, rate, carrier, skew, self._cell_size(), force, boundary, model.reference_map
         )
 
     def _cell_size(self) -> Any:
@@ -173,7 +175,7 @@ class Fluid:
 
     @property
     def reynolds(self) -> float:
-        """1/nu in scene units; setting it recompiles nothing."""
+        """One over the viscosity of the molecules, in scene units; setting it recompiles nothing."""
         return float(self._reynolds.value)
 
     @reynolds.setter
@@ -181,9 +183,10 @@ class Fluid:
         self._reynolds.value = value
 
     @property
-    def reynolds_constant(self) -> Any:
-        """The constant that stands for 1/nu in forms."""
-        return self._reynolds
+    def viscosity(self) -> Any:
+        """The kinematic viscosity as a UFL expression."""
+        of_molecules = 1 / self._reynolds
+        return of_molecules if self.model.viscosity is None else self.model.viscosity(of_molecules)
 
     @property
     def time(self) -> float:

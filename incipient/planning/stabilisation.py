@@ -70,7 +70,7 @@ def measured_cell_reynolds(fluid: Fluid) -> float:
     size = abs(ufl.JacobianDeterminant(mesh)) ** (1 / mesh.geometry.dim) / order
     v, _ = ufl.split(fluid.state)
     found = dolfinx.fem.Function(space)
-    number = ufl.sqrt(ufl.inner(v, v)) * size * fluid.reynolds_constant
+    number = ufl.sqrt(ufl.inner(v, v)) * size / fluid.viscosity
     found.interpolate(dolfinx.fem.Expression(number, compat.interpolation_points(space)))
     mine = float(np.max(found.x.array, initial=0.0))
     return float(fluid.domain.comm.allreduce(mine, op=MPI.MAX))

@@ -83,7 +83,7 @@ class Problem:
         if reference_map is not None:
             x += reference_map.displacement
         terms = forms.FlowTerms(
-            reynolds=dolfinx.fem.Constant(mesh, 7.0),
+            viscosity=1 / dolfinx.fem.Constant(mesh, 7.0),
             rate=3.0 * (v - ufl.split(self.previous)[0]),
             carrier=carrier,
             body_force=ufl.as_vector([x[1], x[0] ** 2, x[0] * x[1]][: len(v)]),
@@ -193,7 +193,7 @@ def test_absent_terms_are_not_in_the_form() -> None:
     problem = make_problem(2, 1, affine)
     v, p = ufl.split(problem.state)
     w, q = ufl.TestFunctions(problem.space.mixed)
-    form = forms.residual(v, p, w, q, forms.FlowTerms(reynolds=1.0), ufl.dx)
+    form = forms.residual(v, p, w, q, forms.FlowTerms(viscosity=1.0), ufl.dx)
     assert form.coefficients() == (problem.state,)
     assert {integral.integral_type() for integral in form.integrals()} == {"cell"}
 
@@ -211,11 +211,11 @@ def test_vorticity_of_a_linear_flow(gdim: int, expected: list[float]) -> None:
 
 
 def test_surface_traction_of_a_linear_flow() -> None:
-    """v = (y, 0), p = 2, Re = 4 on the upper side, n up: sigma n = (mu, -p) = (1/4, -2)."""
+    """v = (y, 0), p = 2, nu = 1/4 on the upper side, n up: sigma n = (mu, -p) = (1/4, -2)."""
     domain = unit_box(2, 2)
     x = ufl.SpatialCoordinate(domain.mesh)
     n = ufl.FacetNormal(domain.mesh)
-    traction = forms.surface_traction(ufl.as_vector([x[1], 0 * x[0]]), 2.0, n, 4.0)
+    traction = forms.surface_traction(ufl.as_vector([x[1], 0 * x[0]]), 2.0, n, 0.25)
     values = [dolfinx.fem.assemble_scalar(compat.form(t * domain.measure("top"))) for t in traction]
     assert values == pytest.approx([0.25, -2.0], abs=1e-12)
 
@@ -229,7 +229,7 @@ def test_stokes_operator_is_symmetric_also_with_an_open_boundary(gdim: int, mapp
     v, p = ufl.TrialFunctions(space.mixed)
     w, q = ufl.TestFunctions(space.mixed)
     terms = forms.FlowTerms(
-        reynolds=7.0,
+        viscosity=1 / 7.0,
         open_boundary=domain.measure("right")(metadata=QUADRATURE),
         reference_map=forms.ReferenceMap(problem.displacement, problem.mesh_velocity) if mapped else None,
     )

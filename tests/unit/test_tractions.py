@@ -12,6 +12,7 @@ import ufl
 from domains import ball_in_box, ring, square_in_box, unit_box
 
 from incipient import compat, forms
+from incipient.coupled.energy import EnergyBudget
 from incipient.coupled.tractions import TractionProbe
 from incipient.fluid import FlowModel, Fluid, Open, Prescribed, no_slip, solve_steady
 from incipient.mesh.domain import Domain
@@ -66,7 +67,7 @@ def test_buoyancy_sign() -> None:
 def printed_force(fluid: Fluid) -> list[float]:
     """The integral of sigma n with n out of the fluid, into the body."""
     v, p = ufl.split(fluid.state)
-    traction = forms.surface_traction(v, p, ufl.FacetNormal(fluid.domain.mesh), fluid.reynolds_constant)
+    traction = forms.surface_traction(v, p, ufl.FacetNormal(fluid.domain.mesh), fluid.viscosity)
     return [integral(component * fluid.domain.measure("body")) for component in traction]
 
 
@@ -81,6 +82,27 @@ def test_buoyancy_is_not_in_the_flow() -> None:
 
 
 # -- exact flows --------------------------------------------------------------------------------
+
+
+def test_the_viscosity_is_an_expression() -> None:
+    """Between a wall and a lid at speed one, with nu = (1 + y)/Re: u = log(1 + y)/log 2, the shear stress 1/(Re log 2).
+
+    The stress is the same at every height; its power on the lid is the heat that the flow makes.
+    """
+    domain = unit_box(2, 8)
+    height = ufl.SpatialCoordinate(domain.mesh)[1]
+    model = FlowModel(order=3, viscosity=lambda of_molecules: of_molecules * (1 + height))
+    speed = stream(lambda y: np.log1p(y) / np.log(2.0))
+    moving = [Prescribed(name, speed) for name in ("left", "top", "bottom")]
+    with Fluid(domain, model, [Open("right"), *moving], reynolds=5.0) as fluid:
+        solve_steady(fluid, 1e-11)
+        u = ufl.split(fluid.state)[0]
+        off = u - ufl.as_vector([ufl.ln(1 + height) / np.log(2.0), 0.0])
+        assert integral(ufl.inner(off, off) * ufl.dx) < 1e-5**2
+        stress = 1 / (5.0 * np.log(2.0))
+        drag = TractionProbe(fluid, "bottom", (0.0, 0.0)).surface_resultant().force[0]
+        assert drag == pytest.approx(stress, rel=1e-3)
+        assert EnergyBudget(fluid).dissipation() == pytest.approx(stress, rel=1e-5)
 
 
 def couette_couples(around: int) -> tuple[float, float]:
