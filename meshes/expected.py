@@ -1,7 +1,8 @@
 """How many triangles a region will be meshed with, told from the sizes wanted before anything is meshed."""
 
 import numpy as np
-from numpy.typing import NDArray
+
+from incipient.arrays import Floats, planar_cross
 
 from .region import Grid, Near, Region, Sizes
 
@@ -46,7 +47,7 @@ def _integral(near: Near, far: float, height: float, lengths: dict[str, float]) 
     return float(lengths[near.boundary] * np.mean((1.0 - 1.0 / ratio) / (near.growth * size)))
 
 
-def _along(near: Near, lengths: dict[str, float]) -> NDArray[np.float64]:
+def _along(near: Near, lengths: dict[str, float]) -> Floats:
     """The sizes at equal parts of a boundary, at points one; what is away is taken to be so on both sides alike."""
     if near.away is None or near.points:
         return np.array([near.size])
@@ -58,5 +59,5 @@ def _integral_of_field(sizes: Sizes) -> float:
     """The integral of 1/h^2 over the triangles on whose vertices the sizes are given."""
     assert sizes.field is not None
     a, b, c = sizes.field.points[sizes.field.triangles].transpose(1, 0, 2)
-    doubled = np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+    doubled = np.abs(planar_cross(b - a, c - a))
     return float((0.5 * doubled * (sizes.field.sizes[sizes.field.triangles] ** -2.0).mean(axis=1)).sum())

@@ -11,8 +11,9 @@ from typing import Any
 import gmsh
 import numpy as np
 
+from incipient.arrays import Point
 from incipient.errors import MeshError
-from incipient.geometry.plane.curves import Arc, Curve, Line, Point, Spline
+from incipient.geometry.plane.curves import Arc, Curve, Line, Spline
 
 from .region import GRID, Frame, Grid, Near, Region, SizeField, Sizes
 

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
-from incipient.geometry.plane.curves import Curve, Point
+from incipient.arrays import Floats, Integers, Point
+from incipient.geometry.plane.curves import Curve
 
 GRID = 2.0**-40  # of a region's height
 
@@ -92,9 +90,9 @@ class SizeField:
     points (n, 2), triangles (m, 3) of them, sizes (n,)
     """
 
-    points: NDArray[np.float64]
-    triangles: NDArray[np.int64]
-    sizes: NDArray[np.float64]
+    points: Floats
+    triangles: Integers
+    sizes: Floats
 
 
 @dataclass(frozen=True)

@@ -19,17 +19,15 @@ from typing import Any
 import dolfinx
 import numpy as np
 import ufl
-from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from .. import compat
+from ..arrays import Floats
 from ..body.state import turned
 from ..compat import petsc
 from ..coupled.tractions import Resultant, TractionProbe
 from ..fluid import Fluid
 from ..fluid.space import boundary_blocks
-
-Floats = NDArray[np.float64]
 
 
 class GoalErrors:

@@ -20,8 +20,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..errors import IncipientError
 from ..results.errorbars import ErrorBars, Loads, Term
 from ..results.loads import Couples, Forces
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
 
     from ..simulation.simulate import Simulation
 
-Floats = NDArray[np.float64]
 Solve = Callable[[Scene], "Loads"]
 
 # Coarse runs for the terms of the model: order, mesh_size at least; in time, how much longer the steps are, of which

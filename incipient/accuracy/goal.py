@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..contact.error_box import shifted
 from ..contact.exact import judged
 from ..results.verdict import find_contacts, load_of
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from ..results.loads import Couples, Forces
     from ..scene import Scene
 
-Floats = NDArray[np.float64]
 
 # A couple smaller than this share of force times grain size is measured against that share.
 LEAST_COUPLE = 0.01

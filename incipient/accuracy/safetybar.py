@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..contact import Contacts, Load
 from ..contact.error_box import ErrorBox, SafetyRange, safety_range
 from ..contact.exact import Exact, MassAndInertia, judged
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from ..results.loads import Couples, Forces
     from ..scene import Scene
 
-Floats = NDArray[np.float64]
 # Errors (6,) of force and couple by the name of what they come from.
 Errors = Mapping[str, Floats]
 

@@ -12,17 +12,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
 from .. import compat
+from ..arrays import Floats, Integers
 from ..meshes import SizeField
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 DIMENSION = 2
 SMALLEST, LARGEST = (

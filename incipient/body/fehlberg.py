@@ -5,9 +5,8 @@ TOMS 12 (1986) (extension by bootstrapping: each polynomial gives the arguments 
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from incipient.arrays import Floats
 
 NODES = np.array([0.0, 1 / 4, 3 / 8, 12 / 13, 1.0, 1 / 2])
 STAGES = np.array(

@@ -14,13 +14,12 @@ from enum import Enum
 from functools import partial
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
+from ..arrays import Floats
 from ..errors import ConvergenceError
 from .fehlberg import CUBIC, NODES, QUARTIC, QUINTIC, STAGES, WEIGHTS, WITHIN
-
-Floats = NDArray[np.float64]
 
 SAFETY, LARGEST_CUT, LARGEST_GROWTH, CUT_WITHOUT_ERROR = 0.9, 0.2, 5.0, 0.25
 PROPORTIONAL, INTEGRAL = 0.7 / 5, 0.4 / 5  # exponents of the controller (Gustafsson 1991)

@@ -13,11 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..arrays import Floats
 from ..errors import ConvergenceError, SceneError
 from .integrator import Event, Integrator, Outcome, Tolerances
 from .state import DEGREES, BodyState, Freedom, Inertia, rotation_matrix, turning
-
-Floats = NDArray[np.float64]
 
 PATH_TOLERANCES = Tolerances(1e-11, 1e-13)
 SINGULAR = 1e-13  # scaled eigenvalue below which mass and added mass together count as none

@@ -14,10 +14,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..arrays import Floats, quarter_turned
 from ..errors import SceneError
 from ..geometry.placement import Placement
-
-Floats = NDArray[np.float64]
 
 DEGREES = {
     3: ("velocity along x", "velocity along y", "spin"),
@@ -225,5 +224,5 @@ def rigid_velocity(state: BodyState, x: Floats) -> Floats:
 def turned(spin: Floats, arms: Floats) -> Floats:
     """spin x arms, (n, gdim); the spin is (1,) in the plane."""
     if arms.shape[1] == 2:
-        return spin[0] * np.column_stack([-arms[:, 1], arms[:, 0]])
+        return spin[0] * quarter_turned(arms)
     return np.cross(spin, arms)

@@ -13,10 +13,11 @@ from enum import Enum
 
 import numpy as np
 
+from incipient.arrays import Floats
 from incipient.contact import friction as coulomb
 from incipient.contact.criteria import Classification, classify
 from incipient.contact.exact import MassAndInertia
-from incipient.contact.model import Contacts, Floats, Load
+from incipient.contact.model import Contacts, Load
 from incipient.contact.modes import Criterion, Mode
 
 NORMALS_ALIKE = 1e-9

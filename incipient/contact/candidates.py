@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from incipient.contact.model import Floats
+from incipient.arrays import Floats
 
 SAME = 1e-7  # accelerations nearer than this, relative to the free one, are one solution
 

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from incipient.contact.model import Floats
+from incipient.arrays import Floats
 
 CONVERGED = 1e-12  # of Coulomb's law, relative to load and contact forces
 STALLED = 1e-11  # the same after one more step: round-off leaves no better

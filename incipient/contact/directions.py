@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from incipient.contact.model import Contacts, Floats, Load
+from incipient.arrays import Floats
+from incipient.contact.model import Contacts, Load
 from incipient.contact.safety import SafetyFactor, safety_factor
 from incipient.errors import SceneError
 

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from incipient.arrays import Floats
 from incipient.contact import friction as coulomb
-from incipient.contact.model import Contacts, Floats
+from incipient.contact.model import Contacts
 from incipient.contact.sharing import equal_shares
 
 

@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 from typing import Any
 
+from incipient.arrays import Floats
 from incipient.contact import equilibrium
-from incipient.contact.model import Contacts, Floats, Load
+from incipient.contact.model import Contacts, Load
 from incipient.errors import ConvergenceError
 
 MassAndInertia = tuple[float, Floats]  # mass, and inertia (3, 3) about the centre of mass

@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from incipient.arrays import Floats, planar_cross, unit
 from incipient.contact.model import Contacts
 from incipient.errors import SceneError
 from incipient.geometry.placement import Placement
-from incipient.geometry.plane.curves import Floats
 from incipient.geometry.space.closest import Minima, SpatialProximity
-from incipient.geometry.space.solid import Core, frame_of, unit
+from incipient.geometry.space.solid import Core, frame_of
 from incipient.geometry.space.surfaces import connected, vector_areas
 
 THINNEST = 1e-9  # area of a patch, in grain sizes squared, below which it is none
@@ -29,7 +29,7 @@ class Patch:
         flat = self.corners @ np.column_stack([first, second])
         middle = _centroid(flat)
         after = np.roll(flat, -1, axis=0)
-        fans = np.abs(_cross(flat - middle, after - middle))
+        fans = np.abs(planar_cross(flat - middle, after - middle))
         shares = fans + np.roll(fans, 1)
         return np.asarray(self.area * shares / shares.sum())
 
@@ -137,11 +137,7 @@ def _hull(points: Floats) -> list[int]:
 
 
 def _turn(a: Floats, b: Floats, c: Floats) -> float:
-    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
-
-
-def _cross(a: Floats, b: Floats) -> Floats:
-    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+    return float(planar_cross(b - a, c - a))
 
 
 def _centroid(corners: Floats) -> Floats:
@@ -149,7 +145,7 @@ def _centroid(corners: Floats) -> Floats:
     home = corners.mean(axis=0)
     away = corners - home
     after = np.roll(away, -1, axis=0)
-    cross = _cross(away, after)
+    cross = planar_cross(away, after)
     return np.asarray(home + ((away + after) * cross[:, None]).sum(axis=0) / (3.0 * cross.sum()))
 
 

@@ -7,7 +7,7 @@ paper.
 
 import numpy as np
 
-from incipient.contact.model import Floats
+from incipient.arrays import Floats
 
 
 def pressing(force: Floats, normals: Floats) -> Floats:

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from incipient.contact.model import Contacts, Floats, Load, require_outward
+from incipient.arrays import Floats, Integers, cross
+from incipient.contact.model import Contacts, Load, require_outward
 from incipient.errors import SceneError
 
 PLANAR = 1e-12  # how far, in numbers of order one, a planar case may be from its plane
@@ -37,7 +37,7 @@ class Grasp:
 
     frames: Floats
     matrix: Floats
-    copy: NDArray[np.int64]
+    copy: Integers
     share: Floats
     reach: float
     friction: float
@@ -140,18 +140,12 @@ def leave_plane(plane: Floats, changes: Floats) -> bool:
     return bool((np.abs(across) > PLANAR * sizes).any())
 
 
-def cross(a: Floats, b: Floats) -> Floats:
-    """The vector product along the last axis; numpy's takes several times as long for a few vectors."""
-    ahead, behind = [1, 2, 0], [2, 0, 1]
-    return np.asarray(a[..., ahead] * b[..., behind] - a[..., behind] * b[..., ahead])
-
-
 def _skew(vectors: Floats) -> Floats:
     """The matrices (k, 3, 3) that take others to the vector products of vectors (k, 3) with them."""
     return np.asarray((vectors @ SKEW).reshape(-1, 3, 3))
 
 
-def _distinct(arms: Floats, normals: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
+def _distinct(arms: Floats, normals: Floats) -> tuple[Integers, Integers, Floats]:
     """Indices of the different contacts, for every contact which of them it is, and its share."""
     rows = np.concatenate([arms, normals], axis=1)
     same = np.abs(rows[:, None] - rows).max(axis=2) <= SAME_PLACE

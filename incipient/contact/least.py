@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from incipient.arrays import Floats
 from incipient.contact import cones
 from incipient.contact.grasp import FRICTIONLESS, Grasp
-from incipient.contact.model import Floats
 
 RANK = 1e-10  # singular values below it, relative to the largest, count as zero
 MISSED = 1e-9  # how far the wrench may be missed, in numbers of order one

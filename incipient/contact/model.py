@@ -7,11 +7,9 @@ Units are the caller's, as long as they are consistent.
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
+from incipient.arrays import Floats
 from incipient.errors import SceneError
-
-Floats = NDArray[np.float64]
 
 UNIT_TOLERANCE = 1e-6  # how far the length of a unit normal may be from one
 

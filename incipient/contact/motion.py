@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from incipient.arrays import Floats
 from incipient.contact.candidates import Candidate
 from incipient.contact.grasp import FRICTIONLESS
 from incipient.contact.least import allowed, least_forces
-from incipient.contact.model import Contacts, Floats, Load
+from incipient.contact.model import Contacts, Load
 from incipient.contact.motion_modes import ContactState, Mode, Uniqueness, contact_states, mode
 from incipient.contact.planar_motion import planar_solutions
 from incipient.contact.release import Release, frictionless, release

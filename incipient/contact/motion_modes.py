@@ -6,7 +6,7 @@ from enum import Enum
 
 import numpy as np
 
-from incipient.contact.model import Floats
+from incipient.arrays import Floats
 
 
 class ContactState(Enum):

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linprog
 
+from incipient.arrays import Floats
 from incipient.contact import fans
 from incipient.contact.grasp import leave_plane
-from incipient.contact.model import Contacts, Floats, Load
+from incipient.contact.model import Contacts, Load
 from incipient.contact.motion import MANY, ZERO
 from incipient.contact.motion_modes import Mode, contact_states, mode
 from incipient.contact.planar_motion import (

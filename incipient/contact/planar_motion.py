@@ -17,10 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from incipient.arrays import Floats, Integers, cross
 from incipient.contact import fans
 from incipient.contact.candidates import SAME, Candidate, add
-from incipient.contact.grasp import cross
-from incipient.contact.model import Floats
 from incipient.contact.release import Release
 
 ZERO = 1e-9  # accelerations below it, for directions of length one or relative to the free one, are zero
@@ -123,14 +122,14 @@ def _sectors_of_several(problem: Plane) -> Iterator[Candidate]:
                 yield from _slides_on_all(problem, group, signs)
 
 
-def lines_of_action(problem: Plane) -> Iterator[NDArray[np.int64]]:
+def lines_of_action(problem: Plane) -> Iterator[Integers]:
     """The contacts (m,) on each line along which contacts press, facing or not."""
     rows = problem.normal
     parallel = np.abs(cross(rows[:, None], rows[None])).max(axis=2) <= ZERO
     yield from (np.flatnonzero(pattern) for pattern in np.unique(parallel, axis=0))
 
 
-def ways_to_slide(problem: Plane, group: NDArray[np.int64]) -> Floats:
+def ways_to_slide(problem: Plane, group: Integers) -> Floats:
     """The signs (s, m) of the tangential accelerations of contacts on one line, in each way to slide on all of them."""
     axes = np.linalg.svd(problem.normal[group[:1]])[2][1:]
     return sectors_of_lines(problem.tangent[group] @ axes.T)
@@ -144,7 +143,7 @@ def sectors_of_lines(lines: Floats) -> Floats:
     return np.asarray(np.sign(np.stack([np.cos(middles), np.sin(middles)], axis=1) @ lines.T))
 
 
-def _slides_on_all(problem: Plane, group: NDArray[np.int64], signs: Floats) -> Iterator[Candidate]:
+def _slides_on_all(problem: Plane, group: Integers, signs: Floats) -> Iterator[Candidate]:
     """The solutions that slide on every contact of a group in the ways given by the signs."""
     edge = np.where(signs > 0.0, -1, -2) % len(problem.fan)
     count = len(group)

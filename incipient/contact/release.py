@@ -6,10 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import nnls
 
+from incipient.arrays import Floats
 from incipient.contact import cones
 from incipient.contact.candidates import Candidate
 from incipient.contact.grasp import Grasp, grasp, wrenches
-from incipient.contact.model import Contacts, Floats, Load
+from incipient.contact.model import Contacts, Load
 from incipient.errors import SceneError
 
 NO_LOAD = 1e-12  # of flow and weight: a sum below it is no load

@@ -2,12 +2,13 @@
 
 import numpy as np
 
+from incipient.arrays import Floats, planar_cross, quarter_turned, spatial
 from incipient.contact.footprint import footprint
 from incipient.contact.model import Contacts
 from incipient.errors import SceneError
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.bed import Bed
-from incipient.geometry.plane.curves import Floats, Line
+from incipient.geometry.plane.curves import Line
 from incipient.geometry.plane.distance import Approach, approaches, placed_outline
 from incipient.geometry.plane.grain import Grain
 from incipient.geometry.proximity import proximity
@@ -94,7 +95,7 @@ def _planar(grain: Grain, placement: Placement, bed: Bed, tolerance: float) -> C
     if not contacts:
         raise SceneError(f"the grain does not touch the bed within {tolerance:g}; rest it on the bed with x")
     points, normals, areas = (np.array(column) for column in zip(*contacts, strict=True))
-    return Contacts(_spatial(points), _spatial(normals), areas if patches else None)
+    return Contacts(spatial(points), spatial(normals), areas if patches else None)
 
 
 def _patches(grain: Grain, placement: Placement, bed: Bed, tolerance: float) -> list[Patch]:
@@ -133,7 +134,7 @@ def _patch(side: Line, piece: Line, tolerance: float) -> Patch | None:
     if max(x) < piece.start[0] - tolerance or min(x) > piece.end[0] + tolerance:
         return None
     along, forward = piece.tangent([0.0])[0], side.tangent([0.0])[0]
-    upward, outward = np.array([-along[1], along[0]]), np.array([forward[1], -forward[0]])
+    upward, outward = quarter_turned(along), -quarter_turned(forward)
     if outward @ upward > -0.5:
         return None
     at = (np.array([side.start, side.end]) - np.asarray(piece.start)) @ along
@@ -163,7 +164,7 @@ def _normals(approach: Approach, bed: Bed, tolerance: float) -> list[Floats]:
     corners = bed.corners(x - tolerance, x + tolerance)
     at = corners[:1] if len(corners) else np.array([x])
     left, right = bed.side_normals(at)
-    steepening = left[0, 0] * right[0, 1] - left[0, 1] * right[0, 0]
+    steepening = planar_cross(left[0], right[0])
     if steepening > SAME_DIRECTION:
         return [-left[0], -right[0]]
     return [-bed.normal(at)[0]]
@@ -193,7 +194,3 @@ def _index(point: Floats, normal: Floats, contacts: list[Contact], tolerance: fl
 
 def _same(a: Floats, b: Floats, tolerance: float) -> bool:
     return bool(np.abs(a - b).max() <= tolerance)
-
-
-def _spatial(plane: Floats) -> Floats:
-    return np.column_stack([plane, np.zeros(len(plane))])

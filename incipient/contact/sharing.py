@@ -4,7 +4,7 @@ from itertools import combinations
 
 import numpy as np
 
-from incipient.contact.model import Floats
+from incipient.arrays import Floats
 
 SAME_PLACE = 1e-9  # of the size of the contact surface
 

@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from incipient.arrays import Floats
 from incipient.contact import cones
 from incipient.contact.candidates import SAME, Candidate
-from incipient.contact.model import Floats
 from incipient.contact.release import Release
 
 STEPS = 14  # of Newton's method

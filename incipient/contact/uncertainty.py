@@ -16,10 +16,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from incipient.arrays import Floats
 from incipient.contact import criteria
 from incipient.contact.error_box import ErrorBox, SafetyRange, held_words, safety_range
 from incipient.contact.exact import MassAndInertia, judged
-from incipient.contact.model import Contacts, Floats, Load
+from incipient.contact.model import Contacts, Load
 from incipient.errors import SceneError
 
 CLASSES = 20  # at most, and not fewer than ten cases in each

@@ -7,9 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
 
 TOLD_APART = 3.0  # factor between the bounds of an error, by the reference's own, above which it says nothing
 ORDERS = (2.0, 8.0)  # between which an observed order of convergence is believed

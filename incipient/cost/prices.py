@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..planning import drawing as layout
 from .counts import NOTHING, Counts
 
@@ -69,7 +69,7 @@ class Prices:
     """Seconds of processor time for a unit of each kind of work, and for starting."""
 
     start: float
-    of_parts: NDArray[np.float64]
+    of_parts: Floats
 
     def cpu(self, work: Work) -> float:
         """Processor time [s] of a run."""

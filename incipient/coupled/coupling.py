@@ -18,6 +18,7 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..body.rigidbody import MeanLoad, Motion, RigidBody
 from ..body.state import BodyState, rigid_velocity, turned
 from ..errors import ConvergenceError, SceneError
@@ -27,7 +28,6 @@ from ..fluid.space import boundary_blocks
 from ..mesh.motion import MeshMotion
 from .tractions import Resultant, TractionProbe
 
-Floats = NDArray[np.float64]
 Stage = Callable[[str], AbstractContextManager[Any]]
 
 # A step whose length differs by more than this share from that of the derivative at hand takes a new one.

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import dolfinx
 import numpy as np
-from numpy.typing import NDArray
 
 from .. import compat
+from ..arrays import Floats
 from ..body.state import rigid_velocity
 from ..errors import MeshError
 from ..fluid import Fluid
@@ -25,8 +25,6 @@ from ..fluid.transient import Past
 from ..mesh.transfer import Transfer
 from .coupling import Coupling, Position
 from .energy import EnergyBudget
-
-Floats = NDArray[np.float64]
 
 # Relative change of the velocity by the projection from which on the new mesh is too coarse for the flow.
 LARGEST_CHANGE = 0.1

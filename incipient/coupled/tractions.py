@@ -20,6 +20,7 @@ import ufl
 from petsc4py import PETSc
 
 from .. import compat
+from ..arrays import spatial
 from ..compat import petsc
 from ..fluid import Fluid
 from ..fluid.linear import solve_mass_matrix
@@ -57,7 +58,7 @@ class TractionProbe:
 
     def refer_to(self, about: Sequence[float]) -> None:
         """Let couples refer to another point (gdim,), such as the centre of a body that has moved."""
-        self.about = _padded(np.asarray(about, dtype=float)[None])[0]
+        self.about = spatial(np.asarray(about, dtype=float)[None])[0]
 
     def resultant(self) -> Resultant:
         """Force and couple by the residual method."""
@@ -112,8 +113,8 @@ class TractionProbe:
         return self.fluid.space.velocity_map.reshape(-1, gdim)[self._blocks]
 
     def _sum(self, forces: np.ndarray) -> Resultant:
-        forces = _padded(forces)
-        arms = _padded(self._places()) - self.about
+        forces = spatial(forces)
+        arms = spatial(self._places()) - self.about
         mine = np.array([forces.sum(axis=0), np.cross(arms, forces).sum(axis=0)])
         force, couple = self.fluid.domain.comm.allreduce(mine)
         return Resultant(force, couple, self.about)
@@ -140,8 +141,3 @@ class TractionProbe:
         )
         mass.assemble()
         return mass
-
-
-def _padded(rows: np.ndarray) -> np.ndarray:
-    """(n, 2) or (n, 3) as (n, 3)."""
-    return np.pad(rows, ((0, 0), (0, 3 - rows.shape[1])))

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..accuracy.safetybar import Errors
+from ..arrays import Floats
 from ..contact.equilibrium import safety_factor
 from ..contact.error_box import ErrorBox, safety_range, shifted
 from ..results.errorbars import ErrorBars
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from ..results.loads import Couples, Forces
     from .search import Found
 
-Floats = NDArray[np.float64]
 Range = tuple[float, float]
 
 DIFFERENCE = 1e-4  # of the load, for derivatives of the safety factor

@@ -17,14 +17,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from ..arrays import Floats
 from ..contact import Contacts, Load
 from ..contact.equilibrium import SafetyFactor, safety_factor
 from ..contact.error_box import ErrorBox, safety_range
-
-Floats = NDArray[np.float64]
 
 SAMPLES = 6  # factors inside an interval at which the load interpolated is judged
 # |c - chord| <= BEND |c(b) - c(a)| at the middle of an interval, for force and couple.

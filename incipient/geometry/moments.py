@@ -9,7 +9,7 @@ from math import gamma
 
 import numpy as np
 
-from incipient.geometry.plane.curves import Floats
+from incipient.arrays import Floats
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from incipient.arrays import Floats
 from incipient.errors import SceneError
-from incipient.geometry.plane.curves import Floats
 
 Quaternion = tuple[float, float, float, float]
 

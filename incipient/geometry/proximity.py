@@ -4,8 +4,8 @@ from typing import Protocol, Self
 
 import numpy as np
 
+from incipient.arrays import Floats
 from incipient.geometry.plane.bed import Bed
-from incipient.geometry.plane.curves import Floats
 from incipient.geometry.plane.grain import Grain
 from incipient.geometry.plane.planar import PlanarProximity
 from incipient.geometry.rest import planar, spatial

@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from incipient.arrays import Floats
 from incipient.errors import SceneError
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.bed import Bed
-from incipient.geometry.plane.curves import Floats
 from incipient.geometry.plane.distance import approaches, placed_outline
 from incipient.geometry.plane.grain import Grain
 from incipient.geometry.plane.outline import Outline

@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from incipient.arrays import Floats
 from incipient.errors import SceneError
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.bed import Bed
-from incipient.geometry.plane.curves import Floats
 from incipient.geometry.plane.grain import Grain
 from incipient.geometry.proximity import Near, proximity
 from incipient.geometry.space.solid import Solid

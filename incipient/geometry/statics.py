@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from incipient.geometry.plane.curves import Floats
+from incipient.arrays import Floats, planar_cross, quarter_turned
 from incipient.geometry.space.solid import frame_of
 
 PYRAMID = 16  # sides of the pyramid inside a friction cone in space: its corners are on the cone
@@ -27,17 +27,14 @@ class Grip:
 
 def wrenches(forces: Floats, arms: Floats, size: float) -> Floats:
     """Forces (m, d) at arms (m, d) from the centre with their couples, (m, 3 or 6)."""
-    if forces.shape[1] == 2:
-        couple = (arms[:, 0] * forces[:, 1] - arms[:, 1] * forces[:, 0])[:, None]
-    else:
-        couple = np.cross(arms, forces)
+    couple = planar_cross(arms, forces)[:, None] if forces.shape[1] == 2 else np.cross(arms, forces)
     return np.hstack([forces, couple / size])
 
 
 def tangents(normals: Floats) -> list[Floats]:
     """One or two unit tangents (m, d) of contacts with unit normals (m, d)."""
     if normals.shape[1] == 2:
-        return [np.column_stack([normals[:, 1], -normals[:, 0]])]
+        return [-quarter_turned(normals)]
     return list(frame_of(normals))
 
 

@@ -19,9 +19,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from .. import compat
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from ..arrays import Floats, Integers
 
 # Barycentric coordinates down to this count as inside.
 INSIDE = -1e-9

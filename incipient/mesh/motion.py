@@ -22,11 +22,10 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from .. import compat
+from ..arrays import Floats
 from ..compat import petsc
 from ..geometry.placement import Placement
 from .domain import Domain
-
-Floats = NDArray[np.float64]
 
 # Potential, one on the body and zero on the other boundaries, above which the mesh is rigid.
 RIGID = 0.75

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from .locator import Floats, Integers, Locator, Places, evaluate
+from ..arrays import Floats, Integers
+from .locator import Locator, Places, evaluate
 
 
 @dataclass(frozen=True)

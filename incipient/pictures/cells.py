@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arrays import spatial
 from . import style
 from .record import Run
 
@@ -18,7 +19,7 @@ def picture(run: Run, path: Path) -> None:
     """Render the cells over the speed off screen with pyvista and write a PNG. Not collective."""
     pyvista = pyvista_off_screen()
     grid = pyvista.UnstructuredGrid(
-        {pyvista.CellType.QUADRATIC_TRIANGLE: run.mesh.cells}, _in_space(run.mesh.points)
+        {pyvista.CellType.QUADRATIC_TRIANGLE: run.mesh.cells}, spatial(run.mesh.points)
     )
     grid["speed"] = np.linalg.norm(run.field("velocity"), axis=1)
     plotter = pyvista.Plotter(off_screen=True, window_size=list(PIXELS))
@@ -51,10 +52,6 @@ def pyvista_off_screen() -> Any:
     return pyvista
 
 
-def _in_space(points: np.ndarray) -> np.ndarray:
-    return np.column_stack([points, np.zeros(len(points))])
-
-
 def _edges(pyvista: Any, run: Run) -> Any:
     """Every cell's outline as a polyline along the sides' parabolas."""
     corners, sides = run.mesh.cells[:, :3], run.mesh.cells[:, 3:]
@@ -64,7 +61,7 @@ def _edges(pyvista: Any, run: Run) -> Any:
     lines = curves.transpose(1, 2, 0, 3).reshape(-1, len(s), 2)
     connectivity = np.arange(lines.shape[0] * len(s)).reshape(-1, len(s))
     heads = np.full((len(connectivity), 1), len(s))
-    return pyvista.PolyData(_in_space(lines.reshape(-1, 2)), lines=np.hstack([heads, connectivity]).ravel())
+    return pyvista.PolyData(spatial(lines.reshape(-1, 2)), lines=np.hstack([heads, connectivity]).ravel())
 
 
 def _view(run: Run) -> style.View:

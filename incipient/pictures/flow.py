@@ -13,6 +13,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
 
+from ..arrays import quarter_turned
 from .mesh import curve, triangles_of
 from .record import Run
 from .streamlines import streamlines
@@ -194,7 +195,7 @@ def _arrow_head(line: np.ndarray, size: float) -> np.ndarray | None:
     middle = int(np.searchsorted(reached, reached[-1] / 2))
     along = line[middle] - line[middle - 1]
     along *= size / np.linalg.norm(along)
-    across = 0.6 * np.array([-along[1], along[0]])
+    across = 0.6 * quarter_turned(along)
     return line[middle] + np.array([1.2 * along, across - along, -across - along])
 
 

@@ -12,6 +12,7 @@ from matplotlib.patches import FancyArrowPatch, Patch, Polygon, Wedge
 from matplotlib.path import Path
 from matplotlib.patheffects import Normal, Stroke
 
+from ..arrays import quarter_turned, spatial
 from .judged import Judged, Motion
 from .style import FLOW, FORCES, GRAIN, GROUND, INK, MOTION, PAPER, REACTION, STATES, View
 
@@ -58,7 +59,7 @@ def draw_strips(axes: Axes, case: Judged, size: float) -> None:
     points, normals = case.contacts.points[:, :2], case.contacts.normals[:, :2]
     for group in [*case.patches, *([index] for index in range(len(points)))]:
         normal = normals[group[0]]
-        along, into = np.array([-normal[1], normal[0]]), _STRIP[1] * size * normal
+        along, into = quarter_turned(normal), _STRIP[1] * size * normal
         reach = points[group] @ along
         start, end = (
             points[group[0]] + (at - reach[0]) * along
@@ -183,7 +184,7 @@ def _draw_patches(axes: Axes, case: Judged) -> None:
 
 def _draw_motion(axes: Axes, motion: Motion, centre: np.ndarray, outline: np.ndarray, size: float) -> None:
     """The grain a little later, dashed; the acceleration of its centre; the sense in which it turns."""
-    arms = np.column_stack([outline - centre, np.zeros(len(outline))])
+    arms = spatial(outline - centre)
     fastest = float(np.linalg.norm(motion.at(arms), axis=1).max()) or 1.0
     later = outline + _MOVED * size / fastest * motion.at(arms)[:, :2]
     axes.add_artist(Polygon(later, fill=False, edgecolor=MOTION, lw=1.1, ls=(0, (4, 2.5)), zorder=4.5))
@@ -232,7 +233,7 @@ def _turning(axes: Axes, centre: np.ndarray, radius: float, sense: int, colour: 
 
 def aside(along: np.ndarray, others: list[np.ndarray]) -> np.ndarray:
     """Unit vector across an arrow's direction, away from another that runs close to it; zero if none does."""
-    across = np.array([-along[1], along[0]])
+    across = quarter_turned(along)
     close = [f for f in others if along @ f > 0.8 * np.linalg.norm(f)]
     return -np.sign(across @ close[0]) * across if close else np.zeros(2)
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arrays import unit
 from .cells import pyvista_off_screen
 from .judged import Judged, Motion
 from .style import FLOW, FORCES, GRAIN, GROUND, INK, MOTION, REACTION, STATES
@@ -80,12 +81,12 @@ def rendered(case: Judged, points: np.ndarray, triangles: np.ndarray) -> Renderi
 
 def _frame(case: Judged, points: np.ndarray) -> _Frame:
     weight, flow = case.load.weight, case.load.flow_force
-    up = _unit(-weight if weight.any() else -case.contacts.normals.sum(axis=0))
+    up = unit(-weight if weight.any() else -case.contacts.normals.sum(axis=0))
     up = up if up.any() else np.array([0.0, 0.0, 1.0])
     level = flow - (flow @ up) * up
     if np.linalg.norm(level) <= 1e-9 * np.linalg.norm(flow):
         level = _across(up)
-    return _Frame(_unit(level), up, case.load.centre, float(np.ptp(points, axis=0).max()))
+    return _Frame(unit(level), up, case.load.centre, float(np.ptp(points, axis=0).max()))
 
 
 class _Scene:
@@ -148,7 +149,7 @@ class _Scene:
             self._show(later, MOTION, opacity=0.08, culling="back")
             self.plotter.add_silhouette(later, color=MOTION, line_width=2.0)
         if np.linalg.norm(motion.acceleration) > 1e-6 * fastest:
-            tip = _ACCELERATION * frame.size * _unit(motion.acceleration)
+            tip = _ACCELERATION * frame.size * unit(motion.acceleration)
             self._arrow(frame.centre, tip, MOTION, _THICK)
         if np.linalg.norm(motion.angular) * frame.size > 1e-6 * fastest:
             farthest = float(np.linalg.norm(points - frame.centre, axis=1).max())
@@ -197,7 +198,7 @@ class _Scene:
 
     def _arrow(self, tail: np.ndarray, vector: np.ndarray, colour: str, radius: float) -> None:
         """A shaft and a head that keep their thickness, unless the arrow is shorter than its head."""
-        length, along = float(np.linalg.norm(vector)), _unit(vector)
+        length, along = float(np.linalg.norm(vector)), unit(vector)
         radius = min(radius * self.frame.size, length / 9.0)
         head = min(7.0 * radius, 0.8 * length)
         shaft = self.pyvista.Cylinder(
@@ -215,16 +216,16 @@ class _Scene:
 
     def _arc(self, axis: np.ndarray, radius: float, colour: str, thickness: float) -> None:
         """An arc about an axis through the centre with a head; at the top, or where it is best seen."""
-        frame, axis = self.frame, _unit(axis)
+        frame, axis = self.frame, unit(axis)
         top = frame.up - (frame.up @ axis) * axis
         if np.linalg.norm(top) < 0.3:
             top = -np.cross(frame.along, frame.up) - (-np.cross(frame.along, frame.up) @ axis) * axis
-        top = _unit(top)
+        top = unit(top)
         angles = np.radians(np.linspace(-_ARC, _ARC, 60))[:, None]
         points = frame.centre + radius * (np.cos(angles) * top + np.sin(angles) * np.cross(axis, top))
         tube = self.pyvista.Spline(points, 120).tube(radius=thickness * frame.size, n_sides=24)
         self._show(tube, colour)
-        along, head = _unit(points[-1] - points[-2]), 7.0 * thickness * frame.size
+        along, head = unit(points[-1] - points[-2]), 7.0 * thickness * frame.size
         self._head(points[-1] + 0.6 * head * along, along, head, 0.37 * head, colour)
 
     def _plate(self, corners: np.ndarray, normal: np.ndarray) -> None:
@@ -273,14 +274,9 @@ def _largest(case: Judged) -> float:
     return max(float(np.linalg.norm(f)) for f in (*case.forces, *case.acting.values())) or 1.0
 
 
-def _unit(vector: np.ndarray) -> np.ndarray:
-    length = float(np.linalg.norm(vector))
-    return vector / length if length > 0.0 else vector
-
-
 def _across(direction: np.ndarray) -> np.ndarray:
     """A unit vector perpendicular to a direction."""
-    return _unit(np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))]))
+    return unit(np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))]))
 
 
 def _middle(values: np.ndarray) -> float:

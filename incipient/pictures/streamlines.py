@@ -13,6 +13,7 @@ from math import hypot
 
 import numpy as np
 
+from ..arrays import quarter_turned
 from .mesh import QuadraticMesh, triangles_of
 
 _CELLS_ACROSS = 400
@@ -116,9 +117,7 @@ def _neighbours(line: np.ndarray, apart: float) -> np.ndarray:
     if len(line) < 2:
         return np.empty((0, 2))
     along = np.gradient(line, axis=0)
-    across = (
-        np.column_stack([-along[:, 1], along[:, 0]]) * (1.05 * apart / np.linalg.norm(along, axis=1))[:, None]
-    )
+    across = quarter_turned(along) * (1.05 * apart / np.linalg.norm(along, axis=1))[:, None]
     every = max(1, int(apart / _STEP / 2))
     return np.concatenate([line[::every] + across[::every], line[::every] - across[::every]])
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..arrays import planar_cross, quarter_turned
 from ..output.series_file import Step
 from .mesh import directed, enclosed_area
 
@@ -27,7 +28,7 @@ class Surface:
             edges = edges[::-1][:, [1, 0, 2]]
         nodes = edges[:, [0, 2]].ravel()
         along = _tangents(points, edges)
-        normals = np.column_stack([along[:, 1], -along[:, 0]])
+        normals = -quarter_turned(along)
         return cls(points[nodes], normals, step.fields["traction"][nodes, :2])
 
     @property
@@ -43,7 +44,7 @@ class Surface:
     @property
     def tangential_part(self) -> np.ndarray:
         """(n,) traction along the surface, positive anticlockwise."""
-        return self.normals[:, 0] * self.tractions[:, 1] - self.normals[:, 1] * self.tractions[:, 0]
+        return planar_cross(self.normals, self.tractions)
 
     def spaced(self, count: int) -> np.ndarray:
         """Indices of at most `count` points, at about equal distances along the surface."""

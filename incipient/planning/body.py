@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..body.rigidbody import RigidBody
 from ..body.state import BodyState, Freedom, Inertia
 from ..scene import Scene
 from ..scene.expression import Expression
 from ..scene.motion import moment
-
-Floats = NDArray[np.float64]
 
 
 def rigid_body(scene: Scene) -> RigidBody:

@@ -6,16 +6,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Floats, Point
 from ..geometry.placement import Placement
 from ..geometry.plane.bed import Bed
-from ..geometry.plane.curves import Point
 from ..geometry.plane.grain import Grain
 from ..geometry.rest import clearance
 from ..scene import Domain
-
-Floats = NDArray[np.float64]
 
 SAMPLES = (
     2000  # on each curve of the outline; the distance of a side then is known to 1e-7 of the grain's size

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from ..arrays import Point
 from ..errors import SceneError
 from ..geometry.placement import Placement
-from ..geometry.plane.curves import Curve, Line, Point
+from ..geometry.plane.curves import Curve, Line
 from ..geometry.rest import clearance, lifted
 from ..installed import required
 from ..meshes import Away, Grid, Near, Region, Sizes

@@ -16,13 +16,11 @@ from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Floats, Integers
 from ..errors import OutputError
 from ..files import cause_of, write_bytes_atomically
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 T = TypeVar("T")
 
 FORMAT, VERSION = "incipient checkpoint", 1

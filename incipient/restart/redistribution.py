@@ -17,14 +17,12 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from .. import compat
+from ..arrays import Floats, Integers
 from ..errors import OutputError
 from ..fluid import Fluid
 from ..mesh.domain import Domain
 from ..parallel import collectively
 from .checkpoint import WholeFlow, WholeMesh
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 # How far, relative to the mesh's size, a node may be from where its value was stored.
 SAME_PLACE = 1e-10
@@ -183,7 +181,7 @@ def _rows(array: np.ndarray) -> list[list[int]]:
     return rows
 
 
-def _matched(stored: Floats, points: Floats) -> NDArray[np.int64]:
+def _matched(stored: Floats, points: Floats) -> Integers:
     """For each point (n, 3) the row of the stored one at the same place."""
     distances, rows = KDTree(stored).query(points)
     size = float(np.ptp(stored, axis=0).max())

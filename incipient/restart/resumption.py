@@ -6,7 +6,6 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..body.rigidbody import MeanLoad
 from ..body.state import BodyState
@@ -25,7 +24,6 @@ if TYPE_CHECKING:
     from ..simulation.moving_grain import Trajectory
     from ..simulation.simulate import Simulation
 
-Floats = NDArray[np.float64]
 
 # -- to the checkpoint ------------------------------------------------------------------------------
 

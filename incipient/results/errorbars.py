@@ -6,14 +6,12 @@ from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Floats
 from .safetybar import SafetyBar
 
 if TYPE_CHECKING:
     from .result import Result
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ..arrays import Floats
 from ..planning.effects import percent
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,8 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from ..arrays import Point
 from .messages import Problem, counted, refusal
-
-Point = tuple[float, float]
 
 LARGEST_FILE = 16  # MiB
 MOST_POINTS = 100_000

@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
+from ..arrays import Point
 from ..errors import SceneError
 from .messages import Problem, counted, refusal, split
 from .motion import unfit
-from .points import MOST_POINTS, Point, about_file, read_points
+from .points import MOST_POINTS, about_file, read_points
 from .section import NotNegative, Pair, Positive, PositivePair, Section, contradiction
 
 if TYPE_CHECKING:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..arrays import spatial
 from ..errors import IncipientError
 from ..results.cost_of_effects import cost_of_effects
 from ..results.loads import Coefficients, Couples, Forces
@@ -125,7 +126,7 @@ def loads(simulation: Simulation, surface: bool, speed: float = 1.0) -> tuple[Fo
     assert probe is not None and scene.grain is not None
     flow = probe.resultant()
     check = probe.surface_resultant() if surface else flow
-    gravity, unit = np.append(scene.gravity_vector, 0.0), speed**2
+    gravity, unit = spatial(scene.gravity_vector), speed**2
     buoyancy, weight = -scene.grain.volume * gravity, (scene.mass or 0.0) * gravity
     force = Forces(unit * flow.force, unit * check.force, buoyancy, weight)
     couple = Couples(unit * flow.couple, unit * check.couple, flow.about)

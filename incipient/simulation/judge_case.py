@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, PlainValidator, field_validator, model_validator
 
+from ..arrays import Floats, spatial
 from ..contact import Contacts, Load
 from ..contact.uncertainty import StandardErrors, probabilities
 from ..contact.verdict import judge
@@ -24,7 +24,6 @@ from ..scene.messages import Key, Problem, counted, refusal
 from ..scene.section import NotNegative, Positive, Section, contradiction
 from ..scene.shapes import Body
 
-Floats = NDArray[np.float64]
 ROUNDING = 1e-3  # of unit vectors and of the grain's size: numbers given by hand are rounded
 
 
@@ -269,11 +268,6 @@ def text(case: Case, judgement: dict[str, Any]) -> str:
         said = (chances["sentence"], chances["within"]["sentence"])
         lines += [f"{sentence[0].upper()}{sentence[1:]}." for sentence in said]
     return "\n".join(lines)
-
-
-def spatial(vector: Sequence[float]) -> Floats:
-    """Two or three components as three."""
-    return np.array([*vector, 0.0][:3], dtype=float)
 
 
 def spatial_couple(couple: float | Sequence[float]) -> Floats:

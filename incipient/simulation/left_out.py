@@ -13,8 +13,8 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..planning.effects import accuracy_asked, may_be_turbulent, turbulent_from
 from ..results.left_out import Omission
 
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from ..results.loads import Couples, Forces
     from .simulate import Simulation
 
-Floats = NDArray[np.float64]
 Term = Callable[[Any, Any], Any]  # velocity and its test function to the integrand, both UFL
 
 

@@ -8,8 +8,8 @@ from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Floats, planar_cross
 from ..body.state import BodyState
 from ..coupled.coupling import Coupling, InterfaceReport
 from ..coupled.energy import EnergyBudget
@@ -29,7 +29,6 @@ from ..planning.plan import Plan
 from ..progress import Silent
 from ..scene import Scene
 
-Floats = NDArray[np.float64]
 Stage = Callable[[str], AbstractContextManager[Any]]
 
 # Of a grain's place, relative to its size, and of its angle, when a mesh is drawn around it, which then is moved
@@ -224,7 +223,7 @@ class Trajectory:
         away = towards / max(float(np.linalg.norm(towards)), 1e-300)
         force = strength * (1.0 - near.distance / reach) ** 2 * away
         arm = on_grain - state.place
-        return np.array([*force, arm[0] * force[1] - arm[1] * force[0]])
+        return np.array([*force, planar_cross(arm, force)])
 
     # -- a new mesh -------------------------------------------------------------------------------
 

@@ -11,8 +11,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
+from incipient.arrays import Floats, Point, rows
 from incipient.errors import SceneError
-from incipient.geometry.plane.curves import Arc, Curve, Floats, Line, Point, Spline, rows
+from incipient.geometry.plane.curves import Arc, Curve, Line, Spline
 
 
 class Bed(ABC):

@@ -9,13 +9,12 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from incipient.arrays import Floats, Point, unit
 
 if TYPE_CHECKING:
     from incipient.geometry.placement import Placement
-
-Floats = NDArray[np.float64]
-Point = tuple[float, float]
 
 
 class Curve(Protocol):
@@ -112,7 +111,7 @@ class Arc:
         (a, b), frame, (first, sweep) = self._shape()
         angle = first + sweep * _column(s)
         direction = np.sign(sweep) * np.hstack([-a * np.sin(angle), b * np.cos(angle)]) @ frame
-        return np.asarray(direction / np.linalg.norm(direction, axis=1, keepdims=True))
+        return unit(direction)
 
     def moved(self, placement: "Placement") -> "Arc":
         """The arc at its place in the scene."""
@@ -181,7 +180,7 @@ class Spline:
         t, p, m = self._pieces(s)
         rise = 6.0 * t * (1.0 - t) * (p[:, 1] - p[:, 0])
         direction = rise + (1.0 - t) * (1.0 - 3.0 * t) * m[:, 0] + t * (3.0 * t - 2.0) * m[:, 1]
-        return np.asarray(direction / np.linalg.norm(direction, axis=1, keepdims=True))
+        return unit(direction)
 
     def moved(self, placement: "Placement") -> "Spline":
         """The spline at its place in the scene."""
@@ -204,7 +203,7 @@ class Traced(Spline):
     def tangent(self, s: ArrayLike) -> Floats:
         """Unit tangents (n, 2) of the exact curve."""
         direction = self.path(_column(s)[:, 0])[1]
-        return np.asarray(direction / np.linalg.norm(direction, axis=1, keepdims=True))
+        return unit(direction)
 
     def moved(self, placement: "Placement") -> "Traced":
         """The curve at its place in the scene."""
@@ -215,11 +214,6 @@ class Traced(Spline):
             return placement.to_scene(point), derivative @ placement.rotation.T
 
         return Traced(placement.to_scene(self.points), carried)
-
-
-def rows(x: ArrayLike) -> Floats:
-    """Points as a table (n, 2) of numbers; one point (2,) becomes a table of one row."""
-    return np.atleast_2d(np.asarray(x, dtype=np.float64))
 
 
 def _column(s: ArrayLike) -> Floats:

@@ -9,9 +9,10 @@ from math import pi
 import numpy as np
 from numpy.typing import ArrayLike
 
+from incipient.arrays import Floats, Point, rows, unit
 from incipient.errors import SceneError
 from incipient.geometry import moments
-from incipient.geometry.plane.curves import Arc, Curve, Floats, Point, rows
+from incipient.geometry.plane.curves import Arc, Curve
 from incipient.geometry.plane.grain import Grain
 
 OVERLAP = 1e-6  # of the smaller radius: discs that overlap by less do not hang together
@@ -186,7 +187,7 @@ def normal_of_balls(x: Floats, centres: Floats, radii: Floats, size: float) -> F
     distance = length - radii
     nearest = distance <= distance.min(axis=1, keepdims=True) + 1e-12 * size
     total = (outward * nearest[..., None]).sum(axis=1)
-    return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-300))
+    return unit(total)
 
 
 def _on_circle(centres: Floats, radii: Floats, owner: int, angle: float) -> Point:

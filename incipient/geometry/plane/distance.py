@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from incipient.arrays import Floats, quarter_turned
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.bed import Bed
-from incipient.geometry.plane.curves import Curve, Floats
+from incipient.geometry.plane.curves import Curve
 from incipient.geometry.plane.grain import Grain
 from incipient.geometry.plane.outline import Outline
 
@@ -143,4 +144,4 @@ def _normal(outline: Sequence[Curve], k: int, s: float) -> Floats | None:
         other = outline[(k + 1) % len(outline)].tangent(0.0)[0]
     if np.abs(other - tangent).max() > 1e-9:
         return None
-    return np.array([tangent[1], -tangent[0]])
+    return -quarter_turned(tangent)

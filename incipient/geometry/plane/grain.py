@@ -11,10 +11,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from incipient.arrays import Floats, Point, rows, unit
 from incipient.errors import SceneError
 from incipient.geometry import moments
 from incipient.geometry.placement import Placement as Placement  # known by this name here, too
-from incipient.geometry.plane.curves import Arc, Curve, Floats, Line, Point, rows
+from incipient.geometry.plane.curves import Arc, Curve, Line
 from incipient.geometry.plane.outline import Chain
 
 
@@ -108,7 +109,7 @@ class Ellipse(Grain):
 
     def normal(self, x: ArrayLike) -> Floats:
         """Outward unit normals (n, 2) of the similar ellipse through each of the points (n, 2)."""
-        return _unit(rows(x) / np.square(self.semi_axes))
+        return unit(rows(x) / np.square(self.semi_axes))
 
     def outline(self) -> tuple[Curve, ...]:
         """Four quarter arcs."""
@@ -184,7 +185,7 @@ class Rectangle(Grain):
         inside = (beyond <= 0.0).all(axis=1, keepdims=True)
         nearest_side = beyond == beyond.max(axis=1, keepdims=True)
         direction = np.where(inside, nearest_side, np.maximum(beyond, 0.0))
-        return _unit(direction * np.where(x < 0.0, -1.0, 1.0))
+        return unit(direction * np.where(x < 0.0, -1.0, 1.0))
 
     def outline(self) -> tuple[Curve, ...]:
         """Bottom, right, top and left side with the corner arcs between; sides of no length are left out."""
@@ -206,11 +207,6 @@ class Rectangle(Grain):
 def _require_positive(name: str, value: float) -> None:
     if not (np.isfinite(value) and value > 0.0):
         raise SceneError(f"{name} {value} is not a positive length; give a positive number")
-
-
-def _unit(x: Floats) -> Floats:
-    length = np.linalg.norm(x, axis=1, keepdims=True)
-    return np.asarray(x / np.where(length > 0.0, length, 1.0))
 
 
 def _shifted(x: Floats, by: Point = (0.0, 0.0)) -> Point:

@@ -10,9 +10,10 @@ from typing import overload
 
 import numpy as np
 
+from incipient.arrays import Floats
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.bed import Bed
-from incipient.geometry.plane.curves import Curve, Floats, Line
+from incipient.geometry.plane.curves import Curve, Line
 
 FEWEST = 32  # steps along a curve that is not straight
 MOST = 8192

@@ -5,9 +5,10 @@ from functools import cached_property
 
 import numpy as np
 
+from incipient.arrays import Floats, planar_cross, quarter_turned
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.bed import Bed
-from incipient.geometry.plane.curves import Arc, Curve, Floats, Line
+from incipient.geometry.plane.curves import Arc, Curve, Line
 from incipient.geometry.plane.distance import Approach, approaches, placed_outline, refined
 from incipient.geometry.plane.grain import Grain
 from incipient.geometry.plane.outline import Outline
@@ -205,7 +206,7 @@ class PlanarProximity:
 
 def _is_valley(left: Floats, right: Floats) -> bool:
     """Whether the bed steepens, seen by the normals left and right of a corner."""
-    return bool(left[0] * right[1] - left[1] * right[0] > 1e-9)
+    return bool(planar_cross(left, right) > 1e-9)
 
 
 def _distance_from(piece: Curve, point: Floats) -> tuple[float, Floats] | None:
@@ -213,7 +214,7 @@ def _distance_from(piece: Curve, point: Floats) -> tuple[float, Floats] | None:
     if isinstance(piece, Line):
         along = piece.tangent([0.0])[0]
         away = point - np.asarray(piece.start)
-        normal = np.array([-along[1], along[0]])
+        normal = quarter_turned(along)
         beside = -1e-9 <= away @ along / piece.length <= 1.0 + 1e-9
         return (float(away @ normal), normal) if beside else None
     if isinstance(piece, Arc):

@@ -7,9 +7,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from incipient.arrays import Floats, Point, planar_cross, quarter_turned, rows, unit
 from incipient.errors import SceneError
 from incipient.geometry import moments
-from incipient.geometry.plane.curves import Curve, Floats, Line, Point, Spline, rows
+from incipient.geometry.plane.curves import Curve, Line, Spline
 from incipient.geometry.plane.grain import Grain
 
 # In sizes of the polygon. Shorter sides than cells can follow are points of a curve; where a curve turns by more than
@@ -82,13 +83,13 @@ class Polygon(Grain):
     def normal(self, x: ArrayLike) -> Floats:
         """The normals (n, 2) of the side nearest to each of the points (n, 2), at a corner the bisector."""
         side = np.roll(self._corners, -1, axis=0) - self._corners
-        outward = _unit(np.column_stack([side[:, 1], -side[:, 0]]))
+        outward = unit(-quarter_turned(side))
         found = []
         for part in self._parts(rows(x)):
             distance = self._nearest(part)
             # Sides that are equally near, to round-off, meet in a corner and share the normal.
             nearest = distance <= distance.min(axis=1, keepdims=True) + 1e-12 * self.size
-            found.append(_unit(nearest.astype(float) @ outward))
+            found.append(unit(nearest.astype(float) @ outward))
         return np.concatenate(found)
 
     def outline(self) -> tuple[Curve, ...]:
@@ -152,7 +153,7 @@ def _is_turn(corners: Floats, lengths: Floats, size: float) -> np.ndarray:
         return np.column_stack([np.interp(s % whole, way, closed[:, k]) for k in (0, 1)])
 
     before, after = corners - along(at - window), along(at + window) - corners
-    turn = np.abs(np.arctan2(_cross(before, after), (before * after).sum(axis=1)))
+    turn = np.abs(np.arctan2(planar_cross(before, after), (before * after).sum(axis=1)))
     candidates = np.flatnonzero(turn > CORNER)
     found = np.zeros(n, dtype=bool)
     for k in candidates[np.argsort(-turn[candidates], kind="stable")]:
@@ -233,18 +234,13 @@ def _overlapping(start: Floats, end: Floats) -> Iterator[tuple[np.ndarray, np.nd
 
 def _straddles(a: Floats, b: Floats, c: Floats, d: Floats) -> np.ndarray:
     """Whether the lines through a-b pass between, or through, c and d; (m,) for points (m, 2) each."""
-    return np.asarray(np.sign(_cross(b - a, c - a)) * np.sign(_cross(b - a, d - a)) <= 0.0)
-
-
-def _unit(x: Floats) -> Floats:
-    length = np.linalg.norm(x, axis=1, keepdims=True)
-    return np.asarray(x / np.where(length > 0.0, length, 1.0))
+    return np.asarray(np.sign(planar_cross(b - a, c - a)) * np.sign(planar_cross(b - a, d - a)) <= 0.0)
 
 
 def _shoelace(corners: Floats) -> tuple[float, Floats]:
     """Signed area (positive counter-clockwise) and centroid of a polygon."""
     following = np.roll(corners, -1, axis=0)
-    cross = _cross(corners, following)
+    cross = planar_cross(corners, following)
     area = 0.5 * float(cross.sum())
     if area == 0.0:
         return area, corners.mean(axis=0)
@@ -268,7 +264,3 @@ def _require_simple(corners: Floats) -> None:
         raise SceneError(f"polygon vertex {int(np.argmax(repeated))} is repeated; leave one out")
     if meeting_sides(corners) is not None:
         raise SceneError("the polygon's sides cross; list the vertices in order around it")
-
-
-def _cross(a: Floats, b: Floats) -> Floats:
-    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])

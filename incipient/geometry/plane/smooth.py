@@ -13,9 +13,10 @@ from math import pi
 import numpy as np
 from numpy.typing import ArrayLike
 
+from incipient.arrays import Floats, quarter_turned, rows, unit
 from incipient.errors import SceneError
 from incipient.geometry import moments
-from incipient.geometry.plane.curves import Curve, Floats, Spline, Traced, rows
+from incipient.geometry.plane.curves import Curve, Spline, Traced
 from incipient.geometry.plane.grain import Grain
 
 SPLINE_ERROR = 1e-7  # of the splines that are meshed, in grain sizes
@@ -105,13 +106,13 @@ class Superellipse(Smooth):
         scaled = rows(x) / np.asarray(self.semi_axes)
         scaled = scaled / np.maximum(np.abs(scaled).max(axis=1, keepdims=True), 1e-300)
         slope = np.sign(scaled) * np.abs(scaled) ** (self.exponent - 1.0) / np.asarray(self.semi_axes)
-        return np.asarray(slope / np.maximum(np.linalg.norm(slope, axis=1, keepdims=True), 1e-300))
+        return unit(slope)
 
     def trace(self, angle: Floats) -> tuple[Floats, Floats]:
         """Points and derivatives; the direction (a cos, b sin) is stretched to the outline."""
         n = self.exponent
         circle = np.column_stack([np.cos(angle), np.sin(angle)])
-        along = np.column_stack([-circle[:, 1], circle[:, 0]])
+        along = quarter_turned(circle)
         length = power_norm(np.abs(circle), n)[:, None]
         rate = (np.sign(circle) * np.abs(circle) ** (n - 1.0) * along).sum(axis=1, keepdims=True)
         rate = rate * length ** (1.0 - n)
@@ -237,14 +238,14 @@ class Star(Smooth):
         away = rows(x) - self.pole
         length = np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-300)
         outward = away / length
-        along = np.column_stack([-outward[:, 1], outward[:, 0]])
+        along = quarter_turned(outward)
         slope = self.slope(np.arctan2(away[:, 1], away[:, 0]))[:, None]
         gradient = outward - along * slope / length
-        return np.asarray(gradient / np.linalg.norm(gradient, axis=1, keepdims=True))
+        return unit(gradient)
 
     def trace(self, angle: Floats) -> tuple[Floats, Floats]:
         """Points and derivatives at polar angles about the pole."""
         r, slope = np.asarray(self.radius(angle))[:, None], self.slope(angle)[:, None]
         outward = np.column_stack([np.cos(angle), np.sin(angle)])
-        along = np.column_stack([-outward[:, 1], outward[:, 0]])
+        along = quarter_turned(outward)
         return self.pole + r * outward, slope * outward + r * along

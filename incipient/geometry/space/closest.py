@@ -9,9 +9,9 @@ from functools import cached_property
 
 import numpy as np
 
+from incipient.arrays import Floats
 from incipient.errors import SceneError
 from incipient.geometry.placement import Placement
-from incipient.geometry.plane.curves import Floats
 from incipient.geometry.space.pieces import Graph, Pieces, Sight
 from incipient.geometry.space.polyhedra import nearest_on_triangles
 from incipient.geometry.space.solid import Core, Solid, frame_of

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from incipient.arrays import Floats, rows
 from incipient.errors import SceneError
-from incipient.geometry.plane.curves import Floats, rows
 from incipient.geometry.space.solid import require_positive
 from incipient.geometry.space.terrain import Extent, Smooth
 

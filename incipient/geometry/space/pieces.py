@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from incipient.geometry.plane.curves import Floats
+from incipient.arrays import Floats
 
 Curvature = Callable[[Floats], Floats]  # (n, 2) -> (n, 2, 2)
 

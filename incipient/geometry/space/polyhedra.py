@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from incipient.arrays import Floats, rows, unit
 from incipient.errors import SceneError
 from incipient.geometry import moments
-from incipient.geometry.plane.curves import Floats
 from incipient.geometry.space import surfaces
-from incipient.geometry.space.solid import Core, Solid, require_positive, table, unit
+from incipient.geometry.space.solid import Core, Solid, require_positive
 from incipient.geometry.space.surfaces import Surface
 
 BLOCK = 2_000_000  # pairs of points and triangles that are looked at together
@@ -65,13 +65,13 @@ class Box(Solid):
 
     def level(self, x: ArrayLike) -> Floats:
         """The signed distance at points (n, 3)."""
-        beyond = np.abs(table(x)) - self._half
+        beyond = np.abs(rows(x)) - self._half
         outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
         return np.asarray(outside + np.minimum(beyond.max(axis=1), 0.0) - self.edge_radius)
 
     def normal(self, x: ArrayLike) -> Floats:
         """Outward unit normals (n, 3) at points (n, 3), at sharp edges and corners the bisector."""
-        x = table(x)
+        x = rows(x)
         beyond = np.abs(x) - self._half
         inside = (beyond <= 1e-12 * self.size).all(axis=1, keepdims=True)
         nearest = beyond >= beyond.max(axis=1, keepdims=True) - 1e-12 * self.size
@@ -138,12 +138,12 @@ class Polyhedron(Solid):
     def level(self, x: ArrayLike) -> Floats:
         """The largest of the distances from the faces' planes at points (n, 3)."""
         normals, offsets = self._faces
-        return np.asarray((table(x) @ normals.T - offsets).max(axis=1))
+        return np.asarray((rows(x) @ normals.T - offsets).max(axis=1))
 
     def normal(self, x: ArrayLike) -> Floats:
         """The normal (n, 3) of the face whose plane is farthest below each point; at edges the bisector."""
         normals, offsets = self._faces
-        height = table(x) @ normals.T - offsets
+        height = rows(x) @ normals.T - offsets
         nearest = height >= height.max(axis=1, keepdims=True) - 1e-12 * self.size
         return np.array([_mean_direction(normals[row]) for row in nearest])
 
@@ -274,11 +274,11 @@ class Triangulated(Solid):
 
     def level(self, x: ArrayLike) -> Floats:
         """The signed distance at points (n, 3)."""
-        return self._nearest(table(x))[0]
+        return self._nearest(rows(x))[0]
 
     def normal(self, x: ArrayLike) -> Floats:
         """Unit normals (n, 3): off the surface away from its nearest point, on an edge the mean of its sides'."""
-        return self._nearest(table(x))[1]
+        return self._nearest(rows(x))[1]
 
     def _nearest(self, x: Floats) -> tuple[Floats, Floats]:
         """Signed distances (n,) and normals (n, 3), some points at a time."""

@@ -13,9 +13,9 @@ from math import gamma, pi
 import numpy as np
 from numpy.typing import ArrayLike
 
+from incipient.arrays import Floats, rows, unit
 from incipient.errors import SceneError
 from incipient.geometry import moments
-from incipient.geometry.plane.curves import Floats
 from incipient.geometry.plane.smooth import MAX_EXPONENT, farthest, power_norm
 from incipient.geometry.space import surfaces
 from incipient.geometry.space.surfaces import Surface
@@ -83,16 +83,6 @@ class Solid(ABC):
     def project(self, x: ArrayLike) -> Floats:
         """Points of the surface (n, 3) near points (n, 3) that are close to it; for smooth grains only."""
         raise NotImplementedError
-
-
-def table(x: ArrayLike) -> Floats:
-    """Points as a table (n, 3) of numbers; one point (3,) becomes a table of one row."""
-    return np.atleast_2d(np.asarray(x, dtype=np.float64))
-
-
-def unit(x: Floats) -> Floats:
-    """Vectors (n, d) at unit length."""
-    return np.asarray(x / np.maximum(np.linalg.norm(x, axis=-1, keepdims=True), 1e-300))
 
 
 def require_positive(name: str, *values: float) -> None:
@@ -165,13 +155,13 @@ class Superquadric(Solid):
 
     def level(self, x: ArrayLike) -> Floats:
         """min(a, b, c) (factor of the similar superquadric through the point - 1) at points (n, 3)."""
-        return np.asarray(min(self.semi_axes) * (self._norm(table(x)) - 1.0))
+        return np.asarray(min(self.semi_axes) * (self._norm(rows(x)) - 1.0))
 
     def normal(self, x: ArrayLike) -> Floats:
         """Outward unit normals (n, 3) of the similar superquadric through each of the points (n, 3)."""
         m, n = self.exponents
         axes = np.asarray(self.semi_axes)
-        scaled = table(x) / axes
+        scaled = rows(x) / axes
         scaled = scaled / np.maximum(np.abs(scaled).max(axis=1, keepdims=True), 1e-300)
         section = power_norm(np.abs(scaled[:, :2]), n)[:, None]
         slope = np.sign(scaled) * np.abs(scaled)
@@ -182,7 +172,7 @@ class Superquadric(Solid):
 
     def project(self, x: ArrayLike) -> Floats:
         """The points (n, 3) of the surface on the rays from the origin through points (n, 3)."""
-        x = table(x)
+        x = rows(x)
         return np.asarray(x / self._norm(x)[:, None])
 
     def surface(self, spacing: float) -> Surface:
@@ -242,11 +232,11 @@ class Sphere(Solid):
 
     def level(self, x: ArrayLike) -> Floats:
         """The signed distance at points (n, 3)."""
-        return np.asarray(np.linalg.norm(table(x), axis=1) - 0.5 * self.diameter)
+        return np.asarray(np.linalg.norm(rows(x), axis=1) - 0.5 * self.diameter)
 
     def normal(self, x: ArrayLike) -> Floats:
         """Away from the centre, (n, 3)."""
-        return unit(table(x))
+        return unit(rows(x))
 
     def surface(self, spacing: float) -> Surface:
         """A divided icosahedron."""
@@ -314,12 +304,12 @@ class StarSolid(Solid):
 
     def level(self, x: ArrayLike) -> Floats:
         """The distance from the pole less the radius in that direction, at points (n, 3)."""
-        away = table(x) - self.pole
+        away = rows(x) - self.pole
         return np.asarray(np.linalg.norm(away, axis=1) - self.radius(unit(away)))
 
     def normal(self, x: ArrayLike) -> Floats:
         """Outward unit normals (n, 3) of the level function at points (n, 3)."""
-        away = table(x) - self.pole
+        away = rows(x) - self.pole
         length = np.maximum(np.linalg.norm(away, axis=1), 1e-300)
         outward = unit(away)
         gradient = outward.copy()
@@ -340,7 +330,7 @@ class StarSolid(Solid):
 
     def project(self, x: ArrayLike) -> Floats:
         """The points (n, 3) of the surface on the rays from the pole through points (n, 3)."""
-        return self._point(unit(table(x) - self.pole))
+        return self._point(unit(rows(x) - self.pole))
 
     def surface(self, spacing: float) -> Surface:
         """A sphere's triangles, carried along rays onto the surface."""

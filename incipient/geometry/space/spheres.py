@@ -8,9 +8,9 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from incipient.arrays import Floats, rows
 from incipient.geometry import moments
 from incipient.geometry.moments import Moments
-from incipient.geometry.plane.curves import Floats
 from incipient.geometry.plane.discs import (
     checked_balls,
     exposed_arcs,
@@ -19,7 +19,7 @@ from incipient.geometry.plane.discs import (
     require_exposed,
 )
 from incipient.geometry.space import surfaces
-from incipient.geometry.space.solid import Core, Solid, table
+from incipient.geometry.space.solid import Core, Solid
 from incipient.geometry.space.surfaces import Surface
 
 SECTION_NODES = 24  # Gauss points between heights at which the section changes its topology
@@ -70,12 +70,12 @@ class Spheres(Solid):
 
     def level(self, x: ArrayLike) -> Floats:
         """The signed distance from the nearest sphere at points (n, 3): outside that from the grain."""
-        away = np.linalg.norm(table(x)[:, None] - np.array(self.centres), axis=2)
+        away = np.linalg.norm(rows(x)[:, None] - np.array(self.centres), axis=2)
         return np.asarray((away - np.array(self.radii)).min(axis=1))
 
     def normal(self, x: ArrayLike) -> Floats:
         """The normals (n, 3) of the sphere nearest to each of the points (n, 3), in creases the bisector."""
-        return normal_of_balls(table(x), np.array(self.centres), np.array(self.radii), self.size)
+        return normal_of_balls(rows(x), np.array(self.centres), np.array(self.radii), self.size)
 
     def surface(self, spacing: float) -> Surface:
         """The spheres' triangles as far as they show; triangles that cross a crease are left whole."""

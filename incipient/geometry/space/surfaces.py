@@ -5,8 +5,8 @@ from functools import cached_property
 
 import numpy as np
 
+from incipient.arrays import Floats, unit
 from incipient.errors import SceneError
-from incipient.geometry.plane.curves import Floats
 
 MOST_POINTS = 60_000  # of a sampled surface: finer wishes are cut down to that
 
@@ -64,7 +64,7 @@ def sphere(frequency: int) -> Surface:
         if near[i, j] and near[j, k] and near[i, k]
     ]
     split = _split(Surface(points, _outward(points, np.array(faces))), frequency)
-    return Surface(split.points / np.linalg.norm(split.points, axis=1, keepdims=True), split.triangles)
+    return Surface(unit(split.points), split.triangles)
 
 
 def _outward(points: Floats, triangles: Indices) -> Indices:

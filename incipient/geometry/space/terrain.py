@@ -11,10 +11,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from incipient.arrays import Floats, rows, unit
 from incipient.errors import SceneError
-from incipient.geometry.plane.curves import Floats, rows
 from incipient.geometry.space.pieces import Graph, HalfSpacesAndBalls, Pieces
-from incipient.geometry.space.solid import require_positive, table
+from incipient.geometry.space.solid import require_positive
 
 Extent = tuple[tuple[float, float], tuple[float, float]]
 
@@ -59,18 +59,18 @@ class Terrain(ABC):
         steep = ~np.isfinite(slope).all(axis=1)
         outward = np.where(np.isfinite(slope[steep]), 0.0, -np.sign(slope[steep]))
         normals[steep] = np.column_stack([outward, np.zeros(len(outward))])
-        return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
+        return unit(normals)
 
     def nearest(self, points: ArrayLike) -> Floats:
         """The point of the bed nearest to each of the points (n, 3) in the fluid, (n, 3).
 
         On smooth beds the best of nine starts: exact where the distance is less than about a feature.
         """
-        return self._seen(table(points))[1]
+        return self._seen(rows(points))[1]
 
     def distance(self, points: ArrayLike) -> Floats:
         """The Euclidean distance of points (n, 3) from the bed, (n,), negative below it; see `nearest`."""
-        return self._seen(table(points))[0]
+        return self._seen(rows(points))[0]
 
     def _seen(self, points: Floats) -> tuple[Floats, Floats]:
         """Signed distances (n,) and nearest points (n, 3)."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from incipient.geometry.plane.curves import Floats
+from incipient.arrays import Floats
 from incipient.geometry.space.pieces import Pieces, Sight
 
 STILL = 1e-11  # grain sizes: a last step this short leaves an error of its square
