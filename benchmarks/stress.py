@@ -33,12 +33,14 @@ from hard import (
 )
 from hard_map import points
 from hard_resumed import rows as resumed_rows
+from random_files import fates
 from remeshed import remeshed_run
 
 from incipient.fluid import FlowModel, Fluid, Prescribed, no_slip, solve_steady
 
 DOCS = Path(__file__).parents[1] / "docs"
 Row = tuple[str, str, str]  # the case, what was found, what that means
+SCENE_FILES = 5000
 FINEST_CAVITY = (-0.45920, 0.46495, -0.58224)
 BOTELLA_PEYRET = (-0.3885698, 0.3769447, -0.5270771)
 
@@ -164,6 +166,20 @@ def stopped_and_resumed() -> Iterator[Row]:
         yield from resumed_rows(Path(directory))
 
 
+def files_at_random() -> Iterator[Row]:
+    """Scene files around valid ones: each is planned, meshed or run, or refused in one line."""
+    found = fates(SCENE_FILES)
+    for end, count in found.counts.most_common():
+        yield (
+            f"{end}",
+            f"{count} of {SCENE_FILES} scene files",
+            "completed" if "refused" not in end else "one line",
+        )
+    for number, end in found.failed.items():
+        yield f"scene file {number}", end, "a defect of the program"
+    yield "hangs, tracebacks, results that are not numbers", str(len(found.failed)), "must be none"
+
+
 CASES: dict[str, Callable[[], Iterator[Row]]] = {
     "Bodies without mass, with a million times the fluid's": bodies,
     "Steady cavity on coarse cells": steady_cavities,
@@ -177,6 +193,7 @@ CASES: dict[str, Callable[[], Iterator[Row]]] = {
     "Badly shaped meshes": bad_meshes,
     "Extreme domains": long_domains,
     "Violent mesh motion": moved_meshes,
+    "Scene files at random": files_at_random,
 }
 
 

@@ -60,6 +60,11 @@ SOURCES = {
     ),
     "Badly shaped meshes": "24 cells a side, P2-P1; at 1 the worst cell nearly folds.",
     "Extreme domains": "Poiseuille flow lies in the elements' space: nothing but round-off may be left.",
+    "Scene files at random": (
+        "Valid scenes with up to three keys changed: wrong types, zero, negative, huge, tiny and infinite numbers, "
+        "keys of other scenes, broken text. Every twentieth that is a scene is meshed as well; every fiftieth is a "
+        "valid one with unusual numbers and is run on coarse cells. Each has 60 s."
+    ),
     "Violent mesh motion": "Six cells a side, viscosity 1e-6, BDF1, step 0.1. More in docs/numerics.md.",
 }
 
