@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from ..errors import SceneError
+from ..planning.effects import EffectName
 from ..planning.plan import Plan, make_plan
 
 if TYPE_CHECKING:
@@ -27,27 +28,27 @@ def _always(scene: Scene, plan: Plan) -> bool:
 
 
 def _in_time(scene: Scene, plan: Plan) -> bool:
-    return plan.has("unsteadiness")
+    return plan.has(EffectName.UNSTEADINESS)
 
 
 def _convects(scene: Scene, plan: Plan) -> bool:
-    return plan.has("inertia")
+    return plan.has(EffectName.INERTIA)
 
 
 def _convects_in_time(scene: Scene, plan: Plan) -> bool:
-    return plan.has("inertia") and plan.has("unsteadiness")
+    return plan.has(EffectName.INERTIA) and plan.has(EffectName.UNSTEADINESS)
 
 
 def _convects_steadily(scene: Scene, plan: Plan) -> bool:
-    return plan.has("inertia") and scene.time is None
+    return plan.has(EffectName.INERTIA) and scene.time is None
 
 
 def _iterates(scene: Scene, plan: Plan) -> bool:
-    return plan.has("inertia") or scene.time is not None
+    return plan.has(EffectName.INERTIA) or scene.time is not None
 
 
 def _has_free_body(scene: Scene, plan: Plan) -> bool:
-    return plan.has("free body")
+    return plan.has(EffectName.FREE_BODY)
 
 
 @dataclass(frozen=True)
@@ -197,7 +198,9 @@ def own(scene: Scene) -> str:
     plan = make_plan(scene)
     solved = f"{plan.scheme}, {plan.convection} convection"
     if scene.time is None:
-        solved = "Newton's method, factors kept for GMRES" if plan.has("inertia") else "one linear system"
+        solved = (
+            "Newton's method, factors kept for GMRES" if plan.has(EffectName.INERTIA) else "one linear system"
+        )
     return f"{solved}, stabilised" if plan.stabilisation.present else solved
 
 

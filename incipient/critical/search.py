@@ -17,6 +17,7 @@ import numpy as np
 from ..contact import Load
 from ..contact.equilibrium import SafetyStatus, safety_factor
 from ..errors import ConvergenceError
+from ..planning.effects import EffectName
 from ..results.verdict import load_of
 from .loadpath import LoadPath
 
@@ -111,7 +112,7 @@ class Search:
 
     def found(self) -> Found:
         """Search from rest upwards."""
-        inertia = self.simulation.plan.has("inertia")
+        inertia = self.simulation.plan.has(EffectName.INERTIA)
         slow = CREEPING / self._reynolds if inertia else 1.0
         self._solve(slow)
         value, load = self.trials[0].safety_factor, self._load(slow)

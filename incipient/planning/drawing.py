@@ -16,6 +16,7 @@ from ..geometry.plane.curves import Curve, Line
 from ..geometry.rest import clearance, lifted
 from ..installed import required
 from ..meshes import Away, Grid, Near, Region, Sizes
+from ..planning.effects import EffectName
 from ..scene import Scene
 from .cells import FAR_CELL, is_grid, largest_cell, side_names
 from .clearance import Surroundings
@@ -96,7 +97,7 @@ def lay_out(scene: Scene, plan: Plan, moved: Placement | None = None) -> Layout:
     if is_grid(scene):
         return Layout(_grid(scene, plan), Sizes(1.0), plan.geometry_order, max_cells=most)
     resting, placement, gap, ends = _placed(scene, plan) if moved is None else (moved, moved, np.inf, None)
-    if plan.has("moving mesh") and placement is not None:
+    if plan.has(EffectName.MOVING_MESH) and placement is not None:
         near = surroundings(scene).clearance(placement)
         gap, ends = near.distance, (near.on_grain, near.on_other)
     holes = {}
@@ -166,7 +167,7 @@ def _near(
 def _gap_points(scene: Scene, plan: Plan, ends: tuple[Point, Point]) -> tuple[Point, ...]:
     """Where grain and bed nearly touch: the narrowest place, and every contact of a resting grain."""
     if not scene.rests:
-        return ends if plan.has("moving mesh") else (ends[0],)
+        return ends if plan.has(EffectName.MOVING_MESH) else (ends[0],)
     from ..contact.search import touching
 
     grain, bed, resting = scene.grain, scene.bed_shape, scene.placement

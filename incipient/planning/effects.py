@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -44,7 +45,24 @@ SHEDDING, SHEDDING_CLEARANCE = 46.0, 0.3
 # shear, of the velocity on top and the height: 4 times 324, of half of each (Duguet, Schlatter & Henningson
 # 2010, J. Fluid Mech. 650, 119).
 TURBULENT = 1300.0
+_DIMENSIONS = {2: "two-dimensional", 3: "three-dimensional"}
 SAMPLES = 33  # of times and of heights at which a given flow is looked at
+
+
+class EffectName(StrEnum):
+    """The physical effects that the program knows, by the names that plan and result show."""
+
+    INERTIA = "inertia"
+    UNSTEADINESS = "unsteadiness"
+    TRACTION = "traction"
+    GRAVITY = "gravity"
+    CONTACT = "contact"
+    FLOW = "flow"
+    MOVING_MESH = "moving mesh"
+    FREE_BODY = "free body"
+    FREE_SURFACE = "free surface"
+    TURBULENCE = "turbulence"
+    THIRD_DIMENSION = "third dimension"
 
 
 @dataclass(frozen=True)
@@ -55,7 +73,7 @@ class Effect:
     expected: relative change of the drag that the effect makes, by its leading term; None: no estimate
     """
 
-    name: str
+    name: EffectName
     present: bool
     reason: str
     forced: bool = False
@@ -112,15 +130,21 @@ def effects_of(scene: Scene, numbers: Numbers) -> tuple[Effect, ...]:
     return (
         _inertia(scene, numbers),
         _unsteadiness(scene, numbers),
-        Effect("traction", body is not None, "of the fluid on the grain" if body else "no [body] section"),
+        Effect(
+            EffectName.TRACTION,
+            body is not None,
+            "of the fluid on the grain" if body else "no [body] section",
+        ),
         _gravity(scene),
         _contact(scene),
-        Effect("flow", moving, f"{scene.flow.kind} flow" if moving else "the fluid is at rest"),
-        Effect("moving mesh", moves(scene), _mesh_motion(scene), scene.effects.moving_mesh != "auto"),
+        Effect(EffectName.FLOW, moving, f"{scene.flow.kind} flow" if moving else "the fluid is at rest"),
+        Effect(
+            EffectName.MOVING_MESH, moves(scene), _mesh_motion(scene), scene.effects.moving_mesh != "auto"
+        ),
         _free_body(scene, numbers),
         _free_surface(scene, numbers),
         _turbulence(scene, numbers),
-        Effect("third dimension", False, "the scene is two-dimensional"),
+        Effect(EffectName.THIRD_DIMENSION, scene.gdim == 3, f"the scene is {_DIMENSIONS[scene.gdim]}"),
     )
 
 
@@ -130,23 +154,23 @@ def effects_of(scene: Scene, numbers: Numbers) -> tuple[Effect, ...]:
 def _inertia(scene: Scene, numbers: Numbers) -> Effect:
     if not scene.fluid.inertia or scene.effects.inertia is False:
         key = "fluid.inertia" if not scene.fluid.inertia else "effects.inertia"
-        return Effect("inertia", False, f"{key} = false", True, expected_of_inertia(scene, numbers))
+        return Effect(EffectName.INERTIA, False, f"{key} = false", True, expected_of_inertia(scene, numbers))
     told = f"Re = {scene.fluid.reynolds:g} on {scene.fluid.scale} scale"
     if scene.effects.inertia is True:
-        return Effect("inertia", True, f"effects.inertia = true; {told}", True)
+        return Effect(EffectName.INERTIA, True, f"effects.inertia = true; {told}", True)
     if scene.flow.kind == "still" and not moves(scene):
-        return Effect("inertia", False, "the fluid is at rest", expected=0.0)
+        return Effect(EffectName.INERTIA, False, "the fluid is at rest", expected=0.0)
     expected = expected_of_inertia(scene, numbers)
     which = "flow Re" if numbers.grain_reynolds is None else "grain Re"
     value = numbers.flow_reynolds if numbers.grain_reynolds is None else numbers.grain_reynolds
     if expected > SHARE * accuracy_asked(scene):
-        return Effect("inertia", True, told, expected=expected)
+        return Effect(EffectName.INERTIA, True, told, expected=expected)
     reason = f"{which} {value:.2g}; estimated effect on drag {percent(expected)}"
-    return Effect("inertia", False, reason, expected=expected)
+    return Effect(EffectName.INERTIA, False, reason, expected=expected)
 
 
 def _unsteadiness(scene: Scene, numbers: Numbers) -> Effect:
-    name, time = "unsteadiness", scene.time
+    name, time = EffectName.UNSTEADINESS, scene.time
     if time is None:
         risk = _shedding(scene, numbers)
         return Effect(name, False, "no [time] section" + (f"; {risk}" if risk else ""))
@@ -170,19 +194,19 @@ def _shedding(scene: Scene, numbers: Numbers) -> str:
 
 def _gravity(scene: Scene) -> Effect:
     if scene.gravity is None:
-        return Effect("gravity", False, "no [gravity] section")
+        return Effect(EffectName.GRAVITY, False, "no [gravity] section")
     if scene.effects.gravity is False:
-        return Effect("gravity", False, "effects.gravity = false", True)
+        return Effect(EffectName.GRAVITY, False, "effects.gravity = false", True)
     reason = "weight and buoyancy of the grain; hydrostatic pressure in closed form, no unknowns"
-    return Effect("gravity", True, reason, scene.effects.gravity is True)
+    return Effect(EffectName.GRAVITY, True, reason, scene.effects.gravity is True)
 
 
 def _contact(scene: Scene) -> Effect:
     if not scene.rests:
-        return Effect("contact", False, "no grain rests on a bed")
+        return Effect(EffectName.CONTACT, False, "no grain rests on a bed")
     if scene.effects.contact is False:
-        return Effect("contact", False, "effects.contact = false: no verdict", True)
-    return Effect("contact", True, "the grain rests on the bed", scene.effects.contact is True)
+        return Effect(EffectName.CONTACT, False, "effects.contact = false: no verdict", True)
+    return Effect(EffectName.CONTACT, True, "the grain rests on the bed", scene.effects.contact is True)
 
 
 def moves(scene: Scene) -> bool:
@@ -201,25 +225,25 @@ def _mesh_motion(scene: Scene) -> str:
 def _free_body(scene: Scene, numbers: Numbers) -> Effect:
     body = scene.body
     if body is None:
-        return Effect("free body", False, "no [body] section")
+        return Effect(EffectName.FREE_BODY, False, "no [body] section")
     reason = f'body.motion = "{body.motion}"'
     if body.locked:
         reason += f" but for {', '.join(body.locked)}"
     if body.motion == "free" and numbers.density_ratio is not None and numbers.stokes is not None:
         reason += f"; density ratio {numbers.density_ratio:.3g}, Stokes number {numbers.stokes:.2g}"
-    return Effect("free body", body.motion == "free", reason, scene.effects.free_body != "auto")
+    return Effect(EffectName.FREE_BODY, body.motion == "free", reason, scene.effects.free_body != "auto")
 
 
 def _free_surface(scene: Scene, numbers: Numbers) -> Effect:
     """A rigid lid in place of a surface: by Bernoulli's equation it hides a rise of Fr^2/2 of the depth."""
     reason = f'the top is "{scene.top}"'
     if scene.top != "slip" or numbers.froude is None:
-        return Effect("free surface", False, reason)
+        return Effect(EffectName.FREE_SURFACE, False, reason)
     expected = 0.5 * numbers.froude**2
     reason += (
         f"; Froude number {numbers.froude:.2g}: a surface would rise by {percent(expected)} of the depth"
     )
-    return Effect("free surface", False, reason, expected=expected)
+    return Effect(EffectName.FREE_SURFACE, False, reason, expected=expected)
 
 
 def _turbulence(scene: Scene, numbers: Numbers) -> Effect:
@@ -227,8 +251,8 @@ def _turbulence(scene: Scene, numbers: Numbers) -> Effect:
     if may_be_turbulent(scene, numbers):
         least = turbulent_from(scene)
         told = f"flow Re {numbers.flow_reynolds:.4g}: channels may be turbulent from {least:g} on"
-        return Effect("turbulence", False, f"{reason}; {told}")
-    return Effect("turbulence", False, reason)
+        return Effect(EffectName.TURBULENCE, False, f"{reason}; {told}")
+    return Effect(EffectName.TURBULENCE, False, reason)
 
 
 def may_be_turbulent(scene: Scene, numbers: Numbers) -> bool:
@@ -377,7 +401,7 @@ def _wall_distance(scene: Scene) -> float:
     assert grain is not None and placement is not None
     if scene.rests:
         return 0.0
-    y, distances = placement.centre[1], [domain.height]
+    y, distances = placement.centre[scene.up], [domain.height]
     bounded = domain.kind == "box" or scene.top == "wall" or scene.flow.kind == "open-channel"
     if scene.bed is not None or bounded:
         distances.append(y - scene.datum)

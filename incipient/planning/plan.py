@@ -14,7 +14,7 @@ from ..geometry.plane.curves import Line
 from ..scene import Scene
 from ..scene.model import WIDE_GAP
 from .datum import Datum, datum_of
-from .effects import Effect, Numbers, effects_of, numbers_of
+from .effects import Effect, EffectName, Numbers, effects_of, numbers_of
 from .stabilisation import NO_CONVECTION, Stabilisation, stabilisation_of
 
 __all__ = ["Effect", "Estimate", "Plan", "make_plan"]
@@ -54,7 +54,7 @@ class Plan:
     warnings: tuple[str, ...] = ()
     datum: Datum | None = None
 
-    def has(self, name: str) -> bool:
+    def has(self, name: EffectName) -> bool:
         """Whether an effect is simulated."""
         return any(effect.present for effect in self.effects if effect.name == name)
 
@@ -104,7 +104,7 @@ def make_plan(scene: Scene) -> Plan:
         scheme=_scheme(scene, present),
         reynolds=1.0 / scene.viscosity,
         numbers=numbers,
-        stabilisation=stabilisation_of(scene, "inertia" in present),
+        stabilisation=stabilisation_of(scene, EffectName.INERTIA in present),
         sought=_sought(scene),
         warnings=tuple(_warnings(scene)),
         datum=datum_of(scene),
@@ -145,13 +145,13 @@ def _geometry_order(scene: Scene) -> int:
     return 1 if all(isinstance(curve, Line) for curve in curves) else GEOMETRY_ORDER[scene.numerics.order]
 
 
-def _convection(scene: Scene, present: set[str]) -> str:
-    if "inertia" not in present:
+def _convection(scene: Scene, present: set[EffectName]) -> str:
+    if EffectName.INERTIA not in present:
         return "no"
-    return scene.numerics.convection if "unsteadiness" in present else "implicit"
+    return scene.numerics.convection if EffectName.UNSTEADINESS in present else "implicit"
 
 
-def _scheme(scene: Scene, present: set[str]) -> str:
+def _scheme(scene: Scene, present: set[EffectName]) -> str:
     if scene.time is None:
         return "steady"
-    return scene.time.scheme if "unsteadiness" in present else "quasi-steady"
+    return scene.time.scheme if EffectName.UNSTEADINESS in present else "quasi-steady"

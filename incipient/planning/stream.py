@@ -15,7 +15,7 @@ STEEPER = 3.0  # than the profile is its rise from a bed that is above the datum
 
 
 def undisturbed(scene: Scene) -> Velocity:
-    """The velocity the flow would have without grain and bed forms: x (3, n) and t give (2, n), scene units.
+    """The velocity the flow would have without grain and bed forms: x (3, n) and t give (gdim, n), scene units.
 
     Profiles start from the scene's datum; below it the fluid is at rest. Not collective.
     """
@@ -36,11 +36,11 @@ def _stream(scene: Scene, foot: float) -> Velocity:
     """The flow of the scene, at rest below `foot`, which is the datum or higher."""
     if isinstance(scene.flow, ExpressionFlow):
         return _from_expressions(scene.flow)
-    profile, datum = _profile(scene), scene.datum
+    profile, datum, up = _profile(scene), scene.datum, scene.up
 
     def velocity(x: np.ndarray, t: float) -> np.ndarray:
-        speed = np.minimum(profile(x[1] - datum), STEEPER * profile(x[1] - foot))
-        return np.vstack([speed, np.zeros_like(speed)])
+        speed = np.minimum(profile(x[up] - datum), STEEPER * profile(x[up] - foot))
+        return np.vstack([speed, *np.zeros((up, len(speed)))])
 
     return velocity
 

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from ..planning.effects import EffectName
 from .timing import Ledger, Share
 
 if TYPE_CHECKING:
@@ -26,19 +27,19 @@ class Corrections:
 
     def __init__(self, ledger: Ledger, plan: Plan):
         self._ledger = ledger
-        self._inertia, self._unsteadiness = plan.has("inertia"), plan.has("unsteadiness")
+        self._inertia, self._unsteadiness = plan.has(EffectName.INERTIA), plan.has(EffectName.UNSTEADINESS)
         self._laps: list[tuple[int, Share]] = []
 
     @contextmanager
     def begun(self) -> Iterator[None]:
         """Within the block corrections are booked; what has passed before is not theirs. Not collective."""
-        self._ledger.lap("flow")
+        self._ledger.lap(EffectName.FLOW)
         self._laps = []
         yield
 
     def made(self, iteration: int, size: float = 0.0) -> None:
         """The correction of this number in its solve, from zero, has been made."""
-        self._laps.append((iteration, self._ledger.lap("flow")))
+        self._laps.append((iteration, self._ledger.lap(EffectName.FLOW)))
 
     def heard(self, watch: Callable[[float, int, float], Any]) -> Callable[[float, int, float], None]:
         """What to call after each correction of a steady solve, so that `watch` is called, too."""
@@ -56,16 +57,16 @@ class Corrections:
         laps, self._laps = self._laps, []
         for number, (_, share) in enumerate(laps):
             if number != before and self._inertia:
-                self._ledger.transfer("flow", "inertia", share)
+                self._ledger.transfer(EffectName.FLOW, EffectName.INERTIA, share)
 
     def book_step(self, number: int) -> None:
         """The time step of this number, from one, is over."""
-        laps, self._laps = [*self._laps, (0, self._ledger.lap("flow"))], []
+        laps, self._laps = [*self._laps, (0, self._ledger.lap(EffectName.FLOW))], []
         for iteration, share in laps:
             if self._inertia and iteration >= LINEAR_CORRECTIONS:
-                self._ledger.transfer("flow", "inertia", share)
+                self._ledger.transfer(EffectName.FLOW, EffectName.INERTIA, share)
             elif self._unsteadiness and number > 1:
-                self._ledger.transfer("flow", "unsteadiness", share)
+                self._ledger.transfer(EffectName.FLOW, EffectName.UNSTEADINESS, share)
 
 
 def cost_of_effects(simulation: Simulation) -> dict[str, dict[str, Any]]:
@@ -78,13 +79,14 @@ def cost_of_effects(simulation: Simulation) -> dict[str, dict[str, Any]]:
 
 def _unknowns(simulation: Simulation) -> dict[str, int]:
     """Of each effect that has some: of the flow, of the mesh's motion, the grain's velocities, contact forces."""
-    gdim, counted = simulation.scene.gdim, {"flow": simulation.fluid.space.unknowns}
+    gdim = simulation.scene.gdim
+    counted: dict[str, int] = {EffectName.FLOW: simulation.fluid.space.unknowns}
     if simulation.trajectory is not None:
         mesh = simulation.fluid.domain.mesh
-        counted["moving mesh"] = int(mesh.geometry.index_map().size_global)
-        counted["free body"] = int(simulation.trajectory.body.mask.sum())
+        counted[EffectName.MOVING_MESH] = int(mesh.geometry.index_map().size_global)
+        counted[EffectName.FREE_BODY] = int(simulation.trajectory.body.mask.sum())
     if simulation.contacts is not None:
-        counted["contact"] = gdim * len(simulation.contacts.points)
+        counted[EffectName.CONTACT] = gdim * len(simulation.contacts.points)
     return counted
 
 

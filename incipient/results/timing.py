@@ -13,18 +13,20 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from ..planning.effects import EffectName
+
 # For which effect a stage works, unless it says otherwise.
-EFFECT_OF_STAGE = {
+EFFECT_OF_STAGE: dict[str, str] = {
     "plan": "program",
     "import": "program",
-    "mesh": "flow",
-    "forms": "flow",
-    "flow": "flow",
-    "tractions": "traction",
-    "contact": "contact",
-    "mesh motion": "moving mesh",
-    "remeshing": "moving mesh",
-    "interface": "free body",
+    "mesh": EffectName.FLOW,
+    "forms": EffectName.FLOW,
+    "flow": EffectName.FLOW,
+    "tractions": EffectName.TRACTION,
+    "contact": EffectName.CONTACT,
+    "mesh motion": EffectName.MOVING_MESH,
+    "remeshing": EffectName.MOVING_MESH,
+    "interface": EffectName.FREE_BODY,
     "fields": "output",
     "checkpoint": "output",
     "error bars": "estimates",

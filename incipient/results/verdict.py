@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arrays import spatial
 from ..contact import Contacts, Load
 from ..contact.exact import MassAndInertia
 from ..contact.search import touching
@@ -28,9 +29,7 @@ def load_of(scene: Scene, force: Forces, couple: Couples) -> Load:
     The centre is that of the resting grain: contacts are where it touches, not where the gap has lifted it.
     """
     assert scene.placement is not None
-    return Load(
-        force.flow, couple.flow, force.weight + force.buoyancy, np.array([*scene.placement.centre, 0.0])
-    )
+    return Load(force.flow, couple.flow, force.weight + force.buoyancy, spatial(scene.placement.centre))
 
 
 def judge(scene: Scene, contacts: Contacts, force: Forces, couple: Couples) -> dict[str, Any] | None:

@@ -315,8 +315,13 @@ class Scene(Section):
 
     @property
     def gdim(self) -> int:
-        """Dimension of space."""
+        """Dimension of space; nothing else says it."""
         return 2
+
+    @property
+    def up(self) -> int:
+        """Number of the coordinate in which heights over the bed are counted, the last one."""
+        return self.gdim - 1
 
     @property
     def top(self) -> Top:
@@ -409,7 +414,9 @@ class Scene(Section):
         felt = self.gravity is not None and self.effects.gravity is not False
         acceleration = self.gravity.acceleration if felt and self.gravity else 0.0
         slope = self.bed.slope_angle if self.bed else 0.0
-        return acceleration * np.array([math.sin(slope), -math.cos(slope)])
+        direction = np.zeros(self.gdim)
+        direction[0], direction[self.up] = math.sin(slope), -math.cos(slope)
+        return acceleration * direction
 
     @property
     def contact_gap(self) -> float:

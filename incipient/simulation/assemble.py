@@ -12,6 +12,7 @@ import numpy as np
 
 from ..arrays import spatial
 from ..errors import IncipientError
+from ..planning.effects import EffectName
 from ..results.cost_of_effects import cost_of_effects
 from ..results.loads import Coefficients, Couples, Forces
 from ..results.result import Result, gap_of
@@ -186,7 +187,7 @@ def cost(simulation: Simulation) -> dict[str, Any]:
 
 def _cell_reynolds(simulation: Simulation) -> float | None:
     """The largest Reynolds number of a cell, None where there is no convection."""
-    if not simulation.plan.has("inertia"):
+    if not simulation.plan.has(EffectName.INERTIA):
         return None
     from ..planning.stabilisation import measured_cell_reynolds
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..arrays import Floats
-from ..planning.effects import accuracy_asked, may_be_turbulent, turbulent_from
+from ..planning.effects import EffectName, accuracy_asked, may_be_turbulent, turbulent_from
 from ..results.left_out import Omission
 
 if TYPE_CHECKING:
@@ -124,14 +124,14 @@ def _turbulence(simulation: Simulation, effect: Effect, *loads: Any) -> Iterator
         yield Omission(effect.name, None, how, True, "the flow computed is the laminar one")
 
 
-_ESTIMATES: dict[str, Callable[..., Iterator[Omission]]] = {
-    "inertia": _inertia,
-    "unsteadiness": _unsteadiness,
-    "gravity": _gravity,
-    "contact": _contact,
-    "free body": _free_body,
-    "free surface": _free_surface,
-    "turbulence": _turbulence,
+_ESTIMATES: dict[EffectName, Callable[..., Iterator[Omission]]] = {
+    EffectName.INERTIA: _inertia,
+    EffectName.UNSTEADINESS: _unsteadiness,
+    EffectName.GRAVITY: _gravity,
+    EffectName.CONTACT: _contact,
+    EffectName.FREE_BODY: _free_body,
+    EffectName.FREE_SURFACE: _free_surface,
+    EffectName.TURBULENCE: _turbulence,
 }
 
 

@@ -16,6 +16,7 @@ from ..errors import IncipientError, Interrupted, OutputError
 from ..installed import required
 from ..interrupt import Interruption, told_where_kept
 from ..planning import drawing as layouts
+from ..planning.effects import EffectName
 from ..planning.plan import Estimate, Plan, make_plan
 from ..planning.stabilisation import stabilisation_of
 from ..progress import Silent
@@ -113,7 +114,7 @@ class Simulation:
         self.recorder.begin(scene, self.plan, self.domain)
         with ExitStack() as stack:
             with self.stage("forms"):
-                model = self.model(unsteady=self.plan.has("unsteadiness"))
+                model = self.model(unsteady=self.plan.has(EffectName.UNSTEADINESS))
                 conditions = boundaries.conditions(scene)
                 self.fluid: Fluid = fluid.Fluid(self.domain, model, conditions, self.plan.reynolds)
                 # Another fluid may have taken its place by then.
@@ -214,10 +215,10 @@ class Simulation:
         convection = self.plan.convection if unsteady else "implicit"
         return FlowModel(
             order=self.plan.order,
-            inertia=inertia and self.plan.has("inertia"),
+            inertia=inertia and self.plan.has(EffectName.INERTIA),
             unsteady=unsteady,
             convection=convection,
-            moving_mesh=unsteady and self.plan.has("moving mesh"),
+            moving_mesh=unsteady and self.plan.has(EffectName.MOVING_MESH),
             energy_stable=unsteady and self.scene.numerics.form == "energy-stable",
             stabilisation=self.plan.stabilisation.present,
         )
@@ -262,7 +263,7 @@ class Simulation:
     # -- building ---------------------------------------------------------------------------------
 
     def _contacts(self) -> Contacts | None:
-        if not self.plan.has("contact"):
+        if not self.plan.has(EffectName.CONTACT):
             return None
         with self.ledger.stage("contact"):
             from ..results.verdict import find_contacts
@@ -279,7 +280,7 @@ class Simulation:
     def _first_share(self, fluid: Fluid) -> float:
         """Where the continuation starts: at once, unless the Reynolds number of the whole flow is large."""
         whole = fluid.reynolds * self.scene.reference_velocity * self.scene.domain.height
-        return min(1.0, 200.0 / whole) if self.plan.has("inertia") else 1.0
+        return min(1.0, 200.0 / whole) if self.plan.has(EffectName.INERTIA) else 1.0
 
     def _resumed_domain(self) -> Domain | None:
         """The mesh of the checkpoint, if there is one, and what the sessions before have cost."""

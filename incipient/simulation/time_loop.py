@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import IncipientError, Interrupted, OutputError
+from ..planning.effects import EffectName
 from .assemble import coefficients, judged, loads
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ class March:
         """
         try:
             self._start()
-            if self._of.plan.has("moving mesh"):
+            if self._of.plan.has(EffectName.MOVING_MESH):
                 self._travel()
             else:
                 self._march()
@@ -58,7 +59,7 @@ class March:
         simulation, start = self._of, self._time.start
         if simulation.checkpoint is not None:
             return
-        if not simulation.plan.has("unsteadiness"):
+        if not simulation.plan.has(EffectName.UNSTEADINESS):
             simulation.solve_steadily(simulation.fluid)
         elif start != "rest":
             self._start_from(inertia=start == "steady")
@@ -81,7 +82,7 @@ class March:
 
         simulation, time = self._of, self._time
         order = 2 if time.scheme == "bdf2" else 1
-        kind = Transient if simulation.plan.has("unsteadiness") else QuasiSteady
+        kind = Transient if simulation.plan.has(EffectName.UNSTEADINESS) else QuasiSteady
         tolerance = max(simulation.scene.numerics.tolerance, 1e-9)
         transient = simulation.transient = kind(simulation.fluid, order, tolerance, time.tolerance)
         if simulation.checkpoint is not None:

@@ -1,10 +1,14 @@
 """Which effects the plan calls for, and what it says where it leaves one out."""
 
+import json
+
+import numpy as np
 import pytest
 
 from incipient import make_plan
 from incipient.errors import SceneError
-from incipient.planning.effects import OSEEN, accuracy_asked, numbers_of
+from incipient.planning.effects import OSEEN, EffectName, accuracy_asked, numbers_of
+from incipient.planning.stream import undisturbed
 from incipient.scene import (
     Contact,
     Disc,
@@ -55,6 +59,23 @@ def effect(name, **changes):
 
 def at(reynolds, **changes):
     return effect("inertia", fluid=Fluid(reynolds=reynolds, scale="grain"), **changes)
+
+
+def test_every_effect_is_decided_once_and_written_by_its_name():
+    """Readers of results know effects by these names."""
+    names = [one["name"] for one in json.loads(json.dumps(make_plan(scene(**FREE)).to_dict()))["effects"]]
+    assert sorted(names) == sorted(EffectName) and len(names) == 11
+    assert {"inertia", "moving mesh", "free body", "third dimension"} < set(names)
+
+
+def test_heights_are_counted_along_the_last_axis():
+    """Gravity on a level bed points down, the undisturbed shear grows upwards; both have a component an axis."""
+    level = scene()
+    assert level.up == level.gdim - 1
+    assert level.gravity_vector.tolist() == [-10.0 * (axis == level.up) for axis in range(level.gdim)]
+    places = np.zeros((3, 2))
+    places[level.up] = [0.5, 1.0]
+    assert undisturbed(level)(places, 0.0).tolist() == [[0.5, 1.0], [0.0, 0.0]]
 
 
 # -- inertia -------------------------------------------------------------------------------------------------
@@ -143,7 +164,7 @@ def test_a_stream_that_oscillates_slowly_around_a_held_grain():
 
 def test_quasi_steady_flow_has_no_scheme_of_its_own():
     plan = make_plan(scene(flow=TIDE, time=Time(end=6, step=1), effects=Effects(unsteadiness=False)))
-    assert plan.scheme == "quasi-steady" and not plan.has("unsteadiness")
+    assert plan.scheme == "quasi-steady" and not plan.has(EffectName.UNSTEADINESS)
 
 
 def test_a_steady_flow_that_may_shed_vortices():
@@ -157,7 +178,7 @@ def test_a_steady_flow_that_may_shed_vortices():
 def test_gravity_is_left_out_where_that_is_said():
     assert effect("gravity").present
     without = scene(effects=Effects(gravity=False))
-    assert not make_plan(without).has("gravity") and abs(without.gravity_vector).max() == 0.0
+    assert not make_plan(without).has(EffectName.GRAVITY) and abs(without.gravity_vector).max() == 0.0
 
 
 def test_contact_is_left_out_where_that_is_said():
@@ -167,7 +188,11 @@ def test_contact_is_left_out_where_that_is_said():
 
 def test_a_free_grain_and_its_mesh():
     plan = make_plan(scene(**FREE))
-    assert plan.has("moving mesh") and plan.has("free body") and plan.has("unsteadiness")
+    assert (
+        plan.has(EffectName.MOVING_MESH)
+        and plan.has(EffectName.FREE_BODY)
+        and plan.has(EffectName.UNSTEADINESS)
+    )
     assert "density ratio 2, Stokes number" in effect("free body", **FREE).reason
 
 
