@@ -30,9 +30,7 @@ from ..scene.model import WIDEST_GAP
 from .safetybar import bar_of_scene
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
-
-    from ..simulation.simulate import Simulation
+    from ..simulation.state import Run
 
 Solve = Callable[[Scene], "Loads"]
 
@@ -58,23 +56,24 @@ class Spent(IncipientError):
     """What may be spent on estimates is used up."""
 
 
-def error_bars(simulation: Simulation, force: Forces, couple: Couples) -> ErrorBars:
+def error_bars(run: Run, force: Forces, couple: Couples, solve: Solve) -> ErrorBars:
     """The error bars of a finished run with a grain; coarse runs of their own are made where needed. Collective.
 
-    A term whose coarse run fails is left out, and the reason said. What `simulation.known` holds, terms by name and
+    A term whose coarse run fails is left out, and the reason said. What `run.accounts.known` holds, terms by name and
     loads of coarse runs by the JSON of their scene, is not computed again, and what is found is added to it.
+    `solve` runs the scene of a coarse run for its loads.
     """
-    return with_safety(error_terms(simulation, force, couple), simulation, force, couple)
+    return with_safety(error_terms(run, force, couple, solve), run, force, couple)
 
 
-def error_terms(simulation: Simulation, force: Forces, couple: Couples, speed: float = 1.0) -> ErrorBars:
+def error_terms(run: Run, force: Forces, couple: Couples, solve: Solve, speed: float = 1.0) -> ErrorBars:
     """Error bars but for what they mean for the verdict; a steady flow may be `speed` times the scene's. Collective."""
-    scene, found = simulation.scene, _Found(simulation, speed)
+    scene, found = run.scene, _Found(run, solve)
     if scene.time is None:
-        found.add("discretisation", lambda solve: _dual(simulation, speed))
+        found.add("discretisation", lambda _: _dual(run, speed))
     else:
-        computed = _computed(simulation, force, couple)
-        found.add("discretisation", lambda solve: by_coarser_run(scene, computed, solve))
+        computed = _computed(run, force, couple)
+        found.add("discretisation", partial(by_coarser_run, scene, computed))
     for name, why_not, estimate in MODEL_TERMS:
         if reason := why_not(scene):
             found.leave_out(name, reason)
@@ -83,40 +82,39 @@ def error_terms(simulation: Simulation, force: Forces, couple: Couples, speed: f
     return found.bars()
 
 
-def with_safety(bars: ErrorBars, simulation: Simulation, force: Forces, couple: Couples) -> ErrorBars:
+def with_safety(bars: ErrorBars, run: Run, force: Forces, couple: Couples) -> ErrorBars:
     """The bars with the safety factor's, where there is a verdict and at least one term. Not collective."""
-    if simulation.contacts is None or not bars.terms:
+    if run.contacts is None or not bars.terms:
         return bars
     errors = {term.name: np.concatenate([term.force, term.couple]) for term in bars.terms}
-    bar = bar_of_scene(simulation.scene, simulation.contacts, force, couple, errors)
+    bar = bar_of_scene(run.scene, run.contacts, force, couple, errors)
     return replace(bars, safety=bar and replace(bar, unknown=tuple(bars.failed)))
 
 
-def _computed(simulation: Simulation, force: Forces, couple: Couples) -> Loads:
+def _computed(run: Run, force: Forces, couple: Couples) -> Loads:
     """What a run in time has come to."""
-    if simulation.trajectory is None:
+    if run.trajectory is None:
         return Loads(force.flow, couple.flow)
-    state = simulation.trajectory.state
+    state = run.trajectory.state
     return Loads(force.flow, couple.flow, np.concatenate([state.place, state.orientation]))
 
 
-def _dual(simulation: Simulation, speed: float) -> Term:
+def _dual(run: Run, speed: float) -> Term:
     from .dual import GoalErrors  # not above: a plan asks for the coarse runs, without finite elements
 
-    placement = simulation.layout.placement
+    placement = run.layout.placement
     assert placement is not None
     # The fluid's unit of speed is its own; what is left of the way to `speed` is short, or in Stokes flow.
-    unit = speed * simulation.fluid.reynolds / simulation.plan.reynolds
-    with GoalErrors(simulation.fluid, "body", placement.centre) as goals:
+    unit = speed * run.fluid.reynolds / run.plan.reynolds
+    with GoalErrors(run.fluid, "body", placement.centre) as goals:
         return by_dual(unit * goals.force, unit * goals.couple)
 
 
 class _Found:
     """Terms as they are found; each coarse run is made once."""
 
-    def __init__(self, simulation: Simulation, speed: float):
-        self._speed = speed
-        self._comm, self._known, self._spent = simulation.comm, simulation.known, simulation.spent
+    def __init__(self, run: Run, solve: Solve):
+        self._run, self._known, self._spent = solve, run.accounts.known, run.accounts.spent
         self._terms: list[Term] = []
         self._left_out: dict[str, str] = {}
         self._failed: dict[str, str] = {}
@@ -145,22 +143,8 @@ class _Found:
         if not isinstance(loads, Loads):
             if reason := self._spent():
                 raise Spent(reason)
-            loads = self._known[key] = loads_of(scene, self._comm, self._speed)
+            loads = self._known[key] = self._run(scene)
         return loads
-
-
-def loads_of(scene: Scene, comm: MPI.Comm, speed: float = 1.0) -> Loads:
-    """Run a scene for its force and couple at the end; a steady flow may be `speed` times the scene's. Collective."""
-    from ..progress import Silent
-    from ..simulation.recorder import Unrecorded
-    from ..simulation.simulate import Simulation, simulate
-
-    if speed == 1.0:
-        return Loads.of(simulate(scene, comm))
-    simulation = Simulation(scene, comm, Unrecorded(), Silent())
-    with simulation.prepared():
-        force, couple = simulation.loads_at(speed)
-        return Loads(force.flow, couple.flow)
 
 
 def coarse_scenes(scene: Scene) -> list[Scene]:

@@ -15,7 +15,8 @@ from ..results.errorbars import Loads
 from ..results.result import Result
 from ..scene import Scene
 from ..simulation.recorder import Recorder, Unrecorded
-from ..simulation.simulate import Simulation
+from ..simulation.simulate import simulate
+from ..simulation.state import Accounts
 from .search import Search, Told
 
 LEVELS_BELOW = 3  # that the first run is coarser than the scene says
@@ -65,9 +66,8 @@ class Halving(Search):
 
         told = Told(self.recorder if recorded else Unrecorded(), scene, self.adaptation, judge)
         quiet = scene if recorded else changed(scene, numerics={"error_bars": False})
-        simulation = Simulation(quiet, self.comm, cast(Recorder, told), self.voice)
-        simulation.known, simulation.spent = self.known, self.spent
-        simulation.run()
+        accounts = Accounts(known=self.known, spent=self.spent)
+        simulate(quiet, self.comm, cast(Recorder, told), self.voice, accounts=accounts)
         return told
 
     def _judge(self, scene: Scene, result: Result, seconds: float) -> None:

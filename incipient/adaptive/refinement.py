@@ -9,6 +9,7 @@ fewer unknowns (`cheapest_order`).
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, cast
@@ -24,8 +25,11 @@ from ..results.adaptation import Trial
 from ..results.loads import Couples, Forces
 from ..results.result import Result
 from ..scene import Scene
-from ..simulation.recorder import Recorder, Unrecorded
-from ..simulation.simulate import Simulation
+from ..simulation.build import prepared
+from ..simulation.recorder import Recorder
+from ..simulation.simulate import finished, hand_over, loads_of
+from ..simulation.state import Accounts, Run
+from ..simulation.steady import loads_at
 from .search import Search, Told
 from .sizing import STEEPEST, Shares, gathered, resized
 
@@ -112,68 +116,65 @@ class Refinement(Search):
         tolerance = float(np.clip(wanted, *TOLERANCES))
         return changed(scene, numerics={"order": order, "tolerance": tolerance})
 
-    def _simulation(self, attempt: _Attempt) -> Simulation:
-        simulation = Simulation(attempt.scene, self.comm, Unrecorded(), self.voice, sizing=attempt.sizing)
-        simulation.ledger, simulation.iterations, simulation.known = self.ledger, self.iterations, self.known
-        simulation.spent = self.spent
-        return simulation
+    def _prepared(self, attempt: _Attempt) -> AbstractContextManager[Run]:
+        """The run of an attempt, whose costs and estimates are those of the search. Collective."""
+        accounts = Accounts(self.ledger, self.iterations, self.known, self.spent)
+        return prepared(attempt.scene, self.comm, accounts, voice=self.voice, sizing=attempt.sizing)
 
     def _tried(self, attempt: _Attempt) -> Result | _Attempt:
         """Solve, estimate, and either conclude or say what to try next. Collective."""
         began = self.elapsed()
-        simulation = self._simulation(attempt)
-        with simulation.prepared():
-            force, couple = self._solved(simulation)
-            assert simulation.layout.placement is not None
+        with self._prepared(attempt) as run:
+            force, couple = self._solved(run)
+            assert run.layout.placement is not None
             # Of loads, over those of the fluid, which has a speed of its own; both are near, or it is Stokes flow.
-            unit = self.speed * simulation.fluid.reynolds / simulation.plan.reynolds
+            unit = self.speed * run.fluid.reynolds / run.plan.reynolds
             with (
                 self.ledger.stage("error bars"),
-                GoalErrors(simulation.fluid, "body", simulation.layout.placement.centre) as goals,
+                GoalErrors(run.fluid, "body", run.layout.placement.centre) as goals,
             ):
                 of_force, of_couple = unit * goals.force, unit * goals.couple
                 self.known["discretisation"] = by_dual(of_force, of_couple)
                 error = self.goal.error(force, couple, of_force, of_couple)
                 parts = [goals.shares(unit * goal) for goal in self.goal.goals(force, couple)]
-                shares = gathered(simulation.domain.mesh, parts)
+                shares = gathered(run.domain.mesh, parts)
             cells = int(self.comm.bcast(len(shares.triangles), root=0))
             seconds = self.elapsed() - began
-            order, unknowns = attempt.scene.numerics.order, simulation.fluid.space.unknowns
+            order, unknowns = attempt.scene.numerics.order, run.fluid.space.unknowns
             self.tell(Trial(order, cells, unknowns, error, seconds, note=attempt.note))
             if self.numerics.accuracy != "verdict":
                 following = self._to_refine(attempt, error / self.asked, shares, error)
-                return following or self._concluded(simulation, self._handed_over(simulation))
+                return following or self._concluded(run, self._handed_over(run))
             # Coarse runs come next, for the error bars: what has been found outlasts an interrupt.
-            told = self._handed_over(simulation)
+            told = self._handed_over(run)
             with told_where_kept(told.kept, self.comm):
-                bars = error_bars(simulation, force, couple)
-            return self._to_decide(attempt, bars, shares) or self._concluded(simulation, told)
+                bars = error_bars(run, force, couple, lambda scene: loads_of(scene, self.comm, self.speed))
+            return self._to_decide(attempt, bars, shares) or self._concluded(run, told)
 
-    def _solved(self, simulation: Simulation) -> tuple[Forces, Couples]:
+    def _solved(self, run: Run) -> tuple[Forces, Couples]:
         """Solve for the load whose errors are looked at, with the flow `speed` times that of the scene. Collective."""
-        return simulation.loads_at(self.speed)
+        return loads_at(run, self.speed)
 
-    def _handed_over(self, simulation: Simulation) -> Told:
+    def _handed_over(self, run: Run) -> Told:
         """The recorder that has got the solution at hand, but for its error bars. Collective."""
         asked = changed(
-            simulation.scene, numerics={"order": self.numerics.order, "tolerance": self.numerics.tolerance}
+            run.scene, numerics={"order": self.numerics.order, "tolerance": self.numerics.tolerance}
         )
         told = Told(self.recorder, asked, self.adaptation)
-        simulation.hand_over(cast(Recorder, told))
+        hand_over(run, cast(Recorder, told))
         return told
 
-    def _concluded(self, simulation: Simulation, told: Told) -> Result:
+    def _concluded(self, run: Run, told: Told) -> Result:
         """Estimate the errors of the solution that has been handed over, and end with it. Collective."""
-        simulation.finished()
+        finished(run, cast(Recorder, told))
         return told.result
 
     def _repeated(self, attempt: _Attempt) -> Result:
         """Solve once more on a mesh that was solved on before. Collective."""
-        simulation = self._simulation(attempt)
         self.known.pop("discretisation", None)
-        with simulation.prepared():
-            self._solved(simulation)
-            return self._concluded(simulation, self._handed_over(simulation))
+        with self._prepared(attempt) as run:
+            self._solved(run)
+            return self._concluded(run, self._handed_over(run))
 
     # -- what next ------------------------------------------------------------------------------
 

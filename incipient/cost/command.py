@@ -75,7 +75,7 @@ def planned(scene: Scene) -> Plan:
         MeshError: it cannot be made.
     """
     from ..planning.plan import make_plan
-    from ..simulation.simulate import estimate
+    from ..simulation.build import estimate
 
     if scene.numerics.accuracy is None:
         return estimate(scene)

@@ -137,7 +137,7 @@ def _steps(scene: Scene, like: Known, found: Known) -> float:
 
 def counted(scene: Scene) -> Estimate:
     """Cells and unknowns of a scene, by making its mesh."""
-    from ..simulation.simulate import estimate
+    from ..simulation.build import estimate
 
     made = estimate(scene).estimate
     assert made is not None

@@ -22,16 +22,16 @@ if TYPE_CHECKING:
     from ..progress import Silent
     from ..results.loads import Couples, Forces
     from ..scene import Scene
-    from ..simulation.simulate import Simulation
+    from ..simulation.state import Run
 
-Conclude = Callable[["Simulation", Search, Found, Adaptation], Any]
+Conclude = Callable[["Run", Search, Found, Adaptation], Any]
 
 
 class CriticalRefinement(Refinement):
     """From mesh to mesh by what each vertex contributes to the error of the critical flow.
 
     Args:
-        conclude: makes the result of the search on the last mesh, while its simulation is at hand.
+        conclude: makes the result of the search on the last mesh, while its run is at hand.
     """
 
     def __init__(self, scene: Scene, comm: MPI.Comm, voice: Silent, conclude: Conclude):
@@ -48,8 +48,8 @@ class CriticalRefinement(Refinement):
         """Try meshes until the accuracy is reached or cannot be; what `conclude` makes of the last. Collective."""
         return self.result()
 
-    def _solved(self, simulation: Simulation) -> tuple[Forces, Couples]:
-        self._search = search = Search(simulation)
+    def _solved(self, run: Run) -> tuple[Forces, Couples]:
+        self._search = search = Search(run)
         found = search.near(self._found[-1]) if self._found else search.found()
         self._found.append(found)
         if found.is_critical:
@@ -62,9 +62,9 @@ class CriticalRefinement(Refinement):
         self.reason = "there is no critical flow whose error could be made smaller"
         return None
 
-    def _handed_over(self, simulation: Simulation) -> Any:
+    def _handed_over(self, run: Run) -> Any:
         """Nothing is kept before the conclusion."""
 
-    def _concluded(self, simulation: Simulation, told: Any) -> Any:
+    def _concluded(self, run: Run, told: Any) -> Any:
         assert self._search is not None
-        return self._conclude(simulation, self._search, self._found[-1], self.adaptation())
+        return self._conclude(run, self._search, self._found[-1], self.adaptation())

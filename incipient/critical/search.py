@@ -19,11 +19,12 @@ from ..contact.equilibrium import SafetyStatus, safety_factor
 from ..errors import ConvergenceError
 from ..planning.effects import EffectName
 from ..results.verdict import load_of
+from ..simulation.steady import loads_at, stabilise
 from .loadpath import LoadPath
 
 if TYPE_CHECKING:
     from ..results.loads import Couples, Forces
-    from ..simulation.simulate import Simulation
+    from ..simulation.state import Run
 
 CREEPING = 1e-6  # grain Reynolds number of the flow that stands for Stokes flow
 FIRST = 30.0  # grain Reynolds number of the first flow with inertia, at most
@@ -96,23 +97,23 @@ class Found:
 
 
 class Search:
-    """The search on one mesh; a simulation that is prepared. Public methods are collective but those said not to be."""
+    """The search on one mesh, in a run that is prepared. Public methods are collective but those said not to be."""
 
-    def __init__(self, simulation: Simulation):
-        scene = simulation.scene
-        assert simulation.contacts is not None and scene.contact is not None
-        self.simulation, self.trials, self.unsolved = simulation, list[Trial](), list[float]()
-        self._contacts, self._friction = simulation.contacts, scene.contact.friction
+    def __init__(self, run: Run):
+        scene = run.scene
+        assert run.contacts is not None and scene.contact is not None
+        self.run, self.trials, self.unsolved = run, list[Trial](), list[float]()
+        self._contacts, self._friction = run.contacts, scene.contact.friction
         self._solved: dict[float, tuple[Forces, Couples]] = {}
         self._states: dict[float, np.ndarray] = {}
-        numbers = simulation.plan.numbers
+        numbers = run.plan.numbers
         self._reynolds = (numbers and numbers.grain_reynolds) or scene.fluid.reynolds
         self._sure = 0.0  # factor up to which the grain is surely held
         self._held: set[tuple[float, float]] = set()  # intervals in which it is
 
     def found(self) -> Found:
         """Search from rest upwards."""
-        inertia = self.simulation.plan.has(EffectName.INERTIA)
+        inertia = self.run.plan.has(EffectName.INERTIA)
         slow = CREEPING / self._reynolds if inertia else 1.0
         self._solve(slow)
         value, load = self.trials[0].safety_factor, self._load(slow)
@@ -143,9 +144,9 @@ class Search:
         """Make the fluid that of the flow solved nearest to a factor; force and couple there."""
         within = min(factor, max(self._states))
         nearest = min(self._states, key=lambda one: abs(one - within))
-        self.simulation.stabilise(nearest)
+        stabilise(self.run, nearest)
         self._start_from(nearest)
-        self.simulation.fluid.reynolds = nearest * self.simulation.plan.reynolds
+        self.run.fluid.reynolds = nearest * self.run.plan.reynolds
         return self._solved[nearest]
 
     # -- what to solve next -------------------------------------------------------------------------
@@ -216,9 +217,9 @@ class Search:
         try:
             self._solve(factor)
         except ConvergenceError:
-            reached = self.simulation.fluid.reynolds / self.simulation.plan.reynolds
+            reached = self.run.fluid.reynolds / self.run.plan.reynolds
             self.unsolved.append(factor)
-            self.simulation.voice.say(f"flow x {factor:.6g}: no steady flow found, the last at {reached:.6g}")
+            self.run.voice.say(f"flow x {factor:.6g}: no steady flow found, the last at {reached:.6g}")
             if reached > APART * max((one for one in self._states if one < factor), default=0.0):
                 self._solve(reached, here=True)
             return False
@@ -229,19 +230,19 @@ class Search:
         slower = max((one for one in self._states if one < factor), default=0.0)
         if slower and not here:
             self._start_from(slower)
-        simulation = self.simulation
-        force, couple = simulation.loads_at(factor, factor if here else slower)
+        run = self.run
+        force, couple = loads_at(run, factor, factor if here else slower)
         self._solved[factor] = force, couple
-        self._states[factor] = simulation.fluid.state.x.array.copy()
+        self._states[factor] = run.fluid.state.x.array.copy()
         value = safety_factor(self._load(factor), self._contacts, self._friction).value
         self.trials.append(Trial(factor, value))
-        simulation.voice.say(f"flow x {factor:.6g}: safety factor {value:.6g}")
+        run.voice.say(f"flow x {factor:.6g}: safety factor {value:.6g}")
 
     def _start_from(self, factor: float) -> None:
-        self.simulation.fluid.state.x.array[:] = self._states[factor]
+        self.run.fluid.state.x.array[:] = self._states[factor]
 
     def _load(self, factor: float) -> Load:
-        return load_of(self.simulation.scene, *self._solved[factor])
+        return load_of(self.run.scene, *self._solved[factor])
 
     def _path(self) -> LoadPath:
         factors = np.array(sorted(self._solved))

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ..contact import Contacts, Load
     from ..contact.verdict import Verdict
     from ..results.adaptation import Adaptation
-    from ..simulation.simulate import Simulation
+    from ..simulation.state import Run
     from .bars import CriticalBars
     from .search import Found, Search, Trial
 
@@ -191,8 +191,7 @@ def find_threshold(
         SceneError: the scene has no weight, friction or bed to judge the grain by, or is time-dependent.
         ConvergenceError: not even the slowest flow could be solved.
     """
-    from ..simulation.recorder import Unrecorded
-    from ..simulation.simulate import Simulation
+    from ..simulation.build import prepared
     from .adaptation import CriticalRefinement
     from .search import Search
 
@@ -201,25 +200,22 @@ def find_threshold(
         # Where the plan would leave inertia out, it may matter at the threshold.
         scene = scene.model_copy(update={"effects": scene.effects.model_copy(update={"inertia": True})})
 
-    def concluded(
-        simulation: Simulation, search: Search, found: Found, adaptation: Adaptation | None = None
-    ) -> Threshold:
-        threshold = _threshold(simulation, found)
+    def concluded(run: Run, search: Search, found: Found, adaptation: Adaptation | None = None) -> Threshold:
+        threshold = _threshold(run, found)
         if found.is_critical:
             threshold = replace(threshold, adaptation=adaptation)
-        if not (found.is_critical and simulation.scene.numerics.error_bars):
+        if not (found.is_critical and run.scene.numerics.error_bars):
             return threshold
         kept = keep(threshold)
         with told_where_kept(kept, comm):
-            return _with_bars(threshold, simulation, search, found)
+            return _with_bars(threshold, run, search, found)
 
     voice = voice or Silent()
     if scene.numerics.accuracy is not None:
         return CriticalRefinement(scene, comm, voice, concluded).threshold()
-    simulation = Simulation(scene, comm, Unrecorded(), voice)
-    with simulation.prepared():
-        search = Search(simulation)
-        return concluded(simulation, search, search.found())
+    with prepared(scene, comm, voice=voice) as run:
+        search = Search(run)
+        return concluded(run, search, search.found())
 
 
 def _require(scene: Scene) -> None:
@@ -246,10 +242,10 @@ def _require(scene: Scene) -> None:
             raise SceneError(f"a threshold needs {need}")
 
 
-def _threshold(simulation: Simulation, found: Found) -> Threshold:
+def _threshold(run: Run, found: Found) -> Threshold:
     """The threshold without error bars. Collective."""
-    scene, load = simulation.scene, found.load
-    critical = _judged(simulation, load)
+    scene, load = run.scene, found.load
+    critical = _judged(run, load)
     stress = found.factor * bed_stress(scene)
     return Threshold(
         factor=found.factor,
@@ -260,29 +256,35 @@ def _threshold(simulation: Simulation, found: Found) -> Threshold:
         shear_reynolds=float(np.sqrt(stress) * _size(scene) / scene.viscosity),
         size=_size(scene),
         notes=_notes(scene, found),
-        mode=_mode(simulation, found),
+        mode=_mode(run, found),
         load=load,
         contact_forces=critical.equilibrium.safety.contact_forces,
         contacts=found.path.contacts,
         verdict=critical.to_dict(),
         trials=found.trials,
         unsolved=found.unsolved,
-        cost=cost(simulation),
+        cost=cost(run),
     )
 
 
-def _with_bars(threshold: Threshold, simulation: Simulation, search: Search, found: Found) -> Threshold:
+def _with_bars(threshold: Threshold, run: Run, search: Search, found: Found) -> Threshold:
     """The threshold with error bars, or with what kept them from being computed. Collective."""
     from ..accuracy.errorbars import error_terms
+    from ..simulation.simulate import loads_of
     from .bars import critical_bars
 
-    with simulation.stage("error bars"):
+    with run.stage("error bars"):
         try:
             force, couple = search.at_nearest(found.factor)
-            bars = critical_bars(found, error_terms(simulation, force, couple, found.factor))
+            bars = critical_bars(
+                found,
+                error_terms(
+                    run, force, couple, lambda scene: loads_of(scene, run.comm, found.factor), found.factor
+                ),
+            )
         except IncipientError as error:
-            return replace(threshold, without_bars=f"not computed: {error}", cost=cost(simulation))
-    return replace(threshold, bars=bars, cost=cost(simulation))
+            return replace(threshold, without_bars=f"not computed: {error}", cost=cost(run))
+    return replace(threshold, bars=bars, cost=cost(run))
 
 
 def _notes(scene: Scene, found: Found) -> tuple[str, ...]:
@@ -301,19 +303,19 @@ def _notes(scene: Scene, found: Found) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _mode(simulation: Simulation, found: Found) -> str:
+def _mode(run: Run, found: Found) -> str:
     """How the grain begins to move when the flow is a little faster than critical."""
     if not np.isfinite(found.factor):
         return "rest"
     load = found.path.load(found.factor * (1.0 + BEYOND)) if found.factor else found.load
-    return _judged(simulation, load).equilibrium.label
+    return _judged(run, load).equilibrium.label
 
 
-def _judged(simulation: Simulation, load: Load) -> Verdict:
+def _judged(run: Run, load: Load) -> Verdict:
     from ..contact.verdict import judge
     from ..results.verdict import mass_and_inertia
 
-    scene, contacts = simulation.scene, simulation.contacts
+    scene, contacts = run.scene, run.contacts
     assert scene.body is not None and scene.contact is not None and contacts is not None
     return judge(load, contacts, scene.contact.friction, mass_and_inertia(scene.body))
 

@@ -1,4 +1,4 @@
-"""From a running simulation to its checkpoint, and back: into a simulation made anew, on any number of ranks."""
+"""From a run to its checkpoint, and back: into a run made anew, on any number of ranks."""
 
 from __future__ import annotations
 
@@ -22,41 +22,41 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from ..simulation.moving_grain import Trajectory
-    from ..simulation.simulate import Simulation
+    from ..simulation.state import Run
 
 
 # -- to the checkpoint ------------------------------------------------------------------------------
 
 
-def collected(simulation: Simulation) -> Checkpoint:
-    """All that the simulation needs to go on; arrays are empty but on rank 0. Collective.
+def collected(run: Run) -> Checkpoint:
+    """All that the run needs to go on; arrays are empty but on rank 0. Collective.
 
     To be called between steps, when the last one has been recorded.
     """
-    transient = simulation.transient
+    transient = run.time_stepper
     assert transient is not None
     fluid = transient.fluid
     states = [fluid.state.x.array, *(one.state for one in transient.past)]
     return Checkpoint(
-        scene=dumps(simulation.scene),
-        progress=_progress(simulation, transient),
+        scene=dumps(run.scene),
+        progress=_progress(run, transient),
         mesh=whole_mesh(fluid.domain),
         times=np.array([fluid.time, *(one.time for one in transient.past)]),
         flow=whole_flow(fluid, states),
-        body=None if simulation.trajectory is None else _body(simulation.trajectory),
+        body=None if run.trajectory is None else _body(run.trajectory),
     )
 
 
-def _progress(simulation: Simulation, transient: Transient) -> Progress:
+def _progress(run: Run, transient: Transient) -> Progress:
     statistics = transient.fluid.solver.statistics
     return Progress(
         number=transient.number,
         next_length=transient.next_length,
-        first_motion=simulation.first_motion,
-        iterations=dict(simulation.iterations),
+        first_motion=run.first_motion,
+        iterations=dict(run.accounts.iterations),
         linear=asdict(statistics),
-        wall_time=dict(simulation.ledger.wall_time),
-        total=simulation.ledger.total(),
+        wall_time=dict(run.accounts.ledger.wall_time),
+        total=run.accounts.ledger.total(),
     )
 
 
@@ -95,10 +95,11 @@ def domain_of(kept: Checkpoint, comm: MPI.Comm) -> Domain:
     return domain
 
 
-def put_back_costs(kept: Progress, simulation: Simulation) -> None:
-    """Let the simulation count on from what the sessions before have cost. Not collective."""
-    simulation.first_motion, simulation.iterations = kept.first_motion, dict(kept.iterations)
-    simulation.ledger.count(kept.wall_time, kept.total)
+def put_back_costs(kept: Progress, run: Run) -> None:
+    """Let the run count on from what the sessions before have cost. Not collective."""
+    run.would_move(kept.first_motion)
+    run.accounts.count(**kept.iterations)
+    run.accounts.ledger.count(kept.wall_time, kept.total)
 
 
 def put_back_flow(kept: Checkpoint, transient: Transient) -> None:

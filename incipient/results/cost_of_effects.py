@@ -17,7 +17,6 @@ from .timing import Ledger, Share
 if TYPE_CHECKING:
     from ..fluid.steady import Step
     from ..planning.plan import Plan
-    from ..simulation.simulate import Simulation
 
 LINEAR_CORRECTIONS = 2  # of a time step
 
@@ -67,27 +66,6 @@ class Corrections:
                 self._ledger.transfer(EffectName.FLOW, EffectName.INERTIA, share)
             elif self._unsteadiness and number > 1:
                 self._ledger.transfer(EffectName.FLOW, EffectName.UNSTEADINESS, share)
-
-
-def cost_of_effects(simulation: Simulation) -> dict[str, dict[str, Any]]:
-    """Wall time, growth of memory over all ranks, and unknowns, by effect. Collective."""
-    found = simulation.ledger.by_effect(_unknowns(simulation))
-    for share in found.values():
-        share["memory_mib"] = simulation.comm.allreduce(share["memory_mib"])
-    return found
-
-
-def _unknowns(simulation: Simulation) -> dict[str, int]:
-    """Of each effect that has some: of the flow, of the mesh's motion, the grain's velocities, contact forces."""
-    gdim = simulation.scene.gdim
-    counted: dict[str, int] = {EffectName.FLOW: simulation.fluid.space.unknowns}
-    if simulation.trajectory is not None:
-        mesh = simulation.fluid.domain.mesh
-        counted[EffectName.MOVING_MESH] = int(mesh.geometry.index_map().size_global)
-        counted[EffectName.FREE_BODY] = int(simulation.trajectory.body.mask.sum())
-    if simulation.contacts is not None:
-        counted[EffectName.CONTACT] = gdim * len(simulation.contacts.points)
-    return counted
 
 
 def cost_lines(effects: dict[str, dict[str, Any]]) -> list[str]:

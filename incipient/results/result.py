@@ -12,9 +12,7 @@ from .cost_of_effects import cost_lines
 from .loads import Coefficients, Couples, Forces, Gap
 
 if TYPE_CHECKING:
-    from ..mesh.domain import Domain
     from ..mesh.sampling import Extremum
-    from ..planning.drawing import Layout
     from .adaptation import Adaptation
     from .errorbars import ErrorBars
     from .left_out import Omission
@@ -25,15 +23,6 @@ AS_THEY_ARE = (
     *("title", "status", "error", "scene", "grain", "contacts", "verdict", "trajectory", "cost"),
     *("without_error_bars", "measured_cell_reynolds"),
 )
-
-
-def gap_of(layout: Layout, domain: Domain) -> Gap | None:
-    """The gap of a layout on its mesh, None where grain and bed do not come near. Collective."""
-    from ..mesh.sampling import cells_between
-
-    if layout.gap_ends is None:
-        return None
-    return Gap(layout.gap, cells_between(domain.mesh, *layout.gap_ends))
 
 
 @dataclass(frozen=True)

@@ -22,20 +22,20 @@ if TYPE_CHECKING:
     from ..fluid import Fluid
     from ..planning.effects import Effect
     from ..results.loads import Couples, Forces
-    from .simulate import Simulation
+    from .state import Run
 
 Term = Callable[[Any, Any], Any]  # velocity and its test function to the integrand, both UFL
 
 
 def omissions(
-    simulation: Simulation, force: Forces | None, couple: Couples | None, verdict: dict[str, Any] | None
+    run: Run, force: Forces | None, couple: Couples | None, verdict: dict[str, Any] | None
 ) -> tuple[Omission, ...]:
     """The effects of the plan that were left out though the scene has them, and what they would change. Collective."""
-    accuracy, found = accuracy_asked(simulation.scene), []
-    for effect in simulation.plan.effects:
+    accuracy, found = accuracy_asked(run.scene), []
+    for effect in run.plan.effects:
         if effect.present:
             continue
-        for one in _ESTIMATES.get(effect.name, _nothing)(simulation, effect, force, couple, verdict):
+        for one in _ESTIMATES.get(effect.name, _nothing)(run, effect, force, couple, verdict):
             unknown = one.relative is None and one.exceeds
             too_much = one.relative is not None and one.relative > accuracy
             found.append(_replaced(one, unknown or too_much))
@@ -53,40 +53,40 @@ def _nothing(*given: Any) -> Iterator[Omission]:
     return iter(())
 
 
-def _inertia(simulation: Simulation, effect: Effect, *loads: Any) -> Iterator[Omission]:
-    scene, remedy = simulation.scene, "set fluid.inertia = true and effects.inertia = true"
+def _inertia(run: Run, effect: Effect, *loads: Any) -> Iterator[Omission]:
+    scene, remedy = run.scene, "set fluid.inertia = true and effects.inertia = true"
     if effect.expected == 0.0:
         return
     if not scene.numerics.error_bars:
         yield Omission(effect.name, effect.expected, "by Oseen's term, at most", False, remedy)
         return
-    yield _weighted(simulation, effect.name, _convection, remedy, *loads[:2])
+    yield _weighted(run, effect.name, _convection, remedy, *loads[:2])
 
 
-def _unsteadiness(simulation: Simulation, effect: Effect, *loads: Any) -> Iterator[Omission]:
-    scene = simulation.scene
+def _unsteadiness(run: Run, effect: Effect, *loads: Any) -> Iterator[Omission]:
+    scene = run.scene
     if scene.time is None:
         _, _, risk = effect.reason.partition("; ")
         if risk:
             yield Omission(effect.name, None, risk, True, "add a section [time]")
         return
     remedy = 'set effects.unsteadiness = "auto"'
-    transient = simulation.transient
+    transient = run.time_stepper
     if not scene.numerics.error_bars or transient is None or not transient.past:
         how = "history force, pressure gradient and added mass, leading terms"
         yield Omission(effect.name, effect.expected, how, False, remedy)
         return
     before = transient.past[0]
-    rate = simulation.fluid.velocity
-    values = simulation.fluid.state.x.array - before.state
-    length = simulation.fluid.time - before.time
-    rate.x.array[:] = values[simulation.fluid.space.velocity_map] / length
-    yield _weighted(simulation, effect.name, _rate(rate), remedy, *loads[:2])
+    rate = run.fluid.velocity
+    values = run.fluid.state.x.array - before.state
+    length = run.fluid.time - before.time
+    rate.x.array[:] = values[run.fluid.space.velocity_map] / length
+    yield _weighted(run, effect.name, _rate(rate), remedy, *loads[:2])
 
 
-def _gravity(simulation: Simulation, effect: Effect, force: Forces | None, *rest: Any) -> Iterator[Omission]:
+def _gravity(run: Run, effect: Effect, force: Forces | None, *rest: Any) -> Iterator[Omission]:
     """Weight and buoyancy, which need no estimate."""
-    scene = simulation.scene
+    scene = run.scene
     if not effect.forced or scene.gravity is None or scene.grain is None or force is None:
         return
     slope = scene.bed.slope_angle if scene.bed else 0.0
@@ -97,13 +97,13 @@ def _gravity(simulation: Simulation, effect: Effect, force: Forces | None, *rest
     yield Omission(effect.name, relative, "weight and buoyancy, exact", False, remedy, change, np.zeros(3))
 
 
-def _contact(simulation: Simulation, effect: Effect, *loads: Any) -> Iterator[Omission]:
+def _contact(run: Run, effect: Effect, *loads: Any) -> Iterator[Omission]:
     if effect.forced:
         yield Omission(effect.name, None, "there is no verdict without it", False)
 
 
 def _free_body(
-    simulation: Simulation, effect: Effect, force: Any, couple: Any, verdict: dict[str, Any] | None
+    run: Run, effect: Effect, force: Any, couple: Any, verdict: dict[str, Any] | None
 ) -> Iterator[Omission]:
     """A grain that is held in time though it would have begun to move."""
     since = None if verdict is None else verdict.get("first_motion")
@@ -111,14 +111,14 @@ def _free_body(
         yield Omission(effect.name, None, f"the grain moves from t = {since:.4g} on, but was held", False)
 
 
-def _free_surface(simulation: Simulation, effect: Effect, *loads: Any) -> Iterator[Omission]:
+def _free_surface(run: Run, effect: Effect, *loads: Any) -> Iterator[Omission]:
     if effect.expected is not None:
         how = "of the depth, Fr^2/2 by Bernoulli's equation"
         yield Omission(effect.name, effect.expected, how, False, "none in this version; a deeper channel")
 
 
-def _turbulence(simulation: Simulation, effect: Effect, *loads: Any) -> Iterator[Omission]:
-    numbers, scene = simulation.plan.numbers, simulation.scene
+def _turbulence(run: Run, effect: Effect, *loads: Any) -> Iterator[Omission]:
+    numbers, scene = run.plan.numbers, run.scene
     if numbers is not None and may_be_turbulent(scene, numbers):
         how = f"flow Re {numbers.flow_reynolds:.4g} is above {turbulent_from(scene):g}"
         yield Omission(effect.name, None, how, True, "the flow computed is the laminar one")
@@ -151,10 +151,10 @@ def _rate(rate: Any) -> Term:
 
 
 def _weighted(
-    simulation: Simulation, name: str, term: Term, remedy: str, force: Forces | None, couple: Couples | None
+    run: Run, name: str, term: Term, remedy: str, force: Forces | None, couple: Couples | None
 ) -> Omission:
     """The change of force and couple by a missing term; without a grain, that of the velocity."""
-    fluid, grain = simulation.fluid, simulation.scene.grain
+    fluid, grain = run.fluid, run.scene.grain
     with_factors_of_steady_flow(fluid)
     if force is None or couple is None or grain is None:
         how = "of the velocity in the mean, linear"

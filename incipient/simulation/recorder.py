@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from ..restart.checkpoint import Checkpoint
     from ..results.result import Result
     from ..scene import Scene
+    from .state import Run
 
 
 class Recorder(Protocol):
@@ -76,3 +77,15 @@ class Unrecorded:
 
     def finish(self, result: Result) -> None:
         """Nothing."""
+
+
+def record_fields(recorder: Recorder, run: Run, number: int, last: bool) -> None:
+    """Hand the fields after a step of this number over to the recorder if it wants them. Collective."""
+    if not recorder.wants_fields(number, last):
+        return
+    from ..fluid.vorticity import vorticity
+
+    with run.stage("fields"):
+        fluid, probe = run.fluid, run.probe
+        fields = {"velocity": fluid.velocity, "pressure": fluid.pressure, "vorticity": vorticity(fluid)}
+        recorder.fields(fluid.time, fields, probe.field() if probe else None)

@@ -12,12 +12,13 @@ from mpi4py import MPI
 
 import incipient
 from incipient.accuracy.errorbars import changed
+from incipient.adaptive import refinement
 from incipient.cost.forecast import first_mesh
 from incipient.errors import ConvergenceError
 from incipient.results.result import Result
 from incipient.scene import Scene, load, loads
 from incipient.scene.example import commented, grain_on_bed
-from incipient.simulation.simulate import Simulation
+from incipient.simulation.state import Run
 
 DEMOS = Path(__file__).parents[2] / "demos" / "scenes"
 # Drag and lift of DFG 2D-1 over V^2 L/2 = 0.2^2 0.1/2: G. Nabh, On high order methods for the stationary
@@ -186,15 +187,15 @@ def test_without_an_accuracy_nothing_changes() -> None:
 
 def test_a_mesh_too_coarse_to_solve_on_is_refined(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where Newton's method fails on the first mesh the next is finer; three failures are an error."""
-    solve, failures = Simulation.loads_at, [2]
+    solve, failures = refinement.loads_at, [2]
 
-    def fail_at_first(self: Simulation, factor: float) -> Any:
+    def fail_at_first(of: Run, factor: float) -> Any:
         failures[0] -= 1
         if failures[0] >= 0:
             raise ConvergenceError("no steady flow found")
-        return solve(self, factor)
+        return solve(of, factor)
 
-    monkeypatch.setattr(Simulation, "loads_at", fail_at_first)
+    monkeypatch.setattr(refinement, "loads_at", fail_at_first)
     found = run(on_bed(accuracy=0.01)).adaptation
     assert found is not None and found.met
     assert [trial.note for trial in found.trials] == ["no steady flow found", "no steady flow found", ""]
@@ -204,15 +205,15 @@ def test_a_mesh_too_coarse_to_solve_on_is_refined(monkeypatch: pytest.MonkeyPatc
 
 
 def test_the_best_is_kept_where_a_later_mesh_fails(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    solve, calls = Simulation.loads_at, [0]
+    solve, calls = refinement.loads_at, [0]
 
-    def fail_at_second(self: Simulation, factor: float) -> Any:
+    def fail_at_second(of: Run, factor: float) -> Any:
         calls[0] += 1
         if calls[0] == 2:
             raise ConvergenceError("no steady flow found")
-        return solve(self, factor)
+        return solve(of, factor)
 
-    monkeypatch.setattr(Simulation, "loads_at", fail_at_second)
+    monkeypatch.setattr(refinement, "loads_at", fail_at_second)
     found = run(on_bed(accuracy=0.0005), tmp_path).adaptation
     assert found is not None and not found.met
     assert found.reason == "the next mesh failed: no steady flow found"

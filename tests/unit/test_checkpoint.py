@@ -326,7 +326,7 @@ def test_a_scene_edited_in_the_directory_is_refused(path: Path) -> None:
 
 def test_a_grain_that_has_met_something_does_not_go_on(path: Path) -> None:
     write(path, sample(met=True))
-    with pytest.raises(SceneError, match="its grain met something; there is nothing to resume"):
+    with pytest.raises(SceneError, match=r"its grain met something; to go on set body\.on_contact"):
         reopened(path.parent, [], COMM)
 
 

@@ -14,11 +14,10 @@ from incipient.accuracy.dual import GoalErrors
 from incipient.accuracy.errorbars import changed
 from incipient.fluid import Condition, FlowModel, Fluid, solve_steady
 from incipient.mesh.domain import Domain
-from incipient.progress import Silent
 from incipient.scene import Scene, load
 from incipient.scene.example import grain_on_bed
-from incipient.simulation.recorder import Unrecorded
-from incipient.simulation.simulate import Simulation
+from incipient.simulation.build import prepared
+from incipient.simulation.steady import loads_at
 
 DEMOS = Path(__file__).parents[2] / "demos" / "scenes"
 # Drag and lift of DFG 2D-1 over V^2 L/2 = 0.2^2 0.1/2: G. Nabh, On high order methods for the stationary
@@ -41,11 +40,10 @@ if MPI.COMM_WORLD.rank == 0:
 
 def solved(scene: Scene) -> dict[str, np.ndarray]:
     """Force and couple in the plane, their estimated errors, and the sums of shares."""
-    simulation = Simulation(scene, MPI.COMM_SELF, Unrecorded(), Silent())
-    with simulation.prepared():
-        simulation.loads_at(1.0)
-        assert simulation.layout.placement is not None
-        with GoalErrors(simulation.fluid, "body", simulation.layout.placement.centre) as goals:
+    with prepared(scene, MPI.COMM_SELF) as run:
+        loads_at(run, 1.0)
+        assert run.layout.placement is not None
+        with GoalErrors(run.fluid, "body", run.layout.placement.centre) as goals:
             return described(goals)
 
 

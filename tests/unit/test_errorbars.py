@@ -12,17 +12,17 @@ from scenes import CARRIED
 
 import incipient
 from incipient.accuracy import errorbars
-from incipient.accuracy.errorbars import by_coarser_run, changed, coarse_scenes, farther, loads_of
+from incipient.accuracy.errorbars import by_coarser_run, changed, coarse_scenes, farther
 from incipient.accuracy.safetybar import bar_of_safety
 from incipient.contact import Contacts, Load
 from incipient.errors import ConvergenceError
-from incipient.progress import Silent
 from incipient.results.errorbars import Loads, Term
 from incipient.results.safetybar import SafetyBar
 from incipient.scene import Scene, Time, loads
 from incipient.scene.example import commented, grain_on_bed
-from incipient.simulation.recorder import Unrecorded
-from incipient.simulation.simulate import Simulation
+from incipient.simulation import simulate as simulation
+from incipient.simulation.simulate import loads_of, simulate
+from incipient.simulation.state import Accounts
 
 IN_STREAM = """
 [domain]
@@ -178,10 +178,10 @@ def test_coarser_run_against_a_much_finer_one() -> None:
 
 
 def test_failed_coarse_runs_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(scene: Scene, comm: MPI.Comm, speed: float) -> Loads:
+    def fail(scene: Scene, comm: MPI.Comm) -> Loads:
         raise ConvergenceError("no steady flow found")
 
-    monkeypatch.setattr(errorbars, "loads_of", fail)
+    monkeypatch.setattr(simulation, "loads_of", fail)
     scene = loads(commented(grain_on_bed()), overrides=("numerics.mesh_size=2", "output.fields=false"))
     bars = incipient.run(scene, comm=MPI.COMM_SELF).error_bars
     assert bars is not None
@@ -244,8 +244,7 @@ def test_coarse_runs_in_time_are_few_and_cheap() -> None:
 def test_nothing_more_is_begun_when_the_budget_is_spent() -> None:
     """The term that needs no run of its own is there, the others say why not."""
     scene = changed(grain_on_bed(), numerics={"mesh_size": 2.0})
-    simulation = Simulation(scene, MPI.COMM_SELF, Unrecorded(), Silent(), spent=lambda: "all is spent")
-    bars = simulation.run().error_bars
+    bars = simulate(scene, MPI.COMM_SELF, accounts=Accounts(spent=lambda: "all is spent")).error_bars
     assert bars is not None and [term.name for term in bars.terms] == ["discretisation"]
     assert bars.failed == {"gap": "all is spent", "domain": "all is spent"}
 

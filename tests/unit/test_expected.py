@@ -10,7 +10,7 @@ from incipient.meshes import expected
 from incipient.planning import drawing as layout
 from incipient.planning.plan import make_plan
 from incipient.scene import Scene, loads
-from incipient.simulation.simulate import estimate
+from incipient.simulation.build import estimate
 
 SCENES = Path(__file__).parents[2] / "demos" / "scenes"
 RIPPLES = """\

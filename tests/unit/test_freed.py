@@ -11,11 +11,9 @@ from incipient.accuracy.dual import GoalErrors
 from incipient.coupled.tractions import TractionProbe
 from incipient.errors import ConvergenceError
 from incipient.fluid import FlowModel, Fluid
-from incipient.progress import Silent
 from incipient.scene import loads
 from incipient.scene.file import example
-from incipient.simulation.recorder import Unrecorded
-from incipient.simulation.simulate import Simulation
+from incipient.simulation.build import prepared
 
 
 @pytest.fixture
@@ -47,12 +45,11 @@ def test_an_error_estimate_that_fails(destroyed: list[Fluid], monkeypatch: pytes
     assert destroyed == [finer, fluid]
 
 
-def test_a_simulation_that_fails_while_it_is_prepared(
+def test_a_run_that_fails_while_it_is_prepared(
     destroyed: list[Fluid], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scene = loads(example(), overrides=["numerics.mesh_size=6"])
-    simulation = Simulation(scene, MPI.COMM_SELF, Unrecorded(), Silent())
     monkeypatch.setattr(TractionProbe, "__init__", fail)
-    with pytest.raises(ConvergenceError), simulation.prepared():
+    with pytest.raises(ConvergenceError), prepared(scene, MPI.COMM_SELF):
         raise AssertionError("prepared all the same")
-    assert destroyed == [simulation.fluid]
+    assert len(destroyed) == 1

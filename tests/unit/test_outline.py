@@ -13,7 +13,7 @@ from incipient.geometry import Flat, HalfDiscs, Placement, Polygon, Sinusoidal, 
 from incipient.geometry import Polyline as PolylineBed
 from incipient.geometry.plane.curves import Line
 from incipient.geometry.plane.polygon import diameter, meeting_sides
-from incipient.simulation.simulate import estimate
+from incipient.simulation.build import estimate
 
 Floats = NDArray[np.float64]
 SCENE = """\

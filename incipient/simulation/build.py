@@ -1,0 +1,129 @@
+"""From a scene to a run that can begin: its plan, its mesh and its fluid."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING
+
+from ..installed import required
+from ..planning import drawing
+from ..planning.effects import EffectName
+from ..planning.plan import Estimate, Plan, make_plan
+from ..progress import Silent
+from ..scene import Scene
+from .recorder import Recorder, Unrecorded
+from .state import Accounts, Run
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from ..contact import Contacts
+    from ..coupled.tractions import TractionProbe
+    from ..fluid import FlowModel, Fluid
+    from ..mesh.domain import Domain
+    from ..planning.drawing import Layout
+    from ..restart.checkpoint import Checkpoint
+
+
+@contextmanager
+def prepared(
+    scene: Scene,
+    comm: MPI.Comm,
+    accounts: Accounts | None = None,
+    recorder: Recorder | None = None,
+    voice: Silent | None = None,
+    checkpoint: Checkpoint | None = None,
+    sizing: Callable[[Layout], Layout] = lambda layout: layout,
+) -> Iterator[Run]:
+    """The run of a scene with its mesh and its fluid, before anything is solved; freed at the end. Collective.
+
+    Args:
+        accounts: those of the search that the run belongs to; None: its own.
+        recorder: told when the mesh is there.
+        checkpoint: of an earlier session of the run, whose mesh is taken and whose costs are counted on.
+        sizing: changes the cell sizes that the plan has laid out.
+
+    Raises:
+        IncipientError: on all ranks: the scene cannot be planned or meshed.
+    """
+    accounts, voice = accounts or Accounts(), voice or Silent()
+    voice.begin("plan")
+    with accounts.ledger.stage("plan"):
+        plan = make_plan(scene)
+        layout = sizing(drawing.lay_out(scene, plan))
+    voice.begin("import")
+    with accounts.ledger.stage("import"), required():
+        from ..fluid import Fluid
+        from ..mesh import domain
+        from ..planning.conditions import conditions
+    voice.begin("mesh")
+    with accounts.ledger.stage("mesh"):
+        contacts = _contacts(scene, plan, accounts)
+        made = _domain_kept(checkpoint, comm) or domain.build(comm, layout.drawing, scene.gdim)
+    (recorder or Unrecorded()).begin(scene, plan, made)
+    with ExitStack() as stack:
+        voice.begin("forms")
+        with accounts.ledger.stage("forms"):
+            model = flow_model(scene, plan, unsteady=plan.has(EffectName.UNSTEADINESS))
+            newest = [Fluid(made, model, conditions(scene), plan.reynolds)]
+            # Another fluid may have taken its place by the end.
+            stack.push(lambda *exception: newest[0].__exit__(*exception))
+            run = Run(scene, plan, layout, contacts, newest[0], probe_of(newest[0], layout), accounts, voice)
+        if checkpoint is not None:
+            from ..restart import resumption
+
+            resumption.put_back_costs(checkpoint.progress, run)
+        try:
+            yield run
+        finally:
+            newest[0] = run.fluid
+
+
+def flow_model(scene: Scene, plan: Plan, unsteady: bool, inertia: bool = True) -> FlowModel:
+    """What the plan makes of the flow's equations; `inertia` false leaves inertia out. Not collective."""
+    from ..fluid import FlowModel
+
+    return FlowModel(
+        order=plan.order,
+        inertia=inertia and plan.has(EffectName.INERTIA),
+        unsteady=unsteady,
+        convection=plan.convection if unsteady else "implicit",
+        moving_mesh=unsteady and plan.has(EffectName.MOVING_MESH),
+        energy_stable=unsteady and scene.numerics.form == "energy-stable",
+        stabilisation=plan.stabilisation.present,
+    )
+
+
+def estimate(scene: Scene) -> Plan:
+    """The plan with its expense, counted by making the mesh on this process. Not collective."""
+    plan = make_plan(scene)
+    expense: Estimate = drawing.count(drawing.lay_out(scene, plan), plan.order, drawing.has_dual(scene))
+    return plan.with_estimate(expense)
+
+
+def _contacts(scene: Scene, plan: Plan, accounts: Accounts) -> Contacts | None:
+    if not plan.has(EffectName.CONTACT):
+        return None
+    with accounts.ledger.stage("contact"):
+        from ..results.verdict import find_contacts
+
+        return find_contacts(scene)
+
+
+def probe_of(fluid: Fluid, layout: Layout) -> TractionProbe | None:
+    """What reads the traction on the grain laid out; None without one. Collective."""
+    if layout.placement is None:
+        return None
+    from ..coupled.tractions import TractionProbe
+
+    return TractionProbe(fluid, "body", layout.placement.centre)
+
+
+def _domain_kept(checkpoint: Checkpoint | None, comm: MPI.Comm) -> Domain | None:
+    """The mesh of the checkpoint, if there is one."""
+    if checkpoint is None:
+        return None
+    from ..restart import resumption
+
+    return resumption.domain_of(checkpoint, comm)

@@ -1,0 +1,54 @@
+"""Loads on the grain of a run, their coefficients, and the verdict on them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..arrays import spatial
+from ..results.loads import Coefficients, Couples, Forces
+
+if TYPE_CHECKING:
+    from ..scene import Scene
+    from .state import Run
+
+
+def loads(run: Run, surface: bool, speed: float = 1.0) -> tuple[Forces, Couples]:
+    """Forces and couples on the grain for speeds in units of `speed`; the surface integral where asked for."""
+    scene, probe = run.scene, run.probe
+    assert probe is not None and scene.grain is not None
+    flow = probe.resultant()
+    check = probe.surface_resultant() if surface else flow
+    gravity, unit = spatial(scene.gravity_vector), speed**2
+    buoyancy, weight = -scene.grain.volume * gravity, (scene.mass or 0.0) * gravity
+    force = Forces(unit * flow.force, unit * check.force, buoyancy, weight)
+    couple = Couples(unit * flow.couple, unit * check.couple, flow.about)
+    if run.trajectory is None:
+        return force, couple
+    x, y, turning = run.trajectory.repulsion()
+    pushed, twisted = np.array([x, y, 0.0]), np.array([0.0, 0.0, turning])
+    return replace(force, repulsion=pushed), replace(couple, repulsion=twisted)
+
+
+def coefficients(scene: Scene, force: Forces, couple: Couples) -> Coefficients:
+    """Drag, lift and moment coefficients of the loads on the scene's grain. Not collective."""
+    assert scene.grain is not None
+    velocity, length = scene.reference_velocity, scene.grain.size
+    unit = 0.5 * velocity**2 * length
+    drag, lift = force.flow[:2] / unit
+    return Coefficients(drag, lift, couple.flow[2] / (unit * length), velocity, length)
+
+
+def judged(run: Run, force: Forces, couple: Couples) -> dict[str, Any] | None:
+    """The verdict of both judges in plain data, None where there is nothing to judge. Not collective."""
+    if run.contacts is None:
+        return None
+    with run.accounts.ledger.stage("contact"):
+        from ..results.verdict import judge
+
+        verdict = judge(run.scene, run.contacts, force, couple)
+    if verdict is not None and run.scene.time is not None:
+        verdict["first_motion"] = run.first_motion
+    return verdict

@@ -1,0 +1,126 @@
+"""The state of a run: all that a run of one scene has, from its plan to its last step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from ..progress import Silent
+from ..results.cost_of_effects import Corrections
+from ..results.timing import Ledger
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from ..contact import Contacts
+    from ..coupled.tractions import TractionProbe
+    from ..fluid import Fluid, Transient
+    from ..mesh.domain import Domain
+    from ..planning.drawing import Layout
+    from ..planning.plan import Plan
+    from ..results.errorbars import Loads, Term
+    from ..scene import Scene
+    from .moving_grain import Trajectory
+
+
+@dataclass
+class Accounts:
+    """What the runs of one search share: what they cost, and the estimates that are known already.
+
+    known: terms of error bars by their name, and loads of coarse runs by the JSON of their scene
+    spent: why no estimate shall be begun any more, or an empty string
+    """
+
+    ledger: Ledger = field(default_factory=Ledger)
+    iterations: dict[str, int] = field(default_factory=dict)
+    known: dict[str, Term | Loads] = field(default_factory=dict)
+    spent: Callable[[], str] = lambda: ""
+
+    def count(self, **numbers: int) -> None:
+        """Add to the numbers of iterations by name. Not collective."""
+        for name, number in numbers.items():
+            self.iterations[name] = self.iterations.get(name, 0) + number
+
+
+class Run:
+    """A scene, its plan, mesh and flow, and how far the run has come. Only its own methods change it.
+
+    Args:
+        fluid: on the mesh that was made for the scene; it is replaced when a moving grain is meshed anew.
+        probe: of the traction on the grain; None without one.
+        voice: told of the stages.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        plan: Plan,
+        layout: Layout,
+        contacts: Contacts | None,
+        fluid: Fluid,
+        probe: TractionProbe | None,
+        accounts: Accounts,
+        voice: Silent,
+    ):
+        self.scene, self.plan, self.layout, self.contacts = scene, plan, layout, contacts
+        self.accounts, self.voice = accounts, voice
+        self.comm: MPI.Comm = fluid.domain.comm
+        self.corrections = Corrections(accounts.ledger, plan)
+        fluid.watch = self.corrections.made
+        self._fluid, self._probe = fluid, probe
+        self._time_stepper: Transient | None = None
+        self._trajectory: Trajectory | None = None
+        self._first_motion: float | None = None
+
+    @property
+    def fluid(self) -> Fluid:
+        """The flow, on the newest mesh."""
+        return self._fluid if self._trajectory is None else self._trajectory.fluid
+
+    @property
+    def domain(self) -> Domain:
+        """The newest mesh."""
+        return self.fluid.domain
+
+    @property
+    def probe(self) -> TractionProbe | None:
+        """Reads the traction on the grain; None without a grain."""
+        return self._probe if self._trajectory is None else self._trajectory.coupling.probe
+
+    @property
+    def time_stepper(self) -> Transient | None:
+        """The integration in time; None for a steady flow, and before the first step."""
+        return self._time_stepper
+
+    @property
+    def trajectory(self) -> Trajectory | None:
+        """The grain that moves; None without one, and before the first step."""
+        return self._trajectory
+
+    @property
+    def first_motion(self) -> float | None:
+        """Time at which a grain that is held in time would first have moved."""
+        return self._first_motion
+
+    def march_with(self, time_stepper: Transient, trajectory: Trajectory | None = None) -> None:
+        """From now on the state is that of an integration in time, and of a grain that moves. Not collective."""
+        self._time_stepper, self._trajectory = time_stepper, trajectory
+
+    def take_fluid(self, fluid: Fluid, probe: TractionProbe | None) -> None:
+        """Go on with another fluid on the mesh; the one before is freed. Collective."""
+        fluid.watch = self.corrections.made
+        fluid.solver.statistics.add(self._fluid.solver.statistics)
+        self._fluid.destroy()
+        self._fluid, self._probe = fluid, probe
+
+    def would_move(self, time: float | None) -> None:
+        """Note a time at which the grain would move; the first one counts. Not collective."""
+        if self._first_motion is None:
+            self._first_motion = time
+
+    def stage(self, name: str) -> AbstractContextManager[None]:
+        """Tell that a stage begins; a context manager that takes its time. Not collective."""
+        self.voice.begin(name)
+        return self.accounts.ledger.stage(name)

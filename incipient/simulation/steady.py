@@ -1,0 +1,81 @@
+"""The steady flow of a run, also for a faster stream, and the loads in it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from ..planning.effects import EffectName
+from ..planning.stabilisation import stabilisation_of
+from .build import probe_of
+from .loads import loads
+
+if TYPE_CHECKING:
+    from ..fluid import Fluid
+    from ..results.loads import Couples, Forces
+    from .state import Run
+
+# Reynolds number of the whole flow from which the continuation begins with a share of it.
+LARGE = 200.0
+# Smallest share of the way from one flow to a faster one that is tried.
+SMALLEST_SHARE = 0.02
+
+
+def solve_steadily(run: Run, fluid: Fluid, **way: float) -> None:
+    """Find the steady flow of a fluid, the run's own or another one for its scene. Collective.
+
+    `way` may name what `fluid.solve_steady` takes besides.
+
+    Raises:
+        ConvergenceError: there is none that could be found.
+    """
+    from ..fluid import solve_steady
+
+    numerics = run.scene.numerics
+    with run.stage("flow"), run.corrections.begun():
+        steps = solve_steady(
+            fluid,
+            numerics.tolerance,
+            numerics.max_iterations,
+            first_share=_first_share(run, fluid),
+            watch=run.corrections.heard(run.voice.iterate),
+            **way,
+        )
+        run.corrections.book_steady(steps)
+    run.accounts.count(continuation=len(steps), newton=sum(step.report.iterations for step in steps))
+
+
+def loads_at(run: Run, factor: float, start: float = 0.0) -> tuple[Forces, Couples]:
+    """Solve steadily with the flow faster by a factor at the same viscosity; the loads then. Collective.
+
+    In units of the faster flow only the Reynolds number changes, so the mesh, the forms and the last
+    solution serve again; forces go back to scene units with the factor squared. `start` is the factor of
+    the flow that the state is that of, if it is one to go on from.
+
+    Raises:
+        ConvergenceError: the fluid then holds the last flow found on the way, at its Reynolds number.
+    """
+    stabilise(run, factor)
+    run.fluid.reynolds = factor * run.plan.reynolds
+    way = {"reached": start / factor, "smallest_step": SMALLEST_SHARE} if start else {}
+    solve_steadily(run, run.fluid, **way)
+    return loads(run, surface=False, speed=factor)
+
+
+def stabilise(run: Run, factor: float) -> None:
+    """Go on with a fluid whose convection is stabilised, or not, as for the flow faster by a factor. Collective."""
+    from ..fluid import Fluid
+
+    before, model = run.fluid, run.fluid.model
+    wanted = stabilisation_of(run.scene, model.inertia, factor).present
+    if wanted == model.stabilisation:
+        return
+    fluid = Fluid(run.domain, replace(model, stabilisation=wanted), before.conditions, before.reynolds)
+    fluid.state.x.array[:] = before.state.x.array
+    run.take_fluid(fluid, probe_of(fluid, run.layout))
+
+
+def _first_share(run: Run, fluid: Fluid) -> float:
+    """Where the continuation starts: at once, unless the Reynolds number of the whole flow is large."""
+    whole = fluid.reynolds * run.scene.reference_velocity * run.scene.domain.height
+    return min(1.0, LARGE / whole) if run.plan.has(EffectName.INERTIA) else 1.0
