@@ -278,7 +278,8 @@ def _coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
         numerics["mesh_size"] = max(MODEL_MESH, scene.numerics.mesh_size)
         return changed(scene, numerics=numerics, **sections)
     numerics["mesh_size"] = max(MODEL_MESH_IN_TIME, scene.numerics.mesh_size)
-    numerics["tolerance"] = max(MODEL_ITERATION, scene.numerics.tolerance)
+    asked = scene.numerics.tolerance
+    numerics["tolerance"] = MODEL_ITERATION if asked == "auto" else max(MODEL_ITERATION, asked)
     if scene.body is not None and not scene.body.moves:
         # Without weight no step is judged.
         sections["body"] = {"density": None, "mass": None, "inertia": None}

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from ..errors import SceneError
 from ..planning.effects import EffectName
 from ..planning.plan import Plan, make_plan
+from ..tolerance import of_steady
 
 if TYPE_CHECKING:
     from ..scene import Scene
@@ -79,7 +80,7 @@ class Solver:
         """Those that end the iterations, enlarged."""
         moves = scene.body is not None and scene.body.moves
         names = ("tolerance", "interface_tolerance") if moves else ("tolerance",)
-        given = {name: getattr(scene.numerics, name) for name in names}
+        given = {name: of_steady(getattr(scene.numerics, name)) for name in names}
         return {name: max(value, min(self.looser * value, LOOSEST)) for name, value in given.items()}
 
     def is_own(self, scene: Scene, plan: Plan) -> bool:

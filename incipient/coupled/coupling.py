@@ -100,7 +100,7 @@ class Coupling:
         motion: of the mesh.
         load: force and couple (k,) on the body in a state that are not the flow's traction: weight, buoyancy.
         room: how far [length] a body in a state may still go before it meets something; None: it meets nothing.
-        tolerance: of the body's equation of motion, relative to its load.
+        tolerance: of the body's equation of motion, relative to its load; None: that of the step's equations.
         added_mass: False iterates without the derivative of the traction, as programs that pass forces and
             velocities back and forth do. It diverges for light bodies: for comparison only.
         stage: context managers by name that take the time.
@@ -115,7 +115,7 @@ class Coupling:
         load: Callable[[BodyState], Floats],
         room: Callable[[BodyState], float] | None = None,
         boundary: str = "body",
-        tolerance: float = 1e-9,
+        tolerance: float | None = 1e-9,
         max_iterations: int = 12,
         stage: Stage = lambda name: nullcontext(),
         added_mass: bool = True,
@@ -123,7 +123,8 @@ class Coupling:
         self.fluid, self.body, self.motion, self.boundary = fluid, body, motion, boundary
         self._load, self._room, self._stage = load, room, stage
         self.added_mass = added_mass
-        self.tolerance, self.max_iterations, self.met = tolerance, max_iterations, False
+        self._given, self.tolerance = tolerance, tolerance or 0.0
+        self.max_iterations, self.met = max_iterations, False
         self.state = body.consistent(state)
         self.mean_load = MeanLoad()
         self.past = [Position(self.state, motion.places(state.placement))]
@@ -138,8 +139,9 @@ class Coupling:
 
     # -- the step, as the time integration sees it ------------------------------------------------
 
-    def attempt(self, length: float, order: int) -> InterfaceReport:
+    def attempt(self, length: float, order: int, tolerance: float) -> InterfaceReport:
         """Iterate on the body's velocities at the end of a step from the last state."""
+        self.tolerance = self._given or tolerance
         if order != self.mean_load.order:
             # Factors of the other backward difference serve badly.
             self.fluid.renew_factors()
@@ -150,7 +152,8 @@ class Coupling:
         self._complaint = SLOW
         while len(residuals) < self.max_iterations:
             self._follow(end)
-            flow = self.fluid.solve(self._inner_tolerance(residuals))
+            # What the flow's answer leaves contracts otherwise than what a step begins with.
+            flow = self.fluid.solve(self._inner_tolerance(residuals), remember=not residuals)
             sizes.extend(flow.corrections)
             if not flow.converged:
                 self._complaint = FOLDED if self._is_folded() else ""
@@ -172,13 +175,13 @@ class Coupling:
                 self._first_residual = residuals[0]
                 if len(residuals) > PATIENCE:
                     self.fluid.renew_factors()
-                return InterfaceReport(True, tuple(sizes), flow.error, tuple(residuals))
+                return InterfaceReport(True, tuple(sizes), flow.error, residuals=tuple(residuals))
             if not np.isfinite(residual):
                 break
             self._answer(improved.velocities - end.velocities)
             end = improved
         self._response = None
-        return InterfaceReport(False, tuple(sizes), np.inf, tuple(residuals))
+        return InterfaceReport(False, tuple(sizes), np.inf, residuals=tuple(residuals))
 
     def complaint(self) -> str:
         """Why the last attempt failed, and a remedy; empty if the fluid is to blame."""
@@ -219,6 +222,10 @@ class Coupling:
         self.end = replace(self.end, state=self.state)
         self.fluid.domain.mesh.geometry.x[:] = self.past[0].places
         self.fluid.constraints.boundary_points_moved()
+
+    def forget(self) -> None:
+        """Drop the flow's response and how far the last step began from its end. Not collective."""
+        self._response, self._first_residual = None, 0.0
 
     def velocities(self) -> Floats:
         """(k,) velocity, and spin times the body's largest arm, at the end of the last attempt."""

@@ -55,6 +55,7 @@ class TractionProbe:
         blocks = boundary_blocks(space, fluid.domain.facets_of(boundary))
         self._blocks = blocks[blocks < owned]
         self._surface_form: Any = None
+        self._near_form = self._residual_near(blocks) if fluid.model.unsteady else None
 
     def refer_to(self, about: Sequence[float]) -> None:
         """Let couples refer to another point (gdim,), such as the centre of a body that has moved."""
@@ -105,7 +106,16 @@ class TractionProbe:
 
     def _nodal_forces(self) -> np.ndarray:
         """(owned nodes on the boundary, gdim): minus the momentum residual there."""
-        return -self.fluid.residual()[self._unknowns()]
+        return -self._residual()[self._unknowns()]
+
+    def _residual(self) -> np.ndarray:
+        """(owned unknowns,) residual, right at the boundary's nodes."""
+        return self.fluid.residual() if self._near_form is None else self.fluid.assembled(self._near_form)
+
+    def _residual_near(self, blocks: np.ndarray) -> Any:
+        """The compiled residual of the cells at the nodes only: in time it is read at every step."""
+        w, q = ufl.TestFunctions(self.fluid.space.mixed)
+        return compat.form(self.fluid.residual_form(w, q, self.fluid.space.cells_at(blocks)))
 
     def _unknowns(self) -> np.ndarray:
         """(owned nodes on the boundary, gdim): numbers of their velocities in the fluid's state."""

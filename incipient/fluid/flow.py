@@ -88,8 +88,11 @@ class Fluid:
         self._vector = petsc.assemble_vector(self._residual)
         self._correction = self._matrix.createVecRight()
         self._state_view = compat.vec_view(self.state)
+        owned = self._state_view.getLocalSize()
+        self._owned_velocities = self.space.velocity_map[self.space.velocity_map < owned]
         self.solver = KeptFactorisation(self._matrix)
         self._lift, self._aged = True, True
+        self._contraction = newton.Contraction()
         self.watch: Callable[[int, float], Any] = _unwatched
         self._direction: Any = None  # made when a response is first asked for
         self._action: Any = None
@@ -252,17 +255,19 @@ class Fluid:
         max_iterations: int = 25,
         watch: Callable[[int, float], Any] | None = None,
         keep_factors: bool = False,
+        remember: bool = True,
     ) -> newton.NewtonReport:
         """Solve for the state with the parameters as they are, starting from the present state.
 
         `watch`, or else what `Fluid.watch` has been set to, is called with the number, from zero, and the size of each
-        correction. Factors of earlier solves serve as long as they will in a time step, or with `keep_factors`.
+        correction. Factors of earlier solves serve as long as they will in a time step, or with `keep_factors`; with
+        `remember` so does the contraction seen in them, see `newton.solve_by_chords`.
         """
         watch = watch or self.watch
         self.constraints.update(self.time)
         self._lift = True
         if self.model.unsteady or keep_factors:
-            return self._solve_step(tolerance, max_iterations, watch)
+            return self._solve_step(tolerance, max_iterations, watch, remember)
         if not self.model.linear:
             return newton.solve(self, tolerance, max_iterations, watch)
         size = self.correction(rtol=1e-12)
@@ -270,10 +275,14 @@ class Fluid:
         return newton.NewtonReport(bool(np.isfinite(size)), (size,), 0.0)
 
     def _solve_step(
-        self, tolerance: float, max_iterations: int, watch: Callable[[int, float], Any]
+        self, tolerance: float, max_iterations: int, watch: Callable[[int, float], Any], remember: bool
     ) -> newton.NewtonReport:
         """A time step: its start is good, so that factors of earlier steps do (see `newton.solve_by_chords`)."""
-        report = newton.solve_by_chords(self, tolerance, max_iterations, watch, fresh=self._aged)
+        known = self._contraction if remember else None
+        before = self.solver.statistics.factorisations
+        report = newton.solve_by_chords(self, tolerance, max_iterations, watch, self._aged, known)
+        if remember or self.solver.statistics.factorisations != before:
+            self._contraction = report.contraction
         self._aged = not report.converged or report.iterations > PATIENCE
         return report
 
@@ -305,7 +314,14 @@ class Fluid:
         self._aged = True
 
     def chord_correction(self, fresh: bool) -> float:
-        """One correction with the factors at hand; `fresh` assembles and factorises first (see `newton.System`)."""
+        """One correction with the factors at hand; `fresh` assembles and factorises first (see `newton.System`).
+
+        Without new factors the state takes its boundary values before the residual is assembled: the Jacobian's
+        columns for them would cost more than that residual, and change nothing where the state has them already.
+        """
+        if not fresh:
+            compat.impose(self.state.x.array, self.constraints.dirichlet)
+            self._lift = False
         self._assemble_constrained_residual()
         if fresh:
             self._assemble_jacobian()
@@ -393,7 +409,11 @@ class Fluid:
 
         Its momentum entries on a boundary are the consistent nodal tractions there.
         """
-        self._assemble_into(self._vector, self._residual)
+        return self.assembled(self._residual)
+
+    def assembled(self, form: Any) -> np.ndarray:
+        """A compiled linear form against every test function of the mixed space: (owned unknowns,)."""
+        self._assemble_into(self._vector, form)
         return self._vector.array_r.copy()
 
     def speed(self) -> float:
@@ -402,17 +422,12 @@ class Fluid:
 
     def squared_velocities(self, values: np.ndarray) -> float:
         """Sum over all ranks of the squares of the velocities in a state, or a change of it. Collective."""
-        return float(self.domain.comm.allreduce(float(np.sum(values[self._velocities()] ** 2))))
-
-    def _velocities(self) -> np.ndarray:
-        """Numbers of the owned velocity unknowns."""
-        owned = self._state_view.getLocalSize()
-        return self.space.velocity_map[self.space.velocity_map < owned]
+        mine = values[self._owned_velocities]
+        return float(self.domain.comm.allreduce(float(mine @ mine)))
 
     def _relative_size(self) -> float:
-        mine = self._velocities()
-        parts = [np.sum(a[mine] ** 2) for a in (self._correction.array_r, self.state.x.array)]
-        change, whole = self.domain.comm.allreduce(np.array(parts))
+        parts = [values[self._owned_velocities] for values in (self._correction.array_r, self.state.x.array)]
+        change, whole = self.domain.comm.allreduce(np.array([part @ part for part in parts]))
         if whole == 0.0:
             return 0.0 if change == 0.0 else np.inf
         return float(np.sqrt(change / whole))

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Protocol
 
 import numpy as np
 
 WORST_CONTRACTION = 0.3
+# Solves by one correction with the same factors, after which a second one measures the contraction again.
+MEASURED_EVERY = 8
 
 
 class System(Protocol):
@@ -25,12 +27,48 @@ class System(Protocol):
 
 
 @dataclass(frozen=True)
+class Contraction:
+    """By how much factors at hand shrink corrections, as far as that is known.
+
+    ratio:    of the second correction of a solve to its first, when it was last measured
+    measured: in which solve since the factors were made that was
+    solves:   so far with these factors, that for which they were made not counted
+    """
+
+    ratio: float = np.inf
+    measured: int = 0
+    solves: int = 0
+
+    def error_left(self, size: float) -> float:
+        """Error left after a first correction of this size; infinite where the ratio is not known well enough.
+
+        Factors age with each solve: the ratio is taken to grow as their age does.
+        """
+        if not self.measured or self.solves - self.measured >= MEASURED_EVERY:
+            return np.inf
+        ratio = self.ratio * (self.solves + 1) / self.measured
+        return size * ratio / (1 - ratio) if ratio < 0.5 else np.inf
+
+    def after(self, sizes: list[float]) -> Contraction:
+        """What is known after another solve, whose corrections had these sizes."""
+        number = self.solves + 1
+        if len(sizes) < 2 or sizes[0] == 0.0:
+            return replace(self, solves=number)
+        # The first two tell how a first correction contracts; later ones are nearer to round-off.
+        return Contraction(sizes[1] / sizes[0], number, number)
+
+
+@dataclass(frozen=True)
 class NewtonReport:
-    """How an iteration went: sizes of the corrections relative to the state, and the error estimated to be left."""
+    """How an iteration went: sizes of the corrections relative to the state, and the error estimated to be left.
+
+    `contraction` is that of the factors at hand, for the next solve with them.
+    """
 
     converged: bool
     corrections: tuple[float, ...]
     error: float
+    contraction: Contraction = Contraction()
 
     @property
     def iterations(self) -> int:
@@ -68,25 +106,32 @@ def solve_by_chords(
     max_iterations: int,
     watch: Callable[[int, float], Any] = lambda iteration, size: None,
     fresh: bool = False,
+    contraction: Contraction | None = None,
 ) -> NewtonReport:
     """Iterate as `solve` does, but with factors kept from earlier steps while they contract well enough.
 
     A correction then costs one residual and one back-substitution: for the small changes of a time step
     far less than a Jacobian. New factors are made at the start if `fresh`, and whenever a correction is more
-    than `WORST_CONTRACTION` of the one before. Collective.
+    than `WORST_CONTRACTION` of the one before. With the `contraction` that earlier solves have seen one correction
+    is enough where it leaves no more than the tolerance; every `MEASURED_EVERY` solves a second one checks that.
+    Collective.
     """
+    known: Contraction | None = contraction or Contraction()
     sizes: list[float] = []
     kept: list[float] = []  # sizes since the factors were made
     for iteration in range(max_iterations):
-        kept = [] if fresh else kept
+        if fresh:
+            kept, known = [], None
         kept.append(system.chord_correction(fresh))
         sizes.append(kept[-1])
         watch(iteration, sizes[-1])
         if not np.isfinite(sizes[-1]) or _growing(sizes):
             break
-        error = _error_left(kept)
+        error = (
+            known.error_left(sizes[0]) if known and len(kept) == 1 and kept[0] > 0.0 else _error_left(kept)
+        )
         if error <= tolerance:
-            return NewtonReport(True, tuple(sizes), error)
+            return NewtonReport(True, tuple(sizes), error, known.after(kept) if known else Contraction())
         fresh = len(kept) > 1 and kept[-1] > WORST_CONTRACTION * kept[-2]
     return NewtonReport(False, tuple(sizes), np.inf)
 

@@ -15,7 +15,7 @@ class QuasiSteady(Transient):
 
     def _attempt(self, length: float) -> NewtonReport:
         self.fluid.time = self._past[0].time + length
-        return self.fluid.solve(self.tolerance, keep_factors=True)
+        return self.fluid.solve(self._tolerance(), keep_factors=True)
 
     def _error(self, length: float) -> float | None:
         return None

@@ -60,6 +60,10 @@ class TaylorHood:
     def _for_curvature(self) -> int:
         return 2 * (compat.geometry_degree(self.mixed.mesh) - 1)
 
+    def cells_at(self, blocks: np.ndarray) -> np.ndarray:
+        """Local cells that have a velocity node among the local ones given, in ascending order. Not collective."""
+        return np.flatnonzero(np.isin(compat.cell_dofs(self.velocity), blocks).any(axis=1)).astype(np.int32)
+
     def velocity_points(self) -> np.ndarray:
         """(n, 3) place of each local velocity node, in the present geometry of the mesh."""
         return self.velocity.tabulate_dof_coordinates()

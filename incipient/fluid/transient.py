@@ -9,6 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..errors import ConvergenceError
+from ..tolerance import ShareOfError
 from .flow import Fluid
 from .newton import NewtonReport
 
@@ -19,8 +20,11 @@ SAFETY, LARGEST_GROWTH, LARGEST_CUT = 0.9, 2.0, 0.3
 class Interface(Protocol):
     """What moves with the fluid and is solved together with it; all methods are collective."""
 
-    def attempt(self, length: float, order: int) -> NewtonReport:
-        """Solve for the end of a step of this length and order from the last state, the fluid's state included."""
+    def attempt(self, length: float, order: int, tolerance: float) -> NewtonReport:
+        """Solve for the end of a step of this length and order from the last state, the fluid's state included.
+
+        The tolerance is that of the step's algebraic equations.
+        """
         ...
 
     def allowed(self, length: float) -> float:
@@ -35,6 +39,10 @@ class Interface(Protocol):
         """Go back to the last state."""
         ...
 
+    def forget(self) -> None:
+        """Drop what earlier steps have taught about the iteration."""
+        ...
+
     def velocities(self) -> np.ndarray:
         """(n,) velocities of what moves, whose error limits the steps, too."""
         ...
@@ -46,7 +54,10 @@ class Interface(Protocol):
 
 @dataclass(frozen=True)
 class TimeStep:
-    """One accepted step: the time reached, its length, the local error (None: not enough history yet)."""
+    """One accepted step: the time reached, its length, the local error (None: not enough history yet).
+
+    `tolerance` is what its algebraic solution was allowed to leave.
+    """
 
     number: int
     time: float
@@ -54,6 +65,7 @@ class TimeStep:
     error: float | None
     rejected: int
     report: NewtonReport
+    tolerance: float
 
 
 def backward_difference(order: int, step: float, ratio: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -84,7 +96,7 @@ class Transient:
     Args:
         fluid: built with `FlowModel(unsteady=True)`; its present state is the initial one.
         order: 1 (the paper's backward difference) or 2.
-        tolerance: of the algebraic solution within a step, relative.
+        tolerance: of the algebraic solution within a step, relative; or the share of the step's own error it may be.
         accuracy: local error of the velocity a step may make, relative; None keeps the steps as given.
         interface: what moves with the fluid, or None.
     """
@@ -93,7 +105,7 @@ class Transient:
         self,
         fluid: Fluid,
         order: int = 2,
-        tolerance: float = 1e-8,
+        tolerance: float | ShareOfError = 1e-8,
         accuracy: float | None = None,
         interface: Interface | None = None,
     ):
@@ -101,6 +113,7 @@ class Transient:
         self.interface = interface
         self._past: list[Past] = []
         self._count, self.next_length = 0, 0.0
+        self.last_error: float | None = None
         self._length_kept: float | None = None
 
     def march(self, end: float, step: float) -> Iterator[TimeStep]:
@@ -142,13 +155,19 @@ class Transient:
         """Go on with a fluid on another mesh, whose state is the present one, and its past there. Collective."""
         self.fluid, self.interface, self._past = fluid, interface, list(past)
 
-    def resume(self, number: int, next_length: float, past: Sequence[Past]) -> None:
+    def resume(self, number: int, next_length: float, past: Sequence[Past], last_error: float | None) -> None:
         """Go on after so many steps with these states before the fluid's present one. Not collective.
 
-        The next march then begins with this length, whatever it is told.
+        The next march then begins with this length, whatever it is told. `last_error` is that of the last step.
         """
-        self._count, self._past = number, list(past)
+        self._count, self._past, self.last_error = number, list(past), last_error
         self._length_kept = next_length if number else None
+
+    def forget(self) -> None:
+        """Drop factors and what else earlier steps have taught about the iteration: a resumed run has none either."""
+        self.fluid.renew_factors()
+        if self.interface is not None:
+            self.interface.forget()
 
     @property
     def number(self) -> int:
@@ -166,8 +185,9 @@ class Transient:
             error = self._error(length) if report.converged else None
             allowed = self._allowed(length, report.converged and not self._too_large(error))
             if allowed >= length:
+                allowance, self.last_error = self._tolerance(), error
                 self._count += 1
-                return TimeStep(self._count, self.fluid.time, length, error, rejected, report)
+                return TimeStep(self._count, self.fluid.time, length, error, rejected, report, allowance)
             self._restore()
             length = allowed
         why = "" if self.interface is None else self.interface.complaint()
@@ -195,12 +215,17 @@ class Transient:
         fluid.discretise_time(rate, extrapolation)
         for function, before in zip(fluid.history, [*past[:2], past[-1]], strict=False):
             function.x.array[:] = before.state
-        if second:
-            fluid.state.x.array[:] = extrapolation[0] * past[0].state + extrapolation[1] * past[1].state
         fluid.time = past[0].time + length
+        if second:
+            fluid.state.x.array[:] = _extrapolated(past, fluid.time)
         if self.interface is not None:
-            return self.interface.attempt(length, 2 if second else 1)
-        return fluid.solve(self.tolerance)
+            return self.interface.attempt(length, 2 if second else 1, self._tolerance())
+        return fluid.solve(self._tolerance())
+
+    def _tolerance(self) -> float:
+        """Of the algebraic solution of the step to come."""
+        asked = self.tolerance
+        return asked.after(self.last_error) if isinstance(asked, ShareOfError) else asked
 
     def _restore(self) -> None:
         self.fluid.time = self._past[0].time
@@ -248,6 +273,16 @@ def _landing(left: float, step: float) -> float:
     if left <= step * (1 + 1e-9):
         return left
     return 0.5 * left if left < 1.5 * step and left > step * (1 + 1e-6) else step
+
+
+def _extrapolated(past: Sequence[Past], time: float) -> np.ndarray:
+    """The state at a time by the polynomial through all past ones, of second degree for three: a good first guess."""
+    times = np.array([one.time for one in past])
+    state = np.zeros_like(past[0].state)
+    for i, one in enumerate(past):
+        others = np.delete(times, i)
+        state += np.prod((time - others) / (one.time - others)) * one.state
+    return state
 
 
 def _divided_difference(times: list[float], states: list[Any]) -> Any:

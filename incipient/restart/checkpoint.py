@@ -23,7 +23,7 @@ from ..files import cause_of, write_bytes_atomically
 
 T = TypeVar("T")
 
-FORMAT, VERSION = "incipient checkpoint", 1
+FORMAT, VERSION = "incipient checkpoint", 2
 ANEW = "start anew with: incipient run"
 
 
@@ -41,11 +41,13 @@ class Progress:
 
     number:      of time steps done
     next_length: of the step to come, where steps adapt
+    error:       of the last step, by which the next one's tolerance goes; None where it could not be told
     total:       wall time of all sessions [s]
     """
 
     number: int
     next_length: float
+    error: float | None
     first_motion: float | None
     iterations: dict[str, int]
     linear: dict[str, int]

@@ -52,6 +52,7 @@ def _progress(run: Run, transient: Transient) -> Progress:
     return Progress(
         number=transient.number,
         next_length=transient.next_length,
+        error=transient.last_error,
         first_motion=run.first_motion,
         iterations=dict(run.accounts.iterations),
         linear=asdict(statistics),
@@ -109,7 +110,7 @@ def put_back_flow(kept: Checkpoint, transient: Transient) -> None:
     fluid.state.x.array[:], fluid.time = present, kept.time
     velocities = np.zeros((len(past), 0)) if kept.body is None else kept.body.velocities
     pasts = [Past(*one) for one in zip(kept.times[1:].tolist(), past, velocities, strict=True)]
-    transient.resume(kept.progress.number, kept.progress.next_length, pasts)
+    transient.resume(kept.progress.number, kept.progress.next_length, pasts, kept.progress.error)
     for name, number in kept.progress.linear.items():
         setattr(fluid.solver.statistics, name, number)
 

@@ -17,7 +17,7 @@ from .effects import Effects, section_of
 from .flows import ExpressionFlow, Flow, Lid, OpenChannel, Poiseuille, Shear, Still, Uniform
 from .messages import refusal
 from .motion import mass, mean_density
-from .section import NotNegative, Pair, Positive, Section, contradiction
+from .section import SMALLEST, NotNegative, Pair, Positive, Section, contradiction
 from .shapes import (
     Bed,
     Body,
@@ -77,6 +77,7 @@ __all__ = [
 ]
 
 Accuracy = float | Literal["verdict"]
+Tolerance = float | Literal["auto"]
 Top = Literal["auto", "wall", "slip", "stream"]
 
 _TOPS: dict[str, Top] = {
@@ -243,8 +244,9 @@ class Numerics(Section):
     budget_mib: Positive | None = Field(
         None, description="Memory beyond which not to seek accuracy [MiB]", examples=[2000.0]
     )
-    interface_tolerance: Positive = Field(
-        1e-9, description="Error of a moving grain's equation of motion relative to its load [-]"
+    interface_tolerance: Tolerance = Field(
+        "auto",
+        description="Error of a moving grain's equation of motion relative to its load; auto: as tolerance [-]",
     )
     remesh_below: float = Field(
         0.35,
@@ -252,8 +254,20 @@ class Numerics(Section):
         lt=1,
         description="Quality of the worst cell, relative to when made, that calls for a new mesh",
     )
-    tolerance: Positive = Field(1e-9, description="Relative residual at which the Newton iteration stops [-]")
+    tolerance: Tolerance = Field(
+        "auto",
+        description="Error that iterations may leave, relative; auto: steady 1e-6, in time 0.1 of a step's own [-]",
+    )
     max_iterations: int = Field(25, ge=1, description="Newton iterations after which to give up")
+
+    @field_validator("tolerance", "interface_tolerance", mode="before")
+    @classmethod
+    def _is_a_tolerance(cls, value: Any) -> Any:
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if value == "auto" or (number and value >= SMALLEST):
+            return value
+        shown = f'"{value}"' if isinstance(value, str) else value
+        raise contradiction(f"is {shown}", 'give a number above 0 such as 1e-8, or "auto"')
 
     @field_validator("accuracy", mode="before")
     @classmethod

@@ -28,6 +28,7 @@ from ..planning.clearance import Clearance
 from ..planning.plan import Plan
 from ..progress import Silent
 from ..scene import Scene
+from ..tolerance import of_steps
 
 Stage = Callable[[str], AbstractContextManager[Any]]
 
@@ -69,7 +70,7 @@ class Trajectory:
         self.coupling = self._coupled(fluid, state or initial_state(scene))
         self.energy = EnergyBudget(fluid)
         order = 2 if self.time.scheme == "bdf2" else 1
-        tolerance = max(scene.numerics.tolerance, 1e-9)
+        tolerance = of_steps(scene.numerics.tolerance)
         self.transient = Transient(fluid, order, tolerance, self.time.tolerance, self.coupling)
 
     @property
@@ -184,7 +185,7 @@ class Trajectory:
             motion,
             self._other_load,
             room=None if self._is_repelled else self._room,
-            tolerance=numerics.interface_tolerance,
+            tolerance=None if numerics.interface_tolerance == "auto" else numerics.interface_tolerance,
             stage=self._stage,
             added_mass=numerics.coupling == "exact",
         )

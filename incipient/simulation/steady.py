@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from ..planning.effects import EffectName
 from ..planning.stabilisation import stabilisation_of
+from ..tolerance import of_steady
 from .build import probe_of
 from .loads import loads
 
@@ -35,7 +36,7 @@ def solve_steadily(run: Run, fluid: Fluid, **way: float) -> None:
     with run.stage("flow"), run.corrections.begun():
         steps = solve_steady(
             fluid,
-            numerics.tolerance,
+            of_steady(numerics.tolerance),
             numerics.max_iterations,
             first_share=_first_share(run, fluid),
             watch=run.corrections.heard(run.voice.iterate),

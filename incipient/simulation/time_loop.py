@@ -90,11 +90,13 @@ class TimeLoop:
     def _march(self) -> None:
         """March with a grain that is held, or none."""
         from ..fluid import QuasiSteady, Transient
+        from ..tolerance import of_steady, of_steps
 
         run, time = self._run, self._time
         order = 2 if time.scheme == "bdf2" else 1
         kind = Transient if run.plan.has(EffectName.UNSTEADINESS) else QuasiSteady
-        tolerance = max(run.scene.numerics.tolerance, 1e-9)
+        asked = run.scene.numerics.tolerance
+        tolerance = of_steps(asked) if kind is Transient else of_steady(asked)
         transient = kind(run.fluid, order, tolerance, time.tolerance)
         run.march_with(transient)
         if self._checkpoint is not None:
@@ -192,6 +194,7 @@ class TimeLoop:
         from ..restart.resumption import collected
 
         with self._run.stage("checkpoint"):
+            self._run.time_stepper.forget()
             return self._recorder.keep(collected(self._run))
 
     def _kept_after(self, error: IncipientError) -> IncipientError:

@@ -21,6 +21,7 @@ from moving import Steps
 from incipient import forms
 from incipient.fluid import FlowModel, Fluid, Transient
 from incipient.fluid.transient import backward_difference
+from incipient.tolerance import ShareOfError
 
 REYNOLDS, END = 10.0, 1.0
 
@@ -175,3 +176,19 @@ def test_rejected_steps_leave_no_trace() -> None:
             transient.advance(step.length)
         assert fluid.time == pytest.approx(END, rel=1e-14)
         assert np.abs(fluid.state.x.array - expected).max() < 1e-8 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_order_in_time_of_steps_solved_to_a_share_of_their_error(order: int) -> None:
+    """Iterations that leave a tenth of a step's error, most of them after one correction, keep the order."""
+    counts, found, corrections = [32, 64, 128], [], 0
+    for n in counts:
+        with started(FLOW) as fluid:
+            transient = Transient(fluid, order, tolerance=ShareOfError(most=1.0))
+            steps = [transient.advance(step) for step in constant(n)]
+            found.append(errors(fluid, FLOW).velocity)
+            corrections += sum(step.report.iterations for step in steps)
+    observed = orders([1 / n for n in counts], found)
+    print(order, found, observed, corrections / sum(counts))
+    assert observed == pytest.approx([order] * 2, abs=0.15)
+    assert corrections < 2.0 * sum(counts)

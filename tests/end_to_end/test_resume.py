@@ -54,6 +54,7 @@ step = 0.1
 [numerics]
 mesh_size = 4.0
 remesh_below = 0.85
+tolerance = 1e-9
 error_bars = false
 [output]
 every = 1
@@ -168,6 +169,16 @@ def test_a_grain_goes_on_through_a_new_mesh(whole_pothole: Path, tmp_path: Path)
     result = incipient.resume(directory)
     assert [one["time"] for one in result.trajectory["remeshings"]] == pytest.approx([0.8, 1.1])
     assert_same_run(directory, whole_pothole)
+
+
+def test_steps_solved_to_a_share_of_their_error_are_taken_again(tmp_path: Path) -> None:
+    """From a checkpoint both go on without factors, and with the error by which the next step's tolerance goes."""
+    settings_of_both = {"numerics_tolerance": "auto", "time_end": 1.2}
+    incipient.run(pothole(**settings_of_both), tmp_path / "whole")
+    directory = Path(shutil.copytree(tmp_path / "whole", tmp_path / "copy"))
+    assert read(directory / "checkpoint.h5").progress.error > 1e-5
+    incipient.resume(directory)
+    assert_same_run(directory, tmp_path / "whole")
 
 
 def test_a_run_stopped_right_before_a_new_mesh(
@@ -413,7 +424,7 @@ def test_refusals_are_one_line(whole_pothole: Path, tmp_path: Path, session: Ses
     for name in names:
         shutil.copytree(whole_pothole, tmp_path / name)
     with h5py.File(tmp_path / "version/checkpoint.h5", "r+") as file:
-        file.attrs["version"] = 2
+        file.attrs["version"] = 3
     with h5py.File(tmp_path / "damaged/checkpoint.h5", "r+") as file:
         del file["body/weights"]
     os.truncate(tmp_path / "half/checkpoint.h5", 20_000)
@@ -422,7 +433,7 @@ def test_refusals_are_one_line(whole_pothole: Path, tmp_path: Path, session: Ses
     outcomes = session(ranks, [*(["resume", name] for name in ("absent", *names[:-1])), other])
     told = [
         (2, "absent: there is no such directory; give the directory that a run was written to"),
-        (5, "version/checkpoint.h5: is a checkpoint of version 2, this program reads version 1; resume with"),
+        (5, "version/checkpoint.h5: is a checkpoint of version 3, this program reads version 2; resume with"),
         (5, "damaged/checkpoint.h5: is damaged, its content is not what was written; start anew"),
         (5, "half/checkpoint.h5: cannot be read: it is damaged or incomplete; start anew"),
         (5, "history/history.csv: has lost some of its 10 rows; put the file back, or start anew"),

@@ -58,8 +58,8 @@ def steady_lid(x: Floats, t: float) -> Floats:
 class Once(Coupling):
     """A coupling that gives up at once where a step does not converge, instead of trying shorter ones."""
 
-    def attempt(self, length: float, order: int) -> InterfaceReport:
-        report = super().attempt(length, order)
+    def attempt(self, length: float, order: int, tolerance: float) -> InterfaceReport:
+        report = super().attempt(length, order, tolerance)
         if not report.converged:
             raise ConvergenceError(f"the step of {length:.3g} does not converge")
         return report

@@ -30,6 +30,7 @@ from incipient.fluid import (
 from incipient.fluid.vorticity import vorticity
 from incipient.mesh.domain import Domain
 from incipient.mesh.sampling import sample
+from incipient.tolerance import ShareOfError
 
 COMM = MPI.COMM_WORLD
 
@@ -93,6 +94,15 @@ def unsteady() -> dict[str, Any]:
         return readings(fluid, (0.8, 0.55), PLACES)
 
 
+def in_time() -> dict[str, Any]:
+    """Steps solved to a share of their error, so that the ranks must agree on how many corrections each takes."""
+    with Fluid(square_in_box(0.3, 0.25), FlowModel(unsteady=True), box(), reynolds=20.0) as fluid:
+        steps = list(Transient(fluid, tolerance=ShareOfError()).march(0.5, 0.02))
+        assert min(step.report.iterations for step in steps) == 1
+        found = readings(fluid, (0.8, 0.55), PLACES)
+        return found | {"corrections": [step.report.iterations for step in steps]}
+
+
 def three_dimensions() -> dict[str, Any]:
     stream = Prescribed("outer", shear)
     with Fluid(ball_in_box(0.5), FlowModel(), [stream, no_slip("body")], reynolds=5.0) as fluid:
@@ -106,6 +116,7 @@ CASES = {
     "closed": lambda: steady(box()),
     "cubic": lambda: steady(channel(), order=3),
     "unsteady": unsteady,
+    "in_time": in_time,
     "three_dimensions": three_dimensions,
 }
 

@@ -159,7 +159,7 @@ def sample(time: float = 1.0, met: bool = False) -> Checkpoint:
         None, 2, 0.1, numbers(3), numbers(3), 0.1, numbers((1, 3)), met,
         [{"time": 0.1, "cells": 5}], np.array([1, 2]),
     )  # fmt: skip
-    progress = Progress(2, 0.1 + 0.2, None, {"newton": 3}, {"solves": 4}, {"flow": 0.3}, 1.5)
+    progress = Progress(2, 0.1 + 0.2, 1e-5, None, {"newton": 3}, {"solves": 4}, {"flow": 0.3}, 1.5)
     times = np.array([time, 0.5])
     return Checkpoint(dumps(loads(SCENE)), progress, mesh, times, flow, body, Recorded(2, 99))
 
@@ -200,7 +200,7 @@ def test_no_file(tmp_path: Path) -> None:
 def test_another_version_names_the_program_that_wrote_it(path: Path) -> None:
     with h5py.File(path, "r+") as file:
         file.attrs["version"], file.attrs["program"] = 99, "incipient 9.9"
-    with pytest.raises(OutputError, match=r"of version 99, .* reads version 1; .* \(incipient 9\.9\)"):
+    with pytest.raises(OutputError, match=r"of version 99, .* reads version 2; .* \(incipient 9\.9\)"):
         read(path)
 
 
@@ -352,7 +352,7 @@ def test_steps_go_on_as_if_nothing_had_happened(order: int, accuracy: float | No
             next(steps)
         second = Transient(other, order, 1e-12, accuracy)
         other.time, other.state.x.array[:] = one.time, one.state.x.array
-        second.resume(first.number, first.next_length, first.past)
+        second.resume(first.number, first.next_length, first.past, first.last_error)
         for expected, found in zip(list(steps), list(second.march(0.6, 0.1)), strict=True):
             assert (found.number, found.time) == (expected.number, pytest.approx(expected.time, rel=1e-10))
             assert found.error == pytest.approx(expected.error, rel=1e-6)

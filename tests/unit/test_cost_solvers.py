@@ -70,8 +70,8 @@ def test_what_a_way_changes(monkeypatch: pytest.MonkeyPatch) -> None:
     assert Rung(2, 1.0, None, "loose").of(made).numerics.tolerance == pytest.approx(1e-5)
     assert Rung(2, 1.0, None, "loose").of(scene("numerics.tolerance=0.01")).numerics.tolerance == 0.01
     assert solvers.settings("loose", load(SCENES / "pothole_4.toml")) == [
-        "numerics.tolerance = 1e-06",
-        "numerics.interface_tolerance = 1e-06",
+        "numerics.tolerance = 0.001",
+        "numerics.interface_tolerance = 0.001",
     ]
     assert Rung(2, 1.0, None, "chords").of(scene()) == Rung(2, 1.0).of(scene())
     monkeypatch.setenv("PETSC_OPTIONS", "-log_view")

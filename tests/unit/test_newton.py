@@ -114,3 +114,59 @@ def test_watch_hears_of_every_correction() -> None:
     heard: list[tuple[int, float]] = []
     report = newton.solve(square_root_of_two(1.0), 1e-9, 20, lambda i, size: heard.append((i, size)))
     assert heard == list(enumerate(report.corrections))
+
+
+# -- factors kept over several solves ----------------------------------------------------------------
+
+
+class Chords:
+    """Corrections of solves with kept factors, as listed; notes which were made with new ones."""
+
+    def __init__(self, *sizes: float):
+        self.sizes: Iterator[float] = iter(sizes)
+        self.fresh: list[bool] = []
+
+    def chord_correction(self, fresh: bool) -> float:
+        self.fresh.append(fresh)
+        return next(self.sizes)
+
+
+def chords(known: newton.Contraction | None, *sizes: float, fresh: bool = False) -> newton.NewtonReport:
+    return newton.solve_by_chords(Chords(*sizes), 1e-4, 9, fresh=fresh, contraction=known)
+
+
+def test_one_correction_is_enough_where_the_contraction_is_known() -> None:
+    report = chords(newton.Contraction(0.01, measured=9, solves=9), 1e-3)
+    assert report.converged and report.corrections == (1e-3,)
+    assert report.error == pytest.approx(1e-3 * 0.01 * 10 / 9, rel=0.02)
+    assert report.contraction == newton.Contraction(0.01, 9, 10)
+
+
+def test_a_contraction_that_leaves_too_much_asks_for_another_correction() -> None:
+    report = chords(newton.Contraction(0.2, 9, 9), 1e-3, 1e-4)
+    assert report.corrections == (1e-3, 1e-4)
+    assert report.contraction == newton.Contraction(pytest.approx(0.1), 10, 10)
+
+
+def test_the_contraction_is_measured_again_now_and_then() -> None:
+    """However small the corrections are, every so many solves there is a second one."""
+    known, counts = newton.Contraction(0.01, 100, 100), []
+    for _ in range(2 * newton.MEASURED_EVERY + 2):
+        report = chords(known, 1e-5, 1e-7)
+        known = report.contraction
+        counts.append(report.iterations)
+    period = newton.MEASURED_EVERY + 1
+    assert counts == [2 if number % period == period - 1 else 1 for number in range(len(counts))]
+
+
+def test_new_factors_say_nothing_of_older_ones() -> None:
+    """They contract far better in the solve that they are made for than in the next one."""
+    first = chords(newton.Contraction(0.01, 9, 9), 1e-3, 1e-9, fresh=True)
+    assert first.iterations == 2 and first.contraction == newton.Contraction()
+    second = chords(first.contraction, 1e-3, 1e-6)
+    assert second.iterations == 2 and second.contraction == newton.Contraction(pytest.approx(1e-3), 1, 1)
+
+
+def test_young_factors_are_taken_to_age() -> None:
+    """Measured one solve after they were made, the ratio is taken for twice as large in the next one."""
+    assert newton.Contraction(0.01, 1, 1).error_left(1.0) == pytest.approx(0.02 / 0.98)

@@ -12,7 +12,7 @@ import pytest
 SCRIPT = Path(__file__).with_name("ranks_script.py")
 
 
-@pytest.mark.parametrize("case", ["open", "closed", "unsteady", "cubic", "three_dimensions"])
+@pytest.mark.parametrize("case", ["open", "closed", "unsteady", "in_time", "cubic", "three_dimensions"])
 def test_two_ranks_agree_with_one(mpirun: Any, case: str) -> None:
     readings = [_readings(mpirun(n, SCRIPT, case)) for n in (1, 2)]
     assert [r.pop("ranks") for r in readings] == [1, 2]
