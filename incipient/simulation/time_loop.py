@@ -194,6 +194,7 @@ class TimeLoop:
         from ..restart.resumption import collected
 
         with self._run.stage("checkpoint"):
+            assert self._run.time_stepper is not None
             self._run.time_stepper.forget()
             return self._recorder.keep(collected(self._run))
 

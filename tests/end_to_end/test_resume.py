@@ -283,11 +283,11 @@ def test_a_step_that_does_not_converge_leaves_a_checkpoint(
 ) -> None:
     solve = Fluid.solve
 
-    def failing(self: Fluid, *arguments: Any) -> NewtonReport:
+    def failing(self: Fluid, *arguments: Any, **options: Any) -> NewtonReport:
         if self.time > 0.45:
             self.state.x.array[:] = np.nan
             return NewtonReport(False, (1.0,), np.inf)
-        return solve(self, *arguments)
+        return solve(self, *arguments, **options)
 
     with monkeypatch.context() as patch, pytest.raises(ConvergenceError) as told:
         patch.setattr(Fluid, "solve", failing)
@@ -327,7 +327,7 @@ def test_a_mesh_that_cannot_be_made_leaves_a_checkpoint(
 def test_the_first_step_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = vortices(time_end=0.01)
     with monkeypatch.context() as patch, pytest.raises(ConvergenceError, match="t = 0 is kept"):
-        patch.setattr(Fluid, "solve", lambda self, *arguments: NewtonReport(False, (1.0,), np.inf))
+        patch.setattr(Fluid, "solve", lambda self, *arguments, **options: NewtonReport(False, (1.0,), np.inf))
         incipient.run(scene, tmp_path / "x")
     incipient.resume(tmp_path / "x")
     incipient.run(scene, tmp_path / "y")
@@ -378,7 +378,7 @@ def test_a_resumed_run_that_fails_keeps_the_complete_result(
 ) -> None:
     directory = copy_of(whole_pothole, tmp_path)
     with monkeypatch.context() as patch, pytest.raises(ConvergenceError):
-        patch.setattr(Fluid, "solve", lambda self, *arguments: NewtonReport(False, (1.0,), np.inf))
+        patch.setattr(Fluid, "solve", lambda self, *arguments, **options: NewtonReport(False, (1.0,), np.inf))
         incipient.resume(directory)
     assert result_of(directory)["status"] == "failed"
     assert json.loads((directory / "result.json.1").read_text()) == result_of(whole_pothole)
