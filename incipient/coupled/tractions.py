@@ -23,7 +23,7 @@ from .. import compat
 from ..arrays import spatial
 from ..compat import petsc
 from ..fluid import Fluid
-from ..fluid.linear import solve_mass_matrix
+from ..fluid.solvers.mass import solve_mass_matrix
 from ..fluid.space import boundary_blocks
 from ..forms import ReferenceMap, surface_traction, surface_vector
 

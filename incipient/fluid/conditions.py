@@ -59,10 +59,12 @@ class Constraints:
     """The Dirichlet conditions of a flow, kept up to date with time.
 
     Where two boundaries meet, the condition named later holds: name walls after moving lids and the
-    corners are watertight.
+    corners are watertight. With `level` the pressure is zero at one node where no boundary gives it a level.
     """
 
-    def __init__(self, domain: Domain, space: TaylorHood, conditions: Sequence[Condition]):
+    def __init__(
+        self, domain: Domain, space: TaylorHood, conditions: Sequence[Condition], level: bool = True
+    ):
         self.space = space
         self.open = tuple(c.boundary for c in conditions if isinstance(c, Open))
         self._values = dolfinx.fem.Function(space.velocity)
@@ -76,7 +78,8 @@ class Constraints:
         self._carried = {name: boundary_blocks(space.velocity, domain.facets_of(name)) for name in carried}
         given = [c.boundary for c in prescribed]
         self.dirichlet = self._velocity_conditions(domain, [*given, *carried])
-        self.dirichlet += self._pressure_pin()
+        if level and self.closed:
+            self.dirichlet.append(self._pressure_pin())
 
     @property
     def closed(self) -> bool:
@@ -118,16 +121,14 @@ class Constraints:
             conditions.append(_on_facets(self._values, (whole, self.space.velocity), facets))
         return conditions
 
-    def _pressure_pin(self) -> list[Any]:
-        """One pressure unknown set to zero where the pressure has no level of its own."""
-        if self.open:
-            return []
+    def _pressure_pin(self) -> Any:
+        """One pressure unknown set to zero."""
         index_map = self.space.pressure.dofmap.index_map
         numbers = np.concatenate([np.arange(*index_map.local_range), index_map.ghosts])
         own = np.flatnonzero(numbers == _first_node(self.space.pressure)).astype(np.int32)
         zero = dolfinx.fem.Function(self.space.pressure)
         mixed = self.space.pressure_map[own].astype(np.int32)
-        return [dolfinx.fem.dirichletbc(zero, [mixed, own], self.space.mixed.sub(1))]
+        return dolfinx.fem.dirichletbc(zero, [mixed, own], self.space.mixed.sub(1))
 
 
 def _first_node(space: Any) -> int:

@@ -18,11 +18,13 @@ from ..forms import FlowTerms, ReferenceMap, energy_stable_rate, residual, swept
 from ..mesh.domain import Domain
 from . import newton
 from .conditions import Condition, Constraints
-from .linear import KeptFactorisation
+from .solvers import SOLVERS, LinearSolver
 from .space import TaylorHood, geometry_function, geometry_rows, set_geometry_function, taylor_hood
 
 # Corrections of a time step after which the kept factors are too old.
 PATIENCE = 8
+# Residual, relative to the right-hand side, of what stands for an exact solution: derivatives and dual solutions.
+EXACT = 1e-9
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,7 @@ class FlowModel:
     moving_mesh:   whether the mesh itself is moved between steps (`Fluid.mesh_moved`); the map then is None
     energy_stable: convection and rate in the form that cannot create kinetic energy, instead of as printed
     stabilisation: whether convection is stabilised on cells too coarse for it (`forms.terms.grad_div`)
+    solver:        of the linear systems, a name in `solvers.SOLVERS`
     viscosity:     function of 1/Re (UFL) giving the kinematic viscosity, or None: it is 1/Re
     """
 
@@ -51,6 +54,7 @@ class FlowModel:
     moving_mesh: bool = False
     energy_stable: bool = False
     stabilisation: bool = False
+    solver: str = "direct"
     viscosity: Callable[[Any], Any] | None = None
 
     @property
@@ -75,7 +79,8 @@ class Fluid:
         self.domain, self.model, self.conditions = domain, model, tuple(conditions)
         mesh = domain.mesh
         self.space: TaylorHood = taylor_hood(mesh, model.order)
-        self.constraints = Constraints(domain, self.space, conditions)
+        kind = SOLVERS[model.solver]
+        self.constraints = Constraints(domain, self.space, conditions, level=kind.regular)
         self.state = dolfinx.fem.Function(self.space.mixed)
         self.history = tuple(dolfinx.fem.Function(self.space.mixed) for _ in range(2 * model.unsteady))
         self._reynolds, self._time = _constant(mesh, reynolds), _constant(mesh, 0.0)
@@ -90,7 +95,7 @@ class Fluid:
         self._state_view = compat.vec_view(self.state)
         owned = self._state_view.getLocalSize()
         self._owned_velocities = self.space.velocity_map[self.space.velocity_map < owned]
-        self.solver = KeptFactorisation(self._matrix)
+        self.solver: LinearSolver = kind(self._matrix)
         self._lift, self._aged = True, True
         self._contraction = newton.Contraction()
         self.watch: Callable[[int, float], Any] = _unwatched
@@ -293,7 +298,7 @@ class Fluid:
         return self.chord_correction(fresh=True)
 
     def dual(self, boundary: np.ndarray) -> np.ndarray:
-        """The dual solution with boundary values, by the factors at hand: (local unknowns,). Collective.
+        """The dual solution with boundary values, of the Jacobian last assembled: (local unknowns,). Collective.
 
         `boundary` (local unknowns,) vanishes off prescribed boundaries. The result z equals it there and makes
         z . A change = 0 for every change of the state that leaves the boundary as it is, A the Jacobian.
@@ -304,7 +309,7 @@ class Fluid:
         transposed = compat.form(ufl.action(ufl.adjoint(self._jacobian_form), self._direction))
         self._assemble_into(self._vector, transposed)
         compat.set_zero(self._vector, self.constraints.dirichlet)
-        self.solver.apply_transposed(self._vector, self._correction)
+        self.solver.solve_transposed(self._vector, self._correction, EXACT)
         self._direction.x.array[: self._vector.getLocalSize()] -= self._correction.array_r
         self._direction.x.scatter_forward()
         return np.asarray(self._direction.x.array.copy())
@@ -314,9 +319,9 @@ class Fluid:
         self._aged = True
 
     def chord_correction(self, fresh: bool) -> float:
-        """One correction with the factors at hand; `fresh` assembles and factorises first (see `newton.System`).
+        """One correction with the Jacobian last prepared; `fresh` prepares a new one first (see `newton.System`).
 
-        Without new factors the state takes its boundary values before the residual is assembled: the Jacobian's
+        Without a new one the state takes its boundary values before the residual is assembled: the Jacobian's
         columns for them would cost more than that residual, and change nothing where the state has them already.
         """
         if not fresh:
@@ -325,8 +330,8 @@ class Fluid:
         self._assemble_constrained_residual()
         if fresh:
             self._assemble_jacobian()
-            self.solver.factorise()
-        self.solver.apply(self._vector, self._correction)
+            self.solver.prepare()
+        self.solver.approximate(self._vector, self._correction)
         return self._corrected()
 
     def correction(self, rtol: float, fresh: bool = False) -> float:
@@ -369,19 +374,19 @@ class Fluid:
         vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
 
     def response(self, boundary: np.ndarray, forcing: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """How the flow answers to a change of boundary velocities, with the factors at hand. Collective.
+        """How the flow answers to a change of boundary velocities. Collective.
 
         `boundary` is a change of the state (local unknowns,) that vanishes off carried boundaries, `forcing` the
         change of the residual (owned unknowns,) that comes with it for other reasons. Returns the change of the
         state completed so that the residual within the flow stays as it is, and the change of the residual on
-        carried boundaries (owned unknowns,), of the tractions: by the exact derivative where the factors are
-        fresh. Off these boundaries the latter has no meaning.
+        carried boundaries (owned unknowns,), of the tractions: by the exact derivative where the Jacobian was
+        assembled at the present state. Off these boundaries the latter has no meaning.
         """
         whole, near = self._actions()
         self._direction.x.array[:] = boundary
         self._assemble_action(whole, forcing)
         compat.set_zero(self._vector, self.constraints.dirichlet)
-        self.solver.apply(self._vector, self._correction)
+        self.solver.solve(self._vector, self._correction, EXACT)
         self._direction.x.array[: self._vector.getLocalSize()] -= self._correction.array_r
         self._direction.x.scatter_forward()
         self._assemble_action(near, forcing)

@@ -22,7 +22,7 @@ class System(Protocol):
         ...
 
     def chord_correction(self, fresh: bool) -> float:
-        """The same with the factors at hand in place of the Jacobian; `fresh` makes new ones first."""
+        """The same with the Jacobian last prepared, approximately; `fresh` prepares a new one first."""
         ...
 
 

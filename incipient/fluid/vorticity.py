@@ -12,7 +12,7 @@ from .. import compat
 from ..compat import petsc
 from ..forms import vorticity as curl_of
 from .flow import Fluid
-from .linear import solve_mass_matrix
+from .solvers.mass import solve_mass_matrix
 
 
 def vorticity(fluid: Fluid) -> Any:

@@ -15,6 +15,7 @@ from ..scene import Scene
 from ..scene.model import WIDE_GAP
 from .datum import Datum, datum_of
 from .effects import Effect, EffectName, Numbers, effects_of, numbers_of
+from .linear import Method, method_of
 from .stabilisation import NO_CONVECTION, Stabilisation, stabilisation_of
 
 __all__ = ["Effect", "Estimate", "Plan", "make_plan"]
@@ -37,6 +38,7 @@ class Plan:
 
     sought:   what mesh and order are chosen for by the run, in words; empty where the scene chooses them
     warnings: what in the scene makes the result less sure, in words
+    solver:   of the linear systems
     datum:    where the profile of the flow starts, None without a profile or a bed
     """
 
@@ -47,6 +49,7 @@ class Plan:
     convection: str
     scheme: str
     reynolds: float
+    solver: Method
     numbers: Numbers | None = None
     stabilisation: Stabilisation = NO_CONVECTION
     estimate: Estimate | None = None
@@ -73,7 +76,7 @@ class Plan:
             lines.append(f"  {self.numbers.text()}")
         if self.datum is not None:
             lines.append(f"  {self.datum.text()}")
-        lines += [*self._discretisation(), f"  {self.stabilisation.text()}"]
+        lines += [*self._discretisation(), f"  {self.stabilisation.text()}", f"  {self.solver.text()}"]
         if self.estimate is not None:
             e, first = self.estimate, "first mesh: " if self.sought else ""
             lines.append(
@@ -103,6 +106,7 @@ def make_plan(scene: Scene) -> Plan:
         convection=_convection(scene, present),
         scheme=_scheme(scene, present),
         reynolds=1.0 / scene.viscosity,
+        solver=method_of(scene),
         numbers=numbers,
         stabilisation=stabilisation_of(scene, EffectName.INERTIA in present),
         sought=_sought(scene),

@@ -92,6 +92,7 @@ def flow_model(scene: Scene, plan: Plan, unsteady: bool, inertia: bool = True) -
         moving_mesh=unsteady and plan.has(EffectName.MOVING_MESH),
         energy_stable=unsteady and scene.numerics.form == "energy-stable",
         stabilisation=plan.stabilisation.present,
+        solver=plan.solver.name,
     )
 
 

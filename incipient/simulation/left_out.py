@@ -2,8 +2,8 @@
 
 A term T that is missing in the equations changes force and couple, to first order, by -T(v)(z): the term at the
 computed flow v, tested with the solution z of the dual problem of force or couple (Becker & Rannacher 2001, Acta
-Numerica 10, 1; Oden & Prudhomme 2002, J. Comput. Phys. 182, 496, for errors of models). The factors at hand serve, on
-the same elements: one assembly, and a back-substitution for each of force and couple. Of the second order in the
+Numerica 10, 1; Oden & Prudhomme 2002, J. Comput. Phys. 182, 496, for errors of models). On the same elements that
+is one assembly, and a linear solution for each of force and couple. Of the second order in the
 term nothing is known: an estimate that is not small says that the effect matters, not by how much.
 """
 
@@ -203,12 +203,13 @@ def change_of_loads(fluid: Fluid, term: Term, boundary: str, about: Sequence[flo
 def change_of_velocity(fluid: Fluid, term: Term) -> float:
     """By how much a missing term would change the velocity, relative to it in the mean, to first order. Collective."""
     from .. import compat
+    from ..fluid.flow import EXACT
 
     matrix = fluid.solver.matrix
     right, change = matrix.createVecLeft(), matrix.createVecRight()
     right.setArray(_tested(fluid, term))
     compat.set_zero(right, fluid.constraints.dirichlet)
-    fluid.solver.apply(right, change)
+    fluid.solver.solve(right, change, EXACT)
     size = fluid.squared_velocities(change.array_r)
     whole = fluid.squared_velocities(fluid.state.x.array)
     for held in (right, change):

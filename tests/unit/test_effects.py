@@ -7,6 +7,7 @@ import pytest
 
 from incipient import make_plan
 from incipient.errors import SceneError
+from incipient.fluid.solvers import SOLVERS
 from incipient.planning.effects import OSEEN, EffectName, accuracy_asked, numbers_of
 from incipient.planning.stream import undisturbed
 from incipient.scene import (
@@ -66,6 +67,14 @@ def test_every_effect_is_decided_once_and_written_by_its_name():
     names = [one["name"] for one in json.loads(json.dumps(make_plan(scene(**FREE)).to_dict()))["effects"]]
     assert sorted(names) == sorted(EffectName) and len(names) == 11
     assert {"inertia", "moving mesh", "free body", "third dimension"} < set(names)
+
+
+def test_the_plan_names_the_solver_and_says_why():
+    plan = make_plan(scene())
+    assert plan.solver.name in SOLVERS
+    (line,) = [line for line in plan.text().splitlines() if "linear systems" in line]
+    assert plan.solver.name in line and plan.solver.reason in line
+    assert plan.to_dict()["solver"] == {"name": plan.solver.name, "reason": plan.solver.reason}
 
 
 def test_heights_are_counted_along_the_last_axis():

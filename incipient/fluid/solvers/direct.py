@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from petsc4py import PETSc
 
-from ..errors import ConvergenceError
+from ...errors import ConvergenceError
+from .statistics import LinearStatistics
 
 # MUMPS's estimate of its own workspace is often too small for saddle points with pivoting: how much to add, in
 # percent, at first and when that was not enough.
@@ -21,33 +21,21 @@ NOT_FINITE = (
 )
 
 
-@dataclass
-class LinearStatistics:
-    """Counts of what the linear solver has done so far."""
+class Direct:
+    """Solves A x = b by the LU factors of A, or by GMRES preconditioned with those of an earlier, similar A.
 
-    factorisations: int = 0
-    solves: int = 0
-    krylov_iterations: int = 0
-
-    def add(self, other: LinearStatistics) -> None:
-        """Count what another solver has done as well."""
-        self.factorisations += other.factorisations
-        self.solves += other.solves
-        self.krylov_iterations += other.krylov_iterations
-
-
-class KeptFactorisation:
-    """Solves A x = b by LU, or by GMRES preconditioned with the LU of an earlier, similar A.
-
-    `solve(..., fresh=True)` factorises; otherwise the kept factors precondition until more than
-    `patience` iterations are needed. The symbolic factorisation is made once. PETSc options with the
-    prefix ``fluid_`` override everything (``PETSC_OPTIONS="-fluid_pc_factor_mat_solver_type umfpack"``).
+    Factors serve until more than `patience` iterations are needed; for the matrix that they are of, one
+    application is the solution, and its residual is checked. The symbolic factorisation is made once. PETSc options
+    with the prefix ``fluid_`` override everything (``PETSC_OPTIONS="-fluid_pc_factor_mat_solver_type umfpack"``).
+    See `LinearSolver`.
     """
+
+    regular: ClassVar[bool] = True
 
     def __init__(self, matrix: Any, patience: int = 8):
         self.matrix, self.patience = matrix, patience
         self.statistics = LinearStatistics()
-        self._aged = True
+        self._aged, self._factored = True, -1
         self._solver = self._make(WORKSPACES[0])
 
     def _make(self, workspace: int) -> Any:
@@ -67,25 +55,61 @@ class KeptFactorisation:
         return solver
 
     def solve(self, b: Any, x: Any, rtol: float, fresh: bool = False) -> None:
-        """Solve to a relative residual of `rtol`. Collective.
+        """Solve A x = b to a residual of `rtol` times b. Collective.
 
         Raises:
             ConvergenceError: the factorisation failed, also with more workspace, GMRES did not converge with new
                 factors, or the system is not finite.
         """
-        if fresh or self._aged:
+        if fresh:
             self._factorise()
-        iterations = self._iterate(b, x, rtol)
+        self._solve(b, x, rtol, transposed=False)
+
+    def solve_transposed(self, b: Any, x: Any, rtol: float) -> None:
+        """Solve A^T x = b to a residual of `rtol` times b. Collective. Raises ConvergenceError as `solve` does."""
+        self._solve(b, x, rtol, transposed=True)
+
+    def _solve(self, b: Any, x: Any, rtol: float, transposed: bool) -> None:
+        if self._aged and not self._exact:
+            self._factorise()
+        iterations = self._iterate(b, x, rtol, transposed)
         if iterations is None:
             self._factorise()
-            iterations = self._iterate(b, x, rtol)
+            iterations = self._iterate(b, x, rtol, transposed)
         if iterations is None:
             raise ConvergenceError(self._why_not_solved(b))
         self._aged = iterations > self.patience
         self.statistics.solves += 1
         self.statistics.krylov_iterations += iterations
 
-    def factorise(self) -> None:
+    @property
+    def _exact(self) -> bool:
+        """Whether the factors are those of the matrix as it is now."""
+        return bool(self.matrix.stateGet() == self._factored)
+
+    def _iterate(self, b: Any, x: Any, rtol: float, transposed: bool) -> int | None:
+        """Number of iterations, or None if GMRES with the factors at hand does not converge."""
+        if self._exact and self._applied(b, x, transposed) <= rtol * b.norm():
+            return 1
+        self._solver.setTolerances(rtol=rtol, atol=1e-50, max_it=4 * self.patience)
+        (self._solver.solveTranspose if transposed else self._solver.solve)(b, x)
+        return self._solver.getIterationNumber() if self._solver.getConvergedReason() > 0 else None
+
+    def _applied(self, b: Any, x: Any, transposed: bool) -> float:
+        """Take one application of the factors for x, and return the norm of its residual."""
+        preconditioner, left = self._solver.getPC(), b.duplicate()
+        if transposed:
+            preconditioner.applyTranspose(b, x)
+            self.matrix.multTranspose(x, left)
+        else:
+            preconditioner.apply(b, x)
+            self.matrix.mult(x, left)
+        left.aypx(-1.0, b)
+        size = float(left.norm())
+        left.destroy()
+        return size
+
+    def prepare(self) -> None:
         """Make new factors of the matrix as it is now. Collective.
 
         Raises:
@@ -94,29 +118,18 @@ class KeptFactorisation:
         self._factorise()
         self._aged = False
 
-    def apply(self, b: Any, x: Any) -> None:
+    def approximate(self, b: Any, x: Any) -> None:
         """x = b solved with the factors at hand, whatever the matrix has become since. Collective."""
         self._solver.getPC().apply(b, x)
         self.statistics.solves += 1
 
-    def apply_transposed(self, b: Any, x: Any) -> None:
-        """x = b solved with the transposed factors at hand. Collective."""
-        self._solver.getPC().applyTranspose(b, x)
-        self.statistics.solves += 1
-
-    def _iterate(self, b: Any, x: Any, rtol: float) -> int | None:
-        """Number of iterations, or None if GMRES with the factors at hand does not converge."""
-        self._solver.getPC().setReusePreconditioner(True)
-        self._solver.setTolerances(rtol=rtol, atol=1e-50, max_it=4 * self.patience)
-        self._solver.solve(b, x)
-        return self._solver.getIterationNumber() if self._solver.getConvergedReason() > 0 else None
-
     def _factorise(self) -> None:
-        self._aged = True
+        self._aged, self._factored = True, -1
         for next_workspace in (*WORKSPACES[1:], WORKSPACES[0]):
             self._set_up()
             error = self._factor_error() if self._mumps else 0
             if error >= 0:
+                self._factored = self.matrix.stateGet()
                 return
             # PETSc never factorises again with an object of MUMPS that has failed once: take a new one.
             self._solver.destroy()
@@ -127,6 +140,8 @@ class KeptFactorisation:
         self._solver.getPC().setReusePreconditioner(False)
         self._solver.setOperators(self.matrix)
         self._solver.setUp()
+        # PETSc else makes new factors by itself when the matrix has changed.
+        self._solver.getPC().setReusePreconditioner(True)
         self.statistics.factorisations += 1
 
     @property
@@ -161,19 +176,3 @@ class KeptFactorisation:
     def destroy(self) -> None:
         """Free PETSc's memory."""
         self._solver.destroy()
-
-
-def solve_mass_matrix(mass: Any, right: Any, into: Any, rtol: float = 1e-12) -> None:
-    """Solve M u = b for a mass matrix, whole or of a boundary only, into a function; M and b are freed. Collective."""
-    solution = mass.createVecRight()
-    solver = PETSc.KSP().create(mass.comm)
-    solver.setOperators(mass)
-    solver.setType("cg")
-    # Rows off a boundary are empty; Jacobi takes one for their zero diagonal, and CG leaves them alone.
-    solver.getPC().setType("jacobi")
-    solver.setTolerances(rtol=rtol, atol=1e-300, max_it=1000)
-    solver.solve(right, solution)
-    into.x.array[: solution.getLocalSize()] = solution.array_r
-    into.x.scatter_forward()
-    for held in (mass, right, solution, solver):
-        held.destroy()

@@ -1,0 +1,31 @@
+"""By which method the flow's linear systems are solved, and why: decided from the scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..scene import Scene
+
+
+@dataclass(frozen=True)
+class Method:
+    """How the linear systems are solved.
+
+    name:   one of `fluid.solvers.SOLVERS`
+    reason: in words
+    """
+
+    name: str
+    reason: str
+
+    def text(self) -> str:
+        """One line of the plan."""
+        return f"linear systems by a {self.name} method: {self.reason}"
+
+
+def method_of(scene: Scene) -> Method:
+    """The method for a scene. Not collective."""
+    reason = (
+        "in two dimensions factors take little memory, and they serve for several corrections and time steps"
+    )
+    return Method("direct", reason)
