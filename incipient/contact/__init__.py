@@ -1,8 +1,9 @@
 """Where the grain is touched, what the bed answers, and the paper's criteria of incipient motion."""
 
 from incipient.contact.criteria import Classification, Mode, classify
-from incipient.contact.model import Contacts, Load
-from incipient.contact.search import exposed, require_on_grain, touching
+from incipient.contact.model import Load
+from incipient.geometry.contacts import Contacts
+from incipient.geometry.touching import exposed, require_on_grain, touching
 
 __all__ = [
     "Classification",

@@ -17,8 +17,9 @@ from incipient.arrays import Floats
 from incipient.contact import friction as coulomb
 from incipient.contact.criteria import Classification, classify
 from incipient.contact.exact import MassAndInertia
-from incipient.contact.model import Contacts, Load
+from incipient.contact.model import Load
 from incipient.contact.modes import Criterion, Mode
+from incipient.geometry.contacts import Contacts
 
 NORMALS_ALIKE = 1e-9
 SLACK = 1e-9  # of a contact's speed

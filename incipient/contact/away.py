@@ -13,7 +13,7 @@ from itertools import combinations
 import numpy as np
 
 from incipient.arrays import Floats
-from incipient.contact.model import Contacts
+from incipient.geometry.contacts import Contacts
 
 PARALLEL = 1e-12  # sine of the angle below which two normals leave no point between them
 CHUNK = 4096  # how many candidate axes are tested at once

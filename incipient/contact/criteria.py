@@ -16,10 +16,11 @@ from incipient.contact import friction as coulomb
 from incipient.contact import modes
 from incipient.contact.away import Away, away
 from incipient.contact.distribution import Distribution, distribute
-from incipient.contact.model import Contacts, Load, require_outward
+from incipient.contact.model import Load, require_outward
 from incipient.contact.modes import Category, Criterion, Mode
 from incipient.contact.sharing import can_vanish, equal_shares
 from incipient.errors import SceneError
+from incipient.geometry.contacts import Contacts
 
 TOLERANCE = 1e-9
 Located = Literal["force", "couple"]

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from incipient.arrays import Floats
-from incipient.contact.model import Contacts, Load
+from incipient.contact.model import Load
 from incipient.contact.safety import SafetyFactor, safety_factor
 from incipient.errors import SceneError
+from incipient.geometry.contacts import Contacts
 
 SAMPLES = 36  # directions tried before the best is refined
-REFINEMENTS = 24  # golden sections of the interval around the best: to 1e-5 of it
-GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+RESOLUTION = 1e-5  # of the interval around the best, to which the best direction is found
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ def safety_over_direction(
 
     `axis` (3,): up, against the weight, if None. Cases with third components of zero know two directions, the
     given one and its mirror image. In space 36 directions are tried and the neighbourhood of the best and of
-    the worst is searched by golden section; an extreme that lies between two of them unnoticed is missed.
+    the worst is searched by the method of Brent; an extreme that lies between two of them unnoticed is missed.
 
     Raises SceneError if there is neither weight nor axis, or the axis is zero.
     """
@@ -71,24 +71,22 @@ def _searched(at: Callable[[float], Directed]) -> SafetyOverDirection:
     tried = [at(k * step) for k in range(SAMPLES)]
     low, high = min(tried, key=_share), max(tried, key=_share)
     return SafetyOverDirection(
-        min(low, _golden(at, _share, low.angle - step, low.angle + step), key=_share),
-        max(high, _golden(at, _missing, high.angle - step, high.angle + step), key=_share),
+        min(low, _least(at, _share, low.angle - step, low.angle + step), key=_share),
+        max(high, _least(at, _missing, high.angle - step, high.angle + step), key=_share),
     )
 
 
-def _golden(
+def _least(
     at: Callable[[float], Directed], cost: Callable[[Directed], float], low: float, high: float
 ) -> Directed:
     """The least cost found in an interval, which is right if the cost falls and then rises in it."""
-    left, right = at(high - GOLDEN * (high - low)), at(low + GOLDEN * (high - low))
-    for _ in range(REFINEMENTS):
-        if cost(left) <= cost(right):
-            high, right = right.angle, left
-            left = at(high - GOLDEN * (high - low))
-        else:
-            low, left = left.angle, right
-            right = at(low + GOLDEN * (high - low))
-    return min(left, right, key=cost)
+    from scipy.optimize import minimize_scalar  # which takes time to import
+
+    width = {"xatol": RESOLUTION * (high - low)}
+    found = minimize_scalar(
+        lambda angle: cost(at(angle)), bounds=(low, high), method="bounded", options=width
+    )
+    return at(float(found.x))
 
 
 def _share(directed: Directed) -> float:

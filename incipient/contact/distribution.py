@@ -14,8 +14,8 @@ import numpy as np
 
 from incipient.arrays import Floats
 from incipient.contact import friction as coulomb
-from incipient.contact.model import Contacts
 from incipient.contact.sharing import equal_shares
+from incipient.geometry.contacts import Contacts
 
 
 @dataclass(frozen=True, eq=False)

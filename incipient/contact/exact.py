@@ -5,8 +5,9 @@ from typing import Any
 
 from incipient.arrays import Floats
 from incipient.contact import equilibrium
-from incipient.contact.model import Contacts, Load
+from incipient.contact.model import Load
 from incipient.errors import ConvergenceError
+from incipient.geometry.contacts import Contacts
 
 MassAndInertia = tuple[float, Floats]  # mass, and inertia (3, 3) about the centre of mass
 

@@ -13,8 +13,9 @@ from functools import cached_property
 import numpy as np
 
 from incipient.arrays import Floats, Integers, cross
-from incipient.contact.model import Contacts, Load, require_outward
+from incipient.contact.model import Load, require_outward
 from incipient.errors import SceneError
+from incipient.geometry.contacts import Contacts
 
 PLANAR = 1e-12  # how far, in numbers of order one, a planar case may be from its plane
 SOLID = 1e-6  # determinant of the normals' moments above which they certainly are in no plane

@@ -10,13 +10,14 @@ from incipient.arrays import Floats
 from incipient.contact.candidates import Candidate
 from incipient.contact.grasp import FRICTIONLESS
 from incipient.contact.least import allowed, least_forces
-from incipient.contact.model import Contacts, Load
+from incipient.contact.model import Load
 from incipient.contact.motion_modes import ContactState, Mode, Uniqueness, contact_states, mode
 from incipient.contact.planar_motion import planar_solutions
 from incipient.contact.release import Release, frictionless, release
 from incipient.contact.spatial_motion import Law, coulomb, law_residual, spatial_solutions
 from incipient.contact.support import Support, support
 from incipient.errors import ConvergenceError
+from incipient.geometry.contacts import Contacts
 
 ZERO = 1e-8  # accelerations below it, relative to those without contacts, are zero
 GOOD = 1e-9  # the residual of a solution above which other contact forces are tried

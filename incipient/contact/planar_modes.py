@@ -15,7 +15,7 @@ from scipy.optimize import linprog
 from incipient.arrays import Floats
 from incipient.contact import fans
 from incipient.contact.grasp import leave_plane
-from incipient.contact.model import Contacts, Load
+from incipient.contact.model import Load
 from incipient.contact.motion import MANY, ZERO
 from incipient.contact.motion_modes import Mode, contact_states, mode
 from incipient.contact.planar_motion import (
@@ -27,6 +27,7 @@ from incipient.contact.planar_motion import (
     ways_to_slide,
 )
 from incipient.contact.release import Release, release
+from incipient.geometry.contacts import Contacts
 
 
 @dataclass(frozen=True, eq=False)

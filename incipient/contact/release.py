@@ -10,8 +10,9 @@ from incipient.arrays import Floats
 from incipient.contact import cones
 from incipient.contact.candidates import Candidate
 from incipient.contact.grasp import Grasp, grasp, wrenches
-from incipient.contact.model import Contacts, Load
+from incipient.contact.model import Load
 from incipient.errors import SceneError
+from incipient.geometry.contacts import Contacts
 
 NO_LOAD = 1e-12  # of flow and weight: a sum below it is no load
 CHECKED = 1e-9  # how far motions may enter contacts, relative to the free acceleration

@@ -9,8 +9,9 @@ import numpy as np
 
 from incipient.arrays import Floats
 from incipient.contact.grasp import Grasp, Wrenches, grasp, wrenches
-from incipient.contact.model import Contacts, Load
+from incipient.contact.model import Load
 from incipient.contact.support import TOLERANCE, Support, support
+from incipient.geometry.contacts import Contacts
 
 NEARLY_ALL = 1e-6  # a share of the flow's load this near to one is looked at as all of it
 NO_FORCE = 1e-8  # forces below it, relative to the largest, count as zero; so does room in a cone

@@ -20,8 +20,9 @@ from incipient.arrays import Floats
 from incipient.contact import criteria
 from incipient.contact.error_box import ErrorBox, SafetyRange, held_words, safety_range
 from incipient.contact.exact import MassAndInertia, judged
-from incipient.contact.model import Contacts, Load
+from incipient.contact.model import Load
 from incipient.errors import SceneError
+from incipient.geometry.contacts import Contacts
 
 CLASSES = 20  # at most, and not fewer than ten cases in each
 AXES = "xyz"

@@ -7,8 +7,9 @@ from typing import Any
 from incipient.contact.agreement import Agreement, compare
 from incipient.contact.criteria import Classification, classify
 from incipient.contact.exact import Exact, MassAndInertia, judged
-from incipient.contact.model import Contacts, Load
+from incipient.contact.model import Load
 from incipient.contact.safety import SafetyFactor, SafetyStatus
+from incipient.geometry.contacts import Contacts
 
 
 @dataclass(frozen=True, eq=False)

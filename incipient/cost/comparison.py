@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from .frontier import WORTH
 
 if TYPE_CHECKING:
+    from .measurement import Judged
     from .quantities import Goal
-    from .study import Judged
 
 FEWEST_SECONDS = 0.01  # of processor time beyond the start: what the clock resolves
 

@@ -99,6 +99,19 @@ class Measured:
     failed: str = ""
 
 
+@dataclass(frozen=True)
+class Judged:
+    """A run with its errors: by goal, and the largest of the leading ones.
+
+    told_apart: whether that error is clearly more than the doubt about the reference
+    """
+
+    run: Measured
+    errors: Mapping[str, float]
+    error: float
+    told_apart: bool
+
+
 def measure(scene: Scene, rung: Rung) -> Measured:
     """Run a scene at a rung in a process of its own; a run that compiled forms is made again. Not collective.
 

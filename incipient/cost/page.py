@@ -13,9 +13,9 @@ from .calibration import KnownErrors
 from .comparison import Compared
 from .errorlaw import ErrorLaw, Seen, fit
 from .frontier import Law, percent, seconds
-from .measurement import ENOUGH, TURNS, Measured
+from .measurement import ENOUGH, TURNS, Judged, Measured
 from .prices import Work
-from .study import Judged, Study, doubt, to_dict
+from .study import Study, doubt, to_dict
 
 
 def write(study: Study, directory: Path) -> None:

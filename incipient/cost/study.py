@@ -19,7 +19,7 @@ from . import frontier
 from .comparison import Compared, compared
 from .frontier import Law, Reference, percent, seconds
 from .ladder import Ladder
-from .measurement import Measured, Rung
+from .measurement import Judged, Measured, Rung
 from .quantities import Goal, columns, goals
 from .records import ROWS, append, completed, known_runs
 
@@ -30,19 +30,6 @@ EARLIER = (
 )
 Measure = Callable[[Scene, Rung], Measured]
 Say = Callable[[str], None]
-
-
-@dataclass(frozen=True)
-class Judged:
-    """A run with its errors: by goal, and the largest of the leading ones.
-
-    told_apart: whether that error is clearly more than the doubt about the reference
-    """
-
-    run: Measured
-    errors: Mapping[str, float]
-    error: float
-    told_apart: bool
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 Lengths are scene units, angles radians, positions those of the grain's centroid.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -138,6 +138,8 @@ def lifted(grain: Grain | Solid, placement: Placement, bed: Bed | Terrain, gap: 
     if gap == 0.0:
         return touching
 
+    from scipy.optimize import brentq  # which takes time to import, and most grains rest
+
     def excess(lift: float) -> float:
         """By how much the distance exceeds the gap after a lift."""
         return clearance(grain, touching.raised(lift), bed)[0] - gap
@@ -145,24 +147,6 @@ def lifted(grain: Grain | Solid, placement: Placement, bed: Bed | Terrain, gap: 
     low, high = gap, 2.0 * gap
     while excess(high) < 0.0:
         low, high = high, 2.0 * high
-    return touching.raised(_root(excess, low, high, 1e-13 * grain.size))
-
-
-def _root(function: Callable[[float], float], low: float, high: float, tolerance: float) -> float:
-    """The zero of an increasing function in [low, high], by regula falsi that halves a lingering end."""
-    at_low, at_high = function(low), function(high)
-    if at_low >= 0.0:
-        return low
-    side = 0
-    for _ in range(100):
-        middle = (low * at_high - high * at_low) / (at_high - at_low)
-        value = function(middle)
-        if abs(value) <= tolerance or high - low <= tolerance:
-            break
-        if value < 0.0:
-            low, at_low, at_high = middle, value, at_high * (0.5 if side < 0 else 1.0)
-            side = -1
-        else:
-            high, at_high, at_low = middle, value, at_low * (0.5 if side > 0 else 1.0)
-            side = 1
-    return float(middle)
+    if excess(low) >= 0.0:
+        return touching.raised(low)
+    return touching.raised(brentq(excess, low, high, xtol=1e-13 * grain.size))

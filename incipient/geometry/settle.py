@@ -12,12 +12,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from incipient.arrays import Floats
 from incipient.errors import SceneError
+from incipient.geometry.contacts import Contacts
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.bed import Bed
 from incipient.geometry.plane.grain import Grain
@@ -25,9 +25,7 @@ from incipient.geometry.proximity import Near, proximity
 from incipient.geometry.space.solid import Solid
 from incipient.geometry.space.terrain import Terrain
 from incipient.geometry.statics import Grip, balance, free_motions, grip, nearest_motion, tangents, wrenches
-
-if TYPE_CHECKING:
-    from incipient.contact.model import Contacts
+from incipient.geometry.touching import touching
 
 # In grain sizes.
 FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.05, 0.4, 1e-9
@@ -458,8 +456,6 @@ class _Descent:
     # Results.
 
     def _settled(self, rest: _Rest, steps: int) -> Settled:
-        from incipient.contact.search import touching
-
         contacts = touching(self.grain, rest.placement, self.bed, 10.0 * CLOSED * self.size)
         outcome = Outcome.RESTS if rest.stable else Outcome.BALANCES
         return Settled(rest.placement, contacts, outcome, steps, rest.gap, rest.imbalance)

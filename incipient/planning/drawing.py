@@ -168,7 +168,7 @@ def _gap_points(scene: Scene, plan: Plan, ends: tuple[Point, Point]) -> tuple[Po
     """Where grain and bed nearly touch: the narrowest place, and every contact of a resting grain."""
     if not scene.rests:
         return ends if plan.has(EffectName.MOVING_MESH) else (ends[0],)
-    from ..contact.search import touching
+    from ..geometry.touching import touching
 
     grain, bed, resting = scene.grain, scene.bed_shape, scene.placement
     assert grain is not None and bed is not None and resting is not None

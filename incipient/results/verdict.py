@@ -9,8 +9,8 @@ import numpy as np
 from ..arrays import spatial
 from ..contact import Contacts, Load
 from ..contact.exact import MassAndInertia
-from ..contact.search import touching
 from ..contact.verdict import judge as judge_load
+from ..geometry.touching import touching
 from ..scene import Body, Scene
 from ..scene.motion import mass, moment
 from .loads import Couples, Forces

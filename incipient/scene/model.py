@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
+from .checks import contradictions
 from .effects import Effects, section_of
 from .flows import ExpressionFlow, Flow, Lid, OpenChannel, Poiseuille, Shear, Still, Uniform
 from .messages import refusal
@@ -320,8 +321,6 @@ class Scene(Section):
 
     @model_validator(mode="after")
     def _free_of_contradictions(self) -> Scene:
-        from .checks import contradictions
-
         found = contradictions(self)
         if found:
             raise refusal("Scene", found, between=True)

@@ -15,10 +15,10 @@ import numpy as np
 
 from ..body.state import BodyState
 from ..contact import Contacts, Load
-from ..contact.search import touching
 from ..contact.verdict import judge
 from ..errors import IncipientError
 from ..geometry.plane.bed import Flat
+from ..geometry.touching import touching
 from ..planning.cells import side_names
 from ..planning.clearance import Clearance
 from ..results.loads import Couples, Forces

@@ -10,10 +10,10 @@ import pytest
 from images import assert_is_a_picture
 
 from incipient.contact import Contacts, Load, equilibrium
-from incipient.contact.search import touching
 from incipient.contact.verdict import judge
 from incipient.errors import OutputError
 from incipient.files import plain, write_json
+from incipient.geometry.touching import touching
 from incipient.pictures import draw, judgement, threshold
 from incipient.pictures.apart import draw_apart
 from incipient.pictures.judged import judged

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from incipient.contact import touching
-from incipient.contact.search import exposed
 from incipient.errors import SceneError
 from incipient.geometry import (
     Box,
@@ -22,6 +21,7 @@ from incipient.geometry import (
     rest,
 )
 from incipient.geometry.placement import product, rotation_by
+from incipient.geometry.touching import exposed
 
 TOLERANCE = 1e-6
 TETRAHEDRON = Polyhedron([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)])

@@ -6,15 +6,13 @@ A curve runs from its start (s = 0) to its end (s = 1). Lengths are scene units 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from incipient.arrays import Floats, Point, unit
-
-if TYPE_CHECKING:
-    from incipient.geometry.placement import Placement
+from incipient.geometry.placement import Placement
 
 
 class Curve(Protocol):
@@ -34,7 +32,7 @@ class Curve(Protocol):
     def tangent(self, s: ArrayLike) -> Floats:
         """Unit tangents in the direction of growing s, (n, 2)."""
 
-    def moved(self, placement: "Placement") -> "Curve":
+    def moved(self, placement: Placement) -> "Curve":
         """The curve turned and carried from the body frame to its place in the scene."""
 
     @property
@@ -64,7 +62,7 @@ class Line:
         direction = (np.asarray(self.end) - np.asarray(self.start)) / self.length
         return np.tile(direction, (len(_column(s)), 1))
 
-    def moved(self, placement: "Placement") -> "Line":
+    def moved(self, placement: Placement) -> "Line":
         """The line at its place in the scene."""
         start, end = _carried(placement, self.start, self.end)
         return Line(start, end)
@@ -113,7 +111,7 @@ class Arc:
         direction = np.sign(sweep) * np.hstack([-a * np.sin(angle), b * np.cos(angle)]) @ frame
         return unit(direction)
 
-    def moved(self, placement: "Placement") -> "Arc":
+    def moved(self, placement: Placement) -> "Arc":
         """The arc at its place in the scene."""
         start, centre, end = _carried(placement, self.start, self.centre, self.end)
         major = None if self.major is None else _carried(placement, self.major)[0]
@@ -182,7 +180,7 @@ class Spline:
         direction = rise + (1.0 - t) * (1.0 - 3.0 * t) * m[:, 0] + t * (3.0 * t - 2.0) * m[:, 1]
         return unit(direction)
 
-    def moved(self, placement: "Placement") -> "Spline":
+    def moved(self, placement: Placement) -> "Spline":
         """The spline at its place in the scene."""
         return Spline(placement.to_scene(self.points))
 
@@ -205,7 +203,7 @@ class Traced(Spline):
         direction = self.path(_column(s)[:, 0])[1]
         return unit(direction)
 
-    def moved(self, placement: "Placement") -> "Traced":
+    def moved(self, placement: Placement) -> "Traced":
         """The curve at its place in the scene."""
 
         def carried(s: Floats) -> tuple[Floats, Floats]:
@@ -224,7 +222,7 @@ def _point(x: Floats) -> Point:
     return float(x[0]), float(x[1])
 
 
-def _carried(placement: "Placement", *points: Point) -> list[Point]:
+def _carried(placement: Placement, *points: Point) -> list[Point]:
     return [_point(row) for row in placement.to_scene(np.array(points))]
 
 

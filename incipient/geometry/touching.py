@@ -3,9 +3,8 @@
 import numpy as np
 
 from incipient.arrays import Floats, planar_cross, quarter_turned, spatial
-from incipient.contact.footprint import footprint
-from incipient.contact.model import Contacts
 from incipient.errors import SceneError
+from incipient.geometry.contacts import Contacts
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.bed import Bed
 from incipient.geometry.plane.curves import Line
@@ -13,6 +12,7 @@ from incipient.geometry.plane.distance import Approach, approaches, placed_outli
 from incipient.geometry.plane.grain import Grain
 from incipient.geometry.proximity import proximity
 from incipient.geometry.space.closest import SpatialProximity
+from incipient.geometry.space.footprint import footprint
 from incipient.geometry.space.solid import Solid
 from incipient.geometry.space.terrain import Terrain
 

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from incipient.arrays import Floats, planar_cross, unit
-from incipient.contact.model import Contacts
 from incipient.errors import SceneError
+from incipient.geometry import moments
+from incipient.geometry.contacts import Contacts
 from incipient.geometry.placement import Placement
 from incipient.geometry.space.closest import Minima, SpatialProximity
 from incipient.geometry.space.solid import Core, frame_of
@@ -27,9 +28,9 @@ class Patch:
         """The area in k parts that have the corners' hull's centroid: half of both triangles with the centroid."""
         first, second = (t[0] for t in frame_of(self.normal[None]))
         flat = self.corners @ np.column_stack([first, second])
-        middle = _centroid(flat)
-        after = np.roll(flat, -1, axis=0)
-        fans = np.abs(planar_cross(flat - middle, after - middle))
+        flat = flat - flat.mean(axis=0)
+        away = flat - moments.polygon(flat).centroid
+        fans = np.abs(planar_cross(away, np.roll(away, -1, axis=0)))
         shares = fans + np.roll(fans, 1)
         return np.asarray(self.area * shares / shares.sum())
 
@@ -119,34 +120,15 @@ def _patch(corners: Floats, radius: float) -> Patch:
     return Patch(points[order] + radius * normal, normal, float(np.linalg.norm(areas, axis=1).sum()))
 
 
-def _hull(points: Floats) -> list[int]:
-    """The corners of the convex hull of points (n, 2) in counter-clockwise order (monotone chain)."""
-    extent = float(np.ptp(points, axis=0).max())
-    order = [int(i) for i in np.lexsort(np.round(points / (1e-9 * extent)).T[::-1])]
+def _hull(points: Floats) -> np.ndarray:
+    """The corners of the convex hull of points (n, 2) in counter-clockwise order, none on the side of another."""
+    from scipy.spatial import ConvexHull
 
-    def chain(sequence: list[int]) -> list[int]:
-        """Those of a sequence of points that turn left all the way, without the last."""
-        kept: list[int] = []
-        for i in sequence:
-            while len(kept) > 1 and _turn(points[kept[-2]], points[kept[-1]], points[i]) <= 1e-9 * extent**2:
-                kept.pop()
-            kept.append(i)
-        return kept[:-1]
-
-    return chain(order) + chain(order[::-1])
-
-
-def _turn(a: Floats, b: Floats, c: Floats) -> float:
-    return float(planar_cross(b - a, c - a))
-
-
-def _centroid(corners: Floats) -> Floats:
-    """The centroid of a polygon (k, 2)."""
-    home = corners.mean(axis=0)
-    away = corners - home
-    after = np.roll(away, -1, axis=0)
-    cross = planar_cross(away, after)
-    return np.asarray(home + ((away + after) * cross[:, None]).sum(axis=0) / (3.0 * cross.sum()))
+    _, first = np.unique(points, axis=0, return_index=True)
+    order = np.asarray(first[ConvexHull(points[first]).vertices])
+    side = np.roll(points[order], -1, axis=0) - points[order]
+    turns = planar_cross(np.roll(side, 1, axis=0), side)
+    return order[turns > 1e-9 * float(np.ptp(points, axis=0).max()) ** 2]
 
 
 def _extreme(minima: Minima, tolerance: float) -> np.ndarray:
