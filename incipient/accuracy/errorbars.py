@@ -6,7 +6,7 @@ Each source of error is a term of its own:
   by the same run on a coarser mesh with longer steps;
 - gap: a grain at rest on a bed is computed with a gap. Coarse runs with one, two and four times the gap show
   how force and couple go with it, and what closing it would change;
-- domain: a coarse run with inflow, outflow and a free top farther away shows what they change.
+- domain: a coarse run with inflow, outflow and sides that move as the stream does farther away shows what they change.
 
 For flow in time the coarse runs go to the same end, in longer steps. Terms are added in absolute value: an error bar
 is not a standard deviation.
@@ -37,6 +37,8 @@ Solve = Callable[[Scene], "Loads"]
 # Coarse runs for the terms of the model: order, mesh_size at least; in time, how much longer the steps are, of which
 # so many stay if the scene has as many, and how much larger the error of each may be where they adapt, up to a bound.
 MODEL_ORDER, MODEL_MESH = 2, 1.4
+# Where gap and domain are chosen to an accuracy below this the coarse runs are in elements of this order.
+FINE_BELOW, FINE_ORDER = 0.003, 3
 MODEL_MESH_IN_TIME, MODEL_STEP, FEWEST_STEPS = 2.0, 4.0, 8
 MODEL_TOLERANCE, LARGEST_TOLERANCE = 8.0, 0.1
 MODEL_ITERATION = 1e-6  # tolerance of their iterations in time, where differences of a thousandth matter
@@ -110,11 +112,37 @@ def _dual(run: Run, speed: float) -> Term:
         return by_dual(unit * goals.force, unit * goals.couple)
 
 
+class KeptRuns:
+    """Loads of coarse runs, each made once and kept in `known` by the JSON of its scene. Calling is collective.
+
+    Args:
+        spent: why no run shall be begun any more, or nothing.
+        solve: runs a scene for its loads.
+
+    Raises:
+        Spent: when called, if nothing may be begun.
+    """
+
+    def __init__(self, known: dict[str, Any], spent: Callable[[], str], solve: Solve):
+        self._known, self._spent, self._run = known, spent, solve
+
+    def __call__(self, scene: Scene) -> Loads:
+        """The loads of a scene, by a run if they are not known. Collective."""
+        key = scene.model_dump_json()
+        loads = self._known.get(key)
+        if not isinstance(loads, Loads):
+            if reason := self._spent():
+                raise Spent(reason)
+            loads = self._known[key] = self._run(scene)
+        return loads
+
+
 class _Found:
-    """Terms as they are found; each coarse run is made once."""
+    """Terms as they are found."""
 
     def __init__(self, run: Run, solve: Solve):
-        self._run, self._known, self._spent = solve, run.accounts.known, run.accounts.spent
+        self._known = run.accounts.known
+        self._solve = KeptRuns(run.accounts.known, run.accounts.spent, solve)
         self._terms: list[Term] = []
         self._left_out: dict[str, str] = {}
         self._failed: dict[str, str] = {}
@@ -136,15 +164,6 @@ class _Found:
     def bars(self) -> ErrorBars:
         """All that has been found. Not collective."""
         return ErrorBars(tuple(self._terms), self._left_out, self._failed)
-
-    def _solve(self, scene: Scene) -> Loads:
-        key = scene.model_dump_json()
-        loads = self._known.get(key)
-        if not isinstance(loads, Loads):
-            if reason := self._spent():
-                raise Spent(reason)
-            loads = self._known[key] = self._run(scene)
-        return loads
 
 
 def coarse_scenes(scene: Scene) -> list[Scene]:
@@ -188,13 +207,15 @@ def of_gap(scene: Scene, solve: Solve) -> Term:
     contact = scene.contact or Contact(friction=0.0)  # friction plays no part in the flow
     wide = 4.0 * contact.gap > WIDEST_GAP
     sections = [{**contact.model_dump(), "gap": k * contact.gap} for k in (SMALLER if wide else LARGER)]
-    loads = [solve(_coarse(scene, contact=section)) for section in sections]
+    loads = [solve(coarse(scene, contact=section)) for section in sections]
     values = [np.concatenate([one.force, one.couple]) for one in loads]
     errors = np.array([_to_zero(*three) for three in zip(*values, strict=True)])
     if wide:  # found is the error with the smallest gap, to which the way there from the scene's is added
         errors += np.abs(values[2] - values[0])
     told = "1/4, 1/2 and 1" if wide else "1, 2 and 4"
-    return Term("gap", errors[:3], errors[3:], f"coarse runs with {told} times the gap, extrapolated to none")
+    how = f"coarse runs with {told} times the gap, extrapolated to none"
+    near, far = (float(np.linalg.norm(loads[i + 1].force - loads[i].force)) for i in (0, 1))
+    return Term("gap", errors[:3], errors[3:], how, power=_order_in_gap(near, far))
 
 
 def _to_zero(at_one: float, at_two: float, at_four: float) -> float:
@@ -202,8 +223,12 @@ def _to_zero(at_one: float, at_two: float, at_four: float) -> float:
     near, far = at_two - at_one, at_four - at_two
     if abs(near) <= TOO_LITTLE * max(abs(at_one), abs(at_two), abs(at_four)):
         return abs(near)
-    order = float(np.clip(np.log2(max(far / near, 1e-3)), *ORDERS))
-    return abs(near) / (2.0**order - 1.0)
+    return abs(near) / (2.0 ** _order_in_gap(near, far) - 1.0)
+
+
+def _order_in_gap(near: float, far: float) -> float:
+    """The power of the gap from what two doublings of it change."""
+    return float(np.clip(np.log2(max(far / near, 1e-3)), *ORDERS)) if near else ORDERS[0]
 
 
 def no_gap(scene: Scene) -> str:
@@ -217,7 +242,7 @@ def of_domain(scene: Scene, solve: Solve) -> Term:
     """What sides that stand for an endless flow change, from a coarse run with all of them farther away."""
     how = f"a coarse run with sides {FARTHER:g} times as far, decay with distance to the power {DECAY:g}"
     share = 1.0 / (1.0 - FARTHER**-DECAY)
-    return Term.of_difference("domain", solve(_coarse(farther(scene))), solve(_coarse(scene)), share, how)
+    return Term.of_difference("domain", solve(coarse(farther(scene))), solve(coarse(scene)), share, how)
 
 
 def has_no_far_sides(scene: Scene) -> str:
@@ -251,10 +276,10 @@ def _order(scene: Scene) -> int:
     return 2 if scene.time is not None and scene.time.scheme == "bdf2" else 1
 
 
-def farther(scene: Scene) -> Scene:
-    """The scene with inflow, outflow and a free top farther away, at the same viscosity."""
+def farther(scene: Scene, factor: float = FARTHER) -> Scene:
+    """The scene with inflow, outflow and sides that move as the stream does farther away, at the same viscosity."""
     domain = scene.domain
-    before = 0.5 * (FARTHER - 1.0) * domain.length
+    before = 0.5 * (factor - 1.0) * domain.length
     period = getattr(scene.bed, "wavelength", None) or getattr(scene.bed, "spacing", None)
     if period is not None:  # the flow enters at the same height of the bed
         before = period * np.ceil(before / period)
@@ -263,7 +288,10 @@ def farther(scene: Scene) -> Scene:
         "length": domain.length + 2.0 * before,
     }
     if scene.top == "stream":
-        changes["height"] = FARTHER * domain.height
+        changes["height"] = factor * domain.height
+    if has_free_lower_side(scene):
+        lower = domain.origin[1] - 0.5 * (factor - 1.0) * domain.height
+        changes["origin"] = (changes["origin"][0], lower)
     larger = changed(scene, domain=changes)
     if scene.fluid.scale == "grain":
         return larger
@@ -271,9 +299,17 @@ def farther(scene: Scene) -> Scene:
     return changed(larger, fluid={"reynolds": scene.fluid.reynolds * larger.viscosity / scene.viscosity})
 
 
-def _coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
+def has_free_lower_side(scene: Scene) -> bool:
+    """Whether the flow is endless downwards, too. Shear is not, it begins there. Not collective."""
+    return scene.bed is None and scene.top == "stream" and scene.flow.kind in ("uniform", "expression")
+
+
+def coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
     """The scene as it is run for a term of the model."""
-    numerics: dict[str, Any] = {"order": MODEL_ORDER, "geometry_order": None, "error_bars": False}
+    asked = scene.numerics.accuracy if scene.numerics.accuracy_includes == "all" else None
+    fine = isinstance(asked, float) and asked < FINE_BELOW
+    order = FINE_ORDER if fine else MODEL_ORDER
+    numerics: dict[str, Any] = {"order": order, "geometry_order": None, "error_bars": False}
     if scene.time is None:
         numerics["mesh_size"] = max(MODEL_MESH, scene.numerics.mesh_size)
         return changed(scene, numerics=numerics, **sections)

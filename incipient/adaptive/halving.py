@@ -39,6 +39,7 @@ class Halving(Search):
             scene = finer(scene)
             # It is the coarser run of the next one's error bar.
             self.known = {coarser(scene).model_dump_json(): Loads.of(told.result)}
+            self.keep_model_terms()
 
     def _may_be_last(self) -> bool:
         """Whether the next run may reach the accuracy, or none after it is affordable. Collective."""
@@ -64,7 +65,7 @@ class Halving(Search):
             if result.status == "complete" and not again:
                 self._judge(scene, result, self.elapsed() - began)
 
-        told = Told(self.recorder if recorded else Unrecorded(), scene, self.adaptation, judge)
+        told = Told(self.recorder if recorded else Unrecorded(), scene, self.adaptation_beside, judge)
         quiet = scene if recorded else changed(scene, numerics={"error_bars": False})
         accounts = Accounts(known=self.known, spent=self.spent)
         simulate(quiet, self.comm, cast(Recorder, told), self.voice, accounts=accounts)
@@ -72,14 +73,15 @@ class Halving(Search):
 
     def _judge(self, scene: Scene, result: Result, seconds: float) -> None:
         estimate, time = None, scene.time
-        if self.known and result.force is not None and result.couple is not None:
+        compared = coarser(scene).model_dump_json() in self.known
+        if compared and result.force is not None and result.couple is not None:
             term = by_coarser_run(scene, Loads.of(result), self._known_run)
             estimate = self.goal.error(result.force, result.couple, term.force, term.couple)
         cost = result.cost
         step = time.step if time is not None else None
         self.tell(Trial(result.plan.order, cost["cells"], cost["unknowns"], estimate, seconds, step))
         if estimate is not None and estimate <= self.asked:
-            self.reason, self.met = "reached", True
+            self.conclude(estimate)
         else:
             self.reason = self._why_not_another()
 

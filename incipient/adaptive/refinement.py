@@ -30,6 +30,7 @@ from ..simulation.recorder import Recorder
 from ..simulation.simulate import finished, hand_over, loads_of
 from ..simulation.state import Accounts, Run
 from ..simulation.steady import loads_at
+from .modelling import SMALLEST_GAP
 from .search import Search, Told
 from .sizing import STEEPEST, Shares, gathered, resized
 
@@ -48,7 +49,6 @@ SOLVER_SHARE = 1e-3  # of the accuracy: what the iteration may leave
 TOLERANCES = (1e-10, 1e-5)
 TIME_GROWTH = 1.3  # of the time to solve and estimate with unknowns
 FOR_VERDICT = 0.2  # what is left of an error that is to decide a verdict
-SMALLEST_GAP = 1e-4  # of the grain's size
 CLOSER = 0.25  # a gap that is to decide a verdict, relative to before
 CRITICAL = 1e-4  # a safety factor known this well and still on both sides of one
 
@@ -160,7 +160,7 @@ class Refinement(Search):
         asked = changed(
             run.scene, numerics={"order": self.numerics.order, "tolerance": self.numerics.tolerance}
         )
-        told = Told(self.recorder, asked, self.adaptation)
+        told = Told(self.recorder, asked, self.adaptation_beside)
         hand_over(run, cast(Recorder, told))
         return told
 
@@ -181,7 +181,7 @@ class Refinement(Search):
     def _to_refine(self, attempt: _Attempt, excess: float, shares: Shares, error: float) -> _Attempt | None:
         """The next mesh, or nothing once the accuracy is reached or cannot be."""
         if excess <= 1.0:
-            self.reason, self.met = "reached", True
+            self.conclude(error)
             return None
         order = attempt.scene.numerics.order
         if np.isinf(error):  # the safety factor may be infinite: how much finer is enough is not known

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..accuracy.errorbars import KeptRuns
 from ..accuracy.goal import Goal, Quantity
 from ..interrupt import Interruption
 from ..planning.drawing import MEMORY_GROWTH
@@ -23,6 +24,7 @@ from ..results.result import Result
 from ..results.timing import Ledger, peak_memory_mib
 from ..scene import Scene
 from ..simulation.recorder import Recorder, Unrecorded
+from .modelling import SHARE, Suited, not_estimated, remedies, suited
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -50,7 +52,9 @@ def run_to_accuracy(
     search = Halving if scene.time is not None else Refinement
     recorder = recorder or Unrecorded()
     with Interruption(comm) if recorder.keeps else nullcontext():
-        return search(scene, comm, recorder, voice or Silent()).result()
+        seeking = search(scene, comm, recorder, voice or Silent())
+        seeking.choose_gap_and_domain()
+        return seeking.result()
 
 
 class Told:
@@ -60,7 +64,7 @@ class Told:
     kept:   where a result without error bars is kept, None if nowhere
 
     Args:
-        adaptation: the search so far.
+        adaptation: the search so far, with what a result says beside it.
         judge: told of the result when the run is over, before the search is asked for.
     """
 
@@ -71,7 +75,7 @@ class Told:
         self,
         recorder: Recorder,
         asked: Scene,
-        adaptation: Callable[[], Adaptation],
+        adaptation: Callable[[Result], Adaptation],
         judge: Callable[[Result], None] = lambda result: None,
     ):
         self.keeps, self._recorder, self._asked = recorder.keeps, recorder, asked
@@ -97,7 +101,7 @@ class Told:
 
     def _with_search(self, result: Result) -> Result:
         scene = self._asked.model_dump(mode="json")
-        return replace(result, scene=scene, adaptation=self._adaptation())
+        return replace(result, scene=scene, adaptation=self._adaptation(result))
 
 
 class Search:
@@ -111,19 +115,67 @@ class Search:
         self.goal: Quantity = Goal.of(scene)
         self.speed = 1.0  # of the flow whose loads are looked at, over that of the scene
         self.reason, self.met = "", False
+        self.wished = scene
+        self.suited: Suited | None = None  # gap and domain chosen, where the accuracy includes their errors
 
     @property
     def asked(self) -> float:
-        """The relative error asked for."""
-        assert isinstance(self.numerics.accuracy, float | int)
-        return self.numerics.accuracy
+        """The relative error that the discretisation may have."""
+        asked = self.numerics.accuracy
+        assert isinstance(asked, float | int)
+        if self.suited is None:
+            return asked
+        return asked - self.suited.error if self.suited.error < asked else SHARE * asked
+
+    def choose_gap_and_domain(self) -> None:
+        """Where the accuracy includes their errors, choose them for it before any mesh. Collective."""
+        asked = self.numerics.accuracy
+        if self.numerics.accuracy_includes == "discretisation" or not isinstance(asked, float | int):
+            return
+        from ..simulation.simulate import loads_of
+
+        runs = KeptRuns(self.known, self.spent, lambda scene: loads_of(scene, self.comm))
+        with self.ledger.stage("error bars"):
+            self.suited = suited(self.scene, asked, self.goal, runs, self.voice.say)
+        self.scene = self.suited.scene
+        self.keep_model_terms()
+
+    def keep_model_terms(self) -> None:
+        """Let error bars have the terms of gap and domain that were found. Not collective."""
+        if self.suited is not None:
+            self.known.update({term.name: term for term in self.suited.terms})
+
+    def conclude(self, estimate: float) -> None:
+        """End the search: the discretisation's error is small enough. Not collective."""
+        asked, self.reason, self.met = self.numerics.accuracy, "reached", True
+        if self.suited is None or not isinstance(asked, float | int):
+            return
+        if estimate + self.suited.error > asked:
+            self.reason, self.met = f"not reached: {self.suited.unmet}", False
+        elif missing := not_estimated(self.scene):
+            self.reason, self.met = f"not known to be reached: {missing}", False
 
     def adaptation(self) -> Adaptation:
-        """The record of the search so far."""
+        """The record of the search so far. Not collective."""
         asked, reached = self.numerics.accuracy, [t.estimate for t in self.trials if t.estimate is not None]
         assert asked is not None
         last, reason = reached[-1] if reached else None, self.reason or UNFINISHED
-        return Adaptation(asked, self.goal.name, last, self.met, reason, tuple(self.trials))
+        found = Adaptation(asked, self.goal.name, last, self.met, reason, tuple(self.trials))
+        if self.suited is None:
+            return found
+        whole = None if last is None or np.isinf(self.suited.error) else last + self.suited.error
+        includes = ("discretisation", *(term.name for term in self.suited.terms))
+        return replace(found, reached=whole, includes=includes, changes=self.suited.changes(self.wished))
+
+    def adaptation_beside(self, result: Result) -> Adaptation:
+        """The record so far, and what a result says of errors that are not in it. Not collective."""
+        found, bars = self.adaptation(), result.error_bars
+        if bars is None or result.force is None or result.couple is None:
+            return found
+        if self.suited is not None or not isinstance(found.asked, float | int):
+            return found
+        beside = remedies(self.scene, found.asked, self.goal, result.force, result.couple, bars)
+        return replace(found, beside=beside)
 
     def elapsed(self) -> float:
         """Seconds so far, the same on all ranks."""

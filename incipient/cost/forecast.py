@@ -132,6 +132,8 @@ def foresee(scene: Scene, estimate: Estimate) -> Foresight | str:
     asked = scene.numerics.accuracy
     if not isinstance(asked, float | int):
         return f"{unknown}: they hang on what decides the verdict; {LIMIT}"
+    if scene.numerics.accuracy_includes == "all":
+        return f"{unknown}: gap and domain are chosen by coarse runs before; {LIMIT}"
     calibration = calibrations.read()
     times = Times.of(scene, calibration)
     if times is None:

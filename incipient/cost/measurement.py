@@ -66,9 +66,9 @@ class Rung:
         numerics = {"order": self.order, "mesh_size": self.mesh_size, "geometry_order": None}
         sections: dict[str, dict[str, Any]] = {"numerics": {**numerics, "error_bars": False}}
         # An accuracy asked for would choose the mesh itself.
-        for name in ("accuracy", "budget_seconds", "budget_mib"):
+        for name in ("accuracy", "accuracy_includes", "budget_seconds", "budget_mib"):
             if name in type(scene.numerics).model_fields:
-                sections["numerics"][name] = None
+                sections["numerics"][name] = type(scene.numerics).model_fields[name].default
         sections["output"] = {"fields": False, "pictures": False, "every": 0, "checkpoint": 0}
         if self.step is not None:
             # A step that adapts itself would not be the rung's.

@@ -40,6 +40,10 @@ class CriticalRefinement(Refinement):
                 'numerics.accuracy: "verdict" means nothing for a threshold; give a relative error of the critical '
                 "flow such as 0.01"
             )
+        if scene.numerics.accuracy_includes == "all":
+            raise SceneError(
+                'numerics.accuracy_includes: "all" is for runs; leave it out, and see the error bars of the threshold'
+            )
         super().__init__(scene, comm, Unrecorded(), voice)
         self._conclude, self._found = conclude, list[Found]()
         self._search: Search | None = None

@@ -129,8 +129,12 @@ def _sought(scene: Scene) -> str:
     numerics = scene.numerics
     if numerics.accuracy is None:
         return ""
-    chosen = "mesh and order" if scene.time is None else "mesh and steps"
-    aim = f"until the error of the {numerics.accuracy_of} is below {numerics.accuracy}"
+    everything = numerics.accuracy_includes == "all"
+    chosen = ("gap, domain, " if everything else "") + (
+        "mesh and order" if scene.time is None else "mesh and steps"
+    )
+    of = "of discretisation, gap and domain" if everything else "of discretisation"
+    aim = f"until the error of the {numerics.accuracy_of} ({of}) is below {numerics.accuracy}"
     if numerics.accuracy == "verdict":
         aim = "until the verdict is decided"
     budgets = ((numerics.budget_seconds, "s"), (numerics.budget_mib, "MiB"))

@@ -29,7 +29,10 @@ class Trial:
 class Adaptation:
     """What was asked for, what has been reached, and the meshes tried on the way.
 
-    asked: the relative error, or "verdict"; reached: its estimate, None if there is none
+    asked:    the relative error, or "verdict"; reached: its estimate, None if there is none
+    includes: the errors that are in it
+    changes:  what has been changed of the scene for it, in words
+    beside:   what is to be known of errors that are not in it, and what would make them smaller
     """
 
     asked: float | str
@@ -38,6 +41,9 @@ class Adaptation:
     met: bool
     reason: str
     trials: tuple[Trial, ...]
+    includes: tuple[str, ...] = ("discretisation",)
+    changes: tuple[str, ...] = ()
+    beside: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for result.json."""
@@ -46,9 +52,12 @@ class Adaptation:
     def lines(self) -> list[str]:
         """The outcome and the trials, a line each."""
         reached = "unknown" if self.reached is None else f"{self.reached:.1e}"
+        *others, last = self.includes
+        of = f"{', '.join(others)} and {last}" if others else last
         lines = [
-            f"accuracy            error of the {self.of} {reached}, asked for {self.asked}: {self.reason}"
+            f"accuracy            error of the {self.of} {reached} (of {of}), asked for {self.asked}: {self.reason}"
         ]
+        lines += [f"{'':<20}{line}" for line in (*self.changes, *self.beside)]
         for trial in self.trials:
             error = "            " if trial.estimate is None else f"error {trial.estimate:.1e}"
             step = "" if trial.step is None else f"   step {trial.step:.3g}"

@@ -34,13 +34,17 @@ class Loads:
 
 @dataclass(frozen=True)
 class Term:
-    """One source of error: absolute errors of force and couple (3,), of the place of a moving grain, and how found."""
+    """One source of error: absolute errors of force and couple (3,), of the place of a moving grain, and how found.
+
+    power: of the gap with which its error is expected to fall
+    """
 
     name: str
     force: Floats
     couple: Floats
     how: str
     place: Floats | None = None
+    power: float = 1.0
 
     @classmethod
     def of_difference(cls, name: str, one: Loads, other: Loads, share: float, how: str) -> Term:

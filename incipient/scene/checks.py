@@ -145,6 +145,9 @@ def _accuracy(scene: Scene) -> Iterator[Problem]:
             if getattr(numerics, budget) is not None:
                 why = "limits what is spent on an accuracy but none is asked for"
                 yield Problem(("numerics", budget), why, "add numerics.accuracy or leave it out")
+        if numerics.accuracy_includes != "discretisation":
+            why = "says what an accuracy includes but none is asked for"
+            yield Problem(("numerics", "accuracy_includes"), why, "add numerics.accuracy or leave it out")
         return
     key, verdict = ("numerics", "accuracy"), numerics.accuracy == "verdict"
     if body is None:

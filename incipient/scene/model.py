@@ -239,6 +239,10 @@ class Numerics(Section):
     accuracy_of: Literal["force", "couple", "safety factor"] = Field(
         "force", description="What the accuracy is that of"
     )
+    accuracy_includes: Literal["discretisation", "all"] = Field(
+        "discretisation",
+        description="Errors that it is to include; all: gap and domain as well, which the run then chooses",
+    )
     budget_seconds: Positive | None = Field(
         None, description="Wall time after which to stop seeking accuracy [s]", examples=[60.0]
     )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..arrays import spatial
+from ..arrays import Floats, spatial
 from ..results.loads import Coefficients, Couples, Forces
 
 if TYPE_CHECKING:
@@ -18,11 +18,10 @@ if TYPE_CHECKING:
 def loads(run: Run, surface: bool, speed: float = 1.0) -> tuple[Forces, Couples]:
     """Forces and couples on the grain for speeds in units of `speed`; the surface integral where asked for."""
     scene, probe = run.scene, run.probe
-    assert probe is not None and scene.grain is not None
+    assert probe is not None
     flow = probe.resultant()
     check = probe.surface_resultant() if surface else flow
-    gravity, unit = spatial(scene.gravity_vector), speed**2
-    buoyancy, weight = -scene.grain.volume * gravity, (scene.mass or 0.0) * gravity
+    (buoyancy, weight), unit = weights(scene), speed**2
     force = Forces(unit * flow.force, unit * check.force, buoyancy, weight)
     couple = Couples(unit * flow.couple, unit * check.couple, flow.about)
     if run.trajectory is None:
@@ -30,6 +29,13 @@ def loads(run: Run, surface: bool, speed: float = 1.0) -> tuple[Forces, Couples]
     x, y, turning = run.trajectory.repulsion()
     pushed, twisted = np.array([x, y, 0.0]), np.array([0.0, 0.0, turning])
     return replace(force, repulsion=pushed), replace(couple, repulsion=twisted)
+
+
+def weights(scene: Scene) -> tuple[Floats, Floats]:
+    """Buoyancy and weight (3,) of the scene's grain. Not collective."""
+    assert scene.grain is not None
+    gravity = spatial(scene.gravity_vector)
+    return -scene.grain.volume * gravity, (scene.mass or 0.0) * gravity
 
 
 def coefficients(scene: Scene, force: Forces, couple: Couples) -> Coefficients:

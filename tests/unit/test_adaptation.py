@@ -244,6 +244,9 @@ def test_what_is_said() -> None:
     trials = (Trial(2, 200, 1000, 0.02, 0.5), Trial(3, 300, 3000, 0.004, 1.0))
     said = Adaptation(0.01, "force", 0.004, True, "reached", trials)
     first, *rest = said.lines()
-    assert first.split(None, 1) == ["accuracy", "error of the force 4.0e-03, asked for 0.01: reached"]
+    assert first.split(None, 1) == [
+        "accuracy",
+        "error of the force 4.0e-03 (of discretisation), asked for 0.01: reached",
+    ]
     assert [line.split()[0] for line in rest] == ["P2", "P3"]
     assert said.to_dict()["trials"][1]["unknowns"] == 3000

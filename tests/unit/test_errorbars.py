@@ -118,6 +118,19 @@ def sizes(one: Loads) -> list[float]:
     return [float(np.linalg.norm(one.force)), float(np.linalg.norm(one.couple))]
 
 
+def test_a_stream_without_a_bed_is_endless_downwards_too() -> None:
+    """The term is that of a disc in the middle of a far larger domain; shear begins at the lower side, and stays."""
+    scene = changed(loads(IN_STREAM), numerics=COARSE)
+    larger = farther(scene)
+    assert (larger.domain.bottom, larger.domain.ceiling) == (-1.0, 5.0)
+    far = changed(scene, domain={"origin": (-57.0, -58.0), "length": 120.0, "height": 120.0})
+    here, term = solve(scene), errorbars.of_domain(scene, solve)
+    true = abs(here.force[0] - solve(far).force[0])
+    assert true / WITHIN < term.force[0] < WITHIN * true
+    shear = loads(IN_STREAM.replace("uniform", "shear"))
+    assert farther(shear).domain.bottom == 0.0
+
+
 @pytest.mark.parametrize("flow", ["poiseuille", "open-channel"])
 def test_height_of_a_channel_is_no_error(flow: str) -> None:
     """Where the domain is the channel itself only inflow and outflow are moved away."""

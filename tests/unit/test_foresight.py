@@ -61,7 +61,8 @@ def foreseen(made: Scene) -> Foresight:
 def test_the_plan_says_that_the_run_chooses() -> None:
     made = scene("numerics.accuracy=0.001", "numerics.budget_seconds=60")
     text = planned(made).text()
-    sought = "mesh and order are chosen by the run, until the error of the force is below 0.001, within 60 s"
+    sought = "mesh and order are chosen by the run, until the error of the force "
+    sought += "(of discretisation) is below 0.001, within 60 s"
     assert f"numerics.accuracy: {sought}" in text
     assert "P2-P1 Taylor-Hood on cells of order 2 at first" in text
     assert "cell sizes x" not in text

@@ -1,0 +1,186 @@
+"""The errors that no mesh makes smaller, of the gap and of the domain, beside an accuracy that is asked for.
+
+With `numerics.accuracy_includes = "all"` gap and domain are changed until both errors are small beside the accuracy;
+the mesh is sought after that. Otherwise they are as the scene says, and it is said what would make them small enough.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..accuracy.errorbars import DECAY, MODEL_TERMS, changed, coarse, farther, has_no_far_sides
+from ..errors import IncipientError, SceneError
+from ..results.errorbars import Loads
+from ..results.loads import Couples, Forces
+from ..scene import Scene
+from ..simulation.loads import weights
+
+if TYPE_CHECKING:
+    from ..accuracy.errorbars import Solve
+    from ..accuracy.goal import Quantity
+    from ..results.errorbars import ErrorBars, Term
+
+Measure = Callable[["Term"], float]
+
+SHARE = 0.5  # of the accuracy, for gap and domain together
+AIM = 0.7  # of a term's part of it, so that the gap or domain expected to have it does
+MOST_STEPS = 6
+SMALLEST_GAP = 1e-4  # of the grain's size
+CLOSEST, FARTHEST = 1 / 32, 3.0  # how much smaller a gap and larger a domain become at once
+LEAST = 1e-3  # to which part a term is sought to be lessened, at most
+
+
+@dataclass(frozen=True)
+class Suited:
+    """A scene with the gap and domain that an accuracy calls for.
+
+    terms: their errors, as they are now; `error` is their sum, relative, infinite where they are not known
+    unmet: why they are not small enough, or nothing
+    """
+
+    scene: Scene
+    terms: tuple[Term, ...] = ()
+    error: float = np.inf
+    unmet: str = ""
+
+    def changes(self, asked: Scene) -> tuple[str, ...]:
+        """What is other than in the scene that was asked for, in words."""
+        found, now, before = [], self.scene.contact, asked.contact
+        if now is not None and before is not None and now != before:
+            found.append(f"contact.gap = {now.gap:.3g} in place of {before.gap:.3g}")
+        if self.scene.domain != asked.domain:
+            found.append(f"{_words(self.scene)} in place of {_words(asked)}")
+        return tuple(found)
+
+
+def suited(scene: Scene, asked: float, goal: Quantity, solve: Solve, tell: Callable[[str], None]) -> Suited:
+    """Make gap and domain such that their errors are half of the relative error asked for together. Collective.
+
+    What has been found so far is kept where a coarse run fails, or the budget is spent.
+    """
+    found = Suited(scene)
+    for _ in range(MOST_STEPS):
+        try:
+            found, errors = _looked_at(scene, goal, solve)
+            if found.error <= SHARE * asked:
+                return found
+            tell("; ".join([_words(scene), *(f"error of the {name} {e:.1e}" for name, e in errors.items())]))
+            scene = _improved(found, errors, SHARE * asked / len(errors))
+        except IncipientError as error:
+            return replace(found, unmet=f"errors of gap and domain are not known beyond that: {error}")
+        if scene is found.scene:
+            largest = max(errors, key=lambda name: errors[name])
+            return replace(
+                found, unmet=f"the error of the {largest}, {errors[largest]:.1e}, cannot be made smaller"
+            )
+    return replace(found, unmet=f"gap and domain err too much after {MOST_STEPS} steps")
+
+
+def _looked_at(scene: Scene, goal: Quantity, solve: Solve) -> tuple[Suited, dict[str, float]]:
+    """A scene with its terms, and what each comes to by name, relative."""
+    terms = tuple(estimate(scene, solve) for _, why_not, estimate in MODEL_TERMS if not why_not(scene))
+    if not terms:
+        return Suited(scene, (), 0.0), {}
+    measure = _measure(scene, goal, solve(coarse(scene)))
+    errors = {term.name: measure(term) for term in terms}
+    return Suited(scene, terms, sum(errors.values())), errors
+
+
+def _improved(found: Suited, errors: dict[str, float], part: float) -> Scene:
+    """The scene with less of each term that is more than its part of the accuracy; the same where none can be less."""
+    scene = found.scene
+    for term in found.terms:
+        if errors[term.name] > part:
+            scene = _lessened(scene, term, AIM * part / errors[term.name]) or scene
+    return scene
+
+
+def not_estimated(scene: Scene) -> str:
+    """Why the error of gap or domain is there but not known, or nothing. Not collective."""
+    for name, why_not, _ in MODEL_TERMS:
+        reason = why_not(scene)
+        if reason.startswith("not estimated"):
+            return f"that of the {name} is {reason}"
+    return ""
+
+
+def remedies(
+    scene: Scene, asked: float, goal: Quantity, force: Forces, couple: Couples, bars: ErrorBars
+) -> tuple[str, ...]:
+    """For each error of gap and domain that is large beside the accuracy, what would make it small. Not collective."""
+    said = []
+    for term in bars.terms:
+        error = goal.error(force, couple, term.force, term.couple)
+        if term.name == "discretisation" or error <= asked:
+            continue
+        try:
+            better = _lessened(scene, term, AIM * asked / error, at_once=False)
+        except SceneError:
+            better = None
+        said.append(
+            f"beside it the error of the {term.name}, {error:.1e}; {_advice(term.name, better, scene)}"
+        )
+    if said:
+        said.append('numerics.accuracy_includes = "all" lets the run change gap and domain')
+    return tuple(said)
+
+
+def _advice(name: str, better: Scene | None, scene: Scene) -> str:
+    if better is None:
+        return "it cannot be made small enough"
+    if name == "gap" and better.contact is not None:
+        return f"contact.gap = {better.contact.gap:.2g} would do"
+    domain = better.domain
+    keys = [
+        f"domain.origin = [{domain.left:.4g}, {domain.bottom:.4g}]",
+        f"domain.length = {domain.length:.4g}",
+    ]
+    if domain.height != scene.domain.height:
+        keys.append(f"domain.height = {domain.height:.4g}")
+    return f"{', '.join(keys)} would do"
+
+
+def _lessened(scene: Scene, term: Term, relative: float, at_once: bool = True) -> Scene | None:
+    """The scene in which a term is expected to be `relative` times what it is; None where that cannot be had.
+
+    at_once: not all the way where that is far, since what is expected is then not worth much
+    """
+    relative = max(relative, LEAST)
+    if term.name == "gap":
+        return _closer(scene, relative ** (1.0 / term.power), at_once)
+    if has_no_far_sides(scene):
+        return None
+    factor = float(np.ceil(10.0 * relative ** (-1.0 / DECAY))) / 10.0
+    return farther(scene, min(factor, FARTHEST) if at_once else factor)
+
+
+def _closer(scene: Scene, smaller: float, at_once: bool) -> Scene | None:
+    contact = scene.contact
+    if contact is None:  # a section of its own would call for a verdict
+        return None
+    gap = contact.gap * (max(smaller, CLOSEST) if at_once else smaller)
+    if contact.gap <= SMALLEST_GAP or (gap < SMALLEST_GAP and not at_once):
+        return None
+    return changed(scene, contact={"gap": float(f"{max(gap, SMALLEST_GAP):.2g}")})
+
+
+def _measure(scene: Scene, goal: Quantity, loads: Loads) -> Measure:
+    """What a term comes to, relative, for the quantity whose accuracy is asked for."""
+    assert scene.placement is not None
+    buoyancy, weight = weights(scene)
+    force = Forces(loads.force, loads.force, buoyancy, weight)
+    couple = Couples(loads.couple, loads.couple, np.array([*scene.placement.centre, 0.0]))
+    return lambda term: goal.error(force, couple, term.force, term.couple)
+
+
+def _nothing(term: Term) -> float:
+    return 0.0
+
+
+def _words(scene: Scene) -> str:
+    domain = scene.domain
+    return f"domain {domain.length:.4g} x {domain.height:.4g} from ({domain.left:.4g}, {domain.bottom:.4g})"

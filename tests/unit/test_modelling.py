@@ -1,0 +1,215 @@
+"""Gap and domain beside an accuracy: what is advised does, and what the run chooses gives the force that it says."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+import incipient
+from incipient.accuracy.errorbars import KeptRuns, changed, of_domain, of_gap
+from incipient.accuracy.goal import Goal
+from incipient.adaptive.modelling import SMALLEST_GAP, Suited, remedies, suited
+from incipient.adaptive.search import Search
+from incipient.critical.adaptation import CriticalRefinement
+from incipient.errors import ConvergenceError, SceneError
+from incipient.progress import Silent
+from incipient.results.errorbars import ErrorBars, Loads, Term
+from incipient.results.loads import Couples, Forces
+from incipient.scene import Scene, Time, loads
+from incipient.scene.example import commented, grain_on_bed
+from incipient.simulation.recorder import Unrecorded
+from incipient.simulation.simulate import loads_of
+
+NARROW = {"length": 8.0, "height": 4.0}
+
+
+def narrow(**numerics: Any) -> Scene:
+    """A disc on a bed whose domain is much too small."""
+    chosen = {"mesh_size": 2.0, **numerics}
+    return changed(grain_on_bed(), domain=NARROW, body={"x": 3.0}, numerics=chosen)
+
+
+def seeking(scene: Scene) -> Search:
+    return Search(scene, MPI.COMM_SELF, Unrecorded(), Silent())
+
+
+def solved(scene: Scene) -> Loads:
+    return loads_of(scene, MPI.COMM_SELF)
+
+
+def relative(one: np.ndarray, other: np.ndarray) -> float:
+    return float(np.linalg.norm(one - other) / np.linalg.norm(other))
+
+
+def test_all_errors_are_brought_below_the_accuracy() -> None:
+    """The force is that of a domain far larger and a gap far smaller, to the accuracy that was asked for."""
+    asked = 0.03
+    result = incipient.run(narrow(accuracy=asked, accuracy_includes="all"), comm=MPI.COMM_SELF)
+    found, chosen = result.adaptation, result.scene
+    assert found is not None and found.met and found.reason == "reached" and found.reached < asked
+    assert found.includes == ("discretisation", "gap", "domain")
+    assert chosen["domain"]["height"] > 8.0 and chosen["contact"]["gap"] < 0.01
+    assert [line.split()[0] for line in found.changes] == ["contact.gap", "domain"]
+    assert "(of discretisation, gap and domain), asked for 0.03: reached" in result.text()
+    much_larger = {"origin": [-60.0, 0.0], "length": 120.0, "height": 60.0}
+    large = changed(narrow(), domain=much_larger, contact={"gap": 2e-4}, numerics={"mesh_size": 1.0})
+    true = loads_of(changed(large, numerics={"error_bars": False}), MPI.COMM_SELF)
+    assert result.force is not None
+    assert relative(result.force.flow, true.force) < asked
+    assert (
+        relative(loads_of(changed(narrow(), numerics={"error_bars": False}), MPI.COMM_SELF).force, true.force)
+        > 0.2
+    )
+    # The error bars are those of the scene that was computed.
+    assert result.error_bars is not None and not result.error_bars.failed
+    assert relative(true.force + result.error_bars.force, true.force) < 1.5 * asked
+
+
+def test_what_is_reached_is_of_discretisation_and_what_is_advised_would_do() -> None:
+    """The line says what the number is of; gap and domain as advised have errors below the accuracy."""
+    asked = 0.02
+    scene = narrow(accuracy=asked)
+    result = incipient.run(scene, comm=MPI.COMM_SELF)
+    found = result.adaptation
+    assert found is not None and found.met and found.includes == ("discretisation",)
+    assert "(of discretisation), asked for 0.02: reached" in found.lines()[0]
+    gap, domain, last = found.beside
+    assert gap.startswith("beside it the error of the gap, ")
+    assert domain.startswith("beside it the error of the domain, ") and domain.endswith(" would do")
+    assert "numerics.accuracy_includes" in last
+    overrides = (
+        domain.split("; ")[1].removesuffix(" would do").replace("], ", "]; ").replace(", domain", "; domain")
+    )
+    advised = loads(commented(scene), overrides=tuple(overrides.split("; ")))
+    assert advised.domain.height > 2.0 * scene.domain.height
+    solve = KeptRuns({}, lambda: "", solved)
+    whole = solve(changed(advised, numerics={"error_bars": False, "accuracy": None}))
+    assert np.linalg.norm(of_domain(advised, solve).force) < asked * np.linalg.norm(whole.force)
+
+
+def advice(asked: float, scene: Scene, term: Term) -> tuple[str, ...]:
+    """What is said of one term beside a force of size one."""
+    unit, none = np.array([1.0, 0.0, 0.0]), np.zeros(3)
+    force, couple = Forces(unit, unit, none, none), Couples(none, none, none)
+    return remedies(scene, asked, Goal.of(scene), force, couple, ErrorBars((term,)))
+
+
+def test_a_gap_is_advised_by_the_power_with_which_its_error_falls() -> None:
+    scene = narrow(accuracy=0.01)
+    twice = Term("gap", np.array([0.02, 0.0, 0.0]), np.zeros(3), "", power=1.0)
+    assert (
+        advice(0.01, scene, twice)[0]
+        == "beside it the error of the gap, 2.0e-02; contact.gap = 0.0035 would do"
+    )
+    assert advice(0.03, scene, twice) == ()
+    assert advice(1e-4, scene, twice)[0].endswith("it cannot be made small enough")
+
+
+def test_the_power_of_the_gap_is_measured() -> None:
+    """On a flat bed at Re = 20 the force goes with the gap to the power one."""
+    term = of_gap(narrow(), KeptRuns({}, lambda: "", solved))
+    assert term.power == pytest.approx(1.0, abs=0.15)
+
+
+def test_the_smallest_gap_is_said() -> None:
+    """A disc on a bed cannot have a smaller one; the domain is large enough."""
+    scene = changed(grain_on_bed(), contact={"gap": SMALLEST_GAP}, numerics={"accuracy": 1e-4})
+
+    def solve(one: Scene) -> Loads:
+        assert one.contact is not None
+        force = np.array([1.0 + 10.0 * one.contact.gap, 0.0, 0.0])
+        return Loads(force, np.zeros(3))
+
+    found = suited(scene, 1e-4, Goal.of(scene), solve, lambda line: None)
+    assert found.unmet == "the error of the gap, 1.0e-03, cannot be made smaller"
+    assert found.scene is scene and found.error == pytest.approx(1e-3, rel=1e-2)
+
+
+def test_a_coarse_run_that_fails_leaves_what_was_found() -> None:
+    """The first scene's errors are known; those of the next, with a smaller gap, are not."""
+    scene = changed(grain_on_bed(), numerics={"accuracy": 0.01})
+
+    def solve(one: Scene) -> Loads:
+        if one.domain != scene.domain and one.domain.height > 1.6 * scene.domain.height:
+            raise ConvergenceError("no steady flow found")
+        return Loads(np.array([1.0 + 1.0 / one.domain.height, 0.0, 0.0]), np.zeros(3))
+
+    found = suited(scene, 0.01, Goal.of(scene), solve, lambda line: None)
+    assert found.scene is scene and {term.name for term in found.terms} == {"gap", "domain"}
+    assert found.unmet == "errors of gap and domain are not known beyond that: no steady flow found"
+
+
+# -- what the search makes of it ----------------------------------------------------------------------
+
+
+def test_not_reached_where_gap_and_domain_take_all_of_it() -> None:
+    search = seeking(narrow(accuracy=0.01, accuracy_includes="all"))
+    assert search.asked == 0.01
+    search.suited = Suited(search.scene, (), 0.004)
+    assert search.asked == pytest.approx(0.006)
+    search.conclude(0.005)
+    assert (search.reason, search.met) == ("reached", True)
+    search.suited = Suited(search.scene, (), 0.02, "the error of the gap, 2.0e-02, cannot be made smaller")
+    assert search.asked == pytest.approx(0.005)
+    search.conclude(0.005)
+    assert search.reason == "not reached: the error of the gap, 2.0e-02, cannot be made smaller"
+    assert not search.met
+
+
+def test_an_error_that_is_not_estimated_is_not_reached() -> None:
+    """A bed of points is known only as far as they reach."""
+    polyline = 'bed={kind="polyline", points=[[-1, 0], [30, 0]]}'
+    scene = loads(commented(grain_on_bed()), overrides=(polyline, "numerics.accuracy=0.01", ALL))
+    search = seeking(scene)
+    search.suited = Suited(scene, (), 0.001)
+    search.conclude(0.001)
+    assert search.reason.startswith("not known to be reached: that of the domain is not estimated")
+    assert not search.met
+
+
+ALL = 'numerics.accuracy_includes="all"'
+
+
+def test_a_budget_is_kept() -> None:
+    """No coarse run is begun; the first mesh is solved on, and the result says that the rest is not known."""
+    scene = narrow(accuracy=0.01, accuracy_includes="all", budget_seconds=1e-9)
+    result = incipient.run(scene, comm=MPI.COMM_SELF)
+    found = result.adaptation
+    assert found is not None and not found.met and found.reached is None
+    assert "numerics.budget_seconds" in found.reason
+    assert result.scene["domain"] == scene.model_dump(mode="json")["domain"]
+
+
+def test_what_it_includes_needs_an_accuracy() -> None:
+    with pytest.raises(SceneError, match=r"numerics\.accuracy_includes: .*add numerics\.accuracy"):
+        loads(commented(grain_on_bed()), overrides=(ALL,))
+
+
+def test_a_threshold_does_not_choose_gap_and_domain() -> None:
+    scene = narrow(accuracy=0.01, accuracy_includes="all")
+    with pytest.raises(SceneError, match=r"numerics\.accuracy_includes: .*leave it out"):
+        CriticalRefinement(scene, MPI.COMM_SELF, Silent(), lambda *found: None)
+
+
+@pytest.mark.slow
+def test_all_errors_of_flow_in_time() -> None:
+    """A disc in a stream that starts from Stokes flow: the domain is chosen, then mesh and steps."""
+    stream = (
+        '[domain]\nlength=8\nheight=4\n[fluid]\nreynolds=20\nscale="grain"\n[flow]\nkind="uniform"\n'
+        '[body]\nshape="disc"\ndiameter=1\ncentre=[3.0, 2.0]\n[numerics]\nmesh_size=2.0\n'
+    )
+    still = loads(stream)
+    timed = Scene(**{**still.model_dump(), "time": Time(end=0.8, step=0.1, start="steady")})
+    scene = changed(timed, numerics={"accuracy": 0.05, "accuracy_includes": "all"})
+    result = incipient.run(scene, comm=MPI.COMM_SELF)
+    found = result.adaptation
+    assert found is not None and found.met and found.includes == ("discretisation", "domain")
+    assert result.scene["domain"]["height"] > 6.0
+    middle = {"origin": [-57.0, -58.0], "length": 120.0, "height": 120.0}
+    true = loads_of(
+        changed(still, domain=middle, numerics={"error_bars": False, "mesh_size": 1.0}), MPI.COMM_SELF
+    )
+    assert result.force is not None and relative(result.force.flow, true.force) < 0.05
