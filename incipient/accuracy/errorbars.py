@@ -306,8 +306,8 @@ def has_free_lower_side(scene: Scene) -> bool:
 
 def coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
     """The scene as it is run for a term of the model."""
-    asked = scene.numerics.accuracy if scene.numerics.accuracy_includes == "all" else None
-    fine = isinstance(asked, float) and asked < FINE_BELOW
+    accuracy = scene.numerics.accuracy if scene.numerics.accuracy_includes == "all" else None
+    fine = isinstance(accuracy, float) and accuracy < FINE_BELOW
     order = FINE_ORDER if fine else MODEL_ORDER
     numerics: dict[str, Any] = {"order": order, "geometry_order": None, "error_bars": False}
     if scene.time is None:
