@@ -36,7 +36,7 @@ NEAR = (
 )
 WEAK = 0.1  # force of the flow over the weight, where any flow moves the grain
 RESOLVED = 1.1  # an interval whose ends differ by no more than this factor is not divided further
-MOST_FLOWS, MOST_FAILURES = 40, 4
+MOST_FLOWS, MOST_FAILURES = 40, 6
 APART = 1.03  # a flow is tried only so far from one that could not be solved
 
 
@@ -201,7 +201,8 @@ class Search:
         between = float(np.sqrt(top * min(beyond, default=top)))
         if self._may_be_solved(between) and between > APART * top and len(self.unsolved) < MOST_FAILURES:
             return between
-        return self._ended(np.inf, top, "the grain is held, and beyond no steady flow was found")
+        guess = f"; the load extrapolated moves it at about {loss:.2g} times that flow" if loss else ""
+        return self._ended(np.inf, top, f"the grain is held, and beyond no steady flow was found{guess}")
 
     def _is_near(self, factor: float) -> bool:
         return any(abs(one / factor - 1.0) < NEAR for one in self._states)
@@ -212,16 +213,16 @@ class Search:
 
     # -- solving ----------------------------------------------------------------------------------
 
-    def _try(self, factor: float) -> bool:
+    def _try(self, factor: float, here: bool = False) -> bool:
         """Solve; if there is no such flow, note that, and solve where the way to it ended."""
         try:
-            self._solve(factor)
+            self._solve(factor, here)
         except ConvergenceError:
             reached = self.run.fluid.reynolds / self.run.plan.reynolds
             self.unsolved.append(factor)
             self.run.voice.say(f"flow x {factor:.6g}: no steady flow found, the last at {reached:.6g}")
-            if reached > APART * max((one for one in self._states if one < factor), default=0.0):
-                self._solve(reached, here=True)
+            if not here and reached > APART * max((one for one in self._states if one < factor), default=0.0):
+                self._try(reached, here=True)  # on the way flows are solved less well: this may fail, too
             return False
         return True
 

@@ -18,7 +18,7 @@ from ..errors import IncipientError, SceneError
 from ..interrupt import told_where_kept
 from ..progress import Silent
 from ..scene import Scene
-from ..simulation.assemble import cost
+from ..simulation.assemble import TO_COME, cost
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -146,7 +146,7 @@ class Threshold:
             return (
                 "none: no strength of this flow moves the grain, whose load grows in proportion (no inertia)"
             )
-        tried = f" (tried: {', '.join(f'{one:.3g}' for one in self.unsolved)} times)" if self.unsolved else ""
+        tried = f" (tried: {', '.join(f'{one:.3g}' for one in self.unsolved)})" if self.unsolved else ""
         return f"none up to {self.held_to:.3g} times the flow of the scene; {self.reason}{tried}"
 
     def _critical_lines(self) -> list[str]:
@@ -206,7 +206,7 @@ def find_threshold(
             threshold = replace(threshold, adaptation=adaptation)
         if not (found.is_critical and run.scene.numerics.error_bars):
             return threshold
-        kept = keep(threshold)
+        kept = keep(replace(threshold, without_bars=TO_COME))
         with told_where_kept(kept, comm):
             return _with_bars(threshold, run, search, found)
 
@@ -289,13 +289,15 @@ def _with_bars(threshold: Threshold, run: Run, search: Search, found: Found) -> 
 
 def _notes(scene: Scene, found: Found) -> tuple[str, ...]:
     """What the Shields number is, and whether the flow can be laminar there. Not collective."""
-    from ..planning.effects import numbers_of, turbulent_from
+    from ..planning.effects import may_be_turbulent, numbers_of, turbulent_from
 
     if not found.is_critical:
         return ()
     notes = [SHIELDS.format(size=_size(scene)), LAMINAR.format(flow=f"{scene.flow.kind} flow")]
-    there = found.factor * numbers_of(scene).flow_reynolds
-    if scene.domain.kind == "channel" and there > (least := turbulent_from(scene)):
+    numbers = numbers_of(scene)
+    there = found.factor * numbers.flow_reynolds
+    if may_be_turbulent(scene, replace(numbers, flow_reynolds=there)):
+        least = turbulent_from(scene)
         notes.append(f"flow Re {there:.3g} at the threshold: channels may be turbulent from {least:g} on")
     if found.between is not None:
         low, high = found.between
