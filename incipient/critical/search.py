@@ -8,6 +8,7 @@ the search goes on below, or beyond, if that is where the load extrapolated lose
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -25,6 +26,8 @@ from .loadpath import LoadPath
 if TYPE_CHECKING:
     from ..results.loads import Couples, Forces
     from ..simulation.state import Run
+
+Solve = Callable[["Run", float, float], "tuple[Forces, Couples]"]
 
 CREEPING = 1e-6  # grain Reynolds number of the flow that stands for Stokes flow
 FIRST = 30.0  # grain Reynolds number of the first flow with inertia, at most
@@ -97,10 +100,14 @@ class Found:
 
 
 class Search:
-    """The search on one mesh, in a run that is prepared. Public methods are collective but those said not to be."""
+    """The search on one mesh, in a run that is prepared. Public methods are collective but those said not to be.
 
-    def __init__(self, run: Run):
-        scene = run.scene
+    Args:
+        solve: solves for the loads in a flow faster by a factor, going on from another (see `simulation.steady`).
+    """
+
+    def __init__(self, run: Run, solve: Solve = loads_at):
+        scene, self._loads_at = run.scene, solve
         assert run.contacts is not None and scene.contact is not None
         self.run, self.trials, self.unsolved = run, list[Trial](), list[float]()
         self._contacts, self._friction = run.contacts, scene.contact.friction
@@ -232,7 +239,7 @@ class Search:
         if slower and not here:
             self._start_from(slower)
         run = self.run
-        force, couple = loads_at(run, factor, factor if here else slower)
+        force, couple = self._loads_at(run, factor, factor if here else slower)
         self._solved[factor] = force, couple
         self._states[factor] = run.fluid.state.x.array.copy()
         value = safety_factor(self._load(factor), self._contacts, self._friction).value

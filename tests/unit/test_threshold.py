@@ -47,7 +47,7 @@ class Pretended:
         self.voice, self.load, self.limit = Silent(), load, limit
         self.tried: list[float] = []
 
-    def loads_at(self, factor: float, start: float = 0.0) -> tuple[Forces, Couples]:
+    def loads_at(self, run: Any, factor: float, start: float) -> tuple[Forces, Couples]:
         if factor not in (self.limit, *self.tried):
             self.tried.append(factor)
         self.fluid.reynolds = min(factor, self.limit) * self.plan.reynolds
@@ -65,7 +65,10 @@ class Pretended:
         return safety_factor(Load(flow[:3], flow[3:], weight, centre), self.contacts, 0.5).value
 
     def found(self) -> Found:
-        return Search(self).found()  # type: ignore[arg-type]
+        return self.search().found()
+
+    def search(self) -> Search:
+        return Search(self, self.loads_at)  # type: ignore[arg-type]
 
     def first_loss(self, to: float) -> float:
         """The slowest flow that moves the grain, by looking at many."""
@@ -164,7 +167,7 @@ def test_the_same_search_on_another_mesh_needs_one_flow() -> None:
     """Where the load of the next mesh differs by a thousandth, the critical flow does, too."""
     before = Pretended(lambda f: DRAG * (0.3 + f)).found()
     finer = Pretended(lambda f: 1.001 * DRAG * (0.3 + f))
-    found = Search(finer).near(before)  # type: ignore[arg-type]
+    found = finer.search().near(before)
     assert found.factor == pytest.approx(finer.first_loss(100.0), rel=1e-6)
     assert len(found.trials) == 1
 
