@@ -10,11 +10,15 @@ from mpi4py import MPI
 
 import incipient
 from incipient.accuracy.errorbars import farther
+from incipient.contact.equilibrium import safety_factor
 from incipient.critical.threshold import Threshold, find_threshold
 from incipient.output.directory import write_threshold
 from incipient.pictures.record import parsed_json
+from incipient.results.verdict import load_of
 from incipient.scene import loads
 from incipient.scene.example import commented, grain_on_bed
+from incipient.simulation.build import prepared
+from incipient.simulation.steady import loads_at
 
 SHAPE = ("bed.kind=half-discs", "bed.radius=0.5", "bed.spacing=1.2", "bed.offset=1.0")
 POCKET = (*SHAPE, "numerics.mesh_size=2.0")
@@ -162,20 +166,42 @@ def test_a_grain_held_without_limit_in_its_own_flow() -> None:
 
 
 def test_a_threshold_at_a_high_reynolds_number() -> None:
-    """Where a step too far finds no steady flow."""
+    """Where a run from rest may find no steady flow: checked by going up in small steps."""
     scene = on_bed(*POCKET, *SMALL, ALONE, "fluid.reynolds=300.0")
-    threshold = threshold_of(scene)
-    assert 2.0 < threshold.factor < 5.0
-    assert_moves_from(scene, threshold)
+    critical = threshold_of(scene).factor
+    assert 2.0 < critical < 5.0
+    *_, below, above = margins(
+        scene, [*critical / 1.4 ** np.arange(5.0, 0.0, -1.0), 0.99 * critical, 1.01 * critical]
+    )
+    assert below > 1.0 > above
 
 
+def margins(scene: incipient.Scene, factors: list[float]) -> list[float]:
+    """Safety factors in faster and faster flows, each found from the one before."""
+    found, before = [], 0.0
+    with prepared(scene, MPI.COMM_SELF) as run:
+        assert run.contacts is not None and scene.contact is not None
+        for factor in factors:
+            load = load_of(scene, *loads_at(run, factor, before))
+            found.append(safety_factor(load, run.contacts, scene.contact.friction).value)
+            before = factor
+    return found
+
+
+WEDGED = "contact.friction=5.0"  # the disc in its pocket, whatever the load
+
+
+def test_without_inertia_none_is_proved() -> None:
+    threshold = threshold_of(on_bed(*STOKES, ALONE, WEDGED))
+    assert threshold.factor == threshold.held_to == np.inf
+    assert "no strength of this flow moves the grain" in threshold.text()
+
+
+@pytest.mark.slow
 def test_none_is_said_as_far_as_was_looked() -> None:
-    """Steep friction wedges the disc in its pocket, whatever the load."""
-    threshold = threshold_of(on_bed(*POCKET, *SMALL, ALONE, "contact.friction=5.0", "numerics.mesh_size=3.0"))
+    threshold = threshold_of(on_bed(*POCKET, *SMALL, ALONE, WEDGED, "numerics.mesh_size=3.0"))
     assert not threshold.is_critical and np.isfinite(threshold.held_to)
     assert f"none up to {threshold.held_to:.3g} times the flow" in threshold.text()
-    always = threshold_of(on_bed(*STOKES, ALONE, "contact.friction=5.0"))
-    assert "no strength of this flow moves the grain" in always.text()
 
 
 def test_error_bars_cover_what_changes(tmp_path: Path) -> None:
