@@ -138,7 +138,7 @@ class Search:
         while True:
             if factor not in self._states and not self._try(factor):
                 raise ConvergenceError(f"no steady flow was found at {factor:.4g} times that of the scene")
-            path = replace(self._path(), before=before.path)
+            path = replace(self._path(), before=before.path.before or before.path)
             low, high = 0.5 * factor, 2.0 * factor
             new = path.loss(low, high) if path.holds(low) else None
             if new is None:
