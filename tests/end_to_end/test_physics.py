@@ -32,9 +32,10 @@ from incipient.scene import (
 REFERENCE = Path(__file__).parents[1] / "reference"
 
 # Schaefer & Turek, Benchmark computations of laminar flow around a cylinder (1996); the digits of 2D-1 are those
-# of Nabh (1998), as printed in public copies; 2D-2 are the intervals of the benchmark.
+# of Nabh (1998), as printed in public copies.
 DFG_2D_1 = {"drag": 5.57953523384, "lift": 0.010618948146, "pressure difference": 0.11752016697}
-DFG_2D_2 = {"drag": (3.22, 3.24), "lift": (0.99, 1.01), "strouhal": (0.295, 0.305)}
+# Limits for small cells and steps; that of the lift is below the interval of 1996, 0.99 to 1.01 (docs/performance.md).
+DFG_2D_2 = {"drag": 3.227, "lift": 0.987, "strouhal": 0.301}
 
 # Botella & Peyret, Benchmark spectral results on the lid-driven cavity flow, Comput. Fluids 27 (1998), Re = 1000.
 BOTELLA_PEYRET = {"minimum of v1": -0.3885698, "maximum of v2": 0.3769447, "minimum of v2": -0.5270771}
@@ -135,8 +136,7 @@ def test_vortex_street(tmp_path):
     )
     strouhal = 0.1 * (len(crossings) - 1) / (crossings[-1] - crossings[0])  # diameter over mean velocity 1
     for name, value in {"drag": drag.max(), "lift": lift.max(), "strouhal": strouhal}.items():
-        low, high = DFG_2D_2[name]
-        assert low <= value <= high, f"{name} {value}"
+        assert value == pytest.approx(DFG_2D_2[name], rel=5e-3), name
 
 
 # -- exact solutions -----------------------------------------------------------------------------------------
