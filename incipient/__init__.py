@@ -92,7 +92,7 @@ def _simulated(scene: Scene, comm: MPI.Comm, recorder: Recorder, voice: Silent |
 
     if scene.numerics.accuracy is None:
         return simulate(scene, comm, recorder, voice)
-    from .adaptive.search import run_to_accuracy
+    from .adaptive.run import run_to_accuracy
 
     return run_to_accuracy(scene, comm, recorder, voice)
 

@@ -82,7 +82,7 @@ def write_text_atomically(path: Path, text: str) -> None:
 
 
 def write_bytes_atomically(path: Path, data: bytes) -> None:
-    """The same with content of any kind."""
+    """Write content of any kind as `write_text_atomically` writes text."""
     part = path.with_name(path.name + ".part")
     with reported(path):
         try:

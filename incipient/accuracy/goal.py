@@ -1,4 +1,4 @@
-"""What an accuracy is that of: the force, the couple or the safety factor; its relative error, and what it hangs on."""
+"""The quantity whose accuracy is requested: its relative error and its sensitivities to force and couple."""
 
 from __future__ import annotations
 

@@ -78,7 +78,7 @@ class _Attempt:
 
 
 def coarse_sizes(factor: float, field: SizeField | None, layout: Layout) -> Layout:
-    """A layout with cells so many times as large as by default, but in gaps and where a field says otherwise."""
+    """Default cell sizes times `factor`, except in gaps and where `field` prescribes sizes."""
     sizes = layout.sizes.coarsened(factor, STEEPEST)
     return replace(layout, sizes=replace(sizes, field=field))
 

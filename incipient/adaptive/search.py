@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from contextlib import nullcontext
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -16,14 +15,13 @@ import numpy as np
 
 from ..accuracy.errorbars import KeptRuns
 from ..accuracy.goal import Goal, Quantity
-from ..interrupt import Interruption
 from ..planning.drawing import MEMORY_GROWTH
 from ..progress import Silent
 from ..results.adaptation import Adaptation, Trial
 from ..results.result import Result
 from ..results.timing import Ledger, peak_memory_mib
 from ..scene import Scene
-from ..simulation.recorder import Recorder, Unrecorded
+from ..simulation.recorder import Recorder
 from .modelling import SHARE, Suited, not_estimated, remedies, suited
 
 if TYPE_CHECKING:
@@ -33,28 +31,6 @@ if TYPE_CHECKING:
 
 # What a result says of a search that is still on; one that is stopped leaves it so.
 UNFINISHED = "the search goes on, or was stopped"
-
-
-def run_to_accuracy(
-    scene: Scene, comm: MPI.Comm, recorder: Recorder | None = None, voice: Silent | None = None
-) -> Result:
-    """Run a scene with `numerics.accuracy` on meshes of the program's choice. Collective over `comm`.
-
-    Args:
-        recorder: what the last run is handed to; it may begin again.
-
-    Raises:
-        IncipientError: on all ranks, if no mesh could be solved on.
-    """
-    from .halving import Halving
-    from .refinement import Refinement
-
-    search = Halving if scene.time is not None else Refinement
-    recorder = recorder or Unrecorded()
-    with Interruption(comm) if recorder.keeps else nullcontext():
-        seeking = search(scene, comm, recorder, voice or Silent())
-        seeking.choose_gap_and_domain()
-        return seeking.result()
 
 
 class Told:

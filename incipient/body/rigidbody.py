@@ -208,7 +208,7 @@ class RigidBody:
     def _constrained(
         self, time: float, velocities: Floats, frame: Floats, drive: Floats, slope: Floats
     ) -> Floats:
-        """The same with the constraint's share, that gives the locked degrees the accelerations `slope`."""
+        """This load with the constraint's share, which gives the locked degrees the accelerations `slope`."""
         free = self.mask
         mobility = self._mobility(frame)
         acceleration = self._acceleration(time, velocities, frame, np.where(free, drive, 0.0))

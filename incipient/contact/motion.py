@@ -69,7 +69,7 @@ class IncipientMotion:
 
     @property
     def acceleration(self) -> Floats:
-        """Of the centre of mass, (3,)."""
+        """Acceleration (3,) of the centre of mass."""
         return self.solutions[0].acceleration
 
     @property
@@ -89,7 +89,7 @@ class IncipientMotion:
 
     @property
     def mode(self) -> Mode:
-        """Of the whole grain."""
+        """The mode of the whole grain."""
         return self.solutions[0].mode
 
     @property

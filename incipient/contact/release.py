@@ -41,7 +41,7 @@ class Release:
     mass_unit: float
 
     def acceleration(self, local: Floats) -> Floats:
-        """Of the grain under load and local forces (k, 3), (6,)."""
+        """Accelerations (6,) of the grain under its load and local forces (k, 3)."""
         return np.asarray(self.inverse @ (self.wrench + self.grasp.columns @ local.ravel()))
 
     def at_contacts(self, acceleration: Floats) -> Floats:

@@ -111,11 +111,11 @@ def first_mesh(scene: Scene) -> Estimate:
 
         return counted(halving.first(scene))
     from ..adaptive.refinement import COARSEST, coarse_sizes
-    from ..planning import drawing as layout
+    from ..planning import drawing
     from ..planning.plan import make_plan
 
     plan = make_plan(scene)
-    return layout.count(coarse_sizes(COARSEST, None, layout.lay_out(scene, plan)), plan.order, dual=True)
+    return drawing.count(coarse_sizes(COARSEST, None, drawing.lay_out(scene, plan)), plan.order, dual=True)
 
 
 def foresee(scene: Scene, estimate: Estimate) -> Foresight | str:

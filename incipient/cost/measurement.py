@@ -153,7 +153,7 @@ def _once(scene: Scene, rung: Rung) -> tuple[Measured, bool]:
 
 
 def surroundings(options: str = "") -> dict[str, str]:
-    """The environment of a run alone: one thread, no part in a parallel run, names of forms that stay.
+    """The environment of a run alone: one thread, no MPI variables, fixed hash seed (stable form cache).
 
     `options` of PETSc come after those that the environment has.
     """
@@ -206,11 +206,11 @@ def main() -> int:
 def told(scene: Scene, comm: MPI.Comm) -> dict[str, Any]:
     """Run a scene; what `Measured` holds beside the times of the whole process. Collective."""
     from ..coupled import tractions  # noqa: F401 (the start is over then)
-    from ..simulation import simulate as simulation
+    from ..simulation.simulate import simulate
     from .quantities import quantities
 
     start, recorder = time.process_time(), _Rows()
-    result = simulation.simulate(scene, comm, recorder)
+    result = simulate(scene, comm, recorder)
     counted = {
         **result.cost["iterations"],
         "remeshings": len((result.trajectory or {}).get("remeshings", ())),

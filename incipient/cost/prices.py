@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..arrays import Floats
-from ..planning import drawing as layout
+from ..planning import drawing
 from .counts import NOTHING, Counts
 
 AGAIN = 0.3  # of what a process pays once, meshing and setting up forms that are loaded already: measured
@@ -103,8 +103,8 @@ def correction(prices: Prices, known: Sequence[Known]) -> float:
 
 
 def memory_correction(known: Sequence[Known]) -> float:
-    """The factor between measured memory and that of `layout.memory`."""
-    ratios = [run.peak_mib / layout.memory(run.work.unknowns) for run in known]
+    """The factor between measured memory and that of `drawing.memory`."""
+    ratios = [run.peak_mib / drawing.memory(run.work.unknowns) for run in known]
     return math.exp(float(np.mean(np.log(ratios)))) if ratios else 1.0
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from ..planning import drawing as layout
+from ..planning import drawing
 from . import calibration as calibrations
 from .calibration import Calibration
 from .counts import Counts
@@ -72,7 +72,7 @@ class Times:
             "cpu": cpu,
             "low": low / trust,
             "high": high * trust,
-            "peak_mib": memory_correction(self.own or self.calibration.runs) * layout.memory(*unknowns),
+            "peak_mib": memory_correction(self.own or self.calibration.runs) * drawing.memory(*unknowns),
             "own": bool(self.own),
             "source": f"by runs of {'this scene' if self.own else 'other scenes'} on this machine",
         }
@@ -87,7 +87,7 @@ class Times:
             return 0.0
         from ..accuracy.errorbars import coarse_scenes
 
-        dual = self.dual(estimate, scene.numerics.order) if layout.has_dual(scene) else 0.0
+        dual = self.dual(estimate, scene.numerics.order) if drawing.has_dual(scene) else 0.0
         return dual + self.again(coarse_scenes(scene))
 
     def again(self, scenes: Iterable[Scene]) -> float:

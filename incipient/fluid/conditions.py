@@ -42,7 +42,7 @@ class Open:
 
 @dataclass(frozen=True)
 class Carried:
-    """A boundary whose velocity is given anew within every step, by the body that it belongs to."""
+    """The surface of a moving body; `Constraints.carry` sets its velocity in every coupling iteration."""
 
     boundary: str
 

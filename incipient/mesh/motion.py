@@ -80,7 +80,7 @@ class MeshMotion:
         self.domain.mesh.geometry.x[:] = self.places(placement)
 
     def quality(self, placement: Placement | None = None) -> MeshQuality:
-        """Of the mesh as it is now, or as it would be with the body somewhere else."""
+        """Quality of the mesh as it is now, or as it would be with the body somewhere else."""
         places = self.domain.mesh.geometry.x if placement is None else self.places(placement)
         qualities = self._cell_qualities(places)
         worst, relative = qualities.min(initial=1.0), (qualities / self._qualities).min(initial=1.0)

@@ -100,7 +100,7 @@ class FieldSeries(Series):
 
 
 class SurfaceSeries(Series):
-    """The same on part of the boundary, such as a grain's surface: Edge_3 in the plane, Triangle_6 in space.
+    """A series of fields on part of the boundary, such as a grain's surface: Edge_3 in the plane, Triangle_6 in space.
 
     `facets` are local indices of boundary facets, (n,); those owned by another rank are ignored. Functions
     live on the whole mesh; their values on the facets' nodes are written.

@@ -158,7 +158,7 @@ def _judged_numbers(run: Run, case: Judged | None) -> list[Group]:
 
 
 def _numbers(run: Run) -> list[Group]:
-    """Of the flow, as far as the result and the scene hold them."""
+    """Force and couple of the flow, as far as the result and the scene hold them."""
     rows: Group = [("Flow", "", INK)]
     for name, value in (
         *((f"{key.capitalize()} coefficient", run.found("coefficients", key)) for key in _COEFFICIENTS),

@@ -55,7 +55,7 @@ class History:
         return Placement((x, y), angle)
 
     def started(self, placement: Placement) -> History:
-        """The same with the place at time zero before it, where the first step is later."""
+        """This path with the place at time zero before it, where the first step is later."""
         if self.times[0] <= 0.0:
             return self
         start = dict(zip(PLACE, (*placement.centre, self._near_first(placement.angle)), strict=True))

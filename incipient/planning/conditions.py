@@ -49,7 +49,7 @@ def conditions(scene: Scene, held: bool = False) -> list[Condition]:
 
 
 def _velocity_at_first(scene: Scene) -> Velocity:
-    """Of the surface of a moving grain at time zero."""
+    """Velocity of the surface of a moving grain at time zero."""
     from ..body.state import rigid_velocity
     from .body import initial_state
 

@@ -184,7 +184,7 @@ def _unsteadiness(scene: Scene, numbers: Numbers) -> Effect:
 
 
 def _shedding(scene: Scene, numbers: Numbers) -> str:
-    """Why a steady flow may be none."""
+    """Warning if a steady flow is probably unstable (vortex shedding), or an empty string."""
     reynolds = numbers.grain_reynolds
     inert = scene.fluid.inertia and scene.effects.inertia is not False
     if reynolds is None or reynolds <= SHEDDING or not inert or _wall_distance(scene) < SHEDDING_CLEARANCE:
@@ -359,7 +359,7 @@ def _speed_past_grain(scene: Scene, placement: Placement) -> float:
 
 
 def _own_speed(scene: Scene, times: np.ndarray) -> float:
-    """Of a grain that moves: as it starts or is told to, or as it settles by Stokes's law, at most in free fall."""
+    """Estimated speed of the grain itself: prescribed, initial, or settling (Stokes, capped by free fall)."""
     import numpy as np
 
     from ..scene.expression import Expression
@@ -378,7 +378,7 @@ def _own_speed(scene: Scene, times: np.ndarray) -> float:
 
 
 def _bed_reynolds(scene: Scene) -> float | None:
-    """Of the bed's forms, by the given flow up to their height above its datum; None for a plane."""
+    """Reynolds number of the bed's forms, by the given flow up to their height above its datum; None for a plane."""
     import numpy as np
 
     from .stream import undisturbed

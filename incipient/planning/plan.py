@@ -62,7 +62,7 @@ class Plan:
         return any(effect.present for effect in self.effects if effect.name == name)
 
     def with_estimate(self, estimate: Estimate) -> Plan:
-        """The same plan with its expense counted."""
+        """This plan with its expense counted."""
         return replace(self, estimate=estimate)
 
     def to_dict(self) -> dict[str, Any]:

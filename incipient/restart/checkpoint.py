@@ -217,7 +217,7 @@ def _dataclass_of(hint: Any) -> Any:
 
 
 def _digest(file: Any) -> str:
-    """Of the names, shapes and contents of all datasets."""
+    """Checksum over the names, shapes and contents of all datasets."""
     whole = hashlib.sha256()
     for name, dataset in _datasets(file):
         value = dataset[()]

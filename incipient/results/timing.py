@@ -36,7 +36,7 @@ EFFECT_OF_STAGE: dict[str, str] = {
 
 @dataclass
 class Share:
-    """Of one effect: wall time [s], and by how much the process's largest memory grew while it was at work [MiB]."""
+    """What one effect has cost: wall time [s], and the growth of the process's largest memory meanwhile [MiB]."""
 
     wall_time: float = 0.0
     memory_mib: float = 0.0

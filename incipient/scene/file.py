@@ -191,7 +191,7 @@ def _plain(section: Section) -> dict[str, Any]:
 
 
 def _for_editors(node: Any) -> Any:
-    """The same schema with kind and shape marked as needed and lists described as draft 7 does."""
+    """This schema with kind and shape marked as needed and lists described as draft 7 does."""
     if isinstance(node, list):
         return [_for_editors(item) for item in node]
     if not isinstance(node, dict):

@@ -127,7 +127,7 @@ class GrainSection(Section):
         return self.made()
 
     def made(self) -> grain_geometry.Grain:
-        """The same, made anew."""
+        """This shape, made anew."""
         raise NotImplementedError
 
 

@@ -200,7 +200,7 @@ def _cost_of_effects(run: Run) -> dict[str, dict[str, Any]]:
 
 
 def _unknowns(run: Run) -> dict[str, int]:
-    """Of each effect that has some: of the flow, of the mesh's motion, the grain's velocities, contact forces."""
+    """Unknowns by effect: the flow, the mesh's motion, the grain's velocities, contact forces."""
     gdim = run.scene.gdim
     counted: dict[str, int] = {EffectName.FLOW: run.fluid.space.unknowns}
     if run.trajectory is not None:

@@ -22,7 +22,7 @@ from ..geometry.plane.grain import Disc
 from ..mesh import domain
 from ..mesh.domain import Domain
 from ..mesh.motion import MeshMotion
-from ..planning import drawing as layout
+from ..planning import drawing
 from ..planning.body import initial_state, rigid_body
 from ..planning.clearance import Clearance
 from ..planning.plan import Plan
@@ -32,8 +32,8 @@ from ..tolerance import of_steps
 
 Stage = Callable[[str], AbstractContextManager[Any]]
 
-# Of a grain's place, relative to its size, and of its angle, when a mesh is drawn around it, which then is moved
-# by the rest. Meshes so are the same for places that differ by round-off: on any number of ranks, and after resuming.
+# Positions (in grain sizes) and angles are rounded to this before meshing, and the mesh is then moved by the
+# remainder: round-off cannot change the mesh, on any number of ranks and after resuming.
 ROUNDING = 1e-6
 # Columns of the history of a free grain: of what repels it, zero for one that is not repelled.
 REPULSION = ("repulsion_x", "repulsion_y", "repulsion_couple")
@@ -62,7 +62,7 @@ class Trajectory:
         assert scene.body is not None and scene.time is not None
         assert scene.grain is not None and scene.placement is not None
         self.grain, self.time = scene.grain, scene.time
-        self.surroundings = layout.surroundings(scene)
+        self.surroundings = drawing.surroundings(scene)
         self._is_free, self._is_repelled = scene.body.motion == "free", scene.body.on_contact == "repel"
         self.body = rigid_body(scene)
         self.remeshings: list[Remeshing] = []
@@ -242,8 +242,8 @@ class Trajectory:
         with self._stage("remeshing"):
             old = self.fluid
             drawn = rounded(self.state.placement, ROUNDING * self.grain.size)
-            drawing = layout.lay_out(self.scene, self.plan, drawn).drawing
-            made = domain.build(old.domain.comm, drawing, self.scene.gdim)
+            laid_out = drawing.lay_out(self.scene, self.plan, drawn)
+            made = domain.build(old.domain.comm, laid_out.drawing, self.scene.gdim)
             fluid = Fluid(made, old.model, old.conditions, old.reynolds)
             fluid.watch = old.watch
             try:

@@ -78,12 +78,12 @@ class TimeLoop:
     def _start_from(self, inertia: bool) -> None:
         """A steady flow around the grain, which is held, as the fluid's state."""
         from ..fluid import Fluid
-        from ..planning import conditions as boundaries
+        from ..planning.conditions import conditions
 
         run = self._run
         model = flow_model(run.scene, run.plan, unsteady=False, inertia=inertia)
-        conditions = boundaries.conditions(run.scene, held=True)
-        with Fluid(run.domain, model, conditions, run.plan.reynolds) as initial:
+        held = conditions(run.scene, held=True)
+        with Fluid(run.domain, model, held, run.plan.reynolds) as initial:
             solve_steadily(run, initial)
             run.fluid.state.x.array[:] = initial.state.x.array
 

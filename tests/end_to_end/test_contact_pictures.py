@@ -4,11 +4,11 @@ import json
 from dataclasses import asdict
 from pathlib import Path
 
-import incipient.case as cases
 import numpy as np
 import pytest
 from images import assert_is_a_picture
 
+import incipient.simulation.judge_case as cases
 from incipient.contact import Contacts, Load, equilibrium
 from incipient.contact.verdict import judge
 from incipient.errors import OutputError

@@ -7,7 +7,7 @@ from scenes import message
 
 from incipient import load
 from incipient.meshes import expected
-from incipient.planning import drawing as layout
+from incipient.planning import drawing
 from incipient.planning.plan import make_plan
 from incipient.scene import Scene, loads
 from incipient.simulation.build import estimate
@@ -40,7 +40,7 @@ def test_cells_of_a_bed_that_grow_with_the_distance() -> None:
 
 def compare(scene: Scene) -> None:
     plan = make_plan(scene)
-    laid_out = layout.lay_out(scene, plan)
+    laid_out = drawing.lay_out(scene, plan)
     cells = sum(expected.expected_cells(laid_out.shape, laid_out.sizes).values())
     made = estimate(scene).estimate
     assert made is not None and made.cells / 3 < cells < 3 * made.cells
@@ -74,4 +74,4 @@ def test_a_mesh_of_too_many_cells_is_refused_before_it_is_made(text: str, part: 
     )
     allowed = int(found.rpartition("=")[2])
     scene = loads(text, overrides=[f"numerics.max_cells={allowed}"])
-    layout.lay_out(scene, make_plan(scene))._require_few_cells()
+    drawing.lay_out(scene, make_plan(scene))._require_few_cells()

@@ -1,0 +1,37 @@
+"""Runs a scene with `numerics.accuracy` on meshes, orders and steps of the program's choice."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from typing import TYPE_CHECKING
+
+from ..interrupt import Interruption
+from ..progress import Silent
+from ..results.result import Result
+from ..scene import Scene
+from ..simulation.recorder import Recorder, Unrecorded
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+
+def run_to_accuracy(
+    scene: Scene, comm: MPI.Comm, recorder: Recorder | None = None, voice: Silent | None = None
+) -> Result:
+    """Run a scene with `numerics.accuracy` on meshes of the program's choice. Collective over `comm`.
+
+    Args:
+        recorder: what the last run is handed to; it may begin again.
+
+    Raises:
+        IncipientError: on all ranks, if no mesh could be solved on.
+    """
+    from .halving import Halving
+    from .refinement import Refinement
+
+    search = Halving if scene.time is not None else Refinement
+    recorder = recorder or Unrecorded()
+    with Interruption(comm) if recorder.keeps else nullcontext():
+        seeking = search(scene, comm, recorder, voice or Silent())
+        seeking.choose_gap_and_domain()
+        return seeking.result()

@@ -1,0 +1,141 @@
+"""The house as its imports have it: no floor knows a higher one, no files in a circle, few modules at the top."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import incipient
+
+PACKAGE = Path(incipient.__file__).parent
+# From the lowest floor up; rooms beside each other on one floor do not know each other either, but for the first.
+FLOORS = (
+    ("errors", "installed", "arrays", "compat", "files", "interrupt", "parallel", "progress"),
+    *(
+        ("forms", "geometry"),
+        ("meshes", "contact"),
+        ("scene",),
+        ("mesh",),
+        ("fluid",),
+        ("body",),
+        ("coupled",),
+    ),
+    *(
+        ("planning",),
+        ("results",),
+        ("accuracy",),
+        ("restart",),
+        ("simulation",),
+        ("adaptive",),
+        ("critical",),
+    ),
+    *(("output",), ("cost",), ("pictures",), ("__init__",), ("cli",), ("__main__",)),
+)
+FLOOR_OF = {room: number for number, rooms in enumerate(FLOORS) for room in rooms}
+
+
+def modules() -> dict[str, Path]:
+    """Every module of the package by its full name."""
+    found = {}
+    for path in sorted(PACKAGE.rglob("*.py")):
+        parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
+        found[".".join(parts).removesuffix(".__init__")] = path
+    # `rglob` does not follow the links to the folders beside the package.
+    for link in ("forms", "meshes"):
+        for path in sorted((PACKAGE / link).glob("*.py")):
+            found[f"incipient.{link}.{path.stem}".removesuffix(".__init__")] = path
+    return found
+
+
+MODULES = modules()
+
+
+def imported(name: str) -> set[str]:
+    """Modules of the package that a module imports, at its top or within a function, hints excepted."""
+    path = MODULES[name]
+    package = name if path.name == "__init__.py" else name.rpartition(".")[0]
+    found = set()
+    for node in _imports(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {one.name for one in node.names}
+            continue
+        start = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
+        base = ".".join([*start, *filter(None, [node.module])])
+        found |= {f"{base}.{one.name}" if f"{base}.{one.name}" in MODULES else base for one in node.names}
+    return {one for one in found if one in MODULES}
+
+
+def _imports(node: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.If) and ast.unparse(child.test) == "TYPE_CHECKING":
+            continue
+        if isinstance(child, ast.Import | ast.ImportFrom):
+            yield child
+        yield from _imports(child)
+
+
+def room_of(module: str) -> str:
+    return [*module.split("."), "__init__"][1]
+
+
+def test_every_room_has_a_floor() -> None:
+    assert {room_of(module) for module in MODULES} == set(FLOOR_OF)
+
+
+@pytest.mark.parametrize("room", sorted(FLOOR_OF, key=lambda room: FLOOR_OF[room]))
+def test_no_room_imports_from_a_higher_floor(room: str) -> None:
+    upward = [
+        f"{module} imports {other}"
+        for module in MODULES
+        if room_of(module) == room
+        for other in imported(module)
+        if FLOOR_OF[room_of(other)] > FLOOR_OF[room]
+    ]
+    assert not upward
+
+
+def test_no_files_in_a_circle() -> None:
+    """What imports nothing that is left is taken away, again and again; files in a circle would be left over."""
+    left = {module: imported(module) - {module} for module in MODULES}
+    while free := [module for module, others in left.items() if not others & left.keys()]:
+        for module in free:
+            del left[module]
+    assert not left
+
+
+def test_few_modules_at_the_top() -> None:
+    at_the_top = [path.stem for path in PACKAGE.glob("*.py") if not path.stem.startswith("__")]
+    assert len(at_the_top) <= 10
+
+
+def test_forms_and_meshes_keep_to_their_libraries() -> None:
+    """Forms are UFL alone, meshes gmsh alone; contact and the integrator know no finite elements."""
+    rooms = {
+        "forms": {"ufl"},
+        "meshes": {"gmsh", "numpy"},
+        "contact": {"numpy", "scipy", "clarabel", "numba"},
+        "geometry": {"PIL", "numpy", "scipy", "trimesh"},
+    }
+    for room, allowed in rooms.items():
+        for name, path in MODULES.items():
+            if room_of(name) == room:
+                assert _libraries(path) <= allowed, name
+
+
+def _libraries(path: Path) -> set[str]:
+    named = set()
+    for node in _imports(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            named |= {one.name.partition(".")[0] for one in node.names}
+        elif not node.level:
+            named.add((node.module or "").partition(".")[0])
+    return {one for one in named if one not in incipient_and_standard()}
+
+
+def incipient_and_standard() -> set[str]:
+    import sys
+
+    return {"incipient", *sys.stdlib_module_names}
