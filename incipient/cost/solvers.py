@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from ..errors import SceneError
 from ..planning.effects import EffectName
 from ..planning.plan import Plan, make_plan
-from ..tolerance import of_steady
+from ..scene.tolerance import of_steady
 
 if TYPE_CHECKING:
     from ..scene import Scene

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..errors import ConvergenceError
-from ..tolerance import ShareOfError
+from ..scene.tolerance import ShareOfError
 from .flow import Fluid
 from .newton import NewtonReport
 

@@ -16,10 +16,10 @@ from ..geometry.plane.curves import Curve, Line
 from ..geometry.rest import clearance, lifted
 from ..installed import required
 from ..meshes import Away, Grid, Near, Region, Sizes
-from ..planning.effects import EffectName
 from ..scene import Scene
 from .cells import FAR_CELL, is_grid, largest_cell, side_names
 from .clearance import Surroundings
+from .effects import EffectName
 from .plan import Estimate, Plan
 
 # Cell sizes for mesh_size = 1 by order of the velocity, chosen so that the orders err alike (docs/numerics.md).

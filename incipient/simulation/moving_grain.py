@@ -28,7 +28,7 @@ from ..planning.clearance import Clearance
 from ..planning.plan import Plan
 from ..progress import Silent
 from ..scene import Scene
-from ..tolerance import of_steps
+from ..scene.tolerance import of_steps
 
 Stage = Callable[[str], AbstractContextManager[Any]]
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ..planning.effects import EffectName
 from ..planning.stabilisation import stabilisation_of
-from ..tolerance import of_steady
+from ..scene.tolerance import of_steady
 from .build import probe_of
 from .loads import loads
 

@@ -90,7 +90,7 @@ class TimeLoop:
     def _march(self) -> None:
         """March with a grain that is held, or none."""
         from ..fluid import QuasiSteady, Transient
-        from ..tolerance import of_steady, of_steps
+        from ..scene.tolerance import of_steady, of_steps
 
         run, time = self._run, self._time
         order = 2 if time.scheme == "bdf2" else 1

@@ -21,7 +21,7 @@ from moving import Steps
 from incipient import forms
 from incipient.fluid import FlowModel, Fluid, Transient
 from incipient.fluid.transient import backward_difference
-from incipient.tolerance import ShareOfError
+from incipient.scene.tolerance import ShareOfError
 
 REYNOLDS, END = 10.0, 1.0
 

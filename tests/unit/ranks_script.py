@@ -30,7 +30,7 @@ from incipient.fluid import (
 from incipient.fluid.vorticity import vorticity
 from incipient.mesh.domain import Domain
 from incipient.mesh.sampling import sample
-from incipient.tolerance import ShareOfError
+from incipient.scene.tolerance import ShareOfError
 
 COMM = MPI.COMM_WORLD
 

@@ -9,7 +9,7 @@ import pytest
 from domains import unit_box
 
 from incipient.fluid import FlowModel, Fluid, Prescribed, Transient
-from incipient.tolerance import LEAST, STEADY, ShareOfError, of_steady, of_steps
+from incipient.scene.tolerance import LEAST, STEADY, ShareOfError, of_steady, of_steps
 
 
 def vortex(x: np.ndarray, t: float) -> np.ndarray:
