@@ -24,7 +24,7 @@ OF_MOVING_MESH = (
     "coupled.energy",
     "simulation.moving_grain",
 )
-OF_FREE_BODY = ("coupled.coupling", "body.rigidbody", "body.integrator", "body.fehlberg")
+OF_FREE_BODY = ("coupled.coupling", "coupled.rigid", "body.rigidbody", "body.integrator", "body.fehlberg")
 OF_CONTACT = ("results.verdict", "contact")
 OF_ESTIMATES = ("accuracy",)
 OF_CHECKPOINTS = ("restart",)

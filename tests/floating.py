@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from incipient.body.rigidbody import RigidBody
 from incipient.body.state import BodyState, Freedom, Inertia
 from incipient.coupled.coupling import Coupling
+from incipient.coupled.rigid import RigidPart
 from incipient.fluid import Carried, Condition, FlowModel, Fluid, TimeStep, Transient
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.curves import Line
 from incipient.geometry.plane.grain import Disc, Grain
 from incipient.mesh.domain import Domain, build
-from incipient.mesh.motion import MeshMotion
+from incipient.mesh.motion import MeshMotion, RigidDisplacement
 from incipient.meshes import Near, Region, Sizes
 from incipient.meshes.model import region_model
 
@@ -50,6 +51,7 @@ class Floating:
 
     fluid: Fluid
     coupling: Coupling
+    part: RigidPart
     transient: Transient
 
     def march(self, end: float, step: float) -> tuple[list[TimeStep], Floats]:
@@ -63,7 +65,7 @@ class Floating:
 
     def reading(self) -> Floats:
         """Velocities, place and angle (6,) of the body."""
-        state = self.coupling.state
+        state = self.part.state
         return np.concatenate([state.velocities, state.place, state.orientation])
 
 
@@ -90,6 +92,7 @@ def floating(
     with Fluid(domain, model, [Carried(boundary), *conditions], reynolds) as fluid:
         body = RigidBody(Inertia(mass, np.array([inertia])), Freedom(free, motion))
         state = BodyState.at(placement, velocities, fluid.time)
-        mesh_motion = MeshMotion(domain, boundary, placement, turning=not isinstance(grain, Disc))
-        coupling = Coupling(fluid, body, state, mesh_motion, load, boundary=boundary)
-        yield Floating(fluid, coupling, Transient(fluid, order, 1e-9, interface=coupling))
+        displacement = RigidDisplacement(domain, boundary, placement, turning=not isinstance(grain, Disc))
+        part = RigidPart(fluid, body, state, displacement, load)
+        coupling = Coupling(fluid, [part], MeshMotion(domain))
+        yield Floating(fluid, coupling, part, Transient(fluid, order, 1e-9, interface=coupling))

@@ -1,51 +1,29 @@
-"""Fluid and body, solved together within each step by one iteration on the body's velocities.
-
-A body accelerates with the fluid around it. For a light body that added mass is most of what has to be moved,
-and passing forces and velocities back and forth diverges. The iteration here knows the exact derivative of
-the traction by the body's velocity, A_u = R^T A (R - A_0^-1 A R): R are the rigid motions (3 in the plane, 6 in
-space) of the body's boundary, A the Jacobian of the flow and A_0 the same with the boundary held, whose
-factors the fluid has anyway. With A_u beside the mass, bodies without mass are no exception.
-"""
+"""Fluid and moving parts, solved together within each step by one iteration on the parts' velocities."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
-from numpy.typing import NDArray
 
 from ..arrays import Floats
-from ..body.rigidbody import MeanLoad, Motion, RigidBody
-from ..body.state import BodyState, rigid_velocity, turned
-from ..errors import ConvergenceError, SceneError
+from ..errors import ConvergenceError
 from ..fluid import Fluid
 from ..fluid.newton import NewtonReport
-from ..fluid.space import boundary_blocks
-from ..mesh.motion import MeshMotion
-from .tractions import Resultant, TractionProbe
+from ..mesh.motion import MeshMotion, MeshQuality
+from .part import Part
 
 Stage = Callable[[str], AbstractContextManager[Any]]
 
-# A step whose length differs by more than this share from that of the derivative at hand takes a new one.
-SAME_LENGTH = 0.1
 # The flow is solved to this share of the residual of the body's equation at hand.
 SHARE = 1e-4
-# Room left, relative to the body's extent, at which a body counts as having met something.
-CLOSE = 1e-6
-# The shortest step to a meeting, relative to the step it was found in.
-TOUCHING_STEP = 1e-6
 FOLDED = "the mesh around the body folds over: use a larger numerics.remesh_below, or shorter steps"
 SLOW = "body and fluid do not come to terms: use shorter steps, or a larger numerics.interface_tolerance"
-# Displacement of the body, relative to its extent, by which derivatives are formed.
-NUDGE = 1e-6
 # Corrections of the body's velocities in a step from which on the fluid's factors are taken for too old.
 PATIENCE = 3
-# Smallest change of the body's velocities, relative to the flow's, from which the change of load can be told.
-SEEN = 1e-8
 
 
 @dataclass(frozen=True)
@@ -60,98 +38,54 @@ class InterfaceReport(NewtonReport):
         return max(len(self.residuals) - 1, 0)
 
 
-@dataclass(frozen=True, eq=False)
-class Position:
-    """A past state of the body, and the places (n, 3) that the mesh's nodes had then."""
-
-    state: BodyState
-    places: Floats
-
-
-@dataclass(frozen=True, eq=False)
-class End:
-    """The end of a step: the body, the load (k,) on it, the part of that which is the flow's, the step's length."""
-
-    state: BodyState
-    load: Floats
-    flow_load: Floats
-    length: float
-
-
-@dataclass(frozen=True, eq=False)
-class Response:
-    """The flow's answer to rigid motions of its body: changes of its state (k, unknowns), and of the load.
-
-    `resistance` (k, k) is A_u, minus the derivative of the load by the velocities, for steps of a `length`.
-    """
-
-    changes: Floats
-    resistance: Floats
-    length: float
-
-
 class Coupling:
-    """A body in a fluid whose mesh follows it (see `fluid.Interface`). Every method is collective.
+    """Parts in a fluid whose mesh follows them all (see `fluid.Interface`). Every method is collective.
 
     Args:
-        fluid: with `Carried(boundary)` among its conditions and `FlowModel.moving_mesh`.
-        body: its mass, moments and freedom.
-        state: where it is and how it moves at the fluid's time.
-        motion: of the mesh.
-        load: force and couple (k,) on the body in a state that are not the flow's traction: weight, buoyancy.
-        room: how far [length] a body in a state may still go before it meets something; None: it meets nothing.
-        tolerance: of the body's equation of motion, relative to its load; None: that of the step's equations.
-        added_mass: False iterates without the derivative of the traction, as programs that pass forces and
-            velocities back and forth do. It diverges for light bodies: for comparison only.
+        fluid: with `FlowModel.moving_mesh`.
+        parts: what moves, each with a boundary of its own.
+        motion: of the mesh, which is where the parts' last states put it.
+        tolerance: of the parts' equations of motion, relative to their loads; None: that of the step's equations.
         stage: context managers by name that take the time.
     """
 
     def __init__(
         self,
         fluid: Fluid,
-        body: RigidBody,
-        state: BodyState,
+        parts: Sequence[Part],
         motion: MeshMotion,
-        load: Callable[[BodyState], Floats],
-        room: Callable[[BodyState], float] | None = None,
-        boundary: str = "body",
         tolerance: float | None = 1e-9,
         max_iterations: int = 12,
         stage: Stage = lambda name: nullcontext(),
-        added_mass: bool = True,
     ):
-        self.fluid, self.body, self.motion, self.boundary = fluid, body, motion, boundary
-        self._load, self._room, self._stage = load, room, stage
-        self.added_mass = added_mass
+        self.fluid, self.parts, self.motion, self._stage = fluid, tuple(parts), motion, stage
         self._given, self.tolerance = tolerance, tolerance or 0.0
-        self.max_iterations, self.met = max_iterations, False
-        self.state = body.consistent(state)
-        self.mean_load = MeanLoad()
-        self.past = [Position(self.state, motion.places(state.placement))]
-        self.end = End(self.state, np.zeros(body.size), np.zeros(body.size), 0.0)
-        self.probe = TractionProbe(fluid, boundary, state.place.tolist())
-        self._blocks = boundary_blocks(fluid.space.velocity, fluid.domain.facets_of(boundary))
-        self._extent = self._largest_arm()
-        self._response: Response | None = None
+        self.max_iterations, self._order, self._first_residual = max_iterations, 0, 0.0
+        for part in self.parts:
+            part.join(self._follow)
+        # Places (n, 3) of the mesh's nodes at the last state and, once there is one, at the state before.
+        self.places = [self._places()]
         self.quality, self._complaint = motion.quality(), ""
-        self._motion: Motion | None = None
-        self._factors, self._first_residual = -1, 0.0
 
-    # -- the step, as the time integration sees it ------------------------------------------------
+    @property
+    def met(self) -> bool:
+        """Whether a part has met something."""
+        return any(part.met for part in self.parts)
 
     def attempt(self, length: float, order: int, tolerance: float) -> InterfaceReport:
-        """Iterate on the body's velocities at the end of a step from the last state."""
+        """Iterate on the parts' velocities at the end of a step from the last state."""
         self.tolerance = self._given or tolerance
-        if order != self.mean_load.order:
+        if order != self._order:
             # Factors of the other backward difference serve badly.
             self.fluid.renew_factors()
-        self.mean_load = replace(self.mean_load, order=order)
-        end = self.predicted(length, order)
+        self._order = order
+        for part in self.parts:
+            part.predict(length, order)
         sizes: list[float] = []
         residuals: list[float] = []
         self._complaint = SLOW
         while len(residuals) < self.max_iterations:
-            self._follow(end)
+            self._follow()
             # What the flow's answer leaves contracts otherwise than what a step begins with.
             flow = self.fluid.solve(self._inner_tolerance(residuals), remember=not residuals)
             sizes.extend(flow.corrections)
@@ -159,16 +93,11 @@ class Coupling:
                 self._complaint = FOLDED if self._is_folded() else ""
                 break
             try:
-                improved, residual = self._improved(end, length)
-            except (ConvergenceError, SceneError) as error:
-                # A folded mesh offers no resistance, nor need the flow in a step so long that the way which the
-                # body goes outweighs its velocity; both pass with shorter steps.
-                if isinstance(error, SceneError) and not self.added_mass:
-                    raise
+                residuals.append(max(part.residual(length, order) for part in self.parts))
+            except ConvergenceError as error:
                 self._complaint = FOLDED if self._is_folded() else str(error)
                 break
-            residuals.append(residual)
-            if residual <= self.tolerance:
+            if residuals[-1] <= self.tolerance:
                 if self._is_folded():
                     self._complaint = FOLDED
                     break
@@ -176,11 +105,12 @@ class Coupling:
                 if len(residuals) > PATIENCE:
                     self.fluid.renew_factors()
                 return InterfaceReport(True, tuple(sizes), flow.error, residuals=tuple(residuals))
-            if not np.isfinite(residual):
+            if not np.isfinite(residuals[-1]):
                 break
-            self._answer(improved.velocities - end.velocities)
-            end = improved
-        self._response = None
+            for part in self.parts:
+                part.correct()
+        for part in self.parts:
+            part.forget()
         return InterfaceReport(False, tuple(sizes), np.inf, residuals=tuple(residuals))
 
     def complaint(self) -> str:
@@ -199,185 +129,46 @@ class Coupling:
         return float(np.clip(SHARE * last, 0.1 * self.tolerance, 1e-5))
 
     def allowed(self, length: float) -> float:
-        """The length, or the shorter one after which the body meets something on the way it has taken."""
-        if self._room is None or self._motion is None:
-            return length
-        left, close = self._room(self.end.state), CLOSE * self._extent
-        self.met = left <= close
-        if left >= -close:
-            return length
-        first = self._motion.first(self._room)
-        # Already within at the start of the step: nothing is shorter than the step itself.
-        return length if first is None else max(first.time - self.state.time, TOUCHING_STEP * length)
+        """The length, or the shorter one after which a part meets something on the way it has taken."""
+        return min(part.allowed(length) for part in self.parts)
 
     def accept(self) -> None:
         """The end of the attempt is the last state now."""
-        end, mesh = self.end, self.fluid.domain.mesh
-        self.mean_load = self.mean_load.accept(end.load, end.length)
-        self.state = end.state
-        self.past = [Position(end.state, mesh.geometry.x.copy()), *self.past[:1]]
+        for part in self.parts:
+            part.accept()
+        self.places = [self.fluid.domain.mesh.geometry.x.copy(), *self.places[:1]]
 
     def restore(self) -> None:
-        """Put body and mesh back to the last state."""
-        self.end = replace(self.end, state=self.state)
-        self.fluid.domain.mesh.geometry.x[:] = self.past[0].places
+        """Put parts and mesh back to the last state."""
+        for part in self.parts:
+            part.restore()
+        self.fluid.domain.mesh.geometry.x[:] = self.places[0]
         self.fluid.constraints.boundary_points_moved()
 
     def forget(self) -> None:
-        """Drop the flow's response and how far the last step began from its end. Not collective."""
-        self._response, self._first_residual = None, 0.0
+        """Drop what the parts know of the flow, and how far the last step began from its end."""
+        self._first_residual = 0.0
+        for part in self.parts:
+            part.forget()
 
     def velocities(self) -> Floats:
-        """(k,) velocity, and spin times the body's largest arm, at the end of the last attempt."""
-        return self.end.state.velocities * self._unit()
+        """(n,) velocities of all parts at the end of the last attempt."""
+        return np.concatenate([part.velocities() for part in self.parts])
 
-    def predicted(self, length: float, order: int) -> BodyState:
-        """The body at the end of a step, with velocities extrapolated as the fluid's are. Not collective."""
-        start, free = self.state, self.body.mask
-        if not free.any():
-            self._motion = self.body.motion(start, length, np.zeros(self.body.size))
-            return self._motion.end
-        velocities = start.velocities
-        if order == 2:
-            before = self.past[1].state
-            ratio = length / (start.time - before.time)
-            velocities = velocities + ratio * (velocities - before.velocities)
-        velocities = np.where(free, velocities, self.body.freedom.imposed(start.time + length))
-        way = 0.5 * length * (start.velocities + velocities)
-        d = self.body.gdim
-        return BodyState.at(start.placement.moved(way[:d], way[d:]), velocities, start.time + length)
+    def quality_ahead(self, length: float, order: int) -> MeshQuality:
+        """Of the mesh at the end of one more step, as the parts would go on by themselves."""
+        for part in self.parts:
+            part.predict(length, order)
+        return self.motion.quality(self._places())
 
-    # -- one iteration ----------------------------------------------------------------------------
+    def _places(self) -> Floats:
+        """(n, 3) places of the mesh's nodes with the parts at the ends tried."""
+        return self.motion.places(*(part.displacement() for part in self.parts))
 
-    def _follow(self, end: BodyState) -> None:
-        """Bring mesh and boundary values to where the body is."""
+    def _follow(self) -> None:
+        """Bring mesh and boundary values to where the parts are at the ends tried."""
         with self._stage("mesh motion"):
-            self.motion.move(end.placement)
-            self.fluid.mesh_moved(self.past[0].places, self.past[-1].places)
-            self.fluid.constraints.carry(self.boundary, lambda x: rigid_velocity(end, x))
-
-    def _improved(self, end: BodyState, length: float) -> tuple[BodyState, float]:
-        """The end under the load at hand, and by how much that load misses the body's motion."""
-        with self._stage("tractions"):
-            self.probe.refer_to(end.place.tolist())
-            flow_load = self._load_of(self.probe.resultant())
-        load = flow_load + self._load(end)
-        before, self.end = self.end, End(end, load, flow_load, length)
-        if not self.body.mask.any():
-            return end, 0.0
-        with self._stage("interface"):
-            resistance = self._responded(before, self.end).resistance
-            stiffness = self._stiffness(end, load - flow_load, length) if self.added_mass else 0.0
-            added = self.mean_load.added(resistance + stiffness, length)
-            mean = self.mean_load.mean(load, length)
-            self._motion = self.body.motion(self.state, length, mean, added, end.velocities)
-            improved = self._motion.end
-            change = improved.velocities - end.velocities
-            missed = self.body.momentum(improved) - self.body.momentum(end) + added @ change
-            return improved, self._relative(missed / length, resistance)
-
-    def _relative(self, missed: Floats, resistance: Floats) -> float:
-        """A load missed, relative to the loads at hand: the flow's, the rest, what resists the motion."""
-        end, free = self.end, self.body.mask
-        unit = self._unit()
-        loads = (end.flow_load, end.load - end.flow_load, resistance @ end.state.velocities)
-        largest = max(float(np.linalg.norm((load / unit)[free])) for load in loads)
-        size = float(np.linalg.norm((missed / unit)[free]))
-        return size / largest if size > 0.0 else 0.0
-
-    def _answer(self, change: Floats) -> None:
-        """Let the flow answer linearly to a change of the body's velocities."""
-        with self._stage("interface"):
-            if self._response is None:
-                return
-            self.fluid.state.x.array[:] += change @ self._response.changes
-
-    # -- the derivative ---------------------------------------------------------------------------
-
-    def _responded(self, before: End, end: End) -> Response:
-        """The response at hand, corrected by what the last iteration has shown, or a new one.
-
-        New where the factors or the length of the step have changed. The correction is Broyden's: the least
-        that explains the change of load seen with the last change of velocities. It accounts for what A_u
-        leaves out, the change of the load with the body's place, and for factors that have aged.
-        """
-        if not self.added_mass:
-            return self._no_response(end.length)
-        factors, known = self.fluid.solver.statistics.factorisations, self._response
-        if known is None or factors != self._factors or abs(end.length / known.length - 1.0) > SAME_LENGTH:
-            known = self._response = self._respond(end.state, end.length)
-            self._factors = self.fluid.solver.statistics.factorisations
-        elif before.state.time == end.state.time and before.length == end.length:
-            known = self._response = self._corrected(known, before, end)
-        return known
-
-    def _no_response(self, length: float) -> Response:
-        size = self.body.size
-        return Response(np.zeros((size, len(self.fluid.state.x.array))), np.zeros((size, size)), length)
-
-    def _corrected(self, known: Response, before: End, end: End) -> Response:
-        step = end.state.velocities - before.state.velocities
-        scaled = step * self._unit() ** 2
-        size = float(step @ scaled)
-        if size <= (SEEN * self.fluid.speed()) ** 2:
-            return known
-        missed = before.flow_load - end.flow_load - known.resistance @ step
-        return replace(known, resistance=known.resistance + np.outer(missed, scaled) / size)
-
-    def _unit(self) -> Floats:
-        """(k,) lengths that turn spins into velocities: one, and the body's largest arm."""
-        d = self.body.gdim
-        return np.concatenate([np.ones(d), np.full(self.body.size - d, self._extent)])
-
-    def _respond(self, end: BodyState, length: float) -> Response:
-        space, size = self.fluid.space, self.body.size
-        arms = self.fluid.constraints.points[self._blocks, : space.gdim] - end.place
-        changes, resistance = np.zeros((size, len(self.fluid.state.x.array))), np.zeros((size, size))
-        places = space.velocity_map.reshape(-1, space.gdim)[self._blocks]
-        free = np.flatnonzero(self.body.mask)
-        forcing = self._of_displacements(end, length, free)
-        for k in free:
-            motion = np.zeros_like(self.fluid.state.x.array)
-            unit = np.eye(size)[k]
-            motion[places] = unit[: space.gdim] + turned(unit[space.gdim :], arms)
-            changes[k], residual = self.fluid.response(motion, forcing[k])
-            resistance[:, k] = -self._load_of(self.probe.resultant_of(residual))
-        return Response(changes, resistance, length)
-
-    def _of_displacements(self, end: BodyState, length: float, free: NDArray[np.intp]) -> dict[int, Floats]:
-        """Derivatives of the fluid's residual by velocities of the body through the place of the mesh at the end."""
-        d, before = self.body.gdim, self.fluid.residual()
-        derivatives = {}
-        for k in free:
-            way = np.zeros(self.body.size)
-            way[k] = NUDGE * self._extent / self._unit()[k]
-            placement = end.placement.moved(way[:d], way[d:])
-            self._follow(BodyState.at(placement, end.velocities, end.time))
-            # At the end of a step the body has gone half the step's length times its velocity there.
-            derivatives[k] = (self.fluid.residual() - before) * (0.5 * length / way[k])
-        self._follow(end)
-        return derivatives
-
-    def _stiffness(self, end: BodyState, load: Floats, length: float) -> Floats:
-        """Minus the derivative (k, k) of the load that is not the flow's by the body's velocities; not collective.
-
-        It comes through the place at the end as in `_of_displacements`, and directly; zero for a constant load.
-        """
-        changes, d = np.zeros((self.body.size, self.body.size)), self.body.gdim
-        for k in np.flatnonzero(self.body.mask):
-            way = np.eye(self.body.size)[k] * NUDGE * self._extent / self._unit()
-            nudge = way / (0.5 * length)
-            placement = end.placement.moved(way[:d], way[d:])
-            moved = self._load(BodyState.at(placement, end.velocities + nudge, end.time))
-            changes[:, k] = (load - moved) / nudge[k]
-        return changes
-
-    def _load_of(self, resultant: Resultant) -> Floats:
-        """Force and couple as the body takes them, (k,)."""
-        d = self.body.gdim
-        return np.concatenate([resultant.force[:d], resultant.couple[2:] if d == 2 else resultant.couple])
-
-    def _largest_arm(self) -> float:
-        arms = self.fluid.constraints.points[self._blocks, : self.body.gdim] - self.state.place
-        mine = float(np.sqrt((arms**2).sum(axis=1)).max(initial=0.0))
-        return float(self.fluid.domain.comm.allreduce(mine, op=MPI.MAX))
+            self.fluid.domain.mesh.geometry.x[:] = self._places()
+            self.fluid.mesh_moved(self.places[0], self.places[-1])
+            for part in self.parts:
+                part.place()

@@ -16,15 +16,16 @@ import numpy as np
 
 from .. import compat
 from ..arrays import Floats
-from ..body.state import rigid_velocity
+from ..body.state import BodyState, rigid_velocity
 from ..errors import MeshError
 from ..fluid import Fluid
 from ..fluid.projection import restore_incompressibility
 from ..fluid.space import geometry_function, set_geometry_function
 from ..fluid.transient import Past
 from ..mesh.transfer import Transfer
-from .coupling import Coupling, Position
+from .coupling import Coupling
 from .energy import EnergyBudget
+from .rigid import RigidPart
 
 # Relative change of the velocity by the projection from which on the new mesh is too coarse for the flow.
 LARGEST_CHANGE = 0.1
@@ -49,27 +50,31 @@ class Remeshing:
     energy: float
 
 
-def carry_over(old: Coupling, new: Coupling, states: Sequence[Past]) -> tuple[list[Past], Remeshing]:
-    """Carry the states of the old fluid, the present one first, to the new fluid and its coupling. Collective.
+def carry_over(
+    old: tuple[Coupling, RigidPart], new: tuple[Coupling, RigidPart], states: Sequence[Past]
+) -> tuple[list[Past], Remeshing]:
+    """Carry the states of the old fluid, the present one first, to the new fluid, its coupling and body. Collective.
 
     The new fluid's state becomes the present one; the states come back as they are on the new mesh.
 
     Raises:
         MeshError: the new mesh is folded, or too coarse for the flow. The old fluid is as it was.
     """
-    carrier = Carrier(old.fluid, new.fluid)
-    new.mean_load, new.end, new.fluid.time = old.mean_load, old.end, old.fluid.time
-    new.past = [Position(one.state, carrier.places(one.places)) for one in old.past]
+    (before, was), (coupling, part) = old, new
+    fluid, carrier = coupling.fluid, Carrier(before.fluid, coupling.fluid)
+    part.mean_load, part.end, fluid.time = was.mean_load, was.end, before.fluid.time
+    part.past, coupling.places = list(was.past), [carrier.places(one) for one in before.places]
     carried, changes = [], []
     for k, one in enumerate(states):
         state = carrier.state(one.state)
-        if k < len(new.past):
-            state, change = _admissible(new, new.past[k], state)
+        if k < len(coupling.places):
+            _put(fluid, coupling.places[k])
+            state, change = _admissible(part, part.past[k], state)
             changes.append(change)
         carried.append(Past(one.time, state, one.velocities))
-    _put(new, new.past[0])
-    new.fluid.state.x.array[:] = carried[0].state
-    told = _told(old, new, carrier, max(changes))
+    _put(fluid, coupling.places[0])
+    fluid.state.x.array[:] = carried[0].state
+    told = _told(before, coupling, carrier, max(changes))
     if not (told.new_quality > 0.0 and told.change < LARGEST_CHANGE):
         raise MeshError(
             f"at t = {told.time:.6g} the flow does not survive the transfer to a new mesh (change {told.change:.2g}, "
@@ -78,22 +83,21 @@ def carry_over(old: Coupling, new: Coupling, states: Sequence[Past]) -> tuple[li
     return carried, told
 
 
-def _admissible(new: Coupling, position: Position, state: Floats) -> tuple[Floats, float]:
-    """A state with its boundary values and without divergence, and the relative change that took."""
-    fluid = new.fluid
-    _put(new, position)
+def _admissible(part: RigidPart, body: BodyState, state: Floats) -> tuple[Floats, float]:
+    """A state with the boundary values that the body gave it, without divergence, and the relative change that took."""
+    fluid = part.fluid
     fluid.state.x.array[:] = state
-    fluid.constraints.update(position.state.time)
-    fluid.constraints.carry(new.boundary, lambda x: rigid_velocity(position.state, x))
+    fluid.constraints.update(body.time)
+    fluid.constraints.carry(part.boundary, lambda x: rigid_velocity(body, x))
     compat.impose(fluid.state.x.array, fluid.constraints.dirichlet)
     change = restore_incompressibility(fluid)
     return fluid.state.x.array.copy(), change
 
 
-def _put(new: Coupling, position: Position) -> None:
-    """Move the new mesh to where it is, or was, at a position."""
-    new.fluid.domain.mesh.geometry.x[:] = position.places
-    new.fluid.constraints.boundary_points_moved()
+def _put(fluid: Fluid, places: Floats) -> None:
+    """Move the new mesh to where it is, or was."""
+    fluid.domain.mesh.geometry.x[:] = places
+    fluid.constraints.boundary_points_moved()
 
 
 def _told(old: Coupling, new: Coupling, carrier: Carrier, change: float) -> Remeshing:

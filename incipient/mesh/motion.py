@@ -1,10 +1,11 @@
-"""The mesh that follows a body: rigid near it, blended out towards the other boundaries, its cells watched.
+"""The mesh that follows what moves in it: rigid near a body, blended out from there, its cells watched.
 
 A node at X goes to x = X + w (c - c0) + (R(w_r theta) - I) (X - c0), where c - c0 and theta are the body's
 translation and rotation since the mesh was made. The weights w, one for each direction, and w_r are one near the
 body and zero on other boundaries; but along straight sides the nodes slide, so that a long channel's mesh is
 stretched before and behind the body instead of being sheared above and below it. The places are a smooth
 function of the body's place alone: nothing is solved, and the mesh's velocity has the accuracy of the body's.
+Where several parts move, each adds its displacement, which vanishes on the boundaries of the others.
 A body whose surface is the same however it is turned (disc, sphere) does not turn the mesh, which slides along it.
 """
 
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from .. import compat
-from ..arrays import Floats
+from ..arrays import Floats, spatial
 from ..compat import petsc
 from ..geometry.placement import Placement
 from .domain import Domain
@@ -41,13 +42,13 @@ class MeshQuality:
     relative: float
 
 
-class MeshMotion:
-    """Moves the mesh of a domain with one body. Collective unless said otherwise.
+class RigidDisplacement:
+    """How one body displaces the mesh. Collective unless said otherwise.
 
     Args:
-        domain: whose mesh is moved, in place.
+        domain: whose mesh is as it was made.
         boundary: name of the body's boundary.
-        placement: of the body in the mesh as it is now.
+        placement: of the body in the mesh as it was made.
         turning: whether the mesh turns with the body; False for discs and spheres.
 
     Attributes:
@@ -55,34 +56,42 @@ class MeshMotion:
     """
 
     def __init__(self, domain: Domain, boundary: str, placement: Placement, turning: bool):
-        self.domain, self.placement, self.turning = domain, placement, turning
-        self.reference: Floats = domain.mesh.geometry.x.copy()
+        self.boundary, self.placement, self.turning, self._gdim = boundary, placement, turning, domain.gdim
+        self._arms: Floats = domain.mesh.geometry.x[:, : self._gdim] - np.asarray(placement.centre)
         sliding = [*_sliding(domain, boundary), ()]
         self.weights = np.column_stack([_weights(domain, boundary, names) for names in sliding])
+
+    def at(self, placement: Placement) -> Floats:
+        """(n, 3) displacements of the mesh's nodes when the body is there. Not collective."""
+        along, about = self.weights[:, : self._gdim], self.weights[:, self._gdim :]
+        way = np.asarray(placement.centre) - np.asarray(self.placement.centre)
+        moved = along * way
+        if self.turning:
+            moved += _turned(self._arms, about * _rotation_between(self.placement, placement)) - self._arms
+        return spatial(moved)
+
+
+class MeshMotion:
+    """Moves the mesh of a domain, in place, by the sum of what each part adds. Collective unless said otherwise."""
+
+    def __init__(self, domain: Domain):
+        self.domain = domain
+        self.reference: Floats = domain.mesh.geometry.x.copy()
         self._cells = compat.geometry_dofs(domain.mesh)
         self._slopes = _slopes(domain.mesh)
         self._qualities = self._cell_qualities(self.reference)
 
-    def places(self, placement: Placement) -> Floats:
-        """(n, 3) places of the mesh's nodes when the body is there. Not collective."""
-        gdim = self.domain.gdim
-        along, about = self.weights[:, :gdim], self.weights[:, gdim:]
-        start, end = (np.asarray(p.centre) for p in (self.placement, placement))
-        moved = self.reference.copy()
-        arms = self.reference[:, :gdim] - start
-        if self.turning:
-            arms = _turned(arms, about * _rotation_between(self.placement, placement))
-        moved[:, :gdim] = start + along * (end - start) + arms
-        return moved
+    def places(self, *displacements: Floats) -> Floats:
+        """(n, 3) places of the mesh's nodes under displacements (n, 3), one a part. Not collective."""
+        return np.asarray(sum(displacements, start=self.reference))
 
-    def move(self, placement: Placement) -> None:
-        """Move the mesh to where it belongs when the body is there. Not collective."""
-        self.domain.mesh.geometry.x[:] = self.places(placement)
+    def move(self, *displacements: Floats) -> None:
+        """Move the mesh to where the displacements put it. Not collective."""
+        self.domain.mesh.geometry.x[:] = self.places(*displacements)
 
-    def quality(self, placement: Placement | None = None) -> MeshQuality:
-        """Quality of the mesh as it is now, or as it would be with the body somewhere else."""
-        places = self.domain.mesh.geometry.x if placement is None else self.places(placement)
-        qualities = self._cell_qualities(places)
+    def quality(self, places: Floats | None = None) -> MeshQuality:
+        """Quality of the mesh as it is now, or as it would be with its nodes at other places (n, 3)."""
+        qualities = self._cell_qualities(self.domain.mesh.geometry.x if places is None else places)
         worst, relative = qualities.min(initial=1.0), (qualities / self._qualities).min(initial=1.0)
         comm = self.domain.comm
         return MeshQuality(

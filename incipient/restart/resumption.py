@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..body.rigidbody import MeanLoad
 from ..body.state import BodyState
-from ..coupled.coupling import Coupling, End, Position
 from ..coupled.remeshing import Remeshing
+from ..coupled.rigid import End, RigidPart
 from ..fluid import Transient
 from ..fluid.transient import Past
 from ..mesh.domain import Domain
@@ -62,22 +62,22 @@ def _progress(run: Run, transient: Transient) -> Progress:
 
 
 def _body(travel: Trajectory) -> Body:
-    coupling, transient, mesh = travel.coupling, travel.transient, travel.domain.mesh
-    nodes, motion, mean = node_gatherer(mesh), travel.coupling.motion, travel.coupling.mean_load
+    part, transient, coupling = travel.part, travel.transient, travel.coupling
+    nodes, mean = node_gatherer(travel.domain.mesh), part.mean_load
     size = travel.body.size
     return Body(
-        made=nodes.gathered(motion.reference),
-        weights=nodes.gathered(motion.weights),
-        made_for=BodyState.at(motion.placement).packed(),
-        states=np.array([one.state.packed() for one in coupling.past]),
-        times=np.array([one.state.time for one in coupling.past]),
-        places=np.array([nodes.gathered(one.places) for one in coupling.past]),
+        made=nodes.gathered(coupling.motion.reference),
+        weights=nodes.gathered(part.mesh.weights),
+        made_for=BodyState.at(part.mesh.placement).packed(),
+        states=np.array([one.packed() for one in part.past]),
+        times=np.array([one.time for one in part.past]),
+        places=np.array([nodes.gathered(one) for one in coupling.places]),
         mean_load=mean.previous,
         mean_load_order=mean.order,
         mean_load_step=mean.last_step,
-        load=coupling.end.load,
-        flow_load=coupling.end.flow_load,
-        length=coupling.end.length,
+        load=part.end.load,
+        flow_load=part.end.flow_load,
+        length=part.end.length,
         velocities=np.array([one.velocities for one in transient.past]).reshape(-1, size),
         met=coupling.met,
         remeshings=[asdict(one) for one in travel.remeshings],
@@ -128,20 +128,18 @@ def put_back_body(kept: Checkpoint, travel: Trajectory) -> None:
     body, coupling = kept.body, travel.coupling
     assert body is not None
     mesh = travel.domain.mesh
-    coupling.motion.weights[:] = spread_nodes(mesh, body.weights)
+    travel.part.mesh.weights[:] = spread_nodes(mesh, body.weights)
     travel.remeshings = [Remeshing(**one) for one in body.remeshings]
     travel.interface_iterations = body.interface_iterations.astype(int).tolist()
-    _put_back_coupling(body, coupling, mesh)
-    mesh.geometry.x[:] = coupling.past[0].places
+    coupling.places = [spread_nodes(mesh, places) for places in body.places]
+    _put_back_part(body, travel.part)
+    mesh.geometry.x[:] = coupling.places[0]
     coupling.fluid.constraints.boundary_points_moved()
     put_back_flow(kept, travel.transient)
 
 
-def _put_back_coupling(body: Body, coupling: Coupling, mesh: Any) -> None:
-    states = [BodyState.unpacked(*one) for one in zip(body.states, body.times.tolist(), strict=True)]
-    coupling.past = [
-        Position(state, spread_nodes(mesh, places)) for state, places in zip(states, body.places, strict=True)
-    ]
-    coupling.state, coupling.met = states[0], body.met
-    coupling.end = End(states[0], body.load, body.flow_load, body.length)
-    coupling.mean_load = MeanLoad(body.mean_load_order, body.mean_load, body.mean_load_step)
+def _put_back_part(body: Body, part: RigidPart) -> None:
+    part.past = [BodyState.unpacked(*one) for one in zip(body.states, body.times.tolist(), strict=True)]
+    part.state, part.met = part.past[0], body.met
+    part.end = End(part.state, body.load, body.flow_load, body.length)
+    part.mean_load = MeanLoad(body.mean_load_order, body.mean_load, body.mean_load_step)

@@ -14,6 +14,7 @@ from ..body.state import BodyState
 from ..coupled.coupling import Coupling, InterfaceReport
 from ..coupled.energy import EnergyBudget
 from ..coupled.remeshing import Remeshing, carry_over
+from ..coupled.rigid import RigidPart
 from ..errors import IncipientError
 from ..fluid import Fluid, TimeStep, Transient
 from ..fluid.transient import Past
@@ -21,7 +22,7 @@ from ..geometry.placement import Placement
 from ..geometry.plane.grain import Disc
 from ..mesh import domain
 from ..mesh.domain import Domain
-from ..mesh.motion import MeshMotion
+from ..mesh.motion import MeshMotion, RigidDisplacement
 from ..planning import drawing
 from ..planning.body import initial_state, rigid_body
 from ..planning.clearance import Clearance
@@ -67,7 +68,7 @@ class Trajectory:
         self.body = rigid_body(scene)
         self.remeshings: list[Remeshing] = []
         self.interface_iterations: list[int] = []
-        self.coupling = self._coupled(fluid, state or initial_state(scene))
+        self.part, self.coupling = self._coupled(fluid, state or initial_state(scene))
         self.energy = EnergyBudget(fluid)
         order = 2 if self.time.scheme == "bdf2" else 1
         tolerance = of_steps(scene.numerics.tolerance)
@@ -81,7 +82,7 @@ class Trajectory:
     @property
     def state(self) -> BodyState:
         """The grain at present."""
-        return self.coupling.state
+        return self.part.state
 
     def steps(self) -> Iterator[TimeStep]:
         """Advance to the end, or until the grain meets something. See `Transient.march`.
@@ -104,7 +105,7 @@ class Trajectory:
     def row(self, step: TimeStep) -> dict[str, Any]:
         """One line of the history."""
         assert isinstance(step.report, InterfaceReport)
-        state, load = self.state, self.coupling.end.flow_load
+        state, load = self.state, self.part.end.flow_load
         repulsion = dict(zip(REPULSION, self.repulsion().tolist(), strict=True))
         with self._stage("tractions"):
             kinetic, dissipation, power = (
@@ -170,25 +171,24 @@ class Trajectory:
 
     # -- building ---------------------------------------------------------------------------------
 
-    def _coupled(self, fluid: Fluid, state: BodyState, drawn: Placement | None = None) -> Coupling:
+    def _coupled(
+        self, fluid: Fluid, state: BodyState, drawn: Placement | None = None
+    ) -> tuple[RigidPart, Coupling]:
         """The grain in the fluid, whose mesh, drawn for a placement, is moved to where the state is."""
         numerics = self.scene.numerics
         turning = not isinstance(self.grain, Disc)
-        motion = MeshMotion(fluid.domain, "body", drawn or state.placement, turning)
+        displacement = RigidDisplacement(fluid.domain, "body", drawn or state.placement, turning)
+        motion = MeshMotion(fluid.domain)
         if drawn is not None:
-            motion.move(state.placement)
+            motion.move(displacement.at(state.placement))
             fluid.constraints.boundary_points_moved()
-        return Coupling(
-            fluid,
-            self.body,
-            state,
-            motion,
-            self._other_load,
-            room=None if self._is_repelled else self._room,
-            tolerance=None if numerics.interface_tolerance == "auto" else numerics.interface_tolerance,
-            stage=self._stage,
-            added_mass=numerics.coupling == "exact",
+        room = None if self._is_repelled else self._room
+        exact = numerics.coupling == "exact"
+        part = RigidPart(
+            fluid, self.body, state, displacement, self._other_load, room, self._stage, added_mass=exact
         )
+        tolerance = None if numerics.interface_tolerance == "auto" else numerics.interface_tolerance
+        return part, Coupling(fluid, [part], motion, tolerance, stage=self._stage)
 
     def _room(self, state: BodyState) -> float:
         """How far the grain may still go before the gap to something is that which counts as contact."""
@@ -230,11 +230,11 @@ class Trajectory:
 
     def _renew_worn_mesh(self) -> None:
         """Remesh if a step as long as the last would spoil the mesh."""
-        times = [one.state.time for one in self.coupling.past]
+        times = [one.time for one in self.part.past]
         if len(times) == 1:
             return
-        ahead = self.coupling.predicted(times[0] - times[1], self.transient.order).placement
-        if self.coupling.motion.quality(ahead).relative < self.scene.numerics.remesh_below:
+        ahead = self.coupling.quality_ahead(times[0] - times[1], self.transient.order)
+        if ahead.relative < self.scene.numerics.remesh_below:
             self._remesh()
 
     def _remesh(self) -> None:
@@ -247,13 +247,15 @@ class Trajectory:
             fluid = Fluid(made, old.model, old.conditions, old.reynolds)
             fluid.watch = old.watch
             try:
-                coupling = self._coupled(fluid, self.state, drawn)
+                part, coupling = self._coupled(fluid, self.state, drawn)
                 now = Past(old.time, old.state.x.array, np.empty(0))
-                (_, *past), told = carry_over(self.coupling, coupling, [now, *self.transient.past])
+                (_, *past), told = carry_over(
+                    (self.coupling, self.part), (coupling, part), [now, *self.transient.past]
+                )
             except IncipientError:
                 fluid.destroy()
                 raise
-            self.fluid, self.coupling, self.energy = fluid, coupling, EnergyBudget(fluid)
+            self.fluid, self.part, self.coupling, self.energy = fluid, part, coupling, EnergyBudget(fluid)
             self.transient.continue_on(fluid, coupling, past)
             self.remeshings.append(told)
             old.destroy()

@@ -87,7 +87,7 @@ class Run:
     @property
     def probe(self) -> TractionProbe | None:
         """Reads the traction on the grain; None without a grain."""
-        return self._probe if self._trajectory is None else self._trajectory.coupling.probe
+        return self._probe if self._trajectory is None else self._trajectory.part.probe
 
     @property
     def time_stepper(self) -> Transient | None:

@@ -137,7 +137,7 @@ def write_fields(directory: Path, times, meshes: int) -> list[float]:
     from dolfinx.fem import Function
 
     from incipient import compat
-    from incipient.mesh.motion import MeshMotion
+    from incipient.mesh.motion import MeshMotion, RigidDisplacement
     from incipient.output.xdmf import FieldSeries, SurfaceSeries
 
     fields = surface = None
@@ -145,7 +145,8 @@ def write_fields(directory: Path, times, meshes: int) -> list[float]:
     for part in parts:
         domain = domain_at(part[0])
         mesh, body = domain.mesh, domain.facets_of("body")
-        motion = MeshMotion(domain, "body", placement(part[0]), turning=True)
+        motion = MeshMotion(domain)
+        displacement = RigidDisplacement(domain, "body", placement(part[0]), turning=True)
         functions = [Function(compat.space(mesh, ("Lagrange", 2), shape)) for shape in ((2,), (), ())]
         if fields is None:
             fields = FieldSeries(directory / "fields", mesh, mesh.comm)
@@ -154,7 +155,7 @@ def write_fields(directory: Path, times, meshes: int) -> list[float]:
             fields.remeshed(mesh)
             surface.remeshed(mesh, body)
         for time in part:
-            motion.move(placement(time))
+            motion.move(displacement.at(placement(time)))
             for k, function in enumerate(functions):
                 function.interpolate(lambda x, k=k: vortex(x)[k])
             fields.write(time, dict(zip(("velocity", "pressure", "vorticity"), functions, strict=True)))

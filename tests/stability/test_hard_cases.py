@@ -59,7 +59,7 @@ def test_exact_coupling_where_the_naive_iteration_fails(ratio: float) -> None:
 
 def test_naive_iteration_without_mass_is_refused_by_name() -> None:
     with in_cavity(0.0) as found:
-        found.coupling.added_mass = False
+        found.part.added_mass = False
         with pytest.raises(SceneError, match="give the body mass"):
             found.transient.advance(0.05)
 
@@ -88,7 +88,7 @@ def couple_when_held(count: int) -> float:
     """The flow's couple on the disc if nothing is free."""
     with in_cavity(0.0, free=(False, False, False)) as found:
         ride(found, 0.05, count)
-        return float(found.coupling.end.flow_load[2])
+        return float(found.part.end.flow_load[2])
 
 
 @pytest.mark.parametrize("gap", [1e-1, 1e-3])

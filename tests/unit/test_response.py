@@ -39,7 +39,7 @@ def test_the_traction_answers_as_the_whole_residual_does(axis: int) -> None:
     conditions = [Prescribed("top", lid), *(no_slip(name) for name in ("left", "right", "bottom"))]
     with floating(domain, DISC, PLACE, conditions, 10.0) as found:
         found.transient.advance(0.05)
-        fluid, blocks = found.fluid, found.coupling._blocks
+        fluid, blocks = found.fluid, found.part._blocks
         fluid.renew_factors()
         fluid.solve(1e-12)
         at_body = fluid.space.velocity_map.reshape(-1, 2)[blocks]

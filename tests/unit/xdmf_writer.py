@@ -22,7 +22,7 @@ from incipient.geometry.placement import Placement
 from incipient.geometry.plane.curves import Line
 from incipient.geometry.plane.grain import Ellipse
 from incipient.mesh.domain import build
-from incipient.mesh.motion import MeshMotion
+from incipient.mesh.motion import MeshMotion, RigidDisplacement
 from incipient.meshes import Near, Region, Sizes
 from incipient.meshes.model import region_model
 from incipient.output.xdmf import FieldSeries, SurfaceSeries
@@ -115,7 +115,8 @@ def write_moving(directory: Path) -> None:
     for made, cell in enumerate(CELLS):
         first = STEPS_A_MESH * made
         domain = around_ellipse(first, cell)
-        motion = MeshMotion(domain, "body", placement(first), turning=True)
+        motion = MeshMotion(domain)
+        displacement = RigidDisplacement(domain, "body", placement(first), turning=True)
         body = domain.facets_of("body")
         if fields is None:
             fields = FieldSeries(directory / "fields", domain.mesh, comm)
@@ -124,7 +125,7 @@ def write_moving(directory: Path) -> None:
             fields.remeshed(domain.mesh)
             surface.remeshed(domain.mesh, body)
         for number in range(first, first + STEPS_A_MESH):
-            motion.move(placement(number))
+            motion.move(displacement.at(placement(number)))
             values = functions(domain.mesh, degree=4)
             fields.write(0.25 * number, values)
             surface.write(0.25 * number, values)
