@@ -51,8 +51,7 @@ class GoalErrors:
             self.finer.interpolate(fluid)
             self._before = self.finer.state.x.array.copy()
             self.finer.correct()
-            self._probe = TractionProbe(self.finer, boundary, about)
-            self.improved: Resultant = self._probe.resultant()
+            self.improved: Resultant = TractionProbe(self.finer, boundary, about).resultant()
             on_failure.pop_all()
 
     def __enter__(self) -> GoalErrors:
@@ -77,14 +76,11 @@ class GoalErrors:
         `goal` (k,), k = 3 in the plane and 6 in space, weights force and couple: the goal is their sum. The
         contributions of all owned vertices add up to the error up to what the correction leaves of it.
         """
-        weight = self._weight(goal)
-        mesh = self.fluid.domain.mesh
-        hats = compat.space(mesh, ("Lagrange", 1))
-        hat = ufl.TestFunction(hats)
         finer, corrected = self.finer, self.finer.state.x.array.copy()
+        hats, weight, residual = finer.kept("shares", self._weighted_residual)
+        self._weigh(goal, weight)
         finer.state.x.array[:] = self._before
-        w, q = ufl.split(weight)
-        vector = petsc.assemble_vector(compat.form(finer.residual_form(hat * w, hat * q)))
+        vector = petsc.assemble_vector(residual)
         vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         shares = dolfinx.fem.Function(hats)
         shares.x.array[: vector.getLocalSize()] = vector.array_r
@@ -93,10 +89,16 @@ class GoalErrors:
         finer.state.x.array[:] = corrected
         return np.asarray(shares.x.array)
 
-    def _weight(self, goal: Floats) -> Any:
-        """The dual solution with the goal's boundary values, less its part in the computed flow's elements."""
+    def _weighted_residual(self) -> tuple[Any, Any, Any]:
+        """Linear elements, a weight in the finer ones, and the residual weighted with it by hat functions."""
+        hats = compat.space(self.fluid.domain.mesh, ("Lagrange", 1))
+        weight = dolfinx.fem.Function(self.finer.space.mixed)
+        hat, (w, q) = ufl.TestFunction(hats), ufl.split(weight)
+        return hats, weight, compat.form(self.finer.residual_form(hat * w, hat * q))
+
+    def _weigh(self, goal: Floats, weight: Any) -> None:
+        """Make the weight the dual solution with the goal's boundary values, less its part in the flow's elements."""
         finer = self.finer
-        weight = dolfinx.fem.Function(finer.space.mixed)
         weight.x.array[:] = finer.dual(self._rigid_motion(goal))
         weight.x.scatter_forward()
         coarse = [
@@ -111,7 +113,6 @@ class GoalErrors:
             function.interpolate(part)
             part.interpolate(function)
             weight.x.array[mine] -= part.x.array
-        return weight
 
     def _rigid_motion(self, goal: Floats) -> Floats:
         """(local unknowns,) the goal's rigid motion on the boundary, zero elsewhere."""

@@ -55,6 +55,7 @@ class TractionProbe:
         blocks = boundary_blocks(space, fluid.domain.facets_of(boundary))
         self._blocks = blocks[blocks < owned]
         self._surface_form: Any = None
+        self._mass_form: Any = None
         self._near_form = self._residual_near(blocks) if fluid.model.unsteady else None
 
     def refer_to(self, about: Sequence[float]) -> None:
@@ -140,14 +141,15 @@ class TractionProbe:
         return place.x.array.reshape(-1, gdim)[self._blocks]
 
     def _boundary_mass(self) -> Any:
-        space = self.fluid.space.velocity
-        t, w = ufl.TrialFunction(space), ufl.TestFunction(space)
-        scale = 1.0
-        if self._map is not None:
-            normal = surface_vector(ufl.FacetNormal(self.fluid.domain.mesh), self._map)
-            scale = ufl.sqrt(ufl.inner(normal, normal))
-        mass = petsc.assemble_matrix(
-            compat.form(scale * ufl.inner(t, w) * self.fluid.domain.measure(self.boundary))
-        )
+        if self._mass_form is None:
+            space = self.fluid.space.velocity
+            t, w = ufl.TrialFunction(space), ufl.TestFunction(space)
+            scale = 1.0
+            if self._map is not None:
+                normal = surface_vector(ufl.FacetNormal(self.fluid.domain.mesh), self._map)
+                scale = ufl.sqrt(ufl.inner(normal, normal))
+            ds = self.fluid.domain.measure(self.boundary)
+            self._mass_form = compat.form(scale * ufl.inner(t, w) * ds)
+        mass = petsc.assemble_matrix(self._mass_form)
         mass.assemble()
         return mass

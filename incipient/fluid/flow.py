@@ -100,7 +100,7 @@ class Fluid:
         self._contraction = newton.Contraction()
         self.watch: Callable[[int, float], Any] = _unwatched
         self._direction: Any = None  # made when a response is first asked for
-        self._action: Any = None
+        self._kept: dict[str, Any] = {}
 
     def residual_form(self, w: Any, q: Any, cells: np.ndarray | None = None) -> Any:
         """The residual of the present state as a UFL form, tested with velocity w and pressure q.
@@ -110,10 +110,19 @@ class Fluid:
         v, p = ufl.split(self.state)
         return residual(v, p, w, q, self._terms(v), self.space.quadrature(cells=cells))
 
+    def kept(self, name: str, make: Callable[[], Any]) -> Any:
+        """What has been made under a name for this fluid: forms that are assembled again and again. Collective.
+
+        UFL analyses a form whenever it is compiled, whether or not its code is there.
+        """
+        if name not in self._kept:
+            self._kept[name] = make()
+        return self._kept[name]
+
     def _forms(self) -> tuple[Any, Any]:
         whole = self.residual_form(*ufl.TestFunctions(self.space.mixed))
-        self._jacobian_form = ufl.derivative(whole, self.state, ufl.TrialFunction(self.space.mixed))
-        return compat.form(whole), compat.form(self._jacobian_form)
+        jacobian = ufl.derivative(whole, self.state, ufl.TrialFunction(self.space.mixed))
+        return compat.form(whole), compat.form(jacobian)
 
     def _terms(self, v: Any) -> FlowTerms:
         model = self.model
@@ -306,13 +315,17 @@ class Fluid:
         if self._direction is None:
             self._direction = dolfinx.fem.Function(self.space.mixed)
         self._direction.x.array[:] = boundary
-        transposed = compat.form(ufl.action(ufl.adjoint(self._jacobian_form), self._direction))
-        self._assemble_into(self._vector, transposed)
+        self._assemble_into(self._vector, self.kept("transposed", self._transposed))
         compat.set_zero(self._vector, self.constraints.dirichlet)
         self.solver.solve_transposed(self._vector, self._correction, EXACT)
         self._direction.x.array[: self._vector.getLocalSize()] -= self._correction.array_r
         self._direction.x.scatter_forward()
         return np.asarray(self._direction.x.array.copy())
+
+    def _transposed(self) -> Any:
+        """The transposed Jacobian times the direction: how the residual tested with it changes with the state."""
+        tested = self.residual_form(*ufl.split(self._direction))
+        return compat.form(ufl.derivative(tested, self.state, ufl.TestFunction(self.space.mixed)))
 
     def renew_factors(self) -> None:
         """Let the next time step factorise anew. Not collective, but to be called on all ranks."""
@@ -382,7 +395,8 @@ class Fluid:
         carried boundaries (owned unknowns,), of the tractions: by the exact derivative where the Jacobian was
         assembled at the present state. Off these boundaries the latter has no meaning.
         """
-        whole, near = self._actions()
+        self._direction = self._direction or dolfinx.fem.Function(self.space.mixed)
+        whole, near = self.kept("actions", self._actions)
         self._direction.x.array[:] = boundary
         self._assemble_action(whole, forcing)
         compat.set_zero(self._vector, self.constraints.dirichlet)
@@ -394,15 +408,10 @@ class Fluid:
 
     def _actions(self) -> tuple[Any, Any]:
         """The Jacobian times the direction: whole, and from the cells at carried boundaries only."""
-        if self._action is None:
-            self._direction = self._direction or dolfinx.fem.Function(self.space.mixed)
-            w, q = ufl.TestFunctions(self.space.mixed)
-            near = self.constraints.carried_cells()
-            forms = (self.residual_form(w, q), self.residual_form(w, q, near))
-            trial = ufl.TrialFunction(self.space.mixed)
-            jacobians = (ufl.derivative(form, self.state, trial) for form in forms)
-            self._action = tuple(compat.form(ufl.action(one, self._direction)) for one in jacobians)
-        return self._action
+        w, q = ufl.TestFunctions(self.space.mixed)
+        near = self.constraints.carried_cells()
+        forms = (self.residual_form(w, q), self.residual_form(w, q, near))
+        return tuple(compat.form(ufl.derivative(form, self.state, self._direction)) for form in forms)
 
     def _assemble_action(self, action: Any, forcing: np.ndarray) -> None:
         """A Jacobian, conditions not applied, times the direction, and the forcing."""

@@ -17,17 +17,19 @@ from .solvers.mass import solve_mass_matrix
 
 def vorticity(fluid: Fluid) -> Any:
     """curl v projected onto continuous elements of the pressure's order; a scalar in 2D. Collective."""
-    gdim = fluid.space.gdim
-    mesh = fluid.domain.mesh
-    order = fluid.space.order - 1
-    space = compat.space(mesh, ("Lagrange", order), (gdim,) if gdim == 3 else ())
+    space, of_mass, of_curl = fluid.kept("vorticity", lambda: _forms(fluid))
     field = dolfinx.fem.Function(space, name="vorticity")
-    u, w = ufl.TrialFunction(space), ufl.TestFunction(space)
-    dx = fluid.space.quadrature()
-    mass = petsc.assemble_matrix(compat.form(ufl.inner(u, w) * dx))
+    mass, right = petsc.assemble_matrix(of_mass), petsc.assemble_vector(of_curl)
     mass.assemble()
-    curl = curl_of(ufl.split(fluid.state)[0])
-    right = petsc.assemble_vector(compat.form(ufl.inner(curl, w) * dx))
     right.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
     solve_mass_matrix(mass, right, field, rtol=1e-10)
     return field
+
+
+def _forms(fluid: Fluid) -> tuple[Any, Any, Any]:
+    """The space of the field, the form of its mass matrix, and that of the curl."""
+    gdim, order = fluid.space.gdim, fluid.space.order - 1
+    space = compat.space(fluid.domain.mesh, ("Lagrange", order), (gdim,) if gdim == 3 else ())
+    u, w = ufl.TrialFunction(space), ufl.TestFunction(space)
+    dx, curl = fluid.space.quadrature(), curl_of(ufl.split(fluid.state)[0])
+    return space, compat.form(ufl.inner(u, w) * dx), compat.form(ufl.inner(curl, w) * dx)

@@ -10,9 +10,12 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from incipient import compat
 from incipient.accuracy.dual import GoalErrors
 from incipient.accuracy.errorbars import changed
+from incipient.coupled.tractions import TractionProbe
 from incipient.fluid import Condition, FlowModel, Fluid, solve_steady
+from incipient.fluid.vorticity import vorticity
 from incipient.mesh.domain import Domain
 from incipient.scene import Scene, load
 from incipient.scene.example import grain_on_bed
@@ -138,6 +141,29 @@ def test_shares_add_up(order: int) -> None:
     inertial = readings(in_cavity(0.12, order))
     largest = max(np.abs(inertial["estimate"]))
     assert inertial["shares"] == pytest.approx(inertial["estimate"], abs=1e-3 * largest)
+
+
+def test_forms_are_analysed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However many goals are asked for, and however often the vorticity is written."""
+    made, form = list[Any](), compat.form
+
+    def counted(*given: Any) -> Any:
+        made.append(given)
+        return form(*given)
+
+    monkeypatch.setattr(compat, "form", counted)
+    with in_cavity(0.25, 2) as fluid, GoalErrors(fluid, "body", (0.8, 0.55)) as goals:
+        made.clear()
+        for goal in np.eye(3):
+            goals.shares(goal)
+        assert len(made) == 2, "of the dual solution, and of the residual that it weights"
+        made.clear()
+        fields = [vorticity(fluid).x.array for _ in range(3)]
+        assert len(made) == 2 and np.array_equal(fields[0], fields[2])
+        made.clear()
+        probe = TractionProbe(fluid, "body", (0.8, 0.55))
+        tractions = [probe.field().x.array for _ in range(3)]
+        assert len(made) == 1 and np.array_equal(tractions[0], tractions[2])
 
 
 def test_two_ranks_agree_with_one(mpirun: Any) -> None:
