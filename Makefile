@@ -11,7 +11,7 @@ export OMP_NUM_THREADS := 1
 export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 
-.PHONY: help setup demo test test-slow test-debian13 test-wheel lint types bench cost effects stress clean
+.PHONY: help setup demo test test-quick test-slow test-debian13 test-wheel lint types bench cost effects stress clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -24,6 +24,9 @@ demo: setup ## a grain on a bed: verdict, pictures and ParaView files
 
 test: setup ## the default tests (ARGS="-k name -x" goes to pytest)
 	$(PYTHON) -m pytest -n 2 --dist loadfile $(ARGS)
+
+test-quick: setup ## the tests that need no flow: under a minute
+	$(PYTHON) -m pytest -m "quick and not slow" -n 2 --dist loadfile $(ARGS)
 
 test-slow: setup ## the tests that take minutes
 	$(PYTHON) -m pytest -m slow $(ARGS)

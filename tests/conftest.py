@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -45,3 +46,41 @@ def _written(code: str, directory: Path) -> Path:
     path = directory / "script.py"
     path.write_text(code)
     return path
+
+
+# What solves a flow, or starts ranks or processes, is not quick.
+NOT_QUICK = (
+    *(
+        "mpi4py",
+        "dolfinx",
+        "petsc4py",
+        "gmsh",
+        "subprocess",
+        "incipient.fluid",
+        "incipient.coupled",
+        "incipient.mesh",
+    ),
+    *(
+        "incipient.accuracy",
+        "incipient.adaptive",
+        "incipient.critical",
+        "incipient.simulation",
+        "incipient.restart",
+    ),
+    *("incipient.cost", "incipient.pictures", "incipient.meshes"),
+)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the unit tests that need neither flow nor ranks as quick: `pytest -m quick` takes less than a minute."""
+    quick: dict[Path, bool] = {}
+    for item in items:
+        path = Path(item.path)
+        if path not in quick:
+            text = path.read_text()
+            solves = any(
+                re.search(rf"^(?:from|import) {re.escape(name)}\b", text, re.M) for name in NOT_QUICK
+            )
+            quick[path] = path.parent.name == "unit" and not solves
+        if quick[path] and "mpirun" not in getattr(item, "fixturenames", ()):
+            item.add_marker("quick")
