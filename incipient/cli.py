@@ -378,13 +378,13 @@ def _show_pictures(directory: Path) -> None:
 
 def _judge(options: argparse.Namespace, comm: MPI.Comm) -> int:
     from .parallel import collectively
-    from .simulation import judge_case as cases
+    from .simulation.judge_case import judge_case, load_case, text
 
     with collectively(comm):
         if comm.rank == 0:
-            case = cases.load_case(options.case, options.overrides)
-            judgement = cases.judge_case(case)
-            print(cases.text(case, judgement))
+            case = load_case(options.case, options.overrides)
+            judgement = judge_case(case)
+            print(text(case, judgement))
             if options.out is not None:
                 _keep(judgement, options.case.parent if options.out is BESIDE else options.out)
     return 0
@@ -393,9 +393,9 @@ def _judge(options: argparse.Namespace, comm: MPI.Comm) -> int:
 def _keep(judgement: dict[str, Any], directory: Path) -> None:
     """Write a judgement and its picture, and say where they are."""
     from .pictures.apart import draw_apart
-    from .simulation import judge_case as cases
+    from .simulation.judge_case import save
 
-    cases.save(judgement, directory)
+    save(judgement, directory)
     print(f"numbers             {directory / 'judgement.json'}", flush=True)
     _say_drawn(draw_apart(directory), directory)
 

@@ -325,6 +325,8 @@ def test_what_cannot_be_animated_is_named_with_the_remedy(run, tmp_path, monkeyp
         (["--animate", "flow.gif"], 2, "unrecognized arguments: flow.gif; see incipient --help"),
     ],
 )
-def test_show_says_what_is_wrong_in_one_line(options, code, complaint, command):
+def test_show_says_what_is_wrong_in_one_line(options, code, complaint, command, tmp_path):
+    (tmp_path / "nothing").mkdir()
+    (tmp_path / "nothing" / "result.json").write_text("{}")
     done = command("show", "nothing", *options)
     assert (done.returncode, done.stdout, done.stderr) == (code, "", f"incipient: {complaint}\n")
