@@ -56,7 +56,7 @@ RANKS = """
 import sys
 from functools import partial
 from mpi4py import MPI
-from incipient.domain import build
+from incipient.mesh.domain import build
 from incipient.errors import MeshError
 from domains import spoilt, square_without_a_name
 

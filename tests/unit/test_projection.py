@@ -202,8 +202,8 @@ from domains import square_in_box
 from incipient import compat
 from incipient.fluid import FlowModel, Fluid, Open, Prescribed, Slip, no_slip
 from incipient.fluid.projection import restore_incompressibility
-from incipient.sampling import sample
-from incipient.transfer import Transfer
+from incipient.mesh.sampling import sample
+from incipient.mesh.transfer import Transfer
 
 inflow = Prescribed("left", lambda x, t: np.vstack([x[1] * (2 - x[1]), 0 * x[0]]))
 channel = [Open("right"), Slip("top", axis=1), inflow, no_slip("bottom"), no_slip("body")]

@@ -148,7 +148,7 @@ import dolfinx
 import numpy as np
 from domains import ring
 from incipient import compat
-from incipient.transfer import Transfer
+from incipient.mesh.transfer import Transfer
 
 comm = MPI.COMM_WORLD
 mesh = ring(0.5, 1.0, 20, 2).mesh
