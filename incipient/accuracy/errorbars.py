@@ -27,7 +27,6 @@ from ..results.errorbars import ErrorBars, Loads, Term
 from ..results.loads import Couples, Forces
 from ..scene import Contact, Scene, Time
 from ..scene.model import WIDEST_GAP
-from .safetybar import bar_of_scene
 
 if TYPE_CHECKING:
     from ..simulation.state import Run
@@ -89,6 +88,8 @@ def with_safety(bars: ErrorBars, run: Run, force: Forces, couple: Couples) -> Er
     if run.contacts is None or not bars.terms:
         return bars
     errors = {term.name: np.concatenate([term.force, term.couple]) for term in bars.terms}
+    from .safetybar import bar_of_scene  # which loads linear programs, slowly
+
     bar = bar_of_scene(run.scene, run.contacts, force, couple, errors)
     return replace(bars, safety=bar and replace(bar, unknown=tuple(bars.failed)))
 

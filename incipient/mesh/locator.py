@@ -16,7 +16,6 @@ from typing import Any
 import basix
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from .. import compat
 from ..arrays import Floats, Integers
@@ -125,6 +124,8 @@ class Locator:
         low, high = _box(points)
         reach = self._radii[:, None] * (1 - 10 * INSIDE)
         near = np.flatnonzero(((self._middles + reach >= low) & (self._middles - reach <= high)).all(axis=1))
+        from scipy.spatial import cKDTree  # which takes time to import, and most runs sample nothing
+
         held = cKDTree(points).query_ball_point(self._middles[near], reach[near, 0], return_sorted=False)
         counts = np.fromiter(map(len, held), np.int64, len(near))
         rows = np.fromiter(chain.from_iterable(held), np.int64, int(counts.sum()))
@@ -132,6 +133,8 @@ class Locator:
 
     @cached_property
     def _tree(self) -> Any:
+        from scipy.spatial import cKDTree
+
         return cKDTree(self._middles)
 
     def _nearest(self, points: Floats) -> Places:
