@@ -162,7 +162,7 @@ def test_the_written_scene_gives_the_same_numbers(grain, tmp_path):
 
 
 def test_the_written_scene_does_not_need_the_bed_s_file(tmp_path):
-    (tmp_path / "bed.csv").write_text("x,y\n0,0\n3,0\n3.5,0.2\n4,0\n12,0\n")
+    (tmp_path / "bed.csv").write_text("x,y\n0,0\n15,0\n15.5,0.2\n16,0\n24,0\n")
     text = GRAIN_ON_BED.read_text().replace('"flat"', '"polyline"\nfile = "bed.csv"')
     (tmp_path / "scene.toml").write_text(text)
     run_once(tmp_path / "x", tmp_path / "scene.toml", *settings(numerics_mesh_size=6))
