@@ -12,15 +12,14 @@ import numpy as np
 from incipient.arrays import Floats
 from incipient.errors import SceneError
 from incipient.geometry.placement import Placement
+from incipient.geometry.space.nearest import Triangles, nearest_on_triangles
 from incipient.geometry.space.pieces import Graph, Pieces, Sight
-from incipient.geometry.space.polyhedra import nearest_on_triangles
 from incipient.geometry.space.solid import Core, Solid, frame_of
 from incipient.geometry.space.surfaces import Surface, refined
 from incipient.geometry.space.terrain import Smooth, Terrain
 from incipient.geometry.space.triangles import least_on_triangles
 
 SAMPLES, SAMPLES_PER_FEATURE = 24.0, 6.0  # along the grain's size and along the bed's smallest feature
-BLOCK = 1_000_000  # pairs of points and triangles that are looked at together
 STEEPEST = 0.02  # vertical component of a normal that lowering still counts on
 
 
@@ -163,13 +162,9 @@ class SpatialProximity:
     def _tracked_on_core(self, placement: Placement, old: Minima, k: int) -> Minima:
         """The lowest of the minima over the triangles around each old one; corners and edges stay what they are."""
         core = self.cores[k]
-        corners = core.points[core.triangles]
-        middle = corners.mean(axis=1)
-        reach = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1) + 0.1 * self.spacing
-        near = np.linalg.norm(old.anchors[:, None] - middle, axis=2) <= reach
-        fixed = np.flatnonzero(old.origin[:, 1] < 0)
-        near[fixed] = False
-        row, triangle = np.nonzero(near)
+        fixed, free = np.flatnonzero(old.origin[:, 1] < 0), np.flatnonzero(old.origin[:, 1] >= 0)
+        row, triangle = core.search.near(old.anchors[free], 0.1 * self.spacing)
+        row = free[row]
         row, triangle = np.concatenate([row, fixed]), np.concatenate([triangle, old.origin[fixed, 1]])
         start = placement.to_scene(nearest_on_triangles(old.anchors[row], self._spanned(k, triangle)))
         feet = (placement.to_scene(old.anchors[row]) - core.radius * old.normals[row])[:, :2]
@@ -363,10 +358,7 @@ class SpatialProximity:
 
     def _is_least(self, k: int, anchors: Floats, normals: Floats, slack: float) -> np.ndarray:
         """Whether the distance grows from anchors (m, 3) into all triangles that meet there, normals in the body."""
-        core = self.cores[k]
-        corners = core.points[core.triangles]
-        blocks = np.array_split(np.arange(len(anchors)), 1 + len(anchors) * len(corners) // BLOCK)
-        return np.concatenate([_grows(corners, anchors[i], normals[i], slack) for i in blocks])
+        return _grows(self.cores[k].search, anchors, normals, slack)
 
     def lowered(self, placement: Placement) -> Placement:
         """The placement, lowered (or raised) vertically until the grain touches the bed, to round-off."""
@@ -385,15 +377,14 @@ class SpatialProximity:
         return placement
 
 
-def _grows(corners: Floats, anchors: Floats, normals: Floats, slack: float) -> np.ndarray:
-    """Whether from anchors (m, 3) no triangle (t, 3, 3) that meets there falls by more than `slack`."""
-    size = float(np.abs(corners).max())
-    middle = corners.mean(axis=1)
-    reach = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1) + 1e-9 * size
-    row, triangle = np.nonzero(np.linalg.norm(anchors[:, None] - middle, axis=2) <= reach)
-    nearest = nearest_on_triangles(anchors[row], corners[triangle])
+def _grows(search: Triangles, anchors: Floats, normals: Floats, slack: float) -> np.ndarray:
+    """Whether from anchors (m, 3) no triangle that meets there falls by more than `slack`."""
+    size = float(np.abs(search.corners).max())
+    row, triangle = search.near(anchors, 1e-9 * size)
+    corners = search.corners[triangle]
+    nearest = nearest_on_triangles(anchors[row], corners)
     beside = np.linalg.norm(nearest - anchors[row], axis=1) <= 1e-9 * size
-    away = corners[triangle] - anchors[row, None]
+    away = corners - anchors[row, None]
     falls = ((away * normals[row, None]).sum(axis=2) < -slack).any(axis=1)
     least = np.ones(len(anchors), dtype=bool)
     least[row[beside & falls]] = False
@@ -412,11 +403,14 @@ def _chosen(which: np.ndarray, yes: Sight, no: Sight) -> Sight:
 
 def _distinct(minima: Minima, tolerance: float) -> Minima:
     """The minima without those that repeat a lower one: the same point and the same normal."""
-    kept: list[int] = []
-    for i in np.argsort(minima.gaps, kind="stable"):
-        same = (np.abs(minima.points[kept] - minima.points[i]).max(axis=1, initial=0.0) <= tolerance) & (
-            np.abs(minima.normals[kept] - minima.normals[i]).max(axis=1, initial=0.0) <= 1e-4
-        )
-        if not same.any():
-            kept.append(int(i))
-    return minima.only(np.array(sorted(kept), dtype=int))
+    from scipy.spatial import cKDTree
+
+    keep = np.ones(len(minima), dtype=bool)
+    if len(minima) > 1:
+        lowest = np.argsort(minima.gaps, kind="stable")
+        points, normals = minima.points[lowest], minima.normals[lowest]
+        pairs = np.sort(cKDTree(points).query_pairs(tolerance, p=np.inf, output_type="ndarray"), axis=1)
+        same = np.abs(normals[pairs[:, 0]] - normals[pairs[:, 1]]).max(axis=1, initial=0.0) <= 1e-4
+        for i, j in pairs[same][np.argsort(pairs[same][:, 0], kind="stable")].tolist():
+            keep[lowest[j]] &= not keep[lowest[i]]
+    return minima.only(keep)

@@ -13,10 +13,9 @@ from incipient.arrays import Floats, rows, unit
 from incipient.errors import SceneError
 from incipient.geometry import moments
 from incipient.geometry.space import surfaces
+from incipient.geometry.space.nearest import Triangles
 from incipient.geometry.space.solid import Core, Solid, require_positive
 from incipient.geometry.space.surfaces import Surface
-
-BLOCK = 2_000_000  # pairs of points and triangles that are looked at together
 
 
 @dataclass(frozen=True)
@@ -87,71 +86,6 @@ class Box(Solid):
         return Surface(near + self.edge_radius * unit(sharp.points - near), sharp.triangles)
 
 
-@dataclass(frozen=True, init=False)
-class Polyhedron(Solid):
-    """The convex hull of points (n, 3), shifted to its centroid. Raises SceneError if it has no volume."""
-
-    vertices: tuple[tuple[float, float, float], ...]
-
-    def __init__(self, vertices: Sequence[Sequence[float]] | Floats) -> None:
-        corners = np.array(vertices, dtype=float)
-        if corners.ndim != 2 or corners.shape[1] != 3 or len(corners) < 4 or not np.isfinite(corners).all():
-            raise SceneError("a polyhedron needs four or more vertices of three finite coordinates; add them")
-        hull = _hull(corners - corners.mean(axis=0))
-        points = hull.points - moments.polyhedron(hull.corners).centroid
-        object.__setattr__(self, "vertices", tuple((float(x), float(y), float(z)) for x, y, z in points))
-
-    @cached_property
-    def _hull(self) -> Surface:
-        return _hull(np.array(self.vertices))
-
-    @cached_property
-    def _faces(self) -> tuple[Floats, Floats]:
-        """Outward unit normals (m, 3) of the faces' triangles and their distances from the origin (m,)."""
-        normals = unit(surfaces.vector_areas(self._hull.corners))
-        return normals, (normals * self._hull.corners[:, 0]).sum(axis=1)
-
-    @property
-    def size(self) -> float:
-        """The largest distance of two vertices."""
-        return _largest_distance(np.array(self.vertices))
-
-    @cached_property
-    def _moments(self) -> moments.Moments:
-        return moments.polyhedron(self._hull.corners)
-
-    @property
-    def volume(self) -> float:
-        """By the tetrahedra of the faces with the centroid."""
-        return self._moments.volume
-
-    @property
-    def inertia(self) -> Floats:
-        """By the same tetrahedra."""
-        return moments.inertia_of(self._moments.second)
-
-    @property
-    def cores(self) -> tuple[Core, ...]:
-        """The polyhedron itself."""
-        return (Core(self._hull.points, self._hull.triangles),)
-
-    def level(self, x: ArrayLike) -> Floats:
-        """The largest of the distances from the faces' planes at points (n, 3)."""
-        normals, offsets = self._faces
-        return np.asarray((rows(x) @ normals.T - offsets).max(axis=1))
-
-    def normal(self, x: ArrayLike) -> Floats:
-        """The normal (n, 3) of the face whose plane is farthest below each point; at edges the bisector."""
-        normals, offsets = self._faces
-        height = rows(x) @ normals.T - offsets
-        nearest = height >= height.max(axis=1, keepdims=True) - 1e-12 * self.size
-        return np.array([_mean_direction(normals[row]) for row in nearest])
-
-    def surface(self, spacing: float) -> Surface:
-        """The faces, cut into smaller triangles."""
-        return surfaces.refined(self._hull, spacing)
-
-
 def _mean_direction(normals: Floats) -> Floats:
     """The mean of unit normals (k, 3), those that agree counted once."""
     return (
@@ -159,35 +93,19 @@ def _mean_direction(normals: Floats) -> Floats:
     )
 
 
-def _hull(points: Floats) -> Surface:
-    """The convex hull of points (n, 3) about the origin as triangles seen counter-clockwise from outside."""
-    from scipy.spatial import ConvexHull, QhullError
-
-    try:
-        hull = ConvexHull(points)
-    except QhullError:
-        raise SceneError(
-            "the polyhedron has no volume; give vertices that are not all in one plane"
-        ) from None
-    number = np.full(len(points), -1)
-    number[hull.vertices] = np.arange(len(hull.vertices))
-    triangles = number[hull.simplices]
-    corners = points[hull.simplices]
-    inward = (surfaces.vector_areas(corners) * hull.equations[:, :3]).sum(axis=1) < 0.0
-    triangles[inward] = triangles[inward, ::-1]
-    return Surface(points[hull.vertices], triangles)
-
-
 def _largest_distance(points: Floats) -> float:
     """The largest distance of two points (n, 3); for many points among those of their hull."""
-    if len(points) > 50:
-        from scipy.spatial import ConvexHull
+    from scipy.spatial import ConvexHull
+    from scipy.spatial.distance import cdist
 
+    if len(points) > 50:
         points = points[ConvexHull(points).vertices]
-    largest = 0.0
-    for block in np.array_split(points, 1 + len(points) // 500):
-        largest = max(largest, float(np.linalg.norm(block[:, None] - points, axis=2).max()))
-    return largest
+    away = np.linalg.norm(points - points.mean(axis=0), axis=1)
+    ends = cdist(points[[np.argmax(away)]], points)
+    # Two points are at most as far apart as both are from the middle together.
+    points = points[away + away.max() >= ends.max()]
+    blocks = np.array_split(points, 1 + len(points) // 500)
+    return max(float(cdist(block, points).max(initial=0.0)) for block in blocks)
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,6 +190,10 @@ class Triangulated(Solid):
         """The triangles."""
         return (Core(self.vertices, self.triangles),)
 
+    @property
+    def _triangles(self) -> Triangles:
+        return self.cores[0].search
+
     def level(self, x: ArrayLike) -> Floats:
         """The signed distance at points (n, 3)."""
         return self._nearest(rows(x))[0]
@@ -281,63 +203,27 @@ class Triangulated(Solid):
         return self._nearest(rows(x))[1]
 
     def _nearest(self, x: Floats) -> tuple[Floats, Floats]:
-        """Signed distances (n,) and normals (n, 3), some points at a time."""
-        count = 1 + len(x) * len(self.triangles) // BLOCK
-        found = [self._nearest_of_few(block) for block in np.array_split(x, count) if len(block)]
-        return np.concatenate([d for d, _ in found]), np.vstack([n for _, n in found])
-
-    def _nearest_of_few(self, x: Floats) -> tuple[Floats, Floats]:
-        corners = self._surface.corners
-        away = x[:, None] - nearest_on_triangles(x[:, None], corners)
-        distance = np.linalg.norm(away, axis=2)
-        least = distance.min(axis=1)
-        inside = _winding(x, corners) > 0.5
-        normals = np.where(inside, -1.0, 1.0)[:, None] * unit(
-            away[np.arange(len(x)), distance.argmin(axis=1)]
-        )
-        of_triangles = unit(surfaces.vector_areas(corners))
-        for k in np.flatnonzero(least <= 1e-9 * self.size):
-            normals[k] = _mean_direction(of_triangles[distance[k] <= least[k] + 1e-12 * self.size])
-        return np.where(inside, -least, least), normals
+        """Signed distances (n,) and normals (n, 3)."""
+        feet, sharing = self._triangles.nearest(x, 1e-12 * self.size)
+        sides = np.where(self._triangles.winding(x) > 0.5, -1.0, 1.0)
+        distance = np.linalg.norm(x - feet, axis=1)
+        normals = sides[:, None] * unit(x - feet)
+        for k in np.flatnonzero(distance <= 1e-9 * self.size):
+            areas = surfaces.vector_areas(self.vertices[self.triangles[sharing[k]]])
+            normals[k] = _mean_direction(unit(areas))
+        return sides * distance, normals
 
     def surface(self, spacing: float) -> Surface:
         """The triangles, cut into smaller ones."""
         return surfaces.refined(self._surface, spacing)
 
 
-def nearest_on_triangles(x: Floats, corners: Floats) -> Floats:
-    """The nearest points (..., 3) of triangles (..., 3 corners, 3) to points (..., 3); leading axes broadcast."""
-    a, ab, ac = (
-        corners[..., 0, :],
-        corners[..., 1, :] - corners[..., 0, :],
-        corners[..., 2, :] - corners[..., 0, :],
-    )
-    away = x - a
-    aa, bb, cross = (ab * ab).sum(-1), (ac * ac).sum(-1), (ab * ac).sum(-1)
-    p, q = (away * ab).sum(-1), (away * ac).sum(-1)
-    determinant = np.maximum(aa * bb - cross**2, 1e-300)
-    u, v = (p * bb - q * cross) / determinant, (q * aa - p * cross) / determinant
-    inside = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0)
-    best = a + u[..., None] * ab + v[..., None] * ac
-    squared = np.where(inside, ((best - x) ** 2).sum(-1), np.inf)
-    for i in range(3):
-        start = corners[..., i, :]
-        side = corners[..., (i + 1) % 3, :] - start
-        along = ((x - start) * side).sum(-1) / np.maximum((side * side).sum(-1), 1e-300)
-        foot = start + np.clip(along, 0.0, 1.0)[..., None] * side
-        away_squared = ((foot - x) ** 2).sum(-1)
-        closer = away_squared < squared
-        best, squared = np.where(closer[..., None], foot, best), np.where(closer, away_squared, squared)
-    return np.asarray(best)
+class Polyhedron(Triangulated):
+    """The convex hull of points (n, 3), shifted to its centroid. Raises SceneError if it has no volume."""
 
-
-def _winding(x: Floats, corners: Floats) -> Floats:
-    """How often a closed surface winds around each of the points (n, 3): 1 inside, 0 outside.
-
-    The sum of the triangles' solid angles (van Oosterom and Strackee 1983).
-    """
-    a, b, c = (corners[:, i] - x[:, None] for i in range(3))
-    la, lb, lc = (np.linalg.norm(v, axis=2) for v in (a, b, c))
-    volume = (a * np.cross(b, c)).sum(-1)
-    other = la * lb * lc + (a * b).sum(-1) * lc + (b * c).sum(-1) * la + (c * a).sum(-1) * lb
-    return np.asarray((2.0 * np.arctan2(volume, other)).sum(axis=1) / (4.0 * np.pi))
+    def __init__(self, vertices: Sequence[Sequence[float]] | Floats) -> None:
+        corners = np.array(vertices, dtype=float)
+        if corners.ndim != 2 or corners.shape[1] != 3 or len(corners) < 4 or not np.isfinite(corners).all():
+            raise SceneError("a polyhedron needs four or more vertices of three finite coordinates; add them")
+        hull = surfaces.hull_of(corners - corners.mean(axis=0))
+        super().__init__(hull.points, hull.triangles, "the polyhedron")

@@ -18,6 +18,7 @@ from incipient.errors import SceneError
 from incipient.geometry import moments
 from incipient.geometry.plane.smooth import MAX_EXPONENT, farthest, power_norm
 from incipient.geometry.space import surfaces
+from incipient.geometry.space.nearest import Triangles
 from incipient.geometry.space.surfaces import Surface
 
 LATITUDES = 48  # of the rule for the integrals of stars: spectral accuracy
@@ -33,6 +34,11 @@ class Core:
     points: Floats
     triangles: np.ndarray
     radius: float = 0.0
+
+    @cached_property
+    def search(self) -> Triangles:
+        """The triangles, to be found by place."""
+        return Triangles(self.points[self.triangles])
 
 
 class Solid(ABC):

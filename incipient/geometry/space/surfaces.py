@@ -51,26 +51,28 @@ def sphere(frequency: int) -> Surface:
     """The unit sphere: an icosahedron whose sides are cut into `frequency` parts."""
     golden = 0.5 * (1.0 + np.sqrt(5.0))
     short, long = [-1.0, 1.0], [-golden, golden]
-    points = np.array(
-        [p for a in short for b in long for p in ((0.0, a, b), (a, b, 0.0), (b, 0.0, a))], dtype=float
-    )
-    apart = np.linalg.norm(points[:, None] - points, axis=2)
-    near = (apart > 0.1) & (apart < 2.1)
-    faces = [
-        (i, j, k)
-        for i in range(12)
-        for j in range(i + 1, 12)
-        for k in range(j + 1, 12)
-        if near[i, j] and near[j, k] and near[i, k]
-    ]
-    split = _split(Surface(points, _outward(points, np.array(faces))), frequency)
+    points = [p for a in short for b in long for p in ((0.0, a, b), (a, b, 0.0), (b, 0.0, a))]
+    split = _split(hull_of(np.array(points)), frequency)
     return Surface(unit(split.points), split.triangles)
 
 
-def _outward(points: Floats, triangles: Indices) -> Indices:
-    """The triangles of a surface around the origin, turned counter-clockwise seen from outside."""
-    inward = (vector_areas(points[triangles]) * points[triangles].sum(axis=1)).sum(axis=1) < 0.0
-    return np.where(inward[:, None], triangles[:, ::-1], triangles)
+def hull_of(points: Floats) -> Surface:
+    """The convex hull of points (n, 3) about the origin as triangles seen counter-clockwise from outside."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        hull = ConvexHull(points)
+    except QhullError:
+        raise SceneError(
+            "the polyhedron has no volume; give vertices that are not all in one plane"
+        ) from None
+    number = np.full(len(points), -1)
+    number[hull.vertices] = np.arange(len(hull.vertices))
+    triangles = number[hull.simplices]
+    corners = points[hull.simplices]
+    inward = (vector_areas(corners) * hull.equations[:, :3]).sum(axis=1) < 0.0
+    triangles[inward] = triangles[inward, ::-1]
+    return Surface(points[hull.vertices], triangles)
 
 
 def box(half_sides: Floats, spacing: float) -> Surface:
@@ -169,13 +171,9 @@ def require_closed(surface: Surface, name: str) -> None:
 
 def connected(count: int, links: Indices) -> Indices:
     """A label for each of `count` points, the same for those joined by edges or triangles (m, k)."""
-    label = np.arange(count)
-    while True:
-        lowest = label.copy()
-        least = label[links].min(axis=1)
-        for column in links.T:
-            np.minimum.at(lowest, column, least)
-        lowest = lowest[lowest]
-        if (lowest == label).all():
-            return label
-        label = lowest
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    first, others = np.repeat(links[:, 0], links.shape[1] - 1), links[:, 1:].ravel()
+    graph = coo_matrix((np.ones(len(first)), (first, others)), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1])

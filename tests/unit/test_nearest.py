@@ -1,0 +1,68 @@
+"""Nearest points, distances and what is inside, on surfaces of many triangles and of a few."""
+
+import time
+
+import numpy as np
+import pytest
+
+from incipient.geometry import Plane, Triangulated, rest
+from incipient.geometry.space.nearest import RAY, Triangles, nearest_on_triangles
+from incipient.geometry.space.surfaces import sphere
+from incipient.geometry.touching import touching
+
+
+def scanned(frequency: int) -> Triangulated:
+    """A rough pebble of 20 frequency^2 triangles."""
+    ball = sphere(frequency)
+    x, y, z = ball.points.T
+    radius = 0.5 + 0.025 * np.sin(3.0 * x + 1.0) * np.cos(4.0 * y) + 0.015 * np.sin(7.0 * z)
+    return Triangulated(ball.points * radius[:, None], ball.triangles)
+
+
+def by_all(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Distances (n,) by looking at all pairs."""
+    away = nearest_on_triangles(points[:, None], corners) - points[:, None]
+    return np.linalg.norm(away, axis=2).min(axis=1)
+
+
+@pytest.mark.parametrize("frequency", [1, 8])
+def test_distances_are_those_of_all_pairs(frequency):
+    grain = scanned(frequency)
+    points = np.random.default_rng(4).uniform(-0.7, 0.7, (60, 3))
+    corners = grain.vertices[grain.triangles]
+    outward = (np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) * corners[:, 0]).sum(
+        axis=1
+    )
+    assert (outward > 0.0).all(), "it is star-shaped, so that rays from the centre tell what is inside"
+    assert np.abs(grain.level(points)) == pytest.approx(by_all(points, corners), abs=1e-15)
+    shares = np.linalg.inv(corners.transpose(0, 2, 1)) @ points.T
+    inside = ((shares.sum(axis=1) < 1.0) | (shares < 0.0).any(axis=1)).all(axis=0)
+    assert ((grain.level(points) < 0.0) == inside).all()
+    assert inside.any() and not inside.all()
+
+
+def test_points_whose_ray_meets_corners_and_edges_are_inside_all_the_same():
+    ball = sphere(3)
+    corners = ball.points[ball.triangles]
+    search = Triangles(corners)
+    edges = ball.points[ball.edges].mean(axis=1)
+    for target in (*ball.points[:20], *edges[:20], *corners.mean(axis=1)[:20]):
+        points = target - np.outer([0.3, 0.6, 3.0], RAY)
+        turns = np.round(search.winding(points), 9)
+        radius = np.linalg.norm(points, axis=1)
+        clear = (radius < 0.8) | (radius > 1.0)
+        assert clear.any()
+        assert (turns[clear] == (radius[clear] < 0.8)).all()
+
+
+def test_a_scanned_grain_of_many_triangles_rests_in_seconds():
+    """Tables of all pairs of points and triangles would take minutes."""
+    began = time.process_time()
+    grain = scanned(40)
+    assert len(grain.triangles) == 32_000
+    placement = rest(grain, Plane(), (0.07, 0.13))
+    contacts = touching(grain, placement, Plane(), 1e-9)
+    points = placement.to_body(contacts.points)
+    assert np.abs(grain.level(points)).max() < 1e-12
+    assert grain.normal(points)[:, 2] == pytest.approx(-1.0, abs=0.2)
+    assert time.process_time() - began < 10.0
