@@ -4,7 +4,7 @@ All grains live in their body frame: the origin is the centroid, the centre of m
 A `Placement` turns and carries the frame into the scene. Lengths are scene units, angles radians.
 """
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -17,25 +17,13 @@ from incipient.geometry import moments
 from incipient.geometry.placement import Placement as Placement  # known by this name here, too
 from incipient.geometry.plane.curves import Arc, Curve, Line
 from incipient.geometry.plane.outline import Chain
+from incipient.geometry.shape import Shape, require_positive
 
 
-class Grain(ABC):
-    """A rigid grain f(x) = 0 in its body frame, centroid at the origin."""
+class Grain(Shape):
+    """A rigid grain in the plane."""
 
-    @property
-    def gdim(self) -> int:
-        """Dimension of the space the grain lives in."""
-        return 2
-
-    @property
-    @abstractmethod
-    def size(self) -> float:
-        """The largest diameter."""
-
-    @property
-    @abstractmethod
-    def volume(self) -> float:
-        """The area (2D), per unit depth the volume."""
+    gdim = 2
 
     @property
     @abstractmethod
@@ -46,22 +34,6 @@ class Grain(ABC):
     def inertia(self) -> Floats:
         """The inertia (3, 3) about the centroid for unit density: in the plane only the 33 component."""
         return np.diag([0.0, 0.0, self.polar_moment])
-
-    @property
-    def centroid(self) -> Floats:
-        """The centre of mass of a uniform grain (2,): the origin of the body frame."""
-        return np.zeros(2)
-
-    @abstractmethod
-    def level(self, x: ArrayLike) -> Floats:
-        """f at points (n, 2), (n,): negative inside, zero on the surface; a length, not always distance."""
-
-    @abstractmethod
-    def normal(self, x: ArrayLike) -> Floats:
-        """Outward unit normals (n, 2), grad f / |grad f|, at points (n, 2) on or near the surface.
-
-        At a corner: the bisector of the two sides' normals.
-        """
 
     @abstractmethod
     def outline(self) -> tuple[Curve, ...]:
@@ -85,7 +57,7 @@ class Ellipse(Grain):
 
     def __post_init__(self) -> None:
         for value in self.semi_axes:
-            _require_positive("semi-axis", value)
+            require_positive("semi-axis", value)
 
     @property
     def size(self) -> float:
@@ -127,7 +99,7 @@ class Disc(Ellipse):
     diameter: float
 
     def __post_init__(self) -> None:
-        _require_positive("diameter", self.diameter)
+        require_positive("diameter", self.diameter)
         object.__setattr__(self, "semi_axes", (0.5 * self.diameter, 0.5 * self.diameter))
 
 
@@ -140,8 +112,8 @@ class Rectangle(Grain):
     corner_radius: float = 0.0
 
     def __post_init__(self) -> None:
-        _require_positive("width", self.width)
-        _require_positive("height", self.height)
+        require_positive("width", self.width)
+        require_positive("height", self.height)
         if not 0.0 <= self.corner_radius <= 0.5 * min(self.width, self.height):
             raise SceneError(
                 f"corner_radius {self.corner_radius} is not between 0 and half the shorter side; change it"
@@ -202,11 +174,6 @@ class Rectangle(Grain):
             if r > 0.0:
                 curves.append(Arc(end, _shifted(there), _shifted(there, outward[(k + 1) % 4])))
         return tuple(curves)
-
-
-def _require_positive(name: str, value: float) -> None:
-    if not (np.isfinite(value) and value > 0.0):
-        raise SceneError(f"{name} {value} is not a positive length; give a positive number")
 
 
 def _shifted(x: Floats, by: Point = (0.0, 0.0)) -> Point:

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from incipient.arrays import Floats, rows
 from incipient.errors import SceneError
-from incipient.geometry.space.solid import require_positive
+from incipient.geometry.shape import require_positive
 from incipient.geometry.space.terrain import Extent, Smooth
 
 IMAGES = (".png", ".tif", ".tiff")

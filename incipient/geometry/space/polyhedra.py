@@ -12,9 +12,10 @@ from numpy.typing import ArrayLike
 from incipient.arrays import Floats, rows, unit
 from incipient.errors import SceneError
 from incipient.geometry import moments
+from incipient.geometry.shape import require_positive
 from incipient.geometry.space import surfaces
 from incipient.geometry.space.nearest import Triangles
-from incipient.geometry.space.solid import Core, Solid, require_positive
+from incipient.geometry.space.solid import Core, Solid
 from incipient.geometry.space.surfaces import Surface
 
 

@@ -4,7 +4,7 @@ All grains live in their body frame: the origin is the centroid, the centre of m
 Lengths are scene units.
 """
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,6 +17,7 @@ from incipient.arrays import Floats, rows, unit
 from incipient.errors import SceneError
 from incipient.geometry import moments
 from incipient.geometry.plane.smooth import MAX_EXPONENT, farthest, power_norm
+from incipient.geometry.shape import Shape, require_positive
 from incipient.geometry.space import surfaces
 from incipient.geometry.space.nearest import Triangles
 from incipient.geometry.space.surfaces import Surface
@@ -41,41 +42,10 @@ class Core:
         return Triangles(self.points[self.triangles])
 
 
-class Solid(ABC):
-    """A rigid grain f(x) = 0 in space, in its body frame, centroid at the origin."""
+class Solid(Shape):
+    """A rigid grain in space."""
 
-    @property
-    def gdim(self) -> int:
-        """Dimension of the space the grain lives in."""
-        return 3
-
-    @property
-    def centroid(self) -> Floats:
-        """The centre of mass of a uniform grain (3,): the origin of the body frame."""
-        return np.zeros(3)
-
-    @property
-    @abstractmethod
-    def size(self) -> float:
-        """The largest diameter."""
-
-    @property
-    @abstractmethod
-    def volume(self) -> float:
-        """The volume."""
-
-    @property
-    @abstractmethod
-    def inertia(self) -> Floats:
-        """The inertia (3, 3) about the centroid for unit density."""
-
-    @abstractmethod
-    def level(self, x: ArrayLike) -> Floats:
-        """f at points (n, 3), (n,): negative inside, zero on the surface; a length, not always distance."""
-
-    @abstractmethod
-    def normal(self, x: ArrayLike) -> Floats:
-        """Outward unit normals (n, 3) at points (n, 3) on or near the surface; at edges the bisector."""
+    gdim = 3
 
     @abstractmethod
     def surface(self, spacing: float) -> Surface:
@@ -89,13 +59,6 @@ class Solid(ABC):
     def project(self, x: ArrayLike) -> Floats:
         """Points of the surface (n, 3) near points (n, 3) that are close to it; for smooth grains only."""
         raise NotImplementedError
-
-
-def require_positive(name: str, *values: float) -> None:
-    """Refuse lengths that are not positive numbers."""
-    for value in values:
-        if not (np.isfinite(value) and value > 0.0):
-            raise SceneError(f"{name} {value} is not a positive length; give a positive number")
 
 
 def triangulated(shape: Callable[[Floats], Floats], size: float, spacing: float) -> Surface:

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 
 from incipient.arrays import Floats, rows, unit
 from incipient.errors import SceneError
+from incipient.geometry.shape import require_positive
 from incipient.geometry.space.pieces import Graph, HalfSpacesAndBalls, Pieces
-from incipient.geometry.space.solid import require_positive
 
 Extent = tuple[tuple[float, float], tuple[float, float]]
 
