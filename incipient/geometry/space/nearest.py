@@ -57,21 +57,20 @@ class Triangles:
         close = apart <= self._reach[triangle] + within[row]
         return row[close], triangle[close]
 
-    def nearest(self, points: Floats, slack: float) -> tuple[Floats, list[np.ndarray]]:
-        """The nearest points (n, 3), and for each the triangles that are as near but for a slack (a length)."""
-        found: list[Floats] = []
-        sharing: list[np.ndarray] = []
+    def nearest(self, points: Floats, slack: float) -> tuple[Floats, np.ndarray, np.ndarray]:
+        """The nearest points (n, 3); rows of points and triangles (k,) each that are as near but for a slack."""
+        found, before = [(np.empty((0, 3)), np.empty(0, int), np.empty(0, int))], 0
         for block in self._blocks(points):
             row, triangle = self.near(block, self._corners.query(block)[0] + slack)
             feet = nearest_on_triangles(block[row], self.corners[triangle])
             apart = np.linalg.norm(feet - block[row], axis=1)
-            first = np.searchsorted(row, np.arange(len(block) + 1))
-            for k in range(len(block)):
-                mine = slice(first[k], first[k + 1])
-                least = int(np.argmin(apart[mine]))
-                found.append(feet[mine][least])
-                sharing.append(triangle[mine][apart[mine] <= apart[mine][least] + slack])
-        return np.array(found).reshape(-1, 3), sharing
+            order = np.lexsort([apart, row])
+            best = order[np.unique(row[order], return_index=True)[1]]
+            sharing = apart <= apart[best][row] + slack
+            found.append((feet[best], before + row[sharing], triangle[sharing]))
+            before += len(block)
+        feet, row, triangle = (np.concatenate(column) for column in zip(*found, strict=True))
+        return feet, row, triangle
 
     def _blocks(self, points: Floats) -> Iterator[Floats]:
         """Points a few at a time, so that what is near them does not fill the memory."""

@@ -205,12 +205,12 @@ class Triangulated(Solid):
 
     def _nearest(self, x: Floats) -> tuple[Floats, Floats]:
         """Signed distances (n,) and normals (n, 3)."""
-        feet, sharing = self._triangles.nearest(x, 1e-12 * self.size)
+        feet, row, triangle = self._triangles.nearest(x, 1e-12 * self.size)
         sides = np.where(self._triangles.winding(x) > 0.5, -1.0, 1.0)
         distance = np.linalg.norm(x - feet, axis=1)
         normals = sides[:, None] * unit(x - feet)
         for k in np.flatnonzero(distance <= 1e-9 * self.size):
-            areas = surfaces.vector_areas(self.vertices[self.triangles[sharing[k]]])
+            areas = surfaces.vector_areas(self.vertices[self.triangles[triangle[row == k]]])
             normals[k] = _mean_direction(unit(areas))
         return sides * distance, normals
 
