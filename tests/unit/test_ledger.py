@@ -1,5 +1,7 @@
 """Wall time and memory by stage and by effect."""
 
+import subprocess
+import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -128,3 +130,14 @@ def test_unknowns_stand_beside_the_time(clock):
     assert first.split()[:6] == ["cost", "by", "effect", "flow", "3.00", "s"] and "75.0%" in first
     assert "1000 unknowns" in first and "contact" in second
     assert np.isclose(sum(share["wall_time"] for share in found.values()), 4.0)
+
+
+def test_the_memory_of_the_process_that_started_this_one_is_not_counted() -> None:
+    """A test runner of 800 MB starts a run of 200 MB."""
+    child = f"from {ledgers.__name__} import peak_memory_mib; print(peak_memory_mib())"
+    parent = (
+        "import subprocess, sys; held = bytearray(b'x') * 600_000_000\n"
+        f"print(subprocess.run([sys.executable, '-c', {child!r}], capture_output=True, text=True).stdout)"
+    )
+    done = subprocess.run([sys.executable, "-c", parent], capture_output=True, text=True, timeout=60)
+    assert 5.0 < float(done.stdout) < 300.0
