@@ -1,6 +1,6 @@
 """The demo scripts run on two ranks, and give the numbers pinned in demos/expected.json.
 
-    python tests/end_to_end/test_demos.py
+    PYTHONPATH=tests python tests/end_to_end/test_demos.py
 
 runs them and pins the numbers anew.
 """

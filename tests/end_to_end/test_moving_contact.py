@@ -29,7 +29,7 @@ def sinking(end: float, **body: Any) -> Scene:
         gravity=Gravity(acceleration=GRAVITY),
         contact=Contact(friction=0.5, gap=0.05),
         time=Time(end=end, step=STEP),
-        numerics=Numerics(mesh_size=3.0, error_bars=False),
+        numerics=Numerics(mesh_size=3.0, error_bars=False, tolerance=1e-9, interface_tolerance=1e-9),
         output=Output(fields=False),
     )
 

@@ -18,7 +18,6 @@ ROOT = Path(__file__).parents[2]
 NOT_COPIED = (
     ".git",
     ".venv",
-    "results",
     "build",
     "dist",
     "*.egg-info",
@@ -33,7 +32,14 @@ pytest.importorskip("setuptools", minversion="77")
 
 
 def copied(source: Path, target: Path) -> Path:
-    shutil.copytree(source, target, symlinks=True, ignore=shutil.ignore_patterns(*NOT_COPIED))
+    everywhere = shutil.ignore_patterns(*NOT_COPIED)
+
+    def ignored(directory: str, names: list[str]) -> set[str]:
+        """What is nowhere copied, and results of runs, which are not in the package."""
+        of_runs = {"results"} if Path(directory).name != "incipient" else set()
+        return set(everywhere(directory, names)) | of_runs
+
+    shutil.copytree(source, target, symlinks=True, ignore=ignored)
     return target
 
 
@@ -80,7 +86,8 @@ def files_below(directory: Path) -> set[str]:
     """Relative paths of what is kept in a directory, links followed."""
     found = (Path(where) / name for where, _, names in os.walk(directory, followlinks=True) for name in names)
     relative = {path.relative_to(directory) for path in found}
-    return {path.as_posix() for path in relative if path.suffix != ".pyc" and "results" not in path.parts}
+    of_runs = "results" if directory.name != "incipient" else ""
+    return {path.as_posix() for path in relative if path.suffix != ".pyc" and of_runs not in path.parts}
 
 
 def test_the_wheel_has_every_module(wheel: Path) -> None:

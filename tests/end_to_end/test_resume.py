@@ -210,6 +210,7 @@ def test_adaptive_steps_about_a_grain_at_rest(
 
 def test_a_finished_run_goes_on_to_a_later_end(tmp_path: Path) -> None:
     steps = {"time_tolerance": 10.0, "time_step": 0.01, "output_checkpoint": 1, "output_every": 1}
+    steps["fluid_reynolds"] = 50  # so that no step from rest is halved
     for name, end in (("long", 0.06), ("short", 0.03)):
         scene = vortices(**steps | {"time_end": end})
         fixed = scene.model_copy(update={"time": scene.time.model_copy(update={"tolerance": None})})
@@ -223,7 +224,7 @@ def test_a_finished_run_goes_on_to_a_later_end(tmp_path: Path) -> None:
 
 def test_a_run_goes_on_with_other_steps(tmp_path: Path, stopped: Callable[[int], None]) -> None:
     """Of a new length from the first on; with a tolerance from the length at hand on."""
-    scene = vortices(time_end=0.1)
+    scene = vortices(time_end=0.1, fluid_reynolds=50)  # so that no step from rest is halved
     fixed = scene.model_copy(update={"time": scene.time.model_copy(update={"tolerance": None})})
     stopped(3)
     with pytest.raises(Interrupted):

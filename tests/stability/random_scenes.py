@@ -230,7 +230,7 @@ def fate(text: str, directory: Path, mesh: bool, run: bool = False) -> str:
     import incipient
     from incipient.planning.drawing import lay_out
     from incipient.planning.plan import make_plan
-    from incipient.simulation.simulate import estimate
+    from incipient.simulation.build import estimate
 
     reached = "refused"
     try:

@@ -94,14 +94,14 @@ print(f"{comm.rank}: " + "; ".join(told) + "\\n", end="")
 
 
 def test_one_rank_reads_a_scene_and_its_files_for_all(mpirun: Any, tmp_path: Path) -> None:
-    (tmp_path / "bed.csv").write_text("x,y\n0,0\n3,0\n3.5,0.2\n4,0\n12,0\n")
+    (tmp_path / "bed.csv").write_text("x,y\n0,0\n15,0\n15.5,0.2\n16,0\n24,0\n")
     text = example().replace('"flat"', '"polyline"\nfile = "bed.csv"')
     (tmp_path / "scene.toml").write_text(text)
     done = mpirun(2, READING, timeout=60)
     assert done.returncode == 0, done.stderr
     first, second = sorted(done.stdout.splitlines())
     assert first.removeprefix("0: ") == second.removeprefix("1: ")
-    assert "'reynolds': 40.0" in first and "(3.5, 0.2)" in first
+    assert "'reynolds': 40.0" in first and "(15.5, 0.2)" in first
     assert "; absent.toml: cannot be read" in first and "absent.csv cannot be read" in first
 
 
