@@ -86,8 +86,8 @@ def files_below(directory: Path) -> set[str]:
     """Relative paths of what is kept in a directory, links followed."""
     found = (Path(where) / name for where, _, names in os.walk(directory, followlinks=True) for name in names)
     relative = {path.relative_to(directory) for path in found}
-    of_runs = "results" if directory.name != "incipient" else ""
-    return {path.as_posix() for path in relative if path.suffix != ".pyc" and of_runs not in path.parts}
+    left_out = {"__pycache__", *(["results"] if directory.name != "incipient" else [])}
+    return {path.as_posix() for path in relative if not left_out & set(path.parts)}
 
 
 def test_the_wheel_has_every_module(wheel: Path) -> None:
