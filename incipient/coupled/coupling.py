@@ -21,7 +21,10 @@ Stage = Callable[[str], AbstractContextManager[Any]]
 # The flow is solved to this share of the residual of the body's equation at hand.
 SHARE = 1e-4
 FOLDED = "the mesh around the body folds over: use a larger numerics.remesh_below, or shorter steps"
-SLOW = "body and fluid do not come to terms: use shorter steps, or a larger numerics.interface_tolerance"
+SLOW = (
+    "the fluid-body iteration did not converge in {number} iterations: use shorter steps, or a larger "
+    "numerics.interface_tolerance"
+)
 # Corrections of the body's velocities in a step from which on the fluid's factors are taken for too old.
 PATIENCE = 3
 
@@ -83,7 +86,7 @@ class Coupling:
             part.predict(length, order)
         sizes: list[float] = []
         residuals: list[float] = []
-        self._complaint = SLOW
+        self._complaint = SLOW.format(number=self.max_iterations)
         while len(residuals) < self.max_iterations:
             self._follow()
             # What the flow's answer leaves contracts otherwise than what a step begins with.
