@@ -26,6 +26,6 @@ class Method:
 def method_of(scene: Scene) -> Method:
     """The method for a scene. Not collective."""
     reason = (
-        "in two dimensions factors take little memory, and they serve for several corrections and time steps"
+        "in two dimensions factors take little memory, and they serve for several iterations and time steps"
     )
     return Method("direct", reason)
