@@ -3,7 +3,7 @@
 Lengths are scene units, angles radians, positions those of the grain's centroid.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -113,15 +113,21 @@ def clearance(grain: Grain | Solid, placement: Placement, bed: Bed | Terrain) ->
     negative where the grain is below the bed. Of several equal minima (a flat contact) the first.
     """
     if isinstance(grain, Solid):
-        near = spatial(grain, bed)
-        drop = max(placement.centre[2] - near.lowered(placement).centre[2], 0.0)
-        minima = near.minima(placement, drop + 1e-9 * grain.size)
-        k = int(np.argmin(minima.gaps))
-        gap, point = float(minima.gaps[k]), minima.points[k]
-        return gap, point, point - gap * minima.normals[k]
+        return spatial(grain, bed).clearance(placement)
     grain, bed = planar(grain, bed)
     best = min(approaches(grain, placement, bed), key=lambda approach: approach.distance)
     return best.distance, best.on_grain, best.on_bed
+
+
+def _lowered(
+    grain: Grain | Solid, placement: Placement, bed: Bed | Terrain
+) -> tuple[Placement, Callable[[Placement], float]]:
+    """The grain lowered or raised from `placement` onto the bed, and its distance from the bed elsewhere."""
+    if isinstance(grain, Solid):
+        near = spatial(grain, bed)  # prepared once: that takes longer than a question
+        return near.lowered(placement), lambda place: near.clearance(place)[0]
+    touching = rest(grain, bed, placement.centre[0], placement.angle)
+    return touching, lambda place: clearance(grain, place, bed)[0]
 
 
 def lifted(grain: Grain | Solid, placement: Placement, bed: Bed | Terrain, gap: float) -> Placement:
@@ -131,18 +137,15 @@ def lifted(grain: Grain | Solid, placement: Placement, bed: Bed | Terrain, gap: 
     """
     if not (np.isfinite(gap) and gap >= 0.0):
         raise SceneError(f"the gap {gap} is not a distance; give a number that is not negative")
-    if isinstance(grain, Solid):
-        touching = spatial(grain, bed).lowered(placement)
-    else:
-        touching = rest(grain, bed, placement.centre[0], placement.angle)
+    touching, distance = _lowered(grain, placement, bed)
     if gap == 0.0:
         return touching
 
     from scipy.optimize import brentq  # which takes time to import, and most grains rest
 
     def excess(lift: float) -> float:
-        """By how much the distance exceeds the gap after a lift."""
-        return clearance(grain, touching.raised(lift), bed)[0] - gap
+        """The distance after a lift, less the gap."""
+        return distance(touching.raised(lift)) - gap
 
     low, high = gap, 2.0 * gap
     while excess(high) < 0.0:

@@ -22,6 +22,8 @@ from incipient.geometry.placement import Placement
 from incipient.geometry.plane.bed import Bed
 from incipient.geometry.plane.grain import Grain
 from incipient.geometry.proximity import Near, proximity
+from incipient.geometry.space.closest import SpatialProximity
+from incipient.geometry.space.footprint import footprint
 from incipient.geometry.space.solid import Solid
 from incipient.geometry.space.terrain import Terrain
 from incipient.geometry.statics import Grip, balance, free_motions, grip, nearest_motion, tangents, wrenches
@@ -456,9 +458,14 @@ class _Descent:
     # Results.
 
     def _settled(self, rest: _Rest, steps: int) -> Settled:
-        contacts = touching(self.grain, rest.placement, self.bed, 10.0 * CLOSED * self.size)
+        contacts = self._contacts(rest.placement, 10.0 * CLOSED * self.size)
         outcome = Outcome.RESTS if rest.stable else Outcome.BALANCES
         return Settled(rest.placement, contacts, outcome, steps, rest.gap, rest.imbalance)
+
+    def _contacts(self, placement: Placement, tolerance: float) -> Contacts:
+        if isinstance(self._proximity, SpatialProximity):
+            return footprint(self._proximity, placement, tolerance)
+        return touching(self.grain, placement, self.bed, tolerance)
 
     def _unsettled(self, placement: Placement, outcome: Outcome, steps: int) -> Settled:
         touching = self._touching(

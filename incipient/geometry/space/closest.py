@@ -376,6 +376,14 @@ class SpatialProximity:
             minima = self.tracked(placement, minima)
         return placement
 
+    def clearance(self, placement: Placement) -> tuple[float, Floats, Floats]:
+        """The least gap, and the points (3,) on grain and bed where it occurs; see `rest.clearance`."""
+        drop = max(placement.centre[2] - self.lowered(placement).centre[2], 0.0)
+        minima = self.minima(placement, drop + 1e-9 * self.size)
+        k = int(np.argmin(minima.gaps))
+        gap, point = float(minima.gaps[k]), minima.points[k]
+        return gap, point, point - gap * minima.normals[k]
+
 
 def _grows(search: Triangles, anchors: Floats, normals: Floats, slack: float) -> np.ndarray:
     """Whether from anchors (m, 3) no triangle that meets there falls by more than `slack`."""

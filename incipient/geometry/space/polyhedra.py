@@ -87,11 +87,10 @@ class Box(Solid):
         return Surface(near + self.edge_radius * unit(sharp.points - near), sharp.triangles)
 
 
-def _mean_direction(normals: Floats) -> Floats:
-    """The mean of unit normals (k, 3), those that agree counted once."""
-    return (
-        unit(np.unique(np.round(normals, 9), axis=0).sum(axis=0)[None])[0] if len(normals) > 1 else normals[0]
-    )
+def _mean_directions(row: np.ndarray, normals: Floats, count: int) -> Floats:
+    """The means (count, 3) of unit normals (k, 3) that belong to rows (k,); those of a row that agree count once."""
+    distinct = np.unique(np.column_stack([row, np.round(normals, 9)]), axis=0, return_index=True)[1]
+    return unit(np.column_stack([np.bincount(row[distinct], part, count) for part in normals[distinct].T]))
 
 
 def _largest_distance(points: Floats) -> float:
@@ -197,22 +196,23 @@ class Triangulated(Solid):
 
     def level(self, x: ArrayLike) -> Floats:
         """The signed distance at points (n, 3)."""
-        return self._nearest(rows(x))[0]
+        points = rows(x)
+        feet = self._triangles.nearest(points, 1e-12 * self.size)[0]
+        return self._sides(points) * np.linalg.norm(points - feet, axis=1)
 
     def normal(self, x: ArrayLike) -> Floats:
         """Unit normals (n, 3): off the surface away from its nearest point, on an edge the mean of its sides'."""
-        return self._nearest(rows(x))[1]
+        points = rows(x)
+        feet, row, triangle = self._triangles.nearest(points, 1e-12 * self.size)
+        away = points - feet
+        facing = unit(surfaces.vector_areas(self._surface.corners[triangle]))
+        on_surface = np.linalg.norm(away, axis=1, keepdims=True) <= 1e-9 * self.size
+        outward = self._sides(points)[:, None] * unit(away)
+        return np.where(on_surface, _mean_directions(row, facing, len(points)), outward)
 
-    def _nearest(self, x: Floats) -> tuple[Floats, Floats]:
-        """Signed distances (n,) and normals (n, 3)."""
-        feet, row, triangle = self._triangles.nearest(x, 1e-12 * self.size)
-        sides = np.where(self._triangles.winding(x) > 0.5, -1.0, 1.0)
-        distance = np.linalg.norm(x - feet, axis=1)
-        normals = sides[:, None] * unit(x - feet)
-        for k in np.flatnonzero(distance <= 1e-9 * self.size):
-            areas = surfaces.vector_areas(self.vertices[self.triangles[triangle[row == k]]])
-            normals[k] = _mean_direction(unit(areas))
-        return sides * distance, normals
+    def _sides(self, points: Floats) -> Floats:
+        """-1 (n,) for points (n, 3) inside the surface, 1 for those outside."""
+        return np.where(self._triangles.winding(points) > 0.5, -1.0, 1.0)
 
     def surface(self, spacing: float) -> Surface:
         """The triangles, cut into smaller ones."""

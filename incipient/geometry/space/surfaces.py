@@ -30,10 +30,10 @@ class Surface:
         """The triangles' corners, (m, 3 corners, 3)."""
         return self.points[self.triangles]
 
-    @property
+    @cached_property
     def spacing(self) -> float:
         """The length of the longest side."""
-        ends = self.points[self.edges]
+        ends = self.points[sides(self.triangles)]
         return float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).max(initial=0.0))
 
 
