@@ -14,7 +14,7 @@ from pathlib import Path
 
 import machine
 
-from incipient.cost import solvers
+from incipient.cost import prediction, solvers
 
 ROOT = Path(__file__).resolve().parents[1]
 STUDIES, PAGE = ROOT / "results" / "cost", ROOT / "docs" / "cost.md"
@@ -111,9 +111,12 @@ unknowns changes (libraries, mesh generator, compiled forms). An error in bracke
 the reference, and is not part of the law. Times beyond the runs are marked "about".
 
 **Ways to solve** differ in the algebra, the linearisation, the stabilisation or the scheme in time, on the same cells
-and steps. By default the usual ones for a scene are tried on one rung, amid the orders, sizes and steps: for steady
+and steps. By default the usual ones for a scene are tried on the three coarsest rungs of the middle order: for steady
 flow {_usual(solvers.USUAL_STEADY)},
 in time {_usual(solvers.USUAL_IN_TIME)}, as far as the scene does not do so anyway.
+Those rungs tell how error and time go together, and so what a way would take for the error of the scene's own. One that
+takes less by a tenth, and less on every rung, is called cheaper; `incipient plan` then says so. What such studies
+recommend for all scenes becomes the default.
 `--solvers WAY ...` tries those given on all rungs instead, `--solvers own` tries none. Words are joined by "+", such
 as `extrapolated+bdf1`:
 
@@ -122,9 +125,14 @@ as `extrapolated+bdf1`:
 A way that is as accurate and quicker takes the place of the scene's own on the front, and so in the law. What
 `incipient plan` tells of a scene is by runs solved as the scene says.
 
-**Before a run.** Every study is kept as this machine's calibration (`$XDG_CACHE_HOME/incipient/calibration.json`), and
-`incipient plan SCENE` tells time, memory and error by it: of a scene that was studied by its own runs, of others by the
-work that their mesh calls for, to a stated factor. `incipient calibrate` makes a first calibration in a minute or two.
+**Before a run.** `incipient plan SCENE` tells time, memory and error by laws that a study fits to its runs: processor
+time t = start + fixed + n^p (a + c m) for n unknowns and m time steps, error E = C h^q + D dt^r for each order, cells h
+and steps dt. The laws of every study are kept as this machine's calibration
+(`$XDG_CACHE_HOME/incipient/calibration.json`). For a scene that was studied its own are taken, and times are right to a
+factor of {prediction.OWN:g}; for others the mean of those of its kind (steady, in time, with a grain that moves), to a
+factor of {prediction.FOREIGN:g}; `plan --study DIRECTORY` goes by the study there. Of error bars the dual solution counts as a run with its unknowns, a
+coarse run as one whose mesh is made. `incipient calibrate` studies small scenes of each kind in a minute or two; until
+then laws of another machine that come with the program serve, to a factor of {prediction.ELSEWHERE:g}.
 """
 
 

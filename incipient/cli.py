@@ -140,6 +140,12 @@ def _options_of_threshold(parser: argparse.ArgumentParser) -> None:
 def _options_of_plan(parser: argparse.ArgumentParser) -> None:
     _scene(parser)
     parser.add_argument("--json", action="store_true", help="as JSON")
+    parser.add_argument(
+        "--study",
+        type=_named,
+        metavar="DIRECTORY",
+        help="of incipient cost, to go by (default: the last of this scene on this machine, else those of others)",
+    )
 
 
 def _options_of_cost(parser: argparse.ArgumentParser) -> None:
@@ -158,8 +164,8 @@ def _options_of_cost(parser: argparse.ArgumentParser) -> None:
         "--solvers",
         nargs="+",
         metavar="WAY",
-        help="ways to solve on all meshes, such as extrapolated+bdf1; own: none but the scene's (default: some, on a "
-        "middle mesh)",
+        help="ways to solve on all meshes, such as extrapolated+bdf1; own: none but the scene's (default: some, on "
+        "three coarse meshes)",
     )
 
 
@@ -291,15 +297,14 @@ def _whereabouts(directory: Path, fields: bool, cost: dict[str, Any]) -> str:
 def _plan(options: argparse.Namespace, comm: MPI.Comm) -> int:
     import incipient
 
-    from .cost.command import planned_and_predicted
+    from .cost.command import foretold
     from .parallel import collectively
 
     scene = incipient.load(options.scene, options.overrides, comm)
     with collectively(comm):
         if comm.rank == 0:
-            plan, prediction, words = planned_and_predicted(scene)
-            told = json.dumps({**plan.to_dict(), "prediction": prediction}, indent=2)
-            print(told if options.json else f"{plan.text()}\n{words}")
+            found = foretold(scene, options.study)
+            print(json.dumps(found.to_dict(), indent=2) if options.json else found.text())
     return 0
 
 

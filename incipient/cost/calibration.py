@@ -1,106 +1,61 @@
-"""What runs on this machine have taken, kept in the user's cache directory, and what a scene will take by it.
+"""What studies have found: laws of time and error, and ways to solve that are cheaper, scene by scene.
 
-`incipient cost` adds to it, `incipient calibrate` makes one from small built-in scenes.
+`incipient cost` adds to this machine's calibration, in the user's cache directory; `incipient calibrate` makes one from
+small built-in scenes. One made elsewhere, `shipped.json`, serves where there is none.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-import math
 import os
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
+from ..errors import OutputError
 from ..files import reported, write_json
-from .counts import COUNTS, Counts
-from .errorlaw import ErrorLaw
-from .prices import MOVING, STEADY, UNSTEADY, Known, Work
+from .laws import ErrorLaw, TimeLaw
 
 if TYPE_CHECKING:
     from ..scene import Scene
 
-SCHEMA_VERSION = 1
-NAME = "calibration.json"
+SCHEMA_VERSION = 2
+NAME, SHIPPED = "calibration.json", Path(__file__).with_name("shipped.json")
+STUDY = "cost.json"
+STEADY, UNSTEADY, MOVING = "steady", "unsteady", "moving"
 
 
 @dataclass(frozen=True)
-class KnownErrors:
-    """How the errors of a scene's goals fall, and what the scene is like."""
+class Findings:
+    """What a study has found of a scene.
+
+    time:    law of processor time; memory: measured over that of `drawing.memory`
+    errors:  laws by goal and order of the velocity
+    cheaper: ways to solve that take less time at the same error, with the share of the time of the scene's own way
+    """
 
     title: str
     kind: str
-    laws: Mapping[str, ErrorLaw]
-
-
-@dataclass(frozen=True)
-class Calibration:
-    """Runs measured on this machine, and laws of errors by the digests of their scenes."""
-
-    runs: tuple[Known, ...] = ()
-    errors: Mapping[str, KnownErrors] = field(default_factory=dict)
-
-    def with_scene(self, digest: str, runs: Sequence[Known], errors: KnownErrors | None) -> Calibration:
-        """The same with the runs and laws of a scene, in place of older ones."""
-        kept = tuple(run for run in self.runs if run.scene != digest)
-        laws = {key: known for key, known in self.errors.items() if key != digest}
-        return Calibration((*kept, *runs), {**laws, **({digest: errors} if errors else {})})
-
-    def of(self, digest: str) -> list[Known]:
-        """Runs of one scene."""
-        return [run for run in self.runs if run.scene == digest]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data."""
-        laws = {
-            digest: {
-                "title": known.title,
-                "kind": known.kind,
-                "laws": {goal: law.to_dict() for goal, law in known.laws.items()},
-            }
-            for digest, known in self.errors.items()
-        }
-        return {"runs": [_flat(run) for run in self.runs], "errors": laws}
+    time: TimeLaw
+    memory: float
+    errors: Mapping[str, Mapping[int, ErrorLaw]]
+    cheaper: Mapping[str, float] = field(default_factory=dict)
 
     @staticmethod
-    def of_dict(data: Mapping[str, Any]) -> Calibration:
-        """From plain data."""
-        runs = tuple(Known(**{**run, "work": _work(run["work"])}) for run in data["runs"])
+    def of_dict(data: Mapping[str, Any]) -> Findings:
+        """From plain data, as `dataclasses.asdict` makes them."""
         errors = {
-            digest: KnownErrors(
-                known["title"],
-                known["kind"],
-                {goal: ErrorLaw.of_dict(law) for goal, law in known["laws"].items()},
-            )
-            for digest, known in data["errors"].items()
+            goal: {int(order): ErrorLaw(**law) for order, law in laws.items()}
+            for goal, laws in data["errors"].items()
         }
-        return Calibration(runs, errors)
+        return Findings(**{**data, "time": TimeLaw(**data["time"]), "errors": errors})
 
 
-def _flat(run: Known) -> dict[str, Any]:
-    """A run as plain data, the counts of its work beside what else there is of it."""
-    data = asdict(run)
-    data["work"] |= data["work"].pop("counts")
-    return data
-
-
-def _work(data: Mapping[str, Any]) -> Work:
-    rest = {key: value for key, value in data.items() if key not in COUNTS}
-    return Work(**rest, counts=Counts.of(data))
-
-
-# -- where it is kept ---------------------------------------------------------------------------------------
-
-
-def path() -> Path:
-    """The file that holds the calibrations of this user's machines."""
-    cache = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(cache) / "incipient" / NAME
+# By the digests of their scenes, the last study last.
+Calibration = Mapping[str, Findings]
 
 
 def machine() -> str:
@@ -118,24 +73,59 @@ def _processor() -> str:
     return names[0] if names else platform.machine()
 
 
+def path() -> Path:
+    """The file that holds the calibrations of this user's machines."""
+    cache = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(cache) / "incipient" / NAME
+
+
 def read() -> Calibration:
     """The calibration of this machine; empty without a file, or if it is damaged or of another version."""
     try:
-        return Calibration.of_dict(_stored()[machine()])
-    except (KeyError, TypeError, ValueError):
-        return Calibration()
+        return _parsed(_stored()[machine()])
+    except (KeyError, TypeError, ValueError, AttributeError):
+        return {}
 
 
-def write(calibration: Calibration) -> None:
-    """Keep the calibration of this machine; those of others stay.
+def shipped() -> Calibration:
+    """The calibration that comes with the program."""
+    return _parsed(json.loads(SHIPPED.read_text(encoding="utf-8")))
+
+
+def of_study(directory: Path) -> Calibration:
+    """What the study in a directory has found.
+
+    Raises:
+        OutputError: there is none, or it is of another version.
+    """
+    try:
+        return _parsed(json.loads((directory / STUDY).read_text(encoding="utf-8"))["findings"])
+    except (OSError, KeyError, TypeError, ValueError, AttributeError) as error:
+        raise OutputError(
+            f"{directory / STUDY}: holds no study that can be understood; make it with `incipient cost`"
+        ) from error
+
+
+def _parsed(data: Mapping[str, Any]) -> Calibration:
+    return {digest: Findings.of_dict(found) for digest, found in data.items()}
+
+
+def plain(calibration: Calibration) -> dict[str, Any]:
+    """As plain data."""
+    return {digest: asdict(found) for digest, found in calibration.items()}
+
+
+def add(found: Calibration) -> None:
+    """Add what a study has found to the calibration of this machine, in place of older; those of others stay.
 
     Raises:
         OutputError: it cannot be written.
     """
-    target = path()
+    target, known = path(), read()
     with reported(target):
         target.parent.mkdir(parents=True, exist_ok=True)
-    machines = {**_stored(), machine(): calibration.to_dict()}
+    kept = {digest: older for digest, older in known.items() if digest not in found}
+    machines = {**_stored(), machine(): plain({**kept, **found})}
     write_json(target, {"schema_version": SCHEMA_VERSION, "machines": machines})
 
 
@@ -170,24 +160,3 @@ def kind(scene: Scene) -> str:
 def step_of_flow(scene: Scene, step: float | None) -> float:
     """A time step in units of the flow's time L/V; zero for steady flow."""
     return 0.0 if step is None else step * scene.reference_velocity / scene.reference_length
-
-
-def known(scene: Scene, work: Work, mesh_size: float, step: float | None, **measured: float) -> Known:
-    """A run of a scene as it is kept; `measured`: start, cpu and peak_mib."""
-    return Known(
-        scene=digest(scene),
-        work=work,
-        mesh_size=mesh_size,
-        step=step_of_flow(scene, step),
-        reynolds=scene.reference_velocity * scene.domain.height / scene.viscosity,
-        convection=scene.numerics.convection,
-        **measured,
-    )
-
-
-def spread_of(errors: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    """The middle of errors that are each known to a factor, and the factor that covers them."""
-    logs = np.log([max(error, 1e-300) for error, _ in errors])
-    own = max(factor for _, factor in errors)
-    between = math.exp(2.0 * float(np.std(logs))) if len(errors) > 1 else 1.0
-    return math.exp(float(np.mean(logs))), own * between

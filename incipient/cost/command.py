@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import ConvergenceError, MissingError, SceneError
-from ..files import reported
+from ..files import plain, reported
 from . import calibration
 from . import page as cost_page
 from .comparison import Compared
+from .findings import findings
 from .frontier import percent
 from .ladder import Spread, ladder, spread
 from .measurement import measure, quickest
@@ -21,6 +23,7 @@ from .study import Study, climb
 if TYPE_CHECKING:
     from ..planning.plan import Plan
     from ..scene import Scene
+    from .prediction import Prediction
 
 Say = Callable[[str], None]
 
@@ -34,7 +37,7 @@ def study(scene: Scene, directory: Path, wanted: Spread, say: Say) -> Study:
     runs = ladder(scene, wanted)
     found = climb(scene, runs, directory, quickest if runs.compared else measure, say)
     cost_page.write(found, directory)
-    cost_page.keep(found)
+    calibration.add(findings(found))
     return found
 
 
@@ -64,60 +67,56 @@ def told(found: Study, directory: Path) -> str:
 
 def _told_of_solver(one: Compared) -> str:
     error = "no other error can be told" if one.error is None else f"error x {one.error:.2g}"
-    better = ": better than the scene's own way" if one.dominates else ""
-    return f"{'solver':<20}{one.solver}: time x {one.time:.2g}, {error}, change {percent(one.change)}{better}"
+    at_error = "" if one.time_at_error is None else f", time at equal errors x {one.time_at_error:.2g}"
+    better = ": cheaper than the scene's own way" if one.cheaper else ""
+    change = f"change {percent(one.change)}"
+    return f"{'solver':<20}{one.solver}: time x {one.time:.2g}, {error}, {change}{at_error}{better}"
 
 
-def planned(scene: Scene) -> Plan:
-    """The plan with what the run needs, or the first one where it is asked for accuracy, by making that mesh.
+@dataclass(frozen=True)
+class Foretold:
+    """A plan, what the run will come to or in words why that is not known, and ways to solve that are cheaper."""
 
-    Raises:
-        MeshError: it cannot be made.
-    """
-    from ..planning.plan import make_plan
-    from ..simulation.build import estimate
+    plan: Plan
+    prediction: Prediction | str
+    cheaper: tuple[str, ...] = ()
 
-    if scene.numerics.accuracy is None:
-        return estimate(scene)
-    from .forecast import first_mesh
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data; what is known in words alone is None."""
+        prediction = None if isinstance(self.prediction, str) else plain(self.prediction)
+        return {**self.plan.to_dict(), "prediction": prediction, "cheaper": list(self.cheaper)}
 
-    return make_plan(scene).with_estimate(first_mesh(scene))
+    def text(self) -> str:
+        """A few lines for a reader."""
+        words = self.prediction if isinstance(self.prediction, str) else self.prediction.text()
+        return "\n".join([self.plan.text(), words, *(f"  {way}" for way in self.cheaper)])
 
 
-def predicted(scene: Scene, plan: Plan) -> tuple[dict[str, Any] | None, str]:
-    """What a run will take and how accurate it will be, as plain data and in words; None where it is not known.
+def foretold(scene: Scene, directory: Path | None = None) -> Foretold:
+    """The plan with what the run needs and will come to, by making its mesh, the first one if there are several.
+
+    Without gmsh the plan is told all the same, with the reason for the rest.
 
     Args:
-        plan: that of `planned`.
-
-    Raises:
-        MeshError: a coarse mesh for the error bars cannot be made.
-    """
-    from ..files import plain
-    from .forecast import foresee
-    from .prediction import predict, uncalibrated
-
-    assert plan.estimate is not None
-    if scene.numerics.accuracy is None:
-        found = predict(scene, plan.estimate)
-        return (None, uncalibrated()) if found is None else (plain(found), found.text())
-    foreseen = foresee(scene, plan.estimate)
-    return (None, foreseen) if isinstance(foreseen, str) else (plain(foreseen), foreseen.text())
-
-
-def planned_and_predicted(scene: Scene) -> tuple[Plan, dict[str, Any] | None, str]:
-    """`planned` and `predicted` together; without gmsh the plan is told all the same, with the reason for the rest.
+        directory: of a study to go by; None: by what this machine's calibration knows.
 
     Raises:
         MeshError: a mesh cannot be made.
+        OutputError: the directory holds no study.
     """
     from ..planning.plan import make_plan
+    from ..simulation.build import estimate
+    from .prediction import first_mesh, learnt, predict
 
+    plan, known = make_plan(scene), learnt(scene, directory)
+    cheaper = tuple(known.cheaper())
     try:
-        plan = planned(scene)
-        return plan, *predicted(scene, plan)
+        expense = estimate(scene).estimate if scene.numerics.accuracy is None else first_mesh(scene)
+        assert expense is not None
+        return Foretold(plan.with_estimate(expense), predict(known, expense), cheaper)
     except MissingError as error:
-        return make_plan(scene), None, f"  cells, unknowns, memory and time are not known: {error}"
+        unknown = f"  cells, unknowns, memory and time are not known: {error}"
+        return Foretold(plan, unknown, cheaper)
 
 
 # -- calibration --------------------------------------------------------------------------------------------
@@ -142,8 +141,8 @@ def calibrate(say: Say) -> str:
         raise ConvergenceError(f"calibrate: no scene could be run: {failed[0]}")
     with reported(directory):
         shutil.rmtree(directory)
-    runs = len(calibration.read().runs)
-    return "\n".join([f"{'calibration':<20}{calibration.path()}: {runs} runs", *failed])
+    scenes_known = len(calibration.read())
+    return "\n".join([f"{'calibration':<20}{calibration.path()}: {scenes_known} scenes", *failed])
 
 
 def builtin() -> dict[str, Scene]:

@@ -7,7 +7,9 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from .frontier import WORTH
+import numpy as np
+
+from .frontier import FLATTEST, LEAST_SPAN, WORTH
 
 if TYPE_CHECKING:
     from .measurement import Judged
@@ -24,6 +26,8 @@ class Compared:
     change:   largest relative difference between the leading numbers of both
     error:    relative to the own one's; None where neither can be told apart from the reference's
     time:     processor time beyond starting the program
+    time_at_error: the same at equal errors, by how error and time go together on the rungs; None where not known
+    steadily: whether it took less time at equal errors on every rung
     newton, factorisations: how many there are of them, None where one of both has none
     on_front: how many of the runs are on the front
     """
@@ -33,16 +37,17 @@ class Compared:
     change: float
     error: float | None
     time: float
+    time_at_error: float | None
+    steadily: bool
     memory: float
     newton: float | None
     factorisations: float | None
     on_front: int
 
     @property
-    def dominates(self) -> bool:
-        """Whether it is cheaper or more accurate by a tenth, and not by a tenth worse in the other."""
-        error = 1.0 if self.error is None else self.error
-        return min(error, self.time) < 1.0 / WORTH and max(error, self.time) < WORTH
+    def cheaper(self) -> bool:
+        """Whether it takes less time at equal errors: by a tenth on the whole, and on every rung."""
+        return self.time_at_error is not None and self.steadily and self.time_at_error < 1.0 / WORTH
 
 
 def compared(judged: Sequence[Judged], front: Sequence[int], goals: Sequence[Goal]) -> tuple[Compared, ...]:
@@ -74,18 +79,46 @@ def _compared(
         """The mean ratio of a number of both."""
         return _mean([(number(one), number(own)) for one, own in among])
 
-    clear = [pair for pair in pairs if any(one.told_apart for one in pair)]
+    clear = [pair for pair in pairs if any(one.told_apart for one in pair) and all(one.error for one in pair)]
+    ratios = _at_equal_errors(clear)
     return Compared(
         solver,
         tuple(own.run.rung.name for _, own in pairs),
         max(goal.error(one.run.found, own.run.found) for one, own in pairs for goal in leading),
         mean(lambda one: one.error, clear),
-        mean(lambda one: max(one.run.cpu - one.run.start, FEWEST_SECONDS)) or 1.0,
+        mean(_time) or 1.0,
+        math.exp(float(np.mean(np.log(ratios)))) if ratios else None,
+        bool(ratios) and max(ratios) < 1.0,
         mean(lambda one: one.run.peak_mib) or 1.0,
         mean(lambda one: one.run.counts.newton),
         mean(lambda one: one.run.counts.factorisations),
         on_front,
     )
+
+
+def _time(one: Judged) -> float:
+    """Processor time beyond starting the program [s]."""
+    return max(one.run.cpu - one.run.start, FEWEST_SECONDS)
+
+
+def _at_equal_errors(pairs: Sequence[tuple[Judged, Judged]]) -> list[float]:
+    """Ratios of times rung by rung, had both ways the same error; none where that cannot be told.
+
+    The time for an error goes like error^-slope, with the slope of a line through the rungs of one order and way,
+    the same for all of them. Without one, the errors themselves must be alike.
+    """
+    groups: dict[tuple[int, str], list[tuple[float, float]]] = {}
+    for one in (one for pair in pairs for one in pair):
+        rung = one.run.rung
+        groups.setdefault((rung.order, rung.solver), []).append((math.log(one.error), math.log(_time(one))))
+    apart = [np.array(group) - np.mean(group, axis=0) for group in groups.values()]
+    errors, times = np.concatenate(apart).T if apart else np.zeros((2, 1))
+    slope = 0.0
+    if np.ptp(errors) > math.log(LEAST_SPAN):
+        slope = float(np.clip(-(errors @ times) / (errors @ errors), 0.0, 1.0 / FLATTEST))
+    elif any(not 1.0 / WORTH < one.error / own.error < WORTH for one, own in pairs):
+        return []
+    return [_time(one) / _time(own) * (one.error / own.error) ** slope for one, own in pairs]
 
 
 def _mean(pairs: Sequence[tuple[float, float]]) -> float | None:

@@ -15,20 +15,21 @@ from .measurement import Rung
 RATIO = math.sqrt(2.0)  # of cell sizes from one rung to the next
 UNEQUAL = 1.02  # ratios that differ by more are not the same
 SMALLEST, LARGEST = 0.01, 100.0  # of numerics.mesh_size
+COMPARED = 3  # rungs on which ways to solve are compared: so many tell how error and time go together
 
 
 @dataclass(frozen=True)
 class Ladder:
     """The runs to compare, the cheapest of each order first, and the finer one they are compared with.
 
-    line:   runs of the reference's order, each finer than the one before, the reference last
-    middle: one of the rungs, amid the orders, sizes and steps
+    line:  runs of the reference's order, each finer than the one before, the reference last
+    cheap: the coarsest rungs of the middle order, on which ways to solve are compared
     """
 
     rungs: tuple[Rung, ...]
     reference: Rung
     line: tuple[Rung, ...]
-    middle: Rung
+    cheap: tuple[Rung, ...]
 
     @property
     def compared(self) -> tuple[Rung, ...]:
@@ -54,7 +55,7 @@ class Ladder:
 class Spread:
     """Orders of the velocity; cell sizes and time steps as multiples of the scene's, the coarsest first.
 
-    solvers: ways to solve besides the scene's own, on every rung; None: the usual ones, on the middle rung only
+    solvers: ways to solve besides the scene's own, on every rung; None: the usual ones, on a few cheap rungs
     """
 
     orders: tuple[int, ...] = (2, 3, 4)
@@ -93,7 +94,8 @@ def ladder(scene: Scene, spread: Spread) -> Ladder:
     plain = _solved_as_is(scene, spread)
     at, ways = plain.rungs, solvers.named(scene, spread.solvers or ())
     if spread.solvers is None:
-        at, ways = (plain.middle,), solvers.usual(plain.middle.of(scene))
+        at = plain.cheap
+        ways = tuple(dict.fromkeys(way for rung in at for way in solvers.usual(rung.of(scene))))
     found = itertools.chain.from_iterable(
         (rung, *(_others(scene, rung, ways) if rung in at else ())) for rung in plain.rungs
     )
@@ -117,13 +119,13 @@ def _solved_as_is(scene: Scene, spread: Spread) -> Ladder:
 
 def _steady(orders: Sequence[int], sizes: Sequence[float]) -> Ladder:
     rungs = tuple(Rung(order, size) for order in orders for size in sizes)
-    highest, middle = orders[-1], Rung(_middle_order(orders), sizes[len(sizes) // 2])
+    highest, cheap = orders[-1], _cheap(rungs, orders)
     # A higher order is worth more than finer cells; without one they must be much finer.
     if highest < 4:
         reference = Rung(highest + 1, max(sizes[-1] / 2.0, SMALLEST))
-        return Ladder(rungs, reference, (reference,), middle)
+        return Ladder(rungs, reference, (reference,), cheap)
     reference = Rung(4, max(sizes[-1] / RATIO, SMALLEST))
-    return Ladder(rungs, reference, (*(Rung(4, size) for size in sizes), reference), middle)
+    return Ladder(rungs, reference, (*(Rung(4, size) for size in sizes), reference), cheap)
 
 
 def _unsteady(orders: Sequence[int], sizes: Sequence[float], steps: Sequence[float]) -> Ladder:
@@ -137,13 +139,13 @@ def _unsteady(orders: Sequence[int], sizes: Sequence[float], steps: Sequence[flo
     rungs = tuple(Rung(order, *pair) for order in orders for pair in pairs)
     reference = Rung(orders[-1], max(sizes[-1] / RATIO, SMALLEST), steps[-1] / 2.0)
     diagonal = [Rung(orders[-1], *pair) for pair in zip(sizes, steps, strict=True)]
-    middle = replace(diagonal[len(diagonal) // 2], order=_middle_order(orders))
-    return Ladder(rungs, reference, (*dict.fromkeys(diagonal), reference), middle)
+    return Ladder(rungs, reference, (*dict.fromkeys(diagonal), reference), _cheap(rungs, orders))
 
 
-def _middle_order(orders: Sequence[int]) -> int:
-    """Of an even number the lower one of the two in the middle, which is the cheaper."""
-    return orders[(len(orders) - 1) // 2]
+def _cheap(rungs: Sequence[Rung], orders: Sequence[int]) -> tuple[Rung, ...]:
+    """The coarsest rungs of the middle order; of an even number of orders the lower of the two in the middle."""
+    order = orders[(len(orders) - 1) // 2]
+    return tuple(rung for rung in rungs if rung.order == order)[:COMPARED]
 
 
 def _lengthened(values: Sequence[float], length: int) -> Sequence[float]:

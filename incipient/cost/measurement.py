@@ -12,14 +12,13 @@ import resource
 import sys
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..scene import Scene
 from ..simulation.recorder import Unrecorded
 from . import process, solvers
-from .counts import NOTHING, Counts
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -79,6 +78,22 @@ class Rung:
 
 
 @dataclass(frozen=True)
+class Counts:
+    """Time steps, Newton corrections, factorisations, Krylov iterations, new meshes after the first of a run."""
+
+    steps: int = 0
+    newton: int = 0
+    factorisations: int = 0
+    krylov: int = 0
+    remeshings: int = 0
+
+    @classmethod
+    def of(cls, data: Mapping[str, Any]) -> Counts:
+        """From numbers by name; what is missing is none, other names do not matter."""
+        return cls(**{one.name: int(data.get(one.name, 0)) for one in fields(cls)})
+
+
+@dataclass(frozen=True)
 class Measured:
     """What a run took and gave.
 
@@ -94,7 +109,7 @@ class Measured:
     peak_mib: float = 0.0
     cells: int = 0
     unknowns: int = 0
-    counts: Counts = NOTHING
+    counts: Counts = Counts()
     found: Mapping[str, float] = field(default_factory=dict)
     failed: str = ""
 

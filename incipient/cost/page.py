@@ -1,4 +1,4 @@
-"""A study of what accuracy costs as files: cost.json and cost.md, and its runs kept as this machine's calibration."""
+"""A study of what accuracy costs as files: cost.json and cost.md."""
 
 from __future__ import annotations
 
@@ -7,14 +7,11 @@ from pathlib import Path
 
 from ..files import write_json, write_text_atomically
 from ..scene import Scene
-from . import calibration as calibrations
-from . import frontier, solvers
-from .calibration import KnownErrors
+from . import calibration, frontier, solvers
 from .comparison import Compared
-from .errorlaw import ErrorLaw, Seen, fit
+from .findings import findings
 from .frontier import Law, percent, seconds
 from .measurement import ENOUGH, TURNS, Judged, Measured
-from .prices import Work
 from .study import Study, doubt, to_dict
 
 
@@ -24,7 +21,8 @@ def write(study: Study, directory: Path) -> None:
     Raises:
         OutputError: they cannot be written.
     """
-    write_json(directory / "cost.json", to_dict(study))
+    told = {**to_dict(study), "findings": calibration.plain(findings(study))}
+    write_json(directory / calibration.STUDY, told)
     write_text_atomically(directory / "cost.md", page(study))
 
 
@@ -96,20 +94,20 @@ def _solvers(study: Study) -> list[str]:
     if not found:
         return []
     rows = [_solver_row(one, study.scene) for one in found]
-    numbers = ["time", "error", "change", "memory", "corrections", "factorisations"]
-    table = _table(["way to solve", *numbers, "what it is", "set by"], rows, left=(7, 8))
+    numbers = ["time at equal errors", "time", "error", "change", "memory", "corrections", "factorisations"]
+    table = _table(["way to solve", *numbers, "what it is", "set by"], rows, left=(8, 9))
     return [_said_of_solvers(study), table]
 
 
 def _solver_row(one: Compared, scene: Scene) -> list[str]:
-    ratios = [_ratio(value) for value in (one.time, one.error, one.memory, one.newton, one.factorisations)]
+    found = (one.time_at_error, one.time, one.error, one.memory, one.newton, one.factorisations)
+    ratios = [_ratio(value) for value in found]
     set_by = "; ".join(f"`{setting}`" for setting in solvers.settings(one.solver, scene))
     return [
         one.solver,
-        ratios[0],
-        ratios[1],
+        *ratios[:3],
         percent(one.change),
-        *ratios[2:],
+        *ratios[3:],
         solvers.said(one.solver),
         set_by,
     ]
@@ -119,21 +117,16 @@ def _said_of_solvers(study: Study) -> str:
     found = study.solvers()
     tried = {name for one in found for name in one.rungs}
     where = f"at {next(iter(tried))}" if len(tried) == 1 else f"on {len(tried)} rungs, geometric means"
-    better = [
-        f"*{one.solver}* (time {_ratio(one.time)}, error {_ratio(one.error)})"
-        for one in found
-        if one.dominates
-    ]
-    best = "None of them is better by a tenth in time or error without being worse by a tenth in the other."
+    better = [f"*{one.solver}* ({_ratio(one.time_at_error)})" for one in found if one.cheaper]
+    best = "None of them is cheaper at equal errors by a tenth on the whole and on every rung."
     if better:
-        best = (
-            f"Better by a tenth in time or error, and not worse by a tenth in the other: {', '.join(better)}."
-        )
+        best = f"Cheaper at equal errors, by a tenth on the whole and on every rung: {', '.join(better)}."
     return (
         f"**Ways to solve** beside the scene's own ({solvers.own(study.scene)}), {where}. Time (without that of "
         'starting), error, memory, Newton\'s corrections and factorisations are relative to its own; "-": error not '
-        "to be told apart from the reference's, or nothing to count. The change is the largest relative difference "
-        f"between the numbers of both. {best}"
+        "to be told apart from the reference's, or nothing to count. At equal errors: by how error and time go "
+        "together on these rungs. The change is the largest relative difference between the numbers of both. "
+        f"{best}"
     )
 
 
@@ -166,52 +159,3 @@ def _failures(study: Study) -> str:
 def _table(heads: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int] = ()) -> str:
     marks = [":--" if column == 0 or column in left else "--:" for column in range(len(heads))]
     return "\n".join(f"| {' | '.join(cells)} |" for cells in (heads, marks, *rows))
-
-
-# -- what stays on this machine -----------------------------------------------------------------------------
-
-
-def keep(study: Study) -> None:
-    """Add the study to this machine's calibration: its runs that were solved as the scene says. Not collective.
-
-    Raises:
-        OutputError: it cannot be written.
-    """
-    scene, runs = study.scene, [*(one.run for one in study.judged), study.compared_with]
-    known = [
-        calibrations.known(
-            scene,
-            _work(study, run),
-            run.rung.mesh_size,
-            run.rung.step,
-            start=run.start,
-            cpu=run.cpu,
-            peak_mib=run.peak_mib,
-        )
-        for run in runs
-        if not run.rung.solver
-    ]
-    laws = {goal.name: law for goal in study.goals if goal.leading and (law := _error_law(study, goal.name))}
-    title = scene.title or "a scene without a title"
-    errors = KnownErrors(title, calibrations.kind(scene), laws) if laws else None
-    calibrations.write(calibrations.read().with_scene(calibrations.digest(scene), known, errors))
-
-
-def _work(study: Study, run: Measured) -> Work:
-    kind = calibrations.kind(study.scene)
-    return Work(kind, run.rung.order, run.cells, run.unknowns, run.counts)
-
-
-def _error_law(study: Study, goal: str) -> ErrorLaw | None:
-    scene = study.scene
-    seen = [
-        Seen(
-            one.run.rung.order,
-            one.run.rung.mesh_size,
-            calibrations.step_of_flow(scene, one.run.rung.step),
-            one.errors[goal],
-        )
-        for one in study.judged
-        if one.told_apart and not one.run.rung.solver
-    ]
-    return fit(seen, 1.0 if scene.time and scene.time.scheme == "bdf1" else 2.0)

@@ -1,103 +1,112 @@
-"""What a scene's run will take and how accurate it will be, by the calibration of this machine."""
+"""What a run will take and how accurate it will be; where it is to reach an accuracy, its last mesh as well.
+
+All of it is by the laws that studies have found: of the scene itself, else of others of its kind.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from . import calibration as calibrations
-from .calibration import Calibration
-from .frontier import percent
-from .times import Expected, Times, finer_unknowns
+import numpy as np
+
+from ..planning import drawing
+from . import calibration, solvers
+from .calibration import Findings
+from .frontier import percent, seconds
+from .ladder import LARGEST
+from .laws import error_at
 
 if TYPE_CHECKING:
     from ..planning.plan import Estimate
     from ..scene import Scene
 
-# The least that errors of own runs, and those of others, are trusted to.
-OWN_SPREAD, UNKNOWN_SPREAD = 2.0, 5.0
-STUDY = "run `incipient cost SCENE` for this scene"
-HOW = f"{STUDY}, or `incipient calibrate` once for the machine"
+# Factors within which times by runs of the scene, of other scenes, and of another machine are trusted, and errors.
+OWN, FOREIGN, ELSEWHERE = 1.4, 2.0, 3.0
+OWN_ERROR, FOREIGN_ERROR = 2.0, 5.0
+LIMIT = "numerics.budget_seconds limits the time"
 
 
 @dataclass(frozen=True)
-class PredictedError:
-    """A relative error and the range it may lie in."""
+class Error:
+    """A relative error that is known to a factor."""
 
     value: float
-    low: float
-    high: float
+    factor: float
+
+    def __str__(self) -> str:
+        return f"about {percent(self.value)} (to a factor of {self.factor:.2g})"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Prediction(Expected):
-    """What a run is expected to take, and its relative errors by quantity."""
+@dataclass(frozen=True)
+class Learnt:
+    """What studies tell of a scene.
 
-    errors: Mapping[str, PredictedError] = field(default_factory=dict)
+    own:    whether they are of the scene itself; where: which they are, in words
+    factor: to which times are trusted
+    """
 
-    def text(self) -> str:
-        """A few lines for a reader."""
-        lines = [f"  {self.sentence()}"]
-        for goal, error in self.errors.items():
-            between = f"{percent(error.low)} to {percent(error.high)}"
-            lines.append(f"  error of the {goal} about {percent(error.value)} ({between})")
-        if not self.errors:
-            lines.append("  errors: none are known for scenes of this kind; run `incipient cost SCENE`")
-        elif not self.own:
-            lines.append(
-                "  errors are those of other scenes of its kind; for its own: `incipient cost SCENE`"
-            )
-        return "\n".join(lines)
+    scene: Scene
+    findings: tuple[Findings, ...]
+    own: bool
+    factor: float
+    where: str
+
+    def mean(self, number: Callable[[Findings], float]) -> float:
+        """The geometric mean of a number of each."""
+        return math.exp(float(np.mean([math.log(number(one)) for one in self.findings])))
+
+    def errors(self, scene: Scene) -> dict[str, Error]:
+        """Errors by goal of the scene with any cells, order and steps, of goals that it shares with those studied."""
+        step = calibration.step_of_flow(scene, scene.time.step if scene.time else None)
+        at, found = (scene.numerics.order, scene.numerics.mesh_size, step), {}
+        for goal in {goal: None for one in self.findings for goal in one.errors}:
+            if self.own or goal in _goals(scene):
+                told = [error_at(one.errors[goal], *at) for one in self.findings if goal in one.errors]
+                logs = np.log([max(error, 1e-300) for error, _ in told])
+                factor = math.exp(2.0 * np.std(logs)) * max(scatter for _, scatter in told)
+                least = OWN_ERROR if self.own else FOREIGN_ERROR
+                found[goal] = Error(math.exp(np.mean(logs)), max(factor, least))
+        return found
+
+    def cheaper(self) -> list[str]:
+        """Ways to solve that the last of the studies found to be cheaper than the scene's, in words."""
+        last = self.findings[-1]
+        study = "the last study" if self.own else f'the study of "{last.title}"'
+        return [
+            f"{' with '.join(solvers.settings(way, self.scene))} took {share:.2g} of the time at the same error "
+            f"in {study}"
+            for way, share in sorted(last.cheaper.items(), key=lambda one: one[1])
+            if solvers.differs(way, self.scene)
+        ]
 
 
-def predict(scene: Scene, estimate: Estimate) -> Prediction | None:
-    """What the run of a scene will take, None if this machine is not calibrated. Not collective.
-
-    Args:
-        scene: what will be run.
-        estimate: cells and unknowns, counted on its mesh.
+def learnt(scene: Scene, study: Path | None = None) -> Learnt:
+    """What is known of a scene by a study in a directory, this machine's calibration, or that shipped. Not collective.
 
     Raises:
-        MeshError: a coarse mesh for the error bars cannot be made.
+        OutputError: the directory holds no study.
     """
-    calibration = calibrations.read()
-    times = Times.of(scene, calibration)
-    if times is None:
-        return None
-    cpu = times.prices.start + times.beyond_start(scene, estimate) + times.error_bars(scene, estimate)
-    unknowns = [estimate.unknowns]
-    if scene.time is None and scene.body is not None and scene.numerics.error_bars:
-        unknowns.append(finer_unknowns(estimate.unknowns, scene.numerics.order))
-    return Prediction(**times.expected(cpu, cpu, cpu, unknowns), errors=errors_of(calibration, scene))
-
-
-def uncalibrated() -> str:
-    """What to say without a calibration."""
-    return f"  time and accuracy: not known on this machine yet; {HOW}"
-
-
-def errors_of(calibration: Calibration, scene: Scene) -> dict[str, PredictedError]:
-    """Errors by the scene's own laws, else by those of all scenes of its kind."""
-    step = calibrations.step_of_flow(scene, scene.time.step if scene.time else None)
-    own = calibration.errors.get(calibrations.digest(scene))
-    known = [own] if own else [k for k in calibration.errors.values() if k.kind == calibrations.kind(scene)]
-    found: dict[str, list[tuple[float, float]]] = {}
-    for one in known:
-        for goal, law in one.laws.items():
-            error = law.error(scene.numerics.order, scene.numerics.mesh_size, step)
-            found.setdefault(goal, []).append(error)
-    expected = _goals(scene)
-    predicted = {}
-    for goal, errors in found.items():
-        if own is None and goal not in expected:
-            continue
-        value, factor = calibrations.spread_of(errors)
-        factor = max(factor, OWN_SPREAD if own else UNKNOWN_SPREAD)
-        if math.isfinite(value):
-            predicted[goal] = PredictedError(value, value / factor, value * factor)
-    return predicted
+    given = {} if study is None else calibration.of_study(study)
+    here, elsewhere = calibration.read(), calibration.shipped()
+    places = (
+        (f"in {study}", given, FOREIGN),
+        ("on this machine", here, FOREIGN),
+        ("on another machine", elsewhere, ELSEWHERE),
+    )
+    for where, known, _ in places[:2]:
+        if own := known.get(calibration.digest(scene)):
+            return Learnt(scene, (own,), True, OWN, f"by runs of this scene {where}")
+    kind = calibration.kind(scene)
+    alike = (
+        (where, [one for one in known.values() if one.kind == kind], factor)
+        for where, known, factor in places
+    )
+    where, found, factor = next(one for one in alike if one[1])
+    return Learnt(scene, tuple(found), False, factor, f"by runs of other scenes {where}")
 
 
 def _goals(scene: Scene) -> tuple[str, ...]:
@@ -105,3 +114,191 @@ def _goals(scene: Scene) -> tuple[str, ...]:
     if scene.body is None:
         return ("minimum of v1", "maximum of v2", "minimum of v2", "kinetic energy")
     return ("place", "angle") if scene.body.moves else ("force", "couple", "safety factor")
+
+
+# -- what a run comes to ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class LastMesh:
+    """The last mesh of a run to an accuracy as it is expected.
+
+    first: error on the first mesh; meshes: how many are tried; step: None for steady flow
+    """
+
+    first: Error
+    meshes: int
+    order: int
+    unknowns: int
+    step: float | None
+    reaches: bool
+
+    def text(self) -> str:
+        """Two lines for a reader."""
+        said, reached = "the first mesh is expected to do", "" if self.reaches else "not to be reached, "
+        if self.meshes > 1:
+            unknowns = (
+                f"about {float(f'{self.unknowns:.2g}'):.0f} unknowns in P{self.order}-P{self.order - 1}"
+            )
+            said = f"{self.meshes} meshes expected, {reached}the last of {unknowns}"
+            said += "" if self.step is None else f", step {self.step:.3g}"
+        return f"  error on the first mesh {self.first}\n  {said}"
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Processor time [s] that is known to a factor, memory [MiB] and relative errors by quantity.
+
+    own:  whether runs of the scene itself are known, or only others; source: the same in words
+    last: where an accuracy is asked for, which then is the error
+    """
+
+    cpu: float
+    factor: float
+    peak_mib: float
+    own: bool
+    source: str
+    errors: Mapping[str, Error]
+    last: LastMesh | None
+
+    def text(self) -> str:
+        """A few lines for a reader."""
+        lines = [self.last.text()] if self.last else []
+        time = f"about {seconds(self.cpu)} of processor time (to a factor of {self.factor:g})"
+        lines.append(f"  {time}, {self.peak_mib:.0f} MiB at the peak, error bars included, {self.source}")
+        lines += [f"  error of the {goal} {error}" for goal, error in self.errors.items()]
+        return "\n".join([*lines, *([] if self.own else ["  better known after `incipient cost SCENE`"])])
+
+
+@dataclass(frozen=True)
+class _Run:
+    """A scene with the unknowns on its mesh."""
+
+    scene: Scene
+    unknowns: int
+
+    @property
+    def size(self) -> tuple[int, float]:
+        """Unknowns and time steps."""
+        time = self.scene.time
+        return self.unknowns, time.end / time.step if time else 0.0
+
+    @property
+    def of_dual(self) -> int:
+        """Unknowns with elements of one order more, in which errors of steady flow are estimated."""
+        order = self.scene.numerics.order
+        before, after = (k**2 + (k - 1) ** 2 / 2.0 for k in (order, order + 1))
+        return round(self.unknowns * after / before)
+
+
+def predict(known: Learnt, estimate: Estimate) -> Prediction | str:
+    """What the run of a scene will come to, or in words why that is not known. Not collective.
+
+    Args:
+        known: what studies tell of the scene.
+        estimate: cells and unknowns on its mesh, the first one where an accuracy is asked for.
+
+    Raises:
+        MeshError: a mesh cannot be made.
+    """
+    from ..accuracy.errorbars import coarse_scenes, coarser
+
+    scene, last, path = known.scene, None, [_Run(known.scene, estimate.unknowns)]
+    if scene.numerics.accuracy is not None:
+        found = _search(known, estimate.unknowns)
+        if isinstance(found, str):
+            return f"  final mesh, time and memory: not known: {found}"
+        path, last = found
+    end, bars = path[-1], scene.numerics.error_bars and scene.body is not None
+    wanted = coarse_scenes(end.scene) if bars else []
+    if len(path) > 1 and scene.time is not None:
+        wanted = [one for one in wanted if one != coarser(end.scene)]  # which is of the path
+    runs = [run.size for run in (*path, *map(_counted, wanted))]
+    duals = [run.of_dual for run in path] if scene.time is None and (bars or last) else []
+    cpu = known.mean(lambda one: one.time.seconds(runs, duals))
+    memory = known.mean(lambda one: one.memory) * drawing.memory(end.unknowns, *duals[-1:])
+    errors = {} if last else known.errors(scene)
+    return Prediction(cpu, known.factor, memory, known.own, known.where, errors, last)
+
+
+def _counted(scene: Scene) -> _Run:
+    """A scene with its unknowns, by making its mesh."""
+    from ..simulation.build import estimate
+
+    made = estimate(scene).estimate
+    assert made is not None
+    return _Run(scene, made.unknowns)
+
+
+# -- to an accuracy -----------------------------------------------------------------------------------------
+
+
+def first_mesh(scene: Scene) -> Estimate:
+    """Cells, unknowns and memory on the first mesh of a run to an accuracy, by making it. Not collective.
+
+    Raises:
+        MeshError: it cannot be made.
+    """
+    from ..adaptive import halving
+    from ..adaptive.refinement import COARSEST, coarse_sizes
+    from ..planning.plan import make_plan
+
+    steady = scene.time is None
+    first = scene if steady else halving.first(scene)
+    plan = make_plan(first)
+    layout = drawing.lay_out(first, plan)
+    return drawing.count(coarse_sizes(COARSEST, None, layout) if steady else layout, plan.order, dual=steady)
+
+
+def _search(known: Learnt, unknowns: int) -> tuple[list[_Run], LastMesh] | str:
+    """The meshes of a run to an accuracy that starts from so many unknowns, or why they are not known."""
+    from ..accuracy.errorbars import changed
+    from ..adaptive import halving
+    from ..adaptive.refinement import COARSEST
+
+    scene, numerics, time = known.scene, known.scene.numerics, known.scene.time
+    if not isinstance(numerics.accuracy, float | int):
+        return f"they hang on what decides the verdict; {LIMIT}"
+    if numerics.accuracy_includes == "all":
+        return f"gap and domain are chosen by coarse runs before; {LIMIT}"
+    if scene.body is not None and scene.body.moves:
+        return f"there is no law of errors for the load on a grain that moves; {LIMIT}"
+    if time is not None and time.tolerance is not None:
+        return f"there is no law of errors for steps that adapt; {LIMIT}"
+    largest = min(COARSEST * numerics.mesh_size, LARGEST)
+    first = halving.first(scene) if time else changed(scene, numerics={"mesh_size": largest})
+    error = known.errors(first).get(numerics.accuracy_of)
+    if error is None:
+        return f"no error of the {numerics.accuracy_of} is known for scenes of this kind; run `incipient cost SCENE`"
+    asked = numerics.accuracy
+    path, reaches = _refined(_Run(scene, unknowns), error.value / asked), True
+    if time is not None:
+        path, reaches = _halved(_Run(first, unknowns), known, asked)
+    end, time = path[-1], path[-1].scene.time
+    step = time.step if time else None
+    return path, LastMesh(error, len(path), end.scene.numerics.order, end.unknowns, step, reaches)
+
+
+def _refined(first: _Run, excess: float) -> list[_Run]:
+    """The first mesh of a steady flow and, where its error exceeds what is asked, the second, mostly the last."""
+    from ..accuracy.errorbars import changed
+    from ..adaptive.refinement import AIM, GAIN, UNKNOWNS, cheapest_order
+
+    if excess <= 1.0:
+        return [first]
+    before = first.scene.numerics.order
+    order = cheapest_order(before, excess / AIM)
+    left = max(1.0, excess * GAIN ** (order - before) / AIM)
+    unknowns = first.unknowns * UNKNOWNS[order] / UNKNOWNS[before] * left ** (1.0 / order)
+    return [first, _Run(changed(first.scene, numerics={"order": order}), round(unknowns))]
+
+
+def _halved(first: _Run, known: Learnt, asked: float) -> tuple[list[_Run], bool]:
+    """Ever finer runs in time until the error, that by which the last two differ, is small enough; whether it is."""
+    from ..adaptive.halving import MOST_RUNS, finer
+
+    path, error = [first], math.inf
+    while error > asked and len(path) < MOST_RUNS:
+        path.append(_counted(finer(path[-1].scene)))
+        error = known.errors(path[-1].scene)[known.scene.numerics.accuracy_of].value
+    return path, error <= asked

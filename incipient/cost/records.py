@@ -11,8 +11,7 @@ from pathlib import Path
 from ..errors import OutputError
 from ..files import append_row, reported, write_text_atomically
 from ..scene import Scene
-from .counts import COUNTS, Counts
-from .measurement import Measured, Rung
+from .measurement import Counts, Measured, Rung
 from .quantities import columns
 
 Key = tuple[int, str, str, str]
@@ -46,7 +45,7 @@ def row_of(scene: Scene, run: Measured) -> dict[str, float | int | str]:
         "cells": run.cells if good else "",
         "unknowns": run.unknowns if good else "",
     }
-    row |= {name: getattr(run.counts, name) if good else "" for name in COUNTS}
+    row |= {name: count if good else "" for name, count in vars(run.counts).items()}
     return row | {name: repr(run.found[name]) if good else "" for name in columns(scene)}
 
 
@@ -88,7 +87,7 @@ def _run_of(scene: Scene, row: Mapping[str, str]) -> Measured:
         peak_mib=float(row["memory [MiB]"]),
         cells=int(row["cells"]),
         unknowns=int(row["unknowns"]),
-        counts=Counts(**{name: int(row[name]) for name in COUNTS}),
+        counts=Counts.of(row),
         found={name: float(row[name]) for name in columns(scene)},
     )
 

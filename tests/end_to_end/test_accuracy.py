@@ -13,7 +13,7 @@ from mpi4py import MPI
 import incipient
 from incipient.accuracy.errorbars import changed
 from incipient.adaptive import refinement
-from incipient.cost.forecast import first_mesh
+from incipient.cost.prediction import first_mesh
 from incipient.errors import ConvergenceError
 from incipient.results.result import Result
 from incipient.scene import Scene, load, loads

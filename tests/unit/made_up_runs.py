@@ -6,9 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from incipient.cost import study as cost
-from incipient.cost.counts import Counts
 from incipient.cost.ladder import ladder, spread
-from incipient.cost.measurement import Measured, Rung
+from incipient.cost.measurement import Counts, Measured, Rung
 from incipient.scene import Scene, loads
 from incipient.scene.example import commented, grain_on_bed
 

@@ -1,4 +1,4 @@
-"""What accuracy costs: fronts, laws, references, words, rungs and rows, the resumption of a study, the prediction.
+"""What accuracy costs: fronts, laws, references, words, rungs and rows, the resumption of a study.
 
 Runs are made up here, from laws whose constants the fits must find again; tests/end_to_end has real ones.
 """
@@ -16,20 +16,13 @@ from made_up_runs import TIMED, Runner, climbed, quiet, scene
 
 from incipient.cost import calibration, frontier, quantities
 from incipient.cost import page as cost_page
-from incipient.cost import prices as expense
 from incipient.cost import study as cost
-from incipient.cost.command import builtin, chosen, predicted, told
-from incipient.cost.counts import Counts
-from incipient.cost.errorlaw import ErrorLaw, Seen, fit
+from incipient.cost.command import builtin, chosen, told
 from incipient.cost.ladder import QUICK, RATIO, Spread, ladder, spread
 from incipient.cost.ladder import STEADY as STEADY_SPREAD
 from incipient.cost.measurement import Measured, Rung
-from incipient.cost.prediction import predict
-from incipient.cost.prices import STEADY, UNSTEADY, Known, Work
 from incipient.cost.records import known_runs
 from incipient.errors import ConvergenceError, OutputError, SceneError
-from incipient.planning import drawing as layout
-from incipient.planning.plan import Estimate, make_plan
 from incipient.scene import Scene
 
 # -- numbers ------------------------------------------------------------------------------------------------
@@ -116,19 +109,6 @@ def test_richardson() -> None:
 def test_a_reference_alone_is_doubted_by_what_lies_nearest() -> None:
     found = frontier.reference([{"a": 1.0}], math.nan, [{"a": 1.4}, {"a": 3.0}])
     assert found.uncertainty["a"] == pytest.approx(0.1)
-
-
-def test_error_law_is_found_again() -> None:
-    """0.03 h^3 + 2 dt^2 and 0.01 h^5."""
-    seen = [Seen(2, h, t, 0.03 * h**3 + 2.0 * t**2) for h in (2.0, 1.4, 1.0) for t in (0.1, 0.05)]
-    seen += [Seen(3, h, 0.0, 0.01 * h**5) for h in (2.0, 1.0)]
-    law = fit(seen, rate=2.0)
-    assert law is not None
-    assert law.error(2, 0.7, 0.02)[0] == pytest.approx(0.03 * 0.7**3 + 2.0 * 0.02**2, rel=1e-6)
-    assert law.error(3, 0.5, 0.0) == pytest.approx((0.01 / 32, 1.0), rel=1e-6)
-    assert law.error(4, 0.5, 0.0)[1] >= 3.0, "an order that was not measured is known less well"
-    assert ErrorLaw.of_dict(json.loads(json.dumps(law.to_dict()))) == law
-    assert fit([], 2.0) is None
 
 
 def test_peak_between_samples() -> None:
@@ -256,98 +236,6 @@ def test_the_page_says_it(tmp_path: Path) -> None:
     assert "| each further digit | x" in text
     assert "Runs that failed:" in text
     assert json.loads((tmp_path / "cost.json").read_text())["failed"][0]["name"] == Rung(2, 2.0).name
-
-
-# -- prediction ---------------------------------------------------------------------------------------------
-
-
-def known(order: int, n: int, name: str = "a", kind: str = STEADY, steps: int = 0) -> Known:
-    """A run that took 0.9 s and a price for each kind of work."""
-    counts = Counts(steps, newton=max(6, 2 * steps), factorisations=3, krylov=10 + steps)
-    work = Work(kind, order, n // 5, n, counts)
-    cpu = 0.9 + 0.4 + float(np.array([0, 1e-4, 1e-8, 2e-7, 1e-7, 1e-9, 0]) @ np.array(work.parts()))
-    step = 1.0 / steps if steps else 0.0
-    return Known(name, work, (6000 / n) ** 0.5, step, 100.0, "implicit", 0.9, cpu, layout.memory(n) * 1.1)
-
-
-RUNS = [known(order, n) for order in (2, 3, 4) for n in (2000, 6000, 20000)]
-RUNS += [
-    known(order, n, "b", UNSTEADY, steps) for order in (2, 3) for n in (3000, 9000) for steps in (40, 160)
-]
-
-
-def test_prices_are_found_again() -> None:
-    prices = expense.prices(RUNS)
-    for run in (*RUNS, known(3, 60000), known(2, 5000, "b", UNSTEADY, 1000)):
-        assert prices.cpu(run.work) == pytest.approx(run.cpu, rel=0.02)
-    slower = [replace(run, cpu=run.start + 1.5 * (run.cpu - run.start)) for run in RUNS[:3]]
-    assert expense.correction(prices, slower) == pytest.approx(1.5, rel=0.05)
-    assert expense.memory_correction(RUNS) == pytest.approx(1.1)
-
-
-def test_work_is_taken_from_the_run_most_alike() -> None:
-    like = replace(known(2, 5000, "b", UNSTEADY, 80), cpu=0.0)
-    found = expense.most_alike(RUNS, like)
-    assert (found.scene, found.work.order) == ("b", 2)
-    work = expense.work_like(found, 2, 1000, 5000, steps=10 * found.work.counts.steps)
-    assert work.counts.newton == 10 * found.work.counts.newton
-    assert expense.most_alike(RUNS, replace(like, scene="c")).work.kind == UNSTEADY
-
-
-@pytest.fixture
-def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    return tmp_path / "cache" / "incipient" / "calibration.json"
-
-
-def counted(made: Scene, cells: int = 1000, unknowns: int = 5000) -> Estimate:
-    return Estimate(cells, unknowns, 200.0)
-
-
-def test_without_calibration_the_plan_says_how_to_get_one(cache: Path) -> None:
-    made = scene()
-    plan = make_plan(made).with_estimate(counted(made))
-    data, words = predicted(made, plan)
-    assert data is None
-    assert "incipient calibrate" in words
-    assert not cache.exists()
-
-
-def test_a_study_is_kept_and_predicts_its_scene(cache: Path, tmp_path: Path) -> None:
-    study = climbed(tmp_path / "study", Runner())
-    cost_page.keep(study)
-    cost_page.keep(study)
-    runs = calibration.read().runs
-    assert len(runs) == 16, "kept once"
-    made = scene("numerics.error_bars=false", "numerics.mesh_size=1.2")
-    found = predict(made, counted(made, 555, round(4000 * 1.2**-2)))
-    assert found is not None and found.own
-    assert found.cpu == pytest.approx(1.0 + 0.2 * 1.2**-2 * 2, rel=0.15)
-    assert found.errors["force"].value == pytest.approx(0.02 * 0.6**4, rel=0.2)
-    assert found.errors["force"].low <= 0.02 * 0.6**4 <= found.errors["force"].high
-    other = scene("fluid.reynolds=21.0", "numerics.error_bars=false")
-    foreign = predict(other, counted(other))
-    assert foreign is not None and not foreign.own
-    assert foreign.errors["force"].high >= 5.0 * foreign.errors["force"].value * (1 - 1e-12)
-    assert "other scenes" in foreign.text()
-
-
-def test_a_damaged_calibration_is_none(cache: Path, tmp_path: Path) -> None:
-    cost_page.keep(climbed(tmp_path / "study", Runner(), quick=True))
-    for content in ("{", "[]", '{"schema_version": 1, "machines": {}}', '{"schema_version": 99}'):
-        cache.write_text(content)
-        assert calibration.read() == calibration.Calibration()
-    cost_page.keep(climbed(tmp_path / "study", Runner(), quick=True))
-    assert len(calibration.read().runs) == 5
-
-
-def test_calibrations_of_other_machines_stay(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    calibration.write(calibration.Calibration(tuple(RUNS)))
-    with monkeypatch.context() as elsewhere:
-        elsewhere.setattr(calibration, "machine", lambda: "another")
-        assert not calibration.read().runs
-        calibration.write(calibration.Calibration(tuple(RUNS[:2])))
-    assert calibration.read().runs == tuple(RUNS)
 
 
 def test_builtin_scenes_are_of_every_kind() -> None:

@@ -17,6 +17,7 @@ from incipient.cost import page as cost_page
 from incipient.cost import study as cost
 from incipient.cost.command import chosen, told
 from incipient.cost.comparison import compared
+from incipient.cost.findings import findings
 from incipient.cost.ladder import QUICK, STEADY, Spread, ladder
 from incipient.cost.measurement import Measured, Rung, quickest, surroundings
 from incipient.cost.records import completed, known_runs
@@ -82,14 +83,16 @@ def test_what_a_way_changes(monkeypatch: pytest.MonkeyPatch) -> None:
 # -- on which rungs -----------------------------------------------------------------------------------------
 
 
-def test_usual_ways_are_tried_on_a_middle_rung() -> None:
+def test_usual_ways_are_tried_on_three_coarse_rungs() -> None:
     steps = ladder(scene(), STEADY)
-    assert [rung for rung in steps.rungs if rung.solver] == [Rung(3, 1.0, None, way) for way in STEADILY]
-    assert steps.compared == (Rung(3, 1.0),)
+    sizes = [rung.mesh_size for rung in steps.compared]
+    assert sizes == pytest.approx([2.0, np.sqrt(2.0), 1.0])
+    tried = [Rung(3, size, None, way) for size in sizes for way in STEADILY]
+    assert [rung for rung in steps.rungs if rung.solver] == tried
     at = steps.rungs.index(Rung(3, 1.0))
     assert steps.rungs[at + 1].solver == "chords", "soon after the run that it is compared with"
     in_time = ladder(scene(TIMED), Spread((2, 3), (2.0, 1.4, 1.0)))
-    assert in_time.compared == (Rung(2, 1.4, 0.02),)
+    assert in_time.compared == (Rung(2, 2.0, 0.04), Rung(2, 1.4, 0.04), Rung(2, 1.4, 0.02))
     assert not ladder(scene(), QUICK).compared
 
 
@@ -143,29 +146,54 @@ def test_a_way_that_is_as_accurate_in_less_time_takes_the_place_on_the_front(tmp
     ]
 
     chords, loose = study.solvers()
-    assert chords.solver == "chords" and chords.dominates
+    assert chords.solver == "chords" and chords.cheaper
     # The runs start in half a second; the other half of the first one is theirs.
     ratios = [
         (0.5 + 0.1 * n) / (0.5 + 0.2 * n) for p in (2, 3, 4) for n in p * np.array([0.25, 0.5, 1, 2, 4])
     ]
-    assert chords.time == pytest.approx(np.exp(np.mean(np.log(ratios))))
+    assert chords.time == chords.time_at_error == pytest.approx(np.exp(np.mean(np.log(ratios))))
     assert (chords.error, chords.newton) == pytest.approx((1.0, 2.0))
     assert chords.on_front == len(study.front) and chords.change == 0.0
     assert len(chords.rungs) == 15 and chords.memory == 1.0
-    assert not loose.dominates
+    assert not loose.cheaper
     assert loose.change == pytest.approx(0.02, rel=0.03)
+
+
+def test_time_at_equal_errors(tmp_path: Path) -> None:
+    """Own: error 0.02 (h/2)^5 in order 3, time beyond the start 0.5 + 0.6 h^-2.
+
+    A way with twice the error in the same time takes 2^slope of the time for the same error, with the slope of
+    log(time) against -log(error).
+    """
+
+    class Worse(Runner):
+        def __call__(self, scene: Scene, rung: Rung) -> Measured:
+            run = super().__call__(scene, rung)
+            exact = {"force_x": 3.0, "force_y": 4.0, "couple": 0.5, "safety_factor": 1.5}
+            twice = {name: 2.0 * value - exact[name] for name, value in run.found.items()}
+            return replace(run, found=twice) if rung.solver == "loose" else run
+
+    study = climbed(tmp_path, Worse(), ways=None)
+    (loose,) = (one for one in study.solvers() if one.solver == "loose")
+    h = np.array([2.0, np.sqrt(2.0), 1.0])
+    slope = -np.polyfit(5.0 * np.log(h), np.log(0.5 + 0.6 * h**-2), 1)[0]
+    assert (loose.time, loose.error) == (1.0, pytest.approx(2.0, rel=0.01))
+    assert loose.time_at_error == pytest.approx(2.0**slope, rel=0.01)
+    assert not loose.cheaper
 
 
 def test_page_and_picture_show_them(tmp_path: Path) -> None:
     study = climbed(tmp_path, Varied(), ways=None)
     cost_page.write(study, tmp_path)
     text = (tmp_path / "cost.md").read_text()
-    assert "| chords | x 0.73 | x 1 | 0% | x 1 | x 2 | x 1 | Newton's method" in text
+    # Time (0.5 + 0.3 n)/(0.5 + 0.6 n) for n = 1/4, 1/2, 1: the geometric mean is 0.81.
+    assert "| chords | x 0.81 | x 0.81 | x 1 | 0% | x 1 | x 2 | x 1 | Newton's method" in text
     assert '`PETSC_OPTIONS="-fluid_ksp_type preonly"` |' in text
-    assert "at P3-P2, mesh_size 1. Time" in text
-    assert "not worse by a tenth in the other: *chords* (time x 0.73, error x 1)." in text
+    assert "on 3 rungs, geometric means. Time" in text
+    assert "by a tenth on the whole and on every rung: *chords* (x 0.81)." in text
     assert "| P3-P2, mesh_size 1, chords | " in text
-    assert "solver              chords: time x 0.73, error x 1, change 0%: better" in told(study, tmp_path)
+    said = "chords: time x 0.81, error x 1, change 0%, time at equal errors x 0.81: cheaper"
+    assert f"solver              {said}" in told(study, tmp_path)
     stored = json.loads((tmp_path / "cost.json").read_text())
     assert {run["solver"] for run in stored["runs"]} == {"", *STEADILY}
     assert stored["solvers"][0]["solver"] == "chords"
@@ -179,14 +207,11 @@ def test_without_other_ways_nothing_is_said_of_them(tmp_path: Path) -> None:
     assert not compared(study.judged, study.front, study.goals)
 
 
-def test_the_calibration_keeps_the_scenes_own_way(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    cost_page.keep(climbed(tmp_path / "all", Varied(), ways=("chords", "loose")))
-    found = calibration.read()
-    cost_page.keep(climbed(tmp_path / "own", Varied(), ways=()))
-    assert len(found.runs) == 16
-    assert {run.work for run in found.runs} == {run.work for run in calibration.read().runs}
-    assert found.errors == calibration.read().errors
+def test_laws_are_of_the_scenes_own_way(tmp_path: Path) -> None:
+    (found,) = findings(climbed(tmp_path / "all", Varied(), ways=("chords", "loose"))).values()
+    (own,) = findings(climbed(tmp_path / "own", Varied(), ways=())).values()
+    assert found == replace(own, cheaper=found.cheaper)
+    assert set(found.cheaper) == {"chords"} and not own.cheaper
 
 
 # -- what is kept -------------------------------------------------------------------------------------------
@@ -211,10 +236,12 @@ def test_a_study_of_an_earlier_version_goes_on(tmp_path: Path) -> None:
     again, said = Varied(), list[str]()
     made = scene()
     study = cost.climb(made, ladder(made, STEADY), tmp_path, again, said.append)
-    # The run that others are compared with is made with them.
-    assert again.made == [Rung(3, 1.0), *(Rung(3, 1.0, None, way) for way in STEADILY)]
+    # The runs that others are compared with are made with them.
+    assert [rung.key for rung in again.made] == [
+        replace(rung, solver=way).key for rung in study.ladder.compared for way in ("", *STEADILY)
+    ]
     assert said[0].startswith(f"{tmp_path}: of an earlier version; its runs are kept")
-    assert len(study.judged) == 19
+    assert len(study.judged) == 15 + 3 * len(STEADILY)
     assert not completed(tmp_path, study.ladder.compared), "once"
     third = Varied()
     cost.climb(made, ladder(made, STEADY), tmp_path, third, quiet)

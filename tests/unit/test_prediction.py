@@ -1,0 +1,306 @@
+"""What `incipient plan` foretells by the laws of studies: time, memory, errors, the last mesh, ways that are cheaper.
+
+Laws and runs are made up, so that what follows from them is known; tests/end_to_end compares with real runs.
+"""
+
+import json
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from made_up_runs import TIMED, Runner, climbed, scene
+
+from incipient.adaptive import halving
+from incipient.adaptive.refinement import AIM, GAIN, UNKNOWNS
+from incipient.cost import calibration
+from incipient.cost.calibration import Findings
+from incipient.cost.command import foretold
+from incipient.cost.findings import findings
+from incipient.cost.laws import ErrorLaw, TimeLaw, error_at, fitted_errors, fitted_time
+from incipient.cost.measurement import Measured, Rung
+from incipient.cost.page import write
+from incipient.cost.prediction import LastMesh, Learnt, Prediction, first_mesh, learnt, predict
+from incipient.errors import OutputError
+from incipient.planning.plan import Estimate, make_plan
+from incipient.scene import Scene, load
+
+SCENES = Path(__file__).parents[2] / "demos" / "scenes"
+QUIET = "numerics.error_bars=false"
+FIRST = Estimate(200, 1000, 200.0)
+TIME = TimeLaw(start=0.5, fixed=0.5, solution=1e-4, step=1e-5, power=1.0)
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return tmp_path / "cache" / "incipient" / "calibration.json"
+
+
+def calibrated(made: Scene, law: ErrorLaw, goal: str = "force") -> None:
+    """A machine on which the law of times and that of one error are known."""
+    found = Findings("a study", calibration.kind(made), TIME, 1.1, {goal: {2: law}}, {"chords": 0.6})
+    calibration.add({calibration.digest(made): found})
+
+
+def predicted(made: Scene) -> tuple[Prediction, LastMesh]:
+    found = predict(learnt(made), FIRST)
+    assert isinstance(found, Prediction) and found.last is not None, found
+    return found, found.last
+
+
+# -- laws ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("power", [1.0, 1.3])
+def test_a_law_of_times_is_found_again(power: float) -> None:
+    """0.7 + 0.4 + n^p (2e-6 + 1e-7 m)."""
+    law = TimeLaw(0.7, 0.4, 2e-6, 1e-7, power)
+    n, m = np.array([2000, 4000, 4000, 8000, 32000]), np.array([20.0, 20.0, 40.0, 40.0, 80.0])
+    cpu = np.array([law.seconds([run], []) for run in zip(n, m, strict=True)])
+    found = fitted_time(n.astype(float), m, cpu, 0.7)
+    assert asdict(found) == pytest.approx(asdict(law), rel=1e-6)
+    steady = fitted_time(n.astype(float), 0.0 * m, 1.1 + 3e-5 * n, 0.7)
+    assert steady.seconds([(100000, 0.0)], []) == pytest.approx(4.1)
+
+
+def test_runs_in_one_process_start_once() -> None:
+    """Fixed costs 0.5 (1 + 0.3) for two runs, 0.1 and 0.2 for their unknowns, 0.3 for those of a dual solution."""
+    assert TIME.seconds([(1000, 0.0), (2000, 0.0)], [3000]) == pytest.approx(0.5 + 0.65 + 0.6)
+    assert TIME.seconds([(1000, 10.0)], []) == pytest.approx(1.0 + 0.1 + 0.1)
+
+
+def test_laws_of_errors_are_found_again() -> None:
+    """0.03 h^3 + 2 dt^2 and 0.01 h^5."""
+    seen = [(2, h, t, 0.03 * h**3 + 2.0 * t**2) for h in (2.0, 1.4, 1.0) for t in (0.1, 0.05)]
+    seen += [(3, h, 0.0, 0.01 * h**5) for h in (2.0, 1.0)]
+    laws = fitted_errors(np.array(seen), rate=2.0)
+    assert error_at(laws, 2, 0.7, 0.02)[0] == pytest.approx(0.03 * 0.7**3 + 2.0 * 0.02**2, rel=1e-6)
+    assert error_at(laws, 3, 0.5, 0.0) == pytest.approx((0.01 / 32, 1.0), rel=1e-6)
+    assert error_at(laws, 4, 0.5, 0.0)[1] >= 3.0, "an order that was not measured is known less well"
+    assert fitted_errors(np.empty((0, 4)), 2.0) == {}
+
+
+# -- what is known ------------------------------------------------------------------------------------------
+
+
+def test_a_study_predicts_its_scene(tmp_path: Path) -> None:
+    study = climbed(tmp_path / "study", Runner())
+    calibration.add(findings(study))
+    calibration.add(findings(study))
+    assert len(calibration.read()) == 1, "kept once"
+    made = scene(QUIET, "numerics.mesh_size=1.2")
+    found = predict(learnt(made), Estimate(555, round(4000 * 1.2**-2), 200.0))
+    assert isinstance(found, Prediction) and found.own
+    assert found.cpu == pytest.approx(1.0 + 0.2 * 1.2**-2 * 2, rel=0.15)
+    assert found.errors["force"].value == pytest.approx(0.02 * 0.6**4, rel=0.2)
+    assert "by runs of this scene on this machine" in found.text()
+    foreign = predict(learnt(scene("fluid.reynolds=21.0", QUIET)), FIRST)
+    assert isinstance(foreign, Prediction) and not foreign.own
+    assert (found.factor, foreign.factor) == (1.4, 2.0)
+    assert foreign.errors["force"].factor >= 5.0
+    assert "by runs of other scenes on this machine" in foreign.text()
+
+
+def test_without_a_calibration_that_shipped_serves(cache: Path) -> None:
+    for made in (scene(QUIET), scene(TIMED, QUIET), load(SCENES / "pothole_4.toml")):
+        found = predict(learnt(made), FIRST)
+        assert isinstance(found, Prediction)
+        assert found.factor == 3.0 and found.cpu > 0.5 and found.peak_mib > 100.0
+        assert "on another machine" in found.text()
+        assert set(found.errors) == ({"place", "angle"} if made.body.moves else {"force", "couple"})
+    assert not cache.exists()
+
+
+def test_a_study_given_comes_first(tmp_path: Path) -> None:
+    calibrated(scene(), ErrorLaw(0.01, 2.0, 0.0, 2.0, 1.0))
+    study = climbed(tmp_path / "study", Runner())
+    write(study, tmp_path / "study")
+    known = learnt(scene(), tmp_path / "study")
+    assert known.own and known.findings == tuple(findings(study).values())
+    assert known.where == f"by runs of this scene in {tmp_path / 'study'}"
+    other = learnt(scene("fluid.reynolds=21.0"), tmp_path / "study")
+    assert not other.own and other.findings == known.findings
+    in_time = learnt(scene(TIMED), tmp_path / "study")
+    assert in_time.where == "by runs of other scenes on another machine", (
+        "a study of steady flow says nothing"
+    )
+    with pytest.raises(
+        OutputError, match="holds no study that can be understood; make it with `incipient cost`"
+    ):
+        learnt(scene(), tmp_path)
+
+
+def test_a_damaged_calibration_is_none(cache: Path) -> None:
+    law = ErrorLaw(0.01, 2.0, 0.0, 2.0, 1.0)
+    calibrated(scene(), law)
+    for content in ("{", "[]", '{"schema_version": 2, "machines": {}}', '{"schema_version": 1}'):
+        cache.write_text(content)
+        assert not calibration.read()
+    calibrated(scene(), law)
+    (found,) = calibration.read().values()
+    assert found.errors == {"force": {2: law}} and found.time == TIME
+
+
+def test_calibrations_of_other_machines_stay(monkeypatch: pytest.MonkeyPatch) -> None:
+    calibrated(scene(), ErrorLaw(0.01, 2.0, 0.0, 2.0, 1.0))
+    here = calibration.read()
+    with monkeypatch.context() as elsewhere:
+        elsewhere.setattr(calibration, "machine", lambda: "another")
+        assert not calibration.read()
+        calibrated(scene(TIMED), ErrorLaw(0.01, 2.0, 0.0, 2.0, 1.0))
+    assert calibration.read() == here
+
+
+# -- cheaper ways -------------------------------------------------------------------------------------------
+
+
+class Chords(Runner):
+    """Chords give the same in half of the time beyond the first second."""
+
+    def __call__(self, scene: Scene, rung: Rung) -> Measured:
+        run = super().__call__(scene, rung)
+        return replace(run, cpu=1.0 + 0.5 * (run.cpu - 1.0)) if rung.solver == "chords" else run
+
+
+def test_the_plan_tells_of_ways_that_a_study_found_to_be_cheaper(tmp_path: Path) -> None:
+    study = climbed(tmp_path / "study", Chords(), ways=None)
+    write(study, tmp_path / "study")
+    (chords,) = (one for one in study.solvers() if one.solver == "chords")
+    set_by = f'PETSC_OPTIONS="-fluid_ksp_type preonly" took {chords.time:.2g} of the time at the same error'
+    known = learnt(scene(), tmp_path / "study")
+    assert known.cheaper() == [f"{set_by} in the last study"]
+    other = learnt(scene("fluid.reynolds=21.0"), tmp_path / "study")
+    assert other.cheaper() == [f'{set_by} in the study of "{scene().title}"']
+    stokes = scene("fluid.inertia=false")
+    assert not learnt(stokes, tmp_path / "study").cheaper(), "chords are nothing to a linear system"
+
+
+def test_plan_as_data_and_in_words() -> None:
+    made = scene("numerics.accuracy=verdict")
+    calibrated(made, ErrorLaw(1e-3, 2.0, 0.0, 2.0, 1.0))
+    found = foretold(made)
+    told = json.loads(json.dumps(found.to_dict()))
+    assert told["prediction"] is None and told["estimate"]["unknowns"] > 0
+    assert told["cheaper"] == [
+        'PETSC_OPTIONS="-fluid_ksp_type preonly" took 0.6 of the time at the same error in the last study'
+    ]
+    assert found.text().endswith(f"  {told['cheaper'][0]}")
+
+
+# -- the first mesh -----------------------------------------------------------------------------------------
+
+
+def test_the_plan_says_that_the_run_chooses() -> None:
+    made = scene("numerics.accuracy=0.001", "numerics.budget_seconds=60")
+    text = foretold(made).text()
+    sought = "mesh and order are chosen by the run, until the error of the force "
+    sought += "(of discretisation) is below 0.001, within 60 s"
+    assert f"numerics.accuracy: {sought}" in text
+    assert "P2-P1 Taylor-Hood on cells of order 2 at first" in text
+    assert "cell sizes x" not in text
+    assert "first mesh: 342 cells, 1749 unknowns" in text, "as in docs/accuracy.md"
+    assert not make_plan(scene()).sought
+    assert "cell sizes x 1" in make_plan(scene()).text()
+    assert "until the verdict is decided" in make_plan(scene("numerics.accuracy=verdict")).text()
+    assert "mesh and steps are chosen" in make_plan(scene(TIMED, "numerics.accuracy=0.01")).text()
+
+
+def test_the_first_mesh_in_time_is_that_of_the_coarsest_run() -> None:
+    made = scene(TIMED, "numerics.accuracy=0.01")
+    coarse = halving.first(made)
+    assert (coarse.numerics.mesh_size, coarse.time.step) == (pytest.approx(2.0**1.5), pytest.approx(0.08))
+    estimate = foretold(scene(TIMED, QUIET)).plan.estimate
+    assert estimate is not None
+    assert first_mesh(made).unknowns < 0.7 * estimate.unknowns
+
+
+# -- the last mesh ------------------------------------------------------------------------------------------
+
+
+def test_an_error_that_is_small_at_first() -> None:
+    """0.02 (h/4)^2 percent at cells four times as large."""
+    made = scene(QUIET, "numerics.accuracy=0.001")
+    calibrated(made, ErrorLaw(0.0002 / 16.0, 2.0, 0.0, 2.0, 1.0))
+    found, last = predicted(made)
+    assert last.first.value == pytest.approx(2e-4)
+    assert (last.meshes, last.unknowns, last.order, last.reaches, found.own) == (1, 1000, 2, True, True)
+    assert "the first mesh is expected to do" in found.text()
+
+
+@pytest.mark.parametrize(("asked", "order"), [(4e-3, 2), (8e-4, 3), (2e-5, 4)])
+def test_the_second_mesh_is_as_the_run_will_choose_it(asked: float, order: int) -> None:
+    made = scene(QUIET, f"numerics.accuracy={asked}")
+    calibrated(made, ErrorLaw(0.01 / 16.0, 2.0, 0.0, 2.0, 1.0))
+    found, last = predicted(made)
+    left = max(0.01 * GAIN ** (order - 2) / (AIM * asked), 1.0)
+    unknowns = 1000 * UNKNOWNS[order] / UNKNOWNS[2] * left ** (1.0 / order)
+    assert (last.meshes, last.order) == (2, order)
+    assert last.unknowns == pytest.approx(unknowns, rel=0.01)
+    assert f"2 meshes expected, the last of about {float(f'{unknowns:.2g}'):.0f} unknowns" in found.text()
+    assert found.cpu > TIME.seconds([(1000, 0.0), (last.unknowns, 0.0)], [1000])
+
+
+def test_error_bars_come_on_top() -> None:
+    made = scene("numerics.accuracy=0.001")
+    calibrated(made, ErrorLaw(1e-5, 2.0, 0.0, 2.0, 1.0))
+    quiet = scene(QUIET, "numerics.accuracy=0.001")
+    assert predicted(made)[0].cpu > predicted(quiet)[0].cpu
+
+
+def test_flow_in_time_is_refined_until_two_runs_agree() -> None:
+    """An error of 5 dt^2, dt in units of the flow's time: steps 0.08, 0.04, 0.02, 0.01, 0.005."""
+    made = scene(TIMED, QUIET, "numerics.accuracy=0.001")
+    unit = calibration.step_of_flow(made, 1.0)
+    calibrated(made, ErrorLaw(0.0, 2.0, 5.0 / unit**2, 2.0, 1.0))
+    _, last = predicted(made)
+    assert last.first.value == pytest.approx(5.0 * 0.08**2)
+    assert (last.meshes, last.step, last.reaches) == (4, pytest.approx(0.01), True)
+    _, easy = predicted(scene(TIMED, QUIET, "numerics.accuracy=0.05"))
+    assert (easy.meshes, easy.step) == (2, pytest.approx(0.04)), "one run alone has no error"
+    found, hard = predicted(scene(TIMED, QUIET, "numerics.accuracy=1e-5"))
+    assert (hard.meshes, hard.reaches) == (6, False)
+    assert "6 meshes expected, not to be reached, the last of about" in found.text()
+
+
+# -- what is not known --------------------------------------------------------------------------------------
+
+
+def test_what_has_no_law_is_not_known() -> None:
+    made = scene("numerics.accuracy=0.001", "numerics.accuracy_of=couple")
+    calibrated(made, ErrorLaw(1e-3, 2.0, 0.0, 2.0, 1.0))
+    unknown = "  final mesh, time and memory: not known: "
+    assert predict(learnt(made), FIRST) == (
+        f"{unknown}no error of the couple is known for scenes of this kind; run `incipient cost SCENE`"
+    )
+    verdict = predict(learnt(scene("numerics.accuracy=verdict")), FIRST)
+    assert (
+        verdict == f"{unknown}they hang on what decides the verdict; numerics.budget_seconds limits the time"
+    )
+    carried = load(SCENES / "pothole_4.toml", ["numerics.accuracy=0.01"])
+    assert "the load on a grain that moves" in str(predict(learnt(carried), FIRST))
+    adaptive = scene(TIMED.replace("step", "tolerance = 1e-3, step"), "numerics.accuracy=0.01")
+    assert "steps that adapt" in str(predict(learnt(adaptive), FIRST))
+
+
+def test_laws_of_other_scenes_are_trusted_less() -> None:
+    made = scene(QUIET, "numerics.accuracy=0.002")
+    calibrated(made, ErrorLaw(0.01 / 16.0, 2.0, 0.0, 2.0, 1.0))
+    (own, last), (other, of_other) = (
+        predicted(one) for one in (made, scene(QUIET, "numerics.accuracy=0.002", "fluid.reynolds=21.0"))
+    )
+    assert own.own and not other.own
+    assert of_other.first.factor > last.first.factor and other.factor > own.factor
+
+
+def test_several_studies_count_alike() -> None:
+    """The geometric mean of 0.01 and 0.04, and the factor that covers both."""
+    studies = [
+        Findings("", "steady", TIME, 1.0, {"force": {2: ErrorLaw(error, 2.0, 0.0, 2.0, 1.0)}})
+        for error in (0.01, 0.04)
+    ]
+    known = Learnt(scene(), tuple(studies), False, 2.0, "")
+    found = known.errors(scene())["force"]
+    assert found.value == pytest.approx(0.02)
+    assert found.factor == 5.0
+    assert known.mean(lambda one: one.time.start) == pytest.approx(0.5)
