@@ -52,8 +52,8 @@ def test_a_ball_is_carried_along_and_turns_with_the_shear(ball: tuple[RigidPart,
     stream = float(shear(np.array([[0.6], [0.5], [0.5]]), state.time)[0, 0])
     assert 0.5 * stream < state.velocity[0] < 1.5 * stream
     assert state.spin[1] > 0.0  # the upper side is carried faster, along x: a turn from z to x
-    # 580 unstructured cells break the symmetry: 4e-4 of the stream and a fiftieth of the spin with gmsh 4.8. Earlier on,
-    # while the spin is small, the share of the spin depends on the cells.
+    # 580 unstructured cells break the symmetry: 4e-4 of the stream and a fiftieth of the spin with gmsh 4.8. Earlier
+    # on, while the spin is small, the share of the spin depends on the cells.
     assert abs(state.velocity[1]) < 1e-3 * stream and np.abs(state.spin[[0, 2]]).max() < 0.1 * state.spin[1]
     assert abs(np.linalg.norm(state.orientation) - 1.0) < 1e-14
 
