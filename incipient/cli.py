@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import atexit
+import gc
 import json
 import logging
 import signal
@@ -15,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from .errors import IncipientError, OutputError, SceneError
 from .installed import required
-from .interrupt import forget_unfinished_form
+from .interrupt import forget_unfinished_form, nobody_reads
 from .parallel import ranks_there_are, start_alone_quickly
 
 if TYPE_CHECKING:
@@ -25,7 +27,8 @@ if TYPE_CHECKING:
     from .pictures.apart import Drawn
     from .results.result import Result
 
-INTERRUPTED = 130
+DEFECT, INTERRUPTED = 70, 130
+UNREAD = 128 + signal.SIGPIPE  # as of programs that the system ends because nobody reads what they print
 BESIDE = object()  # a directory that is asked for and not named: that of the case
 # What one of the commands leaves in a directory of results.
 RECORDS = ("result.json", "threshold.json", "judgement.json", "cost.json", "scene.toml")
@@ -35,7 +38,15 @@ TO_SPEAK = 0.5  # seconds that other ranks leave the first to say why, before th
 def main(arguments: Sequence[str] | None = None) -> int:
     """Do what the command line says and return the exit code; the same on all ranks."""
     start_alone_quickly()
-    return _guarded(arguments)
+    # A last search for garbage would take a tenth of a second, for memory that the system takes back anyway.
+    atexit.register(gc.freeze)
+    try:
+        try:
+            return _guarded(arguments)
+        finally:
+            sys.stdout.flush()
+    except BrokenPipeError:
+        return UNREAD if nobody_reads() else DEFECT
 
 
 class _Parser(argparse.ArgumentParser):
@@ -450,10 +461,12 @@ def _guarded(arguments: Sequence[str] | None) -> int:
         if comm.rank == 0:
             print("incipient: interrupted; what was computed so far is kept", file=sys.stderr, flush=True)
         return _leave(comm, INTERRUPTED)
-    except Exception:
+    except Exception as error:
+        if isinstance(error, BrokenPipeError) and nobody_reads():
+            return _leave(comm, UNREAD)
         print(f"incipient: a defect of the program, on rank {comm.rank}:", file=sys.stderr)
         traceback.print_exc()
-        return _leave(comm, 70)
+        return _leave(comm, DEFECT)
 
 
 def _listen(level: str) -> None:

@@ -6,23 +6,28 @@ offers, not by its version number.
 
 from __future__ import annotations
 
+import hashlib
+import importlib.metadata
 import inspect
+from pathlib import Path
 from typing import Any
+
+import numpy as np
+
+from .installed import required, versions_without_setuptools
 
 # isort: off
 # In this order. PyPI's dolfinx finds no MPI of its own; beside it are two copies of HDF5, h5py's and PETSc's, and h5py
 # works only if its own is loaded first. So the others take `petsc` from here.
 from mpi4py import MPI
 import h5py  # noqa: F401
-import dolfinx
-from dolfinx.fem import petsc
+
+with versions_without_setuptools():
+    import dolfinx
+    import ufl
+    from dolfinx.fem import petsc
+    from petsc4py import PETSc
 # isort: on
-
-import numpy as np
-import ufl
-from petsc4py import PETSc
-
-from .installed import required
 
 ADD = dolfinx.la.InsertMode.add if hasattr(dolfinx.la, "InsertMode") else dolfinx.la.ScatterMode.add
 
@@ -52,7 +57,7 @@ def function_space(mesh: Any, any_element: Any) -> Any:
     """Function space of an element as made by `element` or `mixed_element`, or of a coordinate element."""
     make = getattr(dolfinx.fem, "functionspace", None) or dolfinx.fem.FunctionSpace
     with required():
-        return make(mesh, any_element)
+        return make(mesh, any_element, **_kept(make, repr(any_element)))
 
 
 def space(mesh: Any, degree: tuple[str, int], shape: tuple[int, ...] = ()) -> Any:
@@ -71,7 +76,22 @@ def form(expression: Any, compiler: dict[str, Any] | None = None) -> Any:
     if keyword not in inspect.signature(dolfinx.fem.form).parameters:
         keyword = "form_compiler_params"
     with required():
-        return dolfinx.fem.form(expression, **{keyword: dict(compiler or {})})
+        options = _kept(dolfinx.fem.form, expression.signature())
+        return dolfinx.fem.form(expression, **{keyword: dict(compiler or {})}, **options)
+
+
+def _kept(compiled_by: Any, signature: str) -> dict[str, Any]:
+    """The option that says in which folder the code of a form or an element of this signature is kept, if it has any.
+
+    The loader lists the whole folder for each form, and nothing ever leaves it: with thousands of files that takes
+    seconds. So there are 256 folders, by a hash, within the one that dolfinx is set to.
+    """
+    settings = getattr(dolfinx.jit, "get_options", None) or dolfinx.jit.get_parameters
+    keyword = "jit_options" if hasattr(dolfinx.jit, "get_options") else "jit_params"
+    if keyword not in inspect.signature(compiled_by).parameters:
+        return {}
+    folder = hashlib.sha1(signature.encode(), usedforsecurity=False).hexdigest()[:2]
+    return {keyword: {"cache_dir": Path(settings()["cache_dir"]) / "incipient" / folder}}
 
 
 def model_to_mesh(model: Any, comm: MPI.Comm, gdim: int) -> tuple[Any, Any, Any]:
@@ -219,7 +239,6 @@ def cell_size(mesh: Any, cells: np.ndarray) -> np.ndarray:
 
 def versions() -> dict[str, str]:
     """Versions of the libraries a result depends on."""
-    import importlib.metadata
     import platform
 
     petsc = ".".join(map(str, PETSc.Sys.getVersion()))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import select
 import signal
 import threading
 import time
@@ -77,6 +78,17 @@ def told_where_kept(directory: Path | None, comm: MPI.Comm) -> Iterator[None]:
         raise Interrupted(
             f"interrupted while the error bars were computed; the result without them is kept in {directory}"
         ) from interrupt
+
+
+def nobody_reads() -> bool:
+    """Whether who read this process's output has gone, as `head` goes; what is still printed then goes nowhere."""
+    output = 1
+    watched = select.poll()
+    watched.register(output, 0)
+    if not any(event & select.POLLERR for _, event in watched.poll(0)):
+        return False
+    os.dup2(os.open(os.devnull, os.O_WRONLY), output)
+    return True
 
 
 def forget_unfinished_form(interrupt: BaseException) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -81,13 +82,11 @@ def telling(rank: int) -> Iterator[Silent]:
     if rank != 0:
         yield Silent()
         return
-    from rich.console import Console
-
-    console = Console(stderr=True)
-    if not console.is_terminal:
+    if not sys.stderr.isatty():
         yield Logged()
         return
     from rich import progress
+    from rich.console import Console
 
     columns = (
         progress.SpinnerColumn(),
@@ -96,5 +95,5 @@ def telling(rank: int) -> Iterator[Silent]:
         progress.TimeElapsedColumn(),
         progress.TimeRemainingColumn(),
     )
-    with progress.Progress(*columns, console=console, transient=True) as bar:
+    with progress.Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         yield Live(bar)

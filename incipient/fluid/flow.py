@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -89,13 +90,17 @@ class Fluid:
         self._shifts = tuple(geometry_function(mesh) for _ in range(2 * model.moving_mesh))
         self._rows = geometry_rows(self._shifts[0]) if self._shifts else None
         self._residual, self._jacobian = self._forms()
-        self._matrix = petsc.create_matrix(self._jacobian)
-        self._vector = petsc.assemble_vector(self._residual)
-        self._correction = self._matrix.createVecRight()
-        self._state_view = compat.vec_view(self.state)
+        self._held: list[Any] = []
+        with ExitStack() as on_failure:
+            on_failure.push(self)
+            self._matrix = self._holding(petsc.create_matrix(self._jacobian))
+            self._vector = self._holding(petsc.assemble_vector(self._residual))
+            self._correction = self._holding(self._matrix.createVecRight())
+            self._state_view = self._holding(compat.vec_view(self.state))
+            self.solver: LinearSolver = self._holding(kind(self._matrix))
+            on_failure.pop_all()
         owned = self._state_view.getLocalSize()
         self._owned_velocities = self.space.velocity_map[self.space.velocity_map < owned]
-        self.solver: LinearSolver = kind(self._matrix)
         self._lift, self._aged = True, True
         self._contraction = newton.Contraction()
         self.watch: Callable[[int, float], Any] = _unwatched
@@ -184,9 +189,13 @@ class Fluid:
 
     def destroy(self) -> None:
         """Free PETSc's memory."""
-        self.solver.destroy()
-        for held in (self._matrix, self._vector, self._correction, self._state_view):
-            held.destroy()
+        while self._held:
+            self._held.pop().destroy()
+
+    def _holding(self, made: Any) -> Any:
+        """What has been made, to be freed with the fluid."""
+        self._held.append(made)
+        return made
 
     # -- parameters -----------------------------------------------------------------------------
 

@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -174,8 +173,8 @@ class SeriesFile:
         if self._steady:
             text = f"{_HEAD}{''.join(grids)}{_END}"
         else:
-            name = quoteattr(f"{self._name} in time")
-            collection = f'    <Grid Name={name} GridType="Collection" CollectionType="Temporal">\n'
+            kind = 'GridType="Collection" CollectionType="Temporal"'
+            collection = f'    <Grid Name="{self._name} in time" {kind}>\n'
             text = f"{_HEAD}{collection}{''.join(grids)}{_END_OF_SERIES}"
         write_text_atomically(self._xdmf, text)
 

@@ -7,6 +7,7 @@ from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
 from ..installed import required
+from ..parallel import collectively
 from ..planning import drawing
 from ..planning.effects import EffectName
 from ..planning.plan import Estimate, Plan, make_plan
@@ -54,6 +55,7 @@ def prepared(
         layout = sizing(drawing.lay_out(scene, plan))
     voice.begin("import")
     with accounts.ledger.stage("import"), required():
+        _load_libraries(comm, draws=checkpoint is None)
         from ..fluid import Fluid
         from ..mesh import domain
         from ..planning.conditions import conditions
@@ -78,6 +80,17 @@ def prepared(
             yield run
         finally:
             newest[0] = run.fluid
+
+
+def _load_libraries(comm: MPI.Comm, draws: bool) -> None:
+    """Load the large libraries in the order that takes least time. Collective.
+
+    Symbols of a library are looked up in all that dolfinx has loaded before: gmsh's then take three times as long.
+    """
+    with collectively(comm), required():
+        if draws and comm.rank == 0:
+            from ..meshes import model  # noqa: F401
+    from .. import compat  # noqa: F401
 
 
 def flow_model(scene: Scene, plan: Plan, unsteady: bool, inertia: bool = True) -> FlowModel:

@@ -21,6 +21,7 @@ from processes import (
 from incipient.cli import main
 from incipient.scene.file import load
 
+BLOCK_ON_INCLINE = CAVITY.parents[1] / "cases" / "block_on_incline.toml"
 COARSE = settings(numerics_mesh_size=4, numerics_order=2)
 COUNTED = [
     (CAVITY, {"numerics_order": 3}),
@@ -143,6 +144,32 @@ def test_the_schema_knows_every_section(command):
     assert {"domain", "fluid", "flow", "body", "bed", "gravity", "contact", "time"} <= set(
         schema["properties"]
     )
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize(
+    "arguments",
+    [["schema"], ["--help"], ["judge", BLOCK_ON_INCLINE], ["plan", CYLINDER, "--log-level", "error"]],
+)
+def test_a_reader_that_has_gone_is_no_defect(arguments, unbuffered, tmp_path):
+    """`incipient judge case.toml | head` leaves as other programs do, with 128 and the number of SIGPIPE."""
+    code = "import sys; from incipient.cli import main; sys.exit(main())"
+    asked = [sys.executable, "-c", code, *map(str, arguments)]
+    reading, writing = os.pipe()
+    os.close(reading)
+    try:
+        done = subprocess.run(
+            asked,
+            env=environment() | {"PYTHONUNBUFFERED": unbuffered},
+            stdout=writing,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=60,
+            cwd=tmp_path,
+        )
+    finally:
+        os.close(writing)
+    assert (done.returncode, done.stderr) == (141, "")
 
 
 def test_threshold_leaves_the_results_of_the_run_alone(command, tmp_path):

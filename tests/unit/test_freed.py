@@ -11,6 +11,7 @@ from incipient.accuracy.dual import GoalErrors
 from incipient.coupled.tractions import TractionProbe
 from incipient.errors import ConvergenceError
 from incipient.fluid import FlowModel, Fluid
+from incipient.fluid.solvers.direct import Direct
 from incipient.scene import loads
 from incipient.scene.file import example
 from incipient.simulation.build import prepared
@@ -43,6 +44,16 @@ def test_an_error_estimate_that_fails(destroyed: list[Fluid], monkeypatch: pytes
         (finer,) = destroyed
         assert finer is not fluid and finer.space.order == 3
     assert destroyed == [finer, fluid]
+
+
+def test_a_fluid_that_fails_while_it_is_made(destroyed: list[Fluid], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Matrix and vectors, made before the solver, go."""
+    monkeypatch.setattr(Direct, "__init__", fail)
+    with pytest.raises(ConvergenceError):
+        Fluid(square_in_box(0.3, 0.5), FlowModel(order=2), box(), 20.0)
+    (half_made,) = destroyed
+    for lent in (half_made._matrix, half_made._vector, half_made._correction, half_made._state_view):
+        assert not lent, "the handle of what has been destroyed is null"
 
 
 def test_a_run_that_fails_while_it_is_prepared(
