@@ -71,7 +71,7 @@ def _store(results: dict[str, Any]) -> None:
 
 
 def _without_paths(data: Any) -> Any:
-    """The same data less the directories that the programs wrote to."""
+    """The data without the directories that the programs wrote to."""
     if isinstance(data, dict):
         return {key: _without_paths(value) for key, value in data.items() if key != "directory"}
     return [_without_paths(item) for item in data] if isinstance(data, list) else data

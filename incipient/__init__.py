@@ -109,9 +109,9 @@ def resume(
     that cannot be read are put aside. Until there is a new result the earlier one stays.
 
     Args:
-        directory: of the run.
+        directory: the directory of the run.
         overrides: such as ``"time.end=20"``; what may change is in `restart.reopening`.
-        voice: as for `run`.
+        voice: where progress is reported; see `run`.
 
     Raises:
         IncipientError: as `run`; and when the checkpoint is missing, damaged, incomplete, of another version or

@@ -72,7 +72,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _commands() -> dict[str, tuple[Callable[..., int], str, Callable[[argparse.ArgumentParser], None]]]:
-    """By name: what it calls, what it is for, and what adds its options."""
+    """The commands by name: the function called, the purpose in words, the function that adds the options."""
     return {
         "run": (_run, "simulate a scene and judge its grain (also under mpirun)", _options_of_run),
         "resume": (_resume, "go on with a run that was cut short (also under mpirun)", _options_of_resume),
@@ -104,7 +104,7 @@ def _commands() -> dict[str, tuple[Callable[..., int], str, Callable[[argparse.A
 
 
 def _no_options(parser: argparse.ArgumentParser) -> None:
-    """It takes none."""
+    """Add nothing: the command has no options."""
 
 
 def _scene(parser: argparse.ArgumentParser) -> None:

@@ -33,7 +33,7 @@ def missing(error: BaseException) -> str | None:
 
 
 def missing_in_words(words: str) -> str | None:
-    """As `missing`, from what an error, or another program, has said."""
+    """The missing part and its remedy, in one line, by the words of an error or a program; None without one."""
     library = re.search(r"(lib[\w.+-]+\.so[.\d]*): cannot open shared object file", words)
     if library:
         return f"the library {library[1]} is not installed: {SYSTEM_REMEDY}"

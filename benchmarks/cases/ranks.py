@@ -1,4 +1,4 @@
-"""The same scene on one and on two ranks: the same numbers, and the time."""
+"""One scene on one and on two ranks: whether the numbers agree, and the times."""
 
 from __future__ import annotations
 

@@ -127,7 +127,7 @@ class Refinement(Search):
         with self._prepared(attempt) as run:
             force, couple = self._solved(run)
             assert run.layout.placement is not None
-            # Of loads, over those of the fluid, which has a speed of its own; both are near, or it is Stokes flow.
+            # Loads over those of the fluid, which has a speed of its own; both are near, or it is Stokes flow.
             unit = self.speed * run.fluid.reynolds / run.plan.reynolds
             with (
                 self.ledger.stage("error bars"),

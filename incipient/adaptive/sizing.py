@@ -90,7 +90,7 @@ def _numbers(space: Any) -> tuple[int, Integers]:
 def resized(shares: Shares, order: int, relative: float, comm: MPI.Comm) -> Wanted:
     """Sizes with which the sum of shares is expected to become `relative` times what it is. Collective.
 
-    order: of the velocity on the new mesh
+    order: order of the velocity on the new mesh
     """
     wanted = Wanted(None, 1.0)
     if comm.rank == 0:

@@ -111,11 +111,11 @@ class Integrator:
 
     Args:
         rate: f(t, y) -> (n,). A step in which it is not finite is taken again with a quarter of the length.
-        tolerances: of the error of one step.
+        tolerances: bounds of the error of one step.
         events: located on the dense output to the round-off of time.
         first_step: its length; None: estimated from the rate (one evaluation more).
         largest_step: bound of the length of all steps.
-        max_steps: that one `advance` may take.
+        max_steps: the number of steps that one `advance` may take.
         order: 5 goes on with the result of fifth order, 4 with that of fourth whose error is estimated.
 
     `t` and `y` (n,) are the present time and solution. Wrong arguments raise ValueError.
@@ -162,7 +162,7 @@ class Integrator:
         self._error_before, self._way, self._signs = 1.0, 0.0, np.empty(0)
 
     def reinit(self, t: float, y: ArrayLike) -> None:
-        """As `init`: the settings stay, statistics and history begin anew (CVodeReInit)."""
+        """Start again from another state: settings stay, statistics and history begin anew (CVodeReInit)."""
         self.init(t, y)
 
     def advance(self, t_end: float) -> Status:

@@ -69,7 +69,7 @@ class RigidBody:
         inertia: mass and moments.
         freedom: None: all free.
         body_force: (X/V^2) b of (334), (gdim,), per mass, or a function of time; buoyancy is part of the load.
-        tolerances: of the integrator.
+        tolerances: those of the integrator.
     """
 
     def __init__(

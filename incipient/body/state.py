@@ -73,7 +73,7 @@ class Inertia:
 
     @classmethod
     def of(cls, grain: Shape, density: float) -> Inertia:
-        """That of a uniform grain of a density (relative to the fluid's)."""
+        """The inertia of a uniform grain; `density` is relative to the fluid's."""
         tensor = density * np.asarray(grain.inertia, dtype=float)
         if grain.gdim == 2:
             return cls(density * grain.volume, np.array([tensor[2, 2]]))

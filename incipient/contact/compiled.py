@@ -189,7 +189,7 @@ def _evaluate(law: Coulomb, force: Floats, trial: Floats, miss: Floats) -> float
 
 @inner
 def _projection(friction: float, trial: Floats, normal: int) -> tuple[float, float, float]:
-    """At the contact whose normal force has this place: the pressure, and of the shear what is kept, and its size.
+    """The projection onto the cone of one contact: pressure, the share of the shear that is kept, the shear's size.
 
     All of the shear is kept, 1, where the contact holds; less where it slips.
     """
@@ -208,7 +208,7 @@ def coulomb_derivative(onto: Floats, offset: Floats, friction: float, force: Flo
 
 @inner
 def _derivative(law: Coulomb, trial: Floats) -> Floats:
-    """The same by the trial (3k,); of two where it has two sides, where a contact closes or begins to slip."""
+    """Generalised Jacobian (3k, 3k) of the miss at `trial`; at kinks one of the two one-sided derivatives."""
     size = len(trial)
     derivative = np.zeros((size, size))
     for normal in range(0, size, 3):

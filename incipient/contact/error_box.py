@@ -191,5 +191,5 @@ def _ends(interval: Interval) -> str:
 
 
 def _length(interval: Interval | None) -> float:
-    """On the scale of s / (1 + s)."""
+    """The length of an interval of safety factors s on the scale of s / (1 + s)."""
     return 0.0 if interval is None else 1.0 / (1.0 + interval[0]) - 1.0 / (1.0 + interval[1])

@@ -157,7 +157,7 @@ def _on_facets(by: Allowed, start: Floats, null: Floats) -> Floats | None:
 
 
 def _projected(by: Allowed, wrench: Floats) -> Floats | None:
-    """By Newton's method for v, damped until the convex function falls; None if that does not converge."""
+    """The least forces by Newton's method, damped until the convex function falls; None if it does not converge."""
     from incipient.contact import compiled  # numba takes time to import, and most cases do without
 
     rows = np.ascontiguousarray(by.matrix.reshape(6, -1).T)
@@ -167,7 +167,7 @@ def _projected(by: Allowed, wrench: Floats) -> Floats | None:
 
 
 def _by_cones(by: Allowed, factors: Floats, null: Floats) -> Floats | None:
-    """By a cone program for z in factors + null z, the factors of the basis: slower, where Newton's method fails."""
+    """The least forces by a cone program for z in factors + null z: slower, for where Newton's method fails."""
     cosine, sine = by.scaling[:2]
     places, kinds = np.nonzero(by.free)
     parts = np.zeros((len(by.slides), 3, len(places)))

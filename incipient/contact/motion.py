@@ -79,7 +79,7 @@ class IncipientMotion:
 
     @property
     def contact_forces(self) -> Floats:
-        """On the grain, (n, 3)."""
+        """The contact forces on the grain, (n, 3)."""
         return self.solutions[0].contact_forces
 
     @property

@@ -55,7 +55,7 @@ class Polyhedral:
         return fans.edges(self.grasp, self.fan)
 
     def holds(self, wrench: Floats) -> bool:
-        """By non-negative least squares."""
+        """Whether contact forces balance a wrench, by non-negative least squares."""
         return fans.combination(self.edges, -wrench) is not None
 
     def forces(self, wrench: Floats) -> Floats | None:
@@ -64,16 +64,16 @@ class Polyhedral:
         return None if found is None else fans.local(found, self.fan)
 
     def has_share(self, flow: Floats, weight: Floats) -> bool:
-        """By non-negative least squares."""
+        """Whether some mixture of two wrenches can be held, by non-negative least squares."""
         return fans.has_share(self.edges, flow, weight)
 
     def largest_share(self, flow: Floats, weight: Floats) -> tuple[float, Floats] | None:
-        """By linear programming."""
+        """The largest share of the flow that can be held, and the forces, by linear programming."""
         found = fans.largest_share(self.edges, flow, weight)
         return None if found is None else (found[0], fans.local(found[1], self.fan))
 
     def can_jam(self) -> bool:
-        """By non-negative least squares."""
+        """Whether contact forces balance one another, by non-negative least squares."""
         return fans.can_jam(self.edges, np.tile(self.fan[:, 0], len(self.grasp)))
 
 
@@ -106,11 +106,11 @@ class Circular:
         return self._local(found) if margin >= -TOLERANCE else None
 
     def has_share(self, flow: Floats, weight: Floats) -> bool:
-        """By pyramids around the cones."""
+        """Whether some mixture of two wrenches can be held, by pyramids around the cones."""
         return fans.has_share(self.pyramids[0], flow, weight)
 
     def largest_share(self, flow: Floats, weight: Floats) -> tuple[float, Floats] | None:
-        """By a cone program, or by comparison where contacts cannot have every wrench."""
+        """The largest share by a cone program, or by comparison where contacts cannot have every wrench."""
         flow_missed, weight_missed = self._missed(flow), self._missed(weight)
         if max(flow_missed, weight_missed) <= TOLERANCE:
             found = cones.largest_share(self.balance, flow, weight)
@@ -122,7 +122,7 @@ class Circular:
         return None if held is None else (share, held)
 
     def can_jam(self) -> bool:
-        """By the same pyramids, else by a cone program."""
+        """Whether contact forces balance one another, by pyramids around the cones, else by a cone program."""
         around, inside = self.pyramids
         pressure = np.repeat(self.grasp.scaling[0], around.shape[1])
         if not fans.can_jam(around, pressure):

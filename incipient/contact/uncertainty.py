@@ -83,7 +83,7 @@ class Probability:
 
     @classmethod
     def of(cls, count: int, total: int) -> "Probability":
-        """That of `count` cases in `total`."""
+        """The probability of what happened in `count` of `total` cases, with its standard error."""
         mean = (count + 1.0) / (total + 2.0)
         error = float(np.sqrt(mean * (1.0 - mean) / (total + 3.0)))
         return cls(count / total, error, _words(count, total, error))

@@ -96,7 +96,7 @@ class Law:
 
     @property
     def digit(self) -> float:
-        """By what the time beyond the start grows for an error ten times smaller."""
+        """The factor by which the time beyond the start grows for an error ten times smaller."""
         return 10.0 ** (1.0 / self.power)
 
 

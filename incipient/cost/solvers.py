@@ -54,7 +54,7 @@ def _has_free_body(scene: Scene, plan: Plan) -> bool:
 
 @dataclass(frozen=True)
 class Solver:
-    """What a word stands for.
+    """A way to solve, as the word for it stands in tables.
 
     said:    in words
     applies: whether it means anything for a scene with its plan
@@ -71,13 +71,13 @@ class Solver:
     petsc: str = ""
 
     def sections(self, scene: Scene) -> Sections:
-        """What it changes in a scene: keys by section."""
+        """The keys, by section, that this way changes in a scene."""
         numerics = {**self.numerics, **(self._tolerances(scene) if self.looser > 1.0 else {})}
         sections = {"numerics": numerics, "time": dict(self.time)}
         return {name: keys for name, keys in sections.items() if keys}
 
     def _tolerances(self, scene: Scene) -> dict[str, float]:
-        """Those that end the iterations, enlarged."""
+        """The tolerances that end the iterations, enlarged, by key."""
         moves = scene.body is not None and scene.body.moves
         names = ("tolerance", "interface_tolerance") if moves else ("tolerance",)
         given = {name: of_steady(getattr(scene.numerics, name)) for name in names}

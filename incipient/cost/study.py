@@ -177,7 +177,7 @@ def _start(runs: Sequence[Measured], time: Callable[[Measured], float]) -> float
 
 
 def _own(runs: Sequence[Measured]) -> list[Measured]:
-    """Those solved as the scene says."""
+    """The runs solved as the scene says."""
     return [run for run in runs if not run.rung.solver]
 
 

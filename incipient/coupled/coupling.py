@@ -47,8 +47,8 @@ class Coupling:
     Args:
         fluid: with `FlowModel.moving_mesh`.
         parts: what moves, each with a boundary of its own.
-        motion: of the mesh, which is where the parts' last states put it.
-        tolerance: of the parts' equations of motion, relative to their loads; None: that of the step's equations.
+        motion: the motion of the mesh, which is where the parts' last states put it.
+        tolerance: for the parts' equations of motion, relative to their loads; None: that of the step's equations.
         stage: context managers by name that take the time.
     """
 
@@ -159,7 +159,7 @@ class Coupling:
         return np.concatenate([part.velocities() for part in self.parts])
 
     def quality_ahead(self, length: float, order: int) -> MeshQuality:
-        """Of the mesh at the end of one more step, as the parts would go on by themselves."""
+        """The mesh's quality after one more step, in which the parts go on by themselves."""
         for part in self.parts:
             part.predict(length, order)
         return self.motion.quality(self._places())

@@ -35,7 +35,7 @@ class Part(Protocol):
         ...
 
     def residual(self, length: float, order: int) -> float:
-        """By how much the flow's load misses the part's motion, relative; finds the correction of the end.
+        """The residual of the part's equation of motion under the flow's load, relative; also finds the correction.
 
         Raises ConvergenceError where a shorter step may help.
         """

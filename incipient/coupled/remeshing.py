@@ -36,7 +36,7 @@ class Remeshing:
     """A new mesh: when, of how many cells, the worst cell of both, and how much the flow changed with it.
 
     outside: nodes of the new mesh that were not in the old one, and how far from it (`farthest`) [length]
-    change:  of the velocity by making it free of divergence again, relative
+    change:  how much making the velocity free of divergence again changed it, relative
     energy:  relative change of the fluid's kinetic energy
     """
 

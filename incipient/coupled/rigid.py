@@ -70,7 +70,7 @@ class RigidPart:
         fluid: with `Carried(displacement.boundary)` among its conditions and `FlowModel.moving_mesh`.
         body: its mass, moments and freedom.
         state: where it is and how it moves at the fluid's time.
-        displacement: of the mesh by the body.
+        displacement: how the body displaces the mesh.
         load: force and couple (k,) on the body in a state that are not the flow's traction: weight, buoyancy.
         room: how far [length] a body in a state may still go before it meets something; None: it meets nothing.
         stage: context managers by name that take the time.
@@ -125,7 +125,7 @@ class RigidPart:
         self.fluid.constraints.carry(self.boundary, lambda x: rigid_velocity(state, x))
 
     def residual(self, length: float, order: int) -> float:
-        """By how much the load at hand misses the body's motion, relative to it; finds the end under that load.
+        """The residual of the body's equation of motion relative to its load; also finds the end under that load.
 
         Raises:
             ConvergenceError: a folded mesh offers no resistance, nor need the flow in a step so long that the

@@ -43,7 +43,7 @@ class LoadPath:
     factors: (n,) ascending
     loads:   (n, 6) force and couple over the factor
     rest:    the load without flow; contacts, friction: what holds the grain
-    before:  the same from another mesh; what is interpolated then is the difference
+    before:  the path from another mesh; what is interpolated then is the difference
     """
 
     factors: Floats

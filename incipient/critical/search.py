@@ -55,7 +55,7 @@ class Trial:
 class Found:
     """What a search has found.
 
-    factor:   of the critical flow; 0: any flow, or none at all, moves the grain; inf: none that was seen
+    factor:   factor of the critical flow; 0: any flow, or none at all, moves the grain; inf: none that was seen
     between:  factors of flows that it is between, where no steady flow was found nearer to it
     held_to:  factor up to which the grain is held, inf if it always is
     path:     the load as the flow grows

@@ -32,7 +32,7 @@ EXACT = 1e-9
 class FlowModel:
     """Which terms the flow has, and how they are discretised.
 
-    order:         of the velocity; the pressure has one less
+    order:         order of the velocity; the pressure has one less
     inertia:       False leaves convection out (Stokes)
     unsteady:      whether there is a time derivative
     convection:    "implicit" (Newton), or "extrapolated" (linear, Childs & Reddy's 2 v(n) - v(n-1))
@@ -42,7 +42,7 @@ class FlowModel:
     moving_mesh:   whether the mesh itself is moved between steps (`Fluid.mesh_moved`); the map then is None
     energy_stable: convection and rate in the form that cannot create kinetic energy, instead of as printed
     stabilisation: whether convection is stabilised on cells too coarse for it (`forms.terms.grad_div`)
-    solver:        of the linear systems, a name in `solvers.SOLVERS`
+    solver:        method for the linear systems, a name in `solvers.SOLVERS`
     viscosity:     function of 1/Re (UFL) giving the kinematic viscosity, or None: it is 1/Re
     """
 
@@ -241,7 +241,7 @@ class Fluid:
         self.constraints.boundary_points_moved()
 
     def at_order(self, order: int) -> Fluid:
-        """The same flow in elements of another order; the caller destroys it. Collective."""
+        """A copy of this flow in elements of another order; the caller destroys it. Collective."""
         return Fluid(self.domain, replace(self.model, order=order), self.conditions, self.reynolds)
 
     def interpolate(self, other: Fluid) -> None:

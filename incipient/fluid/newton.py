@@ -22,17 +22,17 @@ class System(Protocol):
         ...
 
     def chord_correction(self, fresh: bool) -> float:
-        """The same with the Jacobian last prepared, approximately; `fresh` prepares a new one first."""
+        """Subtract a correction by the Jacobian last prepared; return its relative size. `fresh` prepares a new one."""
         ...
 
 
 @dataclass(frozen=True)
 class Contraction:
-    """By how much factors at hand shrink corrections, as far as that is known.
+    """The factor by which factors at hand shrink corrections, as far as it is known.
 
-    ratio:    of the second correction of a solve to its first, when it was last measured
-    measured: in which solve since the factors were made that was
-    solves:   so far with these factors, that for which they were made not counted
+    ratio:    second correction of a solve over its first, when it was last measured
+    measured: number of the solve, counted since the factors were made, in which that was
+    solves:   number of solves so far with these factors, without that for which they were made
     """
 
     ratio: float = np.inf

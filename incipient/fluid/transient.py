@@ -96,7 +96,7 @@ class Transient:
     Args:
         fluid: built with `FlowModel(unsteady=True)`; its present state is the initial one.
         order: 1 (the paper's backward difference) or 2.
-        tolerance: of the algebraic solution within a step, relative; or the share of the step's own error it may be.
+        tolerance: relative, for the algebraic solution within a step; or its share of the step's own error.
         accuracy: local error of the velocity a step may make, relative; None keeps the steps as given.
         interface: what moves with the fluid, or None.
     """
@@ -223,7 +223,7 @@ class Transient:
         return fluid.solve(self._tolerance())
 
     def _tolerance(self) -> float:
-        """Of the algebraic solution of the step to come."""
+        """The tolerance of the algebraic solution in the step to come."""
         asked = self.tolerance
         return asked.after(self.last_error) if isinstance(asked, ShareOfError) else asked
 

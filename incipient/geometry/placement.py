@@ -72,7 +72,7 @@ class Placement:
         return np.asarray((np.asarray(x, dtype=float) - np.asarray(self.centre)) @ self.rotation)
 
     def raised(self, height: float) -> "Placement":
-        """The same placement, higher by `height`."""
+        """This placement, higher by `height`."""
         return Placement((*self.centre[:-1], self.centre[-1] + height), self.angle, self.quaternion)
 
     def moved(self, shift: ArrayLike, turn: ArrayLike) -> "Placement":

@@ -57,8 +57,8 @@ class Settled:
 
     placement: the last one; the grain touches the bed there
     contacts:  where it touches the bed, None unless it rests or balances
-    outcome:   by name; `stable` is true if the grain rests
-    steps:     of the descent
+    outcome:   how settling ended; `stable` is true if the grain rests
+    steps:     number of steps of the descent
     gap:       largest gap of the contacts that carry the grain [grain sizes]
     imbalance: unbalanced force [weights] or couple [weight times grain size] about the centre, the larger
     """

@@ -48,7 +48,7 @@ class RigidDisplacement:
     Args:
         domain: whose mesh is as it was made.
         boundary: name of the body's boundary.
-        placement: of the body in the mesh as it was made.
+        placement: where the body was when the mesh was made.
         turning: whether the mesh turns with the body; False for discs and spheres.
 
     Attributes:
@@ -110,7 +110,7 @@ class MeshMotion:
 
 
 def _determinant(a: Floats) -> Floats:
-    """Of matrices (d, d, ...), written out: for many small ones far faster than a factorisation of each."""
+    """Determinants (...) of small matrices (d, d, ...), written out: far faster than factorising each."""
     if len(a) == 2:
         return np.asarray(a[0, 0] * a[1, 1] - a[0, 1] * a[1, 0])
     return np.asarray((a[0] * np.cross(a[1], a[2], axis=0)).sum(axis=0))

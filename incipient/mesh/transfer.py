@@ -36,7 +36,7 @@ class Transfer:
     whether that is so: far away extrapolation means nothing.
 
     Args:
-        mesh: of simplices, straight or curved.
+        mesh: the mesh, of simplices, straight or curved.
         points: (n, gdim or 3) of this rank, in scene units.
 
     Attributes:

@@ -34,7 +34,7 @@ def draw_apart(directory: Path) -> Drawn:
 
 
 def animate_apart(directory: Path, target: Path | None, field: str) -> Path:
-    """As `animation.animate`, in another process; returns the path of the file. Not collective.
+    """Make the film that `animation.animate` makes in another process; return its path. Not collective.
 
     Raises:
         OutputError: with the drawing's own explanation.

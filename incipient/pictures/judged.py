@@ -34,7 +34,7 @@ class Judged:
     """A case and what both judges say of it.
 
     forces:      contact forces on the grain (n, 3), and `states` (n) of the contacts, keys of `style.STATES`
-    share:       of the flow's load that these forces answer: 1, or the safety factor where no forces balance
+    share:       part of the flow's load that these forces answer: 1, or the safety factor where no forces balance
                  the load and the motion is not known; nan where there are none
     motion:      None at rest and where it is not known
     significant: the paper's significant reaction surface, indices of contacts

@@ -89,7 +89,7 @@ class Numbers:
     bed_reynolds:   speed at the height of the bed's relief above the datum times that height over the viscosity
     reach:          how far the grain's disturbance goes before a wall stops it, in grain sizes
     strouhal:       grain size over speed times the time in which the flow changes
-    density_ratio:  of a free or weighing grain to the fluid
+    density_ratio:  density of a free or weighing grain over the fluid's
     stokes:         density ratio times grain Reynolds number / 18: how sluggishly the grain follows the flow
     froude:         reference velocity over sqrt(g height)
     """
@@ -104,7 +104,7 @@ class Numbers:
     froude: float | None
 
     def text(self) -> str:
-        """Those that there are, on one line."""
+        """The numbers that the scene has, on one line."""
         named = {
             "grain Re": self.grain_reynolds,
             "flow Re": self.flow_reynolds,

@@ -1,4 +1,4 @@
-"""By which method the flow's linear systems are solved, and why: decided from the scene."""
+"""The method for the flow's linear systems, and why: decided from the scene."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ class Plan:
 
     sought:   what mesh and order are chosen for by the run, in words; empty where the scene chooses them
     warnings: what in the scene makes the result less sure, in words
-    solver:   of the linear systems
+    solver:   method for the linear systems
     datum:    where the profile of the flow starts, None without a profile or a bed
     """
 

@@ -39,9 +39,9 @@ class Recorded:
 class Progress:
     """How far a run has come and what it has cost.
 
-    number:      of time steps done
-    next_length: of the step to come, where steps adapt
-    error:       of the last step, by which the next one's tolerance goes; None where it could not be told
+    number:      number of time steps done
+    next_length: length of the step to come, where steps adapt
+    error:       error of the last step, by which the next one's tolerance goes; None where it is unknown
     total:       wall time of all sessions [s]
     """
 
@@ -90,10 +90,10 @@ class Body:
     made, weights:   places (nodes, 3) of the mesh when made, and how each node follows the grain (nodes, gdim + 1)
     made_for:        state for which it was made
     states, times:   of the grain, now and a step before (n, 6 or 13), (n,)
-    places:          of the mesh's nodes then (n, nodes, 3)
-    mean_load:       of the last step (k,), None before the first; of which order and length that step was
+    places:          places of the mesh's nodes then (n, nodes, 3)
+    mean_load:       load in the last step (k,), None before the first; with the order and length of that step
     load, flow_load: at the end of the last step (k,)
-    velocities:      of the grain as they limit the steps' length, one row for each past state of the flow
+    velocities:      velocities of the grain as they limit the steps' length, one row for each past state of the flow
     """
 
     made: Floats

@@ -24,7 +24,7 @@ class Loads:
 
     @classmethod
     def of(cls, result: Result) -> Loads:
-        """Those of a run with a grain, at its end."""
+        """The loads, and the place, at the end of a run with a grain."""
         assert result.force is not None and result.couple is not None
         place = None
         if result.trajectory is not None:
@@ -36,7 +36,7 @@ class Loads:
 class Term:
     """One source of error: absolute errors of force and couple (3,), of the place of a moving grain, and how found.
 
-    power: of the gap with which its error is expected to fall
+    power: exponent of the gap with which its error is expected to fall
     """
 
     name: str

@@ -11,10 +11,10 @@ import numpy as np
 class Forces:
     """Forces on the grain (3,), scene units with fluid density one.
 
-    flow:             of the flow, by the residual method; without buoyancy
-    surface_integral: the same by integrating sigma n over the surface (cross-check)
-    buoyancy:         of the hydrostatic pressure, exact
-    weight:           of the grain
+    flow:             force of the flow, by the residual method; without buoyancy
+    surface_integral: force of the flow by integrating sigma n over the surface (cross-check)
+    buoyancy:         force of the hydrostatic pressure, exact
+    weight:           weight of the grain
     repulsion:        from what a grain that is repelled has come close to; zero for others
     """
 

@@ -216,17 +216,17 @@ class Numerics(Section):
         1_000_000, ge=1, description="Triangles expected of a mesh above which it is not made"
     )
     convection: Literal["implicit", "extrapolated"] = Field(
-        "implicit", description="By Newton iteration, or linearised about earlier steps"
+        "implicit", description="Convection by Newton iteration, or linearised about earlier steps"
     )
     form: Literal["printed", "energy-stable"] = Field(
-        "printed", description="Of convection: as in the paper, or such that it cannot create energy"
+        "printed", description="Convective term as in the paper, or such that it cannot create energy"
     )
     stabilisation: Literal["auto", "on", "off"] = Field(
-        "auto", description="Of convection on coarse cells; auto: where their Reynolds number calls for it"
+        "auto", description="Stabilised convection on coarse cells; auto: where their Reynolds number asks it"
     )
     coupling: Literal["exact", "naive"] = Field(
         "exact",
-        description="Of fluid and moving grain; naive: for comparison only, diverges for light grains",
+        description="Coupling of fluid and moving grain; naive: for comparison only, diverges for light grains",
     )
     error_bars: bool = Field(
         True, description="Estimate errors of force, couple and safety factor; takes about as long as the run"
@@ -237,7 +237,7 @@ class Numerics(Section):
         examples=[0.01],
     )
     accuracy_of: Literal["force", "couple", "safety factor"] = Field(
-        "force", description="What the accuracy is that of"
+        "force", description="The quantity whose relative error `accuracy` limits"
     )
     accuracy_includes: Literal["discretisation", "all"] = Field(
         "discretisation",

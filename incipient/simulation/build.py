@@ -42,7 +42,7 @@ def prepared(
     Args:
         accounts: those of the search that the run belongs to; None: its own.
         recorder: told when the mesh is there.
-        checkpoint: of an earlier session of the run, whose mesh is taken and whose costs are counted on.
+        checkpoint: the checkpoint of an earlier session of the run, whose mesh is taken and whose costs are counted on.
         sizing: changes the cell sizes that the plan has laid out.
 
     Raises:

@@ -130,18 +130,20 @@ class CaseContacts(Section):
 class CaseGrain(Section):
     """How the grain answers a force that is not balanced."""
 
-    mass: Positive = Field(description="mass")
+    mass: Positive = Field(description="mass of the grain")
     inertia: Inertia = Field(description="moment of inertia about the centre of mass")
 
 
 class CaseErrors(Section):
     """Standard errors of what the load was measured or computed with."""
 
-    flow_force: Vector | None = Field(None, description="of each component of the flow's force")
-    flow_couple: Couple | None = Field(None, description="of the flow's couple")
-    friction: NotNegative = Field(0.0, description="of the coefficient of friction")
-    samples: int = Field(1000, ge=10, le=1_000_000, description="cases drawn")
-    seed: int = Field(0, ge=0, description="of the random numbers: the same seed, the same answer")
+    flow_force: Vector | None = Field(
+        None, description="standard error of each component of the flow's force"
+    )
+    flow_couple: Couple | None = Field(None, description="standard error of the flow's couple")
+    friction: NotNegative = Field(0.0, description="standard error of the coefficient of friction")
+    samples: int = Field(1000, ge=10, le=1_000_000, description="number of cases drawn at random")
+    seed: int = Field(0, ge=0, description="seed of the random numbers: the same seed gives the same answer")
 
     @field_validator("flow_force", "flow_couple")
     @classmethod
@@ -154,7 +156,7 @@ class CaseErrors(Section):
 class Case(Section):
     """A grain in contact with its bed and the load on it."""
 
-    title: str = Field("", description="what it is")
+    title: str = Field("", description="title of the case")
     source: str = Field("", description="where the numbers come from")
     load: CaseLoad = Field(description="what acts on the grain besides the bed")
     contacts: CaseContacts = Field(description="where the bed touches the grain")

@@ -182,7 +182,7 @@ def with_factors_of_steady_flow(fluid: Fluid) -> None:
 
 
 def change_of_loads(fluid: Fluid, term: Term, boundary: str, about: Sequence[float]) -> tuple[Floats, Floats]:
-    """By how much a missing term would change force (3,) and couple (3,) on a boundary, to first order. Collective.
+    """The change of force (3,) and couple (3,) on a boundary by a missing term, to first order. Collective.
 
     Args:
         fluid: solved, with factors of its steady equations at hand.
@@ -201,7 +201,7 @@ def change_of_loads(fluid: Fluid, term: Term, boundary: str, about: Sequence[flo
 
 
 def change_of_velocity(fluid: Fluid, term: Term) -> float:
-    """By how much a missing term would change the velocity, relative to it in the mean, to first order. Collective."""
+    """The mean change of the velocity by a missing term, relative to it, to first order. Collective."""
     from .. import compat
     from ..fluid.flow import EXACT
 

@@ -47,7 +47,7 @@ class Trajectory:
         fluid: at time zero, on the mesh that was made for the scene; replaced and destroyed with each new mesh.
         stage: context managers by name that take the time.
         voice: told of new meshes and of contact.
-        state: of the grain for which the mesh was made; None: that of the scene.
+        state: the grain's state for which the mesh was made; None: that of the scene.
     """
 
     def __init__(

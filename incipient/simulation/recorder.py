@@ -33,7 +33,7 @@ class Recorder(Protocol):
         """A time step was accepted."""
 
     def remeshed(self, domain: Domain) -> None:
-        """From now on fields are on another mesh."""
+        """Take note that fields are on another mesh from now on."""
 
     def fields(self, time: float, fields: dict[str, Any], traction: Any) -> None:
         """Fields on the mesh, and the traction on the grain's surface (None without a grain)."""

@@ -49,7 +49,7 @@ class Run:
 
     Args:
         fluid: on the mesh that was made for the scene; it is replaced when a moving grain is meshed anew.
-        probe: of the traction on the grain; None without one.
+        probe: reads the traction on the grain; None without a grain.
         voice: told of the stages.
     """
 
@@ -105,7 +105,7 @@ class Run:
         return self._first_motion
 
     def march_with(self, time_stepper: Transient, trajectory: Trajectory | None = None) -> None:
-        """From now on the state is that of an integration in time, and of a grain that moves. Not collective."""
+        """Take a time integration, and the trajectory of a moving grain, into the state. Not collective."""
         self._time_stepper, self._trajectory = time_stepper, trajectory
 
     def take_fluid(self, fluid: Fluid, probe: TractionProbe | None) -> None:

@@ -30,7 +30,7 @@ class TimeLoop:
     """Takes a run from its start, or from its checkpoint, to the end of its time. Every method is collective.
 
     Args:
-        run: of a scene in time. It gets the time integration, and the trajectory of a moving grain.
+        run: the run of a scene in time. It gets the time integration, and the trajectory of a moving grain.
         recorder: told of every step.
         interruption: asked between steps whether to stop.
         checkpoint: where to go on from; None: from the start.

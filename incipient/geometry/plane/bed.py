@@ -430,7 +430,7 @@ class Polyline(Bed):
         return feet
 
     def _nearest(self, points: Floats) -> Floats:
-        """The same for a few points, compared with the lines that may be nearer than what is straight below."""
+        """The nearest points (n, 2) of the bed for a few points (n, 2), by all lines no farther than the bed below."""
         if len(points) == 0:
             return points
         vertices = self._vertices

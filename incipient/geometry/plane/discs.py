@@ -111,7 +111,7 @@ class Discs(Grain):
 
     @property
     def polar_moment(self) -> float:
-        """By Green's theorem along the arcs."""
+        """The moment about the centroid, by Green's theorem along the arcs."""
         return float(np.trace(self._moments.about_centroid()))
 
     def level(self, x: ArrayLike) -> Floats:

@@ -141,7 +141,7 @@ class Rectangle(Grain):
 
     @property
     def polar_moment(self) -> float:
-        """By parts: the core, its sides and the four quarter discs."""
+        """The moment about the centroid: the sum over the core, its sides and the four quarter discs."""
         return float(np.trace(moments.rounded_box(self._core, self._radius).second))
 
     def level(self, x: ArrayLike) -> Floats:

@@ -71,7 +71,7 @@ class PlanarProximity:
 
     @cached_property
     def size(self) -> float:
-        """The grain's."""
+        """The grain's size."""
         return self.grain.size
 
     def minima(self, placement: Placement, within: float) -> PlanarMinima:
@@ -83,14 +83,14 @@ class PlanarProximity:
         return PlanarMinima(tuple(row for row in rows if row.gap <= within))
 
     def tracked(self, placement: Placement, old: PlanarMinima) -> PlanarMinima:
-        """The same minima and joints at another placement close by, in the same order."""
+        """The minima and corners `old` followed to another placement close by, in their order."""
         outline = placed_outline(self.grain, placement)
         return PlanarMinima(tuple(self._tracked(outline, row) for row in old.rows))
 
     def locally_least(
         self, placement: Placement, minima: PlanarMinima, corners: bool = False, slack: float = 0.0
     ) -> PlanarMinima:
-        """Those that are local minima, or ends of a straight side of which both are given; or with all corners."""
+        """Local minima among `minima`, and ends of straight sides of which both are given; on request all corners."""
         if corners:
             return minima
         given = {row.curve for row in minima.rows if row.parameter is None}
@@ -119,9 +119,9 @@ class PlanarProximity:
         return rest(self.grain, self.bed, placement.centre[0], placement.angle)
 
     def _tracked(self, outline: Outline, old: _Row) -> _Row:
-        """Of what is found at the old place on the outline that whose normal is closest to the old one."""
+        """The minimum or corner at the old place on the outline whose normal is closest to the old one."""
         if old.parameter is None:
-            rows = self._joint(outline, old.curve, np.inf)
+            rows = self._joints_at(outline, np.array([old.curve]), np.inf)
         else:
             rows = self._rows(self._followed(outline, old.curve, old.parameter))
         return min(rows, key=lambda row: float(np.abs(row.normal - old.normal).max()), default=old)
@@ -165,43 +165,39 @@ class PlanarProximity:
         return [_Row(gap, point, normal, *approach.place) for normal in normals]
 
     def _joints(self, outline: Outline, within: float) -> list[_Row]:
-        """All corners that are close; where the bed has none, they are looked at together."""
+        """All corners that are close."""
         corners = self._corners[outline.starts[self._corners, 1] - self.bed.crest <= within]
-        if len(corners) == 0:
-            return []
-        points = outline.starts[corners]
-        gaps = self.bed.distance(points)
-        corners, points, gaps = (column[gaps <= within] for column in (corners, points, gaps))
-        if len(corners) == 0:
-            return []
-        x, y = points.T
-        reach = float(np.abs(y - self.bed.height(x)).max()) + within + self.size
-        if len(self.bed.corners(float(x.min()) - reach, float(x.max()) + reach)):
-            return [row for k in corners for row in self._joint(outline, int(k), within)]
-        normals = self.bed.normal(self.bed.nearest(points)[:, 0])
-        rows = zip(gaps, points, normals, corners, strict=True)
-        return [_Row(float(gap), point, normal, int(k), None) for gap, point, normal, k in rows]
+        if len(corners):
+            corners = corners[self.bed.distance(outline.starts[corners]) <= within]
+        return self._joints_at(outline, corners, within) if len(corners) else []
 
-    def _joint(self, outline: Outline, k: int, within: float) -> list[_Row]:
-        """The start of curve k, seen from all pieces of bed that are close."""
-        point = np.asarray(outline[k].start)
-        if np.isfinite(within) and point[1] - self.bed.crest > within:
-            return []
-        above = float(np.abs(point[1] - self.bed.height(point[:1])[0]))
-        reach = max(above, 1e-3 * self.size) + (within if np.isfinite(within) else 0.0)
-        found = self._seen(point, reach)
-        return [_Row(gap, point, normal, k, None) for gap, normal in found if gap <= within]
-
-    def _seen(self, point: Floats, reach: float) -> list[tuple[float, Floats]]:
-        """Distances and normals of the bed's pieces around a point."""
-        x0, x1 = max(point[0] - reach, self.bed.extent[0]), min(point[0] + reach, self.bed.extent[1])
-        if len(self.bed.corners(x0, x1)) == 0:
-            foot = self.bed.nearest(point)
-            return [(float(self.bed.distance(point)[0]), self.bed.normal(foot[:, 0])[0])]
-        if x0 >= x1:
-            return []
-        seen = [_distance_from(piece, point) for piece in self.bed.curves(x0, x1)]
-        return [row for row in seen if row is not None]
+    def _joints_at(self, outline: Outline, curves: np.ndarray, within: float) -> list[_Row]:
+        """The starts of curves (m,), in their order, each seen from all pieces of bed within a distance."""
+        points = outline.starts[curves]
+        above = np.abs(points[:, 1] - self.bed.height(points[:, 0]))
+        reach = np.maximum(above, 1e-3 * self.size) + (within if np.isfinite(within) else 0.0)
+        left = np.maximum(points[:, 0] - reach, self.bed.extent[0])
+        right = np.minimum(points[:, 0] + reach, self.bed.extent[1])
+        corners = self.bed.corners(float(left.min()), float(right.max()))
+        smooth = np.searchsorted(corners, left) == np.searchsorted(corners, right, side="right")
+        which, gaps, normals = [np.flatnonzero(smooth)], [np.empty(0)], [np.empty((0, 2))]
+        if smooth.any():
+            gaps = [self.bed.distance(points[smooth])]
+            normals = [self.bed.normal(self.bed.nearest(points[smooth])[:, 0])]
+        cornered = np.flatnonzero(~smooth & (left < right))
+        if len(cornered):
+            ends = float(left[cornered].min()), float(right[cornered].max())
+            for piece in self.bed.curves(*ends):
+                feet, gap, normal, beside = _seen_from(piece, points[cornered])
+                slack = 1e-9 * self.size
+                beside &= (feet >= left[cornered] - slack) & (feet <= right[cornered] + slack)
+                which, gaps = [*which, cornered[beside]], [*gaps, gap[beside]]
+                normals.append(normal[beside])
+        rows = zip(np.concatenate(which), np.concatenate(gaps), np.concatenate(normals), strict=True)
+        found = [
+            (int(i), _Row(float(g), points[i], n, int(curves[i]), None)) for i, g, n in rows if g <= within
+        ]
+        return [row for _, row in sorted(found, key=lambda pair: pair[0])]
 
 
 def _is_valley(left: Floats, right: Floats) -> bool:
@@ -209,18 +205,24 @@ def _is_valley(left: Floats, right: Floats) -> bool:
     return bool(planar_cross(left, right) > 1e-9)
 
 
-def _distance_from(piece: Curve, point: Floats) -> tuple[float, Floats] | None:
-    """Distance and normal of a line or arc of a bed that goes from left to right; None beyond its ends."""
+def _seen_from(piece: Curve, points: Floats) -> tuple[Floats, Floats, Floats, np.ndarray]:
+    """Points (n, 2) seen from a line or an arc of a bed that goes from left to right.
+
+    Abscissae of the feet (n,), distances (n,), normals (n, 2), and whether the feet are between the ends (n,).
+    """
     if isinstance(piece, Line):
         along = piece.tangent([0.0])[0]
-        away = point - np.asarray(piece.start)
-        normal = quarter_turned(along)
-        beside = -1e-9 <= away @ along / piece.length <= 1.0 + 1e-9
-        return (float(away @ normal), normal) if beside else None
+        away = points - np.asarray(piece.start)
+        normal, place = quarter_turned(along), away @ along
+        beside = (place >= -1e-9 * piece.length) & (place <= (1.0 + 1e-9) * piece.length)
+        return piece.start[0] + place * along[0], away @ normal, np.tile(normal, (len(points), 1)), beside
     if isinstance(piece, Arc):
         centre = np.asarray(piece.centre)
-        away, ends = point - centre, np.array([piece.start, piece.end]) - centre
-        length, radius = float(np.linalg.norm(away)), float(np.linalg.norm(ends[0]))
-        turns = (ends[:, 0] * away[1] - ends[:, 1] * away[0]) / (length * radius)
-        return (length - radius, away / length) if turns[0] <= 1e-9 and turns[1] >= -1e-9 else None
-    return None
+        away, ends = points - centre, np.array([piece.start, piece.end]) - centre
+        length, radius = np.linalg.norm(away, axis=1), float(np.linalg.norm(ends[0]))
+        turns = planar_cross(ends[:, None], away) / (length * radius)
+        outward = away / length[:, None]
+        beside = (turns[0] <= 1e-9) & (turns[1] >= -1e-9)
+        return centre[0] + radius * outward[:, 0], length - radius, outward, beside
+    nothing = np.zeros(len(points))
+    return nothing, nothing, np.zeros_like(points), np.zeros(len(points), dtype=bool)

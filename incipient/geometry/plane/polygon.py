@@ -49,7 +49,7 @@ class Polygon(Grain):
 
     @cached_property
     def polar_moment(self) -> float:
-        """By the triangles of the sides with the centroid."""
+        """The moment about the centroid: the sum over the triangles that the sides form with it."""
         return float(np.trace(moments.polygon(self._corners).second))
 
     def _nearest(self, x: Floats) -> Floats:
@@ -119,7 +119,7 @@ class Polygon(Grain):
 
     @property
     def smoothed(self) -> "Polygon | None":
-        """The same grain with the outline of its mesh; None where that is its own."""
+        """This grain with the smooth outline that its mesh has; None where that is its own outline."""
         return None if self._drawn == self.chain.curves else _Smoothed(self.vertices)
 
 
@@ -248,7 +248,7 @@ def _shoelace(corners: Floats) -> tuple[float, Floats]:
 
 
 def _centred(corners: Floats) -> Floats:
-    """The same polygon counter-clockwise with its centroid at the origin."""
+    """The polygon's corners (n, 2) counter-clockwise with the centroid at the origin."""
     corners = corners - corners.mean(axis=0)
     area, centroid = _shoelace(corners)
     extent = np.ptp(corners, axis=0).max()

@@ -79,7 +79,7 @@ class SpatialProximity:
 
     @property
     def size(self) -> float:
-        """The grain's."""
+        """The grain's size."""
         return self.grain.size
 
     @cached_property
@@ -146,7 +146,7 @@ class SpatialProximity:
         return found.only(found.gaps <= within)
 
     def tracked(self, placement: Placement, old: Minima) -> Minima:
-        """The same minima at another placement close by."""
+        """The minima `old` followed to another placement close by."""
         pieces = old.pieces
         parts = [old.only(np.empty(0, dtype=int))]
         points = placement.to_scene(old.anchors)
@@ -284,7 +284,7 @@ class SpatialProximity:
     def _round_starts(
         self, placement: Placement, pieces: Pieces, k: int, within: float
     ) -> tuple[np.ndarray, np.ndarray, Floats, Floats]:
-        """On a smooth bed: where samples of the round surface are lowest, and the triangles below them."""
+        """Starts on a smooth bed: where samples of the round surface are lowest, and the triangles below them."""
         core = self.cores[k]
         starts, _ = self._valleys(placement, pieces, within)
         corners = placement.to_scene(core.points)[core.triangles]
@@ -329,7 +329,7 @@ class SpatialProximity:
     def locally_least(
         self, placement: Placement, minima: Minima, corners: bool = False, slack: float = 0.0
     ) -> Minima:
-        """Those minima that are local minima over the whole surface, each once; on request all corners, too.
+        """The `minima` that are local minima over the whole surface, each once; on request all corners, too.
 
         Points whose neighbourhood is lower by no more than `slack` (a length) count as minima.
         """

@@ -49,12 +49,12 @@ class Box(Solid):
 
     @property
     def volume(self) -> float:
-        """By parts: the core, its faces, edges and corners, each with what the ball adds."""
+        """The volume: the sum over the core, and what the ball adds at faces, edges and corners."""
         return self._moments.volume
 
     @property
     def inertia(self) -> Floats:
-        """By the same parts."""
+        """The inertia (3, 3) about the centroid at unit density, by the parts of which the volume is the sum."""
         return moments.inertia_of(self._moments.second)
 
     @cached_property
@@ -177,12 +177,12 @@ class Triangulated(Solid):
 
     @property
     def volume(self) -> float:
-        """By the signed tetrahedra of the triangles with the centroid."""
+        """The volume: the sum of the signed tetrahedra of the triangles with the centroid."""
         return self._moments.volume
 
     @property
     def inertia(self) -> Floats:
-        """By the same tetrahedra."""
+        """The inertia (3, 3) about the centroid at unit density, by the tetrahedra with the centroid."""
         return moments.inertia_of(self._moments.second)
 
     @cached_property

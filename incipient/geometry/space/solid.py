@@ -264,7 +264,7 @@ class StarSolid(Solid):
 
     @property
     def inertia(self) -> Floats:
-        """From the integral of r^5 over all directions, shifted to the centroid."""
+        """The inertia (3, 3) about the centroid at unit density, from the integral of r^5 over all directions."""
         return moments.inertia_of(self._moments.about_centroid())
 
     def _point(self, directions: Floats) -> Floats:
@@ -291,7 +291,7 @@ class StarSolid(Solid):
         h = 1e-3
 
         def difference(angle: float) -> Floats:
-            """Of the radii at this angle on either side."""
+            """The difference of the radii (n,) at this angle on either side."""
             ahead, aside = np.cos(angle) * outward, np.sin(angle) * tangent
             return np.asarray(self.radius(ahead + aside)) - np.asarray(self.radius(ahead - aside))
 

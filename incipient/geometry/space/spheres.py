@@ -54,12 +54,12 @@ class Spheres(Solid):
 
     @property
     def volume(self) -> float:
-        """By plane sections, relative error about 1e-9."""
+        """The volume by plane sections, relative error about 1e-9."""
         return self._moments.volume
 
     @property
     def inertia(self) -> Floats:
-        """By plane sections, relative error about 1e-9."""
+        """The inertia (3, 3) about the centroid at unit density by plane sections, relative error about 1e-9."""
         return moments.inertia_of(self._moments.about_centroid())
 
     @property
