@@ -190,9 +190,9 @@ def _run(
     circular cones.
     """
     height, width = rows.shape
-    table, square = Table(rows.T.ravel(), *_full(height, width)), _none(width)
+    table, square = Table(rows.T.ravel(), *_dense_pattern(height, width)), _zero_table(width)
     if quadratic is not None:
-        square = Table(np.triu(quadratic).T.ravel(), *_full(width, width))
+        square = Table(np.triu(quadratic).T.ravel(), *_dense_pattern(width, width))
     cones: list[Any] = [clarabel.ZeroConeT(equal)] if equal else []
     cones += [clarabel.NonnegativeConeT(nonnegative)] if nonnegative else []
     cones += [TRIPLE] * ((height - equal - nonnegative) // 3)
@@ -211,14 +211,14 @@ class Table:
 
 
 @lru_cache(maxsize=256)
-def _full(height: int, width: int) -> tuple[NDArray[np.int32], NDArray[np.int32], tuple[int, int]]:
+def _dense_pattern(height: int, width: int) -> tuple[NDArray[np.int32], NDArray[np.int32], tuple[int, int]]:
     """Row indices, starts of columns and shape of a table without zeros."""
     indices = np.tile(np.arange(height, dtype=np.int32), width)
     return indices, np.arange(width + 1, dtype=np.int32) * np.int32(height), (height, width)
 
 
 @lru_cache(maxsize=256)
-def _none(width: int) -> Table:
+def _zero_table(width: int) -> Table:
     """A square table of zeros."""
     nothing, starts = np.zeros(0, dtype=np.int32), np.zeros(width + 1, dtype=np.int32)
     return Table(np.zeros(0), nothing, starts, (width, width))

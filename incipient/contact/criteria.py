@@ -154,7 +154,7 @@ def classify(
     minima = _minima(load, contacts, arms, scales, tolerance)
     located = _located(criterion, minima, located_by)
     at = minima.surface_2 if located == "force" else minima.surface_7
-    answer = _answer(load, contacts, arms, list(at), friction)
+    answer = _reaction_at(load, contacts, arms, list(at), friction)
     moves, turns = _norm(answer["force"]) > scales[0], _norm(answer["couple"]) > scales[1]
     held = not turns or can_vanish(_couples_apart(load, arms, at, answer), scales[1])
     leaves = bool((contacts.normals @ answer["force"] < -scales[0]).all())
@@ -222,8 +222,8 @@ def _minima(
         projections_7=-lever * np.abs(lever),
         sign_2=_sign(toward.min(), force_zero),
         sign_7=_sign((-lever).min(), couple_zero),
-        surface_2=_least(toward, force_zero),
-        surface_7=_least(-lever, couple_zero),
+        surface_2=_indices_of_least(toward, force_zero),
+        surface_7=_indices_of_least(-lever, couple_zero),
     )
 
 
@@ -243,7 +243,7 @@ def _located(criterion: Criterion, minima: Minima, wish: Located | None) -> Loca
     return wish or ("force" if minima.sign_2 <= 0 else "couple")
 
 
-def _answer(
+def _reaction_at(
     load: Load, contacts: Contacts, arms: Floats, at: list[int], coefficient: float
 ) -> dict[str, Any]:
     """The quantities at x* and the resultants (24), (25); without a couple (3), without a force (8)."""
@@ -323,7 +323,7 @@ def _obstacles(
     return tuple(int(k) for k in np.flatnonzero(met.any(axis=0)))
 
 
-def _least(values: Floats, tolerance: float) -> tuple[int, ...]:
+def _indices_of_least(values: Floats, tolerance: float) -> tuple[int, ...]:
     return tuple(int(k) for k in np.flatnonzero(values <= values.min() + tolerance))
 
 

@@ -71,12 +71,12 @@ def _searched(at: Callable[[float], Directed]) -> SafetyOverDirection:
     tried = [at(k * step) for k in range(SAMPLES)]
     low, high = min(tried, key=_share), max(tried, key=_share)
     return SafetyOverDirection(
-        min(low, _least(at, _share, low.angle - step, low.angle + step), key=_share),
-        max(high, _least(at, _missing, high.angle - step, high.angle + step), key=_share),
+        min(low, _minimum(at, _share, low.angle - step, low.angle + step), key=_share),
+        max(high, _minimum(at, _missing, high.angle - step, high.angle + step), key=_share),
     )
 
 
-def _least(
+def _minimum(
     at: Callable[[float], Directed], cost: Callable[[Directed], float], low: float, high: float
 ) -> Directed:
     """The least cost found in an interval, which is right if the cost falls and then rises in it."""

@@ -82,10 +82,10 @@ def _cells(problem: Plane) -> Iterator[_Cell]:
 
 def _modes_in(cell: _Cell, problem: Plane, spread: Floats) -> Iterator[Mode]:
     """The modes of loads of the box that have an acceleration in a cell."""
-    least = _least(cell, problem, spread, 1.0)
+    least = _least_acceleration(cell, problem, spread, 1.0)
     if least is None:
         return
-    other = _least(cell, problem, spread, -1.0)
+    other = _least_acceleration(cell, problem, spread, -1.0)
     most, none = math.inf if other is None else -other, ZERO * math.sqrt(problem.free @ problem.free)
     if least < -none or most > none:
         yield cell.turning
@@ -93,7 +93,7 @@ def _modes_in(cell: _Cell, problem: Plane, spread: Floats) -> Iterator[Mode]:
         yield cell.straight
 
 
-def _least(cell: _Cell, problem: Plane, spread: Floats, sign: float) -> float | None:
+def _least_acceleration(cell: _Cell, problem: Plane, spread: Floats, sign: float) -> float | None:
     """The least `sign` times the angular acceleration in a cell, over the box; None: no load has one there."""
     forces, errors = len(cell.edges), spread.shape[1]
     system = np.zeros((3 + len(cell.still), 3 + forces + errors))

@@ -36,7 +36,7 @@ Say = Callable[[str], None]
 class Study:
     """A scene's ladder when it is done.
 
-    judged: the runs that were finished, the cheapest first, without that which they are compared with
+    judged: completed runs without the reference, cheapest first
     front:  indices of those that are better, by a tenth at least, than all that take less processor time
     laws:   time [s] against error on the fronts, of processor ("cpu") and wall time ("wall")
     of_goals: the laws of processor time by goal

@@ -74,13 +74,13 @@ def carry_over(
         carried.append(Past(one.time, state, one.velocities))
     _put(fluid, coupling.places[0])
     fluid.state.x.array[:] = carried[0].state
-    told = _told(before, coupling, carrier, max(changes))
-    if not (told.new_quality > 0.0 and told.change < LARGEST_CHANGE):
+    summary = _summary(before, coupling, carrier, max(changes))
+    if not (summary.new_quality > 0.0 and summary.change < LARGEST_CHANGE):
         raise MeshError(
-            f"at t = {told.time:.6g} the flow does not survive the transfer to a new mesh (change {told.change:.2g}, "
-            f"worst cell {told.new_quality:.2g}): use a smaller numerics.mesh_size"
+            f"at t = {summary.time:.6g} the flow does not survive the transfer to a new mesh "
+            f"(change {summary.change:.2g}, worst cell {summary.new_quality:.2g}): use a smaller numerics.mesh_size"
         )
-    return carried, told
+    return carried, summary
 
 
 def _admissible(part: RigidPart, body: BodyState, state: Floats) -> tuple[Floats, float]:
@@ -100,7 +100,7 @@ def _put(fluid: Fluid, places: Floats) -> None:
     fluid.constraints.boundary_points_moved()
 
 
-def _told(old: Coupling, new: Coupling, carrier: Carrier, change: float) -> Remeshing:
+def _summary(old: Coupling, new: Coupling, carrier: Carrier, change: float) -> Remeshing:
     before, after = (EnergyBudget(one.fluid).kinetic() for one in (old, new))
     topology = new.fluid.domain.mesh.topology
     return Remeshing(

@@ -43,7 +43,7 @@ SEEN = 1e-8
 
 @dataclass(frozen=True, eq=False)
 class End:
-    """The end of a step: the body, the load (k,) on it, the part of that which is the flow's, the step's length."""
+    """State at the end of a step: body, total load (k,), hydrodynamic load (k,), step length."""
 
     state: BodyState
     load: Floats

@@ -54,7 +54,7 @@ class CriticalRefinement(Refinement):
 
     def _solved(self, run: Run) -> tuple[Forces, Couples]:
         self._search = search = Search(run)
-        found = search.near(self._found[-1]) if self._found else search.found()
+        found = search.near(self._found[-1]) if self._found else search.from_rest()
         self._found.append(found)
         if found.is_critical:
             self.speed, self.goal = found.factor, CriticalGoal(found)

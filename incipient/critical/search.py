@@ -118,7 +118,7 @@ class Search:
         self._sure = 0.0  # factor up to which the grain is surely held
         self._held: set[tuple[float, float]] = set()  # intervals in which it is
 
-    def found(self) -> Found:
+    def from_rest(self) -> Found:
         """Search from rest upwards."""
         inertia = self.run.plan.has(EffectName.INERTIA)
         slow = CREEPING / self._reynolds if inertia else 1.0

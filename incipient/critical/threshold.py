@@ -215,7 +215,7 @@ def find_threshold(
         return CriticalRefinement(scene, comm, voice, concluded).threshold()
     with prepared(scene, comm, voice=voice) as run:
         search = Search(run)
-        return concluded(run, search, search.found())
+        return concluded(run, search, search.from_rest())
 
 
 def _require(scene: Scene) -> None:
@@ -331,7 +331,8 @@ def bed_stress(scene: Scene) -> float:
 
     step = 1e-6 * scene.domain.height
     heights = scene.datum + step * np.array([0.0, 1.0, 2.0])
-    x = np.vstack([np.full(3, scene.domain.left), heights, np.zeros(3)])
+    x = np.zeros((3, 3))
+    x[0], x[scene.up] = scene.domain.left, heights
     speed = undisturbed(scene)(x, 0.0)[0]
     gradient = (-3 * speed[0] + 4 * speed[1] - speed[2]) / (2 * step)
     return float(scene.viscosity * abs(gradient))

@@ -337,7 +337,7 @@ class Fluid:
         return compat.form(ufl.derivative(tested, self.state, ufl.TestFunction(self.space.mixed)))
 
     def renew_factors(self) -> None:
-        """Let the next time step factorise anew. Not collective, but to be called on all ranks."""
+        """Request new factors at the next step. Not collective, but to be called on every rank."""
         self._aged = True
 
     def chord_correction(self, fresh: bool) -> float:

@@ -156,9 +156,9 @@ class Transient:
         self.fluid, self.interface, self._past = fluid, interface, list(past)
 
     def resume(self, number: int, next_length: float, past: Sequence[Past], last_error: float | None) -> None:
-        """Go on after so many steps with these states before the fluid's present one. Not collective.
+        """Restore the history: `number` steps done, the `past` states newest first. Not collective.
 
-        The next march then begins with this length, whatever it is told. `last_error` is that of the last step.
+        The next `march` starts with `next_length` in place of its own. `last_error` is that of the last step.
         """
         self._count, self._past, self.last_error = number, list(past), last_error
         self._length_kept = next_length if number else None
@@ -197,7 +197,7 @@ class Transient:
         )
 
     def _allowed(self, length: float, good: bool) -> float:
-        """The length itself if the attempt holds, half of it if it was not good, less where something was met."""
+        """The length to accept: `length`, half of it after a failed attempt, or the time to contact."""
         if not good:
             return 0.5 * length
         return length if self.interface is None else self.interface.allowed(length)

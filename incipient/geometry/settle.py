@@ -252,7 +252,7 @@ class _Descent:
     def _in_touch(self, placement: Placement, contacts: Near, motion: Floats) -> Placement:
         """The placement after a motion, its contacts closed again; lowering the grain closes a single one."""
         if len(contacts) > 1:
-            return self._kept(placement, contacts, motion)
+            return self._moved_in_contact(placement, contacts, motion)
         return self._moved(placement, motion)
 
     def _moved(self, placement: Placement, motion: Floats) -> Placement:
@@ -268,7 +268,7 @@ class _Descent:
         _, factors = balance(hold.rows, self._load)
         return touching.only(np.unique(hold.owner[factors > USED]))
 
-    def _held(self, placement: Placement, carrying: Near) -> Floats:
+    def _constraints(self, placement: Placement, carrying: Near) -> Floats:
         """Rows of the forces that the carrying contacts exert; with all tangents where they do not slip."""
         arms = self._arms(placement, carrying)
         hold = grip(carrying.normals, arms, self.friction, self.size)
@@ -391,7 +391,7 @@ class _Descent:
     def _error(self, placement: Placement, carrying: Near) -> Floats:
         """Gaps [grain sizes] of the carrying contacts, and the part of the weight outside what they can exert."""
         moved = self._proximity.tracked(placement, carrying)
-        rows = self._held(placement, moved)
+        rows = self._constraints(placement, moved)
         factors = np.linalg.lstsq(rows.T, self._load, rcond=1e-9)[0]
         return np.concatenate([moved.gaps / self.size, self._load - factors @ rows])
 
@@ -407,7 +407,7 @@ class _Descent:
 
     def _way_down(self, placement: Placement, carrying: Near) -> Floats | None:
         """A small free motion that keeps the carrying contacts and lowers the centre; None if it is stable."""
-        free = free_motions(self._held(placement, carrying)).T
+        free = free_motions(self._constraints(placement, carrying)).T
         if len(free) == 0:
             return None
         values, vectors = np.linalg.eigh(self._stiffness(placement, carrying, free))
@@ -419,7 +419,7 @@ class _Descent:
         if rest.way_down is None:
             return None
         motions = [s * push * rest.way_down for push in PUSHES for s in (1.0, -1.0)]
-        ends = [self._kept(rest.placement, rest.carrying, motion) for motion in motions]
+        ends = [self._moved_in_contact(rest.placement, rest.carrying, motion) for motion in motions]
         return max((self._proximity.lowered(end) for end in ends), key=self._depth)
 
     def _stiffness(self, placement: Placement, carrying: Near, free: Floats) -> Floats:
@@ -429,7 +429,9 @@ class _Descent:
         for i in range(count):
             for j in range(i + 1):
                 direction = free[i] if i == j else (free[i] + free[j]) / np.sqrt(2.0)
-                ends = [self._kept(placement, carrying, s * PROBE * direction) for s in (1.0, -1.0)]
+                ends = [
+                    self._moved_in_contact(placement, carrying, s * PROBE * direction) for s in (1.0, -1.0)
+                ]
                 rise = 2.0 * here - sum(self._depth(end) for end in ends)
                 along[i, j] = along[j, i] = rise / (PROBE**2 * self.size)
         # The derivative along (a + b)/sqrt(2) is the mean of those along a and b, plus the mixed one.
@@ -438,7 +440,7 @@ class _Descent:
         np.fill_diagonal(mixed, pure)
         return mixed
 
-    def _kept(self, placement: Placement, carrying: Near, motion: Floats) -> Placement:
+    def _moved_in_contact(self, placement: Placement, carrying: Near, motion: Floats) -> Placement:
         """The placement after a free motion, the carrying contacts closed again."""
         placement = self._moved(placement, motion)
         for _ in range(6):
@@ -452,7 +454,7 @@ class _Descent:
     def _falls(self, placement: Placement, carrying: Near, direction: Floats) -> bool:
         """Whether the grain, disturbed one way or the other, gets lower without being in the way of the bed."""
         here = self._depth(placement)
-        ends = (self._kept(placement, carrying, s * PROBE * direction) for s in (1.0, -1.0))
+        ends = (self._moved_in_contact(placement, carrying, s * PROBE * direction) for s in (1.0, -1.0))
         return any(self._depth(self._proximity.lowered(end)) > here + 1e-11 * self.size for end in ends)
 
     # Results.

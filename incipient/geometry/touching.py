@@ -90,7 +90,7 @@ def _planar(grain: Grain, placement: Placement, bed: Bed, tolerance: float) -> C
     for approach in approaches(grain, placement, bed, tolerance):
         if approach.distance <= tolerance:
             for normal in _normals(approach, bed, tolerance):
-                if not _known(approach.on_grain, normal, contacts, patches, tolerance):
+                if not _is_repeated(approach.on_grain, normal, contacts, patches, tolerance):
                     contacts.append((approach.on_grain, normal, 0.0))
     if not contacts:
         raise SceneError(f"the grain does not touch the bed within {tolerance:g}; rest it on the bed with x")
@@ -170,7 +170,7 @@ def _normals(approach: Approach, bed: Bed, tolerance: float) -> list[Floats]:
     return [-bed.normal(at)[0]]
 
 
-def _known(
+def _is_repeated(
     point: Floats, normal: Floats, contacts: list[Contact], patches: list[Patch], tolerance: float
 ) -> bool:
     """Whether a point contact was found before, or lies on a patch."""

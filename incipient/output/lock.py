@@ -90,12 +90,12 @@ def _take(directory: Path, mine: Holder) -> None:
     if not directory.exists():
         raise OutputError(f"{directory}: no such directory; give the directory of a run")
     for _ in range(TURNS):
-        if _made(path, mine) or _taken_over(path, mine):
+        if _create(path, mine) or _taken_over(path, mine):
             return
     raise OutputError(f"{path}: comes and goes; wait for the runs that are at work there, or remove it")
 
 
-def _made(path: Path, mine: Holder) -> bool:
+def _create(path: Path, mine: Holder) -> bool:
     """Make the lock, unless there is one."""
     with reported(path):
         try:

@@ -40,14 +40,14 @@ def reopened(directory: Path, overrides: Sequence[str], comm: MPI.Comm) -> tuple
         SceneError: the scene differs from that of the checkpoint, or there is nothing left to compute.
     """
 
-    def found() -> tuple[Scene, Checkpoint]:
+    def read_both() -> tuple[Scene, Checkpoint]:
         kept = checkpoints.read(directory / CHECKPOINT)
         scene = load(directory / SCENE, overrides)
         _require_same(directory / SCENE, scene, loads(kept.scene))
         _require_work(scene, loads(kept.scene), kept)
         return scene, _adapted(scene, loads(kept.scene), kept)
 
-    return from_first(comm, found)
+    return from_first(comm, read_both)
 
 
 def _require_same(path: Path, scene: Scene, of_checkpoint: Scene) -> None:

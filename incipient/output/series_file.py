@@ -181,8 +181,8 @@ class SeriesFile:
     def _stored_grid(self, file: Any, index: int) -> str:
         """The XML of a step that the HDF5 file holds."""
         step = file[f"step{index}"]
-        cells, points = (_found(file, step.attrs[part]) for part in ("topology", "geometry"))
-        fields = {name: _found(file, f"step{index}/{name}") for name in step}
+        cells, points = (_dataset(file, step.attrs[part]) for part in ("topology", "geometry"))
+        fields = {name: _dataset(file, f"step{index}/{name}") for name in step}
         return self._grid(float(step.attrs["time"]), cells, points, fields)
 
     def _grid(self, time: float, cells: _Dataset, points: _Dataset, fields: Mapping[str, _Dataset]) -> str:
@@ -274,7 +274,7 @@ def _some(file: Any, path: Path) -> int:
     return count
 
 
-def _found(file: Any, name: str) -> _Dataset:
+def _dataset(file: Any, name: str) -> _Dataset:
     return _Dataset(name, file[name].shape)
 
 

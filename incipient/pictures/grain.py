@@ -112,7 +112,7 @@ def _show_components(run: Run, axes: Axes, surface: Surface) -> None:
 
 
 def _centre(run: Run, surface: Surface) -> np.ndarray:
-    centre = run.found("grain", "centre")
+    centre = run.value("grain", "centre")
     return surface.points.mean(axis=0) if centre is None else np.array(centre[:2], dtype=float)
 
 
@@ -124,7 +124,7 @@ def _rounded(value: float) -> float:
 
 def _settled(run: Run) -> np.ndarray:
     """From where the flow was computed to where the grain touches, (2,)."""
-    resting, computed = (run.found("grain", key) for key in ("centre", "computed_centre"))
+    resting, computed = (run.value("grain", key) for key in ("centre", "computed_centre"))
     return np.zeros(2) if resting is None or computed is None else np.subtract(resting, computed)[:2]
 
 
@@ -148,7 +148,7 @@ def _acting(run: Run) -> dict[str, np.ndarray]:
 
 
 def _couple(run: Run) -> np.ndarray:
-    return np.array(run.found("couple", "flow", (0.0, 0.0, 0.0)), dtype=float)
+    return np.array(run.value("couple", "flow", (0.0, 0.0, 0.0)), dtype=float)
 
 
 def _judged_numbers(run: Run, case: Judged | None) -> list[Group]:
@@ -161,11 +161,11 @@ def _numbers(run: Run) -> list[Group]:
     """Force and couple of the flow, as far as the result and the scene hold them."""
     rows: Group = [("Flow", "", INK)]
     for name, value in (
-        *((f"{key.capitalize()} coefficient", run.found("coefficients", key)) for key in _COEFFICIENTS),
+        *((f"{key.capitalize()} coefficient", run.value("coefficients", key)) for key in _COEFFICIENTS),
         ("Reynolds number", run.setting("fluid", "reynolds")),
-        ("Gap that stands for contact", run.found("gap", "width")),
-        ("Cells across the gap", run.found("gap", "cells")),
-        ("First motion at time", run.found("verdict", "first_motion")),
+        ("Gap that stands for contact", run.value("gap", "width")),
+        ("Cells across the gap", run.value("gap", "cells")),
+        ("First motion at time", run.value("verdict", "first_motion")),
     ):
         if isinstance(value, (int, float)):
             rows.append((name, f"{value:.4g}", INK))

@@ -57,14 +57,14 @@ class Run:
         """Whether the grain moved while the flow was computed."""
         return self.setting("body", "motion") in ("free", "prescribed")
 
-    def found(self, section: str, key: str, otherwise: Any = None) -> Any:
+    def value(self, section: str, key: str, otherwise: Any = None) -> Any:
         """A value of the result, or what to take otherwise if the section or the key is absent or null."""
         value = (self.result.get(section) or {}).get(key)
         return otherwise if value is None else value
 
     def vector(self, section: str, key: str) -> np.ndarray:
         """The first two components of a vector of the result; zero if it is absent."""
-        return np.array(self.found(section, key, (0.0, 0.0)), dtype=float)[:2]
+        return np.array(self.value(section, key, (0.0, 0.0)), dtype=float)[:2]
 
     @property
     def contacts(self) -> list[tuple[np.ndarray, np.ndarray]]:

@@ -128,8 +128,8 @@ def critical_sentence(stored: dict[str, Any]) -> str:
         return "There is no threshold: without any flow the grain moves, and some of it would hold it."
     if factor == 0.0:
         return f"There is no threshold: without any flow the grain begins {stored['mode']}."
-    told = _told(stored, "factor")
-    return f"The grain begins {stored['mode']} where the flow is {told} times that of the scene."
+    factor = _value_with_error(stored, "factor")
+    return f"The grain begins {stored['mode']} where the flow is {factor} times that of the scene."
 
 
 def _critical_rows(stored: dict[str, Any], friction: float) -> Group:
@@ -140,11 +140,11 @@ def _critical_rows(stored: dict[str, Any], friction: float) -> Group:
         ("Reynolds number of the scene", "reynolds"),
         ("Shear Reynolds number", "shear_reynolds"),
     ):
-        rows.append((name, _told(stored, key), INK))
+        rows.append((name, _value_with_error(stored, key), INK))
     return [*rows, ("Coefficient of static friction", number(friction), INK)]
 
 
-def _told(stored: dict[str, Any], key: str) -> str:
+def _value_with_error(stored: dict[str, Any], key: str) -> str:
     """A number of the threshold with its error, none where there is no threshold."""
     if stored[key] is None:
         return "none"

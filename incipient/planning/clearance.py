@@ -43,17 +43,17 @@ class Surroundings:
 
         The bed is looked at more closely only if it may be nearer than `within`.
         """
-        outline = placement.to_scene(self._outline)
+        outline, up = placement.to_scene(self._outline), self.grain.gdim - 1
         low, right, high, left = self.sides
         domain = self.domain
         found = [
-            self._side(outline, 1, domain.ceiling, -1, high),
+            self._side(outline, up, domain.ceiling, -1, high),
             self._side(outline, 0, domain.right, -1, right),
             self._side(outline, 0, domain.left, 1, left),
         ]
         if self.bed is None:
-            found.append(self._side(outline, 1, domain.bottom, 1, low))
-        if self.bed is not None and (within == np.inf or outline[:, 1].min() - self.bed.crest < within):
+            found.append(self._side(outline, up, domain.bottom, 1, low))
+        if self.bed is not None and (within == np.inf or outline[:, up].min() - self.bed.crest < within):
             gap, on_grain, on_bed = clearance(self.grain, placement, self.bed)
             found.append(Clearance(gap, _point(on_grain), _point(on_bed), low))
         return min(found, key=lambda one: one.distance)

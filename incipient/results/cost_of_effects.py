@@ -36,19 +36,19 @@ class Corrections:
         self._laps = []
         yield
 
-    def made(self, iteration: int, size: float = 0.0) -> None:
+    def record(self, iteration: int, size: float = 0.0) -> None:
         """The correction of this number in its solve, from zero, has been made."""
         self._laps.append((iteration, self._ledger.lap(EffectName.FLOW)))
 
-    def heard(self, watch: Callable[[float, int, float], Any]) -> Callable[[float, int, float], None]:
+    def watched_by(self, watch: Callable[[float, int, float], Any]) -> Callable[[float, int, float], None]:
         """What to call after each correction of a steady solve, so that `watch` is called, too."""
 
-        def told(share: float, iteration: int, size: float) -> None:
+        def record_and_pass_on(share: float, iteration: int, size: float) -> None:
             """Book the correction, then pass it on."""
-            self.made(iteration, size)
+            self.record(iteration, size)
             watch(share, iteration, size)
 
-        return told
+        return record_and_pass_on
 
     def book_steady(self, steps: Sequence[Step]) -> None:
         """A steady solve by these steps is over: its first correction at the last order is the flow's own."""

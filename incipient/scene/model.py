@@ -401,8 +401,8 @@ class Scene(Section):
         # From the domain's corner: far from the origin numbers are too far apart for a grain that settles.
         (left, bottom), bed = self.domain.origin, self.bed.surface(0.0, self.domain.left)
         if body.settle:
-            slope, friction = self.bed.slope_angle, self.contact.friction if self.contact else None
-            found = rested(body.grain(), bed, body.x - left, angle, slope, friction, self.domain.length)
+            down, friction = tuple(self.gravity_direction), self.contact.friction if self.contact else None
+            found = rested(body.grain(), bed, body.x - left, angle, down, friction, self.domain.length)
         else:
             found = rest(body.grain(), bed, body.x - left, angle)
         return found.moved((left, bottom), 0.0)
@@ -426,14 +426,19 @@ class Scene(Section):
     @property
     def gravity_vector(self) -> np.ndarray:
         """Gravitational acceleration (gdim,) in the scene's coordinates, zero where there is none or it is left out."""
-        import numpy as np
-
         felt = self.gravity is not None and self.effects.gravity is not False
         acceleration = self.gravity.acceleration if felt and self.gravity else 0.0
+        return acceleration * self.gravity_direction
+
+    @property
+    def gravity_direction(self) -> np.ndarray:
+        """The unit vector (gdim,) of gravity in the scene's coordinates, turned by the slope of the bed."""
+        import numpy as np
+
         slope = self.bed.slope_angle if self.bed else 0.0
         direction = np.zeros(self.gdim)
         direction[0], direction[self.up] = math.sin(slope), -math.cos(slope)
-        return acceleration * direction
+        return direction
 
     @property
     def contact_gap(self) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from functools import lru_cache
 
 from ..errors import SceneError
@@ -18,22 +17,27 @@ DEFAULT_FRICTION = 1.0  # where the scene has no contact: rough enough for slope
 # A scene is asked for its placement many times, and the answer takes a second or two.
 @lru_cache(maxsize=16)
 def rested(
-    grain: Grain, bed: Bed, x: float, angle: float, slope: float, friction: float | None, reach: float
+    grain: Grain,
+    bed: Bed,
+    x: float,
+    angle: float,
+    down: tuple[float, ...],
+    friction: float | None,
+    reach: float,
 ) -> Placement:
     """The equilibrium that a grain finds which is let go above `x`, turned by `angle` (radians).
 
-    Gravity is turned by `slope` (radians); `reach` is how far the grain may roll. Raises SceneError if it
+    `down` is the direction of gravity; `reach` is how far the grain may roll. Raises SceneError if it
     does not come to rest, or only balances.
     """
-    gravity = (math.sin(slope), -math.cos(slope))
     hold = DEFAULT_FRICTION if friction is None else friction
     start = Placement((x, bed.crest + grain.size), angle)
     smoothed = grain.smoothed if isinstance(grain, Polygon) else None
     if smoothed is not None:
         # On many short sides a grain would roll by one after the other: it first rolls on a smooth outline.
-        coarse = settle(smoothed, bed, start, gravity, hold, reach / grain.size)
+        coarse = settle(smoothed, bed, start, down, hold, reach / grain.size)
         start = coarse.placement if coarse.stable else start
-    found = settle(grain, bed, start, gravity, hold, reach / grain.size)
+    found = settle(grain, bed, start, down, hold, reach / grain.size)
     if not found.stable:
         raise SceneError(f"the grain {found.outcome.value}; change x or angle, or leave settle out")
     return found.placement

@@ -124,10 +124,10 @@ class GrainSection(Section):
 
     @cached_property  # an outline of many points takes time to check
     def _grain(self) -> grain_geometry.Grain:
-        return self.made()
+        return self.new_grain()
 
-    def made(self) -> grain_geometry.Grain:
-        """This shape, made anew."""
+    def new_grain(self) -> grain_geometry.Grain:
+        """A new grain of this shape."""
         raise NotImplementedError
 
 
@@ -137,7 +137,7 @@ class Disc(GrainSection):
     shape: Literal["disc"] = Field("disc", description="Shape of the grain")
     diameter: Positive = Field(description="Diameter [length]")
 
-    def made(self) -> grain_geometry.Grain:
+    def new_grain(self) -> grain_geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
         from ..geometry.plane import grain
 
@@ -150,7 +150,7 @@ class Ellipse(GrainSection):
     shape: Literal["ellipse"] = Field("ellipse", description="Shape of the grain")
     semi_axes: PositivePair = Field(description="Semi-axes, the first along x when angle is 0 [length]")
 
-    def made(self) -> grain_geometry.Grain:
+    def new_grain(self) -> grain_geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
         from ..geometry.plane import grain
 
@@ -173,7 +173,7 @@ class Rectangle(GrainSection):
             raise self.refused("corner_radius", why, "make it smaller")
         return self
 
-    def made(self) -> grain_geometry.Grain:
+    def new_grain(self) -> grain_geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
         from ..geometry.plane import grain
 
@@ -222,7 +222,7 @@ class Polygon(GrainSection):
             raise self.refused("vertices", *split(str(error))) from None
         return self
 
-    def made(self) -> grain_geometry.Grain:
+    def new_grain(self) -> grain_geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
         from ..geometry.plane import polygon
 
@@ -238,7 +238,7 @@ class Superellipse(GrainSection):
         ge=2, le=100, description="n in |x/a|^n + |y/b|^n = 1: 2 is an ellipse, 100 almost a box"
     )
 
-    def made(self) -> grain_geometry.Grain:
+    def new_grain(self) -> grain_geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
         from ..geometry.plane import smooth
 
@@ -266,7 +266,7 @@ class Star(GrainSection):
             raise self.refused(key, *split(str(error))) from None
         return self
 
-    def made(self) -> grain_geometry.Grain:
+    def new_grain(self) -> grain_geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
         from ..geometry.plane import smooth
 
@@ -290,7 +290,7 @@ class Discs(GrainSection):
             raise self.refused("discs", *split(str(error))) from None
         return self
 
-    def made(self) -> grain_geometry.Grain:
+    def new_grain(self) -> grain_geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
         from ..geometry.plane import discs
 

@@ -1,6 +1,6 @@
 """From a computed flow to the result: loads on the grain, verdict, error bars, and what all of it has cost.
 
-Every function is collective but those said not to be.
+Functions are collective unless marked otherwise.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import Floats, spatial
 from ..planning.effects import EffectName, accuracy_asked, may_be_turbulent, turbulent_from
 from ..results.left_out import Omission
 
@@ -89,9 +89,8 @@ def _gravity(run: Run, effect: Effect, force: Forces | None, *rest: Any) -> Iter
     scene = run.scene
     if not effect.forced or scene.gravity is None or scene.grain is None or force is None:
         return
-    slope = scene.bed.slope_angle if scene.bed else 0.0
     excess = (scene.mass or 0.0) - scene.grain.volume
-    change = excess * scene.gravity.acceleration * np.array([np.sin(slope), -np.cos(slope), 0.0])
+    change = excess * scene.gravity.acceleration * spatial(scene.gravity_direction)
     relative = _ratio(change, force.flow)
     remedy = 'set effects.gravity = "auto"'
     yield Omission(effect.name, relative, "weight and buoyancy, exact", False, remedy, change, np.zeros(3))

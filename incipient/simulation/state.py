@@ -68,7 +68,7 @@ class Run:
         self.accounts, self.voice = accounts, voice
         self.comm: MPI.Comm = fluid.domain.comm
         self.corrections = Corrections(accounts.ledger, plan)
-        fluid.watch = self.corrections.made
+        fluid.watch = self.corrections.record
         self._fluid, self._probe = fluid, probe
         self._time_stepper: Transient | None = None
         self._trajectory: Trajectory | None = None
@@ -110,7 +110,7 @@ class Run:
 
     def take_fluid(self, fluid: Fluid, probe: TractionProbe | None) -> None:
         """Go on with another fluid on the mesh; the one before is freed. Collective."""
-        fluid.watch = self.corrections.made
+        fluid.watch = self.corrections.record
         fluid.solver.statistics.add(self._fluid.solver.statistics)
         self._fluid.destroy()
         self._fluid, self._probe = fluid, probe

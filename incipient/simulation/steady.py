@@ -39,7 +39,7 @@ def solve_steadily(run: Run, fluid: Fluid, **way: float) -> None:
             of_steady(numerics.tolerance),
             numerics.max_iterations,
             first_share=_first_share(run, fluid),
-            watch=run.corrections.heard(run.voice.iterate),
+            watch=run.corrections.watched_by(run.voice.iterate),
             **way,
         )
         run.corrections.book_steady(steps)

@@ -66,6 +66,7 @@ def test_a_box_that_lands_flat_stays_as_long_as_friction_holds_it(bed, share):
         f"at rest where it met the {where}, under the loads at the end"
     )
     assert "body.x = 2 " in found.verdict["note"] and found.why_not == ""
+    assert "no error bar" in found.verdict["note"]
 
 
 def test_a_disc_that_lands_in_a_pocket_has_both_contacts():

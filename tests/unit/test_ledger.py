@@ -78,7 +78,7 @@ def test_laps_and_transfers_add_up(clock):
 def solve(clock, made, *taken):
     for iteration, time in enumerate(taken):
         clock(time)
-        made.made(iteration)
+        made.record(iteration)
 
 
 def step(order, iterations):

@@ -64,8 +64,8 @@ class Pretended:
         centre = np.array([*self.scene.placement.centre, 0.0])
         return safety_factor(Load(flow[:3], flow[3:], weight, centre), self.contacts, 0.5).value
 
-    def found(self) -> Found:
-        return self.search().found()
+    def from_rest(self) -> Found:
+        return self.search().from_rest()
 
     def search(self) -> Search:
         return Search(self, self.loads_at)  # type: ignore[arg-type]
@@ -85,7 +85,7 @@ class Pretended:
 def test_threshold_of_a_load_that_grows(inertia: float) -> None:
     """From a load in proportion to the flow to one that goes with its square."""
     pretended = Pretended(lambda f: DRAG * (0.3 + inertia * f))
-    found = pretended.found()
+    found = pretended.from_rest()
     assert found.factor == pytest.approx(pretended.first_loss(100.0), rel=1e-6)
     assert found.is_critical and found.held_to == found.factor
     assert len(found.trials) <= 5
@@ -93,7 +93,7 @@ def test_threshold_of_a_load_that_grows(inertia: float) -> None:
 
 def test_threshold_of_a_load_that_turns_slowly() -> None:
     pretended = Pretended(lambda f: DRAG * (0.3 + np.sqrt(f)) + 0.2 * PRESS * np.log1p(3 * f))
-    found = pretended.found()
+    found = pretended.from_rest()
     assert found.factor == pytest.approx(pretended.first_loss(100.0), rel=1e-5)
     assert len(found.trials) <= 8
 
@@ -102,7 +102,7 @@ def test_slow_flows_that_press_are_no_proof() -> None:
     """The grain is held in Stokes flow whatever its strength, and by its weight; with inertia it moves."""
     pretended = Pretended(lambda f: PRESS + f * DRAG)
     assert pretended.safety(1e-3) == np.inf
-    found = pretended.found()
+    found = pretended.from_rest()
     assert found.factor == pytest.approx(pretended.first_loss(100.0), rel=1e-6)
 
 
@@ -110,7 +110,7 @@ def test_a_fast_flow_that_presses_is_no_proof() -> None:
     """Held without limit in the flow of the scene, and not in slower ones: the first loss counts."""
     pretended = Pretended(lambda f: 300.0 * (DRAG + 4.0 * f * PRESS))
     assert pretended.safety(1.0) == np.inf
-    found = pretended.found()
+    found = pretended.from_rest()
     assert found.factor == pytest.approx(pretended.first_loss(1.0), rel=1e-6)
     assert found.factor < 0.1
 
@@ -119,7 +119,7 @@ def test_motion_between_flows_that_hold() -> None:
     """In a window of flows the grain moves: the search sees it although both flows solved first hold the grain."""
     pretended = Pretended(lambda f: DRAG * (0.1 + 16.0 * f * np.exp(-f)) + 2.0 * PRESS * f, reynolds=5.0)
     assert pretended.safety(1.5) < 1.0 < min(pretended.safety(0.5), pretended.safety(6.0))
-    found = pretended.found()
+    found = pretended.from_rest()
     assert found.trials[1].factor == pytest.approx(6.0)
     assert found.factor == pytest.approx(pretended.first_loss(6.0), rel=1e-5)
 
@@ -128,27 +128,27 @@ def test_a_failed_flow_is_a_bound() -> None:
     """The next step would be far too fast; the threshold lies below where no flow is found any more."""
     pretended = Pretended(lambda f: 3.0 * PRESS + DRAG * f**4 / 20.0, limit=3.2)
     exact = pretended.first_loss(3.2)
-    found = pretended.found()
+    found = pretended.from_rest()
     assert found.unsolved and min(found.unsolved) > pretended.limit > exact
     assert found.factor == pytest.approx(exact, rel=1e-4)
 
 
 def test_a_first_flow_that_fails_lets_the_search_go_down() -> None:
     pretended = Pretended(lambda f: DRAG * (0.3 + 100.0 * f) + 30.0 * PRESS, limit=1.0, reynolds=5.0)
-    found = pretended.found()
+    found = pretended.from_rest()
     assert found.unsolved[0] > 1.0
     assert found.factor == pytest.approx(pretended.first_loss(1.0), rel=1e-5)
 
 
 def test_held_as_far_as_flows_are_found() -> None:
-    found = Pretended(lambda f: 0.05 * DRAG * (1.0 + f), limit=5.0).found()
+    found = Pretended(lambda f: 0.05 * DRAG * (1.0 + f), limit=5.0).from_rest()
     assert found.factor == np.inf and not found.is_critical
     assert 4.5 < found.held_to <= 5.0 < min(found.unsolved)
     assert "no steady flow" in found.reason and "about 10" in found.reason
 
 
 def test_none_is_said_only_of_what_was_looked_at() -> None:
-    found = Pretended(lambda f: PRESS * (1.0 + f), reynolds=10.0).found()
+    found = Pretended(lambda f: PRESS * (1.0 + f), reynolds=10.0).from_rest()
     assert found.factor == np.inf and found.held_to == pytest.approx(100.0)  # grain Reynolds number 1000
     assert len(found.trials) <= 8
 
@@ -158,14 +158,14 @@ def test_any_flow_moves_it_only_if_the_slowest_does() -> None:
     pretended = Pretended(lambda f: DRAG)
     pretended.scene = scene()
     pretended.contacts = find_contacts(pretended.scene)
-    found = pretended.found()
+    found = pretended.from_rest()
     assert found.factor == 0.0 and len(found.trials) == 1
     assert np.linalg.norm(found.load.flow_force) < np.linalg.norm(found.load.weight)
 
 
 def test_the_same_search_on_another_mesh_needs_one_flow() -> None:
     """Where the load of the next mesh differs by a thousandth, the critical flow does, too."""
-    before = Pretended(lambda f: DRAG * (0.3 + f)).found()
+    before = Pretended(lambda f: DRAG * (0.3 + f)).from_rest()
     finer = Pretended(lambda f: 1.001 * DRAG * (0.3 + f))
     found = finer.search().near(before)
     assert found.factor == pytest.approx(finer.first_loss(100.0), rel=1e-6)

@@ -190,14 +190,14 @@ class SpatialProximity:
     def _descended(self, placement: Placement, pieces: Pieces, points: Floats, which: np.ndarray) -> Minima:
         """Minima over a smooth grain's surface from points (m, 3) near it, in distance from pieces (m,)."""
         points = placement.to_scene(self.grain.project(placement.to_body(points)))
-        sight = pieces.seen(points, which, points[:, :2])
+        sight = pieces.sight(points, which, points[:, :2])
         for _ in range(30):
             tangents, step = self._newton_step(placement, points, sight)
             moved = np.zeros(len(points))
             for _ in range(5):
                 trial = points + np.einsum("nik,nk->ni", tangents, step)
                 trial = placement.to_scene(self.grain.project(placement.to_body(trial)))
-                seen = pieces.seen(trial, which, sight.feet[:, :2])
+                seen = pieces.sight(trial, which, sight.feet[:, :2])
                 lower = seen.gaps <= sight.gaps + 1e-16 * self.size
                 moved = np.maximum(moved, np.where(lower, np.abs(step).max(axis=1, initial=0.0), 0.0))
                 points = np.where(lower[:, None], trial, points)

@@ -106,7 +106,7 @@ def _lies(close: Minima, corners: Floats, bound: float) -> np.ndarray:
         [corners.mean(axis=1, keepdims=True), 0.5 * (corners + np.roll(corners, 1, axis=1))], 1
     )
     points = between.reshape(-1, 3)
-    sight = close.pieces.seen(points, np.full(len(points), close.origin[0, 2]), points[:, :2])
+    sight = close.pieces.sight(points, np.full(len(points), close.origin[0, 2]), points[:, :2])
     return np.asarray((sight.gaps.reshape(-1, 4) <= bound).all(axis=1))
 
 

@@ -40,7 +40,7 @@ class Pieces(ABC):
         """Distances (k, n) of all pieces from points (n, 3): exact, or good near the bed."""
 
     @abstractmethod
-    def seen(self, points: Floats, which: np.ndarray, near: Floats) -> Sight:
+    def sight(self, points: Floats, which: np.ndarray, near: Floats) -> Sight:
         """Piece `which` (m,) from each of the points (m, 3); of several nearest points that by `near` (m, 2)."""
 
 
@@ -67,7 +67,7 @@ class HalfSpacesAndBalls(Pieces):
         away = np.linalg.norm(points[:, None] - self.centres, axis=2) - self.radii
         return np.concatenate([above.T, away.T])
 
-    def seen(self, points: Floats, which: np.ndarray, near: Floats) -> Sight:
+    def sight(self, points: Floats, which: np.ndarray, near: Floats) -> Sight:
         """Closed formulae; `near` does not matter."""
         gaps, normals = np.empty(len(points)), np.empty((len(points), 3))
         bends = np.zeros((len(points), 3, 3))
@@ -104,7 +104,7 @@ class Graph(Pieces):
         slope = self.gradient(points[:, :2])
         return np.asarray(above / np.sqrt(1.0 + (slope**2).sum(axis=1)))[None]
 
-    def seen(self, points: Floats, which: np.ndarray, near: Floats) -> Sight:
+    def sight(self, points: Floats, which: np.ndarray, near: Floats) -> Sight:
         """The local nearest points by Newton's method from `near`."""
         x = self._feet(points, near)
         height, slope, curvature = self.height(x), self.gradient(x), self.hessian(x)

@@ -66,13 +66,13 @@ class Terrain(ABC):
 
         On smooth beds the best of nine starts: exact where the distance is less than about a feature.
         """
-        return self._seen(rows(points))[1]
+        return self._distances_and_feet(rows(points))[1]
 
     def distance(self, points: ArrayLike) -> Floats:
         """The Euclidean distance of points (n, 3) from the bed, (n,), negative below it; see `nearest`."""
-        return self._seen(rows(points))[0]
+        return self._distances_and_feet(rows(points))[0]
 
-    def _seen(self, points: Floats) -> tuple[Floats, Floats]:
+    def _distances_and_feet(self, points: Floats) -> tuple[Floats, Floats]:
         """Signed distances (n,) and nearest points (n, 3)."""
         middle = 0.5 * (points[:, :2].min(axis=0) + points[:, :2].max(axis=0))
         above = np.abs(points[:, 2] - self.height(points[:, :2])).max()
@@ -82,10 +82,10 @@ class Terrain(ABC):
             step = 0.25 * min(pieces.feature, 4.0 * float(above))
             offsets = step * np.array([[i, j] for i in (0, -1, 1) for j in (0, -1, 1)])
             which = np.zeros(len(points), dtype=int)
-            sights = [pieces.seen(points, which, points[:, :2] + offset) for offset in offsets]
+            sights = [pieces.sight(points, which, points[:, :2] + offset) for offset in offsets]
         else:
             nearest = np.argmin(pieces.rough(points), axis=0)
-            sights = [pieces.seen(points, nearest, points[:, :2])]
+            sights = [pieces.sight(points, nearest, points[:, :2])]
         gaps, feet = np.array([s.gaps for s in sights]), np.array([s.feet for s in sights])
         apart = np.linalg.norm(feet - points, axis=2)
         best = np.argmin(apart, axis=0)

@@ -17,7 +17,7 @@ def least_on_triangles(
     points. `start` (m, 3) lies in the triangles, `near` (m, 2) near the nearest points of the bed.
     """
     points = start.copy()
-    sight = pieces.seen(points, which, near)
+    sight = pieces.sight(points, which, near)
     pending = np.flatnonzero((np.ptp(corners, axis=1) > 0.0).any(axis=1))
     for _ in range(30):
         if len(pending) == 0:
@@ -25,13 +25,13 @@ def least_on_triangles(
         here = _rows(sight, pending)
         before = points[pending]
         target = _model_minimum(corners[pending], before, here)
-        seen = pieces.seen(target, which[pending], here.feet[:, :2])
+        seen = pieces.sight(target, which[pending], here.feet[:, :2])
         for _ in range(3):
             worse = seen.gaps > here.gaps + 1e-15 * size
             if not worse.any():
                 break
             target = np.where(worse[:, None], 0.75 * before + 0.25 * target, target)
-            seen = pieces.seen(target, which[pending], here.feet[:, :2])
+            seen = pieces.sight(target, which[pending], here.feet[:, :2])
         better = seen.gaps <= here.gaps + 1e-15 * size
         rows = pending[better]
         points[rows] = target[better]
