@@ -67,9 +67,9 @@ def _note(state: BodyState) -> str:
     (x, _), angle = state.place, math.degrees(float(state.orientation[0])) % 360.0
     return (
         "no error bar of the safety factor: it is that of the load at one moment, and how that load depends on gap and "
-        "time step is not estimated; the load at the end holds the fluid's resistance to the grain's motion; for a grain "
-        f"that has come to rest run a scene with body.x = {x:.6g} and body.angle = {angle:.6g} in place of centre and "
-        "motion"
+        "time step is not estimated; the load at the end holds the fluid's resistance to the grain's motion; for a "
+        f"grain that has come to rest run a scene with body.x = {x:.6g} and body.angle = {angle:.6g} in place of "
+        "centre and motion"
     )
 
 

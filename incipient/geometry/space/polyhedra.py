@@ -1,5 +1,6 @@
 """Grains in space with flat faces: boxes with rounded edges, convex polyhedra, surfaces read from files."""
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,8 +20,26 @@ from incipient.geometry.space.solid import Core, Solid
 from incipient.geometry.space.surfaces import Surface
 
 
+class FlatSided(Solid):
+    """A grain whose moments about its centroid are the sum of those of its parts."""
+
+    @property
+    @abstractmethod
+    def _moments(self) -> moments.Moments: ...
+
+    @property
+    def volume(self) -> float:
+        """The volume, by the grain's parts."""
+        return self._moments.volume
+
+    @property
+    def inertia(self) -> Floats:
+        """The inertia (3, 3) about the centroid for unit density, by the grain's parts."""
+        return moments.inertia_of(self._moments.second)
+
+
 @dataclass(frozen=True)
-class Box(Solid):
+class Box(FlatSided):
     """A box with sides (3,) whose edges and corners are rounded with `edge_radius` (0: sharp)."""
 
     sides: tuple[float, float, float]
@@ -46,16 +65,6 @@ class Box(Solid):
     @cached_property
     def _moments(self) -> moments.Moments:
         return moments.rounded_box(self._half, self.edge_radius)
-
-    @property
-    def volume(self) -> float:
-        """The volume: the sum over the core, and what the ball adds at faces, edges and corners."""
-        return self._moments.volume
-
-    @property
-    def inertia(self) -> Floats:
-        """The inertia (3, 3) about the centroid at unit density, by the parts of which the volume is the sum."""
-        return moments.inertia_of(self._moments.second)
 
     @cached_property
     def cores(self) -> tuple[Core, ...]:
@@ -109,7 +118,7 @@ def _largest_distance(points: Floats) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Triangulated(Solid):
+class Triangulated(FlatSided):
     """A grain bounded by a closed surface of triangles; it is shifted to its centroid.
 
     `vertices` (n, 3) and `triangles` (m, 3) in any sense, but all in the same. Raises SceneError if the surface
@@ -174,16 +183,6 @@ class Triangulated(Solid):
     @cached_property
     def _moments(self) -> moments.Moments:
         return moments.polyhedron(self._surface.corners)
-
-    @property
-    def volume(self) -> float:
-        """The volume: the sum of the signed tetrahedra of the triangles with the centroid."""
-        return self._moments.volume
-
-    @property
-    def inertia(self) -> Floats:
-        """The inertia (3, 3) about the centroid at unit density, by the tetrahedra with the centroid."""
-        return moments.inertia_of(self._moments.second)
 
     @cached_property
     def cores(self) -> tuple[Core, ...]:

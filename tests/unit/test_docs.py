@@ -1,0 +1,59 @@
+"""The documents name commands, keys of scenes and files that exist."""
+
+import re
+import typing
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from pydantic import BaseModel
+
+from incipient import cli
+from incipient.scene import Scene
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+NOT_KEYS = {"toml", "json", "csv", "txt", "xdmf", "h5", "md", "py", "png", "svg", "log"}  # endings of files
+pytestmark = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+
+
+def models(hint: object) -> Iterator[type[BaseModel]]:
+    """All models in a type, of unions and lists those of the parts."""
+    if isinstance(hint, type) and issubclass(hint, BaseModel):
+        yield hint
+    for part in typing.get_args(hint):
+        yield from models(part)
+
+
+KEYS = {
+    name: {key for model in models(field.annotation) for key in model.model_fields}
+    for name, field in Scene.model_fields.items()
+}
+
+
+def test_commands_exist(page: Path) -> None:
+    named = re.findall(r"(?:`|^ *|bin/)incipient ([a-z]+)", page.read_text(), re.MULTILINE)
+    assert set(named) <= set(cli._commands())
+
+
+def test_keys_exist(page: Path) -> None:
+    """Whatever is written in code as section.key is a key of that section, or a module."""
+    code = re.findall(r"`([^`\n]+)`", page.read_text())
+    named = {pair for text in code for pair in re.findall(r"(?<![\w./])([a-z]+)\.([a-z_]+)\b(?!\()", text)}
+    modules = {(path.parent.name, path.stem) for path in (ROOT / "incipient").rglob("*.py")}
+    assert not {
+        pair for pair in named - modules if pair[0] in KEYS and pair[1] not in KEYS[pair[0]] | NOT_KEYS
+    }
+
+
+def test_linked_files_exist(page: Path) -> None:
+    linked = re.findall(r"\]\((?!https?:)([^)#\s]+)[^)]*\)", page.read_text())
+    assert not [name for name in linked if not (page.parent / name).exists()]
+
+
+def test_named_files_exist(page: Path) -> None:
+    """Paths in code that begin with a directory of the repository."""
+    named = re.findall(
+        r"`((?:demos|docs|benchmarks|tests|forms|meshes|incipient)/[\w./-]+)`", page.read_text()
+    )
+    assert not [name for name in named if not (ROOT / name).exists()]
