@@ -340,9 +340,9 @@ class MeanLoad:
         return np.asarray(added_resistance, dtype=float) * (dt / self.coefficients(dt)[0])
 
     def accept(self, end_load: ArrayLike, dt: float) -> MeanLoad:
-        """What the next step needs, after a step of length dt with a load (n,) at its end."""
+        """The mean load for the next step, after a step of length dt with a load (n,) at its end."""
         return replace(self, previous=self.mean(end_load, dt), last_step=dt)
 
     def restarted(self) -> MeanLoad:
-        """Without a past: the next step is a BDF1 step."""
+        """A mean load of this order without a past: the next step is a BDF1 step."""
         return MeanLoad(self.order)

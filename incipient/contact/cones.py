@@ -89,7 +89,7 @@ def largest_share(forces: Balance, flow: Floats, weight: Floats) -> tuple[float,
 
 
 def share_bound(columns: Floats, single: int, first: Floats, second: Floats) -> float | None:
-    """At least the largest a in [0, 1] such that columns x + a first + (1 - a) second = 0, and no more than round-off.
+    """An upper bound, close to round-off, of the largest a in [0, 1] with columns x + a first + (1 - a) second = 0.
 
     x: scaled forces, and last a number `single` of unknowns >= 0. None if no a does, for which the program has a
     certificate; 1 if it is not answered. The value of the dual program is what is given: it is a bound from above.

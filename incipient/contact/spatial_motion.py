@@ -93,7 +93,7 @@ class Search:
     without_friction: Candidate
 
     def starts(self, rest: bool) -> Iterator[tuple[Floats, int]]:
-        """Without forces, sliding as without friction, on one contact alone; then, with more patience, others.
+        """Forces to start from: none, sliding without friction, one contact alone; then, with more patience, others.
 
         Each with the number of steps that Newton's method may take.
         """

@@ -38,7 +38,7 @@ class Ladder:
 
     @property
     def ratio(self) -> float:
-        """By how much cells (or else steps) of the last three of the line differ; NaN where not by the same."""
+        """The ratio of the cells (or else steps) of the last three runs of the line; NaN where it is not constant."""
         last = self.line[-3:]
         sizes = _ratios([rung.mesh_size for rung in last])
         steps = _ratios([rung.step or 1.0 for rung in last])

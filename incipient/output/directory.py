@@ -83,7 +83,7 @@ class ResultDirectory:
         make_room(self.path, self._overwrite)
 
     def wants_fields(self, number: int, last: bool) -> bool:
-        """At the end, and every so many steps if the scene says so."""
+        """Fields are wanted at the end, and every so many steps if the scene says so."""
         every = self._output.every
         return self._series is not None and (last or (every > 0 and number % every == 0))
 

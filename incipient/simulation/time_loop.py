@@ -199,7 +199,7 @@ class TimeLoop:
             return self._recorder.keep(collected(self._run))
 
     def _kept_after(self, error: IncipientError) -> IncipientError:
-        """After a failed step keep the last good state; the error with where that is."""
+        """Keep the last good state after a failed step; return the error, which says where that is kept."""
         run = self._run
         # A failure while a step was recorded leaves a history that lacks its row: the checkpoint before it holds.
         if isinstance(error, OutputError) or run.time_stepper is None or not self._recorder.keeps:

@@ -97,7 +97,7 @@ class Flat(Bed):
 
     @property
     def feature(self) -> float:
-        """None."""
+        """Infinity: nothing on a plane is small."""
         return float("inf")
 
     @property
@@ -110,12 +110,12 @@ class Flat(Bed):
         return np.full(_abscissae(x).shape, float(self.origin_y))
 
     def slopes(self, x: ArrayLike) -> tuple[Floats, Floats]:
-        """Zero."""
+        """Zero slopes on both sides."""
         zero = np.zeros(_abscissae(x).shape)
         return zero, zero
 
     def corners(self, x0: float, x1: float) -> Floats:
-        """None."""
+        """No abscissae: this bed has no corners."""
         return np.empty(0)
 
     def nearest(self, points: Floats) -> Floats:
@@ -172,7 +172,7 @@ class Sinusoidal(Bed):
         return slope, slope
 
     def corners(self, x0: float, x1: float) -> Floats:
-        """None."""
+        """No abscissae: this bed has no corners."""
         return np.empty(0)
 
     def nearest(self, points: Floats) -> Floats:

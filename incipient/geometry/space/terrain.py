@@ -106,7 +106,7 @@ class Plane(Terrain):
 
     @property
     def feature(self) -> float:
-        """None."""
+        """Infinity: nothing on a plane is small."""
         return float("inf")
 
     def height(self, x: ArrayLike) -> Floats:
