@@ -202,6 +202,18 @@ def nodes_on(spaces: Any, facets: np.ndarray) -> Any:
     return dolfinx.fem.locate_dofs_topological(spaces, dimension, facets)
 
 
+def interpolation_matrix(coarse: Any, fine: Any) -> Any:
+    """PETSc matrix that interpolates functions of a space into another on the same mesh. Collective."""
+    make = getattr(petsc, "interpolation_matrix", None)
+    if make is not None:
+        matrix = make(coarse, fine)
+    else:
+        spaces = [getattr(space, "_cpp_object", space) for space in (coarse, fine)]
+        matrix = dolfinx.cpp.fem.petsc.interpolation_matrix(*spaces)
+    matrix.assemble()
+    return matrix
+
+
 def set_zero(vector: Any, conditions: list[Any]) -> None:
     """Put zeros into a PETSc vector where Dirichlet conditions hold. Not collective.
 

@@ -19,7 +19,7 @@ from ..forms import FlowTerms, ReferenceMap, energy_stable_rate, residual, swept
 from ..mesh.domain import Domain
 from . import newton
 from .conditions import Condition, Constraints
-from .solvers import SOLVERS, LinearSolver
+from .solvers import SOLVERS, Equations, LinearSolver
 from .space import TaylorHood, geometry_function, geometry_rows, set_geometry_function, taylor_hood
 
 # Corrections of a time step after which the kept factors are too old.
@@ -97,7 +97,7 @@ class Fluid:
             self._vector = self._holding(petsc.assemble_vector(self._residual))
             self._correction = self._holding(self._matrix.createVecRight())
             self._state_view = self._holding(compat.vec_view(self.state))
-            self.solver: LinearSolver = self._holding(kind(self._matrix))
+            self.solver: LinearSolver = self._holding(kind(self._matrix, self._equations()))
             on_failure.pop_all()
         owned = self._state_view.getLocalSize()
         self._owned_velocities = self.space.velocity_map[self.space.velocity_map < owned]
@@ -137,6 +137,15 @@ class Fluid:
         rate, carrier = self._rate_of_change(v), self._carrier(v)
         return FlowTerms(
             self.viscosity, rate, carrier, skew, self._cell_size(), force, boundary, model.reference_map
+        )
+
+    def _equations(self) -> Equations:
+        """What the Jacobian is made of."""
+        model, held = self.model, self.constraints
+        rate = self._rate[0] if model.unsteady else None
+        carrier = self._carrier(ufl.split(self.state)[0])
+        return Equations(
+            self.space, held.dirichlet, held.closed, self.viscosity, rate, carrier, model.reference_map
         )
 
     def _cell_size(self) -> Any:
@@ -293,7 +302,7 @@ class Fluid:
             return self._solve_step(tolerance, max_iterations, watch, remember)
         if not self.model.linear:
             return newton.solve(self, tolerance, max_iterations, watch)
-        size = self.correction(rtol=1e-12)
+        size = self.correction(rtol=float(np.clip(0.1 * tolerance, 1e-12, 1e-6)))
         watch(0, size)
         return newton.NewtonReport(bool(np.isfinite(size)), (size,), 0.0)
 

@@ -110,10 +110,20 @@ def three_dimensions() -> dict[str, Any]:
         return readings(fluid, (0.6, 0.5, 0.5), [[0.1, 0.2, 0.3], [1.2, 0.6, 0.4], [1.0, 0.5, 0.9]])
 
 
+def by_blocks() -> dict[str, Any]:
+    """Stokes flow by the iterative solver, in a box that is closed: the ranks' blocks must fit together."""
+    conditions = [Prescribed("outer", shear), no_slip("body")]
+    model = FlowModel(inertia=False, solver="block")
+    with Fluid(ball_in_box(0.5), model, conditions, reynolds=5.0) as fluid:
+        solve_steady(fluid, 1e-11)
+        return readings(fluid, (0.6, 0.5, 0.5), [[0.1, 0.2, 0.3], [1.2, 0.6, 0.4], [1.0, 0.5, 0.9]])
+
+
 PLACES = [[0.2, 0.3], [1.4, 0.8], [1.9, 0.5]]
 CASES = {
     "open": lambda: steady(channel()),
     "closed": lambda: steady(box()),
+    "block": by_blocks,
     "cubic": lambda: steady(channel(), order=3),
     "unsteady": unsteady,
     "in_time": in_time,

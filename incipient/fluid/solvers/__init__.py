@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar, Protocol
 
+from .block import Block
 from .direct import Direct
+from .equations import Equations
 from .statistics import LinearStatistics
 
-__all__ = ["SOLVERS", "Direct", "LinearSolver", "LinearStatistics"]
+__all__ = ["SOLVERS", "Block", "Direct", "Equations", "LinearSolver", "LinearStatistics"]
 
 
 class LinearSolver(Protocol):
@@ -24,8 +26,8 @@ class LinearSolver(Protocol):
     statistics: LinearStatistics
     regular: ClassVar[bool]
 
-    def __init__(self, matrix: Any):
-        """A solver for a PETSc matrix whose entries may be assembled anew at any time."""
+    def __init__(self, matrix: Any, equations: Equations):
+        """A solver for a PETSc matrix whose entries may be assembled anew at any time, made of the equations."""
         ...
 
     def prepare(self) -> None:
@@ -52,4 +54,4 @@ class LinearSolver(Protocol):
         ...
 
 
-SOLVERS: Mapping[str, type[LinearSolver]] = {"direct": Direct}
+SOLVERS: Mapping[str, type[LinearSolver]] = {"direct": Direct, "block": Block}

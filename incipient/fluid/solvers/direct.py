@@ -8,6 +8,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from ...errors import ConvergenceError
+from .equations import Equations
 from .statistics import LinearStatistics
 
 # MUMPS's estimate of its own workspace is often too small for saddle points with pivoting: how much to add, in
@@ -32,7 +33,7 @@ class Direct:
 
     regular: ClassVar[bool] = True
 
-    def __init__(self, matrix: Any, patience: int = 8):
+    def __init__(self, matrix: Any, equations: Equations | None = None, patience: int = 8):
         self.matrix, self.patience = matrix, patience
         self.statistics = LinearStatistics()
         self._aged, self._factored = True, -1

@@ -1,0 +1,197 @@
+"""Iterative solution of the flow's linear systems, velocity and pressure preconditioned apart: for three dimensions."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+from petsc4py import PETSc
+
+from ...errors import ConvergenceError
+from .direct import NOT_FINITE
+from .equations import Equations
+from .multigrid import Components
+from .options import defaults
+from .schur import ScaledMass
+from .statistics import LinearStatistics
+
+PREFIX = "fluid_"
+MOST_ITERATIONS = 400
+# A preconditioner is made anew when it needs this many times the iterations that it needed when it was new.
+AGED = 1.5
+# Residual, relative to the right-hand side, of a correction that is one of several: a step of the chord method.
+ROUGH = 1e-3
+
+
+class Block:
+    """Solves A x = b, A = [[F, B^T], [B, 0]], by GMRES with a block triangle as preconditioner.
+
+    One application is z_p = -S^-1 r_p, z_v = F^-1 (r_v - B^T z_p), with one multigrid cycle a component for F
+    (`multigrid`) and an approximate Schur complement S (`schur`); for A^T the same with F^T. The operators are those
+    of the state when last prepared, and serve until they need half as many iterations again as when they were new.
+    Where conditions hold the equations are those of the identity, solved beforehand. In closed domains the constant
+    pressures are taken out of right-hand side and solution. PETSc options with the prefix ``fluid_`` are for GMRES,
+    those with ``fluid_velocity_`` and ``fluid_pressure_`` for the blocks. See `LinearSolver`.
+    """
+
+    regular: ClassVar[bool] = False
+
+    def __init__(self, matrix: Any, equations: Equations):
+        self.matrix = matrix
+        self.statistics = LinearStatistics()
+        self._preconditioner = _Triangle(matrix, equations)
+        # Of the matrix when last prepared (-1: never), and the iterations a decade of the residual needed then.
+        self._state, self._usual = -1, np.inf
+        self._null_space = _constant_pressures(matrix, equations) if equations.closed else None
+        self._solver = self._made()
+
+    def _made(self) -> Any:
+        solver = PETSc.KSP().create(self.matrix.comm)
+        solver.setOptionsPrefix(PREFIX)
+        solver.setOperators(self.matrix)
+        preconditioner = solver.getPC()
+        preconditioner.setType("python")
+        preconditioner.setPythonContext(self._preconditioner)
+        solver.setTolerances(atol=1e-50, max_it=MOST_ITERATIONS)
+        chosen = {"ksp_type": "gmres", "ksp_pc_side": "right", "ksp_gmres_restart": 50}
+        with defaults(PREFIX, chosen):
+            solver.setFromOptions()
+        return solver
+
+    def prepare(self) -> None:
+        """Take the operators of the preconditioner from the state as it is now. Collective."""
+        self._preconditioner.assemble()
+        self.statistics.factorisations += 1
+        self._state, self._usual = self.matrix.stateGet(), np.inf
+
+    def solve(self, b: Any, x: Any, rtol: float, fresh: bool = False) -> None:
+        """Solve A x = b to a residual of `rtol` times b. Collective. Raises ConvergenceError."""
+        if fresh:
+            self.prepare()
+        self._solve(b, x, rtol, transposed=False)
+
+    def solve_transposed(self, b: Any, x: Any, rtol: float) -> None:
+        """Solve A^T x = b to a residual of `rtol` times b. Collective. Raises ConvergenceError."""
+        self._solve(b, x, rtol, transposed=True)
+
+    def approximate(self, b: Any, x: Any) -> None:
+        """Solve A x = b to a residual of a thousandth of b with the matrix as it is. Collective."""
+        self._solve(b, x, ROUGH, transposed=False)
+
+    def _solve(self, b: Any, x: Any, rtol: float, transposed: bool) -> None:
+        if self._state < 0:
+            self.prepare()
+        iterations = self._iterate(b, x, rtol, transposed)
+        if iterations is None and not self._new:
+            self.prepare()
+            iterations = self._iterate(b, x, rtol, transposed)
+        if iterations is None:
+            raise ConvergenceError(self._why_not_solved(b))
+        self.statistics.solves += 1
+        self.statistics.krylov_iterations += iterations
+        needed = iterations / -np.log10(rtol)
+        if self._new:
+            self._usual = min(needed, self._usual)
+        elif needed > AGED * self._usual:
+            self._state = -1
+
+    @property
+    def _new(self) -> bool:
+        """Whether the preconditioner is of the matrix as it is now."""
+        return bool(self.matrix.stateGet() == self._state)
+
+    def _iterate(self, b: Any, x: Any, rtol: float, transposed: bool) -> int | None:
+        """Number of iterations, or None if GMRES does not converge."""
+        right, held = b.copy(), self._preconditioner.held
+        free = right.getArray()
+        prescribed, free[held] = free[held].copy(), 0.0
+        if self._null_space is not None:
+            self._null_space.remove(right)
+        self._preconditioner.transposed = transposed
+        self._solver.setTolerances(rtol=rtol)
+        (self._solver.solveTranspose if transposed else self._solver.solve)(right, x)
+        if self._null_space is not None:
+            self._null_space.remove(x)
+        x.getArray()[held] = prescribed
+        right.destroy()
+        return self._solver.getIterationNumber() if self._solver.getConvergedReason() > 0 else None
+
+    def _why_not_solved(self, b: Any) -> str:
+        """Why GMRES has not converged with a new preconditioner, from its reason. Collective."""
+        if not np.isfinite(b.norm()) or not np.isfinite(self.matrix.norm()):
+            return NOT_FINITE
+        reason, count = self._solver.getConvergedReason(), self._solver.getIterationNumber()
+        return (
+            f"the linear system of the flow was not solved in {count} iterations (PETSc's reason {reason}): use a "
+            "smaller fluid.reynolds, a smaller numerics.mesh_size or, with [time], a smaller time.step"
+        )
+
+    def destroy(self) -> None:
+        """Free PETSc's memory."""
+        self._solver.destroy()  # and the preconditioner with it
+        if self._null_space is not None:
+            self._null_space.destroy()
+
+
+class _Triangle:
+    """The preconditioner: a context of PETSc's `PCPYTHON`.
+
+    held: owned rows of the system where conditions hold
+    """
+
+    def __init__(self, matrix: Any, equations: Equations):
+        space = equations.space
+        owned = matrix.getLocalSize()[0]
+        self._velocity = Components(equations)
+        self._pressure = ScaledMass(equations)
+        self._rows = np.sort(self._velocity.rows.ravel())
+        self._pressures = space.pressure_map[: space.pressure.dofmap.index_map.size_local]
+        self._sorted = np.argsort(self._pressures)
+        self._matrix = matrix
+        self._gradient: Any = None  # B^T, made when first assembled
+        self._vectors: tuple[Any, ...] = ()
+        self._of = [_index_set(matrix, rows) for rows in (self._rows, self._pressures[self._sorted])]
+        self.held = np.flatnonzero(equations.held()[:owned])
+        self.transposed = False
+
+    def assemble(self) -> None:
+        """Take the operators of the state, and B^T of the matrix, as they are. Collective."""
+        self._velocity.assemble()
+        self._pressure.assemble()
+        self._gradient = self._matrix.createSubMatrix(*self._of, self._gradient)
+        self._vectors = self._vectors or self._gradient.createVecs()
+
+    def apply(self, _: Any, right: Any, left: Any) -> None:
+        """One application, to the matrix or its transpose."""
+        r, z = right.array_r.copy(), left.getArray()
+        z[self._pressures] = -self._pressure.solve(r[self._pressures], self.transposed)
+        multiplier, product = self._vectors
+        multiplier.setArray(z[self._pressures[self._sorted]])
+        self._gradient.mult(multiplier, product)
+        r[self._rows] -= product.array_r
+        self._velocity.solve(r, z, self.transposed)
+        z[self.held] = r[self.held]
+
+    applyTranspose = apply  # what stands for A^T is told by `transposed`
+
+    def destroy(self, _: Any) -> None:
+        """Free PETSc's memory; called by PETSc."""
+        self._velocity.destroy()
+        self._pressure.destroy()
+        for held in (self._gradient, *self._vectors, *self._of):
+            if held is not None:
+                held.destroy()
+
+
+def _index_set(matrix: Any, rows: np.ndarray) -> Any:
+    """Global numbers of owned rows, ascending."""
+    first = matrix.getOwnershipRange()[0]
+    return PETSc.IS().createGeneral((first + rows).astype(PETSc.IntType), comm=matrix.comm)
+
+
+def _constant_pressures(matrix: Any, equations: Equations) -> Any:
+    vector = matrix.createVecRight()
+    space = equations.space
+    vector.getArray()[space.pressure_map[: space.pressure.dofmap.index_map.size_local]] = 1.0
+    vector.normalize()
+    return PETSc.NullSpace().create(vectors=[vector], comm=matrix.comm)

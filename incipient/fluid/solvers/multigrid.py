@@ -1,0 +1,213 @@
+"""Multigrid for the velocity: each component by one V-cycle of a scalar operator, from order k to order one to AMG."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import dolfinx
+import numpy as np
+import ufl
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from ... import compat
+from ...compat import petsc
+from ...forms import preconditioning
+from .equations import Equations
+from .options import defaults
+
+PREFIX = "fluid_velocity_"
+SMOOTHING = {
+    "mg_levels_ksp_type": "chebyshev",
+    "mg_levels_ksp_max_it": 3,
+    "mg_levels_ksp_chebyshev_esteig": "0,0.1,0,1.1",
+    "mg_levels_pc_type": "jacobi",
+}
+ALGEBRAIC = {
+    "pc_type": "hypre",
+    "pc_hypre_type": "boomeramg",
+    "pc_hypre_boomeramg_coarsen_type": "HMIS",
+    "pc_hypre_boomeramg_interp_type": "ext+i",
+    "pc_hypre_boomeramg_P_max": 4,
+    "pc_hypre_boomeramg_strong_threshold": 0.5,
+}
+AGGREGATED = {"pc_type": "gamg", "pc_gamg_threshold": 0.01}
+
+
+def algebraic(prefix: str = "") -> dict[str, Any]:
+    """Options of algebraic multigrid: BoomerAMG, or PETSc's own where hypre is missing."""
+    chosen = ALGEBRAIC if PETSc.Sys.hasExternalPackage("hypre") else AGGREGATED
+    return {f"{prefix}{name}": value for name, value in chosen.items()}
+
+
+class Levels:
+    """The two spaces of one velocity component, that of the velocity and linear elements, and its operator in both.
+
+    rows: (gdim, owned nodes) which rows of the mixed system, by their local numbers, each component has
+    held: (gdim, local nodes) where conditions hold
+    """
+
+    def __init__(self, equations: Equations):
+        space, mesh = equations.space, equations.space.mixed.mesh
+        self.fine = compat.space(mesh, ("Lagrange", space.order))
+        self.coarse = compat.space(mesh, ("Lagrange", 1))
+        self.interpolation = compat.interpolation_matrix(self.coarse, self.fine)
+        nodes = np.empty(local_size(self.fine), dtype=np.int64)
+        nodes[compat.cell_dofs(self.fine)] = compat.cell_dofs(space.velocity)
+        places = space.velocity_map.reshape(-1, space.gdim)[nodes].T
+        self.rows = places[:, : self.fine.dofmap.index_map.size_local]
+        self.held = equations.held()[places]
+        self.forms = [self._form(one, equations) for one in (self.fine, self.coarse)]
+
+    def _form(self, space: Any, equations: Equations) -> Any:
+        mesh, order = space.mesh, equations.space.order
+        integrand = preconditioning.component(
+            ufl.TrialFunction(space),
+            ufl.TestFunction(space),
+            equations.viscosity,
+            equations.rate,
+            equations.carrier,
+            abs(ufl.JacobianDeterminant(mesh)) ** (1 / mesh.geometry.dim),
+            equations.reference_map,
+        )
+        return compat.form(integrand * ufl.dx(domain=mesh, metadata={"quadrature_degree": 2 * order}))
+
+    def held_in(self, held: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Where conditions hold in the fine nodes, and from that in the coarse ones, which are corners of cells."""
+        corners = compat.cell_dofs(self.coarse)
+        found = np.zeros(local_size(self.coarse), dtype=bool)
+        found[corners] = held[compat.cell_dofs(self.fine)[:, : corners.shape[1]]]
+        return held, found
+
+    def destroy(self) -> None:
+        """Free PETSc's memory."""
+        self.interpolation.destroy()
+
+
+class Cycle:
+    """One V-cycle of the scalar operator with conditions at some nodes. Collective.
+
+    `held` (local nodes,) says where; their rows are those of the identity.
+    """
+
+    def __init__(self, levels: Levels, held: np.ndarray, transposed: bool):
+        self._transposed = transposed
+        self._forms, places = levels.forms, levels.held_in(held)
+        self.matrices = [petsc.create_matrix(form) for form in self._forms]
+        self._conditions = [
+            [dolfinx.fem.dirichletbc(dolfinx.fem.Function(space), np.flatnonzero(where).astype(np.int32))]
+            for space, where in zip((levels.fine, levels.coarse), places, strict=True)
+        ]
+        self.interpolation = levels.interpolation.copy()
+        free = [matrix.createVecLeft() for matrix in self.matrices]
+        for vector, where in zip(free, places, strict=True):
+            vector.setArray(1.0 - where[: vector.getLocalSize()])
+        self.interpolation.diagonalScale(*free)
+        self._right, self._left = free[0], free[0].duplicate()
+        free[1].destroy()
+        self._cycle: Any = None
+
+    def assemble(self) -> None:
+        """Take the operators of the state as it is."""
+        for matrix, form, conditions in zip(self.matrices, self._forms, self._conditions, strict=True):
+            matrix.zeroEntries()
+            petsc.assemble_matrix(matrix, form, conditions)
+            matrix.assemble()
+            if self._transposed:
+                matrix.transpose()
+        if self._cycle is not None:
+            self._cycle.destroy()
+        self._cycle = self._made()
+
+    def _made(self) -> Any:
+        cycle = PETSc.PC().create(self.matrices[0].comm)
+        cycle.setOptionsPrefix(PREFIX)
+        cycle.setOperators(self.matrices[0])
+        cycle.setType("mg")
+        cycle.setMGLevels(2)
+        cycle.setMGInterpolation(1, self.interpolation)
+        cycle.getMGSmoother(1).setOperators(self.matrices[0])
+        coarse = cycle.getMGCoarseSolve()
+        coarse.setType("preonly")
+        coarse.setOperators(self.matrices[1])
+        with defaults(PREFIX, SMOOTHING | algebraic("mg_coarse_")):
+            cycle.setFromOptions()
+            cycle.setUp()
+        return cycle
+
+    def solve(self, right: np.ndarray) -> np.ndarray:
+        """(owned nodes,) the approximate solution, to be copied."""
+        self._right.setArray(right)
+        self._cycle.apply(self._right, self._left)
+        return self._left.array_r
+
+    def destroy(self) -> None:
+        """Free PETSc's memory."""
+        for held in (self._cycle, self.interpolation, self._right, self._left, *self.matrices):
+            if held is not None:
+                held.destroy()
+
+
+class Components:
+    """The velocity block: one V-cycle for each component; components with the same conditions share theirs.
+
+    rows: (gdim, owned nodes) which rows of the mixed system, by their local numbers, each component has
+    """
+
+    def __init__(self, equations: Equations):
+        self._levels = Levels(equations)
+        self.rows = self._levels.rows
+        self._shared = _alike(self._levels.held, equations.space.mixed.mesh.comm)
+        self._symmetric = equations.carrier is None
+        self._cycles = self._made(transposed=False)
+        self._transposed: dict[int, Cycle] = {}
+
+    def _made(self, transposed: bool) -> dict[int, Cycle]:
+        return {k: Cycle(self._levels, self._levels.held[k], transposed) for k in sorted(set(self._shared))}
+
+    def assemble(self) -> None:
+        """Take the operators of the state as it is. Collective."""
+        for cycle in self._cycles.values():
+            cycle.assemble()
+        self._forget_transposed()
+
+    def solve(self, right: np.ndarray, left: np.ndarray, transposed: bool = False) -> None:
+        """Solve approximately with the velocity block or its transpose, both (owned rows of the mixed system,).
+
+        Other rows of `left` stay as they are. Collective.
+        """
+        cycles = self._cycles
+        if transposed and not self._symmetric:
+            if not self._transposed:
+                self._transposed = self._made(transposed=True)
+                for cycle in self._transposed.values():
+                    cycle.assemble()
+            cycles = self._transposed
+        for rows, k in zip(self.rows, self._shared, strict=True):
+            left[rows] = cycles[k].solve(right[rows])
+
+    def _forget_transposed(self) -> None:
+        for cycle in self._transposed.values():
+            cycle.destroy()
+        self._transposed = {}
+
+    def destroy(self) -> None:
+        """Free PETSc's memory."""
+        self._forget_transposed()
+        for cycle in self._cycles.values():
+            cycle.destroy()
+        self._levels.destroy()
+
+
+def _alike(held: np.ndarray, comm: MPI.Comm) -> tuple[int, ...]:
+    """For each component the first one with the same conditions on all ranks. Collective."""
+    number = len(held)
+    same = np.array([[np.array_equal(one, other) for other in held] for one in held], dtype=np.int32)
+    comm.Allreduce(MPI.IN_PLACE, same, op=MPI.MIN)
+    return tuple(int(np.flatnonzero(same[k])[0]) for k in range(number))
+
+
+def local_size(space: Any) -> int:
+    """Number of nodes of a space on this rank, ghosts included."""
+    index_map = space.dofmap.index_map
+    return int(index_map.size_local + index_map.num_ghosts)
