@@ -67,6 +67,15 @@ def cheapest_order(order: int, excess: float) -> int:
     return min((k for k in ORDERS if k >= order), key=unknowns)
 
 
+def next_order(order: int, excess: float) -> tuple[int, float]:
+    """The order of the next mesh, and what its elements would leave on this one over the error aimed at.
+
+    excess: the error on this mesh, in elements of `order`, over the accuracy asked for
+    """
+    higher = cheapest_order(order, excess / AIM)
+    return higher, excess / AIM * GAIN ** (higher - order)
+
+
 @dataclass(frozen=True)
 class _Attempt:
     """A mesh to be tried: the scene with order and tolerance, and what becomes of the cell sizes laid out."""
@@ -187,9 +196,8 @@ class Refinement(Search):
         if np.isinf(error):  # the safety factor may be infinite: how much finer is enough is not known
             order = cheapest_order(order, 1.0 / FOR_VERDICT)
             return self._within_budget(self._finer(attempt, order, FOR_VERDICT, shares, error))
-        higher = cheapest_order(order, excess / AIM)
-        left = error * GAIN ** (higher - order)
-        return self._within_budget(self._finer(attempt, higher, AIM * self.asked / left, shares, error))
+        higher, left = next_order(order, excess)
+        return self._within_budget(self._finer(attempt, higher, 1.0 / left, shares, error))
 
     def _finer(
         self, attempt: _Attempt, order: int, relative: float, shares: Shares, error: float, note: str = ""

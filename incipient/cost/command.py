@@ -16,7 +16,7 @@ from .comparison import Compared
 from .findings import findings
 from .frontier import percent
 from .ladder import Spread, ladder, spread
-from .measurement import measure, quickest
+from .measurement import measure, quicker
 from .solvers import named
 from .study import Study, climb
 
@@ -35,7 +35,7 @@ def study(scene: Scene, directory: Path, wanted: Spread, say: Say) -> Study:
         IncipientError: the scene, the directory, or too many runs are at fault.
     """
     runs = ladder(scene, wanted)
-    found = climb(scene, runs, directory, quickest if runs.compared else measure, say)
+    found = climb(scene, runs, directory, quicker if runs.compared else measure, say)
     cost_page.write(found, directory)
     calibration.add(findings(found))
     return found

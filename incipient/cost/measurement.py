@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 # What would make the new process take part in a parallel run.
 PARALLEL = ("OMPI_COMM_", "OMPI_UNIVERSE", "PMIX_", "PMI_", "ORTE_")
 COMPILED = 0.05  # processor time [s] of compilers that tells that forms were compiled
-ENOUGH, TURNS = 5.0, 3  # processor time [s] after which a run is not made again, and how often at the most
+ENOUGH = 5.0  # processor time [s] after which a run is not made again
 
 
 @dataclass(frozen=True, order=True)
@@ -136,15 +136,15 @@ def measure(scene: Scene, rung: Rung) -> Measured:
     return _once(scene, rung)[0] if compiled and not measured.failed else measured
 
 
-def quickest(scene: Scene, rung: Rung) -> Measured:
-    """The quickest of a few runs, so that chance counts little where times are compared; of a long run the only one.
+def quicker(scene: Scene, rung: Rung) -> Measured:
+    """The quicker of two runs, so that chance counts less where times are compared; of a long run the only one.
 
     As `measure` else. Not collective.
     """
-    runs = [measure(scene, rung)]
-    while len(runs) < TURNS and sum(run.cpu for run in runs) < ENOUGH and not runs[-1].failed:
-        runs.append(measure(scene, rung))
-    return min(runs, key=lambda run: (bool(run.failed), run.cpu))
+    first = measure(scene, rung)
+    if first.failed or first.cpu > ENOUGH:
+        return first
+    return min(first, measure(scene, rung), key=lambda run: (bool(run.failed), run.cpu))
 
 
 def _once(scene: Scene, rung: Rung) -> tuple[Measured, bool]:

@@ -11,7 +11,7 @@ from . import calibration, frontier, solvers
 from .comparison import Compared
 from .findings import findings
 from .frontier import Law, percent, seconds
-from .measurement import ENOUGH, TURNS, Judged, Measured
+from .measurement import ENOUGH, Judged, Measured
 from .study import Study, doubt, to_dict
 
 
@@ -40,7 +40,7 @@ def _explained(study: Study) -> str:
     names = ", ".join(goal.name for goal in leading)
     worst = max(doubt(goal, study.reference) for goal in leading)
     largest = "the largest of the relative errors of " if len(leading) > 1 else "the relative error of "
-    again = f", those of less than {ENOUGH:g} s up to {TURNS} times: the quickest counts"
+    again = f", those of less than {ENOUGH:g} s twice: the quicker one counts"
     return (
         f"The error is {largest}{names}, against {study.compared_with.rung.name} "
         f"({study.reference.how}; itself good to {percent(worst)}). Each run has a process of its own, forms "

@@ -282,14 +282,13 @@ def _search(known: Learnt, unknowns: int) -> tuple[list[_Run], LastMesh] | str:
 def _refined(first: _Run, excess: float) -> list[_Run]:
     """The first mesh of a steady flow and, where its error exceeds what is asked, the second, mostly the last."""
     from ..accuracy.errorbars import changed
-    from ..adaptive.refinement import AIM, GAIN, UNKNOWNS, cheapest_order
+    from ..adaptive.refinement import UNKNOWNS, next_order
 
     if excess <= 1.0:
         return [first]
     before = first.scene.numerics.order
-    order = cheapest_order(before, excess / AIM)
-    left = max(1.0, excess * GAIN ** (order - before) / AIM)
-    unknowns = first.unknowns * UNKNOWNS[order] / UNKNOWNS[before] * left ** (1.0 / order)
+    order, left = next_order(before, excess)
+    unknowns = first.unknowns * UNKNOWNS[order] / UNKNOWNS[before] * max(1.0, left) ** (1.0 / order)
     return [first, _Run(changed(first.scene, numerics={"order": order}), round(unknowns))]
 
 
