@@ -14,7 +14,9 @@ from pathlib import Path
 
 import machine
 
-from incipient.cost import prediction, solvers
+from incipient.cost import calibration, prediction, solvers
+from incipient.cost.command import builtin
+from incipient.files import write_json
 
 ROOT = Path(__file__).resolve().parents[1]
 STUDIES, PAGE = ROOT / "results" / "cost", ROOT / "docs" / "cost.md"
@@ -60,11 +62,24 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="What accuracy costs, on the demos.")
     parser.add_argument("--only", action="append", choices=[scene.name for scene in SCENES])
     parser.add_argument("--page", action="store_true", help="write the page from the studies there are")
+    parser.add_argument(
+        "--ship", action="store_true", help="let the program come with this machine's calibration"
+    )
     options = parser.parse_args()
+    if options.ship:
+        return ship()
     for scene in SCENES:
         if not options.page and (options.only is None or scene.name in options.only):
             study(scene)
     PAGE.write_text(page())
+    return 0
+
+
+def ship() -> int:
+    """Write what `incipient calibrate` has found on this machine where the program keeps what it comes with."""
+    scenes = {calibration.digest(scene) for scene in builtin().values()}
+    found = {digest: known for digest, known in calibration.read().items() if digest in scenes}
+    write_json(calibration.SHIPPED, calibration.plain(found))
     return 0
 
 
@@ -111,13 +126,13 @@ unknowns changes (libraries, mesh generator, compiled forms). An error in bracke
 the reference, and is not part of the law. Times beyond the runs are marked "about".
 
 **Ways to solve** differ in the algebra, the linearisation, the stabilisation or the scheme in time, on the same cells
-and steps. By default the usual ones for a scene are tried on the three coarsest rungs of the middle order: for steady
-flow {_usual(solvers.USUAL_STEADY)},
+and steps. By default the usual ones are tried on the three coarsest variants of the middle order: for steady flow
+{_usual(solvers.USUAL_STEADY)},
 in time {_usual(solvers.USUAL_IN_TIME)}, as far as the scene does not do so anyway.
-Those rungs tell how error and time go together, and so what a way would take for the error of the scene's own. One that
-takes less by a tenth, and less on every rung, is called cheaper; `incipient plan` then says so. What such studies
-recommend for all scenes becomes the default.
-`--solvers WAY ...` tries those given on all rungs instead, `--solvers own` tries none. Words are joined by "+", such
+Together they tell how error and time go with each other, and so the time a way would take for the error of the scene's
+own. One that takes less by a tenth, and less on each of them, is called cheaper; `incipient plan` then says so. What
+such studies recommend for all scenes becomes the default.
+`--solvers WAY ...` tries those given on all variants instead, `--solvers own` tries none. Words are joined by "+", such
 as `extrapolated+bdf1`:
 
 {_ways()}

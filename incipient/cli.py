@@ -308,13 +308,13 @@ def _whereabouts(directory: Path, fields: bool, cost: dict[str, Any]) -> str:
 def _plan(options: argparse.Namespace, comm: MPI.Comm) -> int:
     import incipient
 
-    from .cost.command import foretold
+    from .cost.command import predicted_plan
     from .parallel import collectively
 
     scene = incipient.load(options.scene, options.overrides, comm)
     with collectively(comm):
         if comm.rank == 0:
-            found = foretold(scene, options.study)
+            found = predicted_plan(scene, options.study)
             print(json.dumps(found.to_dict(), indent=2) if options.json else found.text())
     return 0
 

@@ -18,7 +18,7 @@ from .frontier import percent
 from .ladder import Spread, ladder, spread
 from .measurement import measure, quicker
 from .solvers import named
-from .study import Study, climb
+from .study import Study, run_ladder
 
 if TYPE_CHECKING:
     from ..planning.plan import Plan
@@ -35,7 +35,7 @@ def study(scene: Scene, directory: Path, wanted: Spread, say: Say) -> Study:
         IncipientError: the scene, the directory, or too many runs are at fault.
     """
     runs = ladder(scene, wanted)
-    found = climb(scene, runs, directory, quicker if runs.compared else measure, say)
+    found = run_ladder(scene, runs, directory, quicker if runs.compared else measure, say)
     cost_page.write(found, directory)
     calibration.add(findings(found))
     return found
@@ -60,7 +60,7 @@ def told(found: Study, directory: Path) -> str:
     """The study in a few lines for a reader."""
     lines = [f"{'accuracy':<20}{found.words()}"]
     lines += [_told_of_solver(one) for one in found.solvers()]
-    lines += [f"{'failed':<20}{run.rung.name}: {run.failed}" for run in found.failed]
+    lines += [f"{'failed':<20}{run.variant.name}: {run.failed}" for run in found.failed]
     lines.append(f"{'numbers':<20}{directory}/: cost.md, cost.csv, cost.json")
     return "\n".join(lines)
 
@@ -74,7 +74,7 @@ def _told_of_solver(one: Compared) -> str:
 
 
 @dataclass(frozen=True)
-class Foretold:
+class PredictedPlan:
     """A plan, what the run will come to or in words why that is not known, and ways to solve that are cheaper."""
 
     plan: Plan
@@ -92,7 +92,7 @@ class Foretold:
         return "\n".join([self.plan.text(), words, *(f"  {way}" for way in self.cheaper)])
 
 
-def foretold(scene: Scene, directory: Path | None = None) -> Foretold:
+def predicted_plan(scene: Scene, directory: Path | None = None) -> PredictedPlan:
     """The plan with what the run needs and will come to, by making its mesh, the first one if there are several.
 
     Without gmsh the plan is told all the same, with the reason for the rest.
@@ -106,17 +106,17 @@ def foretold(scene: Scene, directory: Path | None = None) -> Foretold:
     """
     from ..planning.plan import make_plan
     from ..simulation.build import estimate
-    from .prediction import first_mesh, learnt, predict
+    from .prediction import first_mesh, known_laws, predict
 
-    plan, known = make_plan(scene), learnt(scene, directory)
+    plan, known = make_plan(scene), known_laws(scene, directory)
     cheaper = tuple(known.cheaper())
     try:
-        expense = estimate(scene).estimate if scene.numerics.accuracy is None else first_mesh(scene)
-        assert expense is not None
-        return Foretold(plan.with_estimate(expense), predict(known, expense), cheaper)
+        estimated = estimate(scene).estimate if scene.numerics.accuracy is None else first_mesh(scene)
+        assert estimated is not None
+        return PredictedPlan(plan.with_estimate(estimated), predict(known, estimated), cheaper)
     except MissingError as error:
         unknown = f"  cells, unknowns, memory and time are not known: {error}"
-        return Foretold(plan, unknown, cheaper)
+        return PredictedPlan(plan, unknown, cheaper)
 
 
 # -- calibration --------------------------------------------------------------------------------------------

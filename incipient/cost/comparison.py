@@ -1,4 +1,4 @@
-"""Ways to solve beside the scene's own, on the same rungs: what they change in error, time and memory."""
+"""Ways to solve beside the scene's own, on the same variants: what they change in error, time and memory."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ FEWEST_SECONDS = 0.01  # of processor time beyond the start: what the clock reso
 
 @dataclass(frozen=True)
 class Compared:
-    """A way to solve relative to the scene's own: geometric means over the rungs that both were run on.
+    """A way to solve relative to the scene's own: geometric means over the variants that both were run on.
 
-    rungs:    their names, without the way to solve
+    variants:    their names, without the way to solve
     change:   largest relative difference between the leading numbers of both
     error:    relative to the own one's; None where neither can be told apart from the reference's
     time:     processor time beyond starting the program
-    time_at_error: the same at equal errors, by how error and time go together on the rungs; None where not known
-    steadily: whether it took less time at equal errors on every rung
+    time_at_error: the same at equal errors, by how error and time go together on the variants; None where not known
+    steadily: whether it took less time at equal errors on every variant
     newton, factorisations: how many there are of them, None where one of both has none
     on_front: how many of the runs are on the front
     """
 
     solver: str
-    rungs: tuple[str, ...]
+    variants: tuple[str, ...]
     change: float
     error: float | None
     time: float
@@ -46,28 +46,30 @@ class Compared:
 
     @property
     def cheaper(self) -> bool:
-        """Whether it takes less time at equal errors: by a tenth on the whole, and on every rung."""
+        """Whether it takes less time at equal errors: by a tenth on the whole, and on every variant."""
         return self.time_at_error is not None and self.steadily and self.time_at_error < 1.0 / WORTH
 
 
 def compared(judged: Sequence[Judged], front: Sequence[int], goals: Sequence[Goal]) -> tuple[Compared, ...]:
     """The ways to solve that a study's runs have tried, the quickest first."""
     leading = [goal for goal in goals if goal.leading]
-    own = {_plain(one): one for one in judged if not one.run.rung.solver}
+    own = {_plain(one): one for one in judged if not one.run.variant.solver}
     found = []
-    for solver in dict.fromkeys(one.run.rung.solver for one in judged if one.run.rung.solver):
+    for solver in dict.fromkeys(one.run.variant.solver for one in judged if one.run.variant.solver):
         pairs = [
-            (one, own[_plain(one)]) for one in judged if one.run.rung.solver == solver and _plain(one) in own
+            (one, own[_plain(one)])
+            for one in judged
+            if one.run.variant.solver == solver and _plain(one) in own
         ]
-        best = sum(judged[index].run.rung.solver == solver for index in front)
+        best = sum(judged[index].run.variant.solver == solver for index in front)
         if pairs:
             found.append(_compared(solver, pairs, best, leading))
     return tuple(sorted(found, key=lambda one: one.time))
 
 
 def _plain(one: Judged) -> tuple[str, ...]:
-    """What tells rungs apart whatever the way to solve."""
-    return tuple(map(str, one.run.rung.key[:-1]))
+    """What tells variants apart whatever the way to solve."""
+    return tuple(map(str, one.run.variant.key[:-1]))
 
 
 def _compared(
@@ -83,7 +85,7 @@ def _compared(
     ratios = _at_equal_errors(clear)
     return Compared(
         solver,
-        tuple(own.run.rung.name for _, own in pairs),
+        tuple(own.run.variant.name for _, own in pairs),
         max(goal.error(one.run.found, own.run.found) for one, own in pairs for goal in leading),
         mean(lambda one: one.error, clear),
         mean(_time) or 1.0,
@@ -102,15 +104,17 @@ def _time(one: Judged) -> float:
 
 
 def _at_equal_errors(pairs: Sequence[tuple[Judged, Judged]]) -> list[float]:
-    """Ratios of times rung by rung, had both ways the same error; none where that cannot be told.
+    """Ratios of times variant by variant, had both ways the same error; none where that cannot be told.
 
-    The time for an error goes like error^-slope, with the slope of a line through the rungs of one order and way,
+    The time for an error goes like error^-slope, with the slope of a line through the variants of one order and way,
     the same for all of them. Without one, the errors themselves must be alike.
     """
     groups: dict[tuple[int, str], list[tuple[float, float]]] = {}
     for one in (one for pair in pairs for one in pair):
-        rung = one.run.rung
-        groups.setdefault((rung.order, rung.solver), []).append((math.log(one.error), math.log(_time(one))))
+        variant = one.run.variant
+        groups.setdefault((variant.order, variant.solver), []).append(
+            (math.log(one.error), math.log(_time(one)))
+        )
     apart = [np.array(group) - np.mean(group, axis=0) for group in groups.values()]
     errors, times = np.concatenate(apart).T if apart else np.zeros((2, 1))
     slope = 0.0

@@ -18,10 +18,10 @@ def findings(study: Study) -> Calibration:
     """What is kept of a study: by runs solved as the scene says, nothing without any. Not collective."""
     scene, end = study.scene, study.scene.time.end if study.scene.time else 0.0
     runs = [*(one.run for one in study.judged), study.compared_with]
-    own = [run for run in runs if not run.rung.solver]
+    own = [run for run in runs if not run.variant.solver]
     if not own:
         return {}
-    steps = [end / run.rung.step if run.rung.step else 0.0 for run in own]
+    steps = [end / run.variant.step if run.variant.step else 0.0 for run in own]
     unknowns, cpu = (
         np.array([getattr(run, name) for run in own], dtype=float) for name in ("unknowns", "cpu")
     )
@@ -47,15 +47,18 @@ def _memory(run: Measured) -> float:
 
 def _errors(study: Study, goal: str) -> dict[int, ErrorLaw]:
     """The laws of an error, by the runs that can be told apart from the reference."""
-    scene, rungs = study.scene, [one for one in study.judged if one.told_apart and not one.run.rung.solver]
+    scene, variants = (
+        study.scene,
+        [one for one in study.judged if one.told_apart and not one.run.variant.solver],
+    )
     seen = [
         (
-            one.run.rung.order,
-            one.run.rung.mesh_size,
-            calibration.step_of_flow(scene, one.run.rung.step),
+            one.run.variant.order,
+            one.run.variant.mesh_size,
+            calibration.step_of_flow(scene, one.run.variant.step),
             one.errors[goal],
         )
-        for one in rungs
+        for one in variants
         if one.errors[goal] > 0.0
     ]
     return fitted_errors(

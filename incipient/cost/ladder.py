@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 from ..errors import SceneError
 from ..scene import Scene
 from . import solvers
-from .measurement import Rung
+from .measurement import Variant
 
-RATIO = math.sqrt(2.0)  # of cell sizes from one rung to the next
+RATIO = math.sqrt(2.0)  # of cell sizes from one variant to the next
 UNEQUAL = 1.02  # ratios that differ by more are not the same
 SMALLEST, LARGEST = 0.01, 100.0  # of numerics.mesh_size
-COMPARED = 3  # rungs on which ways to solve are compared: so many tell how error and time go together
+COMPARED = 3  # variants on which ways to solve are compared: so many tell how error and time go together
 
 
 @dataclass(frozen=True)
@@ -23,25 +23,27 @@ class Ladder:
     """The runs to compare, the cheapest of each order first, and the finer one they are compared with.
 
     line:  runs of the reference's order, each finer than the one before, the reference last
-    cheap: the coarsest rungs of the middle order, on which ways to solve are compared
+    cheap: the coarsest variants of the middle order, on which ways to solve are compared
     """
 
-    rungs: tuple[Rung, ...]
-    reference: Rung
-    line: tuple[Rung, ...]
-    cheap: tuple[Rung, ...]
+    variants: tuple[Variant, ...]
+    reference: Variant
+    line: tuple[Variant, ...]
+    cheap: tuple[Variant, ...]
 
     @property
-    def compared(self) -> tuple[Rung, ...]:
-        """The rungs that are solved in other ways as well, as the scene's own way does."""
-        return tuple(dict.fromkeys(replace(rung, solver="") for rung in self.rungs if rung.solver))
+    def compared(self) -> tuple[Variant, ...]:
+        """The variants that are solved in other ways as well, as the scene's own way does."""
+        return tuple(
+            dict.fromkeys(replace(variant, solver="") for variant in self.variants if variant.solver)
+        )
 
     @property
     def ratio(self) -> float:
         """The ratio of the cells (or else steps) of the last three runs of the line; NaN where it is not constant."""
         last = self.line[-3:]
-        sizes = _ratios([rung.mesh_size for rung in last])
-        steps = _ratios([rung.step or 1.0 for rung in last])
+        sizes = _ratios([variant.mesh_size for variant in last])
+        steps = _ratios([variant.step or 1.0 for variant in last])
         if any(max(ratios, default=1.0) > UNEQUAL * min(ratios, default=1.0) for ratios in (sizes, steps)):
             return math.nan
         return (
@@ -55,7 +57,7 @@ class Ladder:
 class Spread:
     """Orders of the velocity; cell sizes and time steps as multiples of the scene's, the coarsest first.
 
-    solvers: ways to solve besides the scene's own, on every rung; None: the usual ones, on a few cheap rungs
+    solvers: ways to solve besides the scene's own, on every variant; None: the usual ones, on a few cheap variants
     """
 
     orders: tuple[int, ...] = (2, 3, 4)
@@ -84,27 +86,27 @@ def spread(scene: Scene, quick: bool) -> Spread:
 
 
 def ladder(scene: Scene, spread: Spread) -> Ladder:
-    """All rungs of a spread that the scene can be computed with; the reference is finer than all of them.
+    """All variants of a spread that the scene can be computed with; the reference is finer than all of them.
 
-    Rungs to be compared stand together, so that their times are taken one soon after the other.
+    Variants to be compared stand together, so that their times are taken one soon after the other.
 
     Raises:
         SceneError: a way to solve does not suit the scene.
     """
     plain = _solved_as_is(scene, spread)
-    at, ways = plain.rungs, solvers.named(scene, spread.solvers or ())
+    at, ways = plain.variants, solvers.named(scene, spread.solvers or ())
     if spread.solvers is None:
         at = plain.cheap
-        ways = tuple(dict.fromkeys(way for rung in at for way in solvers.usual(rung.of(scene))))
+        ways = tuple(dict.fromkeys(way for variant in at for way in solvers.usual(variant.of(scene))))
     found = itertools.chain.from_iterable(
-        (rung, *(_others(scene, rung, ways) if rung in at else ())) for rung in plain.rungs
+        (variant, *(_others(scene, variant, ways) if variant in at else ())) for variant in plain.variants
     )
-    return replace(plain, rungs=tuple(found))
+    return replace(plain, variants=tuple(found))
 
 
-def _others(scene: Scene, rung: Rung, ways: Sequence[str]) -> list[Rung]:
-    """A rung solved in other ways than the scene's own; what "auto" decides may hang on the cells."""
-    return [replace(rung, solver=way) for way in ways if solvers.differs(way, rung.of(scene))]
+def _others(scene: Scene, variant: Variant, ways: Sequence[str]) -> list[Variant]:
+    """A variant solved in other ways than the scene's own; what "auto" decides may hang on the cells."""
+    return [replace(variant, solver=way) for way in ways if solvers.differs(way, variant.of(scene))]
 
 
 def _solved_as_is(scene: Scene, spread: Spread) -> Ladder:
@@ -118,14 +120,14 @@ def _solved_as_is(scene: Scene, spread: Spread) -> Ladder:
 
 
 def _steady(orders: Sequence[int], sizes: Sequence[float]) -> Ladder:
-    rungs = tuple(Rung(order, size) for order in orders for size in sizes)
-    highest, cheap = orders[-1], _cheap(rungs, orders)
+    variants = tuple(Variant(order, size) for order in orders for size in sizes)
+    highest, cheap = orders[-1], _cheap(variants, orders)
     # A higher order is worth more than finer cells; without one they must be much finer.
     if highest < 4:
-        reference = Rung(highest + 1, max(sizes[-1] / 2.0, SMALLEST))
-        return Ladder(rungs, reference, (reference,), cheap)
-    reference = Rung(4, max(sizes[-1] / RATIO, SMALLEST))
-    return Ladder(rungs, reference, (*(Rung(4, size) for size in sizes), reference), cheap)
+        reference = Variant(highest + 1, max(sizes[-1] / 2.0, SMALLEST))
+        return Ladder(variants, reference, (reference,), cheap)
+    reference = Variant(4, max(sizes[-1] / RATIO, SMALLEST))
+    return Ladder(variants, reference, (*(Variant(4, size) for size in sizes), reference), cheap)
 
 
 def _unsteady(orders: Sequence[int], sizes: Sequence[float], steps: Sequence[float]) -> Ladder:
@@ -136,16 +138,16 @@ def _unsteady(orders: Sequence[int], sizes: Sequence[float], steps: Sequence[flo
     for before, now in zip(range(both - 1), range(1, both), strict=True):
         pairs += [(sizes[now], steps[before]), (sizes[now], steps[now])]
     pairs = list(dict.fromkeys(pairs))
-    rungs = tuple(Rung(order, *pair) for order in orders for pair in pairs)
-    reference = Rung(orders[-1], max(sizes[-1] / RATIO, SMALLEST), steps[-1] / 2.0)
-    diagonal = [Rung(orders[-1], *pair) for pair in zip(sizes, steps, strict=True)]
-    return Ladder(rungs, reference, (*dict.fromkeys(diagonal), reference), _cheap(rungs, orders))
+    variants = tuple(Variant(order, *pair) for order in orders for pair in pairs)
+    reference = Variant(orders[-1], max(sizes[-1] / RATIO, SMALLEST), steps[-1] / 2.0)
+    diagonal = [Variant(orders[-1], *pair) for pair in zip(sizes, steps, strict=True)]
+    return Ladder(variants, reference, (*dict.fromkeys(diagonal), reference), _cheap(variants, orders))
 
 
-def _cheap(rungs: Sequence[Rung], orders: Sequence[int]) -> tuple[Rung, ...]:
-    """The coarsest rungs of the middle order; of an even number of orders the lower of the two in the middle."""
+def _cheap(variants: Sequence[Variant], orders: Sequence[int]) -> tuple[Variant, ...]:
+    """The coarsest variants of the middle order; of an even number of orders the lower of the two in the middle."""
     order = orders[(len(orders) - 1) // 2]
-    return tuple(rung for rung in rungs if rung.order == order)[:COMPARED]
+    return tuple(variant for variant in variants if variant.order == order)[:COMPARED]
 
 
 def _lengthened(values: Sequence[float], length: int) -> Sequence[float]:

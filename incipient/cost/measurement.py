@@ -30,7 +30,7 @@ ENOUGH = 5.0  # processor time [s] after which a run is not made again
 
 
 @dataclass(frozen=True, order=True)
-class Rung:
+class Variant:
     """How finely: order of the velocity, factor on cell sizes, time step (None: steady); and how it is solved.
 
     solver: one of the ways of `solvers`, empty for the scene's own
@@ -50,7 +50,7 @@ class Rung:
 
     @property
     def key(self) -> tuple[int, str, str, str]:
-        """What tells rungs apart in a file of rounded numbers."""
+        """What tells variants apart in a file of rounded numbers."""
         step = "" if self.step is None else f"{self.step:.6g}"
         return self.order, f"{self.mesh_size:.6g}", step, self.solver
 
@@ -70,7 +70,7 @@ class Rung:
                 sections["numerics"][name] = type(scene.numerics).model_fields[name].default
         sections["output"] = {"fields": False, "pictures": False, "every": 0, "checkpoint": 0}
         if self.step is not None:
-            # A step that adapts itself would not be the rung's.
+            # A step that adapts itself would not be the variant's.
             sections["time"] = {"step": self.step, "tolerance": None}
         for name, keys in solvers.sections(self.solver, scene).items():
             sections[name] = sections.get(name, {}) | keys
@@ -102,7 +102,7 @@ class Measured:
     failed:    why it gave nothing; the rest is then empty
     """
 
-    rung: Rung
+    variant: Variant
     wall: float
     cpu: float
     start: float = 0.0
@@ -127,44 +127,44 @@ class Judged:
     told_apart: bool
 
 
-def measure(scene: Scene, rung: Rung) -> Measured:
-    """Run a scene at a rung in a process of its own; a run that compiled forms is made again. Not collective.
+def measure(scene: Scene, variant: Variant) -> Measured:
+    """Run a scene at a variant in a process of its own; a run that compiled forms is made again. Not collective.
 
     A run that fails is not an error: `failed` says why.
     """
-    measured, compiled = _once(scene, rung)
-    return _once(scene, rung)[0] if compiled and not measured.failed else measured
+    measured, compiled = _once(scene, variant)
+    return _once(scene, variant)[0] if compiled and not measured.failed else measured
 
 
-def quicker(scene: Scene, rung: Rung) -> Measured:
+def quicker(scene: Scene, variant: Variant) -> Measured:
     """The quicker of two runs, so that chance counts less where times are compared; of a long run the only one.
 
     As `measure` else. Not collective.
     """
-    first = measure(scene, rung)
+    first = measure(scene, variant)
     if first.failed or first.cpu > ENOUGH:
         return first
-    return min(first, measure(scene, rung), key=lambda run: (bool(run.failed), run.cpu))
+    return min(first, measure(scene, variant), key=lambda run: (bool(run.failed), run.cpu))
 
 
-def _once(scene: Scene, rung: Rung) -> tuple[Measured, bool]:
+def _once(scene: Scene, variant: Variant) -> tuple[Measured, bool]:
     from ..errors import SceneError
     from ..scene.file import dumps
 
     try:
-        text = dumps(rung.of(scene))
+        text = dumps(variant.of(scene))
     except SceneError as error:
-        return Measured(rung, 0.0, 0.0, failed=str(error)), False
+        return Measured(variant, 0.0, 0.0, failed=str(error)), False
     # -P: modules are not looked for in the working directory.
     command = [sys.executable, "-P", "-m", "incipient.cost.measurement"]
     # In a session of its own: an interrupt is this process's to deal with.
-    used = process.run(command, surroundings(solvers.options(rung.solver)), given=text, apart=True)
+    used = process.run(command, surroundings(solvers.options(variant.solver)), given=text, apart=True)
     if used.exit_code != 0:
-        return Measured(rung, used.wall, used.cpu, failed=_complaint(used.exit_code, used.errors)), False
+        return Measured(variant, used.wall, used.cpu, failed=_complaint(used.exit_code, used.errors)), False
     told = json.loads(used.output.strip().splitlines()[-1])
     compiled = told.pop("compiling") > COMPILED
     counts = Counts.of(told.pop("counts"))
-    return Measured(rung, used.wall, used.cpu, counts=counts, **told), compiled
+    return Measured(variant, used.wall, used.cpu, counts=counts, **told), compiled
 
 
 def surroundings(options: str = "") -> dict[str, str]:
@@ -189,7 +189,7 @@ def _complaint(code: int, errors: str) -> str:
 # -- the process --------------------------------------------------------------------------------------------
 
 
-class _Rows(Unrecorded):
+class _History(Unrecorded):
     """Keeps the history of a run."""
 
     def __init__(self) -> None:
@@ -224,7 +224,7 @@ def told(scene: Scene, comm: MPI.Comm) -> dict[str, Any]:
     from ..simulation.simulate import simulate
     from .quantities import quantities
 
-    start, recorder = time.process_time(), _Rows()
+    start, recorder = time.process_time(), _History()
     result = simulate(scene, comm, recorder)
     counted = {
         **result.cost["iterations"],

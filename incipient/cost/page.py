@@ -42,7 +42,7 @@ def _explained(study: Study) -> str:
     largest = "the largest of the relative errors of " if len(leading) > 1 else "the relative error of "
     again = f", those of less than {ENOUGH:g} s twice: the quicker one counts"
     return (
-        f"The error is {largest}{names}, against {study.compared_with.rung.name} "
+        f"The error is {largest}{names}, against {study.compared_with.variant.name} "
         f"({study.reference.how}; itself good to {percent(worst)}). Each run has a process of its own, forms "
         f"compiled before, without error bars{again if study.solvers() else ''}. Times are of the whole "
         "process, processor time first: on a busy machine wall time says little."
@@ -59,7 +59,9 @@ def _accuracies(study: Study) -> str:
     rows = []
     for accuracy in frontier.accuracies(min(errors)):
         reached = [study.judged[i].run for i in study.front if study.judged[i].error <= accuracy]
-        run = f"{reached[0].rung.name}, {reached[0].peak_mib:.0f} MiB" if reached else "finer than any here"
+        run = (
+            f"{reached[0].variant.name}, {reached[0].peak_mib:.0f} MiB" if reached else "finer than any here"
+        )
         spent = [_priced(laws[name], accuracy, errors, of) for name, of in (("cpu", times), ("wall", walls))]
         rows.append([percent(accuracy), *spent, run])
     digits = [f"x {law.digit:.2g}" if law else "-" for law in (laws["cpu"], laws["wall"])]
@@ -115,17 +117,17 @@ def _solver_row(one: Compared, scene: Scene) -> list[str]:
 
 def _said_of_solvers(study: Study) -> str:
     found = study.solvers()
-    tried = {name for one in found for name in one.rungs}
-    where = f"at {next(iter(tried))}" if len(tried) == 1 else f"on {len(tried)} rungs, geometric means"
+    tried = {name for one in found for name in one.variants}
+    where = f"at {next(iter(tried))}" if len(tried) == 1 else f"on {len(tried)} variants, geometric means"
     better = [f"*{one.solver}* ({_ratio(one.time_at_error)})" for one in found if one.cheaper]
-    best = "None of them is cheaper at equal errors by a tenth on the whole and on every rung."
+    best = "None of them is cheaper at equal errors by a tenth on the whole and on every variant."
     if better:
-        best = f"Cheaper at equal errors, by a tenth on the whole and on every rung: {', '.join(better)}."
+        best = f"Cheaper at equal errors, by a tenth on the whole and on every variant: {', '.join(better)}."
     return (
         f"**Ways to solve** beside the scene's own ({solvers.own(study.scene)}), {where}. Time (without that of "
         'starting), error, memory, Newton\'s corrections and factorisations are relative to its own; "-": error not '
         "to be told apart from the reference's, or nothing to count. At equal errors: by how error and time go "
-        "together on these rungs. The change is the largest relative difference between the numbers of both. "
+        "together on these variants. The change is the largest relative difference between the numbers of both. "
         f"{best}"
     )
 
@@ -138,13 +140,13 @@ def _runs(study: Study) -> str:
     heads = ["run", "error", "processor [s]", "wall [s]", "unknowns", "memory [MiB]", "front"]
     rows = [_row(one, index in study.front) for index, one in enumerate(study.judged)]
     run = study.compared_with
-    rows.append([run.rung.name, "reference", *_spent(run), ""])
+    rows.append([run.variant.name, "reference", *_spent(run), ""])
     return _table(heads, rows)
 
 
 def _row(one: Judged, on_front: bool) -> list[str]:
     error = percent(one.error) if one.told_apart else f"({percent(one.error)})"
-    return [one.run.rung.name, error, *_spent(one.run), "yes" if on_front else ""]
+    return [one.run.variant.name, error, *_spent(one.run), "yes" if on_front else ""]
 
 
 def _spent(run: Measured) -> list[str]:
@@ -152,7 +154,7 @@ def _spent(run: Measured) -> list[str]:
 
 
 def _failures(study: Study) -> str:
-    lines = [f"- {run.rung.name}: {run.failed}" for run in study.failed]
+    lines = [f"- {run.variant.name}: {run.failed}" for run in study.failed]
     return "Runs that failed:\n\n" + "\n".join(lines)
 
 

@@ -42,7 +42,7 @@ class Error:
 
 
 @dataclass(frozen=True)
-class Learnt:
+class KnownLaws:
     """What studies tell of a scene.
 
     own:    whether they are of the scene itself; where: which they are, in words
@@ -84,7 +84,7 @@ class Learnt:
         ]
 
 
-def learnt(scene: Scene, study: Path | None = None) -> Learnt:
+def known_laws(scene: Scene, study: Path | None = None) -> KnownLaws:
     """What is known of a scene by a study in a directory, this machine's calibration, or that shipped. Not collective.
 
     Raises:
@@ -99,14 +99,14 @@ def learnt(scene: Scene, study: Path | None = None) -> Learnt:
     )
     for where, known, _ in places[:2]:
         if own := known.get(calibration.digest(scene)):
-            return Learnt(scene, (own,), True, OWN, f"by runs of this scene {where}")
+            return KnownLaws(scene, (own,), True, OWN, f"by runs of this scene {where}")
     kind = calibration.kind(scene)
     alike = (
         (where, [one for one in known.values() if one.kind == kind], factor)
         for where, known, factor in places
     )
     where, found, factor = next(one for one in alike if one[1])
-    return Learnt(scene, tuple(found), False, factor, f"by runs of other scenes {where}")
+    return KnownLaws(scene, tuple(found), False, factor, f"by runs of other scenes {where}")
 
 
 def _goals(scene: Scene) -> tuple[str, ...]:
@@ -191,7 +191,7 @@ class _Run:
         return round(self.unknowns * after / before)
 
 
-def predict(known: Learnt, estimate: Estimate) -> Prediction | str:
+def predict(known: KnownLaws, estimate: Estimate) -> Prediction | str:
     """What the run of a scene will come to, or in words why that is not known. Not collective.
 
     Args:
@@ -250,7 +250,7 @@ def first_mesh(scene: Scene) -> Estimate:
     return drawing.count(coarse_sizes(COARSEST, None, layout) if steady else layout, plan.order, dual=steady)
 
 
-def _search(known: Learnt, unknowns: int) -> tuple[list[_Run], LastMesh] | str:
+def _search(known: KnownLaws, unknowns: int) -> tuple[list[_Run], LastMesh] | str:
     """The meshes of a run to an accuracy that starts from so many unknowns, or why they are not known."""
     from ..accuracy.errorbars import changed
     from ..adaptive import halving
@@ -292,7 +292,7 @@ def _refined(first: _Run, excess: float) -> list[_Run]:
     return [first, _Run(changed(first.scene, numerics={"order": order}), round(unknowns))]
 
 
-def _halved(first: _Run, known: Learnt, asked: float) -> tuple[list[_Run], bool]:
+def _halved(first: _Run, known: KnownLaws, asked: float) -> tuple[list[_Run], bool]:
     """Ever finer runs in time until the error, that by which the last two differ, is small enough; whether it is."""
     from ..adaptive.halving import MOST_RUNS, finer
 

@@ -11,12 +11,12 @@ from pathlib import Path
 from ..errors import OutputError
 from ..files import append_row, reported, write_text_atomically
 from ..scene import Scene
-from .measurement import Counts, Measured, Rung
+from .measurement import Counts, Measured, Variant
 from .quantities import columns
 
 Key = tuple[int, str, str, str]
 
-ROWS = "cost.csv"
+TABLE = "cost.csv"
 SOLVER, AFTER = "solver", "step"  # a column that files of earlier versions lack, and that before it
 
 
@@ -26,12 +26,12 @@ def append(scene: Scene, run: Measured, directory: Path) -> None:
     Raises:
         OutputError: it cannot be written.
     """
-    append_row(directory / ROWS, row_of(scene, run))
+    append_row(directory / TABLE, row_of(scene, run))
 
 
 def row_of(scene: Scene, run: Measured) -> dict[str, float | int | str]:
     """A run as a row; what a failed run lacks is empty."""
-    good, (order, mesh_size, step, solver) = not run.failed, run.rung.key
+    good, (order, mesh_size, step, solver) = not run.failed, run.variant.key
     row: dict[str, float | int | str] = {
         "order": order,
         "mesh_size": mesh_size,
@@ -50,7 +50,7 @@ def row_of(scene: Scene, run: Measured) -> dict[str, float | int | str]:
 
 
 def known_runs(scene: Scene, directory: Path) -> dict[Key, Measured]:
-    """The runs in the file of a directory, by the keys of their rungs. Not collective.
+    """The runs in the file of a directory, by the keys of their variants. Not collective.
 
     Half a row at its end, of a writer that was killed, is cut off. In a file of an earlier version all runs were
     solved as the scene says.
@@ -58,7 +58,7 @@ def known_runs(scene: Scene, directory: Path) -> dict[Key, Measured]:
     Raises:
         OutputError: the file is damaged, or cannot be written.
     """
-    path = directory / ROWS
+    path = directory / TABLE
     if not path.exists():
         return {}
     with reported(path):
@@ -71,17 +71,17 @@ def known_runs(scene: Scene, directory: Path) -> dict[Key, Measured]:
         runs = [_run_of(scene, row) for row in rows]
     except (KeyError, ValueError, TypeError) as error:
         raise OutputError(f"{path}: cannot be understood ({error}); delete it to begin anew") from error
-    return {run.rung.key: run for run in runs}
+    return {run.variant.key: run for run in runs}
 
 
 def _run_of(scene: Scene, row: Mapping[str, str]) -> Measured:
     step = float(row[AFTER]) if row[AFTER] else None
-    rung = Rung(int(row["order"]), float(row["mesh_size"]), step, row.get(SOLVER, ""))
+    variant = Variant(int(row["order"]), float(row["mesh_size"]), step, row.get(SOLVER, ""))
     spent = float(row["wall [s]"]), float(row["processor [s]"])
     if row["failed"]:
-        return Measured(rung, *spent, failed=row["failed"])
+        return Measured(variant, *spent, failed=row["failed"])
     return Measured(
-        rung,
+        variant,
         *spent,
         start=float(row["start [s]"]),
         peak_mib=float(row["memory [MiB]"]),
@@ -92,7 +92,7 @@ def _run_of(scene: Scene, row: Mapping[str, str]) -> Measured:
     )
 
 
-def completed(directory: Path, compared: Collection[Rung]) -> bool:
+def completed(directory: Path, compared: Collection[Variant]) -> bool:
     """Give a file of an earlier version the column that it lacks; whether it was one. Not collective.
 
     It loses the runs `compared` with others that are still to be made: times of another day would not do. Read it
@@ -101,12 +101,12 @@ def completed(directory: Path, compared: Collection[Rung]) -> bool:
     Raises:
         OutputError: it cannot be written.
     """
-    path = directory / ROWS
+    path = directory / TABLE
     table = csv.DictReader(path.read_text(encoding="utf-8").splitlines() if path.exists() else [])
     heads = list(table.fieldnames or ())
     if AFTER not in heads or SOLVER in heads:
         return False
-    old = {tuple(map(str, rung.key[:-1])) for rung in compared}
+    old = {tuple(map(str, variant.key[:-1])) for variant in compared}
     rows = [row for row in table if (row["order"], row["mesh_size"], row[AFTER]) not in old]
     at = heads.index(AFTER) + 1
     write_text_atomically(path, _table([*heads[:at], SOLVER, *heads[at:]], rows))

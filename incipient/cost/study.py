@@ -19,16 +19,16 @@ from . import frontier
 from .comparison import Compared, compared
 from .frontier import Law, Reference, percent, seconds
 from .ladder import Ladder
-from .measurement import Judged, Measured, Rung
+from .measurement import Judged, Measured, Variant
 from .quantities import Goal, columns, goals
-from .records import ROWS, append, completed, known_runs
+from .records import TABLE, append, completed, known_runs
 
 LEAST_WORK = 1.05  # times its start: what the shortest run takes
 EARLIER = (
     "of an earlier version; its runs are kept, but those to be compared with other ways to solve. Times of "
     "different days compare badly: delete it to measure all anew"
 )
-Measure = Callable[[Scene, Rung], Measured]
+Measure = Callable[[Scene, Variant], Measured]
 Say = Callable[[str], None]
 
 
@@ -77,7 +77,7 @@ class Study:
         return f"{', '.join(said)}; too few runs can be told apart from the reference for a law"
 
 
-def climb(scene: Scene, ladder: Ladder, directory: Path, measure: Measure, say: Say) -> Study:
+def run_ladder(scene: Scene, ladder: Ladder, directory: Path, measure: Measure, say: Say) -> Study:
     """Make the runs of a ladder that a directory does not hold yet, and judge all of them. Not collective.
 
     Raises:
@@ -88,22 +88,22 @@ def climb(scene: Scene, ladder: Ladder, directory: Path, measure: Measure, say: 
     if not columns(scene):
         raise SceneError("cost: the scene gives no number to compare")
     prepare(scene, directory)
-    done, wanted = known_runs(scene, directory), [*ladder.rungs, ladder.reference]
+    done, wanted = known_runs(scene, directory), [*ladder.variants, ladder.reference]
     if completed(directory, ladder.compared):
         done = known_runs(scene, directory)
-        if any(rung.key not in done for rung in wanted):
+        if any(variant.key not in done for variant in wanted):
             say(f"{directory}: {EARLIER}")
-    for number, rung in enumerate(wanted, 1):
-        if rung.key in done:
+    for number, variant in enumerate(wanted, 1):
+        if variant.key in done:
             continue
-        run = measure(scene, rung)
+        run = measure(scene, variant)
         append(scene, run, directory)
-        done[rung.key] = run
-        say(f"{number} of {len(wanted)}: {rung.name}: {run.failed or _expense(run)}")
-    return judge(scene, ladder, [done[rung.key] for rung in wanted])
+        done[variant.key] = run
+        say(f"{number} of {len(wanted)}: {variant.name}: {run.failed or _spent(run)}")
+    return judge(scene, ladder, [done[variant.key] for variant in wanted])
 
 
-def _expense(run: Measured) -> str:
+def _spent(run: Measured) -> str:
     return (
         f"{run.unknowns} unknowns, processor {run.cpu:.2f} s, wall {run.wall:.2f} s, {run.peak_mib:.0f} MiB"
     )
@@ -116,7 +116,7 @@ def prepare(scene: Scene, directory: Path) -> None:
         OutputError: it is that of another scene, or cannot be made.
     """
     stored = directory / "scene.toml"
-    if (directory / ROWS).exists() and stored.exists():
+    if (directory / TABLE).exists() and stored.exists():
         if load(stored) != scene:
             raise OutputError(
                 f"{directory}: holds the runs of another scene; choose another --out or delete it"
@@ -124,7 +124,7 @@ def prepare(scene: Scene, directory: Path) -> None:
         return
     with reported(directory):
         directory.mkdir(parents=True, exist_ok=True)
-        (directory / ROWS).unlink(missing_ok=True)
+        (directory / TABLE).unlink(missing_ok=True)
     save(scene, stored)
 
 
@@ -178,14 +178,14 @@ def _start(runs: Sequence[Measured], time: Callable[[Measured], float]) -> float
 
 def _own(runs: Sequence[Measured]) -> list[Measured]:
     """The runs solved as the scene says."""
-    return [run for run in runs if not run.rung.solver]
+    return [run for run in runs if not run.variant.solver]
 
 
 def _reference(ladder: Ladder, good: Sequence[Measured]) -> tuple[Measured, Reference]:
     """The run that the others are compared with, the finest that there is, and its improved numbers."""
-    by_rung = {run.rung.key: run for run in good}
-    line = [by_rung[rung.key] for rung in ladder.line if rung.key in by_rung]
-    if not line or line[-1].rung.key != ladder.reference.key:
+    by_rung = {run.variant.key: run for run in good}
+    line = [by_rung[variant.key] for variant in ladder.line if variant.key in by_rung]
+    if not line or line[-1].variant.key != ladder.reference.key:
         # The reference failed: the finest of the others, as it is.
         line = [max(_own(good) or good, key=_fineness)]
     ratio = ladder.ratio if len(line) == len(ladder.line) else math.nan
@@ -194,7 +194,7 @@ def _reference(ladder: Ladder, good: Sequence[Measured]) -> tuple[Measured, Refe
 
 
 def _fineness(run: Measured) -> tuple[float, ...]:
-    return run.rung.order, -(run.rung.step or 0.0), -run.rung.mesh_size
+    return run.variant.order, -(run.variant.step or 0.0), -run.variant.mesh_size
 
 
 def _judged(run: Measured, wanted: Sequence[Goal], values: Reference) -> Judged:
@@ -238,15 +238,15 @@ def _law_of_goal(judged: Sequence[Judged], goal: Goal, values: Reference, start:
 def to_dict(study: Study) -> dict[str, Any]:
     """The study as plain data for cost.json."""
     found: dict[str, Any] = {"schema_version": 1, "title": study.scene.title, "words": study.words()}
-    found["reference"] = {"run": study.compared_with.rung.name, **vars(study.reference)}
+    found["reference"] = {"run": study.compared_with.variant.name, **vars(study.reference)}
     found["goals"] = [{**vars(goal), "doubt": doubt(goal, study.reference)} for goal in study.goals]
     found["laws"] = {name: law and vars(law) for name, law in study.laws.items()}
     found["laws_of_goals"] = {name: law and vars(law) for name, law in study.of_goals.items()}
     found["solvers"] = [vars(one) for one in study.solvers()]
     found["runs"] = [
         {
-            **vars(one.run.rung),
-            "name": one.run.rung.name,
+            **vars(one.run.variant),
+            "name": one.run.variant.name,
             "error": one.error,
             "errors": one.errors,
             "told_apart": one.told_apart,
@@ -258,5 +258,5 @@ def to_dict(study: Study) -> dict[str, Any]:
         }
         for index, one in enumerate(study.judged)
     ]
-    found["failed"] = [{"name": run.rung.name, "why": run.failed} for run in study.failed]
+    found["failed"] = [{"name": run.variant.name, "why": run.failed} for run in study.failed]
     return found

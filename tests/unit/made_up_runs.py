@@ -7,7 +7,7 @@ from pathlib import Path
 
 from incipient.cost import study as cost
 from incipient.cost.ladder import ladder, spread
-from incipient.cost.measurement import Counts, Measured, Rung
+from incipient.cost.measurement import Counts, Measured, Variant
 from incipient.scene import Scene, loads
 from incipient.scene.example import commented, grain_on_bed
 
@@ -21,29 +21,29 @@ def scene(*overrides: str) -> Scene:
 class Runner:
     """Runs whose force is off by 0.02 h^p and that take 1 + h^-2 seconds; counts them; some fail."""
 
-    def __init__(self, *failing: Rung):
-        self.made: list[Rung] = []
-        self.failing = {rung.key for rung in failing}
+    def __init__(self, *failing: Variant):
+        self.made: list[Variant] = []
+        self.failing = {variant.key for variant in failing}
 
-    def __call__(self, scene: Scene, rung: Rung) -> Measured:
-        self.made.append(rung)
-        if rung.key in self.failing:
-            return Measured(rung, 1.0, 0.5, failed='no steady flow, "of course", found')
-        off = 1.0 + 0.02 * (rung.mesh_size / 2.0) ** (rung.order + 2)
+    def __call__(self, scene: Scene, variant: Variant) -> Measured:
+        self.made.append(variant)
+        if variant.key in self.failing:
+            return Measured(variant, 1.0, 0.5, failed='no steady flow, "of course", found')
+        off = 1.0 + 0.02 * (variant.mesh_size / 2.0) ** (variant.order + 2)
         found = {"force_x": 3.0 * off, "force_y": 4.0 * off, "couple": 0.5 * off, "safety_factor": 1.5 * off}
-        unknowns = round(4000 * rung.mesh_size**-2)
-        cpu = 1.0 + 0.2 * rung.mesh_size**-2 * rung.order
+        unknowns = round(4000 * variant.mesh_size**-2)
+        cpu = 1.0 + 0.2 * variant.mesh_size**-2 * variant.order
         counts = Counts(newton=5, factorisations=2)
-        return Measured(rung, 2.0 * cpu, cpu, 0.5, 200.0, unknowns // 5, unknowns, counts, found)
+        return Measured(variant, 2.0 * cpu, cpu, 0.5, 200.0, unknowns // 5, unknowns, counts, found)
 
 
 def quiet(text: str) -> None:
     """Say nothing."""
 
 
-def climbed(
+def studied(
     directory: Path, runner: Runner, quick: bool = False, ways: tuple[str, ...] | None = ()
 ) -> cost.Study:
     made = scene()
     wanted = replace(spread(made, quick), solvers=ways)
-    return cost.climb(made, ladder(made, wanted), directory, runner, quiet)
+    return cost.run_ladder(made, ladder(made, wanted), directory, runner, quiet)

@@ -1,4 +1,4 @@
-"""What accuracy costs: fronts, laws, references, words, rungs and rows, the resumption of a study.
+"""What accuracy costs: fronts, laws, references, words, variants and rows, the resumption of a study.
 
 Runs are made up here, from laws whose constants the fits must find again; tests/end_to_end has real ones.
 """
@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from made_up_runs import TIMED, Runner, climbed, quiet, scene
+from made_up_runs import TIMED, Runner, quiet, scene, studied
 
 from incipient.cost import calibration, frontier, quantities
 from incipient.cost import page as cost_page
@@ -20,7 +20,7 @@ from incipient.cost import study as cost
 from incipient.cost.command import builtin, chosen, told
 from incipient.cost.ladder import QUICK, RATIO, Spread, ladder, spread
 from incipient.cost.ladder import STEADY as STEADY_SPREAD
-from incipient.cost.measurement import Measured, Rung
+from incipient.cost.measurement import Measured, Variant
 from incipient.cost.records import known_runs
 from incipient.errors import ConvergenceError, OutputError, SceneError
 from incipient.scene import Scene
@@ -63,12 +63,12 @@ def test_too_little_makes_no_law() -> None:
 
 def test_a_study_without_a_law_says_what_its_runs_reached(tmp_path: Path) -> None:
     class Exact(Runner):
-        def __call__(self, scene: Scene, rung: Rung) -> Measured:
-            run = super().__call__(scene, rung)
+        def __call__(self, scene: Scene, variant: Variant) -> Measured:
+            run = super().__call__(scene, variant)
             exact = {"force_x": 3.0, "force_y": 4.0, "couple": 0.5, "safety_factor": 1.5}
             return replace(run, found=exact)
 
-    study = climbed(tmp_path, Exact(), quick=True)
+    study = studied(tmp_path, Exact(), quick=True)
     assert study.words() == "0%: 1.1 s; too few runs can be told apart from the reference for a law"
     assert not any(one.told_apart for one in study.judged)
     assert "No law" in cost_page.page(study)
@@ -122,26 +122,26 @@ def test_peak_between_samples() -> None:
 
 def test_ladder_of_a_steady_scene() -> None:
     steps = ladder(scene("numerics.mesh_size=2.0"), replace(STEADY_SPREAD, solvers=()))
-    assert len(steps.rungs) == 15
-    assert max(rung.mesh_size for rung in steps.rungs) == 4.0
-    assert steps.reference == Rung(4, 1.0 / RATIO)
+    assert len(steps.variants) == 15
+    assert max(variant.mesh_size for variant in steps.variants) == 4.0
+    assert steps.reference == Variant(4, 1.0 / RATIO)
     assert steps.ratio == pytest.approx(RATIO)
     quick = ladder(scene(), spread(scene(), quick=True))
-    assert (len(quick.rungs), quick.reference) == (4, Rung(4, RATIO / 2.0))
+    assert (len(quick.variants), quick.reference) == (4, Variant(4, RATIO / 2.0))
 
 
 def test_ladder_in_time() -> None:
     """Cells and steps are refined together, and each a little behind the other."""
     steps = ladder(scene(TIMED), replace(QUICK, orders=(2,)))
-    found = [(rung.mesh_size, rung.step) for rung in steps.rungs]
+    found = [(variant.mesh_size, variant.step) for variant in steps.variants]
     assert found == [(2.0, 0.04), (pytest.approx(RATIO), 0.04), (pytest.approx(RATIO), 0.02)]
-    assert steps.reference == Rung(2, pytest.approx(1.0), 0.01)
-    assert Rung(3, 1.0, 0.02).of(scene(TIMED)).time.step == 0.02
+    assert steps.reference == Variant(2, pytest.approx(1.0), 0.01)
+    assert Variant(3, 1.0, 0.02).of(scene(TIMED)).time.step == 0.02
 
 
 def test_own_ladders() -> None:
     uneven = ladder(scene(), Spread((3,), (2.0, 1.5, 1.0), solvers=()))
-    assert [rung.mesh_size for rung in uneven.rungs] == [2.0, 1.5, 1.0]
+    assert [variant.mesh_size for variant in uneven.variants] == [2.0, 1.5, 1.0]
     assert chosen(scene(), True, orders=[4], sizes=None, steps=None).orders == (4,)
     for wrong, said in ((Spread, "--sizes"), (lambda **k: chosen(scene(), True, **k), "--steps")):
         with pytest.raises(SceneError, match=said):
@@ -153,7 +153,7 @@ def test_own_ladders() -> None:
 
 def test_a_rung_changes_nothing_but_how_finely() -> None:
     base = scene(TIMED, "numerics.tolerance=1e-7")
-    changed = Rung(3, 1.5, 0.02).of(base)
+    changed = Variant(3, 1.5, 0.02).of(base)
     assert calibration.digest(changed) == calibration.digest(base)
     assert changed.numerics.tolerance == 1e-7
     assert not changed.numerics.error_bars
@@ -164,78 +164,78 @@ def test_a_rung_changes_nothing_but_how_finely() -> None:
 
 
 def test_a_study_finds_errors_and_law(tmp_path: Path) -> None:
-    study = climbed(tmp_path, Runner())
+    study = studied(tmp_path, Runner())
     assert study.reference.values["force_x"] == pytest.approx(3.0, rel=1e-6), "improved by Richardson"
-    first = next(one for one in study.judged if one.run.rung == Rung(2, 2.0))
+    first = next(one for one in study.judged if one.run.variant == Variant(2, 2.0))
     assert first.error == pytest.approx(0.02, rel=1e-3)
     assert set(first.errors) == {"force", "couple", "safety factor", "drag", "lift"}
     law = study.laws["cpu"]
     assert law is not None
     assert law.start == pytest.approx(1.0, abs=0.05)
     assert "each further digit" in study.words()
-    assert cost.to_dict(study)["reference"]["run"] == study.compared_with.rung.name
+    assert cost.to_dict(study)["reference"]["run"] == study.compared_with.variant.name
 
 
 def test_a_study_goes_on_where_it_was_interrupted(tmp_path: Path) -> None:
     class Stopped(Runner):
-        def __call__(self, scene: Scene, rung: Rung) -> Measured:
+        def __call__(self, scene: Scene, variant: Variant) -> Measured:
             if len(self.made) == 3:
                 raise KeyboardInterrupt
-            return super().__call__(scene, rung)
+            return super().__call__(scene, variant)
 
     first, second, third = Stopped(), Runner(), Runner()
     with pytest.raises(KeyboardInterrupt):
-        climbed(tmp_path, first, quick=True)
+        studied(tmp_path, first, quick=True)
     with (tmp_path / "cost.csv").open("a") as rows:
         rows.write("3,1.41421,,,0.1")  # a writer that was killed
-    whole = climbed(tmp_path, second, quick=True)
+    whole = studied(tmp_path, second, quick=True)
     assert (len(first.made), len(second.made)) == (3, 2)
-    again = climbed(tmp_path, third, quick=True)
+    again = studied(tmp_path, third, quick=True)
     assert not third.made
     assert [one.error for one in again.judged] == [one.error for one in whole.judged]
 
 
 def test_rows_hold_every_digit_and_awkward_words(tmp_path: Path) -> None:
-    runner, failing = Runner(Rung(2, 2.0)), Rung(2, 2.0)
-    study = climbed(tmp_path, runner, quick=True)
+    runner, failing = Runner(Variant(2, 2.0)), Variant(2, 2.0)
+    study = studied(tmp_path, runner, quick=True)
     (failed,) = study.failed
     assert failed.failed == 'no steady flow, "of course", found'
     assert failing.name in told(study, tmp_path)
     kept = known_runs(scene(), tmp_path)
-    assert kept[Rung(3, 2.0).key].found == runner(scene(), Rung(3, 2.0)).found
+    assert kept[Variant(3, 2.0).key].found == runner(scene(), Variant(3, 2.0)).found
 
 
 def test_without_its_reference_the_finest_run_serves(tmp_path: Path) -> None:
-    study = climbed(tmp_path, Runner(Rung(4, RATIO / 2.0)), quick=True)
-    assert study.compared_with.rung == Rung(3, pytest.approx(RATIO, rel=1e-5))
+    study = studied(tmp_path, Runner(Variant(4, RATIO / 2.0)), quick=True)
+    assert study.compared_with.variant == Variant(3, pytest.approx(RATIO, rel=1e-5))
     assert len(study.judged) == 3
 
 
 def test_too_many_failures_end_the_study(tmp_path: Path) -> None:
     everything = ladder(scene(), spread(scene(), True))
-    runner = Runner(*everything.rungs, everything.reference)
+    runner = Runner(*everything.variants, everything.reference)
     with pytest.raises(ConvergenceError, match="fewer than two runs of the ladder succeeded: no steady flow"):
-        climbed(tmp_path, runner, quick=True)
+        studied(tmp_path, runner, quick=True)
 
 
 def test_the_directory_of_another_scene_is_refused(tmp_path: Path) -> None:
-    climbed(tmp_path, Runner(), quick=True)
+    studied(tmp_path, Runner(), quick=True)
     other = scene("fluid.reynolds=3.0")
     with pytest.raises(OutputError, match="the runs of another scene"):
-        cost.climb(other, ladder(other, QUICK), tmp_path, Runner(), quiet)
+        cost.run_ladder(other, ladder(other, QUICK), tmp_path, Runner(), quiet)
     (tmp_path / "cost.csv").write_text("order,mesh_size\n2,x\n")
     with pytest.raises(OutputError, match="delete it to begin anew"):
-        climbed(tmp_path, Runner(), quick=True)
+        studied(tmp_path, Runner(), quick=True)
 
 
 def test_the_page_says_it(tmp_path: Path) -> None:
-    study = climbed(tmp_path, Runner(Rung(2, 2.0)))
+    study = studied(tmp_path, Runner(Variant(2, 2.0)))
     cost_page.write(study, tmp_path)
     text = (tmp_path / "cost.md").read_text()
     assert study.words() in text
     assert "| each further digit | x" in text
     assert "Runs that failed:" in text
-    assert json.loads((tmp_path / "cost.json").read_text())["failed"][0]["name"] == Rung(2, 2.0).name
+    assert json.loads((tmp_path / "cost.json").read_text())["failed"][0]["name"] == Variant(2, 2.0).name
 
 
 def test_builtin_scenes_are_of_every_kind() -> None:

@@ -1,4 +1,4 @@
-"""Ways to solve in a study of what accuracy costs: which there are, on which rungs, how they compare, what is kept."""
+"""Ways to solve in a study of what accuracy costs: which there are, where they are tried, how they compare."""
 
 import csv
 import json
@@ -9,17 +9,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_up_runs import TIMED, Runner, climbed, quiet, scene
+from made_up_runs import TIMED, Runner, quiet, scene, studied
 
-from incipient.cost import calibration, process, solvers
-from incipient.cost import measurement as rungs
+from incipient.cost import calibration, measurement, process, solvers
 from incipient.cost import page as cost_page
 from incipient.cost import study as cost
 from incipient.cost.command import chosen, told
 from incipient.cost.comparison import compared
 from incipient.cost.findings import findings
 from incipient.cost.ladder import QUICK, STEADY, Spread, ladder
-from incipient.cost.measurement import Measured, Rung, quicker, surroundings
+from incipient.cost.measurement import Measured, Variant, quicker, surroundings
 from incipient.cost.records import completed, known_runs
 from incipient.errors import SceneError
 from incipient.pictures.cost import draw
@@ -62,45 +61,47 @@ def test_ways_asked_for() -> None:
 
 def test_what_a_way_changes(monkeypatch: pytest.MonkeyPatch) -> None:
     made = scene(TIMED, "numerics.tolerance=1e-8")
-    changed = Rung(3, 1.5, 0.02, "extrapolated+bdf1").of(made)
+    changed = Variant(3, 1.5, 0.02, "extrapolated+bdf1").of(made)
     assert (changed.numerics.convection, changed.time.scheme, changed.time.step) == (
         "extrapolated",
         "bdf1",
         0.02,
     )
-    assert Rung(2, 1.0, None, "loose").of(made).numerics.tolerance == pytest.approx(1e-5)
-    assert Rung(2, 1.0, None, "loose").of(scene("numerics.tolerance=0.01")).numerics.tolerance == 0.01
+    assert Variant(2, 1.0, None, "loose").of(made).numerics.tolerance == pytest.approx(1e-5)
+    assert Variant(2, 1.0, None, "loose").of(scene("numerics.tolerance=0.01")).numerics.tolerance == 0.01
     assert solvers.settings("loose", load(SCENES / "pothole_4.toml")) == [
         "numerics.tolerance = 0.001",
         "numerics.interface_tolerance = 0.001",
     ]
-    assert Rung(2, 1.0, None, "chords").of(scene()) == Rung(2, 1.0).of(scene())
+    assert Variant(2, 1.0, None, "chords").of(scene()) == Variant(2, 1.0).of(scene())
     monkeypatch.setenv("PETSC_OPTIONS", "-log_view")
     assert surroundings(solvers.options("chords"))["PETSC_OPTIONS"] == "-log_view -fluid_ksp_type preonly"
     assert surroundings()["PETSC_OPTIONS"] == "-log_view"
 
 
-# -- on which rungs -----------------------------------------------------------------------------------------
+# -- on which variants -----------------------------------------------------------------------------------------
 
 
 def test_usual_ways_are_tried_on_three_coarse_rungs() -> None:
     steps = ladder(scene(), STEADY)
-    sizes = [rung.mesh_size for rung in steps.compared]
+    sizes = [variant.mesh_size for variant in steps.compared]
     assert sizes == pytest.approx([2.0, np.sqrt(2.0), 1.0])
-    tried = [Rung(3, size, None, way) for size in sizes for way in STEADILY]
-    assert [rung for rung in steps.rungs if rung.solver] == tried
-    at = steps.rungs.index(Rung(3, 1.0))
-    assert steps.rungs[at + 1].solver == "chords", "soon after the run that it is compared with"
+    tried = [Variant(3, size, None, way) for size in sizes for way in STEADILY]
+    assert [variant for variant in steps.variants if variant.solver] == tried
+    at = steps.variants.index(Variant(3, 1.0))
+    assert steps.variants[at + 1].solver == "chords", "soon after the run that it is compared with"
     in_time = ladder(scene(TIMED), Spread((2, 3), (2.0, 1.4, 1.0)))
-    assert in_time.compared == (Rung(2, 2.0, 0.04), Rung(2, 1.4, 0.04), Rung(2, 1.4, 0.02))
+    assert in_time.compared == (Variant(2, 2.0, 0.04), Variant(2, 1.4, 0.04), Variant(2, 1.4, 0.02))
     assert not ladder(scene(), QUICK).compared
 
 
 def test_ways_asked_for_are_tried_on_all_rungs() -> None:
     wanted = chosen(scene(), True, solvers=["own", "chords"])
     steps = ladder(scene(), wanted)
-    assert len(steps.rungs) == 8
-    assert {replace(rung, solver="") for rung in steps.rungs if rung.solver} == set(steps.compared)
+    assert len(steps.variants) == 8
+    assert {replace(variant, solver="") for variant in steps.variants if variant.solver} == set(
+        steps.compared
+    )
     assert not steps.reference.solver
     assert not ladder(scene(), chosen(scene(), False, solvers=["own"])).compared
 
@@ -109,7 +110,7 @@ def test_what_auto_decides_anyway_is_no_other_way() -> None:
     """Stabilisation is on where V h/(k nu) exceeds 50: here on the coarse cells only."""
     made = scene("fluid.reynolds=100.0")
     steps = ladder(made, Spread((2,), (4.0, 0.5), solvers=("stabilised", "unstabilised")))
-    assert [(rung.mesh_size, rung.solver) for rung in steps.rungs if rung.solver] == [
+    assert [(variant.mesh_size, variant.solver) for variant in steps.variants if variant.solver] == [
         (4.0, "unstabilised"),
         (0.5, "stabilised"),
     ]
@@ -121,28 +122,28 @@ def test_what_auto_decides_anyway_is_no_other_way() -> None:
 class Varied(Runner):
     """Chords give the same in half of the time beyond the first second; loose tolerances are off by 2%."""
 
-    def __call__(self, scene: Scene, rung: Rung) -> Measured:
-        run = super().__call__(scene, rung)
-        if rung.solver == "chords":
+    def __call__(self, scene: Scene, variant: Variant) -> Measured:
+        run = super().__call__(scene, variant)
+        if variant.solver == "chords":
             return replace(run, cpu=1.0 + 0.5 * (run.cpu - 1.0), counts=replace(run.counts, newton=10))
-        if rung.solver == "loose":
+        if variant.solver == "loose":
             off = {name: 1.02 * value for name, value in run.found.items()}
             return replace(run, found=off, cpu=1.0 + 0.95 * (run.cpu - 1.0))
         return run
 
 
 def test_a_way_that_is_as_accurate_in_less_time_takes_the_place_on_the_front(tmp_path: Path) -> None:
-    study = climbed(tmp_path, Varied(), ways=("chords", "loose"))
-    own = climbed(tmp_path / "own", Varied(), ways=())
+    study = studied(tmp_path, Varied(), ways=("chords", "loose"))
+    own = studied(tmp_path / "own", Varied(), ways=())
     best = [study.judged[index] for index in study.front]
-    assert {one.run.rung.solver for one in best} == {"chords"}
+    assert {one.run.variant.solver for one in best} == {"chords"}
     assert len(study.judged) == 3 * len(own.judged)
     law, before = study.laws["cpu"], own.laws["cpu"]
     assert law is not None and before is not None
     assert law.start == pytest.approx(before.start), "what starting takes is told by the scene's own way"
     assert law.time(1e-4) < before.time(1e-4)
     assert [one.errors for one in own.judged] == [
-        one.errors for one in study.judged if not one.run.rung.solver
+        one.errors for one in study.judged if not one.run.variant.solver
     ]
 
     chords, loose = study.solvers()
@@ -154,7 +155,7 @@ def test_a_way_that_is_as_accurate_in_less_time_takes_the_place_on_the_front(tmp
     assert chords.time == chords.time_at_error == pytest.approx(np.exp(np.mean(np.log(ratios))))
     assert (chords.error, chords.newton) == pytest.approx((1.0, 2.0))
     assert chords.on_front == len(study.front) and chords.change == 0.0
-    assert len(chords.rungs) == 15 and chords.memory == 1.0
+    assert len(chords.variants) == 15 and chords.memory == 1.0
     assert not loose.cheaper
     assert loose.change == pytest.approx(0.02, rel=0.03)
 
@@ -167,13 +168,13 @@ def test_time_at_equal_errors(tmp_path: Path) -> None:
     """
 
     class Worse(Runner):
-        def __call__(self, scene: Scene, rung: Rung) -> Measured:
-            run = super().__call__(scene, rung)
+        def __call__(self, scene: Scene, variant: Variant) -> Measured:
+            run = super().__call__(scene, variant)
             exact = {"force_x": 3.0, "force_y": 4.0, "couple": 0.5, "safety_factor": 1.5}
             twice = {name: 2.0 * value - exact[name] for name, value in run.found.items()}
-            return replace(run, found=twice) if rung.solver == "loose" else run
+            return replace(run, found=twice) if variant.solver == "loose" else run
 
-    study = climbed(tmp_path, Worse(), ways=None)
+    study = studied(tmp_path, Worse(), ways=None)
     (loose,) = (one for one in study.solvers() if one.solver == "loose")
     h = np.array([2.0, np.sqrt(2.0), 1.0])
     slope = -np.polyfit(5.0 * np.log(h), np.log(0.5 + 0.6 * h**-2), 1)[0]
@@ -183,14 +184,14 @@ def test_time_at_equal_errors(tmp_path: Path) -> None:
 
 
 def test_page_and_picture_show_them(tmp_path: Path) -> None:
-    study = climbed(tmp_path, Varied(), ways=None)
+    study = studied(tmp_path, Varied(), ways=None)
     cost_page.write(study, tmp_path)
     text = (tmp_path / "cost.md").read_text()
     # Time (0.5 + 0.3 n)/(0.5 + 0.6 n) for n = 1/4, 1/2, 1: the geometric mean is 0.81.
     assert "| chords | x 0.81 | x 0.81 | x 1 | 0% | x 1 | x 2 | x 1 | Newton's method" in text
     assert '`PETSC_OPTIONS="-fluid_ksp_type preonly"` |' in text
-    assert "on 3 rungs, geometric means. Time" in text
-    assert "by a tenth on the whole and on every rung: *chords* (x 0.81)." in text
+    assert "on 3 variants, geometric means. Time" in text
+    assert "by a tenth on the whole and on every variant: *chords* (x 0.81)." in text
     assert "| P3-P2, mesh_size 1, chords | " in text
     said = "chords: time x 0.81, error x 1, change 0%, time at equal errors x 0.81: cheaper"
     assert f"solver              {said}" in told(study, tmp_path)
@@ -202,14 +203,14 @@ def test_page_and_picture_show_them(tmp_path: Path) -> None:
 
 
 def test_without_other_ways_nothing_is_said_of_them(tmp_path: Path) -> None:
-    study = climbed(tmp_path, Runner())
+    study = studied(tmp_path, Runner())
     assert "Ways to solve" not in cost_page.page(study)
     assert not compared(study.judged, study.front, study.goals)
 
 
 def test_laws_are_of_the_scenes_own_way(tmp_path: Path) -> None:
-    (found,) = findings(climbed(tmp_path / "all", Varied(), ways=("chords", "loose"))).values()
-    (own,) = findings(climbed(tmp_path / "own", Varied(), ways=())).values()
+    (found,) = findings(studied(tmp_path / "all", Varied(), ways=("chords", "loose"))).values()
+    (own,) = findings(studied(tmp_path / "own", Varied(), ways=())).values()
     assert found == replace(own, cheaper=found.cheaper)
     assert set(found.cheaper) == {"chords"} and not own.cheaper
 
@@ -228,47 +229,49 @@ def earlier(directory: Path) -> None:
 
 
 def test_a_study_of_an_earlier_version_goes_on(tmp_path: Path) -> None:
-    climbed(tmp_path, Runner())
+    studied(tmp_path, Runner())
     earlier(tmp_path)
     before = (tmp_path / "cost.csv").read_bytes()
     assert len(known_runs(scene(), tmp_path)) == 16
     assert (tmp_path / "cost.csv").read_bytes() == before, "reading changes nothing"
     again, said = Varied(), list[str]()
     made = scene()
-    study = cost.climb(made, ladder(made, STEADY), tmp_path, again, said.append)
+    study = cost.run_ladder(made, ladder(made, STEADY), tmp_path, again, said.append)
     # The runs that others are compared with are made with them.
-    assert [rung.key for rung in again.made] == [
-        replace(rung, solver=way).key for rung in study.ladder.compared for way in ("", *STEADILY)
+    assert [variant.key for variant in again.made] == [
+        replace(variant, solver=way).key for variant in study.ladder.compared for way in ("", *STEADILY)
     ]
     assert said[0].startswith(f"{tmp_path}: of an earlier version; its runs are kept")
     assert len(study.judged) == 15 + 3 * len(STEADILY)
     assert not completed(tmp_path, study.ladder.compared), "once"
     third = Varied()
-    cost.climb(made, ladder(made, STEADY), tmp_path, third, quiet)
+    cost.run_ladder(made, ladder(made, STEADY), tmp_path, third, quiet)
     assert not third.made
 
 
 def test_an_interrupted_study_of_ways_goes_on(tmp_path: Path) -> None:
     class Stopped(Varied):
-        def __call__(self, scene: Scene, rung: Rung) -> Measured:
+        def __call__(self, scene: Scene, variant: Variant) -> Measured:
             if len(self.made) == 2:
                 raise KeyboardInterrupt
-            return super().__call__(scene, rung)
+            return super().__call__(scene, variant)
 
     first, second = Stopped(), Varied()
     with pytest.raises(KeyboardInterrupt):
-        climbed(tmp_path, first, quick=True, ways=("chords",))
-    climbed(tmp_path, second, quick=True, ways=("chords",))
-    assert [rung.solver for rung in first.made] == ["", "chords"]
+        studied(tmp_path, first, quick=True, ways=("chords",))
+    studied(tmp_path, second, quick=True, ways=("chords",))
+    assert [variant.solver for variant in first.made] == ["", "chords"]
     assert len(second.made) == 7
 
 
 def test_short_runs_are_made_twice(monkeypatch: pytest.MonkeyPatch) -> None:
     times = iter([2.0, 1.5, 4.0, 4.5, 6.0])
-    monkeypatch.setattr(rungs, "measure", lambda scene, rung: Measured(rung, 9.0, next(times)))
-    assert [quicker(scene(), Rung(2, 1.0)).cpu for _ in range(3)] == [1.5, 4.0, 6.0]
-    monkeypatch.setattr(rungs, "measure", lambda scene, rung: Measured(rung, 1.0, 1.0, failed="no"))
-    assert quicker(scene(), Rung(2, 1.0)).failed == "no"
+    monkeypatch.setattr(measurement, "measure", lambda scene, variant: Measured(variant, 9.0, next(times)))
+    assert [quicker(scene(), Variant(2, 1.0)).cpu for _ in range(3)] == [1.5, 4.0, 6.0]
+    monkeypatch.setattr(
+        measurement, "measure", lambda scene, variant: Measured(variant, 1.0, 1.0, failed="no")
+    )
+    assert quicker(scene(), Variant(2, 1.0)).failed == "no"
 
 
 def test_a_process_is_measured_from_outside(tmp_path: Path) -> None:
@@ -281,7 +284,7 @@ def test_a_process_is_measured_from_outside(tmp_path: Path) -> None:
 
 
 def test_scenes_of_studies_differ_by_more_than_how_they_are_solved() -> None:
-    """The digest tells convection apart, which the calibration is to know, and not what a rung changes."""
+    """The digest tells convection apart, which the calibration is to know, and not what a variant changes."""
     base = loads((SCENES / "vortex_street.toml").read_text())
-    assert calibration.digest(Rung(2, 1.4, 0.01, "loose").of(base)) == calibration.digest(base)
-    assert calibration.digest(Rung(2, 1.4, 0.01, "extrapolated").of(base)) != calibration.digest(base)
+    assert calibration.digest(Variant(2, 1.4, 0.01, "loose").of(base)) == calibration.digest(base)
+    assert calibration.digest(Variant(2, 1.4, 0.01, "extrapolated").of(base)) != calibration.digest(base)

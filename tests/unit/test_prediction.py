@@ -9,18 +9,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_up_runs import TIMED, Runner, climbed, scene
+from made_up_runs import TIMED, Runner, scene, studied
 
 from incipient.adaptive import halving
 from incipient.adaptive.refinement import AIM, GAIN, UNKNOWNS
 from incipient.cost import calibration
 from incipient.cost.calibration import Findings
-from incipient.cost.command import foretold
+from incipient.cost.command import predicted_plan
 from incipient.cost.findings import findings
 from incipient.cost.laws import ErrorLaw, TimeLaw, error_at, fitted_errors, fitted_time
-from incipient.cost.measurement import Measured, Rung
+from incipient.cost.measurement import Measured, Variant
 from incipient.cost.page import write
-from incipient.cost.prediction import LastMesh, Learnt, Prediction, first_mesh, learnt, predict
+from incipient.cost.prediction import KnownLaws, LastMesh, Prediction, first_mesh, known_laws, predict
 from incipient.errors import OutputError
 from incipient.planning.plan import Estimate, make_plan
 from incipient.scene import Scene, load
@@ -44,7 +44,7 @@ def calibrated(made: Scene, law: ErrorLaw, goal: str = "force") -> None:
 
 
 def predicted(made: Scene) -> tuple[Prediction, LastMesh]:
-    found = predict(learnt(made), FIRST)
+    found = predict(known_laws(made), FIRST)
     assert isinstance(found, Prediction) and found.last is not None, found
     return found, found.last
 
@@ -85,17 +85,17 @@ def test_laws_of_errors_are_found_again() -> None:
 
 
 def test_a_study_predicts_its_scene(tmp_path: Path) -> None:
-    study = climbed(tmp_path / "study", Runner())
+    study = studied(tmp_path / "study", Runner())
     calibration.add(findings(study))
     calibration.add(findings(study))
     assert len(calibration.read()) == 1, "kept once"
     made = scene(QUIET, "numerics.mesh_size=1.2")
-    found = predict(learnt(made), Estimate(555, round(4000 * 1.2**-2), 200.0))
+    found = predict(known_laws(made), Estimate(555, round(4000 * 1.2**-2), 200.0))
     assert isinstance(found, Prediction) and found.own
     assert found.cpu == pytest.approx(1.0 + 0.2 * 1.2**-2 * 2, rel=0.15)
     assert found.errors["force"].value == pytest.approx(0.02 * 0.6**4, rel=0.2)
     assert "by runs of this scene on this machine" in found.text()
-    foreign = predict(learnt(scene("fluid.reynolds=21.0", QUIET)), FIRST)
+    foreign = predict(known_laws(scene("fluid.reynolds=21.0", QUIET)), FIRST)
     assert isinstance(foreign, Prediction) and not foreign.own
     assert (found.factor, foreign.factor) == (1.4, 2.0)
     assert foreign.errors["force"].factor >= 5.0
@@ -104,7 +104,7 @@ def test_a_study_predicts_its_scene(tmp_path: Path) -> None:
 
 def test_without_a_calibration_that_shipped_serves(cache: Path) -> None:
     for made in (scene(QUIET), scene(TIMED, QUIET), load(SCENES / "pothole_4.toml")):
-        found = predict(learnt(made), FIRST)
+        found = predict(known_laws(made), FIRST)
         assert isinstance(found, Prediction)
         assert found.factor == 3.0 and found.cpu > 0.5 and found.peak_mib > 100.0
         assert "on another machine" in found.text()
@@ -114,21 +114,21 @@ def test_without_a_calibration_that_shipped_serves(cache: Path) -> None:
 
 def test_a_study_given_comes_first(tmp_path: Path) -> None:
     calibrated(scene(), ErrorLaw(0.01, 2.0, 0.0, 2.0, 1.0))
-    study = climbed(tmp_path / "study", Runner())
+    study = studied(tmp_path / "study", Runner())
     write(study, tmp_path / "study")
-    known = learnt(scene(), tmp_path / "study")
+    known = known_laws(scene(), tmp_path / "study")
     assert known.own and known.findings == tuple(findings(study).values())
     assert known.where == f"by runs of this scene in {tmp_path / 'study'}"
-    other = learnt(scene("fluid.reynolds=21.0"), tmp_path / "study")
+    other = known_laws(scene("fluid.reynolds=21.0"), tmp_path / "study")
     assert not other.own and other.findings == known.findings
-    in_time = learnt(scene(TIMED), tmp_path / "study")
+    in_time = known_laws(scene(TIMED), tmp_path / "study")
     assert in_time.where == "by runs of other scenes on another machine", (
         "a study of steady flow says nothing"
     )
     with pytest.raises(
         OutputError, match="holds no study that can be understood; make it with `incipient cost`"
     ):
-        learnt(scene(), tmp_path)
+        known_laws(scene(), tmp_path)
 
 
 def test_a_damaged_calibration_is_none(cache: Path) -> None:
@@ -158,28 +158,28 @@ def test_calibrations_of_other_machines_stay(monkeypatch: pytest.MonkeyPatch) ->
 class Chords(Runner):
     """Chords give the same in half of the time beyond the first second."""
 
-    def __call__(self, scene: Scene, rung: Rung) -> Measured:
-        run = super().__call__(scene, rung)
-        return replace(run, cpu=1.0 + 0.5 * (run.cpu - 1.0)) if rung.solver == "chords" else run
+    def __call__(self, scene: Scene, variant: Variant) -> Measured:
+        run = super().__call__(scene, variant)
+        return replace(run, cpu=1.0 + 0.5 * (run.cpu - 1.0)) if variant.solver == "chords" else run
 
 
 def test_the_plan_tells_of_ways_that_a_study_found_to_be_cheaper(tmp_path: Path) -> None:
-    study = climbed(tmp_path / "study", Chords(), ways=None)
+    study = studied(tmp_path / "study", Chords(), ways=None)
     write(study, tmp_path / "study")
     (chords,) = (one for one in study.solvers() if one.solver == "chords")
     set_by = f'PETSC_OPTIONS="-fluid_ksp_type preonly" took {chords.time:.2g} of the time at the same error'
-    known = learnt(scene(), tmp_path / "study")
+    known = known_laws(scene(), tmp_path / "study")
     assert known.cheaper() == [f"{set_by} in the last study"]
-    other = learnt(scene("fluid.reynolds=21.0"), tmp_path / "study")
+    other = known_laws(scene("fluid.reynolds=21.0"), tmp_path / "study")
     assert other.cheaper() == [f'{set_by} in the study of "{scene().title}"']
     stokes = scene("fluid.inertia=false")
-    assert not learnt(stokes, tmp_path / "study").cheaper(), "chords are nothing to a linear system"
+    assert not known_laws(stokes, tmp_path / "study").cheaper(), "chords are nothing to a linear system"
 
 
 def test_plan_as_data_and_in_words() -> None:
     made = scene("numerics.accuracy=verdict")
     calibrated(made, ErrorLaw(1e-3, 2.0, 0.0, 2.0, 1.0))
-    found = foretold(made)
+    found = predicted_plan(made)
     told = json.loads(json.dumps(found.to_dict()))
     assert told["prediction"] is None and told["estimate"]["unknowns"] > 0
     assert told["cheaper"] == [
@@ -193,7 +193,7 @@ def test_plan_as_data_and_in_words() -> None:
 
 def test_the_plan_says_that_the_run_chooses() -> None:
     made = scene("numerics.accuracy=0.001", "numerics.budget_seconds=60")
-    text = foretold(made).text()
+    text = predicted_plan(made).text()
     sought = "mesh and order are chosen by the run, until the error of the force "
     sought += "(of discretisation) is below 0.001, within 60 s"
     assert f"numerics.accuracy: {sought}" in text
@@ -210,7 +210,7 @@ def test_the_first_mesh_in_time_is_that_of_the_coarsest_run() -> None:
     made = scene(TIMED, "numerics.accuracy=0.01")
     coarse = halving.first(made)
     assert (coarse.numerics.mesh_size, coarse.time.step) == (pytest.approx(2.0**1.5), pytest.approx(0.08))
-    estimate = foretold(scene(TIMED, QUIET)).plan.estimate
+    estimate = predicted_plan(scene(TIMED, QUIET)).plan.estimate
     assert estimate is not None
     assert first_mesh(made).unknowns < 0.7 * estimate.unknowns
 
@@ -270,17 +270,17 @@ def test_what_has_no_law_is_not_known() -> None:
     made = scene("numerics.accuracy=0.001", "numerics.accuracy_of=couple")
     calibrated(made, ErrorLaw(1e-3, 2.0, 0.0, 2.0, 1.0))
     unknown = "  final mesh, time and memory: not known: "
-    assert predict(learnt(made), FIRST) == (
+    assert predict(known_laws(made), FIRST) == (
         f"{unknown}no error of the couple is known for scenes of this kind; run `incipient cost SCENE`"
     )
-    verdict = predict(learnt(scene("numerics.accuracy=verdict")), FIRST)
+    verdict = predict(known_laws(scene("numerics.accuracy=verdict")), FIRST)
     assert (
         verdict == f"{unknown}they hang on what decides the verdict; numerics.budget_seconds limits the time"
     )
     carried = load(SCENES / "pothole_4.toml", ["numerics.accuracy=0.01"])
-    assert "the load on a grain that moves" in str(predict(learnt(carried), FIRST))
+    assert "the load on a grain that moves" in str(predict(known_laws(carried), FIRST))
     adaptive = scene(TIMED.replace("step", "tolerance = 1e-3, step"), "numerics.accuracy=0.01")
-    assert "steps that adapt" in str(predict(learnt(adaptive), FIRST))
+    assert "steps that adapt" in str(predict(known_laws(adaptive), FIRST))
 
 
 def test_laws_of_other_scenes_are_trusted_less() -> None:
@@ -299,7 +299,7 @@ def test_several_studies_count_alike() -> None:
         Findings("", "steady", TIME, 1.0, {"force": {2: ErrorLaw(error, 2.0, 0.0, 2.0, 1.0)}})
         for error in (0.01, 0.04)
     ]
-    known = Learnt(scene(), tuple(studies), False, 2.0, "")
+    known = KnownLaws(scene(), tuple(studies), False, 2.0, "")
     found = known.errors(scene())["force"]
     assert found.value == pytest.approx(0.02)
     assert found.factor == 5.0
