@@ -94,8 +94,10 @@ def fitted_errors(seen: Floats, rate: float) -> dict[int, ErrorLaw]:
 def _with_powers(sizes: Floats, steps: Floats, errors: Floats, power: float, rate: float) -> ErrorLaw:
     parts = np.stack([sizes**power, steps**rate], axis=1)
     (mesh, time), _ = _positive(parts, errors, errors)
-    told = np.maximum(parts @ [mesh, time], 1e-300)
-    return ErrorLaw(mesh, power, time, rate, float(np.exp(np.sqrt(np.mean(np.log(errors / told) ** 2)))))
+    # Relative squares favour the small ones of errors that scatter: the middle is that of the logarithms.
+    beside = np.log(errors / np.maximum(parts @ [mesh, time], 1e-300))
+    middle = float(np.exp(beside.mean()))
+    return ErrorLaw(middle * mesh, power, middle * time, rate, float(np.exp(beside.std())))
 
 
 def _positive(parts: Floats, values: Floats, scale: Floats) -> tuple[list[float], float]:

@@ -79,6 +79,10 @@ def test_laws_of_errors_are_found_again() -> None:
     assert error_at(laws, 3, 0.5, 0.0) == pytest.approx((0.01 / 32, 1.0), rel=1e-6)
     assert error_at(laws, 4, 0.5, 0.0)[1] >= 3.0, "an order that was not measured is known less well"
     assert fitted_errors(np.empty((0, 4)), 2.0) == {}
+    # Off by a factor of two up and down at each size: the straight line in logarithms, found by hand.
+    scattered = [(2, h, 0.0, 0.01 * h**3 * off) for h in (2.0, 1.0, 0.5) for off in (2.0, 0.5)]
+    law = fitted_errors(np.array(scattered), 2.0)[2]
+    assert (law.mesh, law.power, law.scatter) == pytest.approx((0.01, 3.0, 2.0))
 
 
 # -- what is known ------------------------------------------------------------------------------------------
@@ -223,7 +227,7 @@ def test_an_error_that_is_small_at_first() -> None:
     made = scene(QUIET, "numerics.accuracy=0.001")
     calibrated(made, ErrorLaw(0.0002 / 16.0, 2.0, 0.0, 2.0, 1.0))
     found, last = predicted(made)
-    assert last.first.value == pytest.approx(2e-4)
+    assert (last.first.value, last.first.factor) == pytest.approx((2e-4, 5.0)), "less sure on coarser cells"
     assert (last.meshes, last.unknowns, last.order, last.reaches, found.own) == (1, 1000, 2, True, True)
     assert "the first mesh is expected to do" in found.text()
 
