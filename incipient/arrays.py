@@ -1,5 +1,7 @@
 """Types of arrays, and the few operations on arrays of vectors that are needed everywhere. Not collective."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -38,3 +40,12 @@ def cross(a: Floats, b: Floats) -> Floats:
 def quarter_turned(vectors: Floats) -> Floats:
     """Plane vectors (..., 2) turned counter-clockwise by a right angle."""
     return np.stack([-vectors[..., 1], vectors[..., 0]], axis=-1)
+
+
+def extrapolated(times: Sequence[float], values: Sequence[Floats], time: float) -> Floats:
+    """Values (n,) at a time, by the polynomial through those at different times: of second degree for three."""
+    found = np.zeros_like(values[0])
+    for i, (one, value) in enumerate(zip(times, values, strict=True)):
+        others = np.delete(times, i)
+        found += np.prod((time - others) / (one - others)) * value
+    return found

@@ -170,6 +170,17 @@ def geometry_degree(mesh: Any) -> int:
     return int(degree() if callable(degree) else degree)
 
 
+def reference_nodes(mesh: Any) -> np.ndarray:
+    """(nodes per cell, dimension) places on the reference cell of a cell's nodes, corners first."""
+    import basix
+
+    kind = basix.CellType.triangle if mesh.topology.dim == 2 else basix.CellType.tetrahedron
+    variant = basix.LagrangeVariant.equispaced
+    return np.asarray(
+        basix.create_element(basix.ElementFamily.P, kind, geometry_degree(mesh), variant).points
+    )
+
+
 def scalar_part(vector_element: Any) -> Any:
     """The element of one component of a vector element."""
     parts = vector_element.sub_elements

@@ -19,7 +19,7 @@ from .part import Part
 Stage = Callable[[str], AbstractContextManager[Any]]
 
 # The flow is solved to this share of the residual of the body's equation at hand.
-SHARE = 1e-4
+SHARE = 1e-3
 FOLDED = "the mesh around the body folds over: use a larger numerics.remesh_below, or shorter steps"
 SLOW = (
     "the fluid-body iteration did not converge in {number} iterations: use shorter steps, or a larger "

@@ -18,7 +18,7 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from ..arrays import Floats
+from ..arrays import Floats, extrapolated
 from ..body.rigidbody import MeanLoad, Motion, RigidBody
 from ..body.state import BodyState, rigid_velocity, turned
 from ..errors import ConvergenceError, SceneError
@@ -164,7 +164,7 @@ class RigidPart:
         """The end of the attempt is the last state now."""
         self.mean_load = self.mean_load.accept(self.end.load, self.end.length)
         self.state = self.end.state
-        self.past = [self.state, *self.past[:1]]
+        self.past = [self.state, *self.past[:2]]
 
     def restore(self) -> None:
         """Put the body back to the last state."""
@@ -186,9 +186,8 @@ class RigidPart:
             return self._motion.end
         velocities = start.velocities
         if order == 2:
-            before = self.past[1]
-            ratio = length / (start.time - before.time)
-            velocities = velocities + ratio * (velocities - before.velocities)
+            known = [one.velocities for one in self.past]
+            velocities = extrapolated([one.time for one in self.past], known, start.time + length)
         velocities = np.where(free, velocities, self.body.freedom.imposed(start.time + length))
         way = 0.5 * length * (start.velocities + velocities)
         d = self.body.gdim

@@ -63,6 +63,12 @@ class FlowModel:
         """Whether one linear solve is the whole solution."""
         return not self.inertia or (self.unsteady and self.convection == "extrapolated")
 
+    @property
+    def polynomial(self) -> bool:
+        """Whether what is integrated is a polynomial on cells that are straight, and stay so."""
+        stay = self.reference_map is None and not self.moving_mesh
+        return stay and not self.stabilisation and self.body_force is None and self.viscosity is None
+
 
 class Fluid:
     """Incompressible flow on a domain in Taylor-Hood elements, scene units, fluid density one.
@@ -113,7 +119,7 @@ class Fluid:
         Integrated over all cells, or over some of the local ones only.
         """
         v, p = ufl.split(self.state)
-        return residual(v, p, w, q, self._terms(v), self.space.quadrature(cells=cells))
+        return residual(v, p, w, q, self._terms(v), self.space.quadrature(cells, self.model.polynomial))
 
     def kept(self, name: str, make: Callable[[], Any]) -> Any:
         """What has been made under a name for this fluid: forms that are assembled again and again. Collective.

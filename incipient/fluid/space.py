@@ -11,6 +11,9 @@ import ufl
 
 from .. import compat
 
+# By how much, relative to its extent, a cell's nodes may be off those of a straight one.
+ROUND_OFF = 1e-10
+
 
 @dataclass(frozen=True)
 class TaylorHood:
@@ -37,17 +40,26 @@ class TaylorHood:
         """Number of velocity nodes over all ranks."""
         return int(self.velocity.dofmap.index_map.size_global)
 
-    def quadrature(self, cells: np.ndarray | None = None) -> Any:
+    def quadrature(self, cells: np.ndarray | None = None, polynomial: bool = False) -> Any:
         """Measure of the cells, exact for convection on straight ones.
 
-        With every order of curvature it has two orders more. On request of some local cells only, in ascending order.
+        With every order of curvature it has two orders more: on curved cells alone where the integrand is said to be
+        `polynomial` on straight ones. On request of some local cells only, in ascending order. Collective.
         """
         mesh = self.mixed.mesh
-        metadata = {"quadrature_degree": 3 * self.order - 1 + self._for_curvature()}
-        if cells is None:
-            return ufl.Measure("dx", domain=mesh, metadata=metadata)
-        chosen = dolfinx.mesh.meshtags(mesh, mesh.topology.dim, cells, np.ones(len(cells), dtype=np.int32))
-        return ufl.Measure("dx", domain=mesh, subdomain_data=chosen, metadata=metadata)(1)
+        exact = 3 * self.order - 1
+        degrees = [exact + self._for_curvature(), exact]
+        if cells is None and not (polynomial and self._for_curvature()):
+            return ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": degrees[0]})
+        tags = np.ones(compat.geometry_dofs(mesh).shape[0], dtype=np.int32)
+        tags[straight_cells(mesh) if polynomial else []] = 2
+        chosen = np.arange(len(tags), dtype=np.int32) if cells is None else cells
+        tagged = dolfinx.mesh.meshtags(mesh, mesh.topology.dim, chosen, tags[chosen])
+        first, *others = (
+            ufl.Measure("dx", domain=mesh, subdomain_data=tagged, metadata={"quadrature_degree": degree})(tag)
+            for tag, degree in enumerate(degrees[: 1 + polynomial], 1)
+        )
+        return sum(others, first)
 
     def boundary_quadrature(self, facets: Any) -> Any:
         """Measure of the whole boundary, exact for convection through straight facets.
@@ -67,6 +79,16 @@ class TaylorHood:
     def velocity_points(self) -> np.ndarray:
         """(n, 3) place of each local velocity node, in the present geometry of the mesh."""
         return self.velocity.tabulate_dof_coordinates()
+
+
+def straight_cells(mesh: Any) -> np.ndarray:
+    """Local cells to which an affine map takes the reference cell, up to round-off, ascending. Not collective."""
+    nodes = compat.reference_nodes(mesh)
+    corners = np.column_stack([1.0 - nodes.sum(axis=1), nodes])
+    places = mesh.geometry.x[compat.geometry_dofs(mesh)]
+    affine = np.einsum("nc,kcd->knd", corners, places[:, : corners.shape[1]])
+    bend, extent = np.abs(places - affine).max(axis=(1, 2)), np.ptp(places, axis=1).max(axis=1)
+    return np.flatnonzero(bend <= ROUND_OFF * extent).astype(np.int32)
 
 
 def taylor_hood(mesh: Any, order: int) -> TaylorHood:

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from ..arrays import extrapolated
 from ..errors import ConvergenceError
 from ..scene.tolerance import ShareOfError
 from .flow import Fluid
@@ -217,7 +218,8 @@ class Transient:
             function.x.array[:] = before.state
         fluid.time = past[0].time + length
         if second:
-            fluid.state.x.array[:] = _extrapolated(past, fluid.time)
+            known = [one.state for one in past]
+            fluid.state.x.array[:] = extrapolated([one.time for one in past], known, fluid.time)
         if self.interface is not None:
             return self.interface.attempt(length, 2 if second else 1, self._tolerance())
         return fluid.solve(self._tolerance())
@@ -273,16 +275,6 @@ def _landing(left: float, step: float) -> float:
     if left <= step * (1 + 1e-9):
         return left
     return 0.5 * left if left < 1.5 * step and left > step * (1 + 1e-6) else step
-
-
-def _extrapolated(past: Sequence[Past], time: float) -> np.ndarray:
-    """The state at a time by the polynomial through all past ones, of second degree for three: a good first guess."""
-    times = np.array([one.time for one in past])
-    state = np.zeros_like(past[0].state)
-    for i, one in enumerate(past):
-        others = np.delete(times, i)
-        state += np.prod((time - others) / (one.time - others)) * one.state
-    return state
 
 
 def _divided_difference(times: list[float], states: list[Any]) -> Any:

@@ -127,8 +127,8 @@ def peak_memory_mib() -> float:
 
     From /proc where it is there: what `getrusage` tells begins with the memory of the process that started this one.
     """
-    with suppress(OSError):
-        status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
-        if "VmHWM" in status:
-            return int(status["VmHWM"].split()[0]) / 1024
+    # Asked several times a step: to read and split the whole table as text takes five times the time.
+    with suppress(OSError, IndexError), Path("/proc/self/status").open("rb", buffering=0) as status:
+        _, _, peak = status.read(4096).partition(b"VmHWM:")
+        return int(peak.split(maxsplit=1)[0]) / 1024
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from incipient.arrays import cross, planar_cross, quarter_turned, rows, spatial, unit
+from incipient.arrays import cross, extrapolated, planar_cross, quarter_turned, rows, spatial, unit
 
 PAIRS = np.random.default_rng(3).normal(size=(2, 5, 3))
 
@@ -27,3 +27,14 @@ def test_one_point_is_a_row_and_plane_vectors_get_a_third_component():
     assert rows([1, 2]).tolist() == [[1.0, 2.0]]
     assert spatial([1, 2]).tolist() == [1.0, 2.0, 0.0]
     assert spatial(PAIRS) == pytest.approx(PAIRS)
+
+
+@pytest.mark.parametrize("degree", [0, 1, 2])
+def test_polynomials_of_the_degree_are_extrapolated_exactly(degree):
+    def polynomial(t):
+        return np.array([1.0 + 2.0 * t**degree, -(t**degree)])
+
+    times = [0.7, 0.4, -0.1][: degree + 1]
+    assert extrapolated(times, [polynomial(t) for t in times], 1.1) == pytest.approx(
+        polynomial(1.1), rel=1e-13
+    )
