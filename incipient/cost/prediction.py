@@ -27,7 +27,9 @@ if TYPE_CHECKING:
 # Factors within which times by runs of the scene, of other scenes, and of another machine are trusted, and errors.
 OWN, FOREIGN, ELSEWHERE = 1.4, 2.0, 3.0
 OWN_ERROR, FOREIGN_ERROR = 2.0, 5.0
-BEYOND = 2.5  # more on a first mesh of steady flow, far coarser than what laws are found on: measured
+COARSE = (
+    2.5  # error on the first mesh of steady flow over that of laws, which are found on finer cells: measured
+)
 LIMIT = "numerics.budget_seconds limits the time"
 
 
@@ -271,10 +273,10 @@ def _search(known: KnownLaws, unknowns: int) -> tuple[list[_Run], LastMesh] | st
     error = known.errors(first).get(numerics.accuracy_of)
     if error is None:
         return f"no error of the {numerics.accuracy_of} is known for scenes of this kind; run `incipient cost SCENE`"
-    asked = numerics.accuracy
-    path, reaches = _refined(_Run(scene, unknowns), error.value / asked), True
+    asked, reaches = numerics.accuracy, True
     if time is None:
-        error = replace(error, factor=BEYOND * error.factor)
+        error = replace(error, value=COARSE * error.value)
+        path = _refined(_Run(scene, unknowns), error.value / asked)
     else:
         path, reaches = _halved(_Run(first, unknowns), known, asked)
     end, time = path[-1], path[-1].scene.time

@@ -20,7 +20,7 @@ from incipient.cost.findings import findings
 from incipient.cost.laws import ErrorLaw, TimeLaw, error_at, fitted_errors, fitted_time
 from incipient.cost.measurement import Measured, Variant
 from incipient.cost.page import write
-from incipient.cost.prediction import KnownLaws, LastMesh, Prediction, first_mesh, known_laws, predict
+from incipient.cost.prediction import COARSE, KnownLaws, LastMesh, Prediction, first_mesh, known_laws, predict
 from incipient.errors import OutputError
 from incipient.planning.plan import Estimate, make_plan
 from incipient.scene import Scene, load
@@ -223,11 +223,11 @@ def test_the_first_mesh_in_time_is_that_of_the_coarsest_run() -> None:
 
 
 def test_an_error_that_is_small_at_first() -> None:
-    """0.02 (h/4)^2 percent at cells four times as large."""
+    """0.02 (h/4)^2 percent at cells four times as large, and what is more on cells as coarse."""
     made = scene(QUIET, "numerics.accuracy=0.001")
     calibrated(made, ErrorLaw(0.0002 / 16.0, 2.0, 0.0, 2.0, 1.0))
     found, last = predicted(made)
-    assert (last.first.value, last.first.factor) == pytest.approx((2e-4, 5.0)), "less sure on coarser cells"
+    assert last.first.value == pytest.approx(COARSE * 2e-4)
     assert (last.meshes, last.unknowns, last.order, last.reaches, found.own) == (1, 1000, 2, True, True)
     assert "the first mesh is expected to do" in found.text()
 
@@ -235,7 +235,7 @@ def test_an_error_that_is_small_at_first() -> None:
 @pytest.mark.parametrize(("asked", "order"), [(4e-3, 2), (8e-4, 3), (2e-5, 4)])
 def test_the_second_mesh_is_as_the_run_will_choose_it(asked: float, order: int) -> None:
     made = scene(QUIET, f"numerics.accuracy={asked}")
-    calibrated(made, ErrorLaw(0.01 / 16.0, 2.0, 0.0, 2.0, 1.0))
+    calibrated(made, ErrorLaw(0.01 / COARSE / 16.0, 2.0, 0.0, 2.0, 1.0))
     found, last = predicted(made)
     left = max(0.01 * GAIN ** (order - 2) / (AIM * asked), 1.0)
     unknowns = 1000 * UNKNOWNS[order] / UNKNOWNS[2] * left ** (1.0 / order)
