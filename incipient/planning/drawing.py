@@ -14,7 +14,7 @@ from ..errors import SceneError
 from ..geometry.placement import Placement
 from ..geometry.plane.curves import Curve, Line
 from ..geometry.rest import clearance, lifted
-from ..installed import required
+from ..installed import memory_of_libraries, required
 from ..meshes import Away, Grid, Near, Region, Sizes
 from ..scene import Scene
 from .cells import FAR_CELL, is_grid, largest_cell, side_names
@@ -31,8 +31,7 @@ GROWTH, GAP_GROWTH = 0.25, 0.18  # of cell sizes with distance
 # Along a bed away from the grain: how fast cells grow with the distance from it, and up to which part of the bed's
 # smallest feature. There only the drag of the bed as a whole matters (docs/numerics.md).
 BED_GROWTH, BED_LARGEST = 0.05, 0.6
-MEMORY_BASE = 180.0  # MiB, of the libraries and the mesh
-MEMORY_GROWTH = 194.0  # bytes per n log2 n of n unknowns; both fitted, see docs/performance.md
+MEMORY_GROWTH = 194.0  # bytes per n log2 n of n unknowns; fitted, see docs/performance.md
 
 
 @dataclass(frozen=True)
@@ -221,11 +220,11 @@ def has_dual(scene: Scene) -> bool:
 def memory(*unknowns: int) -> float:
     """MiB for systems of so many unknowns that are there at once. Not collective.
 
-    The sparse factors of a planar mesh of n unknowns have about c n log n entries (George 1973); c and the base
-    were fitted to measured peaks (docs/performance.md).
+    The sparse factors of a planar mesh of n unknowns have about c n log n entries (George 1973); c was
+    fitted to measured peaks, the libraries' share was measured (docs/performance.md).
     """
     entries = sum(n * math.log2(n) for n in unknowns)
-    return MEMORY_BASE + MEMORY_GROWTH * entries / 2**20
+    return memory_of_libraries() + MEMORY_GROWTH * entries / 2**20
 
 
 def _lagrange(order: int, vertices: int, edges: int, cells: int) -> int:
