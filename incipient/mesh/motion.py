@@ -58,8 +58,9 @@ class RigidDisplacement:
     def __init__(self, domain: Domain, boundary: str, placement: Placement, turning: bool):
         self.boundary, self.placement, self.turning, self._gdim = boundary, placement, turning, domain.gdim
         self._arms: Floats = domain.mesh.geometry.x[:, : self._gdim] - np.asarray(placement.centre)
-        sliding = [*_sliding(domain, boundary), ()]
-        self.weights = np.column_stack([_weights(domain, boundary, names) for names in sliding])
+        potentials = _Potentials(domain)
+        sliding = [*_sliding(domain, boundary, potentials.space), ()]
+        self.weights = np.column_stack([potentials.weights(boundary, names) for names in sliding])
 
     def at(self, placement: Placement) -> Floats:
         """(n, 3) displacements of the mesh's nodes when the body is there. Not collective."""
@@ -116,74 +117,73 @@ def _determinant(a: Floats) -> Floats:
     return np.asarray((a[0] * np.cross(a[1], a[2], axis=0)).sum(axis=0))
 
 
-def _sliding(domain: Domain, boundary: str) -> list[tuple[str, ...]]:
+def _sliding(domain: Domain, boundary: str, space: Any) -> list[tuple[str, ...]]:
     """For each direction the boundaries along which nodes may slide in it: plane ones, normal to another axis."""
     names = [name for name in sorted(domain.names) if name != boundary]
-    normals = {name: _normal_axis(domain, name) for name in names}
+    normals = {name: _normal_axis(domain, name, space) for name in names}
     return [tuple(name for name in names if normals[name] not in (None, axis)) for axis in range(domain.gdim)]
 
 
-def _normal_axis(domain: Domain, name: str) -> int | None:
+def _normal_axis(domain: Domain, name: str, space: Any) -> int | None:
     """The axis that a plane boundary is normal to; None for others."""
-    mesh, gdim = domain.mesh, domain.gdim
-    blocks = compat.nodes_on(space := _nodes(mesh), domain.facets_of(name))
-    points = space.tabulate_dof_coordinates()[blocks, :gdim]
+    blocks = compat.nodes_on(space, domain.facets_of(name))
+    points = space.tabulate_dof_coordinates()[blocks, : domain.gdim]
     low = np.min(domain.comm.allgather(points.min(axis=0, initial=np.inf)), axis=0)
     high = np.max(domain.comm.allgather(points.max(axis=0, initial=-np.inf)), axis=0)
     flat = np.flatnonzero(high - low <= FLAT * float((high - low).max()))
     return int(flat[0]) if len(flat) else None
 
 
-def _nodes(mesh: Any) -> Any:
-    """The scalar space on the nodes of the mesh's geometry."""
-    return compat.function_space(mesh, compat.scalar_part(compat.coordinate_element(mesh)))
+class _Potentials:
+    """Potentials between the boundaries of a domain, on the nodes of its mesh. Every method is collective."""
 
+    def __init__(self, domain: Domain):
+        mesh = domain.mesh
+        self.domain = domain
+        self.space = compat.function_space(mesh, compat.scalar_part(compat.coordinate_element(mesh)))
+        u, w = ufl.TrialFunction(self.space), ufl.TestFunction(self.space)
+        self._stiffness = compat.form(ufl.inner(ufl.grad(u), ufl.grad(w)) * ufl.dx)
+        self._zero = compat.form(ufl.inner(dolfinx.fem.Constant(mesh, 0.0), w) * ufl.dx)
 
-def _weights(domain: Domain, boundary: str, sliding: tuple[str, ...]) -> Floats:
-    """(n,) weight of each node of the mesh's geometry, from the potential between the boundaries.
+    def weights(self, boundary: str, sliding: tuple[str, ...]) -> Floats:
+        """(n,) weight of each node of the mesh's geometry, from the potential between the boundaries.
 
-    It is one on the body's `boundary` and zero on the others but for those along which the nodes are `sliding`.
-    """
-    mesh = domain.mesh
-    space = _nodes(mesh)
-    u, w = ufl.TrialFunction(space), ufl.TestFunction(space)
-    held = [name for name in sorted(domain.names) if name not in (boundary, *sliding)]
-    conditions = [
-        _fixed(space, domain.facets_of(name), float(name == boundary)) for name in [*held, boundary]
-    ]
-    matrix = petsc.assemble_matrix(compat.form(ufl.inner(ufl.grad(u), ufl.grad(w)) * ufl.dx), conditions)
-    matrix.assemble()
-    potential = dolfinx.fem.Function(space)
-    _solve(matrix, conditions, potential)
-    values = np.empty(len(mesh.geometry.x))
-    values[compat.geometry_dofs(mesh)] = potential.x.array[compat.cell_dofs(space)]
-    return np.clip(values / RIGID, 0.0, 1.0)
+        It is one on the body's `boundary` and zero on the others but for those along which the nodes are `sliding`.
+        """
+        mesh, space = self.domain.mesh, self.space
+        held = [name for name in sorted(self.domain.names) if name not in (boundary, *sliding)]
+        conditions = [
+            _fixed(space, self.domain.facets_of(name), float(name == boundary)) for name in [*held, boundary]
+        ]
+        potential = dolfinx.fem.Function(space)
+        self._solve(conditions, potential)
+        values = np.empty(len(mesh.geometry.x))
+        values[compat.geometry_dofs(mesh)] = potential.x.array[compat.cell_dofs(space)]
+        return np.clip(values / RIGID, 0.0, 1.0)
+
+    def _solve(self, conditions: list[Any], potential: Any) -> None:
+        """Laplace's equation with the given boundary values."""
+        matrix = petsc.assemble_matrix(self._stiffness, conditions)
+        matrix.assemble()
+        right = petsc.assemble_vector(self._zero)
+        petsc.apply_lifting(right, [self._stiffness], [conditions])
+        right.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        petsc.set_bc(right, conditions)
+        solver = PETSc.KSP().create(self.space.mesh.comm)
+        solver.setOperators(matrix)
+        solver.setType("cg")
+        solver.getPC().setType("hypre" if PETSc.Sys.hasExternalPackage("hypre") else "jacobi")
+        solver.setTolerances(rtol=1e-10, max_it=10_000)
+        solution = matrix.createVecRight()
+        solver.solve(right, solution)
+        potential.x.array[: solution.getLocalSize()] = solution.array_r
+        potential.x.scatter_forward()
+        for held in (matrix, right, solution, solver):
+            held.destroy()
 
 
 def _fixed(space: Any, facets: NDArray[np.int32], value: float) -> Any:
     return dolfinx.fem.dirichletbc(PETSc.ScalarType(value), compat.nodes_on(space, facets), space)
-
-
-def _solve(matrix: Any, conditions: list[Any], potential: Any) -> None:
-    """Laplace's equation with the given boundary values; the matrix is freed."""
-    space = potential.function_space
-    zero = compat.form(ufl.inner(dolfinx.fem.Constant(space.mesh, 0.0), ufl.TestFunction(space)) * ufl.dx)
-    stiffness = ufl.inner(ufl.grad(ufl.TrialFunction(space)), ufl.grad(ufl.TestFunction(space))) * ufl.dx
-    right = petsc.assemble_vector(zero)
-    petsc.apply_lifting(right, [compat.form(stiffness)], [conditions])
-    right.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-    petsc.set_bc(right, conditions)
-    solver = PETSc.KSP().create(space.mesh.comm)
-    solver.setOperators(matrix)
-    solver.setType("cg")
-    solver.getPC().setType("hypre" if PETSc.Sys.hasExternalPackage("hypre") else "jacobi")
-    solver.setTolerances(rtol=1e-10, max_it=10_000)
-    solution = matrix.createVecRight()
-    solver.solve(right, solution)
-    potential.x.array[: solution.getLocalSize()] = solution.array_r
-    potential.x.scatter_forward()
-    for held in (matrix, right, solution, solver):
-        held.destroy()
 
 
 def _slopes(mesh: Any) -> Floats:
