@@ -3,7 +3,7 @@
 Each source of error is a term of its own:
 
 - discretisation: steady flow by the dual-weighted residual (`dual`); flow in time, or a moving grain,
-  by the same run on a coarser mesh with longer steps;
+  by the same run in longer steps, and by one in elements of one order more as well: what is the step's, and the mesh's;
 - gap: a grain at rest on a bed is computed with a gap. Coarse runs with one, two and four times the gap show
   how force and couple go with it, and what closing it would change;
 - domain: a coarse run with inflow, outflow and sides that move as the stream does farther away shows what they change.
@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -43,11 +43,15 @@ MODEL_TOLERANCE, LARGEST_TOLERANCE = 8.0, 0.1
 MODEL_ITERATION = 1e-6  # tolerance of their iterations in time, where differences of a thousandth matter
 FARTHER = 1.5  # how much larger the domain of the domain's term is
 DECAY = 2.0  # the influence of sides is taken to fall off like their distance to this power
-COARSER_MESH, LONGER_STEP = 2.0**0.5, 2.0
+# The runs that tell of the discretisation in time: between which factors how much longer the steps are, so that there
+# are FEWEST_STEPS if possible; and how much coarser the mesh, where there is no higher order than that of the run.
+LONGER_STEP, LONGEST_STEP = 2.0, 4.0
+COARSER_MESH, HIGHEST_ORDER = 2.0**0.5, 4
 LARGER, SMALLER = (1.0, 2.0, 4.0), (0.25, 0.5, 1.0)  # gaps of three runs, relative to the scene's
 ORDERS = (0.3, 2.0)  # between which the order in the gap is believed
 # Three loads change too little to tell an order: below this share of the largest.
 TOO_LITTLE = 1e-6
+OF_MESH = "mesh"  # name of the part of the discretisation's term that outlasts a change of steps
 NO_CONTACT = "does not apply: no grain rests on a bed"
 MOVES = "does not apply: the grain moves, and contact.gap says where it stops"
 REPELLED = "not estimated: the grain moves, and what keeps it away from walls is a model of its own"
@@ -74,7 +78,8 @@ def error_terms(run: Run, force: Forces, couple: Couples, solve: Solve, speed: f
         found.add("discretisation", lambda _: _dual(run, speed))
     else:
         computed = _computed(run, force, couple)
-        found.add("discretisation", partial(by_coarser_run, scene, computed))
+        of_mesh = cast("Term | None", run.accounts.known.get(OF_MESH))
+        found.add("discretisation", partial(by_coarser_runs, scene, computed, of_mesh=of_mesh))
     for name, why_not, estimate in MODEL_TERMS:
         if reason := why_not(scene):
             found.leave_out(name, reason)
@@ -177,7 +182,7 @@ def coarse_scenes(scene: Scene) -> list[Scene]:
         return Loads(np.zeros(3), np.zeros(3))
 
     if scene.time is not None:
-        by_coarser_run(scene, Loads(np.zeros(3), np.zeros(3)), note)
+        by_coarser_runs(scene, Loads(np.zeros(3), np.zeros(3)), note)
     for _, why_not, estimate in MODEL_TERMS:
         if not why_not(scene):
             estimate(scene, note)
@@ -192,12 +197,42 @@ def by_dual(force: Floats, couple: Floats) -> Term:
     return Term("discretisation", np.abs(force), np.abs(couple), "dual-weighted residual, one order more")
 
 
-def by_coarser_run(scene: Scene, computed: Loads, solve: Solve) -> Term:
-    """The term of mesh and time step together, from a run with both coarser, at second order or better."""
-    order = _order(scene)
-    how = f"a run with mesh x {COARSER_MESH:.3g} and steps x {LONGER_STEP:g}, extrapolated at order {order}"
-    share = 1.0 / (LONGER_STEP**order - 1.0)
-    return Term.of_difference("discretisation", computed, solve(coarser(scene)), share, how)
+def by_coarser_runs(scene: Scene, computed: Loads, solve: Solve, of_mesh: Term | None = None) -> Term:
+    """The term of time step and mesh, a part of each: by a run in longer steps, and one of one order more in these.
+
+    What the mesh errs by hardly depends on the steps, so that it is seen in the longer ones, too, and where it is
+    known from others (`of_mesh`) that run is spared.
+    """
+    longer, beside = comparisons(scene)
+    in_longer, (to_step, to_mesh) = solve(longer), shares(scene)
+    how = f"a run with steps x {_ratio_of_steps(scene):.3g}, extrapolated at order {order_in_time(scene)}"
+    of_step = Term.of_difference("time step", computed, in_longer, to_step, how)
+    if of_mesh is None:
+        order = beside.numerics.order
+        how = f"these on a mesh x {COARSER_MESH:.3g}, extrapolated at order {order_in_space(order)}"
+        how = how if order == scene.numerics.order else f"these on a mesh for elements of order {order}"
+        of_mesh = Term.of_difference(OF_MESH, in_longer, solve(beside), to_mesh, how)
+    return Term.of_parts("discretisation", (of_step, of_mesh), "time step and mesh together")
+
+
+def shares(scene: Scene) -> tuple[float, float]:
+    """The error of the time step over what longer ones change, and that of the mesh over what another one changes.
+
+    The mesh for elements of one order more leaves so much less of an error that all it changes is one. Not collective.
+    """
+    ratio, order = _ratio_of_steps(scene), scene.numerics.order
+    in_time = (ratio if ratio > 1.0 else LONGER_STEP) ** order_in_time(scene)
+    highest = 1.0 / (COARSER_MESH ** order_in_space(order) - 1.0)
+    return 1.0 / (in_time - 1.0), 1.0 if order < HIGHEST_ORDER else highest
+
+
+def order_in_space(velocity: int) -> int:
+    """The order in `numerics.mesh_size` with which loads are taken to converge, from that of the velocity's elements.
+
+    Between that of the energy norm and its double, which a load read off the residual has on cells that all shrink
+    alike: how fast they grow with the distance from the grain does not change with their size. Not collective.
+    """
+    return velocity + 1
 
 
 def of_gap(scene: Scene, solve: Solve) -> Term:
@@ -262,18 +297,35 @@ MODEL_TERMS = (("gap", no_gap, of_gap), ("domain", has_no_far_sides, of_domain))
 # -- scenes of coarse runs ----------------------------------------------------------------------------
 
 
-def coarser(scene: Scene) -> Scene:
-    """The scene in time on a coarser mesh with longer steps; where steps adapt, with a larger error of each."""
+def comparisons(scene: Scene) -> tuple[Scene, Scene]:
+    """The scene in time with longer steps, and with these in elements of one order more, on a mesh of their own.
+
+    Elements of the highest order are compared with such on a coarser mesh. Adaptive steps err more each.
+    """
     assert scene.time is not None
-    time = {"step": min(LONGER_STEP * scene.time.step, scene.time.end)}
+    ratio = _ratio_of_steps(scene)
+    time = {"step": ratio * scene.time.step}
     if scene.time.tolerance is not None:
-        time["tolerance"] = LONGER_STEP ** (_order(scene) + 1) * scene.time.tolerance
-    mesh_size = min(COARSER_MESH * scene.numerics.mesh_size, 100.0)
-    return changed(scene, numerics={"mesh_size": mesh_size, "error_bars": False}, time=time)
+        time["tolerance"] = ratio ** (order_in_time(scene) + 1) * scene.time.tolerance
+    longer = changed(scene, numerics={"error_bars": False}, time=time)
+    if scene.numerics.order < HIGHEST_ORDER:
+        return longer, changed(longer, numerics={"order": scene.numerics.order + 1})
+    return longer, changed(
+        longer, numerics={"mesh_size": min(COARSER_MESH * scene.numerics.mesh_size, 100.0)}
+    )
 
 
-def _order(scene: Scene) -> int:
-    """Order of the time steps."""
+def _ratio_of_steps(scene: Scene) -> float:
+    """How much longer the steps of runs to compare with are."""
+    assert scene.time is not None
+    steps = scene.time.end / scene.time.step
+    if scene.time.tolerance is not None:
+        return min(LONGER_STEP, steps)
+    return float(min(np.clip(steps / FEWEST_STEPS, LONGER_STEP, LONGEST_STEP), steps))
+
+
+def order_in_time(scene: Scene) -> int:
+    """Order of the time steps. Not collective."""
     return 2 if scene.time is not None and scene.time.scheme == "bdf2" else 1
 
 

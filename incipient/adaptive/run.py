@@ -26,10 +26,10 @@ def run_to_accuracy(
     Raises:
         IncipientError: on all ranks, if no mesh could be solved on.
     """
-    from .halving import Halving
+    from .balancing import Balancing
     from .refinement import Refinement
 
-    search = Halving if scene.time is not None else Refinement
+    search = Balancing if scene.time is not None else Refinement
     recorder = recorder or Unrecorded()
     with Interruption(comm) if recorder.keeps else nullcontext():
         seeking = search(scene, comm, recorder, voice or Silent())

@@ -1,7 +1,7 @@
 """Asking for accuracy instead of a mesh: solve, estimate the error, refine where it comes from, and again.
 
-Steady flow is refined where the error comes from (`refinement`); for flow in time mesh and steps are made
-finer together (`halving`). Here is what both have in common: the record of the meshes tried, and the budget.
+Steady flow is refined where the error comes from (`refinement`); for flow in time steps and mesh are made finer as
+each errs for its cost (`balancing`). Here is what both have in common: the record of the meshes tried, and the budget.
 """
 
 from __future__ import annotations
@@ -186,9 +186,12 @@ class Search:
     def tell(self, trial: Trial) -> None:
         """Keep a trial and say how it went."""
         self.trials.append(trial)
+        step = "" if trial.step is None else f"step {trial.step:.3g}, "
         error = trial.note if trial.estimate is None else f"estimated error {trial.estimate:.2e}"
+        parts = f" ({trial.parts})" if trial.parts else ""
         self.voice.say(
-            f"mesh {len(self.trials)}: P{trial.order}, {trial.unknowns} unknowns, {trial.seconds:.1f} s: {error}"
+            f"mesh {len(self.trials)}: P{trial.order}, {trial.unknowns} unknowns, {step}{trial.seconds:.1f} s: "
+            f"{error}{parts}"
         )
 
 

@@ -9,11 +9,12 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from ..planning import drawing
+from ..results.adaptation import Trial
 from . import calibration, solvers
 from .calibration import Findings
 from .frontier import percent, seconds
@@ -30,6 +31,7 @@ OWN_ERROR, FOREIGN_ERROR = 2.0, 5.0
 COARSE = (
     2.5  # error on the first mesh of steady flow over that of laws, which are found on finer cells: measured
 )
+OTHER_ORDER = 1.2  # unknowns with elements of one order more, on cells of the same `mesh_size`: measured
 LIMIT = "numerics.budget_seconds limits the time"
 
 
@@ -204,7 +206,7 @@ def predict(known: KnownLaws, estimate: Estimate) -> Prediction | str:
     Raises:
         MeshError: a mesh cannot be made.
     """
-    from ..accuracy.errorbars import coarse_scenes, coarser
+    from ..accuracy.errorbars import coarse_scenes, comparisons
 
     scene, last, path = known.scene, None, [_Run(known.scene, estimate.unknowns)]
     if scene.numerics.accuracy is not None:
@@ -214,9 +216,11 @@ def predict(known: KnownLaws, estimate: Estimate) -> Prediction | str:
         path, last = found
     end, bars = path[-1], scene.numerics.error_bars and scene.body is not None
     wanted = coarse_scenes(end.scene) if bars else []
-    if len(path) > 1 and scene.time is not None:
-        wanted = [one for one in wanted if one != coarser(end.scene)]  # which is of the path
-    runs = [run.size for run in (*path, *map(_counted, wanted))]
+    beside: list[_Run] = []
+    if last and scene.time is not None:
+        beside = [one for run in path for one in _compared_with(run)]
+        wanted = [one for one in wanted if one not in comparisons(end.scene)]
+    runs = [run.size for run in (*path, *beside, *map(_counted, wanted))]
     duals = [run.of_dual for run in path] if scene.time is None and (bars or last) else []
     cpu = known.mean(lambda one: one.time.seconds(runs, duals))
     memory = known.mean(lambda one: one.memory) * drawing.memory(end.unknowns, *duals[-1:])
@@ -242,12 +246,12 @@ def first_mesh(scene: Scene) -> Estimate:
     Raises:
         MeshError: it cannot be made.
     """
-    from ..adaptive import halving
+    from ..adaptive import balancing
     from ..adaptive.refinement import COARSEST, coarse_sizes
     from ..planning.plan import make_plan
 
     steady = scene.time is None
-    first = scene if steady else halving.first(scene)
+    first = scene if steady else balancing.first(scene)
     plan = make_plan(first)
     layout = drawing.lay_out(first, plan)
     return drawing.count(coarse_sizes(COARSEST, None, layout) if steady else layout, plan.order, dual=steady)
@@ -256,7 +260,7 @@ def first_mesh(scene: Scene) -> Estimate:
 def _search(known: KnownLaws, unknowns: int) -> tuple[list[_Run], LastMesh] | str:
     """The meshes of a run to an accuracy that starts from so many unknowns, or why they are not known."""
     from ..accuracy.errorbars import changed
-    from ..adaptive import halving
+    from ..adaptive import balancing
     from ..adaptive.refinement import COARSEST
 
     scene, numerics, time = known.scene, known.scene.numerics, known.scene.time
@@ -269,7 +273,7 @@ def _search(known: KnownLaws, unknowns: int) -> tuple[list[_Run], LastMesh] | st
     if time is not None and time.tolerance is not None:
         return f"there is no law of errors for steps that adapt; {LIMIT}"
     largest = min(COARSEST * numerics.mesh_size, LARGEST)
-    first = halving.first(scene) if time else changed(scene, numerics={"mesh_size": largest})
+    first = balancing.first(scene) if time else changed(scene, numerics={"mesh_size": largest})
     error = known.errors(first).get(numerics.accuracy_of)
     if error is None:
         return f"no error of the {numerics.accuracy_of} is known for scenes of this kind; run `incipient cost SCENE`"
@@ -278,7 +282,7 @@ def _search(known: KnownLaws, unknowns: int) -> tuple[list[_Run], LastMesh] | st
         error = replace(error, value=COARSE * error.value)
         path = _refined(_Run(scene, unknowns), error.value / asked)
     else:
-        path, reaches = _halved(_Run(first, unknowns), known, asked)
+        path, reaches = _balanced(_Run(first, unknowns), known, asked)
     end, time = path[-1], path[-1].scene.time
     step = time.step if time else None
     return path, LastMesh(error, len(path), end.scene.numerics.order, end.unknowns, step, reaches)
@@ -297,12 +301,38 @@ def _refined(first: _Run, excess: float) -> list[_Run]:
     return [first, _Run(changed(first.scene, numerics={"order": order}), round(unknowns))]
 
 
-def _halved(first: _Run, known: KnownLaws, asked: float) -> tuple[list[_Run], bool]:
-    """Ever finer runs in time until the error, that by which the last two differ, is small enough; whether it is."""
-    from ..adaptive.halving import MOST_RUNS, finer
+def _balanced(first: _Run, known: KnownLaws, asked: float) -> tuple[list[_Run], bool]:
+    """Runs in time made finer as the search will choose them until the error is small enough; whether it is."""
+    from ..adaptive.balancing import AIM, MOST_RUNS, finer, refined
 
-    path, error = [first], math.inf
-    while error > asked and len(path) < MOST_RUNS:
-        path.append(_counted(finer(path[-1].scene)))
-        error = known.errors(path[-1].scene)[known.scene.numerics.accuracy_of].value
-    return path, error <= asked
+    path = [first]
+    trial = _as_tried(path[-1], known)
+    while not (reaches := cast(float, trial.estimate) <= asked) and len(path) < MOST_RUNS:
+        last = path[-1].scene
+        scene = finer(last, refined(last, trial, AIM * asked))
+        meshed = (scene.numerics.mesh_size, scene.numerics.order)
+        kept = meshed == (last.numerics.mesh_size, last.numerics.order)
+        unknowns = path[-1].unknowns if kept else _counted(scene).unknowns
+        path.append(_Run(scene, unknowns))
+        trial = _as_tried(path[-1], known)
+    return path, reaches
+
+
+def _as_tried(run: _Run, known: KnownLaws) -> Trial:
+    """What a run will find its error to be: the step's part as by longer ones, the rest is the mesh's."""
+    from ..accuracy.errorbars import comparisons, shares
+
+    scene = run.scene
+    of = scene.numerics.accuracy_of
+    own, in_longer = (known.errors(one)[of].value for one in (scene, comparisons(scene)[0]))
+    of_step = min(shares(scene)[0] * abs(in_longer - own), own)
+    order, of_mesh = scene.numerics.order, own - of_step
+    return Trial(order, 0, run.unknowns, own, 0.0, of_step=of_step, of_mesh=of_mesh)
+
+
+def _compared_with(run: _Run) -> list[_Run]:
+    """The runs in longer steps, the second in elements of one order more, that one in time is compared with."""
+    from ..accuracy.errorbars import comparisons
+
+    longer, beside = comparisons(run.scene)
+    return [_Run(longer, run.unknowns), _Run(beside, round(OTHER_ORDER * run.unknowns))]

@@ -125,13 +125,13 @@ def _warnings(scene: Scene) -> Iterator[str]:
 
 
 def _sought(scene: Scene) -> str:
-    """What the run chooses mesh and order, or mesh and steps, for."""
+    """What the run chooses mesh and order, in time the steps as well, for."""
     numerics = scene.numerics
     if numerics.accuracy is None:
         return ""
     everything = numerics.accuracy_includes == "all"
     chosen = ("gap, domain, " if everything else "") + (
-        "mesh and order" if scene.time is None else "mesh and steps"
+        "mesh and order" if scene.time is None else "steps, mesh and order"
     )
     of = "of discretisation, gap and domain" if everything else "of discretisation"
     aim = f"until the error of the {numerics.accuracy_of} ({of}) is below {numerics.accuracy}"

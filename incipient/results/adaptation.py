@@ -13,7 +13,8 @@ class Trial:
     estimate: relative error of the quantity asked for; None where the flow could not be solved, or not compared yet
     seconds:  wall time, mesh, solution and estimate together
     step:     the time step, None for steady flow
-    note:     what was changed besides the mesh, or why there is no solution
+    note:     what was changed besides the mesh, or why there is no solution or no estimate
+    of_step:  what the time step contributes to the estimate, of_mesh: what the mesh does; None for steady flow
     """
 
     order: int
@@ -23,6 +24,15 @@ class Trial:
     seconds: float
     step: float | None = None
     note: str = ""
+    of_step: float | None = None
+    of_mesh: float | None = None
+
+    @property
+    def parts(self) -> str:
+        """What step and mesh contribute, in words; nothing for steady flow."""
+        if self.of_step is None or self.of_mesh is None:
+            return ""
+        return f"of the step {self.of_step:.1e}, of the mesh {self.of_mesh:.1e}"
 
 
 @dataclass(frozen=True)
@@ -61,8 +71,9 @@ class Adaptation:
         for trial in self.trials:
             error = "            " if trial.estimate is None else f"error {trial.estimate:.1e}"
             step = "" if trial.step is None else f"   step {trial.step:.3g}"
+            beside = "   ".join(said for said in (trial.parts, trial.note) if said)
             lines.append(
                 f"  P{trial.order:<17d}{trial.cells:6d} cells {trial.unknowns:7d} unknowns   {error}   "
-                f"{trial.seconds:5.1f} s{step}   {trial.note}".rstrip()
+                f"{trial.seconds:5.1f} s{step}   {beside}".rstrip()
             )
         return lines

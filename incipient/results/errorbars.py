@@ -37,6 +37,7 @@ class Term:
     """One source of error: absolute errors of force and couple (3,), of the place of a moving grain, and how found.
 
     power: exponent of the gap with which its error is expected to fall
+    parts: terms that this one is the sum of, if any
     """
 
     name: str
@@ -45,6 +46,14 @@ class Term:
     how: str
     place: Floats | None = None
     power: float = 1.0
+    parts: tuple[Term, ...] = ()
+
+    @classmethod
+    def of_parts(cls, name: str, parts: tuple[Term, ...], how: str) -> Term:
+        """The sum of terms."""
+        force, couple = (np.sum([getattr(part, of) for part in parts], axis=0) for of in ("force", "couple"))
+        places = [part.place for part in parts if part.place is not None]
+        return cls(name, force, couple, how, np.sum(places, axis=0) if places else None, parts=parts)
 
     @classmethod
     def of_difference(cls, name: str, one: Loads, other: Loads, share: float, how: str) -> Term:
@@ -101,10 +110,14 @@ class ErrorBars:
         """Errors and where they come from, for a reader."""
         lines = [f"error bars          {_vectors(self.force, self.couple)}{_end_of_path(self.place)}"]
         for term in self.terms:
-            errors = f"{_vectors(term.force, term.couple)}{_end_of_path(term.place)}"
-            lines.append(f"  {term.name:<18}{errors}   {term.how}")
+            lines.append(f"  {term.name:<18}{_errors(term)}   {term.how}")
+            lines += [f"    {part.name:<16}{_errors(part)}   {part.how}" for part in term.parts]
         lines += [f"  {name:<18}{why}" for name, why in self.left_out.items()]
         return lines + [f"  {name:<18}not computed: {why}" for name, why in self.failed.items()]
+
+
+def _errors(term: Term) -> str:
+    return f"{_vectors(term.force, term.couple)}{_end_of_path(term.place)}"
 
 
 def _vectors(force: Floats, couple: Floats) -> str:

@@ -8,7 +8,6 @@ from mpi4py import MPI
 
 from incipient.accuracy.errorbars import changed
 from incipient.accuracy.goal import Goal
-from incipient.adaptive.halving import finer
 from incipient.adaptive.refinement import SMALLEST_GAP, Refinement, cheapest_order, with_less_of
 from incipient.adaptive.sizing import LARGEST, SMALLEST, STEEPEST, Shares, resized
 from incipient.errors import SceneError
@@ -95,15 +94,6 @@ def test_what_a_geometry_needs_is_not_coarsened() -> None:
 )
 def test_order_with_the_fewest_unknowns(order: int, excess: float, cheapest: int) -> None:
     assert cheapest_order(order, excess) == cheapest
-
-
-def test_finer_is_undone_by_coarser() -> None:
-    from incipient.accuracy.errorbars import coarser
-
-    scene = loads(commented(grain_on_bed()), overrides=("time={end=1.0, step=0.1, tolerance=1e-3}",))
-    again = coarser(finer(scene))
-    assert again.time == scene.time
-    assert again.numerics.mesh_size == pytest.approx(scene.numerics.mesh_size)
 
 
 def test_a_smaller_gap_or_a_larger_domain() -> None:

@@ -12,7 +12,7 @@ from scenes import CARRIED
 
 import incipient
 from incipient.accuracy import errorbars
-from incipient.accuracy.errorbars import by_coarser_run, changed, coarse_scenes, farther
+from incipient.accuracy.errorbars import by_coarser_runs, changed, coarse_scenes, comparisons, farther
 from incipient.accuracy.safetybar import bar_of_safety
 from incipient.contact import Contacts, Load
 from incipient.errors import ConvergenceError
@@ -156,25 +156,65 @@ def test_viscosity_stays_when_the_domain_grows(scene: Scene) -> None:
     assert farther(scene).viscosity == pytest.approx(scene.viscosity)
 
 
+@pytest.mark.parametrize("adapts", [False, True])
 @pytest.mark.parametrize(("scheme", "order"), [("bdf1", 1), ("bdf2", 2)])
-def test_coarser_run_extrapolates_at_the_order_of_the_scheme(scheme: str, order: int) -> None:
-    """With errors that are exactly of that order the estimate is the error."""
-    scene = loads(IN_STREAM, overrides=(f"time={{end=1.0, step=0.1, scheme='{scheme}', tolerance=1e-3}}",))
+def test_step_and_mesh_are_told_apart(scheme: str, order: int, adapts: bool) -> None:
+    """With errors that are exactly of the order of the step, and none in elements of one order more."""
+    time = {"end": 4.0, "step": 0.1, "scheme": scheme, "tolerance": 1e-3 if adapts else None}
+    scene = Scene(**{**loads(IN_STREAM).model_dump(), "time": time})
 
     def exact(one: Scene) -> Loads:
         assert one.time is not None
-        return Loads(
-            np.array([1.0 + 0.3 * one.time.step**order, 0, 0]), np.array([0, 0, -(one.time.step**order)])
-        )
+        of_step, of_mesh = one.time.step**order, 0.5 * (3 - one.numerics.order)
+        return Loads(np.array([1.0 + 0.3 * of_step, 0.02 * of_mesh, 0]), np.array([0, 0, of_mesh - of_step]))
 
-    term = by_coarser_run(scene, exact(scene), exact)
-    assert term.force[0] == pytest.approx(0.3 * 0.1**order)
-    assert term.couple[2] == pytest.approx(0.1**order)
-    coarse = errorbars.coarser(scene).time
-    assert coarse is not None and coarse.tolerance == pytest.approx(2.0 ** (order + 1) * 1e-3)
+    term = by_coarser_runs(scene, exact(scene), exact)
+    assert [part.name for part in term.parts] == ["time step", "mesh"]
+    of_step, of_mesh = term.parts
+    assert of_step.force == pytest.approx([0.3 * 0.1**order, 0.0, 0.0], abs=1e-12)
+    assert of_mesh.force == pytest.approx([0.0, 0.01, 0.0], abs=1e-12)
+    assert [part.couple[2] for part in term.parts] == pytest.approx([0.1**order, 0.5])
+    assert term.force == pytest.approx([0.3 * 0.1**order, 0.01, 0.0])
+    assert term.couple[2] == pytest.approx(0.5 + 0.1**order)
+    longer, beside = (one.time for one in comparisons(scene))
+    assert longer == beside and longer is not None
+    if adapts:
+        assert (longer.step, longer.tolerance) == (0.2, pytest.approx(2.0 ** (order + 1) * 1e-3))
+    else:
+        assert longer.step == pytest.approx(0.4)
 
 
-def test_coarser_run_against_a_much_finer_one() -> None:
+def test_the_highest_order_is_compared_on_a_coarser_mesh() -> None:
+    """With an error that goes as h^5 the part of the mesh is that."""
+    scene = loads(IN_STREAM, overrides=("time={end=1.0, step=0.1}", "numerics.order=4"))
+
+    def exact(one: Scene) -> Loads:
+        return Loads(np.array([1.0 + 0.01 * one.numerics.mesh_size**5, 0.0, 0.0]), np.zeros(3))
+
+    of_step, of_mesh = by_coarser_runs(scene, exact(scene), exact).parts
+    assert (of_step.force[0], of_mesh.force[0]) == (0.0, pytest.approx(0.01))
+
+
+@pytest.mark.parametrize(("steps", "longer"), [(100, 25), (24, 8), (10, 5), (2, 1)])
+def test_there_are_eight_longer_steps_if_possible(steps: int, longer: int) -> None:
+    scene = loads(IN_STREAM, overrides=(f"time={{end=1.0, step={1.0 / steps}}}",))
+    assert [1.0 / one.time.step for one in comparisons(scene) if one.time] == pytest.approx(2 * [longer])
+
+
+def test_a_part_that_is_known_spares_its_run() -> None:
+    scene, asked = loads(IN_STREAM, overrides=("time={end=1.0, step=0.1}",)), list[Scene]()
+
+    def solved(one: Scene) -> Loads:
+        asked.append(one)
+        return Loads(np.ones(3), np.ones(3))
+
+    mesh = Term("mesh", np.full(3, 0.1), np.full(3, 0.2), "seen before")
+    term = by_coarser_runs(scene, Loads(np.ones(3), np.ones(3)), solved, mesh)
+    assert asked == [comparisons(scene)[0]]
+    assert term.parts[1] is mesh and np.array_equal(term.couple, mesh.couple)
+
+
+def test_coarser_runs_against_a_much_finer_one() -> None:
     """A disc in a stream that starts at once."""
     scene = loads(
         IN_STREAM,
@@ -187,7 +227,7 @@ def test_coarser_run_against_a_much_finer_one() -> None:
     fine = changed(scene, time={"step": 0.0125}, numerics={"mesh_size": 1.0, "order": 3})
     computed = solve(scene)
     error = float(np.linalg.norm(computed.force - solve(fine).force))
-    assert error / WITHIN < np.linalg.norm(by_coarser_run(scene, computed, solve).force) < WITHIN * error
+    assert error / WITHIN < np.linalg.norm(by_coarser_runs(scene, computed, solve).force) < WITHIN * error
 
 
 def test_failed_coarse_runs_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -225,7 +265,8 @@ def test_what_does_not_apply_is_said() -> None:
         f"   end of the path ({bars.place[0]:.1e}, {bars.place[1]:.1e}), turn {bars.place[2]:.1e} rad"
         in total
     )
-    assert terms[1:] == [f"  {name:<18}{why}" for name, why in bars.left_out.items()]
+    assert [line[:18].strip() for line in terms[:3]] == ["discretisation", "time step", "mesh"]
+    assert terms[3:] == [f"  {name:<18}{why}" for name, why in bars.left_out.items()]
 
 
 def test_a_repelled_grain_and_one_away_from_the_bed() -> None:
@@ -243,14 +284,16 @@ def test_the_path_of_a_grain_in_a_channel_depends_on_its_sides() -> None:
 
 
 def test_coarse_runs_in_time_are_few_and_cheap() -> None:
-    """Five at most, each on cells of twice the size in a quarter of the steps but the one of the discretisation."""
+    """Six at most, in a quarter of the steps, those of gap and domain on cells of twice the size."""
     scene = Scene(**{**grain_on_bed().model_dump(), "time": {"end": 10.0, "step": 0.1}})
     runs = coarse_scenes(scene)
-    assert len(runs) == 5
+    assert len(runs) == 6
+    assert [one.numerics.order for one in runs] == [2, 3, 2, 2, 2, 2]
     found = [(one.time.step / 0.1, one.numerics.mesh_size) for one in runs if one.time is not None]
-    assert np.array(found) == pytest.approx(np.array([(2.0, 2.0**0.5), *4 * [(4.0, 2.0)]]))
+    assert np.array(found) == pytest.approx(np.array([*2 * [(4.0, 1.0)], *4 * [(4.0, 2.0)]]))
     short = Scene(**{**scene.model_dump(), "time": {"end": 1.0, "step": 0.1}})
-    assert {one.time.step for one in coarse_scenes(short) if one.time is not None} == {0.2, 1.0 / 8}
+    steps = {one.time.step for one in coarse_scenes(short) if one.time is not None}
+    assert sorted(steps) == pytest.approx([1.0 / 8, 0.2])
     assert len(coarse_scenes(grain_on_bed())) == 4
 
 

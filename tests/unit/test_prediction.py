@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from made_up_runs import TIMED, Runner, scene, studied
 
-from incipient.adaptive import halving
+from incipient.adaptive import balancing
 from incipient.adaptive.refinement import AIM, GAIN, UNKNOWNS
 from incipient.cost import calibration
 from incipient.cost.calibration import Findings
@@ -207,12 +207,12 @@ def test_the_plan_says_that_the_run_chooses() -> None:
     assert not make_plan(scene()).sought
     assert "cell sizes x 1" in make_plan(scene()).text()
     assert "until the verdict is decided" in make_plan(scene("numerics.accuracy=verdict")).text()
-    assert "mesh and steps are chosen" in make_plan(scene(TIMED, "numerics.accuracy=0.01")).text()
+    assert "steps, mesh and order are chosen" in make_plan(scene(TIMED, "numerics.accuracy=0.01")).text()
 
 
 def test_the_first_mesh_in_time_is_that_of_the_coarsest_run() -> None:
     made = scene(TIMED, "numerics.accuracy=0.01")
-    coarse = halving.first(made)
+    coarse = balancing.first(made)
     assert (coarse.numerics.mesh_size, coarse.time.step) == (pytest.approx(2.0**1.5), pytest.approx(0.08))
     estimate = predicted_plan(scene(TIMED, QUIET)).plan.estimate
     assert estimate is not None
@@ -252,18 +252,35 @@ def test_error_bars_come_on_top() -> None:
     assert predicted(made)[0].cpu > predicted(quiet)[0].cpu
 
 
-def test_flow_in_time_is_refined_until_two_runs_agree() -> None:
-    """An error of 5 dt^2, dt in units of the flow's time: steps 0.08, 0.04, 0.02, 0.01, 0.005."""
+def test_flow_in_time_is_refined_as_its_search_will() -> None:
+    """An error of 5 dt^2, dt in units of the flow's time: steps of 0.08 at first, then such that 0.7 of it is left."""
     made = scene(TIMED, QUIET, "numerics.accuracy=0.001")
     unit = calibration.step_of_flow(made, 1.0)
     calibrated(made, ErrorLaw(0.0, 2.0, 5.0 / unit**2, 2.0, 1.0))
-    _, last = predicted(made)
+    first = first_mesh(made)
+    unknowns, found = first.unknowns, predict(known_laws(made), first)
+    assert isinstance(found, Prediction) and found.last is not None
+    last = found.last
     assert last.first.value == pytest.approx(5.0 * 0.08**2)
-    assert (last.meshes, last.step, last.reaches) == (4, pytest.approx(0.01), True)
+    assert (last.meshes, last.order, last.reaches) == (2, 2, True)
+    wanted = balancing.AIM * 0.001
+    assert last.step is not None and 0.8 * wanted < 5.0 * last.step**2 <= wanted
+    steps = [made.time.end / step for step in (0.08, last.step)]
+    longer = [max(count / 4.0, min(count / 2.0, 8.0)) for count in steps]
+    alike = [(unknowns, count) for count in (*steps, *longer)]
+    shares = (1.0, 1.5)
+    low, high = (TIME.seconds([*alike, *((share * unknowns, n) for n in longer)], []) for share in shares)
+    assert low < found.cpu < high, "each is compared with two others, one of them of a higher order"
     _, easy = predicted(scene(TIMED, QUIET, "numerics.accuracy=0.05"))
-    assert (easy.meshes, easy.step) == (2, pytest.approx(0.04)), "one run alone has no error"
-    found, hard = predicted(scene(TIMED, QUIET, "numerics.accuracy=1e-5"))
-    assert (hard.meshes, hard.reaches) == (6, False)
+    assert (easy.meshes, easy.step) == (1, pytest.approx(0.08))
+
+
+def test_an_error_that_is_far_off_is_not_reached() -> None:
+    """Steps become at most sixteen times shorter from run to run, and the error so 256 times smaller."""
+    made = scene(TIMED, QUIET, "numerics.accuracy=1e-5")
+    calibrated(made, ErrorLaw(0.0, 2.0, 1e12, 2.0, 1.0))
+    found, last = predicted(made)
+    assert (last.meshes, last.reaches) == (6, False)
     assert "6 meshes expected, not to be reached, the last of about" in found.text()
 
 

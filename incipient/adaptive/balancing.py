@@ -1,0 +1,187 @@
+"""Flow in time to a given accuracy: what errs more for its cost is made finer, the time step or the mesh.
+
+Each run is compared with one in longer steps, and that with one in elements of a higher order, which tells the errors
+of step and mesh apart (`errorbars.by_coarser_runs`). What the next run has of each, and its order, follow by
+`balance`: the least work with which the accuracy is expected. The first run is coarse. A run that is expected to
+reach the accuracy is recorded; it is repeated finer if it does not.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import cast
+
+from ..accuracy.errorbars import (
+    LONGEST_STEP,
+    OF_MESH,
+    KeptRuns,
+    by_coarser_runs,
+    changed,
+    comparisons,
+    order_in_time,
+)
+from ..errors import IncipientError, Interrupted
+from ..results.adaptation import Trial
+from ..results.errorbars import Loads, Term
+from ..results.result import Result
+from ..scene import Scene
+from ..simulation.recorder import Recorder, Unrecorded
+from ..simulation.simulate import simulate
+from ..simulation.state import Accounts
+from .balance import WORK_POWER, Parts, Powers, Refined, cheapest, halved, milder
+from .search import Search, Told
+
+COARSEST_MESH, LONGEST = (
+    8.0**0.5,
+    8.0,
+)  # cells and steps of the first run, relative to those that the scene says
+FEWEST_STEPS = 8
+MOST_RUNS = 6
+AIM = 0.7  # of the accuracy, so that the run expected to reach it does
+# At least so much more work has a run to be worth it; where a budget does not allow more, as much as it allows.
+LEAST_WORK = 4.0
+
+
+class Balancing(Search):
+    """From run to run, each with shorter steps, a finer mesh, a higher order, or all of them."""
+
+    _failed = ""  # why the last run could not be compared
+    _of_mesh: Term | None = None  # what the mesh of the last run contributes to its error
+
+    def result(self) -> Result:
+        """Run until the accuracy is reached or cannot be. Collective."""
+        scene, recorded = first(self.scene), False
+        while True:
+            told = self._run(scene, recorded)
+            following = None if self.reason else self._following(scene)
+            if following is None:
+                return told.result if recorded else self._run(scene, recorded=True, again=True).result
+            recorded = following.enough or self._is_last_affordable(following)
+            self._keep_for(following, scene)
+            scene = finer(scene, following)
+
+    def _keep_for(self, following: Refined, scene: Scene) -> None:
+        """Forget what was found about a scene but what the next one shares with it. Not collective."""
+        of_mesh = self._of_mesh if following.keeps_mesh(scene.numerics.order) else None
+        self.known = {} if of_mesh is None else {OF_MESH: of_mesh}
+        self.keep_model_terms()
+
+    # -- one run --------------------------------------------------------------------------------
+
+    def _run(self, scene: Scene, recorded: bool, again: bool = False) -> Told:
+        """Run a scene and those it is compared with, estimate its error, and judge it. Collective."""
+        began = self.elapsed()
+        if not again:
+            self._compare(scene)
+
+        def judge(result: Result) -> None:
+            """Tell its error, if this run is new and got to its end."""
+            if result.status == "complete" and not again:
+                self._judge(scene, result, self.elapsed() - began)
+
+        told = Told(self.recorder if recorded else Unrecorded(), scene, self.adaptation_beside, judge)
+        quiet = scene if recorded else changed(scene, numerics={"error_bars": False})
+        accounts = Accounts(known=self.known, spent=self.spent)
+        simulate(quiet, self.comm, cast(Recorder, told), self.voice, accounts=accounts)
+        return told
+
+    def _compare(self, scene: Scene) -> None:
+        """Run what a scene is compared with, quickly done beside it, or note why that fails. Collective."""
+        self._failed = ""
+        kept = KeptRuns(self.known, lambda: "", self._loads_of)
+        longer, beside = comparisons(scene)
+        try:
+            kept(longer)
+            if OF_MESH not in self.known:
+                kept(beside)
+        except Interrupted:
+            raise
+        except IncipientError as error:
+            self._failed = f"not compared: {error}"
+
+    def _loads_of(self, scene: Scene) -> Loads:
+        return Loads.of(simulate(scene, self.comm))
+
+    def _judge(self, scene: Scene, result: Result, seconds: float) -> None:
+        estimate = of_step = of_mesh = None
+        cost = result.cost
+        if not self._failed and result.force is not None and result.couple is not None:
+            term = by_coarser_runs(scene, Loads.of(result), self._known_run, self.known.get(OF_MESH))
+            estimate, of_step, of_mesh = (
+                self.goal.error(result.force, result.couple, one.force, one.couple)
+                for one in (term, *term.parts)
+            )
+            self._of_mesh = term.parts[-1]
+        order, cells, unknowns = result.plan.order, cost["cells"], cost["unknowns"]
+        step = scene.time.step if scene.time is not None else None
+        self.tell(Trial(order, cells, unknowns, estimate, seconds, step, self._failed, of_step, of_mesh))
+        if estimate is not None and estimate <= self.asked:
+            self.conclude(estimate)
+
+    def _known_run(self, scene: Scene) -> Loads:
+        return cast(Loads, self.known[scene.model_dump_json()])
+
+    # -- what next ------------------------------------------------------------------------------
+
+    def _following(self, scene: Scene) -> Refined | None:
+        """How much finer the next run is, or nothing where there is none, and why. Collective."""
+        wanted = refined(scene, self.trials[-1], AIM * self.asked)
+        if len(self.trials) >= MOST_RUNS:
+            self.reason = f"not reached with {MOST_RUNS} runs"
+            return None
+        while (beyond := self._beyond(wanted)) and wanted.work > LEAST_WORK:
+            wanted = milder(wanted)
+        self.reason = beyond
+        return None if beyond else wanted
+
+    def _beyond(self, wanted: Refined, further: float = 1.0) -> str:
+        """Why a run with so much more work, and one `further` times as dear after it, is not made. Collective."""
+        last, more = self.trials[-1], wanted.work
+        seconds = last.seconds * more * further
+        return self.beyond_budget(seconds, last.unknowns * wanted.finer**-WORK_POWER)
+
+    def _is_last_affordable(self, wanted: Refined) -> bool:
+        """Whether after the next run no other is. Collective."""
+        return len(self.trials) + 1 >= MOST_RUNS or bool(self._beyond(wanted, 1.0 + LEAST_WORK))
+
+
+def refined(scene: Scene, trial: Trial, aim: float) -> Refined:
+    """How the scene in time is made finer for a relative error, after a trial of it. Not collective."""
+    powers = Powers(order_in_time(scene))
+    order, of_step, of_mesh = scene.numerics.order, trial.of_step, trial.of_mesh
+    if of_step is None or of_mesh is None or not math.isfinite(of_step + of_mesh):
+        return halved(order, powers)
+    # A safety factor may err more than its parts together.
+    more = max(1.0, (trial.estimate or 0.0) / (of_step + of_mesh))
+    return cheapest(Parts(more * of_step, more * of_mesh), aim, order, powers)
+
+
+def first(scene: Scene) -> Scene:
+    """The scene in time as coarse as the first run: a coarse mesh, and long steps, of which there are a few."""
+    assert scene.time is not None
+    longer = LONGEST
+    while longer > 1.0 and longer * scene.time.step > scene.time.end / FEWEST_STEPS:
+        longer /= 2.0
+    return _resized(scene, COARSEST_MESH, longer)
+
+
+def finer(scene: Scene, wanted: Refined) -> Scene:
+    """The scene in time with shorter steps, a finer mesh and another order, as it is wanted."""
+    assert scene.time is not None
+    shorter = wanted.shorter
+    if scene.time.tolerance is None and shorter < 1.0:
+        steps = scene.time.end / scene.time.step / shorter
+        # Even, and from some number on such that the longer steps of a comparison end where these do.
+        multiple = LONGEST_STEP if steps > LONGEST_STEP * FEWEST_STEPS else 2.0
+        shorter = scene.time.end / scene.time.step / (multiple * math.ceil(steps / multiple * (1.0 - 1e-9)))
+    return changed(_resized(scene, wanted.finer, shorter), numerics={"order": wanted.order})
+
+
+def _resized(scene: Scene, cells: float, steps: float) -> Scene:
+    """The scene with cells and steps so many times as large; where steps adapt, their errors follow."""
+    assert scene.time is not None
+    time = {"step": steps * scene.time.step}
+    if scene.time.tolerance is not None:
+        time["tolerance"] = scene.time.tolerance * steps ** (order_in_time(scene) + 1)
+    mesh_size = min(float(f"{cells * scene.numerics.mesh_size:.12g}"), 100.0)
+    return changed(scene, numerics={"mesh_size": mesh_size}, time=time)

@@ -1,0 +1,180 @@
+"""How flow in time is made finer: the least work for an accuracy, from what step and mesh contribute to the error."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from mpi4py import MPI
+from scipy.optimize import minimize
+
+from incipient.accuracy.errorbars import changed, comparisons, order_in_space
+from incipient.adaptive.balance import (
+    FINEST,
+    SHORTEST,
+    WORK,
+    Parts,
+    Powers,
+    Refined,
+    cheapest,
+    halved,
+    milder,
+)
+from incipient.adaptive.balancing import LEAST_WORK, Balancing, finer, first, refined
+from incipient.progress import Silent
+from incipient.results.adaptation import Trial
+from incipient.scene import Scene, loads
+from incipient.scene.example import commented, grain_on_bed
+from incipient.simulation.recorder import Unrecorded
+
+IN_TIME = "time={end=10.0, step=0.1, start='steady'}"
+
+
+def in_time(*overrides: str) -> Scene:
+    return loads(commented(grain_on_bed()), overrides=(IN_TIME, "numerics.accuracy=0.01", *overrides))
+
+
+def tried(of_step: float, of_mesh: float, seconds: float = 1.0) -> Trial:
+    return Trial(2, 500, 2500, of_step + of_mesh, seconds, 0.1, of_step=of_step, of_mesh=of_mesh)
+
+
+# -- the least work -------------------------------------------------------------------------------------------
+
+
+def least_work(parts: Parts, asked: float, order: int, powers: Powers) -> float:
+    """By a general minimiser, in the logarithms of steps and cells relative to before."""
+    s = order_in_space(order)
+
+    def left(logs: list[float]) -> float:
+        """Of the accuracy."""
+        errors = parts.step * math.exp(powers.step * logs[0]) + parts.mesh * math.exp(s * logs[1])
+        return 1.0 - errors / asked
+
+    found = minimize(
+        lambda logs: -logs[0] - powers.work * logs[1],
+        [-2.0, -2.0],
+        method="SLSQP",
+        bounds=[(-12.0, 0.0), (-12.0, 0.0)],
+        constraints={"type": "ineq", "fun": left},
+        options={"ftol": 1e-12},
+    )
+    assert found.success
+    return math.exp(found.fun)
+
+
+@pytest.mark.parametrize("growth", [0.5, 2.2])
+@pytest.mark.parametrize("rate", [1.0, 2.0])
+@pytest.mark.parametrize(
+    "parts", [Parts(0.04, 0.04), Parts(0.05, 0.002), Parts(0.001, 0.05), Parts(0.09, 0.0)]
+)
+def test_no_choice_is_cheaper(parts: Parts, rate: float, growth: float) -> None:
+    powers = Powers(rate, growth)
+    found = cheapest(parts, 0.01, 2, powers)
+    assert found.enough
+    s = order_in_space(found.order)
+    assert parts.step * found.shorter**rate + parts.mesh * found.finer**s == pytest.approx(0.01)
+    works = {k: least_work(parts, 0.01, k, powers) * WORK[k] for k in WORK}
+    assert found.work == pytest.approx(min(works.values()), rel=1e-5)
+    assert found.order == min(works, key=lambda k: works[k])
+
+
+def test_what_does_not_err_stays() -> None:
+    """Only what errs is made finer, and a mesh whose error is small is as before."""
+    assert cheapest(Parts(0.08, 0.0), 0.02, 2, Powers(2.0, 2.0)) == Refined(0.5, 1.0, 2, 2.0)
+    found = cheapest(Parts(0.0, 0.012), 0.01, 2, Powers(2.0, 3.0))
+    assert (found.shorter, found.finer, found.work) == (
+        1.0,
+        pytest.approx(1.2 ** (-1 / 3)),
+        pytest.approx(1.2),
+    )
+    assert cheapest(Parts(0.08, 0.001), 0.02, 2, Powers(2.0, 2.0)).keeps_mesh(2)
+    assert not found.keeps_mesh(2)
+
+
+def test_a_mesh_that_errs_much_gets_a_higher_order() -> None:
+    orders = [cheapest(Parts(0.0, excess), 1.0, 2, Powers(2.0, 2.0)).order for excess in (1.5, 50.0, 1e4)]
+    assert orders == sorted(orders) and orders[0] == 2 and orders[-1] > 2
+
+
+def test_far_ways_are_gone_in_parts() -> None:
+    far = cheapest(Parts(1.0, 0.0), 1e-4, 2, Powers(2.0, 2.0))
+    assert not far.enough and far.shorter == pytest.approx(0.1)
+    fine = cheapest(Parts(1.0, 1.0), 1e-7, 4, Powers(2.0, 2.0))
+    assert fine.shorter >= SHORTEST and fine.finer >= FINEST and not fine.enough
+    half = milder(Refined(0.25, 0.25, 3, 16.0))
+    assert half == Refined(0.5, 0.5, 3, 4.0, enough=False)
+
+
+# -- scenes -----------------------------------------------------------------------------------------------------
+
+
+def test_the_first_run_is_coarse_but_has_some_steps() -> None:
+    coarse = first(in_time())
+    assert coarse.time is not None
+    assert (coarse.numerics.mesh_size, coarse.time.step) == (pytest.approx(2.0**1.5), pytest.approx(0.8))
+    few = first(in_time("time.step=1.0"))
+    assert few.time is not None and few.time.step == 1.0
+    adapting = first(in_time("time.tolerance=1e-5", "time.scheme='bdf1'"))
+    assert adapting.time is not None and adapting.time.tolerance == pytest.approx(8**2 * 1e-5)
+
+
+def test_comparisons_end_where_steps_do() -> None:
+    for shorter in (0.9, 0.7, 0.31, 0.1):
+        for scene in (in_time(), in_time("time.step=1.0")):
+            time = finer(scene, Refined(shorter, 1.0, 2, 1.0)).time
+            assert time is not None and scene.time is not None
+            steps = time.end / time.step
+            assert steps == pytest.approx(round(steps), abs=1e-9)
+            assert time.step <= shorter * scene.time.step * (1.0 + 1e-9)
+            assert steps < scene.time.end / scene.time.step / shorter + 4.0
+            longer = comparisons(changed(scene, time={"step": time.step}))[0].time
+            if steps >= 32.0 or steps <= 16.0:
+                assert longer is not None and time.end / longer.step == pytest.approx(
+                    round(time.end / longer.step)
+                )
+
+
+def test_what_is_wanted_becomes_the_scene() -> None:
+    scene = finer(in_time("time.tolerance=1e-3"), Refined(0.5, 0.25, 3, 1.0))
+    assert scene.time is not None
+    assert (scene.time.step, scene.time.tolerance) == (0.05, pytest.approx(1e-3 / 8.0))
+    assert (scene.numerics.mesh_size, scene.numerics.order) == (0.25, 3)
+    same = finer(in_time(), Refined(1.0, 0.5, 2, 1.0))
+    assert same.time == in_time().time
+
+
+def test_what_is_not_known_is_halved() -> None:
+    scene, powers = in_time(), Powers(2.0)
+    unknown = Trial(2, 500, 2500, None, 1.0, 0.1, "not compared: no mesh")
+    assert refined(scene, unknown, 0.01).shorter == 0.5
+    assert refined(scene, tried(math.inf, math.inf), 0.01) == halved(2, powers)
+    # An error that is more than its parts is looked at as that.
+    more = Trial(2, 500, 2500, 0.16, 1.0, 0.1, of_step=0.04, of_mesh=0.0)
+    assert refined(scene, more, 0.01).shorter == pytest.approx(0.25)
+
+
+# -- what a budget allows ------------------------------------------------------------------------------------------
+
+
+def test_a_budget_is_spent_on_what_it_allows() -> None:
+    """Error 100 times what is wanted: ten times the steps. A budget of seven runs allows a part of the way there."""
+    search = Balancing(in_time("numerics.budget_seconds=700"), MPI.COMM_SELF, Unrecorded(), Silent())
+    search.tell(tried(0.7, 0.0, seconds=100.0))
+    allowed = search._following(in_time())
+    assert allowed is not None and not allowed.enough
+    assert LEAST_WORK**0.5 < allowed.work < 7.0
+    assert allowed.shorter == pytest.approx(1.0 / allowed.work)
+    assert search._is_last_affordable(allowed), "so that it is recorded"
+    search.tell(tried(0.7, 0.0, seconds=300.0))
+    assert search._following(in_time()) is None
+    assert search.reason.startswith(
+        "stopped at numerics.budget_seconds = 700: the next mesh would take about "
+    )
+
+
+def test_runs_are_few() -> None:
+    search = Balancing(in_time(), MPI.COMM_SELF, Unrecorded(), Silent())
+    for _ in range(6):
+        search.tell(tried(0.02, 0.0))
+    assert search._following(in_time()) is None
+    assert search.reason == "not reached with 6 runs"
