@@ -55,8 +55,8 @@ def test_a_ball_is_carried_along_and_turns_with_the_shear(ball: tuple[RigidPart,
     stream = float(shear(np.array([[0.6], [0.5], [0.5]]), state.time)[0, 0])
     assert 0.5 * stream < state.velocity[0] < 1.5 * stream
     assert state.spin[1] > 0.0  # the upper side is carried faster, along x: a turn from z to x
-    # 580 unstructured cells break the symmetry: 4e-4 of the stream, and a fiftieth to a tenth of the spin, by the version
-    # of gmsh. Earlier on, while the spin is small, its share is larger.
+    # 580 unstructured cells break the symmetry: 4e-4 of the stream and, with two versions of gmsh, a fiftieth and a
+    # tenth of the spin. Earlier on, while the spin is small, its share is larger.
     assert abs(state.velocity[1]) < 1e-3 * stream and np.abs(state.spin[[0, 2]]).max() < 0.15 * state.spin[1]
     assert abs(np.linalg.norm(state.orientation) - 1.0) < 1e-14
 
