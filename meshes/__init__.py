@@ -1,5 +1,17 @@
 """Geometry in, gmsh mesh and tags out."""
 
 from .region import Away, Grid, Near, Region, SizeField, Sizes
+from .solid_region import PlacedSolid, Resolved, SolidFrame, SolidRegion
 
-__all__ = ["Away", "Grid", "Near", "Region", "SizeField", "Sizes"]
+__all__ = [
+    "Away",
+    "Grid",
+    "Near",
+    "PlacedSolid",
+    "Region",
+    "Resolved",
+    "SizeField",
+    "Sizes",
+    "SolidFrame",
+    "SolidRegion",
+]

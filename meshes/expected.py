@@ -1,21 +1,27 @@
-"""How many triangles a region will be meshed with, told from the sizes wanted before anything is meshed."""
+"""How many cells a region will be meshed with, told from the sizes wanted before anything is meshed."""
 
 import numpy as np
 
 from incipient.arrays import Floats, planar_cross
 
+from .exact import Body, Ground
 from .region import Grid, Near, Region, Sizes
+from .solid_region import SolidFrame, SolidRegion
+from .solid_sizes import CORNERS, SizeMap, boxes
 
+PER_VOLUME = 5.4  # tetrahedra of side h in a volume of h^3
 PER_AREA = 2.3  # triangles of side h on an area of h^2
 PER_CURVE = 4.0  # triangles about a curve that is shorter than the cells next to it
 PARTS = 50  # of a boundary along which sizes grow
 
 
-def expected_cells(shape: Region | Grid, sizes: Sizes) -> dict[str, float]:
-    """About how many triangles each part of the sizes asks for, by name: the sum is that of all.
+def expected_cells(shape: Region | Grid | SolidRegion, sizes: Sizes) -> dict[str, float]:
+    """About how many cells each part of the sizes asks for, by name: the sum is that of all.
 
     The sizes grow with the distance from boundaries and points, so that their integrals are known.
     """
+    if isinstance(shape, SolidRegion):
+        return _expected_tetrahedra(shape, sizes)
     if isinstance(shape, Grid):
         return {"domain": 2.0 * shape.columns * shape.rows}
     left, right = shape.bottom[0].start, shape.bottom[-1].end
@@ -61,3 +67,22 @@ def _integral_of_field(sizes: Sizes) -> float:
     a, b, c = sizes.field.points[sizes.field.triangles].transpose(1, 0, 2)
     doubled = np.abs(planar_cross(b - a, c - a))
     return float((0.5 * doubled * (sizes.field.sizes[sizes.field.triangles] ** -2.0).mean(axis=1)).sum())
+
+
+def _expected_tetrahedra(region: SolidRegion, sizes: Sizes) -> dict[str, float]:
+    """The integral of 1/h^3 over the boxes that tell the sizes to gmsh, as far as they lie in the fluid."""
+    frame = SolidFrame.of(region)
+    ground = Ground(region, frame)
+    bodies = {
+        name: Body(placed, frame, region.symmetric, region.fillet) for name, placed in region.holes.items()
+    }
+    size = SizeMap(region, sizes, frame, ground, bodies)
+    cubes = boxes(size, float(ground.draft().surface.points[:, 2].min()))
+    inner = cubes.centres[:, None] + 0.25 * cubes.sides[:, None, None] * CORNERS
+    share = 1.0 - size.outside(inner.reshape(-1, 3)).reshape(-1, 8).mean(axis=1)
+    count = PER_VOLUME * share * cubes.sides**3 * (cubes.sizes**-3.0).mean(axis=1)
+    asking = np.argmin(size.parts(cubes.centres)[0], axis=0)
+    found: dict[str, float] = {}
+    for number, name in enumerate(size.names):
+        found[name] = found.get(name, 0.0) + float(count[asking == number].sum())
+    return found

@@ -15,7 +15,7 @@ from incipient.arrays import Point
 from incipient.errors import MeshError
 from incipient.geometry.plane.curves import Arc, Curve, Line, Spline
 
-from .region import GRID, Frame, Grid, Near, Region, SizeField, Sizes
+from .region import GRID, Frame, Grid, Near, Place, Region, SizeField, Sizes
 
 ENLARGED = 1.3  # triangles of an earlier mesh about their centroids, where they say how fine the next is
 
@@ -27,8 +27,8 @@ def region_model(region: Region, sizes: Sizes, order: int) -> Iterator[Any]:
     Raises:
         MeshError: gmsh finds no mesh, or curved cells fold over.
     """
-    with _session() as model:
-        with _complaints_as_errors():
+    with session() as model:
+        with complaints_as_errors():
             frame = Frame.of(region)
             curves = _draw_region(region, frame)
             _set_sizes(sizes, curves, frame)
@@ -40,8 +40,8 @@ def region_model(region: Region, sizes: Sizes, order: int) -> Iterator[Any]:
 @contextmanager
 def grid_model(grid: Grid, order: int) -> Iterator[Any]:
     """Yield the gmsh model of a graded grid of triangles. Not collective: one rank draws."""
-    with _session() as model:
-        with _complaints_as_errors():
+    with session() as model:
+        with complaints_as_errors():
             frame = Frame(grid.origin, grid.height)
             _draw_grid(grid, frame)
             _mesh(order)
@@ -50,7 +50,7 @@ def grid_model(grid: Grid, order: int) -> Iterator[Any]:
 
 
 @contextmanager
-def _session() -> Iterator[Any]:
+def session() -> Iterator[Any]:
     """A quiet gmsh session of its own."""
     options = (
         {"interruptible": False} if "interruptible" in inspect.signature(gmsh.initialize).parameters else {}
@@ -67,7 +67,7 @@ def _session() -> Iterator[Any]:
 
 
 @contextmanager
-def _complaints_as_errors() -> Iterator[None]:
+def complaints_as_errors() -> Iterator[None]:
     """Turn gmsh's complaints while drawing and meshing into MeshError."""
     try:
         yield
@@ -157,7 +157,7 @@ def _set_sizes(sizes: Sizes, curves: dict[str, list[int]], frame: Frame) -> None
     fields.setNumbers(least, "FieldsList", [whole, *parts])
     fields.setAsBackgroundMesh(least)
     for option in ("FromPoints", "ExtendFromBoundary", "FromCurvature"):
-        _set_option(f"Mesh.MeshSize{option}", f"Mesh.CharacteristicLength{option}", 0)
+        set_option(f"Mesh.MeshSize{option}", f"Mesh.CharacteristicLength{option}", 0)
 
 
 def _near_field(near: Near, curves: dict[str, list[int]], frame: Frame) -> int:
@@ -179,8 +179,8 @@ def _near_field(near: Near, curves: dict[str, list[int]], frame: Frame) -> int:
     return size
 
 
-def _distance_to(point: Point, frame: Frame) -> str:
-    x, y = frame.local(*point)
+def _distance_to(point: Place, frame: Frame) -> str:
+    x, y = frame.local(point[0], point[1])
     return f"Sqrt((x-({x!r}))^2+(y-({y!r}))^2)"
 
 
@@ -228,7 +228,8 @@ def _set_either(field: int, names: tuple[str, ...], put: Any, value: Any) -> Non
     raise MeshError(f"this gmsh knows none of the field options {', '.join(names)}")
 
 
-def _set_option(name: str, older: str, value: float) -> None:
+def set_option(name: str, older: str, value: float) -> None:
+    """Set an option under its name, or under the one it had before gmsh 4.8."""
     try:
         gmsh.option.setNumber(name, value)
     except Exception:
@@ -255,14 +256,23 @@ def _mesh(order: int) -> None:
     gmsh.option.setNumber("General.AbortOnError", 1)
     said = len(gmsh.logger.get())
     gmsh.model.mesh.generate(2)
-    complaints = [line for line in gmsh.logger.get()[said:] if line.startswith("Error")]
-    if complaints or len(gmsh.model.mesh.getElements(2)[0]) == 0:
-        reason = complaints[0].removeprefix("Error: ") if complaints else "gmsh made no cells"
-        raise MeshError(f"the geometry could not be meshed: {reason}")
+    require_no_complaint(said, 2)
     gmsh.model.mesh.setOrder(order)
     kinds, _, _ = gmsh.model.mesh.getElements(2)
     if order > 1:
         _check_not_folded(kinds[0])
+
+
+def require_no_complaint(said: int, dimension: int) -> None:
+    """Refuse a mesh of which gmsh has complained in its log after so many lines, or that has no cells.
+
+    Raises:
+        MeshError: it is one.
+    """
+    complaints = [line for line in gmsh.logger.get()[said:] if line.startswith("Error")]
+    if complaints or len(gmsh.model.mesh.getElements(dimension)[0]) == 0:
+        reason = complaints[0].removeprefix("Error: ") if complaints else "gmsh made no cells"
+        raise MeshError(f"the geometry could not be meshed: {reason}")
 
 
 def _put_in_place(frame: Frame) -> None:

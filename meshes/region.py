@@ -9,6 +9,8 @@ from incipient.geometry.plane.curves import Curve
 
 GRID = 2.0**-40  # of a region's height
 
+Place = Point | tuple[float, float, float]  # in the plane, in space
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -57,7 +59,7 @@ class Region:
 class Away:
     """How cells along a feature may grow with the distance from a point, up to a largest size; scene units."""
 
-    point: Point
+    point: Place
     growth: float
     largest: float
 
@@ -72,7 +74,7 @@ class Near:
 
     size: float
     growth: float
-    points: tuple[Point, ...] = ()
+    points: tuple[Place, ...] = ()
     boundary: str = ""
     needed: bool = False
     away: Away | None = None
@@ -97,15 +99,20 @@ class SizeField:
 
 @dataclass(frozen=True)
 class Sizes:
-    """The size of cells: `far` at most, less near features, and where a field says so; scene units."""
+    """The size of cells: `far` at most, less near features, and where a field says so; scene units.
+
+    gap_part: in space, cells are at most this part of the width between the bed and a grain, or two grains
+    """
 
     far: float
     near: tuple[Near, ...] = ()
     field: SizeField | None = None
+    gap_part: float = float("inf")
 
     def scaled(self, factor: float) -> Sizes:
         """All sizes but a field's times a factor: one number refines everything alike."""
-        return replace(self, far=self.far * factor, near=tuple(n.scaled(factor) for n in self.near))
+        near = tuple(n.scaled(factor) for n in self.near)
+        return replace(self, far=self.far * factor, near=near, gap_part=self.gap_part * factor)
 
     def coarsened(self, factor: float, growth: float) -> Sizes:
         """Sizes times a factor but where they are needed, all growing with distance at least as given."""

@@ -1,0 +1,300 @@
+"""The surfaces that bound a region in space, in its frame: first triangles of them, and what lies on them."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from incipient.arrays import Floats
+from incipient.geometry.space.pieces import HalfSpacesAndBalls
+from incipient.geometry.space.polyhedra import Box, Triangulated
+from incipient.geometry.space.solid import Solid
+from incipient.geometry.space.spheres import Spheres
+from incipient.geometry.space.surfaces import Surface
+from incipient.geometry.space.terrain import Plane
+
+from .halving import halved
+from .marching import in_blocks, level_surface
+from .solid_region import PlacedSolid, SolidFrame, SolidRegion
+
+FILLET = 0.1  # of the smallest radius
+PER_SIZE, PER_RADIUS, PER_FEATURE = (
+    12.0,
+    3.0,
+    3.0,
+)  # first triangles along a grain, a ball, a feature of a bed
+ON_IT = 1e-12  # of a length of the shape: a point so near a surface is on it
+BEYOND = 1.3  # ratio of neighbouring cells of the first grid of a bed where it is level
+SAMPLES = 200  # along a side of the square over which a bed's mean height is taken
+
+Level = Callable[[Floats], Floats]
+
+
+@dataclass(frozen=True, eq=False)
+class Draft:
+    """A first triangulation: points, triangles, which coordinates (n, 3) of points are held, whether edges are kept."""
+
+    surface: Surface
+    held: np.ndarray
+    sharp: bool = False
+
+
+class Exact(ABC):
+    """A surface as it is exactly; all points are those of the frame."""
+
+    curved = True
+
+    @abstractmethod
+    def draft(self) -> Draft:
+        """First triangles, of the right shape but not yet of the right size."""
+
+    @abstractmethod
+    def project(self, x: Floats, held: np.ndarray) -> Floats:
+        """Points (n, 3) of the surface near points (n, 3) close to it; coordinates that are held (n, 3) stay."""
+
+
+@dataclass(frozen=True, eq=False)
+class Body(Exact):
+    """A grain's surface; where a region is cut in its plane of symmetry the half of it beyond that plane."""
+
+    placed: PlacedSolid
+    frame: SolidFrame
+    symmetric: bool
+    fillet: float
+
+    @property
+    def curved(self) -> bool:  # type: ignore[override]
+        """Whether cells along it have curved edges: not where it has sharp ones, whose facets are flat."""
+        return not self.sharp
+
+    @property
+    def sharp(self) -> bool:
+        """Whether the grain has sharp edges."""
+        solid = self.placed.solid
+        return isinstance(solid, Triangulated) or (isinstance(solid, Box) and solid.edge_radius == 0.0)
+
+    def draft(self) -> Draft:
+        """The grain's own triangles, of a clump the level surface's."""
+        whole = self._whole()
+        surface = Surface(self.frame.local(self.placed.placement.to_scene(whole.points)), whole.triangles)
+        held = np.zeros(surface.points.shape, dtype=bool)
+        if self.symmetric:
+            surface = halved(surface)
+            held = np.zeros(surface.points.shape, dtype=bool)
+            held[:, 1] = surface.points[:, 1] == 0.0
+        return Draft(surface, held, self.sharp)
+
+    def _whole(self) -> Surface:
+        solid = self.placed.solid
+        if not isinstance(solid, Spheres):
+            return solid.surface(solid.size / PER_SIZE)
+        step = min(solid.radii) / PER_RADIUS
+        centres, radii = np.array(solid.centres), np.array(solid.radii)[:, None]
+        low, high = (centres - radii).min(axis=0) - 1.3 * step, (centres + radii).max(axis=0) + 1.3 * step
+        axes = [np.linspace(a, b, 1 + int(np.ceil((b - a) / step))) for a, b in zip(low, high, strict=True)]
+        return level_surface(self._clump_level(solid), (axes[0], axes[1], axes[2]))
+
+    def _clump_level(self, solid: Spheres) -> Level:
+        centres, radii = np.array(solid.centres), np.array(solid.radii)
+        fillet = self.fillet or FILLET * min(solid.radii)
+        return lambda x: rounded_union(np.linalg.norm(x - centres[:, None], axis=2) - radii[:, None], fillet)
+
+    def project(self, x: Floats, held: np.ndarray) -> Floats:
+        """Along rays or normals; held coordinates are put back, and the rest is projected again."""
+        for _ in range(1 + 3 * int(held.any())):
+            body = self.placed.placement.to_body(self.frame.scene(x))
+            on_it = self.placed.placement.to_scene(self._on(body))
+            x = np.where(held, x, (on_it - self.frame.origin) / self.frame.length)
+        return x
+
+    def _on(self, x: Floats) -> Floats:
+        """Points of the surface near points (n, 3), in the body frame."""
+        solid = self.placed.solid
+        if isinstance(solid, Spheres):
+            scale = min(solid.radii)
+            return on_level(self._clump_level(solid), x, np.zeros(x.shape, dtype=bool), scale)
+        if isinstance(solid, Triangulated):
+            return solid.cores[0].search.nearest(x, 0.0)[0]
+        if type(solid).project is not Solid.project:
+            return solid.project(x)
+        return np.asarray(x - solid.level(x)[:, None] * solid.normal(x))
+
+
+@dataclass(frozen=True, eq=False)
+class Ground(Exact):
+    """A bed's surface within a region: as it is where it is resolved, level farther away."""
+
+    region: SolidRegion
+    frame: SolidFrame
+
+    @property
+    def curved(self) -> bool:  # type: ignore[override]
+        """Whether cells along it have curved edges."""
+        return not self.flat
+
+    @property
+    def flat(self) -> bool:
+        """Whether the bed is one plane."""
+        return isinstance(self.region.bed, Plane)
+
+    @cached_property
+    def _reach(self) -> tuple[Floats, float]:
+        """The point about which the bed has a shape and how far, horizontally, in the scene."""
+        low, high = self.region.rectangle
+        if self.region.resolved is None:
+            return 0.5 * (low + high), 0.51 * float(np.linalg.norm(high - low))
+        resolved = self.region.resolved
+        return np.asarray(resolved.centre, dtype=float), resolved.radius + resolved.passage
+
+    @cached_property
+    def _mean(self) -> float:
+        """The level that the bed goes over to, in the scene."""
+        resolved = self.region.resolved
+        if resolved is not None and resolved.level is not None:
+            return resolved.level
+        middle, reach = self._reach
+        t = reach * (2.0 * (np.arange(SAMPLES) + 0.5) / SAMPLES - 1.0)
+        around = np.stack(np.meshgrid(t, t), axis=-1).reshape(-1, 2)
+        return float(self.region.bed.height(middle + around[np.linalg.norm(around, axis=1) <= reach]).mean())
+
+    @cached_property
+    def _balls(self) -> HalfSpacesAndBalls | None:
+        """The pieces of a bed of balls."""
+        middle, reach = self._reach
+        pieces = self.region.bed.pieces(middle, reach)
+        return pieces if isinstance(pieces, HalfSpacesAndBalls) and not self.flat else None
+
+    def _share(self, x: Floats) -> Floats:
+        resolved = self.region.resolved
+        return np.zeros(len(x)) if resolved is None or self.flat else resolved.share(x[:, :2])
+
+    def _height(self, x: Floats) -> Floats:
+        """The height (n,) of a bed that is a graph, at points (n, 2 or 3) of the scene."""
+        share = self._share(x)
+        own = self.region.bed.height(x[:, :2])
+        return np.asarray(own if not share.any() else (1.0 - share) * own + share * self._mean)
+
+    def _level(self, x: Floats) -> Floats:
+        """About the distance (n,) of points (n, 3) above the bed, all in the scene: zero on it."""
+        if self._balls is None:
+            slope = self.region.bed.gradient(x[:, :2]) * (1.0 - self._share(x))[:, None]
+            return np.asarray((x[:, 2] - self._height(x)) / np.sqrt(1.0 + (slope**2).sum(axis=1)))
+        fillet = self.region.fillet or FILLET * float(self._balls.radii.min(initial=np.inf))
+        own = rounded_union(self._distances(x), fillet)
+        share = self._share(x)
+        return np.asarray((1.0 - share) * own + share * (x[:, 2] - self._mean))
+
+    def _distances(self, x: Floats) -> Floats:
+        """The distances (k, n) of points (n, 3) from the bed's pieces.
+
+        As a product of matrices, from which little is lost: the middle of the balls is the origin.
+        """
+        assert self._balls is not None
+        balls, middle = self._balls, np.array([*self._reach[0], self._balls.origins[0, 2]])
+        x, centres = x - middle, balls.centres - middle
+        squared = (centres**2).sum(axis=1)[:, None] + (x**2).sum(axis=1) - 2.0 * centres @ x.T
+        away = np.sqrt(np.maximum(squared, 0.0)) - balls.radii[:, None]
+        above = balls.directions @ x.T - ((balls.origins - middle) * balls.directions).sum(axis=1)[:, None]
+        return np.concatenate([above, away])
+
+    def distance(self, x: Floats) -> Floats:
+        """About the distance (n,) of points (n, 3) of the frame above the bed, in the frame."""
+        return in_blocks(self._level, self.frame.scene(x)) / self.frame.length
+
+    def project(self, x: Floats, held: np.ndarray) -> Floats:
+        """Vertically onto graphs, along normals onto balls."""
+        if self._balls is None:
+            heights = self._height(self.frame.scene(x))
+            return np.column_stack([x[:, :2], (heights - self.frame.origin[2]) / self.frame.length])
+        scale = float(self._balls.radii.min(initial=np.inf)) / self.frame.length
+        return on_level(self.distance, x, held, scale)
+
+    def draft(self) -> Draft:
+        """Two triangles of a plane, a grid over a graph, the level surface of balls."""
+        xs, ys = (self._abscissae(axis) for axis in (0, 1))
+        surface = self._grid(xs, ys) if self._balls is None else self._marched(xs, ys)
+        points = surface.points.copy()
+        held = np.zeros(points.shape, dtype=bool)
+        for axis, ends in ((0, xs[[0, -1]]), (1, ys[[0, -1]])):
+            held[:, axis] = np.isin(points[:, axis], ends)
+        return Draft(Surface(points, surface.triangles), held)
+
+    def _abscissae(self, axis: int) -> Floats:
+        """Where the first triangles' grid is cut, in the frame: evenly where the bed has a shape, wider beyond."""
+        low, high = (float(side[axis]) for side in self.region.rectangle)
+        middle, reach = self._reach
+        step = self.region.bed.feature / (PER_FEATURE if self._balls is None else PER_RADIUS)
+        ends = (low - self.frame.origin[axis], high - self.frame.origin[axis])
+        if not np.isfinite(step):
+            return np.array(ends) / self.frame.length
+        first, last = max(low, middle[axis] - reach), min(high, middle[axis] + reach)
+        inner = np.linspace(first, last, 2 + int((last - first) / step))
+        before, after = _widening(first - low, step), _widening(high - last, step)
+        places = np.concatenate([first - before[::-1], inner, last + after]) - self.frame.origin[axis]
+        places[[0, -1]] = ends
+        return np.asarray(np.round(places / self.frame.length / 2.0**-32) * 2.0**-32)
+
+    def _grid(self, xs: Floats, ys: Floats) -> Surface:
+        x, y = np.meshgrid(xs, ys, indexing="ij")
+        flat = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+        index = np.arange(x.size).reshape(x.shape)
+        a, b, c, d = (k.ravel() for k in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]))
+        triangles = np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+        return Surface(self.project(flat, np.zeros(flat.shape, dtype=bool)), triangles)
+
+    def _marched(self, xs: Floats, ys: Floats) -> Surface:
+        assert self._balls is not None
+        balls, base = self._balls, self._balls.origins[:, 2].min()
+        step = self.region.bed.feature / PER_RADIUS
+        low = min(base, self._mean) - 1.37 * step
+        high = max(float((balls.centres[:, 2] + balls.radii).max(initial=base)), self._mean) + 1.29 * step
+        zs = np.linspace(low, high, 2 + int((high - low) / step)) - self.frame.origin[2]
+        return level_surface(self.distance, (xs, ys, zs / self.frame.length))
+
+
+def _widening(length: float, step: float) -> Floats:
+    """Ascending distances over a length at which a grid is cut, the first about a step; none if there is no length."""
+    if length <= 1e-9 * step:
+        return np.empty(0)
+    count = max(1, int(np.ceil(np.log1p((BEYOND - 1.0) * length / step) / np.log(BEYOND))))
+    sums = np.cumsum(BEYOND ** np.arange(count))
+    return np.asarray(length * sums / sums[-1])
+
+
+def rounded_union(distances: Floats, radius: float) -> Floats:
+    """The level (n,) of the union of pieces with distances (k, n), its valleys rounded with a radius.
+
+    Where two pieces meet at a right angle the surface is a circular fillet; where only one is nearer than the radius
+    it is that piece's own surface.
+    """
+    least = distances.min(axis=0)
+    if not np.isfinite(radius):
+        return np.asarray(least)
+    within = np.maximum(radius - distances, 0.0)
+    return np.asarray(np.maximum(radius, least) - np.sqrt((within**2).sum(axis=0)))
+
+
+def on_level(level: Level, x: Floats, held: np.ndarray, scale: float) -> Floats:
+    """Points (n, 3) near x where a level is zero, by Newton's method along its gradient, held coordinates fixed.
+
+    scale: a length of the level's shape; differences are taken over a small part of it.
+    """
+    h, found, pending = 1e-6 * scale, x.copy(), np.arange(len(x))
+    for _ in range(10):
+        here = found[pending]
+        values = level(here)
+        away = np.abs(values) > ON_IT * scale
+        pending, here, values = pending[away], here[away], values[away]
+        if not len(pending):
+            break
+        slope = np.column_stack([(level(here + h * e) - level(here - h * e)) / (2.0 * h) for e in np.eye(3)])
+        slope = np.where(held[pending], 0.0, slope)
+        steepness = np.maximum((slope**2).sum(axis=1), 1e-3)
+        move = -(values / steepness)[:, None] * slope
+        length = np.linalg.norm(move, axis=1, keepdims=True)
+        found[pending] = here + move * np.minimum(1.0, 0.3 * scale / np.maximum(length, 1e-300))
+    return found

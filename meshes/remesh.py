@@ -1,0 +1,438 @@
+"""Triangulations of a surface anew, as fine as asked at every place: edges are split, collapsed and swapped.
+
+After Botsch and Kobbelt (2004), with sizes that vary; all points lie on the exact surface. Operations that do not touch
+each other are done together; what is longer or better is told to a few digits, so that round-off decides nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from incipient.arrays import Floats, unit
+from incipient.errors import MeshError
+from incipient.geometry.space.nearest import Triangles
+from incipient.geometry.space.surfaces import Surface, vector_areas
+
+from .exact import Draft, Exact
+from .solid_region import GRID
+from .topology import Topology, lowest_around
+
+LONG, SHORT = 1.37, 0.74  # in units of the wanted size: edges that are split, and that are collapsed
+ROUNDS, SETTLED = 40, 4  # most rounds, and rounds after the number of triangles has settled
+BENT = np.cos(np.radians(35.0))  # of the angle at which neighbouring facets meet: such an edge is kept
+TURNED = 0.3  # cosine between a triangle's normals before and after an operation that is still done
+
+FLAT = 1e-4  # of the square of its longest side: the area of a triangle that faces nowhere
+
+SizeOf = Callable[[Floats], Floats]
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Points (n, 3), triangles (m, 3), coordinates held (n, 3), points that stay (n,), and edges that are kept (k, 2).
+
+    Kept edges are sharp ones; the surface's own edge is always kept. `sizes` (n,) are the lengths wanted at the points.
+    """
+
+    points: Floats
+    sizes: Floats
+    triangles: np.ndarray
+    held: np.ndarray
+    fixed: np.ndarray
+    sharp: np.ndarray
+
+    @property
+    def normals(self) -> Floats:
+        """Normals (m, 3) of the triangles, as long as their areas."""
+        return vector_areas(self.points[self.triangles])
+
+
+@dataclass(frozen=True, eq=False)
+class Remesher:
+    """What a surface is to become: where its points lie, and how long its edges are to be."""
+
+    exact: Exact
+    size: SizeOf
+    curves: Triangles | None  # the sharp edges, as triangles without area
+
+    def projected(self, points: Floats, held: np.ndarray, on_curve: np.ndarray) -> Floats:
+        """Points (n, 3) carried onto the surface, those on sharp edges onto these; rounded to the frame's grid."""
+        found = np.empty_like(points)
+        if self.curves is None:
+            on_curve = np.zeros(len(points), dtype=bool)
+        else:
+            found[on_curve] = self.curves.nearest(points[on_curve], 0.0)[0]
+        found[~on_curve] = self.exact.project(points[~on_curve], held[~on_curve])
+        return np.asarray(np.round(found / GRID) * GRID)
+
+
+def remeshed(exact: Exact, draft: Draft, size: SizeOf) -> Surface:
+    """The surface triangulated with edges about as long as `size` says at points (n, 3) of the frame.
+
+    Raises:
+        MeshError: the triangles do not settle.
+    """
+    mesh, curves = _begun(draft)
+    task = Remesher(exact, size, curves)
+    points = task.projected(mesh.points, mesh.held, _on_curves(mesh))
+    mesh = replace(mesh, points=points, sizes=size(points))
+    calm, before = 0, -1
+    for _ in range(ROUNDS):
+        mesh = _split(task, mesh)
+        mesh = _collapsed(task, mesh)
+        for _ in range(3):
+            mesh = _swapped(mesh)
+        mesh = _smoothed(task, mesh)
+        count = len(mesh.triangles)
+        calm = calm + 1 if abs(count - before) <= 0.01 * count else 0
+        before = count
+        if calm >= SETTLED:
+            break
+    for _ in range(3):
+        mesh = _smoothed(task, _swapped(mesh))
+    return Surface(mesh.points, mesh.triangles)
+
+
+def _begun(draft: Draft) -> tuple[Mesh, Triangles | None]:
+    """The draft with its sharp edges found, and these as segments."""
+    surface = draft.surface
+    topology = Topology(surface.triangles)
+    sharp = np.empty((0, 2), dtype=int)
+    if draft.sharp:
+        normals = unit(vector_areas(surface.corners))
+        first, second = topology.beside.T
+        bent = (normals[first] * normals[second]).sum(axis=1) < BENT
+        sharp = topology.edges[bent & ~topology.open]
+    kept = np.vstack([sharp, topology.edges[topology.open]])
+    count = len(surface.points)
+    meeting = np.bincount(kept.ravel(), minlength=count)
+    fixed = (meeting > 0) & (meeting != 2) | (draft.held.sum(axis=1) > 1)
+    if draft.sharp:
+        fixed |= (meeting == 2) & _turning(surface.points, kept, count)
+    curves = Triangles(surface.points[kept[:, [0, 1, 1]]]) if draft.sharp and len(kept) else None
+    sizes = np.ones(count)
+    return Mesh(surface.points, sizes, surface.triangles, draft.held, fixed, sharp), curves
+
+
+def _turning(points: Floats, kept: np.ndarray, count: int) -> np.ndarray:
+    """Where (count,) two kept edges meet at an angle."""
+    along = unit(points[kept[:, 1]] - points[kept[:, 0]])
+    total = np.zeros((count, 3))
+    np.add.at(total, kept[:, 0], along)
+    np.add.at(total, kept[:, 1], -along)
+    # Opposite directions add up to nothing: |sum| = 2 sin(turn/2).
+    return np.asarray(np.linalg.norm(total, axis=1) > 2.0 * np.sin(0.5 * np.arccos(BENT)))
+
+
+def _kept(mesh: Mesh, topology: Topology) -> np.ndarray:
+    """Which edges (k,) are sharp or the surface's own."""
+    kept = topology.open.copy()
+    if len(mesh.sharp):
+        kept[topology.number(mesh.sharp)] = True
+    return kept
+
+
+def _on_curves(mesh: Mesh) -> np.ndarray:
+    """Which points (n,) lie on kept edges."""
+    topology = Topology(mesh.triangles)
+    on_it = np.zeros(len(mesh.points), dtype=bool)
+    on_it[topology.edges[_kept(mesh, topology)].ravel()] = True
+    return on_it
+
+
+def _lengths(mesh: Mesh, edges: np.ndarray) -> Floats:
+    """The lengths (k,) of edges in units of the size wanted there, in six digits."""
+    first, second = mesh.points[edges].transpose(1, 0, 2)
+    return np.asarray(np.round(np.linalg.norm(first - second, axis=1) / mesh.sizes[edges].mean(axis=1), 6))
+
+
+def _split(task: Remesher, mesh: Mesh) -> Mesh:
+    """Edges that are too long get a point in their middle; triangles are cut at such points."""
+    topology = Topology(mesh.triangles)
+    edges, kept = topology.edges, _kept(mesh, topology)
+    long = _lengths(mesh, edges) > LONG
+    if not long.any():
+        return mesh
+    count, added = len(mesh.points), int(long.sum())
+    middle = np.full(len(edges), -1)
+    middle[long] = count + np.arange(added)
+    ends = edges[long]
+    held = mesh.held[ends].all(axis=1)
+    # Held coordinates are shared only by the ends of the surface's own edges.
+    held &= topology.open[long][:, None]
+    places = task.projected(mesh.points[ends].mean(axis=1), held, kept[long])
+    sharp = mesh.sharp
+    if len(sharp):
+        number = middle[topology.number(sharp)]
+        cut = number >= 0
+        halves = [np.column_stack([sharp[cut, end], number[cut]]) for end in (0, 1)]
+        sharp = np.vstack([sharp[~cut], *halves])
+    points = np.vstack([mesh.points, places])
+    return Mesh(
+        points,
+        np.concatenate([mesh.sizes, task.size(places)]),
+        _divided(points, mesh.triangles, middle[topology.of_sides]),
+        np.vstack([mesh.held, held]),
+        np.concatenate([mesh.fixed, np.zeros(added, dtype=bool)]),
+        sharp,
+    )
+
+
+def _divided(points: Floats, triangles: np.ndarray, middles: np.ndarray) -> np.ndarray:
+    """Triangles cut at the points in the middle of their sides (m, 3), -1 where there is none."""
+    cut = middles >= 0
+    number = cut.sum(axis=1)
+    parts = [triangles[number == 0]]
+    # Turned so that the first side, or all but the last one, is cut.
+    one, first = number == 1, np.argmax(cut, axis=1)
+    a, b, c, p = _turned(triangles, middles, one, first)[:4]
+    parts += [np.column_stack([a, p, c]), np.column_stack([p, b, c])]
+    two, whole = number == 2, np.argmin(cut, axis=1)
+    a, b, c, p, q = _turned(triangles, middles, two, (whole + 1) % 3)[:5]
+    parts.append(np.column_stack([p, b, q]))
+    across, other = (np.linalg.norm(points[start] - points[end], axis=1) for start, end in ((a, q), (p, c)))
+    shorter = across < (1.0 + 1e-6) * other
+    parts += [np.column_stack([a, p, q])[shorter], np.column_stack([a, q, c])[shorter]]
+    parts += [np.column_stack([a, p, c])[~shorter], np.column_stack([p, q, c])[~shorter]]
+    three = number == 3
+    (a, b, c), (p, q, r) = triangles[three].T, middles[three].T
+    parts += [np.column_stack(t) for t in ((a, p, r), (p, b, q), (r, q, c), (p, q, r))]
+    return np.vstack(parts)
+
+
+def _turned(
+    triangles: np.ndarray, middles: np.ndarray, which: np.ndarray, first: np.ndarray
+) -> list[np.ndarray]:
+    """Corners and middles of some triangles, six columns, each counted from its own first side."""
+    rows, start = np.flatnonzero(which), first[which]
+    columns = [(start + k) % 3 for k in range(3)]
+    return [table[rows, column] for table in (triangles, middles) for column in columns]
+
+
+def _collapsed(task: Remesher, mesh: Mesh) -> Mesh:
+    """Edges that are too short become points, as long as no triangle turns over and none grows too long."""
+    for _ in range(6):
+        topology = Topology(mesh.triangles)
+        edges, kept = topology.edges, _kept(mesh, topology)
+        lengths = _lengths(mesh, edges)
+        candidate = (lengths < SHORT) & _collapsible(mesh, topology, kept)
+        if not candidate.any():
+            return mesh
+        after, done = _collapse_some(task, mesh, topology, kept, lengths, candidate)
+        mesh = after
+        if not done:
+            return mesh
+    return mesh
+
+
+def _collapsible(mesh: Mesh, topology: Topology, kept: np.ndarray) -> np.ndarray:
+    """Which edges (k,) may vanish without changing what the surface, its sharp edges and its own edge are."""
+    edges, count = topology.edges, len(mesh.points)
+    on_curve = np.zeros(count, dtype=bool)
+    on_curve[edges[kept].ravel()] = True
+    a, b = edges.T
+    allowed = ~(mesh.fixed[a] & mesh.fixed[b])
+    allowed &= kept | ~(on_curve[a] & on_curve[b])
+    return allowed & (_common(edges, count) == np.where(topology.open, 1, 2))
+
+
+def _common(edges: np.ndarray, count: int) -> np.ndarray:
+    """How many points are neighbours of both ends of each edge, (k,)."""
+    from scipy.sparse import coo_matrix
+
+    both = np.vstack([edges, edges[:, ::-1]])
+    adjacency = coo_matrix((np.ones(len(both)), (both[:, 0], both[:, 1])), shape=(count, count)).tocsr()
+    return np.asarray(adjacency[edges[:, 0]].multiply(adjacency[edges[:, 1]]).sum(axis=1)).ravel()
+
+
+def _collapse_some(
+    task: Remesher, mesh: Mesh, topology: Topology, kept: np.ndarray, lengths: Floats, candidate: np.ndarray
+) -> tuple[Mesh, bool]:
+    """The shortest of the candidates around collapsed; whether any was."""
+    edges, count = topology.edges, len(mesh.points)
+    rank = np.full(len(edges), np.inf)
+    rank[candidate] = np.argsort(np.argsort(lengths[candidate], kind="stable"), kind="stable")
+    # No two whose ends are neighbours: then no triangle is touched by both.
+    own = lowest_around(rank, edges, count)
+    around = own.copy()
+    for end in (0, 1):
+        np.minimum.at(around, edges[:, end], own[edges[:, 1 - end]])
+    chosen = candidate & (rank <= around[edges].min(axis=1))
+    a, b = edges[chosen].T
+    on_curve = np.zeros(count, dtype=bool)
+    on_curve[edges[kept].ravel()] = True
+    rigid = 2 * mesh.fixed.astype(int) + on_curve
+    stays, goes = np.where(rigid[b] > rigid[a], b, a), np.where(rigid[b] > rigid[a], a, b)
+    middle = mesh.points[edges[chosen]].mean(axis=1)
+    same = rigid[a] == rigid[b]
+    target = mesh.points[stays].copy()
+    target[same] = task.projected(middle[same], mesh.held[stays[same]], on_curve[stays[same]])
+    bad = _spoilt(mesh, stays, goes, target)
+    stays, goes, target = stays[~bad], goes[~bad], target[~bad]
+    if not len(goes):
+        return mesh, False
+    number = np.arange(count)
+    number[goes] = stays
+    points, sizes = mesh.points.copy(), mesh.sizes.copy()
+    points[stays], sizes[stays] = target, task.size(target)
+    return _renumbered(replace(mesh, points=points, sizes=sizes), number), True
+
+
+def _spoilt(mesh: Mesh, stays: np.ndarray, goes: np.ndarray, target: Floats) -> np.ndarray:
+    """Which collapses turn a triangle over or make an edge too long, (k,)."""
+    owner = np.full(len(mesh.points), -1)
+    owner[stays] = owner[goes] = np.arange(len(stays))
+    moved = mesh.points.copy()
+    moved[stays] = moved[goes] = target
+    touched = owner[mesh.triangles]
+    of = touched.max(axis=1)
+    remains = (of >= 0) & ((touched >= 0).sum(axis=1) == 1)
+    triangles, of = mesh.triangles[remains], of[remains]
+    corners, was = moved[triangles], mesh.points[triangles]
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    too_long = longest > LONG * mesh.sizes[triangles].mean(axis=1) * (1.0 + 1e-6)
+    longer = longest > (1.0 + 1e-6) * np.linalg.norm(was - np.roll(was, 1, axis=1), axis=2).max(axis=1)
+    bad = np.zeros(len(stays), dtype=bool)
+    bad[of[_overturned(was, corners, TURNED) | (too_long & longer)]] = True
+    return bad
+
+
+def _overturned(before: Floats, after: Floats, least: float) -> np.ndarray:
+    """Which triangles (m, 3 corners, 3) turn so far that the cosine is less; those that have no area yet may."""
+    old, new = vector_areas(before), vector_areas(after)
+    longest = np.linalg.norm(before - np.roll(before, 1, axis=1), axis=2).max(axis=1)
+    proper = np.linalg.norm(old, axis=1) > FLAT * longest**2
+    return np.asarray(proper & ((unit(old) * unit(new)).sum(axis=1) < least))
+
+
+def _renumbered(mesh: Mesh, number: np.ndarray) -> Mesh:
+    """The mesh with its points named anew, without what has collapsed."""
+    triangles, sharp = number[mesh.triangles], number[mesh.sharp]
+    a, b, c = triangles.T
+    triangles = triangles[(a != b) & (b != c) & (c != a)]
+    sharp = sharp[sharp[:, 0] != sharp[:, 1]]
+    used = np.unique(triangles)
+    place = np.full(len(mesh.points), -1)
+    place[used] = np.arange(len(used))
+    return Mesh(
+        mesh.points[used],
+        mesh.sizes[used],
+        place[triangles],
+        mesh.held[used],
+        mesh.fixed[used],
+        place[sharp].reshape(-1, 2),
+    )
+
+
+def _swapped(mesh: Mesh) -> Mesh:
+    """Edges turned within the two triangles beside them where that makes these rounder."""
+    topology = Topology(mesh.triangles)
+    free = np.flatnonzero(~_kept(mesh, topology))
+    if not len(free):
+        return mesh
+    (a, b), (c, d) = topology.edges[free].T, topology.opposite[free].T
+    first, second = topology.beside[free].T
+    # Seen from outside the first triangle has its edge from a to b or from b to a.
+    ordered = (mesh.triangles[first] == a[:, None]) & (
+        np.roll(mesh.triangles[first], -1, axis=1) == b[:, None]
+    )
+    a, b = np.where(ordered.any(axis=1), a, b), np.where(ordered.any(axis=1), b, a)
+    now = np.minimum(_roundness(mesh.points, a, b, c), _roundness(mesh.points, b, a, d))
+    then = np.minimum(_roundness(mesh.points, a, d, c), _roundness(mesh.points, d, b, c))
+    gain = np.round(then - now, 6)
+    old = unit(mesh.normals[first] + mesh.normals[second])
+    new = [unit(vector_areas(mesh.points[np.column_stack(t)])) for t in ((a, d, c), (d, b, c))]
+    level = np.minimum(*((old * n).sum(axis=1) for n in new)) > 0.7
+    level |= (np.minimum(*((old * n).sum(axis=1) for n in new)) > 0.0) & (now < 0.1)
+    wanted = (gain > 1e-3) & level & (topology.number(np.column_stack([c, d])) < 0)
+    rank = np.full(len(free), np.inf)
+    rank[wanted] = np.argsort(np.argsort(-gain[wanted], kind="stable"), kind="stable")
+    best = np.full(len(mesh.triangles), np.inf)
+    for beside in (first, second):
+        np.minimum.at(best, beside, rank)
+    chosen = wanted & (rank <= best[first]) & (rank <= best[second])
+    # Two swaps at one point could both make the same edge.
+    pair = np.sort(np.column_stack([c, d]), axis=1)
+    _, once = np.unique(pair[chosen], axis=0, return_index=True)
+    chosen = np.flatnonzero(chosen)[once]
+    triangles = mesh.triangles.copy()
+    triangles[first[chosen]] = np.column_stack([a, d, c])[chosen]
+    triangles[second[chosen]] = np.column_stack([d, b, c])[chosen]
+    return replace(mesh, triangles=triangles)
+
+
+def _roundness(points: Floats, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> Floats:
+    """The least angle's sine, nearly: area over the product of the two longest sides; 0 for needles and caps."""
+    corners = points[np.column_stack([a, b, c])]
+    lengths = np.sort(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2), axis=1)
+    area = np.linalg.norm(vector_areas(corners), axis=1)
+    return np.asarray(2.0 * area / np.maximum(lengths[:, 1] * lengths[:, 2], 1e-300))
+
+
+def _smoothed(task: Remesher, mesh: Mesh) -> Mesh:
+    """Points moved along the surface towards the middle of what is around them, finer parts weighing more."""
+    topology = Topology(mesh.triangles)
+    kept, count = _kept(mesh, topology), len(mesh.points)
+    corners = mesh.points[mesh.triangles]
+    middle = corners.mean(axis=1)
+    areas = mesh.normals
+    weight = np.linalg.norm(areas, axis=1) / mesh.sizes[mesh.triangles].mean(axis=1) ** 3
+    total, pull, normal = np.zeros(count), np.zeros((count, 3)), np.zeros((count, 3))
+    for k in range(3):
+        np.add.at(total, mesh.triangles[:, k], weight)
+        np.add.at(pull, mesh.triangles[:, k], weight[:, None] * middle)
+        np.add.at(normal, mesh.triangles[:, k], areas)
+    move = pull / np.maximum(total, 1e-300)[:, None] - mesh.points
+    normal = unit(normal)
+    move -= (move * normal).sum(axis=1)[:, None] * normal
+    on_curve = np.zeros(count, dtype=bool)
+    lines = topology.edges[kept]
+    on_curve[lines.ravel()] = True
+    if len(lines):
+        move[on_curve] = _along_curves(mesh, lines)[on_curve]
+    move[mesh.fixed] = 0.0
+    move[mesh.held] = 0.0
+    free = ~mesh.fixed
+    target = mesh.points.copy()
+    target[free] = task.projected(mesh.points[free] + 0.7 * move[free], mesh.held[free], on_curve[free])
+    points = _without_folds(mesh, target)
+    return replace(mesh, points=points, sizes=task.size(points))
+
+
+def _along_curves(mesh: Mesh, lines: np.ndarray) -> Floats:
+    """How points (n, 3) on kept edges move to the middle of both neighbours, the nearer one weighing more."""
+    ends = mesh.points[lines]
+    length = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
+    weight = length / mesh.sizes[lines].mean(axis=1) ** 2
+    total, pull = np.zeros(len(mesh.points)), np.zeros((len(mesh.points), 3))
+    for k in (0, 1):
+        np.add.at(total, lines[:, k], weight)
+        np.add.at(pull, lines[:, k], weight[:, None] * ends.mean(axis=1))
+    return pull / np.maximum(total, 1e-300)[:, None] - mesh.points
+
+
+def _without_folds(mesh: Mesh, target: Floats) -> Floats:
+    """The points moved, but those of triangles that would turn over."""
+    was = mesh.points[mesh.triangles]
+    for _ in range(5):
+        folded = _overturned(was, target[mesh.triangles], 0.5)
+        if not folded.any():
+            return target
+        back = np.unique(mesh.triangles[folded])
+        target[back] = mesh.points[back]
+    return mesh.points
+
+
+def require_fine(surface: Surface, name: str) -> None:
+    """Refuse a surface that came out with a triangle that has no area.
+
+    Raises:
+        MeshError: there is one.
+    """
+    areas = np.linalg.norm(vector_areas(surface.corners), axis=1)
+    empty = int((areas <= 1e-24).sum())
+    if empty:
+        raise MeshError(f'the surface of "{name}" could not be triangulated: {empty} triangles have no area')

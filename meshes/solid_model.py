@@ -1,0 +1,140 @@
+"""gmsh models of regions in space: graded tetrahedra, curved along grains and bed, with the boundaries named."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import gmsh
+import numpy as np
+
+from incipient.errors import MeshError
+from incipient.geometry.space.surfaces import Surface
+
+from .curving import curved
+from .exact import Body, Exact, Ground
+from .model import complaints_as_errors, require_no_complaint, session, set_option
+from .region import Sizes
+from .remesh import remeshed, require_fine
+from .shell import Shell, Walls, closed_shell
+from .solid_region import SolidFrame, SolidRegion
+from .solid_sizes import Boxes, SizeMap, boxes
+
+STRAIGHT = "cells would fold over: "  # what is said before the number of edges left straight
+
+
+@contextmanager
+def solid_model(region: SolidRegion, sizes: Sizes, order: int) -> Iterator[Any]:
+    """Yield the gmsh model of a region meshed with tetrahedra of order 1 or 2. Not collective: one rank draws.
+
+    Raises:
+        MeshError: a surface is open or meets itself or another one, or gmsh finds no mesh.
+    """
+    if order not in (1, 2):
+        raise MeshError(f"cells in space are of order 1 or 2, not {order}: change numerics.geometry_order")
+    with session() as model:
+        with complaints_as_errors():
+            frame = SolidFrame.of(region)
+            outline = Outline.of(region, frame)
+            size = SizeMap(region, sizes, frame, outline.ground, outline.bodies)
+            bed, bodies = outline.triangulated(size)
+            _set_background(boxes(size, float(bed.points[:, 2].min())))
+            shell = closed_shell(_walls(region, frame), bed, bodies)
+            tags = _mesh(shell)
+            _put_in_place(region, frame, outline, tags, order)
+        yield model
+
+
+def straight_edges() -> int:
+    """How many edges at curved surfaces of the model just made are straight since cells would have folded over."""
+    said = [line for line in gmsh.logger.get() if STRAIGHT in line]
+    return int(said[-1].split(STRAIGHT)[1].split()[0]) if said else 0
+
+
+class Outline:
+    """The curved part of a region's boundary: the bed and the grains."""
+
+    def __init__(self, ground: Ground, bodies: dict[str, Body]):
+        self.ground, self.bodies = ground, bodies
+
+    @classmethod
+    def of(cls, region: SolidRegion, frame: SolidFrame) -> Outline:
+        """The outline of a region."""
+        holes = region.holes.items()
+        bodies = {name: Body(placed, frame, region.symmetric, region.fillet) for name, placed in holes}
+        return cls(Ground(region, frame), bodies)
+
+    def triangulated(self, size: SizeMap) -> tuple[Surface, dict[str, Surface]]:
+        """The bed and the grains as triangles of the sizes wanted."""
+        named: dict[str, Exact] = {size.region.names[5]: self.ground, **self.bodies}
+        found = {}
+        for name, exact in named.items():
+            found[name] = remeshed(exact, exact.draft(), size)
+            require_fine(found[name], name)
+        bed = found.pop(size.region.names[5])
+        for name, body in found.items():
+            inside = int((self.ground.distance(body.points) <= 0.0).sum())
+            if inside:
+                raise MeshError(
+                    f'"{name}" reaches into the bed with {inside} of {len(body.points)} points: lift it'
+                )
+        return bed, found
+
+
+def _walls(region: SolidRegion, frame: SolidFrame) -> Walls:
+    low, high = (frame.local(np.array([[*end, 0.0]]))[0, :2] for end in region.rectangle)
+    return Walls(low, high, region.names)
+
+
+def _set_background(cubes: Boxes) -> None:
+    """Sizes of cells as a view on cubes; sizes from elsewhere are switched off."""
+    rows = np.concatenate([cubes.corners.transpose(0, 2, 1).reshape(-1, 24), cubes.sizes], axis=1)
+    view, fields = gmsh.view.add("sizes"), gmsh.model.mesh.field
+    gmsh.view.addListData(view, "SH", len(rows), rows.ravel())
+    field = fields.add("PostView")
+    fields.setNumber(field, "ViewTag", view)
+    fields.setAsBackgroundMesh(field)
+    for option in ("FromPoints", "ExtendFromBoundary", "FromCurvature"):
+        set_option(f"Mesh.MeshSize{option}", f"Mesh.CharacteristicLength{option}", 0)
+
+
+def _mesh(shell: Shell) -> dict[str, int]:
+    """Fill a shell with tetrahedra and name its parts; the entities of these."""
+    tags = {}
+    numbers = np.arange(1, len(shell.points) + 1)
+    for number, name in enumerate(shell.triangles, start=1):
+        tags[name] = gmsh.model.addDiscreteEntity(2, number)
+        if number == 1:
+            gmsh.model.mesh.addNodes(2, number, numbers.tolist(), shell.points.ravel().tolist())
+    for name, triangles in shell.triangles.items():
+        gmsh.model.mesh.addElementsByType(tags[name], 2, [], (triangles + 1).ravel().tolist())
+    gmsh.model.mesh.reclassifyNodes()
+    loop = gmsh.model.geo.addSurfaceLoop(list(tags.values()))
+    volume = gmsh.model.geo.addVolume([loop])
+    gmsh.model.geo.synchronize()
+    gmsh.model.addPhysicalGroup(3, [volume], 1)
+    gmsh.model.setPhysicalName(3, 1, "fluid")
+    for name, tag in tags.items():
+        gmsh.model.addPhysicalGroup(2, [tag], tag)
+        gmsh.model.setPhysicalName(2, tag, name)
+    gmsh.option.setNumber("General.AbortOnError", 1)
+    said = len(gmsh.logger.get())
+    gmsh.model.mesh.generate(3)
+    require_no_complaint(said, 3)
+    return tags
+
+
+def _put_in_place(
+    region: SolidRegion, frame: SolidFrame, outline: Outline, tags: dict[str, int], order: int
+) -> None:
+    """Take the nodes to the exact surfaces and into the scene."""
+    gmsh.model.mesh.setOrder(order)
+    walls = _walls(region, frame)
+    planes = tuple((axis, float(end[axis])) for axis in (0, 1) for end in (walls.low, walls.high))
+    named: dict[str, Exact] = {region.names[5]: outline.ground, **outline.bodies}
+    nodes, straight = curved({tags[name]: exact for name, exact in named.items()}, planes, order)
+    if straight:
+        gmsh.logger.write(f"{STRAIGHT}{straight} edges are straight", "warning")
+    for tag, node in zip(nodes.tags.tolist(), frame.scene(nodes.places).tolist(), strict=True):
+        gmsh.model.mesh.setNode(tag, node, [])

@@ -1,0 +1,205 @@
+"""How fine a region in space is meshed at every place, and the boxes that tell it to gmsh."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from incipient.arrays import Floats
+from incipient.geometry.space.nearest import nearest_on_triangles
+from incipient.geometry.space.polyhedra import Box
+from incipient.geometry.space.solid import Sphere
+from incipient.geometry.space.spheres import Spheres
+from incipient.geometry.space.surfaces import Surface
+
+from .exact import Body, Ground
+from .marching import in_blocks
+from .region import Near, Sizes
+from .solid_region import SolidFrame, SolidRegion
+
+PER_SIZE = 40.0  # triangles along a grain from which distances are taken
+CLOSE = 2.0  # spacings of these: farther away the nearest of their points tells the distance
+BOX = 1.5  # the largest side of a box in units of the size within it
+LEAST = 0.25  # of the smallest size at a feature: narrow places that nobody knew of are not resolved further
+GAPS = "narrow places"
+
+
+class Cloud:
+    """Triangles whose distance from points is told: that of the triangles around the nearest of their points."""
+
+    def __init__(self, surface: Surface):
+        from scipy.spatial import cKDTree
+
+        self.corners, self.spacing = surface.corners, surface.spacing
+        self.tree = cKDTree(surface.points)
+        flat = surface.triangles.ravel()
+        order = np.argsort(flat, kind="stable")
+        count = np.bincount(flat, minlength=len(surface.points))
+        place = np.arange(len(flat)) - np.repeat(np.cumsum(count) - count, count)
+        self.around = np.zeros((len(count), max(int(count.max(initial=0)), 1)), dtype=int)
+        self.around += order[np.minimum(np.cumsum(count) - count, len(order) - 1)][:, None] // 3
+        self.around[flat[order], place] = order // 3
+
+    def distance(self, x: Floats) -> Floats:
+        """The distances (n,) of points (n, 3)."""
+        distance, nearest = self.tree.query(x)
+        near = np.flatnonzero(distance < CLOSE * self.spacing)
+        feet = nearest_on_triangles(x[near, None], self.corners[self.around[nearest[near]]])
+        distance[near] = np.minimum(distance[near], np.linalg.norm(feet - x[near, None], axis=2).min(axis=1))
+        return distance
+
+
+@dataclass(frozen=True, eq=False)
+class SizeMap:
+    """The sizes wanted in a region, in its frame."""
+
+    region: SolidRegion
+    sizes: Sizes
+    frame: SolidFrame
+    ground: Ground
+    bodies: dict[str, Body]
+
+    @cached_property
+    def _clouds(self) -> dict[str, Cloud]:
+        """The triangles of the grains that cannot tell their distance themselves."""
+        clouds = {}
+        for name, placed in self.region.holes.items():
+            solid = placed.solid
+            if not isinstance(solid, (Sphere, Box, Spheres)):
+                surface = solid.surface(solid.size / PER_SIZE)
+                points = self.frame.local(placed.placement.to_scene(surface.points))
+                clouds[name] = Cloud(Surface(points, surface.triangles))
+        return clouds
+
+    def _distance(self, name: str, x: Floats) -> Floats:
+        """The distance (n,) of points (n, 3) from a named boundary."""
+        if name in self.region.holes:
+            if name in self._clouds:
+                return self._clouds[name].distance(x)
+            placed = self.region.holes[name]
+            body = placed.placement.to_body(self.frame.scene(x))
+            return np.abs(placed.solid.level(body)) / self.frame.length
+        names = self.region.names
+        if name == names[5]:
+            return np.abs(self.ground.distance(x))
+        low, high = self.region.rectangle
+        planes = [(0, low[0]), (0, high[0]), (1, low[1]), (1, high[1]), (2, self.region.ceiling)]
+        places = [
+            np.abs(x[:, axis] - (value - self.frame.origin[axis]) / self.frame.length)
+            for (axis, value), side in zip(planes, names, strict=False)
+            if side == name
+        ]
+        return np.asarray(np.min(places, axis=0))
+
+    def __call__(self, x: Floats) -> Floats:
+        """The size (n,) at points (n, 3)."""
+        return np.asarray(self.parts(x)[0].min(axis=0))
+
+    @property
+    def names(self) -> list[str]:
+        """What asks for the sizes that `parts` tells, in its order."""
+        near = [near.boundary or "narrow places and corners" for near in self.sizes.near]
+        return ["domain", *near, GAPS, "adaptation"]
+
+    def parts(self, x: Floats) -> tuple[Floats, dict[str, Floats]]:
+        """The sizes (names, n) that each feature asks for at points (n, 3), and the distances (n,) from boundaries."""
+        wanted = {near.boundary for near in self.sizes.near if near.boundary}
+        if np.isfinite(self.sizes.gap_part):
+            wanted |= {self.region.names[5], *self.region.holes}
+        distances = {name: self._distance(name, x) for name in sorted(wanted)}
+        rows = [np.full(len(x), self.frame.size(self.sizes.far))]
+        rows += [self._near(near, x, distances) for near in self.sizes.near]
+        rows += [self._between(distances, len(x)), self._field(x)]
+        return np.array(rows), distances
+
+    def _near(self, near: Near, x: Floats, distances: dict[str, Floats]) -> Floats:
+        size = np.full(len(x), self.frame.size(near.size))
+        if near.away is not None:
+            away = self._from_points((near.away.point,), x)
+            size = np.maximum(size, np.minimum(self.frame.size(near.away.largest), near.away.growth * away))
+        distance = self._from_points(near.points, x) if near.points else distances[near.boundary]
+        return np.asarray(size + near.growth * distance)
+
+    def _from_points(self, points: tuple[tuple[float, ...], ...], x: Floats) -> Floats:
+        places = self.frame.local(np.array(points))
+        return np.asarray(np.linalg.norm(x - places[:, None], axis=2).min(axis=0))
+
+    def _between(self, distances: dict[str, Floats], count: int) -> Floats:
+        """A part of the width between the two nearest of bed and grains."""
+        names = [self.region.names[5], *self.region.holes]
+        if not np.isfinite(self.sizes.gap_part) or len(names) < 2:
+            return np.full(count, np.inf)
+        both = np.sort(np.array([distances[name] for name in names]), axis=0)
+        least = LEAST * self.frame.size(min([self.sizes.far, *(near.size for near in self.sizes.near)]))
+        return np.asarray(np.maximum(self.sizes.gap_part * (both[0] + both[1]), least))
+
+    def _field(self, x: Floats) -> Floats:
+        """The sizes wanted at the nearest vertices of an earlier mesh."""
+        if self.sizes.field is None:
+            return np.full(len(x), np.inf)
+        return np.asarray(self._wanted[1][self._wanted[0].query(x)[1]])
+
+    @cached_property
+    def _wanted(self) -> tuple[Any, Floats]:
+        from scipy.spatial import cKDTree
+
+        assert self.sizes.field is not None
+        places = (self.sizes.field.points - self.frame.origin) / self.frame.length
+        return cKDTree(places), self.sizes.field.sizes / self.frame.length
+
+    def outside(self, x: Floats) -> np.ndarray:
+        """Which of the points (n, 3) are in no fluid."""
+        low, high = (self.frame.local(np.array([[*end, 0.0]]))[0, :2] for end in self.region.rectangle)
+        beyond = (x[:, :2] < low).any(axis=1) | (x[:, :2] > high).any(axis=1) | (x[:, 2] > 1.0)
+        beyond |= self.ground.distance(x) < 0.0
+        for placed in self.region.holes.values():
+            beyond |= placed.solid.level(placed.placement.to_body(self.frame.scene(x))) < 0.0
+        return np.asarray(beyond)
+
+
+@dataclass(frozen=True, eq=False)
+class Boxes:
+    """Cubes that fill a region, no larger than a few cells: centres (n, 3), sides (n,), sizes at the corners (n, 8)."""
+
+    centres: Floats
+    sides: Floats
+    sizes: Floats
+
+    @property
+    def corners(self) -> Floats:
+        """(n, 8, 3) in gmsh's order."""
+        return self.centres[:, None] + 0.5 * self.sides[:, None, None] * CORNERS
+
+
+CORNERS = np.array([[x, y, z] for z in (-1, 1) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))], dtype=float)
+MOST_BOXES = 400_000  # from then on the boxes are larger than asked: so many stand for ten million cells
+
+
+def boxes(size: SizeMap, bottom: float) -> Boxes:
+    """Cubes from `bottom` (in the frame) on, cut into eight until they are about as small as the cells within them."""
+    low, high = (
+        np.array([*end, z]) for end, z in zip(size.region.rectangle, (0.0, size.region.ceiling), strict=True)
+    )
+    low, high = (low - size.frame.origin) / size.frame.length, (high - size.frame.origin) / size.frame.length
+    low[2] = bottom - 0.01
+    side = 0.51 * float((high - low).min())
+    counts = np.ceil((high - low) / side).astype(int)
+    steps = np.stack(np.meshgrid(*(np.arange(n) for n in counts), indexing="ij"), axis=-1).reshape(-1, 3)
+    centres = 0.5 * (low + high) + side * (steps + 0.5 - 0.5 * counts)
+    found, total = [], 0
+    while len(centres):
+        corners = centres[:, None] + 0.5 * side * CORNERS
+        values = in_blocks(size, corners.reshape(-1, 3)).reshape(-1, 8)
+        least = np.minimum(values.min(axis=1), in_blocks(size, centres))
+        split = side > BOX * least
+        found.append((centres[~split], np.full(int((~split).sum()), side), values[~split]))
+        total += len(found[-1][0])
+        if total > MOST_BOXES:
+            found.append((centres[split], np.full(int(split.sum()), side), values[split]))
+            break
+        centres = (centres[split][:, None] + 0.25 * side * CORNERS).reshape(-1, 3)
+        side *= 0.5
+    return Boxes(*(np.concatenate(column) for column in zip(*found, strict=True)))

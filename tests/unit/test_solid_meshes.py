@@ -1,0 +1,175 @@
+"""Regions in space as gmsh meshes them: volumes, areas, names, gaps, halves, units."""
+
+from __future__ import annotations
+
+import ast
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import dolfinx
+import numpy as np
+import pytest
+from mpi4py import MPI
+from tetrahedra import (
+    KEAST,
+    area,
+    cells,
+    faces,
+    finer_in_the_gap,
+    grain_above,
+    names,
+    places,
+    roundness,
+    stretches,
+    volume,
+)
+
+from incipient import compat
+from incipient.errors import MeshError
+from incipient.geometry import Box, Ellipsoid, Hemispheres, Placement, Plane, Ridges, Sphere, Spheres
+from incipient.mesh.domain import build
+from incipient.meshes import Near, PlacedSolid, Sizes, SolidRegion
+from incipient.meshes.expected import expected_cells
+from incipient.meshes.solid_model import solid_model
+
+NAMES = {"inflow", "outflow", "right", "left", "top", "bed", "body"}
+
+
+@pytest.mark.parametrize(("order", "rate"), [(1, 2.0), (2, 4.0)])
+def test_volumes_and_areas_converge(order: int, rate: float) -> None:
+    """Straight cells miss a part of the sphere of second order in their size, curved ones of fourth."""
+    errors = []
+    for size in (0.3, 0.15):
+        region, _ = grain_above(Sphere(1.0), gap=0.5, half=1.5)
+        with solid_model(region, Sizes(1.0, (Near(size, 0.4, boundary="body"),)), order) as model:
+            errors.append([volume(model) - (27.0 - np.pi / 6.0), np.pi - area(faces(model, "body"))])
+    orders = np.log2(np.abs(errors[0]) / np.abs(errors[1]))
+    assert (orders > rate - 0.5).all(), orders
+    assert np.abs(errors[1]).max() < {1: 0.06, 2: 6e-4}[order]
+
+
+@pytest.mark.parametrize(
+    "bed",
+    [
+        Plane((0.1, -0.05)),
+        Ridges(0.08, 1.0, 0.4),
+        Hemispheres(0.5, 1.0),
+        Hemispheres(0.4, 0.8, "triangular"),
+        Hemispheres(0.2, 0.7),
+    ],
+    ids=["slope", "ridges", "touching balls", "touching in triangles", "lone balls"],
+)
+def test_beds(bed: Any) -> None:
+    """Every bed meshes with round cells, none of them folded, and with the gap as it is."""
+    region, point = grain_above(Sphere(1.0), bed)
+    with solid_model(region, finer_in_the_gap(0.15, 0.02, point), 2) as model:
+        assert set(names(model)) == NAMES
+        nodes, bottom = cells(model), faces(model, "bed").reshape(-1, 3)
+        assert stretches(nodes, KEAST).min() > 0.0
+        assert roundness(nodes).min() > 0.1
+    body = region.holes["body"]
+    away = body.solid.level(body.placement.to_body(bottom))
+    # The narrowest place lies between two nodes that are a quarter of the gap from each other.
+    assert 0.02 - 1e-9 < away.min() < 0.0205
+
+
+@pytest.mark.parametrize(
+    ("solid", "gap"),
+    [
+        (Ellipsoid((0.6, 0.5, 0.35)), 0.01),
+        (Box((0.8, 0.8, 0.6), 0.2), 0.1),
+        (Box((0.8, 0.8, 0.6)), 0.1),
+        (Spheres([(0, -0.25, 0), (0, 0.25, 0), (0.4, 0, 0)], [0.3, 0.3, 0.3]), 0.02),
+    ],
+    ids=["ellipsoid", "rounded box", "sharp box", "clump"],
+)
+def test_half_is_half(solid: Any, gap: float) -> None:
+    """Half a region has half the volume and half the grain's surface, and its cut is plane."""
+    halves = []
+    for symmetric in (False, True):
+        region, point = grain_above(solid, gap=gap, symmetric=symmetric)
+        with solid_model(region, finer_in_the_gap(0.12, gap, point), 2) as model:
+            halves.append([volume(model), area(faces(model, "body"))])
+            nodes = cells(model)
+            assert stretches(nodes, KEAST).min() > 0.0 and roundness(nodes).min() > 0.1
+            if symmetric:
+                assert set(names(model)) == (NAMES - {"right"}) | {"symmetry"}
+                assert np.abs(faces(model, "symmetry")[..., 1]).max() < 1e-12
+    assert 64.0 - halves[0][0] == pytest.approx(solid.volume, rel=5e-3)
+    assert 2.0 * halves[1][0] == pytest.approx(halves[0][0], abs=2e-3 * solid.volume)
+    assert 2.0 * halves[1][1] == pytest.approx(halves[0][1], rel=2e-3)
+
+
+def test_nodes_lie_on_the_surfaces() -> None:
+    """Corners and middles of edges alike, to round-off."""
+    region, point = grain_above(Ellipsoid((0.6, 0.5, 0.35)), gap=0.01, symmetric=True)
+    with solid_model(region, finer_in_the_gap(0.15, 0.01, point), 2) as model:
+        on_grain, on_bed = faces(model, "body").reshape(-1, 3), faces(model, "bed").reshape(-1, 3)
+    body = region.holes["body"]
+    assert np.abs(body.solid.level(body.placement.to_body(on_grain))).max() < 1e-14
+    assert np.abs(on_bed[:, 2]).max() < 1e-14
+
+
+def test_any_unit_and_any_place() -> None:
+    """A scene in millimetres and far from the origin has the very same mesh."""
+    found = []
+    for unit, shift in ((1.0, 0.0), (1000.0, 0.0), (1.0, 64.0)):
+        body = PlacedSolid(Sphere(unit), Placement((shift, shift, 0.52 * unit)))
+        sides = (shift - 2.0 * unit, shift + 2.0 * unit)
+        region = SolidRegion(sides, sides, 4.0 * unit, Plane(), {"body": body}, symmetric=True)
+        near = Near(0.01 * unit, 0.2, points=((shift, shift, 0.01 * unit),))
+        sizes = Sizes(unit, (Near(0.2 * unit, 0.3, boundary="body"), near), gap_part=0.8)
+        with solid_model(region, sizes, 2) as model:
+            table = places(model)
+        found.append((table - [shift, shift, 0.0]) / unit)
+    for other in found[1:]:
+        assert other.shape == found[0].shape
+        assert np.nanmax(np.abs(other - found[0])) < 1e-9
+
+
+def test_the_number_of_cells_is_foretold() -> None:
+    for solid, gap, size in ((Sphere(1.0), 0.01, 0.15), (Box((0.8, 0.6, 0.6), 0.1), 0.2, 0.08)):
+        region, point = grain_above(solid, gap=gap, symmetric=True)
+        sizes = finer_in_the_gap(size, gap, point)
+        with solid_model(region, sizes, 1) as model:
+            assert sum(expected_cells(region, sizes).values()) == pytest.approx(len(cells(model)), rel=0.25)
+
+
+def test_a_grain_in_the_bed_is_refused() -> None:
+    body = PlacedSolid(Sphere(1.0), Placement((0.0, 0.0, 0.4)))
+    region = SolidRegion((-1.0, 1.0), (-1.0, 1.0), 2.0, Plane(), {"body": body})
+    with (
+        pytest.raises(MeshError, match='"body" reaches into the bed with'),
+        solid_model(region, Sizes(0.5, (Near(0.2, 0.3, boundary="body"),)), 1),
+    ):
+        pass
+
+
+def measured(order: int) -> dict[str, float]:
+    """The volume and the areas of a domain of dolfinx."""
+    region, _ = grain_above(Sphere(1.0), gap=0.2, half=1.5, symmetric=True)
+    sizes = Sizes(1.0, (Near(0.25, 0.4, boundary="body"),))
+    domain = build(MPI.COMM_WORLD, partial(solid_model, region, sizes, order), 3)
+    one = dolfinx.fem.Constant(domain.mesh, 1.0)
+    found = {
+        name: dolfinx.fem.assemble_scalar(compat.form(one * domain.measure(name))) for name in domain.names
+    }
+    return {name: float(domain.comm.allreduce(value)) for name, value in found.items()}
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_domains_of_dolfinx(order: int) -> None:
+    found = measured(order)
+    assert set(found) == (NAMES - {"right"}) | {"symmetry"}
+    assert found["top"] == pytest.approx(4.5) and found["inflow"] == pytest.approx(4.5)
+    assert found["body"] == pytest.approx(0.5 * np.pi, rel={1: 0.06, 2: 4e-3}[order])
+    assert found["symmetry"] == pytest.approx(9.0 - 0.25 * np.pi, rel={1: 0.01, 2: 1e-4}[order])
+
+
+def test_domains_on_two_ranks(mpirun: Any) -> None:
+    script = "import sys; sys.path.insert(0, sys.argv[1])\nfrom test_solid_meshes import measured\nprint(measured(2))"
+    done = mpirun(2, script, str(Path(__file__).parent), timeout=60)
+    assert done.returncode == 0, done.stderr
+    lines = [line for line in done.stdout.splitlines() if line.startswith("{")]
+    assert [ast.literal_eval(line) for line in lines] == 2 * [pytest.approx(measured(2), rel=1e-12)]
