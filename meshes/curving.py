@@ -8,8 +8,7 @@ import gmsh
 import numpy as np
 
 from incipient.arrays import Floats, Integers
-
-from .exact import Exact
+from incipient.geometry.space.remeshing import Exact
 
 # Of tetrahedra of order two gmsh has the corners first, then the middles of these edges; of triangles likewise.
 EDGES = ((0, 1), (1, 2), (2, 0), (3, 0), (2, 3), (1, 3))

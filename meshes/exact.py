@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,15 +9,16 @@ from functools import cached_property
 import numpy as np
 
 from incipient.arrays import Floats
+from incipient.geometry.space.halving import halved
+from incipient.geometry.space.marching import in_blocks, level_surface
 from incipient.geometry.space.pieces import HalfSpacesAndBalls
 from incipient.geometry.space.polyhedra import Box, Triangulated
+from incipient.geometry.space.remeshing import GRID, Draft, Exact
 from incipient.geometry.space.solid import Solid
 from incipient.geometry.space.spheres import Spheres
 from incipient.geometry.space.surfaces import Surface
 from incipient.geometry.space.terrain import Plane
 
-from .halving import halved
-from .marching import in_blocks, level_surface
 from .solid_region import PlacedSolid, SolidFrame, SolidRegion
 
 FILLET = 0.1  # of the smallest radius
@@ -32,29 +32,6 @@ BEYOND = 1.3  # ratio of neighbouring cells of the first grid of a bed where it 
 SAMPLES = 200  # along a side of the square over which a bed's mean height is taken
 
 Level = Callable[[Floats], Floats]
-
-
-@dataclass(frozen=True, eq=False)
-class Draft:
-    """A first triangulation: points, triangles, which coordinates (n, 3) of points are held, whether edges are kept."""
-
-    surface: Surface
-    held: np.ndarray
-    sharp: bool = False
-
-
-class Exact(ABC):
-    """A surface as it is exactly; all points are those of the frame."""
-
-    curved = True
-
-    @abstractmethod
-    def draft(self) -> Draft:
-        """First triangles, of the right shape but not yet of the right size."""
-
-    @abstractmethod
-    def project(self, x: Floats, held: np.ndarray) -> Floats:
-        """Points (n, 3) of the surface near points (n, 3) close to it; coordinates that are held (n, 3) stay."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,7 +213,7 @@ class Ground(Exact):
         before, after = _widening(first - low, step), _widening(high - last, step)
         places = np.concatenate([first - before[::-1], inner, last + after]) - self.frame.origin[axis]
         places[[0, -1]] = ends
-        return np.asarray(np.round(places / self.frame.length / 2.0**-32) * 2.0**-32)
+        return np.asarray(np.round(places / self.frame.length / GRID) * GRID)
 
     def _grid(self, xs: Floats, ys: Floats) -> Surface:
         x, y = np.meshgrid(xs, ys, indexing="ij")

@@ -9,9 +9,8 @@ import numpy as np
 
 from incipient.arrays import Floats
 from incipient.errors import MeshError
-from incipient.geometry.space.surfaces import Surface
-
-from .topology import Topology
+from incipient.geometry.space.surfaces import Surface, connected
+from incipient.geometry.space.topology import Topology
 
 SAME = 1e-10  # of a region's height: points so near each other are one
 
@@ -116,8 +115,6 @@ class _Drawing:
 
     def loops(self, surface: Surface) -> list[list[int]]:
         """The closed lines along the edge of a surface."""
-        from incipient.geometry.space.surfaces import connected
-
         rim = _rim(surface)
         if not len(rim):
             return []

@@ -10,13 +10,13 @@ import gmsh
 import numpy as np
 
 from incipient.errors import MeshError
+from incipient.geometry.space.remeshing import Exact, remeshed, require_fine
 from incipient.geometry.space.surfaces import Surface
 
 from .curving import curved
-from .exact import Body, Exact, Ground
+from .exact import Body, Ground
 from .model import complaints_as_errors, require_no_complaint, session, set_option
 from .region import Sizes
-from .remesh import remeshed, require_fine
 from .shell import Shell, Walls, closed_shell
 from .solid_region import SolidFrame, SolidRegion
 from .solid_sizes import Boxes, SizeMap, boxes

@@ -8,11 +8,11 @@ import numpy as np
 
 from incipient.arrays import Floats, Point
 from incipient.geometry.placement import Placement
+from incipient.geometry.space.remeshing import GRID
 from incipient.geometry.space.solid import Solid
 from incipient.geometry.space.terrain import Terrain
 
 SYMMETRY = "symmetry"  # the name of the plane in which a symmetric region is cut
-GRID = 2.0**-32  # of a region's height: surfaces are drawn on multiples of it
 
 
 @dataclass(frozen=True, eq=False)

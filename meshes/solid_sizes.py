@@ -4,52 +4,25 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from incipient.arrays import Floats
-from incipient.geometry.space.nearest import nearest_on_triangles
+from incipient.geometry.space.cloud import Cloud, NearestOf
+from incipient.geometry.space.marching import in_blocks
 from incipient.geometry.space.polyhedra import Box
 from incipient.geometry.space.solid import Sphere
 from incipient.geometry.space.spheres import Spheres
 from incipient.geometry.space.surfaces import Surface
 
 from .exact import Body, Ground
-from .marching import in_blocks
 from .region import Near, Sizes
 from .solid_region import SolidFrame, SolidRegion
 
 PER_SIZE = 40.0  # triangles along a grain from which distances are taken
-CLOSE = 2.0  # spacings of these: farther away the nearest of their points tells the distance
 BOX = 1.5  # the largest side of a box in units of the size within it
 LEAST = 0.25  # of the smallest size at a feature: narrow places that nobody knew of are not resolved further
 GAPS = "narrow places"
-
-
-class Cloud:
-    """Triangles whose distance from points is told: that of the triangles around the nearest of their points."""
-
-    def __init__(self, surface: Surface):
-        from scipy.spatial import cKDTree
-
-        self.corners, self.spacing = surface.corners, surface.spacing
-        self.tree = cKDTree(surface.points)
-        flat = surface.triangles.ravel()
-        order = np.argsort(flat, kind="stable")
-        count = np.bincount(flat, minlength=len(surface.points))
-        place = np.arange(len(flat)) - np.repeat(np.cumsum(count) - count, count)
-        self.around = np.zeros((len(count), max(int(count.max(initial=0)), 1)), dtype=int)
-        self.around += order[np.minimum(np.cumsum(count) - count, len(order) - 1)][:, None] // 3
-        self.around[flat[order], place] = order // 3
-
-    def distance(self, x: Floats) -> Floats:
-        """The distances (n,) of points (n, 3)."""
-        distance, nearest = self.tree.query(x)
-        near = np.flatnonzero(distance < CLOSE * self.spacing)
-        feet = nearest_on_triangles(x[near, None], self.corners[self.around[nearest[near]]])
-        distance[near] = np.minimum(distance[near], np.linalg.norm(feet - x[near, None], axis=2).min(axis=1))
-        return distance
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,15 +113,13 @@ class SizeMap:
         """The sizes wanted at the nearest vertices of an earlier mesh."""
         if self.sizes.field is None:
             return np.full(len(x), np.inf)
-        return np.asarray(self._wanted[1][self._wanted[0].query(x)[1]])
+        return np.asarray(self.sizes.field.sizes[self._vertices(x)[1]] / self.frame.length)
 
     @cached_property
-    def _wanted(self) -> tuple[Any, Floats]:
-        from scipy.spatial import cKDTree
-
+    def _vertices(self) -> NearestOf:
+        """The vertices of the mesh at which sizes are wanted."""
         assert self.sizes.field is not None
-        places = (self.sizes.field.points - self.frame.origin) / self.frame.length
-        return cKDTree(places), self.sizes.field.sizes / self.frame.length
+        return NearestOf(self.frame.local(self.sizes.field.points))
 
     def outside(self, x: Floats) -> np.ndarray:
         """Which of the points (n, 3) are in no fluid."""

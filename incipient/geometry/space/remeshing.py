@@ -6,6 +6,7 @@ each other are done together; what is longer or better is told to a few digits, 
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -15,11 +16,9 @@ from incipient.arrays import Floats, unit
 from incipient.errors import MeshError
 from incipient.geometry.space.nearest import Triangles
 from incipient.geometry.space.surfaces import Surface, vector_areas
+from incipient.geometry.space.topology import Topology, lowest_around
 
-from .exact import Draft, Exact
-from .solid_region import GRID
-from .topology import Topology, lowest_around
-
+GRID = 2.0**-32  # in the unit of the points: what is computed is rounded to its multiples
 LONG, SHORT = 1.37, 0.74  # in units of the wanted size: edges that are split, and that are collapsed
 ROUNDS, SETTLED = 40, 4  # most rounds, and rounds after the number of triangles has settled
 BENT = np.cos(np.radians(35.0))  # of the angle at which neighbouring facets meet: such an edge is kept
@@ -28,6 +27,29 @@ TURNED = 0.3  # cosine between a triangle's normals before and after an operatio
 FLAT = 1e-4  # of the square of its longest side: the area of a triangle that faces nowhere
 
 SizeOf = Callable[[Floats], Floats]
+
+
+@dataclass(frozen=True, eq=False)
+class Draft:
+    """A first triangulation: points, triangles, which coordinates (n, 3) of points are held, whether edges are kept."""
+
+    surface: Surface
+    held: np.ndarray
+    sharp: bool = False
+
+
+class Exact(ABC):
+    """A surface as it is exactly; points are in a unit in which its extent is about one."""
+
+    curved = True
+
+    @abstractmethod
+    def draft(self) -> Draft:
+        """First triangles, of the right shape but not yet of the right size."""
+
+    @abstractmethod
+    def project(self, x: Floats, held: np.ndarray) -> Floats:
+        """Points (n, 3) of the surface near points (n, 3) close to it; coordinates that are held (n, 3) stay."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +92,7 @@ class Remesher:
 
 
 def remeshed(exact: Exact, draft: Draft, size: SizeOf) -> Surface:
-    """The surface triangulated with edges about as long as `size` says at points (n, 3) of the frame.
+    """The surface triangulated with edges about as long as `size` says at points (n, 3).
 
     Raises:
         MeshError: the triangles do not settle.
