@@ -25,7 +25,7 @@ from .. import compat
 from ..arrays import Floats
 from ..body.state import turned
 from ..compat import petsc
-from ..coupled.tractions import Resultant, TractionProbe
+from ..coupled.tractions import Resultant, TractionProbe, shares_of_the_whole
 from ..fluid import Fluid
 from ..fluid.space import boundary_blocks
 
@@ -120,6 +120,7 @@ class GoalErrors:
         gdim = space.gdim
         blocks = boundary_blocks(space.velocity, self.fluid.domain.facets_of(self._boundary))
         arms = self.finer.constraints.points[blocks, :gdim] - self._about
+        goal = goal * shares_of_the_whole(self.fluid.domain)
         values = np.zeros_like(self.finer.state.x.array)
         values[space.velocity_map.reshape(-1, gdim)[blocks]] = goal[:gdim] + turned(goal[gdim:], arms)
         return values

@@ -285,7 +285,7 @@ def has_no_far_sides(scene: Scene) -> str:
     """Why there is no term of the domain, or nothing."""
     if scene.domain.kind == "box":
         return "does not apply: the domain is closed by walls"
-    if scene.bed is not None and scene.bed.kind == "polyline":
+    if scene.bed is not None and scene.bed.kind in ("polyline", "height-map"):
         return "not estimated: the bed is known only as far as its points reach"
     return ""
 
@@ -331,21 +331,22 @@ def order_in_time(scene: Scene) -> int:
 
 def farther(scene: Scene, factor: float = FARTHER) -> Scene:
     """The scene with inflow, outflow and sides that move as the stream does farther away, at the same viscosity."""
-    domain = scene.domain
+    domain, up = scene.domain, scene.up
     before = 0.5 * (factor - 1.0) * domain.length
     period = getattr(scene.bed, "wavelength", None) or getattr(scene.bed, "spacing", None)
     if period is not None:  # the flow enters at the same height of the bed
         before = period * np.ceil(before / period)
-    changes: dict[str, Any] = {
-        "origin": (domain.origin[0] - before, domain.origin[1]),
-        "length": domain.length + 2.0 * before,
-    }
+    origin = [*domain.origin]
+    origin[0] -= before
+    changes: dict[str, Any] = {"length": domain.length + 2.0 * before}
+    if domain.width is not None and scene.sides != "wall":
+        changes["width"] = factor * domain.width
+        origin[1] -= 0.5 * (factor - 1.0) * domain.width
     if scene.top == "stream":
         changes["height"] = factor * domain.height
     if has_free_lower_side(scene):
-        lower = domain.origin[1] - 0.5 * (factor - 1.0) * domain.height
-        changes["origin"] = (changes["origin"][0], lower)
-    larger = changed(scene, domain=changes)
+        origin[up] -= 0.5 * (factor - 1.0) * domain.height
+    larger = changed(scene, domain={**changes, "origin": tuple(origin)})
     if scene.fluid.scale == "grain":
         return larger
     # The viscosity stays: the Reynolds number is that of a higher domain.

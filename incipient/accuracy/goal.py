@@ -37,13 +37,13 @@ class Quantity(Protocol):
         ...
 
     def goals(self, force: Forces, couple: Couples) -> list[Floats]:
-        """Weights (3,) of force and couple in the plane, whose errors are those of the quantity, relative."""
+        """Weights (k,) of force and couple, k = 3 or 6, whose errors are those of the quantity, relative."""
         ...
 
 
 @dataclass(frozen=True)
 class Goal:
-    """The force, the couple or the safety factor of a scene with a grain in the plane."""
+    """The force, the couple or the safety factor of a scene with a grain."""
 
     name: str
     scene: Scene
@@ -69,14 +69,21 @@ class Goal:
         return self._width(force, couple, of_force, of_couple)
 
     def goals(self, force: Forces, couple: Couples) -> list[Floats]:
-        """Weights (3,) of force and couple in the plane, whose errors are those of the quantity, relative."""
+        """Weights (k,) of force and couple, k = 3 or 6, whose errors are those of the quantity, relative."""
         if self.name == "safety factor":
             slope = self._slope(force, couple)
             if np.all(np.isfinite(slope)) and np.any(slope):
                 return [slope]
-        scale = self._scale(force, couple)
-        unit = np.eye(3) / (scale or 1.0)
-        return [unit[2]] if self.name == "couple" else [unit[0], unit[1]]
+        scale, gdim = self._scale(force, couple), self.scene.gdim
+        units = np.eye(3 * gdim - 3)[self._looked_at] / (scale or 1.0)
+        return [unit for unit in units if unit[gdim:].any() == (self.name == "couple")]
+
+    @property
+    def _looked_at(self) -> np.ndarray:
+        """Which of the components of force and couple there are: of a scene that is halved only the even ones."""
+        if self.scene.gdim == 2:
+            return np.arange(3)
+        return np.array([0, 2, 4]) if self.scene.symmetric else np.arange(6)
 
     def _scale(self, force: Forces, couple: Couples) -> float:
         size = float(np.linalg.norm(force.flow))
@@ -93,14 +100,15 @@ class Goal:
         return bar.relative
 
     def _slope(self, force: Forces, couple: Couples) -> Floats:
-        """Derivatives of log(safety factor) along force and couple in the plane (3,)."""
+        """Derivatives of log(safety factor) along force and couple, (3,) in the plane and (6,) in space."""
         load, scene = load_of(self.scene, force, couple), self.scene
         assert self.contacts is not None and scene.contact is not None and scene.grain is not None
         step = DIFFERENCE * float(np.linalg.norm(force.flow))
-        steps = np.array([step, step, step * scene.grain.size])
-        slopes = np.empty(3)
-        for i, place in enumerate((0, 1, 5)):  # of the plane's components among force and couple
-            ahead = steps[i] * np.eye(6)[place]
+        steps = np.array([step] * scene.gdim + [step * scene.grain.size] * (2 * scene.gdim - 3))
+        slopes = np.zeros(len(steps))
+        among = (0, 1, 5) if scene.gdim == 2 else range(6)  # places of the components among force and couple
+        for i in self._looked_at:
+            ahead = steps[i] * np.eye(6)[among[i]]
             loads = (shifted(load, -ahead), shifted(load, ahead))
             values = [judged(one, self.contacts, scene.contact.friction).safety.value for one in loads]
             with np.errstate(divide="ignore", invalid="ignore"):

@@ -30,7 +30,7 @@ def bar_of_scene(
     """The bar of a scene's grain under the loads computed; None where there is nothing to judge. Not collective."""
     if scene.contact is None or scene.body is None or scene.mass is None:
         return None
-    inert = mass_and_inertia(scene.body)
+    inert = mass_and_inertia(scene.body, scene.placement)
     return bar_of_safety(load_of(scene, force, couple), contacts, scene.contact.friction, inert, errors)
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..accuracy.errorbars import DECAY, MODEL_TERMS, changed, coarse, farther, has_no_far_sides
+from ..arrays import spatial
 from ..errors import IncipientError, SceneError
 from ..results.errorbars import Loads
 from ..results.loads import Couples, Forces
@@ -173,7 +174,7 @@ def _measure(scene: Scene, goal: Quantity, loads: Loads) -> Measure:
     assert scene.placement is not None
     buoyancy, weight = weights(scene)
     force = Forces(loads.force, loads.force, buoyancy, weight)
-    couple = Couples(loads.couple, loads.couple, np.array([*scene.placement.centre, 0.0]))
+    couple = Couples(loads.couple, loads.couple, spatial(scene.placement.centre))
     return lambda term: goal.error(force, couple, term.force, term.couple)
 
 
@@ -183,4 +184,5 @@ def _nothing(term: Term) -> float:
 
 def _words(scene: Scene) -> str:
     domain = scene.domain
-    return f"domain {domain.length:.4g} x {domain.height:.4g} from ({domain.left:.4g}, {domain.bottom:.4g})"
+    extents = " x ".join(f"{one:.4g}" for one in domain.extents)
+    return f"domain {extents} from ({', '.join(f'{one:.4g}' for one in domain.origin)})"

@@ -39,7 +39,10 @@ if TYPE_CHECKING:
     from ..results.errorbars import ErrorBars
 
 ORDERS = (2, 3, 4)
-UNKNOWNS = {2: 9, 3: 22, 4: 41}  # per vertex of a large plane mesh
+UNKNOWNS = {  # per vertex of a large mesh, by the dimension and the order
+    2: {2: 9, 3: 22, 4: 41},
+    3: {2: 25, 3: 89, 4: 219},
+}
 GAIN = 0.1  # what one order more is expected to leave of the error on the same mesh
 COARSEST = 4.0  # the first mesh: its cells relative to those by default
 AIM = 0.6  # of the accuracy, so that the mesh expected to reach it does
@@ -53,26 +56,26 @@ CLOSER = 0.25  # a gap that is to decide a verdict, relative to before
 CRITICAL = 1e-4  # a safety factor known this well and still on both sides of one
 
 
-def cheapest_order(order: int, excess: float) -> int:
+def cheapest_order(order: int, excess: float, gdim: int = 2) -> int:
     """The order, not below the given one, that is expected to need the fewest unknowns.
 
     excess: the error in elements of the given order over the accuracy asked for. One order more on the same mesh is
-    expected to leave a tenth; what is then too much needs (error / accuracy)^(1/k) times the unknowns in the plane.
+    expected to leave a tenth; what is then too much needs (error / accuracy)^(d/2k) times the unknowns in d dimensions.
     """
 
     def unknowns(k: int) -> float:
         """Expected of elements of order k, relative."""
-        return UNKNOWNS[k] * max(1.0, excess * GAIN ** (k - order)) ** (1.0 / k)
+        return UNKNOWNS[gdim][k] * max(1.0, excess * GAIN ** (k - order)) ** (0.5 * gdim / k)
 
     return min((k for k in ORDERS if k >= order), key=unknowns)
 
 
-def next_order(order: int, excess: float) -> tuple[int, float]:
+def next_order(order: int, excess: float, gdim: int = 2) -> tuple[int, float]:
     """The order of the next mesh, and what its elements would leave on this one over the error aimed at.
 
     excess: the error on this mesh, in elements of `order`, over the accuracy asked for
     """
-    higher = cheapest_order(order, excess / AIM)
+    higher = cheapest_order(order, excess / AIM, gdim)
     return higher, excess / AIM * GAIN ** (higher - order)
 
 
@@ -147,7 +150,7 @@ class Refinement(Search):
                 error = self.goal.error(force, couple, of_force, of_couple)
                 parts = [goals.shares(unit * goal) for goal in self.goal.goals(force, couple)]
                 shares = gathered(run.domain.mesh, parts)
-            cells = int(self.comm.bcast(len(shares.triangles), root=0))
+            cells = int(self.comm.bcast(len(shares.cells), root=0))
             seconds = self.elapsed() - began
             order, unknowns = attempt.scene.numerics.order, run.fluid.space.unknowns
             self.tell(Trial(order, cells, unknowns, error, seconds, note=attempt.note))
@@ -194,9 +197,9 @@ class Refinement(Search):
             return None
         order = attempt.scene.numerics.order
         if np.isinf(error):  # the safety factor may be infinite: how much finer is enough is not known
-            order = cheapest_order(order, 1.0 / FOR_VERDICT)
+            order = cheapest_order(order, 1.0 / FOR_VERDICT, self.scene.gdim)
             return self._within_budget(self._finer(attempt, order, FOR_VERDICT, shares, error))
-        higher, left = next_order(order, excess)
+        higher, left = next_order(order, excess, self.scene.gdim)
         return self._within_budget(self._finer(attempt, higher, 1.0 / left, shares, error))
 
     def _finer(
@@ -207,11 +210,14 @@ class Refinement(Search):
         # As far as contributions cancel, their sum may be larger than the error.
         cancelling = float(np.clip(error / max(together, 1e-300) * CANCELLING, None, 1.0))
         wanted = resized(shares, order, relative * cancelling, self.comm)
-        per_vertex = UNKNOWNS[order] / UNKNOWNS[attempt.scene.numerics.order]
+        per_vertex = UNKNOWNS[self.scene.gdim]
         return _Attempt(
             self._set_up(attempt.scene, order),
             partial(coarse_sizes, COARSEST, wanted.field),
-            self.trials[-1].unknowns * per_vertex * wanted.more_cells,
+            self.trials[-1].unknowns
+            * per_vertex[order]
+            / per_vertex[attempt.scene.numerics.order]
+            * wanted.more_cells,
             note,
         )
 
@@ -237,7 +243,7 @@ class Refinement(Search):
             return None
         scene, decisive = attempt.scene, bar.decisive
         if decisive == "discretisation" and error > CRITICAL:
-            order = cheapest_order(scene.numerics.order, 1.0 / FOR_VERDICT)
+            order = cheapest_order(scene.numerics.order, 1.0 / FOR_VERDICT, scene.gdim)
             finer = self._finer(attempt, order, FOR_VERDICT, shares, error, "for the verdict")
             return self._within_budget(finer)
         other = with_less_of(decisive, scene)
@@ -260,5 +266,5 @@ def with_less_of(term: str, scene: Scene) -> tuple[Scene, str] | None:
         return changed(scene, contact={"gap": gap}), f"gap {gap:.3g} of the grain's size"
     if term == "domain" and not has_no_far_sides(scene):
         larger = farther(scene)
-        return larger, f"domain {larger.domain.length:.3g} x {larger.domain.height:.3g}"
+        return larger, f"domain {' x '.join(f'{one:.3g}' for one in larger.domain.extents)}"
     return None

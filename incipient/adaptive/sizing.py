@@ -9,6 +9,7 @@ h_new = h (c / share)^(1 / (2k + d)), with c such that the contributions expecte
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 
-DIMENSION = 2
 SMALLEST, LARGEST = (
     0.2,
     2.0,
@@ -34,22 +34,27 @@ BISECTIONS = 60
 
 @dataclass(frozen=True, eq=False)
 class Shares:
-    """A whole triangle mesh and what its vertices contribute to an error; on rank 0, elsewhere empty.
+    """A whole mesh of simplices and what its vertices contribute to an error; on rank 0, elsewhere empty.
 
-    points (n, 2), triangles (m, 3), errors (n,) not negative
+    points (n, gdim), cells (m, gdim + 1), errors (n,) not negative
     """
 
     points: Floats
-    triangles: Integers
+    cells: Integers
     errors: Floats
 
     @property
+    def dimension(self) -> int:
+        """That of the space the mesh is in."""
+        return int(self.points.shape[1])
+
+    @property
     def sizes(self) -> Floats:
-        """(n,) size of the cells around each vertex: the side of an equilateral triangle of their mean area."""
-        corners = self.points[self.triangles]
-        (a, b), (c, d) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
-        sides = np.sqrt(2.0 / np.sqrt(3.0) * np.abs(a * d - b * c))
-        return _mean_around(self.triangles, sides, len(self.points))
+        """(n,) size of the cells around each vertex: the side of an equal-sided simplex of their mean content."""
+        corners, d = self.points[self.cells], self.dimension
+        contents = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1]))  # times d!
+        sides = (contents * np.sqrt(2.0**d / (d + 1.0))) ** (1.0 / d)
+        return _mean_around(self.cells, sides, len(self.points))
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,15 +74,16 @@ def gathered(mesh: Any, parts: list[Floats]) -> Shares:
     owned, numbers = _numbers(hats)
     cells = mesh.topology.index_map(mesh.topology.dim).size_local
     mine = (
-        hats.tabulate_dof_coordinates()[:owned, :DIMENSION],
+        hats.tabulate_dof_coordinates()[:owned, : mesh.geometry.dim],
         numbers[compat.cell_dofs(hats)[:cells]],
         np.sqrt(np.sum(np.square(parts), axis=0))[:owned],
     )
     received = comm.gather(mine, root=0)
     if received is None:
-        return Shares(np.empty((0, DIMENSION)), np.empty((0, 3), dtype=np.int64), np.empty(0))
-    points, triangles, errors = (np.concatenate(part) for part in zip(*received, strict=True))
-    return Shares(points, triangles.astype(np.int64), errors)
+        d = mesh.geometry.dim
+        return Shares(np.empty((0, d)), np.empty((0, d + 1), dtype=np.int64), np.empty(0))
+    points, numbered, errors = (np.concatenate(part) for part in zip(*received, strict=True))
+    return Shares(points, numbered.astype(np.int64), errors)
 
 
 def _numbers(space: Any) -> tuple[int, Integers]:
@@ -94,26 +100,26 @@ def resized(shares: Shares, order: int, relative: float, comm: MPI.Comm) -> Want
     """
     wanted = Wanted(None, 1.0)
     if comm.rank == 0:
-        factors = _factors(_smooth(shares), order, relative)
+        factors = _factors(_smooth(shares), order, relative, shares.dimension)
         before = shares.sizes
         sizes = _gently_growing(shares, before * factors)
-        field = SizeField(shares.points, shares.triangles, sizes)
-        more = float(np.mean(((before / sizes) ** DIMENSION)[shares.triangles]))
+        field = SizeField(shares.points, shares.cells, sizes)
+        more = float(np.mean(((before / sizes) ** shares.dimension)[shares.cells]))
         wanted = Wanted(field, more)
     return Wanted(wanted.field, comm.bcast(wanted.more_cells, root=0))
 
 
 def _smooth(shares: Shares) -> Floats:
     """Shares averaged with those of neighbours, and none that vanishes."""
-    around = shares.errors[shares.triangles].mean(axis=1)
-    errors = _mean_around(shares.triangles, around, len(shares.points))
+    around = shares.errors[shares.cells].mean(axis=1)
+    errors = _mean_around(shares.cells, around, len(shares.points))
     return np.maximum(errors, FAINT * errors.mean())
 
 
-def _factors(errors: Floats, order: int, relative: float) -> Floats:
+def _factors(errors: Floats, order: int, relative: float, dimension: int) -> Floats:
     """h_new / h at each vertex, within bounds, such that the errors expected add up to the relative sum."""
     rate = 2 * order
-    shape = (errors.mean() / errors) ** (1.0 / (rate + DIMENSION))
+    shape = (errors.mean() / errors) ** (1.0 / (rate + dimension))
 
     def at(level: float) -> Floats:
         """The factors at a level of all."""
@@ -129,7 +135,7 @@ def _factors(errors: Floats, order: int, relative: float) -> Floats:
 
 def _gently_growing(shares: Shares, sizes: Floats) -> Floats:
     """The largest sizes below the given ones that grow by no more than a share of the distance."""
-    a, b = np.vstack([shares.triangles[:, [i, (i + 1) % 3]] for i in range(3)]).T
+    a, b = np.vstack([shares.cells[:, pair] for pair in combinations(range(shares.dimension + 1), 2)]).T
     reach = STEEPEST * np.linalg.norm(shares.points[a] - shares.points[b], axis=1)
     sizes, before = sizes.copy(), np.full_like(sizes, np.inf)
     while np.any(sizes < before):
@@ -139,8 +145,8 @@ def _gently_growing(shares: Shares, sizes: Floats) -> Floats:
     return sizes
 
 
-def _mean_around(triangles: Integers, values: Floats, vertices: int) -> Floats:
-    """(vertices,) mean over the triangles around each vertex of values (triangles,)."""
-    rows, columns = triangles.ravel(), np.repeat(np.arange(len(triangles)), 3)
-    around = sparse.csr_matrix((np.ones(len(rows)), (rows, columns)), shape=(vertices, len(triangles)))
+def _mean_around(cells: Integers, values: Floats, vertices: int) -> Floats:
+    """(vertices,) mean over the cells (m, corners) around each vertex of values (m,)."""
+    rows, columns = cells.ravel(), np.repeat(np.arange(len(cells)), cells.shape[1])
+    around = sparse.csr_matrix((np.ones(len(rows)), (rows, columns)), shape=(vertices, len(cells)))
     return np.asarray(around @ values / np.maximum(around.sum(axis=1).A1, 1.0))

@@ -26,6 +26,7 @@ SCHEMA_VERSION = 2
 NAME, SHIPPED = "calibration.json", Path(__file__).with_name("shipped.json")
 STUDY = "cost.json"
 STEADY, UNSTEADY, MOVING = "steady", "unsteady", "moving"
+IN_SPACE = " in space"
 
 
 @dataclass(frozen=True)
@@ -143,6 +144,8 @@ def _stored() -> dict[str, Any]:
 def digest(scene: Scene) -> str:
     """What runs of one scene share: all of it but how finely it is computed and what is written."""
     told = scene.model_dump(mode="json", exclude={"title", "numerics", "output"})
+    # A scene in the plane says nothing of these, and is what it was before there were others.
+    told["domain"] = {key: value for key, value in told["domain"].items() if value is not None}
     if scene.time is not None:
         told["time"] = {key: told["time"][key] for key in ("end", "scheme", "start")}
     told["numerics"] = {"convection": scene.numerics.convection, "form": scene.numerics.form}
@@ -151,10 +154,11 @@ def digest(scene: Scene) -> str:
 
 
 def kind(scene: Scene) -> str:
-    """Steady, unsteady, or with a grain that moves."""
+    """Steady, unsteady, or with a grain that moves; in the plane or in space."""
+    space = "" if scene.gdim == 2 else IN_SPACE
     if scene.time is None:
-        return STEADY
-    return MOVING if scene.body is not None and scene.body.moves else UNSTEADY
+        return STEADY + space
+    return (MOVING if scene.body is not None and scene.body.moves else UNSTEADY) + space
 
 
 def step_of_flow(scene: Scene, step: float | None) -> float:

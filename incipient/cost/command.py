@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from .prediction import Prediction
 
 Say = Callable[[str], None]
+UNKNOWN = "  time and errors are not known of scenes of this kind; they are after `incipient cost SCENE`"
 
 
 def study(scene: Scene, directory: Path, wanted: Spread, say: Say) -> Study:
@@ -109,11 +110,12 @@ def predicted_plan(scene: Scene, directory: Path | None = None) -> PredictedPlan
     from .prediction import first_mesh, known_laws, predict
 
     plan, known = make_plan(scene), known_laws(scene, directory)
-    cheaper = tuple(known.cheaper())
+    cheaper = () if known is None else tuple(known.cheaper())
     try:
         estimated = estimate(scene).estimate if scene.numerics.accuracy is None else first_mesh(scene)
         assert estimated is not None
-        return PredictedPlan(plan.with_estimate(estimated), predict(known, estimated), cheaper)
+        told = UNKNOWN if known is None else predict(known, estimated)
+        return PredictedPlan(plan.with_estimate(estimated), told, cheaper)
     except MissingError as error:
         unknown = f"  cells, unknowns, memory and time are not known: {error}"
         return PredictedPlan(plan, unknown, cheaper)

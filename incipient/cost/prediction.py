@@ -89,8 +89,10 @@ class KnownLaws:
         ]
 
 
-def known_laws(scene: Scene, study: Path | None = None) -> KnownLaws:
+def known_laws(scene: Scene, study: Path | None = None) -> KnownLaws | None:
     """What is known of a scene by a study in a directory, this machine's calibration, or that shipped. Not collective.
+
+    None where no scene of its kind is known.
 
     Raises:
         OutputError: the directory holds no study.
@@ -110,7 +112,9 @@ def known_laws(scene: Scene, study: Path | None = None) -> KnownLaws:
         (where, [one for one in known.values() if one.kind == kind], factor)
         for where, known, factor in places
     )
-    where, found, factor = next(one for one in alike if one[1])
+    where, found, factor = next((one for one in alike if one[1]), ("", [], 0.0))
+    if not found:
+        return None
     return KnownLaws(scene, tuple(found), False, factor, f"by runs of other scenes {where}")
 
 
@@ -254,7 +258,9 @@ def first_mesh(scene: Scene) -> Estimate:
     first = scene if steady else balancing.first(scene)
     plan = make_plan(first)
     layout = drawing.lay_out(first, plan)
-    return drawing.count(coarse_sizes(COARSEST, None, layout) if steady else layout, plan.order, dual=steady)
+    return drawing.count(
+        coarse_sizes(COARSEST, None, layout) if steady else layout, plan.order, steady, plan.solver.name
+    )
 
 
 def _search(known: KnownLaws, unknowns: int) -> tuple[list[_Run], LastMesh] | str:
@@ -296,8 +302,10 @@ def _refined(first: _Run, excess: float) -> list[_Run]:
     if excess <= 1.0:
         return [first]
     before = first.scene.numerics.order
-    order, left = next_order(before, excess)
-    unknowns = first.unknowns * UNKNOWNS[order] / UNKNOWNS[before] * max(1.0, left) ** (1.0 / order)
+    gdim = first.scene.gdim
+    order, left = next_order(before, excess, gdim)
+    per_vertex, more = UNKNOWNS[gdim], max(1.0, left) ** (0.5 * gdim / order)
+    unknowns = first.unknowns * per_vertex[order] / per_vertex[before] * more
     return [first, _Run(changed(first.scene, numerics={"order": order}), round(unknowns))]
 
 

@@ -154,7 +154,7 @@ def _single(name: str, reference: Mapping[str, float]) -> Goal:
 def _goals_of_path(scene: Scene, reference: Mapping[str, float]) -> tuple[Goal, ...]:
     assert scene.grain is not None and scene.body is not None and scene.time is not None
     path = reference["path"] or scene.grain.size
-    turned = abs(reference["angle"] - np.radians(scene.body.angle))
+    turned = abs(reference["angle"] - np.radians(getattr(scene.body, "angle", 0.0)))
     turn = max(turned, SMALLEST_TURN * path / scene.grain.size)
     found = [Goal("place", ("x", "y"), path), Goal("angle", ("angle",), turn)]
     if reference["end_time"] < scene.time.end * (1.0 - 1e-6):

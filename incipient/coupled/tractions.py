@@ -26,11 +26,25 @@ from ..fluid import Fluid
 from ..fluid.solvers.mass import solve_mass_matrix
 from ..fluid.space import boundary_blocks
 from ..forms import ReferenceMap, surface_traction, surface_vector
+from ..mesh.domain import Domain
+
+# Force and couple of a whole body over those of half of it, cut in a plane of constant y: what is odd cancels.
+WITH_MIRROR_IMAGE = np.array([2.0, 0.0, 2.0, 0.0, 2.0, 0.0])
+
+
+def shares_of_the_whole(domain: Domain) -> np.ndarray:
+    """(k,) force and couple, k = 3 or 6, of a whole body over those of what is meshed of it. Not collective."""
+    if domain.halved:
+        return WITH_MIRROR_IMAGE
+    return np.ones(3 if domain.gdim == 2 else 6)
 
 
 @dataclass(frozen=True)
 class Resultant:
-    """Force (3,) and couple (3,) about a point (3,), in scene units; in 2D the couple is along the third axis."""
+    """Force (3,) and couple (3,) about a point (3,), in scene units; in 2D the couple is along the third axis.
+
+    Where half of a symmetric domain is meshed they are those of the whole body, cut by the plane of symmetry.
+    """
 
     force: np.ndarray
     couple: np.ndarray
@@ -128,6 +142,10 @@ class TractionProbe:
         arms = spatial(self._places()) - self.about
         mine = np.array([forces.sum(axis=0), np.cross(arms, forces).sum(axis=0)])
         force, couple = self.fluid.domain.comm.allreduce(mine)
+        if self.fluid.domain.halved:
+            force, couple = (
+                np.array([force, couple]) * WITH_MIRROR_IMAGE.reshape(2, 3) + 0.0
+            )  # no zeros below zero
         return Resultant(force, couple, self.about)
 
     def _places(self) -> np.ndarray:

@@ -34,9 +34,7 @@ SCHEMA_VERSION = 2
 BEYOND = 1e-4  # how much faster than critical a flow is that shows the motion
 # What shields is, and what it is not, beside the number.
 SHIELDS = "tau_b/((rho_s - rho_f) g d), d = {size:g}: the largest diameter of the grain"
-LAMINAR = (
-    "in laminar {flow} over one grain in the plane: not a point of Shields' curve, which is of turbulent flow"
-)
+LAMINAR = "in laminar {flow} over one grain{plane}: not a point of Shields' curve, which is of turbulent flow"
 
 
 @dataclass(frozen=True)
@@ -293,7 +291,8 @@ def _notes(scene: Scene, found: Found) -> tuple[str, ...]:
 
     if not found.is_critical:
         return ()
-    notes = [SHIELDS.format(size=_size(scene)), LAMINAR.format(flow=f"{scene.flow.kind} flow")]
+    plane = " in the plane" if scene.gdim == 2 else ""
+    notes = [SHIELDS.format(size=_size(scene)), LAMINAR.format(flow=f"{scene.flow.kind} flow", plane=plane)]
     numbers = numbers_of(scene)
     there = found.factor * numbers.flow_reynolds
     if may_be_turbulent(scene, replace(numbers, flow_reynolds=there)):
@@ -319,7 +318,7 @@ def _judged(run: Run, load: Load) -> Verdict:
 
     scene, contacts = run.scene, run.contacts
     assert scene.body is not None and scene.contact is not None and contacts is not None
-    return judge(load, contacts, scene.contact.friction, mass_and_inertia(scene.body))
+    return judge(load, contacts, scene.contact.friction, mass_and_inertia(scene.body, scene.placement))
 
 
 def bed_stress(scene: Scene) -> float:
@@ -327,13 +326,11 @@ def bed_stress(scene: Scene) -> float:
 
     It is that of the flow's profile, the same over the whole bed; of a flow given by formulas, at the inflow.
     """
-    from ..planning.stream import undisturbed
+    from ..planning.stream import column, undisturbed
 
     step = 1e-6 * scene.domain.height
     heights = scene.datum + step * np.array([0.0, 1.0, 2.0])
-    x = np.zeros((3, 3))
-    x[0], x[scene.up] = scene.domain.left, heights
-    speed = undisturbed(scene)(x, 0.0)[0]
+    speed = undisturbed(scene)(column(scene, scene.domain.origin, heights), 0.0)[0]
     gradient = (-3 * speed[0] + 4 * speed[1] - speed[2]) / (2 * step)
     return float(scene.viscosity * abs(gradient))
 

@@ -13,6 +13,7 @@ from mpi4py import MPI
 
 from .. import compat
 from ..errors import MeshError
+from ..meshes.solid_region import SYMMETRY
 from ..parallel import collectively
 
 
@@ -33,6 +34,11 @@ class Domain:
     def comm(self) -> MPI.Comm:
         """The communicator the mesh lives on."""
         return self.mesh.comm
+
+    @property
+    def halved(self) -> bool:
+        """Whether this is half of a domain that is its own mirror image, cut in a plane of constant y."""
+        return SYMMETRY in self.names
 
     def facets_of(self, name: str) -> np.ndarray:
         """Local facets (ghosts included) of a named boundary; empty on ranks without any."""

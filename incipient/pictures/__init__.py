@@ -93,7 +93,7 @@ class _Drawing:
 
 def _draw_run(directory: Path, drawing: _Drawing) -> None:
     from ..files import reported
-    from . import cells, style
+    from . import cells, space, style
     from .record import read
 
     run = read(directory)
@@ -101,14 +101,15 @@ def _draw_run(directory: Path, drawing: _Drawing) -> None:
         from . import trajectory
 
         drawing.add(directory / "history.csv", partial(trajectory.draw, title=run.headline))
-    for name, make in _makers(run).items():
+    in_space = space.is_in_space(run)
+    for name, make in (space.makers(run) if in_space else _makers(run)).items():
         path = directory / f"{name}.png"
         with drawing.attempt(path), style.applied(), reported(path):
             make(run).savefig(path, dpi=style.DOTS_PER_INCH, pil_kwargs={"compress_level": 3})
             drawing.done(path)
     path = directory / "mesh.png"
     with drawing.attempt(path), reported(path):
-        cells.picture(run, path)
+        (space.mesh if in_space else cells.picture)(run, path)
         drawing.done(path)
 
 

@@ -15,14 +15,13 @@ from ..simulation.judge_case import Case
 from . import style
 from .judged import Judged, judged, sentence
 from .outlines import Outline, Solid, grain_outline, sketched_outline, sketched_solid
-from .plane import Marks, aside, draw_case, draw_grain, draw_strips, label, marks_of, show_place
+from .plane import Marks, draw_case, draw_grain, draw_strips, show_place
 from .record import parsed_json
 from .sheet import Group, explain, judge_rows, load_rows, sheet, write_numbers
-from .solid import Rendering, rendered
-from .style import FORCES, INK, PAPER
+from .space import SPACING, show_judged
+from .style import INK
 
 _UNIT = "[units of the case]"
-_SPACING = 0.04  # of the triangles of a grain's surface, in grain sizes
 _SKETCHED = "; the grain is sketched"
 
 
@@ -101,15 +100,7 @@ def _outline(case: Judged, shaped: Case | None) -> Outline:
 
 
 def _show_space(axes: Axes, case: Judged, shaped: Case | None) -> Marks:
-    seen = rendered(case, *_surface(case, shaped))
-    axes.imshow(seen.image, aspect="auto", interpolation="antialiased")
-    axes.set(xticks=[], yticks=[])
-    _name_forces(axes, seen)
-    if len(seen.numbers) > 1:
-        for index, (across, down) in enumerate(seen.numbers):
-            axes.text(across, down, f"{index + 1}", ha="center", va="center", fontsize=8, bbox=PAPER)
-    _show_triad(axes, seen.triad, seen.image.shape)
-    return marks_of(case)
+    return show_judged(axes, case, *_surface(case, shaped))
 
 
 def _surface(case: Judged, shaped: Case | None) -> Solid:
@@ -117,26 +108,5 @@ def _surface(case: Judged, shaped: Case | None) -> Solid:
     if shaped is None or shaped.body is None:
         return sketched_solid(case)
     grain: Any = shaped.body.grain()
-    surface = grain.surface(_SPACING * grain.size)
+    surface = grain.surface(SPACING * grain.size)
     return shaped.placement.to_scene(surface.points), surface.triangles
-
-
-def _name_forces(axes: Axes, seen: Rendering) -> None:
-    """The names of the forces beyond their tips."""
-    upright = np.array([1.0, -1.0])  # images count rows downward
-    along = {name: upright * (tip - seen.centre) for name, tip in seen.tips.items()}
-    for name, arrow in along.items():
-        unit = arrow / max(float(np.linalg.norm(arrow)), 1e-300)
-        others = [other for key, other in along.items() if key != name]
-        place = seen.tips[name] + 0.015 * seen.image.shape[1] * upright * unit
-        label(axes, place, unit + aside(unit, others), name, FORCES[name])
-
-
-def _show_triad(axes: Axes, directions: np.ndarray, shape: tuple[int, ...]) -> None:
-    """The three axes in the lower left corner, as the camera sees them."""
-    corner = np.array([0.07 * shape[1], 0.92 * shape[0]])
-    longest = float(np.linalg.norm(directions, axis=1).max())
-    for name, direction in zip("xyz", 0.055 * shape[1] / longest * directions, strict=True):
-        axes.plot(*np.array([corner, corner + direction]).T, color=INK, lw=1.0)
-        across, down = corner + 1.3 * direction
-        axes.text(across, down, name, ha="center", va="center", fontsize=8)

@@ -66,6 +66,20 @@ class Run:
         """The first two components of a vector of the result; zero if it is absent."""
         return np.array(self.value(section, key, (0.0, 0.0)), dtype=float)[:2]
 
+    def space(self, section: str, key: str) -> np.ndarray:
+        """A vector of the result, (3,); zero if it is absent."""
+        return np.array(self.value(section, key, (0.0, 0.0, 0.0)), dtype=float)
+
+    @property
+    def middle(self) -> float:
+        """y of the middle of a domain in space."""
+        return float(self.setting("domain", "origin")[1] + 0.5 * self.setting("domain", "width"))
+
+    @property
+    def halved(self) -> bool:
+        """Whether the fields are those of half a domain in space."""
+        return bool(self.fields.points[:, 1].min() > self.middle - 0.25 * self.setting("domain", "width"))
+
     @property
     def contacts(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """Contacts of grain and bed: point and normal out of the grain."""

@@ -103,7 +103,10 @@ def _onset(stored: dict[str, Any], scene: Scene) -> dict[str, Any] | None:
     force, couple = ((1.0 + _BEYOND) * np.array(acting[name]) for name in ("flow_force", "flow_couple"))
     stronger = Load(force, couple, np.array(acting["weight"]), np.array(acting["centre"]))
     contacts = Contacts(at["points"], at["normals"], at["areas"])
-    friction, inert = scene.contact.friction if scene.contact else 0.0, mass_and_inertia(scene.body)
+    friction, inert = (
+        scene.contact.friction if scene.contact else 0.0,
+        mass_and_inertia(scene.body, scene.placement),
+    )
     if inert is None:
         return None
     try:

@@ -33,7 +33,7 @@ def initial_state(scene: Scene) -> BodyState:
     return rigid_body(scene).consistent(BodyState.at(placement, [*body.velocity, body.spin]))
 
 
-def _course(formulas: tuple[str, str, str]) -> Callable[[float], Floats]:
+def _course(formulas: tuple[str, ...]) -> Callable[[float], Floats]:
     """Velocities (3,) as functions of time."""
     components = [Expression(formula) for formula in formulas]
     return lambda time: np.array([float(one(np.zeros((3, 1)), time)[0]) for one in components])

@@ -11,11 +11,18 @@ GRID_CELLS = {2: 48, 3: 32, 4: 24}  # along the shorter side of an empty box
 
 
 def side_names(scene: Scene) -> tuple[str, str, str, str]:
-    """Names of the bottom, right, top and left boundary."""
+    """Names of the bottom, right, top and left boundary; right and left are those at the ends of the stream."""
     bottom = "bed" if scene.bed is not None else "bottom"
     if scene.domain.kind == "channel":
         return bottom, "outflow", "top", "inflow"
-    return bottom, "right", "top", "left"
+    return (bottom, "right", "top", "left") if scene.gdim == 2 else (bottom, "downstream", "top", "upstream")
+
+
+def sides_across(scene: Scene) -> tuple[str, ...]:
+    """Names of the sides that a domain in space has at its least and largest y; of half a domain only the latter."""
+    if scene.gdim == 2:
+        return ()
+    return ("left",) if scene.symmetric else ("right", "left")
 
 
 def largest_cell(scene: Scene) -> float:
@@ -29,5 +36,5 @@ def largest_cell(scene: Scene) -> float:
 
 
 def is_grid(scene: Scene) -> bool:
-    """Whether the scene is an empty box, which gets a grid."""
-    return scene.domain.kind == "box" and scene.body is None and scene.bed is None
+    """Whether the scene is an empty box in the plane, which gets a grid."""
+    return scene.gdim == 2 and scene.domain.kind == "box" and scene.body is None and scene.bed is None

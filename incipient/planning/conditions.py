@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ..meshes import SYMMETRY
 from ..scene import Scene
-from .cells import side_names
+from .cells import side_names, sides_across
 from .stream import Velocity, inflow, undisturbed
 
 if TYPE_CHECKING:
@@ -34,11 +35,20 @@ def conditions(scene: Scene, held: bool = False) -> list[Condition]:
     else:
         moving.append((bottom, stream))
     if scene.top == "slip":
-        free.append(Slip(top, axis=1))
+        free.append(Slip(top, axis=scene.up))
     elif scene.top == "wall" and scene.flow.kind != "lid":
         walls.append(top)
     else:
         moving.insert(0, (top, stream))
+    for name in sides_across(scene):
+        if scene.sides == "slip":
+            free.append(Slip(name, axis=1))
+        elif scene.sides == "wall":
+            walls.append(name)
+        else:
+            moving.insert(0, (name, stream))
+    if scene.symmetric:
+        free.append(Slip(SYMMETRY, axis=1))
     if scene.body is not None and scene.body.moves and held:
         free.append(Prescribed("body", _velocity_at_first(scene)))
     elif scene.body is not None and scene.body.moves:
@@ -54,7 +64,7 @@ def _velocity_at_first(scene: Scene) -> Velocity:
     from .body import initial_state
 
     state = initial_state(scene)
-    return lambda x, t: rigid_velocity(state, x[:2].T).T
+    return lambda x, t: rigid_velocity(state, x[: scene.gdim].T).T
 
 
 def _is_wall(scene: Scene) -> bool:

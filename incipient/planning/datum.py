@@ -11,16 +11,18 @@ from ..scene import Scene
 class Datum:
     """Where the profile of a scene's flow starts; it is the same over the whole bed.
 
-    height: y in the scene [length]
+    height: y, in space z, in the scene [length]
     reason: what the height is of the bed, in words
+    axis:   the name of that coordinate
     """
 
     height: float
     reason: str
+    axis: str = "y"
 
     def text(self) -> str:
         """One line of the plan."""
-        return f"datum y = {self.height:g}: {self.reason}"
+        return f"datum {self.axis} = {self.height:g}: {self.reason}"
 
 
 def datum_of(scene: Scene) -> Datum | None:
@@ -28,7 +30,8 @@ def datum_of(scene: Scene) -> Datum | None:
     level = getattr(scene.flow, "datum", None)
     if level is None or scene.bed is None:
         return None
-    return Datum(scene.datum, f"{_words(scene, level)}; the {scene.flow.kind} flow starts there")
+    why = f"{_words(scene, level)}; the {scene.flow.kind} flow starts there"
+    return Datum(scene.datum, why, "xyz"[scene.up])
 
 
 def _words(scene: Scene, level: float | str) -> str:
@@ -41,6 +44,6 @@ def _words(scene: Scene, level: float | str) -> str:
     if bed.crest > scene.datum:
         return (
             "the crests of the bed, which are as high in every third of the domain; "
-            f"what is higher, up to y = {bed.crest:g}, does not count"
+            f"what is higher, up to {'xyz'[scene.up]} = {bed.crest:g}, does not count"
         )
     return "the crest of the bed"

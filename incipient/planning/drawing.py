@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 import math
-from contextlib import AbstractContextManager
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from ..arrays import Point
-from ..errors import SceneError
 from ..geometry.placement import Placement
 from ..geometry.plane.curves import Curve, Line
-from ..geometry.rest import clearance, lifted
-from ..installed import memory_of_libraries, required
-from ..meshes import Away, Grid, Near, Region, Sizes
+from ..installed import memory_of_libraries
+from ..meshes import Away, Grid, Near, Region, Sizes, SolidRegion
 from ..scene import Scene
 from .cells import FAR_CELL, is_grid, largest_cell, side_names
 from .clearance import Surroundings
+from .drawing_in_space import count_in_space, lay_out_in_space
 from .effects import EffectName
+from .layout import Layout, placed, point
 from .plan import Estimate, Plan
 
 # Cell sizes for mesh_size = 1 by order of the velocity, chosen so that the orders err alike (docs/numerics.md).
@@ -34,68 +31,14 @@ BED_GROWTH, BED_LARGEST = 0.05, 0.6
 MEMORY_GROWTH = 194.0  # bytes per n log2 n of n unknowns; fitted, see docs/performance.md
 
 
-@dataclass(frozen=True)
-class Layout:
-    """The scene's geometry in place, ready to be drawn.
-
-    resting:   the grain where it touches the bed (or is held), None without a grain
-    placement: the grain where the flow is computed: lifted by the gap
-    gap:       smallest distance of grain and bed in the computed flow [length], inf without contact
-    gap_ends:  the two points between which the gap is measured
-    max_cells: triangles expected above which no mesh is made
-    """
-
-    shape: Region | Grid
-    sizes: Sizes
-    geometry_order: int
-    resting: Placement | None = None
-    placement: Placement | None = None
-    gap: float = np.inf
-    gap_ends: tuple[Point, Point] | None = None
-    max_cells: float = np.inf
-
-    def drawing(self) -> AbstractContextManager[Any]:
-        """A meshed gmsh model; for one rank only.
-
-        Raises:
-            MeshError: the geometry cannot be meshed.
-            SceneError: too many cells are expected.
-            MissingError: gmsh, or a library that it needs, is not installed.
-        """
-        self._require_few_cells()
-        with required():
-            from ..meshes.model import grid_model, region_model
-
-        if isinstance(self.shape, Grid):
-            return grid_model(self.shape, self.geometry_order)
-        return region_model(self.shape, self.sizes, self.geometry_order)
-
-    def _require_few_cells(self) -> None:
-        """Refuse a mesh that would take hours and all memory before it is begun."""
-        from ..meshes.expected import expected_cells
-
-        parts = expected_cells(self.shape, self.sizes)
-        expected, most = sum(parts.values()), max(parts, key=lambda name: parts[name])
-        if not expected <= self.max_cells:
-            raise SceneError(
-                f"numerics.max_cells: a mesh of about {expected:.2g} cells is expected, most for the {most}, more than "
-                f"{self.max_cells:g}; enlarge numerics.mesh_size or the smallest length, or allow them with "
-                f"--set numerics.max_cells={_round_up(expected)}"
-            )
-
-
-def _round_up(number: float) -> int:
-    """A little more than a number, in two digits."""
-    digits = 10 ** max(int(math.log10(max(number, 1.0))) - 1, 0)
-    return (int(number / digits) + 1) * digits
-
-
 def lay_out(scene: Scene, plan: Plan, moved: Placement | None = None) -> Layout:
     """Place the grain, where the scene has it or where it has `moved`, and decide cell sizes. Not collective."""
     most = scene.numerics.max_cells
+    if scene.gdim == 3:
+        return lay_out_in_space(scene, plan, moved)
     if is_grid(scene):
         return Layout(_grid(scene, plan), Sizes(1.0), plan.geometry_order, max_cells=most)
-    resting, placement, gap, ends = _placed(scene, plan) if moved is None else (moved, moved, np.inf, None)
+    resting, placement, gap, ends = placed(scene) if moved is None else (moved, moved, np.inf, None)
     if plan.has(EffectName.MOVING_MESH) and placement is not None:
         near = surroundings(scene).clearance(placement)
         gap, ends = near.distance, (near.on_grain, near.on_other)
@@ -112,18 +55,6 @@ def surroundings(scene: Scene) -> Surroundings:
     """What the grain of a scene may run into."""
     assert scene.grain is not None
     return Surroundings(scene.grain, scene.domain, side_names(scene), scene.bed_shape)
-
-
-def _placed(
-    scene: Scene, plan: Plan
-) -> tuple[Placement | None, Placement | None, float, tuple[Point, Point] | None]:
-    """Resting place, computed place, gap and the points it is measured between."""
-    grain, bed, resting = scene.grain, scene.bed_shape, scene.placement
-    if grain is None or bed is None or resting is None:
-        return resting, resting, np.inf, None
-    placement = lifted(grain, resting, bed, scene.contact_gap) if scene.rests else resting
-    gap, on_grain, on_bed = clearance(grain, placement, bed)
-    return resting, placement, gap, (_point(on_grain), _point(on_bed))
 
 
 def _bottom(scene: Scene) -> tuple[Curve, ...]:
@@ -154,7 +85,7 @@ def _near(
     if bed is not None and np.isfinite(bed.feature):
         size, away = BED_CELL[plan.order] * bed.feature, None
         if placement is not None:
-            away = Away(_point(placement.centre), BED_GROWTH, BED_LARGEST * bed.feature)
+            away = Away(point(placement.centre), BED_GROWTH, BED_LARGEST * bed.feature)
         near.append(Near(size, GROWTH, boundary="bed", away=away))
     if scene.flow.kind == "lid":
         domain = scene.domain
@@ -172,7 +103,7 @@ def _gap_points(scene: Scene, plan: Plan, ends: tuple[Point, Point]) -> tuple[Po
     grain, bed, resting = scene.grain, scene.bed_shape, scene.placement
     assert grain is not None and bed is not None and resting is not None
     contacts = touching(grain, resting, bed, scene.contact_tolerance)
-    return tuple(dict.fromkeys([ends[0], *(_point(x) for x in contacts.points[:, :2])]))
+    return tuple(dict.fromkeys([ends[0], *(point(x) for x in contacts.points[:, :2])]))
 
 
 def _corners(outline: tuple[Curve, ...]) -> tuple[Point, ...]:
@@ -188,14 +119,19 @@ def _corners(outline: tuple[Curve, ...]) -> tuple[Point, ...]:
 def _grid(scene: Scene, plan: Plan) -> Grid:
     domain, cell = scene.domain, plan.mesh_size * largest_cell(scene)
     columns, rows = (max(4, round(side / cell)) for side in (domain.length, domain.height))
-    return Grid(domain.origin, domain.length, domain.height, columns, rows, sides=side_names(scene))
+    return Grid(
+        (domain.left, domain.bottom), domain.length, domain.height, columns, rows, sides=side_names(scene)
+    )
 
 
-def count(layout: Layout, order: int, dual: bool = False) -> Estimate:
+def count(layout: Layout, order: int, dual: bool = False, solver: str = "direct") -> Estimate:
     """Cells, unknowns and memory of the flow on the layout's mesh, by making it. Not collective.
 
-    dual: whether the errors of a steady flow are estimated as well, with elements of one order more (see `has_dual`)
+    dual:   whether the errors of a steady flow are estimated as well, with elements of one order more (see `has_dual`)
+    solver: of the linear systems, a name in `fluid.solvers.SOLVERS`
     """
+    if isinstance(layout.shape, SolidRegion):
+        return count_in_space(layout, order, dual, solver)
     with layout.drawing() as model:
         _, tags, nodes = model.mesh.getElements(2)
         cells = sum(len(t) for t in tags)
@@ -229,7 +165,3 @@ def memory(*unknowns: int) -> float:
 
 def _lagrange(order: int, vertices: int, edges: int, cells: int) -> int:
     return vertices + (order - 1) * edges + (order - 1) * (order - 2) // 2 * cells
-
-
-def _point(x: Any) -> Point:
-    return float(x[0]), float(x[1])

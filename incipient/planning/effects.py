@@ -39,6 +39,7 @@ USUAL_ACCURACY = 0.01
 # wall, within 0.3 diameters, it does not (Bearman & Zdravkovich 1978, J. Fluid Mech. 89, 33; a square one
 # within 0.35: Bosch, Kappler & Rodi 1996, Exp. Therm. Fluid Sci. 13).
 SHEDDING, SHEDDING_CLEARANCE = 46.0, 0.3
+SHEDDING_OF_SPHERE = 270.0  # Johnson & Patel 1999, J. Fluid Mech. 378, 19
 # From about this Reynolds number on the turbulence of a channel sustains itself. Between walls, of mean
 # velocity and height: 4/3 of 965, of half the height and the greatest velocity (Gomé, Tuckerman & Barkley
 # 2020, Phys. Rev. Fluids 5, 083905; experiments: about 1000, Orszag & Kells 1980, J. Fluid Mech. 96, 159). In
@@ -144,7 +145,7 @@ def effects_of(scene: Scene, numbers: Numbers) -> tuple[Effect, ...]:
         _free_body(scene, numbers),
         _free_surface(scene, numbers),
         _turbulence(scene, numbers),
-        Effect(EffectName.THIRD_DIMENSION, scene.gdim == 3, f"the scene is {_DIMENSIONS[scene.gdim]}"),
+        _third_dimension(scene),
     )
 
 
@@ -187,9 +188,10 @@ def _shedding(scene: Scene, numbers: Numbers) -> str:
     """Warning if a steady flow is probably unstable (vortex shedding), or an empty string."""
     reynolds = numbers.grain_reynolds
     inert = scene.fluid.inertia and scene.effects.inertia is not False
-    if reynolds is None or reynolds <= SHEDDING or not inert or _wall_distance(scene) < SHEDDING_CLEARANCE:
+    least, shape = (SHEDDING, "cylinder") if scene.gdim == 2 else (SHEDDING_OF_SPHERE, "sphere")
+    if reynolds is None or reynolds <= least or not inert or _wall_distance(scene) < SHEDDING_CLEARANCE:
         return ""
-    return f"grain Re {reynolds:.3g}: a cylinder in a stream sheds vortices from {SHEDDING:g} on"
+    return f"grain Re {reynolds:.3g}: a {shape} in a stream sheds vortices from {least:g} on"
 
 
 def _gravity(scene: Scene) -> Effect:
@@ -217,8 +219,8 @@ def moves(scene: Scene) -> bool:
 def _mesh_motion(scene: Scene) -> str:
     if not moves(scene):
         return "nothing moves"
-    if scene.body is not None and scene.body.shape == "disc":
-        return "the mesh follows the grain; it need not turn with a disc"
+    if scene.body is not None and scene.body.shape in ("disc", "sphere"):
+        return f"the mesh follows the grain; it need not turn with a {scene.body.shape}"
     return "the mesh follows the grain"
 
 
@@ -232,6 +234,21 @@ def _free_body(scene: Scene, numbers: Numbers) -> Effect:
     if body.motion == "free" and numbers.density_ratio is not None and numbers.stokes is not None:
         reason += f"; density ratio {numbers.density_ratio:.3g}, Stokes number {numbers.stokes:.2g}"
     return Effect(EffectName.FREE_BODY, body.motion == "free", reason, scene.effects.free_body != "auto")
+
+
+def _third_dimension(scene: Scene) -> Effect:
+    name, reason = EffectName.THIRD_DIMENSION, f"the scene is {_DIMENSIONS[scene.gdim]}"
+    if scene.gdim == 2:
+        return Effect(name, False, reason)
+    from ..scene.symmetry import differences
+
+    if scene.symmetric:
+        reason += f"; half of it is computed: it is its own mirror image in y = {scene.domain.middle:g}"
+    elif scene.domain.symmetric is False:
+        reason += "; the whole of it is computed: domain.symmetric = false"
+    else:
+        reason += f"; the whole of it is computed: {next(differences(scene), '')}"
+    return Effect(name, True, reason, scene.effects.third_dimension is True)
 
 
 def _free_surface(scene: Scene, numbers: Numbers) -> Effect:
@@ -297,13 +314,13 @@ def time_of_change(scene: Scene) -> float | None:
     """Largest speed of the given flow over its largest rate of change; None where it does not change."""
     import numpy as np
 
-    from .stream import undisturbed
+    from .stream import column, undisturbed
 
     time, flow = scene.time, scene.flow
     if time is None or flow.kind != "expression" or not flow.unsteady:
         return None
     times = np.linspace(0.0, time.end, 4 * SAMPLES)
-    points = np.vstack([np.full(SAMPLES, scene.domain.left), _heights(scene), np.zeros(SAMPLES)])
+    points = column(scene, scene.domain.origin, _heights(scene))
     stream = undisturbed(scene)
     speeds = np.array([stream(points, t) for t in times])
     rate = float(np.abs(np.gradient(speeds, times, axis=0)).max())
@@ -346,13 +363,12 @@ def _speed_past_grain(scene: Scene, placement: Placement) -> float:
     """The largest of the speeds of the given flow over the grain's height and of the grain's own."""
     import numpy as np
 
-    from .stream import undisturbed
+    from .stream import column, undisturbed
 
     grain = scene.grain
     assert grain is not None
-    x, y = placement.centre[:2]
-    heights = y + 0.5 * grain.size * np.linspace(-1.0, 1.0, SAMPLES)
-    points = np.vstack([np.full(SAMPLES, x), heights, np.zeros(SAMPLES)])
+    heights = placement.centre[scene.up] + 0.5 * grain.size * np.linspace(-1.0, 1.0, SAMPLES)
+    points = column(scene, placement.centre, heights)
     times = np.linspace(0.0, scene.time.end, SAMPLES) if scene.time else np.zeros(1)
     stream = undisturbed(scene)
     return max(float(max(np.abs(stream(points, t)).max() for t in times)), _own_speed(scene, times))
@@ -371,28 +387,43 @@ def _own_speed(scene: Scene, times: np.ndarray) -> float:
         course = [Expression(formula) for formula in body.course]
         origin = np.zeros((3, 1))
         velocities = np.abs([[float(one(origin, float(t))[0]) for one in course] for t in times])
-        return float((velocities @ [1.0, 1.0, 0.5 * grain.size]).max())
+        turning = 3 if scene.gdim == 3 else 1
+        weights = np.concatenate([np.ones(scene.gdim), np.full(turning, 0.5 * grain.size)])
+        return float((velocities @ weights).max())
     drive = abs((scene.density or 0.0) - 1.0) * float(abs(scene.gravity_vector).max())
     settling = min(drive * grain.size**2 / (18.0 * scene.viscosity), math.sqrt(drive * grain.size))
-    return max(settling, math.hypot(*body.velocity), 0.5 * grain.size * abs(body.spin))
+    spin = float(np.linalg.norm(body.spin))
+    return max(settling, math.hypot(*body.velocity), 0.5 * grain.size * spin)
 
 
 def _bed_reynolds(scene: Scene) -> float | None:
     """Reynolds number of the bed's forms, by the given flow up to their height above its datum; None for a plane."""
     import numpy as np
 
-    from .stream import undisturbed
+    from .stream import column, undisturbed
 
     bed, domain = scene.bed_shape, scene.domain
     if bed is None:
         return None
-    heights = bed.height(np.linspace(domain.left, domain.right, 20 * SAMPLES))
+    heights = bed.height(_along_bed(scene))
     relief = float(heights.max() - heights.min())
     if relief == 0.0:
         return None
     levels = scene.datum + np.linspace(0.0, relief, SAMPLES)
-    points = np.vstack([np.full(SAMPLES, domain.left), levels, np.zeros(SAMPLES)])
+    points = column(scene, domain.origin, levels)
     return float(np.abs(undisturbed(scene)(points, 0.0)).max()) * relief / scene.viscosity
+
+
+def _along_bed(scene: Scene) -> np.ndarray:
+    """Abscissae (n,) at which the bed is looked at; in space points (n, 2)."""
+    import numpy as np
+
+    domain = scene.domain
+    x = np.linspace(domain.left, domain.right, 20 * SAMPLES)
+    if scene.gdim == 2:
+        return x
+    y = np.linspace(*domain.across, 2 * SAMPLES)
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
 def _wall_distance(scene: Scene) -> float:

@@ -6,6 +6,7 @@ compiled form, no unknown.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -106,7 +107,7 @@ def make_plan(scene: Scene) -> Plan:
         convection=_convection(scene, present),
         scheme=_scheme(scene, present),
         reynolds=1.0 / scene.viscosity,
-        solver=method_of(scene),
+        solver=method_of(scene, EffectName.INERTIA in present),
         numbers=numbers,
         stabilisation=stabilisation_of(scene, EffectName.INERTIA in present),
         sought=_sought(scene),
@@ -147,10 +148,22 @@ def _geometry_order(scene: Scene) -> int:
     """Straight cells where every boundary is straight, else curved ones to match the velocity."""
     if scene.numerics.geometry_order is not None:
         return scene.numerics.geometry_order
+    if scene.gdim == 3:
+        return 1 if _has_flat_faces(scene) else GEOMETRY_ORDER[2]
     curves = list(scene.grain.drawn()) if scene.grain is not None else []
     if scene.bed_shape is not None:
         curves.extend(scene.bed_shape.curves(scene.domain.left, scene.domain.right))
     return 1 if all(isinstance(curve, Line) for curve in curves) else GEOMETRY_ORDER[scene.numerics.order]
+
+
+def _has_flat_faces(scene: Scene) -> bool:
+    """Whether every boundary of a scene in space is made of planes."""
+    from ..geometry.space.polyhedra import Box, Triangulated
+
+    grain, bed = scene.grain, scene.bed_shape
+    level = bed is None or not math.isfinite(bed.feature)
+    sharp = isinstance(grain, Box) and grain.edge_radius == 0.0
+    return level and (grain is None or sharp or isinstance(grain, Triangulated))
 
 
 def _convection(scene: Scene, present: set[EffectName]) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -28,18 +28,31 @@ def inflow(scene: Scene) -> Velocity:
     Not collective.
     """
     bed = scene.bed_shape
-    foot = scene.datum if bed is None else max(scene.datum, float(bed.height([scene.domain.left])[0]))
-    return _stream(scene, foot)
+    if bed is None:
+        return undisturbed(scene)
+    if scene.gdim == 2:
+        return _stream(scene, max(scene.datum, float(bed.height([scene.domain.left])[0])))
+    return _stream(scene, lambda x: np.maximum(scene.datum, bed.height(x[:2].T)))
 
 
-def _stream(scene: Scene, foot: float) -> Velocity:
-    """The flow of the scene, at rest below `foot`, which is the datum or higher."""
+def column(scene: Scene, place: Sequence[float], heights: np.ndarray) -> np.ndarray:
+    """Points (3, n) of given heights above or below a place (gdim,) of the scene. Not collective."""
+    points = np.zeros((3, len(heights)))
+    points[: scene.up] = np.array(place[: scene.up])[:, None]
+    points[scene.up] = heights
+    return points
+
+
+def _stream(scene: Scene, foot: float | Callable[[np.ndarray], np.ndarray]) -> Velocity:
+    """The flow of the scene, at rest below `foot`, which is the datum or higher, or a function of places (3, n)."""
     if isinstance(scene.flow, ExpressionFlow):
         return _from_expressions(scene.flow)
     profile, datum, up = _profile(scene), scene.datum, scene.up
 
     def velocity(x: np.ndarray, t: float) -> np.ndarray:
-        speed = np.minimum(profile(x[up] - datum), STEEPER * profile(x[up] - foot))
+        speed = np.minimum(
+            profile(x[up] - datum), STEEPER * profile(x[up] - (foot(x) if callable(foot) else foot))
+        )
         return np.vstack([speed, *np.zeros((up, len(speed)))])
 
     return velocity

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..arrays import Floats
+from .loads import loads_words
 from .safetybar import SafetyBar
 
 if TYPE_CHECKING:
@@ -106,22 +107,19 @@ class ErrorBars:
             "safety_factor": None if self.safety is None else asdict(self.safety),
         }
 
-    def lines(self) -> list[str]:
-        """Errors and where they come from, for a reader."""
-        lines = [f"error bars          {_vectors(self.force, self.couple)}{_end_of_path(self.place)}"]
+    def lines(self, gdim: int = 2) -> list[str]:
+        """Errors and where they come from, for a reader, of a scene of a dimension."""
+        whole = loads_words(self.force, self.couple, gdim, ".1e")
+        lines = [f"error bars          {whole}{_end_of_path(self.place)}"]
         for term in self.terms:
-            lines.append(f"  {term.name:<18}{_errors(term)}   {term.how}")
-            lines += [f"    {part.name:<16}{_errors(part)}   {part.how}" for part in term.parts]
+            lines.append(f"  {term.name:<18}{_errors(term, gdim)}   {term.how}")
+            lines += [f"    {part.name:<16}{_errors(part, gdim)}   {part.how}" for part in term.parts]
         lines += [f"  {name:<18}{why}" for name, why in self.left_out.items()]
         return lines + [f"  {name:<18}not computed: {why}" for name, why in self.failed.items()]
 
 
-def _errors(term: Term) -> str:
-    return f"{_vectors(term.force, term.couple)}{_end_of_path(term.place)}"
-
-
-def _vectors(force: Floats, couple: Floats) -> str:
-    return f"({force[0]:.1e}, {force[1]:.1e})   couple {couple[2]:.1e}"
+def _errors(term: Term, gdim: int) -> str:
+    return f"{loads_words(term.force, term.couple, gdim, '.1e')}{_end_of_path(term.place)}"
 
 
 def _end_of_path(place: Floats | None) -> str:

@@ -42,7 +42,10 @@ class Couples:
 
 @dataclass(frozen=True)
 class Coefficients:
-    """Drag, lift and moment over V^2 L/2 and V^2 L^2/2, with V and L of the Reynolds number but L the grain's size."""
+    """Drag, lift and moment over V^2 A/2 and V^2 A L/2, with the V of the Reynolds number, L the grain's size.
+
+    A is L in the plane (per unit depth) and pi L^2/4 in space, where the moment is that about the y axis.
+    """
 
     drag: float
     lift: float
@@ -65,3 +68,28 @@ class Gap:
     def resolved(self) -> bool:
         """Whether at least two cells lie across the gap."""
         return self.cells >= 2
+
+
+def named(name: str, vector: np.ndarray, gdim: int) -> dict[str, float]:
+    """The components (3,) of a force by the names of columns: force_x, force_y, in space force_z as well."""
+    return {f"{name}_{axis}": float(vector[place]) for place, axis in enumerate("xyz"[:gdim])}
+
+
+def named_couple(name: str, vector: np.ndarray, gdim: int) -> dict[str, float]:
+    """The components (3,) of a couple by the names of columns: one in the plane, three in space."""
+    return {name: float(vector[2])} if gdim == 2 else named(name, vector, 3)
+
+
+def force_words(vector: np.ndarray, gdim: int, digits: str = ".6g") -> str:
+    """A force (3,) for a reader: (x, y), in space (x, y, z)."""
+    return f"({', '.join(format(float(one), digits) for one in vector[:gdim])})"
+
+
+def couple_words(vector: np.ndarray, gdim: int, digits: str = ".6g") -> str:
+    """A couple (3,) for a reader: a number in the plane, (x, y, z) in space."""
+    return format(float(vector[2]), digits) if gdim == 2 else force_words(vector, 3, digits)
+
+
+def loads_words(force: np.ndarray, couple: np.ndarray, gdim: int, digits: str = ".6g") -> str:
+    """Force and couple (3,) for a reader."""
+    return f"{force_words(force, gdim, digits)}   couple {couple_words(couple, gdim, digits)}"

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..planning.plan import Plan
 from .cost_of_effects import cost_lines
-from .loads import Coefficients, Couples, Forces, Gap
+from .loads import Coefficients, Couples, Forces, Gap, loads_words
 
 if TYPE_CHECKING:
     from ..mesh.sampling import Extremum
@@ -61,6 +61,11 @@ class Result:
         """Whether the run ended because its grain met something; with a checkpoint it may go on."""
         return self.trajectory is not None and self.trajectory["ended"]["by"] == "contact"
 
+    @property
+    def gdim(self) -> int:
+        """Dimension of the scene."""
+        return 2 if (self.scene.get("domain") or {}).get("width") is None else 3
+
     def to_dict(self) -> dict[str, Any]:
         """Everything but the fields, as result.json holds it."""
         stored: dict[str, Any] = {
@@ -87,17 +92,15 @@ class Result:
 
 
 def _lines(result: Result) -> list[str]:
-    lines = []
+    lines, gdim = [], result.gdim
     if result.force is not None and result.couple is not None:
-        f, c = result.force.flow, result.couple.flow
-        lines.append(
-            f"force of the flow   ({f[0]:.6g}, {f[1]:.6g})   couple {c[2]:.6g} about the centre of mass"
-        )
+        flow = loads_words(result.force.flow, result.couple.flow, gdim)
+        lines.append(f"force of the flow   {flow} about the centre of mass")
         if result.force.repulsion.any():
-            f, c = result.force.repulsion, result.couple.repulsion
-            lines.append(f"force of repulsion  ({f[0]:.6g}, {f[1]:.6g})   couple {c[2]:.6g}")
+            repulsion = loads_words(result.force.repulsion, result.couple.repulsion, gdim)
+            lines.append(f"force of repulsion  {repulsion}")
     if result.error_bars is not None:
-        lines += result.error_bars.lines()
+        lines += result.error_bars.lines(gdim)
     elif result.without_error_bars:
         lines.append(f"error bars          {result.without_error_bars}")
     if result.adaptation is not None:

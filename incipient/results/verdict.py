@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from ..arrays import spatial
 from ..contact import Contacts, Load
 from ..contact.exact import MassAndInertia
 from ..contact.verdict import judge as judge_load
+from ..geometry.placement import Placement
 from ..geometry.touching import touching
 from ..scene import Body, Scene
-from ..scene.motion import mass, moment
+from ..scene.motion import inertia_tensor, mass
 from .loads import Couples, Forces
 
 
@@ -36,15 +35,19 @@ def judge(scene: Scene, contacts: Contacts, force: Forces, couple: Couples) -> d
     """The verdict of both judges with every quantity behind it, or None where there is nothing to judge."""
     if scene.contact is None or scene.body is None or scene.mass is None:
         return None
-    inert = mass_and_inertia(scene.body)
+    inert = mass_and_inertia(scene.body, scene.placement)
     return judge_load(load_of(scene, force, couple), contacts, scene.contact.friction, inert).to_dict()
 
 
-def mass_and_inertia(body: Body) -> MassAndInertia | None:
-    """Mass and inertia (3, 3) about the centre of mass per unit depth; None for a grain without one of them.
+def mass_and_inertia(body: Body, placement: Placement | None = None) -> MassAndInertia | None:
+    """Mass and inertia (3, 3) about the centre of mass of a placed grain, in the plane per unit depth.
 
-    In the plane only turns about the third axis matter, and the polar moment stands for all.
-    The fluid that moves along (added mass) is left out: it changes neither rest nor the safety factor.
+    None for a grain without one of them. The fluid that moves along (added mass) is left out: it changes neither
+    rest nor the safety factor.
     """
-    heavy, inert = mass(body), moment(body)
-    return (heavy, inert * np.eye(3)) if heavy and inert else None
+    heavy, inert = mass(body), inertia_tensor(body)
+    if not heavy or inert is None or not inert.any():
+        return None
+    if body.gdim == 3 and placement is not None:
+        inert = placement.rotation @ inert @ placement.rotation.T
+    return heavy, inert

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from ..errors import SceneError
 from .effects import contradictory
-from .messages import Problem, split
+from .messages import Key, Problem, split
 
 if TYPE_CHECKING:
     import numpy as np
@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 # Distances in grain sizes: from the bed, where cells get as small as the gap; from a side, where they do not.
 TOUCHING, NEARLY_TOUCHING = 1e-6, 1e-3
 FINEST_PLACE = 1e-6  # of the smallest size in the scene: how well places must be known at the least
+_SPACING, _PLACES = 0.02, 201  # of points on a solid grain, in its size; in each direction on a bed in space
 CELLS_OF_A_FORM = 20  # at the least
+_IN_SPACE = {"body": '"sphere"', "bed": '"spheres"'}
 _CHANNEL_FLOWS = ("shear", "poiseuille", "uniform", "open-channel")
 _TOPS_OF_FLOWS = {
     "poiseuille": ("auto", "wall"),
@@ -30,6 +32,7 @@ _TOPS_OF_FLOWS = {
 def contradictions(scene: Scene) -> list[Problem]:
     """All contradictions between sections; those of places and extents only when there are no others."""
     checks = (
+        _dimensions,
         _flow,
         _scale,
         _bed_needed,
@@ -44,8 +47,32 @@ def contradictions(scene: Scene) -> list[Problem]:
     found = [problem for check in checks for problem in check(scene)]
     if found:
         return found
-    in_turn = (_resolution, _forms, _bed_extent, _datum_of_the_bed, _body_place)
+    in_turn = (_resolution, _forms, _bed_extent, _datum_of_the_bed, _body_place, _symmetry)
     return next((problems for check in in_turn if (problems := [*check(scene)])), [])
+
+
+def _dimensions(scene: Scene) -> Iterator[Problem]:
+    """Grain, bed and flow must be of the scene's dimension, which the domain's width decides."""
+    body, bed, flow, gdim = scene.body, scene.bed, scene.flow, scene.gdim
+    if body is not None and body.gdim != gdim:
+        yield Problem(*_other_dimension("body", "shape", body.shape, gdim))
+    if bed is not None and gdim not in bed.gdims:
+        yield Problem(*_other_dimension("bed", "kind", bed.kind, gdim))
+    if flow.kind == "expression" and len(flow.components) != gdim:
+        remedy = "give two, as in [x, y]" if gdim == 2 else "give three, as in [x, y, z]"
+        yield Problem(("flow", "components"), f"has {len(flow.components)} items", remedy)
+    if gdim == 3 and body is not None and body.moves:
+        why = f'"{body.motion}" is not simulated in space by this version'
+        yield Problem(("body", "motion"), why, 'use "fixed"')
+
+
+def _other_dimension(section: str, key: str, value: str, gdim: int) -> tuple[Key, str, str]:
+    """Key, why and remedy of something that is not of the scene's dimension."""
+    if gdim == 2:
+        why = f'domain.width is missing, which the "{value}" in space needs'
+        return (section, key), why, f"add domain.width, or use a {section} of the plane"
+    why = f'"{value}" lies in the plane, but domain.width makes the scene three-dimensional'
+    return (section, key), why, f"use a {section} in space such as {_IN_SPACE[section]}, or leave width out"
 
 
 def _flow(scene: Scene) -> Iterator[Problem]:
@@ -172,14 +199,15 @@ def _resolution(scene: Scene) -> Iterator[Problem]:
     """Coordinates so large that numbers next to each other are too far apart to place a grain, or cells."""
     domain, grain = scene.domain, scene.grain
     finest = FINEST_PLACE if grain is None or scene.contact is None else scene.contact.tolerance
-    for axis, extent in enumerate((domain.length, domain.height)):
+    for axis, extent in enumerate(domain.extents):
         apart = math.ulp(abs(domain.origin[axis]) + extent)
         needed = finest * min(extent, extent if grain is None else grain.size)
         if 4.0 * apart > needed:
             why = (
                 f"is so large that numbers there are {apart:.2g} apart, but places are needed to {needed:.2g}"
             )
-            key = "origin" if abs(domain.origin[axis]) > extent else ("length", "height")[axis]
+            names = ("length", "height") if scene.gdim == 2 else ("length", "width", "height")
+            key = "origin" if abs(domain.origin[axis]) > extent else names[axis]
             yield Problem(("domain", key), why, "move the scene towards zero, or make it smaller")
 
 
@@ -208,10 +236,23 @@ def _bed_extent(scene: Scene) -> Iterator[Problem]:
                 f"reaches from x = {first:g} to {last:g}, the domain from {domain.left:g} to {domain.right:g}"
             )
             yield Problem(("bed",), why, "add points or shorten the domain")
+    yield from _beyond_height_map(scene)
     _, highest = _bed_heights(scene)
     if highest >= domain.ceiling:
-        why = f"rises to y = {highest:g}, the top is at {domain.ceiling:g}"
+        why = f"rises to {'xyz'[scene.up]} = {highest:g}, the top is at {domain.ceiling:g}"
         yield Problem(("bed",), why, "enlarge domain.height or lower the bed")
+
+
+def _beyond_height_map(scene: Scene) -> Iterator[Problem]:
+    """A height map that does not reach as far as the domain."""
+    bed, domain = scene.bed_shape, scene.domain
+    if scene.gdim == 2 or bed is None:
+        return
+    for axis, reach, side in zip("xy", bed.extent, ((domain.left, domain.right), domain.across), strict=True):
+        slack = 1e-9 * (side[1] - side[0])
+        if side[0] < reach[0] - slack or side[1] > reach[1] + slack:
+            why = f"reaches from {axis} = {reach[0]:g} to {reach[1]:g}, the domain from {side[0]:g} to {side[1]:g}"
+            yield Problem(("bed",), why, "enlarge its cell or shrink the domain")
 
 
 def _datum_of_the_bed(scene: Scene) -> Iterator[Problem]:
@@ -248,25 +289,36 @@ def _far_out(scene: Scene) -> Iterator[str]:
     domain, body, grain = scene.domain, scene.body, scene.grain
     if body is None or grain is None:
         return
-    if grain.size >= math.hypot(domain.length, domain.height):
+    if grain.size >= math.hypot(*domain.extents):
         yield f"the grain measures {grain.size:g}, more than the domain"
     x = body.x if body.centre is None else body.centre[0]
     if x is not None and not domain.left < x < domain.right:
         yield f"x = {x:g} is outside the domain, {domain.left:g} to {domain.right:g}"
+    if scene.gdim == 3:
+        y, (near, far) = body.aside if body.centre is None else body.centre[1], domain.across
+        if y is not None and not near < y < far:
+            yield f"y = {y:g} is outside the domain, {near:g} to {far:g}"
 
 
 def _beyond(scene: Scene) -> Iterator[str]:
     """How the grain leaves the domain, or touches one of its sides, if only nearly."""
     domain, grain, outline = scene.domain, scene.grain, _outline(scene)
     assert grain is not None
-    (left, low), (right, high) = outline.min(axis=0), outline.max(axis=0)
+    low, high = outline.min(axis=0), outline.max(axis=0)
+    up = scene.up
     sides = [
-        ("x", left, left - domain.left, "left side", domain.left),
-        ("x", right, domain.right - right, "right side", domain.right),
-        ("y", high, domain.ceiling - high, "top", domain.ceiling),
+        ("x", low[0], low[0] - domain.left, "left side", domain.left),
+        ("x", high[0], domain.right - high[0], "right side", domain.right),
     ]
+    if scene.gdim == 3:
+        near, far = domain.across
+        sides += [
+            ("y", low[1], low[1] - near, "side at least y", near),
+            ("y", high[1], far - high[1], "side at largest y", far),
+        ]
+    sides.append(("xyz"[up], high[up], domain.ceiling - high[up], "top", domain.ceiling))
     if scene.bed is None:
-        sides.append(("y", low, low - domain.bottom, "lower side", domain.bottom))
+        sides.append(("xyz"[up], low[up], low[up] - domain.bottom, "lower side", domain.bottom))
     for axis, reach, distance, side, place in sides:
         if distance <= 0.0:
             yield f"the grain reaches {axis} = {reach:g}, the domain's {side} is at {place:g}"
@@ -289,29 +341,49 @@ def _into_bed(scene: Scene) -> Iterator[str]:
 
 
 def _outline(scene: Scene) -> np.ndarray:
-    """Points (n, 2) on the grain's surface, in the scene."""
+    """Points (n, gdim) on the grain's surface, in the scene, among them the outermost."""
     import numpy as np
 
     grain, placement = scene.grain, scene.placement
     if grain is None or placement is None:
-        return np.empty((0, 2))
-    return placement.to_scene(grain.chain.points(65))
+        return np.empty((0, scene.gdim))
+    if scene.gdim == 2:
+        return placement.to_scene(grain.chain.points(65))
+    if not grain.cores:
+        return placement.to_scene(grain.surface(_SPACING * grain.size).points)
+    axes = np.vstack([np.eye(3), -np.eye(3)])
+    balls = [(placement.to_scene(core.points), core.radius) for core in grain.cores]
+    return np.concatenate([(points[:, None] + radius * axes).reshape(-1, 3) for points, radius in balls])
 
 
 def _bed_points(scene: Scene) -> np.ndarray:
-    """Points (n, 2) on the bed within the domain, its corners among them."""
+    """Points (n, gdim) on the bed within the domain, in the plane its corners among them."""
     import numpy as np
 
     bed, domain = scene.bed_shape, scene.domain
     if bed is None:
-        return np.empty((0, 2))
+        return np.empty((0, scene.gdim))
+    if scene.gdim == 3:
+        across = np.linspace(domain.left, domain.right, _PLACES), np.linspace(*domain.across, _PLACES)
+        places = np.stack(np.meshgrid(*across), axis=-1).reshape(-1, 2)
+        return np.column_stack([places, bed.height(places)])
     x = np.linspace(domain.left, domain.right, 2001)
     x = np.concatenate([x, bed.corners(domain.left, domain.right)])
     return np.column_stack([x, bed.height(x)])
 
 
 def _bed_heights(scene: Scene) -> tuple[float, float]:
-    """The lowest and the highest y of the bed, the crest of one that repeats also where the domain has none."""
-    bed, domain, heights = scene.bed_shape, scene.domain, _bed_points(scene)[:, 1]
+    """The lowest and the highest place of the bed, the crest of one that repeats also where the domain has none."""
+    bed, domain, heights = scene.bed_shape, scene.domain, _bed_points(scene)[:, -1]
     assert bed is not None
-    return float(heights.min()), max(float(heights.max()), bed.crest_level(domain.left, domain.right))
+    within = ((domain.left, domain.right), domain.across) if scene.gdim == 3 else (domain.left, domain.right)
+    return float(heights.min()), max(float(heights.max()), bed.crest_level(*within))
+
+
+def _symmetry(scene: Scene) -> Iterator[Problem]:
+    """A scene that is said to be its own mirror image must be that."""
+    try:
+        scene.symmetric  # noqa: B018 - asked for what it raises
+    except SceneError as error:
+        why, remedy = split(str(error))
+        yield Problem(("domain", "symmetric"), why.removeprefix("domain.symmetric: "), remedy)

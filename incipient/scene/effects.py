@@ -13,7 +13,7 @@ from .section import Section, contradiction
 if TYPE_CHECKING:
     from .model import Scene
 
-NOT_SIMULATED = ("free_surface", "turbulence", "third_dimension")
+NOT_SIMULATED = ("free_surface", "turbulence")
 
 
 def _one_of_three(value: Any) -> Any:
@@ -39,7 +39,7 @@ class Effects(Section):
     free_body: Choice = Field("auto", description="A grain moved by flow and weight; auto: with body.motion")
     free_surface: Choice = Field("auto", description="Not simulated by this version")
     turbulence: Choice = Field("auto", description="Not simulated by this version")
-    third_dimension: Choice = Field("auto", description="Not simulated by this version")
+    third_dimension: Choice = Field("auto", description="Flow in space; auto: with domain.width")
 
 
 def section_of(value: Any) -> Any:
@@ -49,7 +49,8 @@ def section_of(value: Any) -> Any:
 
 def contradictory(scene: Scene) -> Iterator[Problem]:
     """Effects forced on that the scene says nothing about, and forced off that it cannot do without."""
-    for name, why, remedy in (*_not_simulated(scene), *_of_flow(scene), *_of_time(scene), *_of_grain(scene)):
+    checks = (_not_simulated, _of_dimension, _of_flow, _of_time, _of_grain)
+    for name, why, remedy in (found for check in checks for found in check(scene)):
         yield Problem(("effects", name), why, remedy)
 
 
@@ -57,6 +58,14 @@ def _not_simulated(scene: Scene) -> Iterator[tuple[str, str, str]]:
     for name in NOT_SIMULATED:
         if getattr(scene.effects, name) is True:
             yield name, "is not simulated by this version", 'use "auto" or false'
+
+
+def _of_dimension(scene: Scene) -> Iterator[tuple[str, str, str]]:
+    asked, in_space = scene.effects.third_dimension, scene.gdim == 3
+    if asked is True and not in_space:
+        yield "third_dimension", "is true but the scene lies in the plane", "add domain.width"
+    if asked is False and in_space:
+        yield "third_dimension", "is false but domain.width is given", "leave one of them out"
 
 
 def _of_flow(scene: Scene) -> Iterator[tuple[str, str, str]]:

@@ -77,8 +77,16 @@ def parse(model: type[S], text: str, base: Path | str, overrides: Sequence[str],
     try:
         return model.model_validate(data, context={"directory": str(base)})
     except ValidationError as error:
-        problems = problems_of(error, model)
+        problems = problems_of(error, model, _dimension(model, data))
         raise SceneError(one_line(_source(problems[0], places, name), problems)) from None
+
+
+def _dimension(model: type[Section], data: dict[str, Any]) -> int | None:
+    """The dimension of the scene that data are meant for; None for another model."""
+    if model is not Scene:
+        return None
+    domain = data.get("domain")
+    return 3 if isinstance(domain, dict) and "width" in domain else 2
 
 
 def dumps(scene: Scene) -> str:

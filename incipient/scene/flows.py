@@ -5,13 +5,21 @@ from __future__ import annotations
 import sys
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, field_validator
+from pydantic import BeforeValidator, Field, field_validator
 
 from ..errors import SceneError
-from .messages import split
+from .messages import counted, split
 from .section import Positive, Section, contradiction
 
-Words = Annotated[tuple[str, str], Field(strict=False)]
+
+def _components(value: Any) -> Any:
+    """Refuse what is neither two nor three formulas."""
+    if isinstance(value, list | tuple) and len(value) not in (2, 3):
+        raise contradiction(f"has {counted(len(value), 'item')}", "give two, as in [x, y]; in space three")
+    return value
+
+
+Words = Annotated[tuple[str, ...], Field(strict=False), BeforeValidator(_components)]
 
 
 class Profile(Section):
@@ -33,7 +41,7 @@ class Profile(Section):
 
 
 class Shear(Profile):
-    """Linear shear, u = rate (y - y of the datum)."""
+    """Linear shear, u = rate (y - y of the datum); in space with z in place of y."""
 
     kind: Literal["shear"] = Field("shear", description="Kind of flow")
     rate: Positive = Field(1.0, description="Shear rate [1/time]; V = rate L")
@@ -71,12 +79,14 @@ class ExpressionFlow(Section):
     """A velocity given by formulas, on the inflow and on the top."""
 
     kind: Literal["expression"] = Field("expression", description="Kind of flow")
-    components: Words = Field(description="Two formulas in x, y and t for the velocity [length/time]")
+    components: Words = Field(
+        description="Two formulas in x, y and t for the velocity; in space three, in z as well [length/time]"
+    )
     velocity: Positive = Field(1.0, description="Reference velocity V [length/time]")
 
     @field_validator("components")
     @classmethod
-    def _are_formulas(cls, components: tuple[str, str]) -> tuple[str, str]:
+    def _are_formulas(cls, components: tuple[str, ...]) -> tuple[str, ...]:
         from .expression import Expression
 
         for text in components:
@@ -84,7 +94,7 @@ class ExpressionFlow(Section):
                 variables = Expression(text).variables
             except SceneError as error:
                 raise contradiction(*split(str(error))) from None
-            if "z" in variables:
+            if "z" in variables and len(components) == 2:
                 raise contradiction(
                     f'"{text}" depends on z but the scene is two-dimensional', "use x, y and t"
                 )

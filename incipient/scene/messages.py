@@ -111,8 +111,11 @@ def tag(section: type[BaseModel]) -> str | None:
     return _single_choice(section, name) if name else None
 
 
-def problems_of(error: ValidationError, root: type[BaseModel]) -> list[Problem]:
-    """All problems in a validation error of the section `root`, unknown keys first, each said once."""
+def problems_of(error: ValidationError, root: type[BaseModel], gdim: int | None = None) -> list[Problem]:
+    """All problems in a validation error of the section `root`, unknown keys first, each said once.
+
+    gdim: dimension of the scene, whose grains and beds remedies name; None: those of all
+    """
     details = sorted(error.errors(include_url=False), key=lambda e: e["type"] != "extra_forbidden")
     places = [_place(root, e["loc"]) for e in details]
     found: list[Problem] = []
@@ -123,7 +126,7 @@ def problems_of(error: ValidationError, root: type[BaseModel]) -> list[Problem]:
             meant.add((*key[:-1], close or ""))
             found.append(_unknown_key(key, section, close))
         elif not (key in meant or _repeats(detail, details)):
-            found.append(_problem(detail, key, section))
+            found.append(_problem(detail, key, section, gdim))
     return found
 
 
@@ -150,7 +153,7 @@ def _place(root: type[BaseModel], loc: Key) -> tuple[Key, type[BaseModel] | None
     return tuple(key), section
 
 
-def _problem(detail: ErrorDetails, key: Key, section: type[BaseModel] | None) -> Problem:
+def _problem(detail: ErrorDetails, key: Key, section: type[BaseModel] | None, gdim: int | None) -> Problem:
     kind, context = detail["type"], detail.get("ctx", {})
     shown = _shown(detail["input"])
     if kind in (WITHIN, BETWEEN):
@@ -163,7 +166,7 @@ def _problem(detail: ErrorDetails, key: Key, section: type[BaseModel] | None) ->
     if kind == "literal_error":
         return Problem(key, f"{shown} is not known", f"use {_quoted(context['expected'])}")
     if kind in ("union_tag_invalid", "union_tag_not_found"):
-        return _wrong_alternative(detail, key, section)
+        return _wrong_alternative(detail, key, section, gdim)
     if kind in _SECTION_TYPES:
         return Problem(key, f"is {shown}", f"write a section [{key_text(key)}]")
     if kind in _REMEDIES:
@@ -201,12 +204,18 @@ def _what_to_add(name: str, field: FieldInfo | None) -> str:
     return f"it, {_quoted(' or '.join(choices))}" if choices else "it"
 
 
-def _wrong_alternative(detail: ErrorDetails, key: Key, section: type[BaseModel] | None) -> Problem:
+def _wrong_alternative(
+    detail: ErrorDetails, key: Key, section: type[BaseModel] | None, gdim: int | None
+) -> Problem:
     context = detail["ctx"]
     name = context["discriminator"].strip("'")
     field = section.model_fields[str(key[-1])] if section else None
-    tags = [str(tag(model)) for model in variants(field.annotation)] if field else []
-    choices = f"use {_quoted(' or '.join(tags))}"
+    models = variants(field.annotation) if field else ()
+    tags = [str(tag(model)) for model in models]
+    fitting = [
+        str(tag(model)) for model in models if gdim is None or gdim in getattr(model, "gdims", (gdim,))
+    ]
+    choices = f"use {_quoted(' or '.join(fitting))}"
     if detail["type"] == "union_tag_not_found":
         return Problem((*key, name), "is missing", choices)
     close = _closest(str(context["tag"]), tags)

@@ -16,12 +16,11 @@ from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, mo
 from .checks import contradictions
 from .effects import Effects, section_of
 from .flows import ExpressionFlow, Flow, Lid, OpenChannel, Poiseuille, Shear, Still, Uniform
-from .messages import refusal
+from .kinds import Bed, Body
+from .messages import counted, refusal
 from .motion import mass, mean_density
-from .section import SMALLEST, NotNegative, Pair, Positive, Section, contradiction
+from .section import SMALLEST, NotNegative, Positive, Section, contradiction
 from .shapes import (
-    Bed,
-    Body,
     Disc,
     Discs,
     Ellipse,
@@ -35,44 +34,54 @@ from .shapes import (
     Star,
     Superellipse,
 )
+from .solids import Box, Ellipsoid, Mesh, Polyhedron, Sphere, Spheres, Superquadric
+from .terrains import HeightMapBed, RidgeBed, SphereBed
 
 if TYPE_CHECKING:
     import numpy as np
 
     from ..geometry.placement import Placement
-    from ..geometry.plane.bed import Bed as BedSurface
-    from ..geometry.plane.grain import Grain
 
 __all__ = [
     "Bed",
     "Body",
+    "Box",
     "Contact",
     "Disc",
     "Discs",
     "Domain",
     "Effects",
     "Ellipse",
+    "Ellipsoid",
     "ExpressionFlow",
     "Flat",
     "Flow",
     "Fluid",
     "Gravity",
     "HalfDiscs",
+    "HeightMapBed",
     "Inclined",
     "Lid",
+    "Mesh",
     "Numerics",
     "OpenChannel",
     "Output",
     "Poiseuille",
     "Polygon",
+    "Polyhedron",
     "Polyline",
     "Rectangle",
+    "RidgeBed",
     "Scene",
     "Shear",
     "Sinusoidal",
+    "Sphere",
+    "SphereBed",
+    "Spheres",
     "Star",
     "Still",
     "Superellipse",
+    "Superquadric",
     "Time",
     "Uniform",
 ]
@@ -80,6 +89,9 @@ __all__ = [
 Accuracy = float | Literal["verdict"]
 Tolerance = float | Literal["auto"]
 Top = Literal["auto", "wall", "slip", "stream"]
+Sides = Literal["slip", "stream", "wall"]
+Symmetry = Literal["auto", True, False]
+Corner = Annotated[tuple[float, ...], Field(strict=False, min_length=2, max_length=3)]
 
 _TOPS: dict[str, Top] = {
     "shear": "stream",
@@ -106,10 +118,54 @@ class Domain(Section):
     )
     length: Positive = Field(description="Extent along the stream [length]")
     height: Positive = Field(description="Extent from the lower side to the top [length]")
-    origin: Pair = Field(
-        (0.0, 0.0), description="Lower left corner [length]; the bed's base line runs through it"
+    width: Positive | None = Field(
+        None,
+        description="Extent across, which makes the scene three-dimensional, z upwards [length]",
+        examples=[20.0],
+    )
+    origin: Corner = Field(
+        (0.0, 0.0),
+        validate_default=True,
+        description="Lower left corner [length]; the bed's base line runs through it",
     )
     top: Top = Field("auto", description="Upper side; auto: what suits the flow; stream: as the flow")
+    sides: Sides | None = Field(
+        None,
+        description="Both sides across the width, with width; stream: as the flow; by default slip, of a box wall",
+        examples=["slip"],
+    )
+    symmetric: Symmetry | None = Field(
+        None,
+        description="With width: true computes half of a scene that is its own mirror image; by default found out",
+        examples=["auto"],
+    )
+
+    @field_validator("origin", mode="before")
+    @classmethod
+    def _has_as_many_components(cls, value: Any, info: ValidationInfo) -> Any:
+        if not isinstance(value, list | tuple):
+            return value
+        in_space = info.data.get("width") is not None
+        if in_space and tuple(value) == (0.0, 0.0):
+            return (0.0, 0.0, 0.0)
+        if len(value) != (3 if in_space else 2):
+            remedy = "give three, as in [x, y, z]" if in_space else "give two, as in [x, y]"
+            raise contradiction(f"has {counted(len(value), 'item')}", remedy)
+        return value
+
+    @field_validator("symmetric", mode="before")
+    @classmethod
+    def _is_a_choice(cls, value: Any) -> Any:
+        if value is None or value == "auto" or isinstance(value, bool):
+            return value
+        raise contradiction(f"is {value!r}".replace("'", '"'), 'use "auto", true or false')
+
+    @field_validator("sides", "symmetric")
+    @classmethod
+    def _goes_with_width(cls, value: Any, info: ValidationInfo) -> Any:
+        if value is not None and info.data.get("width") is None and "width" in info.data:
+            raise contradiction("goes with width, which is not given", "add domain.width or leave it out")
+        return value
 
     @field_validator("top", mode="before")
     @classmethod
@@ -135,12 +191,28 @@ class Domain(Section):
     @property
     def bottom(self) -> float:
         """Height of the lower side, which is the bed's base line."""
-        return self.origin[1]
+        return self.origin[-1]
 
     @property
     def ceiling(self) -> float:
         """Height of the top."""
-        return self.origin[1] + self.height
+        return self.origin[-1] + self.height
+
+    @property
+    def across(self) -> tuple[float, float]:
+        """The least and the largest y of a domain in space."""
+        assert self.width is not None
+        return self.origin[1], self.origin[1] + self.width
+
+    @property
+    def middle(self) -> float:
+        """y of the vertical plane through the middle of a domain in space."""
+        return 0.5 * sum(self.across)
+
+    @property
+    def extents(self) -> tuple[float, ...]:
+        """Length, in space width, and height."""
+        return (self.length, *((self.width,) if self.width is not None else ()), self.height)
 
 
 class Fluid(Section):
@@ -332,8 +404,8 @@ class Scene(Section):
 
     @property
     def gdim(self) -> int:
-        """Dimension of space; nothing else says it."""
-        return 2
+        """Dimension of space: three where the domain has a width."""
+        return 2 if self.domain.width is None else 3
 
     @property
     def up(self) -> int:
@@ -345,9 +417,24 @@ class Scene(Section):
         """The upper boundary: what the scene says, or for "auto" what suits the flow."""
         return _TOPS[self.flow.kind] if self.domain.top == "auto" else self.domain.top
 
+    @property
+    def sides(self) -> Sides:
+        """Both sides across the width of a scene in space."""
+        return self.domain.sides or ("wall" if self.domain.kind == "box" else "slip")
+
     @cached_property
-    def grain(self) -> Grain | None:
-        """The grain's shape in its body frame, if there is a grain."""
+    def symmetric(self) -> bool:
+        """Whether half of the scene is computed: what lies at one side of the middle of a domain in space.
+
+        Raises SceneError if the scene is said to be its own mirror image and is not.
+        """
+        from .symmetry import is_halved
+
+        return is_halved(self)
+
+    @cached_property
+    def grain(self) -> Any:
+        """The grain's shape in its body frame, a Grain of the plane or a Solid; None without a grain."""
         return None if self.body is None else self.body.grain()
 
     @property
@@ -366,9 +453,12 @@ class Scene(Section):
         return self.body is not None and self.bed is not None and self.body.x is not None
 
     @cached_property
-    def bed_shape(self) -> BedSurface | None:
-        """The bed's shape, if there is a bed."""
-        return None if self.bed is None else self.bed.surface(self.domain.bottom)
+    def bed_shape(self) -> Any:
+        """The bed's shape, a Bed of the plane or a Terrain; None without a bed."""
+        if self.bed is None:
+            return None
+        made = self.bed.surface if self.gdim == 2 else self.bed.terrain
+        return made(self.domain.bottom)
 
     @property
     def datum(self) -> float:
@@ -377,9 +467,12 @@ class Scene(Section):
         if bed is None:
             return domain.bottom
         level = getattr(self.flow, "datum", "crest")
+        within: tuple[Any, ...] = (domain.left, domain.right)
+        if self.gdim == 3:
+            within = within, domain.across
         if level == "crest":
-            return bed.crest_level(domain.left, domain.right)
-        return bed.mean(domain.left, domain.right) if level == "mean" else domain.bottom + float(level)
+            return float(bed.crest_level(*within))
+        return float(bed.mean(*within)) if level == "mean" else domain.bottom + float(level)
 
     @cached_property  # it is asked for at every step and takes longer than a step's solution
     def placement(self) -> Placement | None:
@@ -387,25 +480,33 @@ class Scene(Section):
 
         With body.settle it then rolls and tips until it rests. Raises SceneError if it does not.
         """
-        from ..geometry.placement import Placement
+        import numpy as np
+
         from ..geometry.rest import rest
         from .settling import rested
 
-        body, angle = self.body, math.radians(self.body.angle if self.body else 0.0)
+        body = self.body
         if body is None:
             return None
         if body.centre is not None:
-            return Placement(body.centre, angle)
+            return body.placed(body.centre)
         if body.x is None or self.bed is None:
             return None
         # From the domain's corner: far from the origin numbers are too far apart for a grain that settles.
-        (left, bottom), bed = self.domain.origin, self.bed.surface(0.0, self.domain.left)
+        corner, over = self.domain.origin, [body.x]
+        if self.gdim == 2:
+            bed: Any = self.bed.surface(0.0, corner[0])
+        else:
+            bed = self.bed.terrain(0.0, corner[:2])
+            over.append(self.domain.middle if body.aside is None else body.aside)
+        start = body.placed([*np.subtract(over, corner[:-1]), 0.0])
         if body.settle:
             down, friction = tuple(self.gravity_direction), self.contact.friction if self.contact else None
-            found = rested(body.grain(), bed, body.x - left, angle, down, friction, self.domain.length)
+            found = rested(body.grain(), bed, start, down, friction, self.domain.length)
         else:
-            found = rest(body.grain(), bed, body.x - left, angle)
-        return found.moved((left, bottom), 0.0)
+            turned: Any = start.angle if start.quaternion is None else start.quaternion
+            found = rest(body.grain(), bed, start.centre[0] if self.gdim == 2 else start.centre[:2], turned)
+        return found.moved(corner, np.zeros(2 * self.gdim - 3))
 
     @property
     def reference_length(self) -> float:

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from .shapes import GrainSection
+    from ..arrays import Floats
+    from .grains import BodySection
 
 # Keys that only a grain with this motion reads.
 READ_ONLY_BY = {
@@ -18,28 +19,28 @@ READ_ONLY_BY = {
 }
 
 
-def unfit(body: GrainSection) -> Iterator[tuple[str, str, str]]:
+def unfit(body: BodySection) -> Iterator[tuple[str, str, str]]:
     """Keys of a grain that its motion needs and has not, or has and ignores: key, why, remedy."""
     yield from _missing(body)
     yield from _ignored(body)
     yield from _of_mass(body)
 
 
-def _missing(body: GrainSection) -> Iterator[tuple[str, str, str]]:
+def _missing(body: BodySection) -> Iterator[tuple[str, str, str]]:
     if body.motion == "prescribed" and body.course is None:
         yield "course", "is missing though the motion is prescribed", "add it, or hold the grain"
     if body.motion != "fixed" and body.centre is None:
         yield "x", "a moving grain starts away from the bed", "give centre instead of x"
 
 
-def _ignored(body: GrainSection) -> Iterator[tuple[str, str, str]]:
+def _ignored(body: BodySection) -> Iterator[tuple[str, str, str]]:
     for key, motion in READ_ONLY_BY.items():
         if body.motion != motion and getattr(body, key) != type(body).model_fields[key].default:
             why = f'is read only with motion = "{motion}", but the motion is "{body.motion}"'
             yield key, why, f'leave it out, or set motion = "{motion}"'
 
 
-def _of_mass(body: GrainSection) -> Iterator[tuple[str, str, str]]:
+def _of_mass(body: BodySection) -> Iterator[tuple[str, str, str]]:
     if body.density is not None and body.mass is not None:
         yield "mass", "is given beside density, from which it follows", "leave one of them out"
     if body.density is not None or body.mass is not None:
@@ -51,21 +52,35 @@ def _of_mass(body: GrainSection) -> Iterator[tuple[str, str, str]]:
         yield "inertia", "is given without a mass", "give density or mass as well, or leave it out"
 
 
-def mean_density(body: GrainSection) -> float | None:
+def mean_density(body: BodySection) -> float | None:
     """Mass over area relative to the fluid's density, None where neither density nor mass is given."""
     return body.density if body.mass is None else body.mass / body.grain().volume
 
 
-def mass(body: GrainSection) -> float | None:
-    """Mass per unit depth (fluid density one), None where neither it nor a density is given."""
+def mass(body: BodySection) -> float | None:
+    """Mass (fluid density one), in the plane per unit depth; None where neither it nor a density is given."""
     if body.mass is not None:
         return body.mass
     return None if body.density is None else body.density * body.grain().volume
 
 
-def moment(body: GrainSection) -> float | None:
-    """Moment of inertia about the centroid per unit depth: as given, else of a uniform grain; None without a mass."""
+def moment(body: BodySection) -> float | None:
+    """Moment of inertia about the centroid per unit depth, in the plane; None without a mass. See `inertia_tensor`."""
+    tensor = inertia_tensor(body)
+    return None if tensor is None else float(tensor[2, 2])
+
+
+def inertia_tensor(body: BodySection) -> Floats | None:
+    """Inertia (3, 3) about the centroid in the body frame: as given, else of a uniform grain; None without a mass.
+
+    In the plane, per unit depth, only turns about the third axis matter, and the polar moment stands for all.
+    """
+    import numpy as np
+
     density = mean_density(body)
-    if density is None or body.inertia is not None:
-        return body.inertia
-    return float(density * body.grain().inertia[2, 2])
+    if density is None:
+        return None
+    if body.inertia is not None:
+        return np.asarray(np.diag(body.inertia * np.ones(3)))
+    tensor = density * np.asarray(body.grain().inertia)
+    return np.asarray(tensor[2, 2] * np.eye(3)) if body.gdim == 2 else tensor

@@ -4,11 +4,19 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    field_validator,
+)
 from pydantic_core import PydanticCustomError
 
 from ..errors import SceneError
-from .messages import WITHIN, Problem, one_line, problems_of, refusal
+from .messages import WITHIN, Problem, counted, one_line, problems_of, refusal
 
 # Beyond these sizes products of a few numbers leave what a computer can represent.
 LARGEST, SMALLEST = 1e30, 1e-30
@@ -24,6 +32,17 @@ Positive = Annotated[float, Field(gt=0), AfterValidator(_not_tiny)]
 NotNegative = Annotated[float, Field(ge=0)]
 Pair = Annotated[tuple[float, float], Field(strict=False)]
 PositivePair = Annotated[tuple[Positive, Positive], Field(strict=False)]
+
+
+def three(value: Any, example: str = "[x, y, z]") -> Any:
+    """The value, unless it is a list of another length than three; `example` says what the three would be."""
+    if isinstance(value, list | tuple) and len(value) != 3:
+        raise contradiction(f"has {counted(len(value), 'item')}", f"give three, as in {example}")
+    return value
+
+
+Triple = Annotated[tuple[float, float, float], Field(strict=False), BeforeValidator(three)]
+PositiveTriple = Annotated[tuple[Positive, Positive, Positive], Field(strict=False), BeforeValidator(three)]
 
 
 class Section(BaseModel):

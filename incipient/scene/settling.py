@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
+from typing import Any
 
 from ..errors import SceneError
 from ..geometry.placement import Placement
-from ..geometry.plane.bed import Bed
-from ..geometry.plane.grain import Grain
 from ..geometry.plane.polygon import Polygon
 from ..geometry.settle import settle
 
@@ -17,21 +17,15 @@ DEFAULT_FRICTION = 1.0  # where the scene has no contact: rough enough for slope
 # A scene is asked for its placement many times, and the answer takes a second or two.
 @lru_cache(maxsize=16)
 def rested(
-    grain: Grain,
-    bed: Bed,
-    x: float,
-    angle: float,
-    down: tuple[float, ...],
-    friction: float | None,
-    reach: float,
+    grain: Any, bed: Any, above: Placement, down: tuple[float, ...], friction: float | None, reach: float
 ) -> Placement:
-    """The equilibrium that a grain finds which is let go above `x`, turned by `angle` (radians).
+    """The equilibrium that a grain finds which is let go over a place, turned as it is there, in the plane or in space.
 
     `down` is the direction of gravity; `reach` is how far the grain may roll. Raises SceneError if it
     does not come to rest, or only balances.
     """
     hold = DEFAULT_FRICTION if friction is None else friction
-    start = Placement((x, bed.crest + grain.size), angle)
+    start = replace(above, centre=(*above.centre[:-1], bed.crest + grain.size))
     smoothed = grain.smoothed if isinstance(grain, Polygon) else None
     if smoothed is not None:
         # On many short sides a grain would roll by one after the other: it first rolls on a smooth outline.
@@ -39,5 +33,6 @@ def rested(
         start = coarse.placement if coarse.stable else start
     found = settle(grain, bed, start, down, hold, reach / grain.size)
     if not found.stable:
-        raise SceneError(f"the grain {found.outcome.value}; change x or angle, or leave settle out")
+        turn = "angle" if above.gdim == 2 else "y or orientation"
+        raise SceneError(f"the grain {found.outcome.value}; change x or {turn}, or leave settle out")
     return found.placement

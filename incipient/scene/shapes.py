@@ -5,23 +5,24 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 
 from ..arrays import Point
 from ..errors import SceneError
-from .messages import Problem, counted, refusal, split
-from .motion import unfit
+from .grains import BodySection, Density, Motion, OnContact
+from .messages import split
 from .points import MOST_POINTS, about_file, read_points
-from .section import NotNegative, Pair, Positive, PositivePair, Section, contradiction
+from .section import NotNegative, Pair, Positive, PositivePair, Section, three
 
 if TYPE_CHECKING:
+    from ..geometry.placement import Placement
     from ..geometry.plane import bed as bed_geometry
     from ..geometry.plane import grain as grain_geometry
+    from ..geometry.space.terrain import Terrain
 
 MOST_DISCS, MOST_HARMONICS = 500, 100
 
@@ -31,16 +32,17 @@ Course = Annotated[tuple[str, str, str], Field(strict=False)]
 
 def _three(value: Any) -> Any:
     """Refuse what is not three numbers by what they would mean."""
-    if isinstance(value, list | tuple) and len(value) != 3:
-        raise contradiction(f"has {counted(len(value), 'item')}", "give three, as in [x, y, radius]")
-    return value
+    return three(value, "[x, y, radius]")
 
 
 Circle = Annotated[tuple[float, float, Positive], Field(strict=False), BeforeValidator(_three)]
 
 
-class GrainSection(Section):
-    """What grains of all shapes have in common."""
+class GrainSection(BodySection):
+    """What grains of all shapes in the plane have in common."""
+
+    gdim: ClassVar[int] = 2
+    gdims: ClassVar[tuple[int, ...]] = (2,)
 
     x: float | None = Field(
         None, description="Rests on the bed at this abscissa [length]; give x or centre", examples=[4.0]
@@ -49,17 +51,11 @@ class GrainSection(Section):
         None, description="Held with its centroid there [length]; give x or centre", examples=[(4.0, 2.0)]
     )
     angle: float = Field(0.0, description="Turned counter-clockwise by this [degrees]")
-    density: NotNegative | None = Field(
-        None,
-        description="Density relative to the fluid [-]; without it or a mass no weight and no verdict",
-        examples=[2.65],
-    )
+    density: Density = None
     settle: bool = Field(
         False, description="Let the grain roll and tip from x and angle until it is in equilibrium on the bed"
     )
-    motion: Literal["fixed", "free", "prescribed"] = Field(
-        "fixed", description="How the grain moves: not, as flow and weight move it, or as `course` says"
-    )
+    motion: Motion = "fixed"
     mass: NotNegative | None = Field(
         None, description="Mass in place of density [density of the fluid x area]", examples=[2.0]
     )
@@ -76,59 +72,13 @@ class GrainSection(Section):
         description="Formulas in t for velocity along x, along y and spin of a prescribed motion",
         examples=[("0.1*cos(t)", "0", "0")],
     )
-    on_contact: Literal["stop", "repel"] = Field(
-        "stop",
-        description="A grain that moves within contact.gap of a wall ends the run; a free one may be repelled",
-    )
+    on_contact: OnContact = "stop"
 
-    @field_validator("course")
-    @classmethod
-    def _are_formulas_of_time(cls, course: tuple[str, str, str] | None) -> tuple[str, str, str] | None:
-        from .expression import Expression
+    def placed(self, centre: Sequence[float]) -> Placement:
+        """The grain turned by its angle, its centroid at a point (2,)."""
+        from ..geometry.placement import Placement
 
-        for text in course or ():
-            try:
-                variables = Expression(text).variables
-            except SceneError as error:
-                raise contradiction(*split(str(error))) from None
-            if variables - {"t"}:
-                raise contradiction(f'"{text}" depends on more than the time', "use t only")
-        return course
-
-    @model_validator(mode="after")
-    def _moves_consistently(self) -> GrainSection:
-        found = [Problem((key,), why, remedy) for key, why, remedy in unfit(self)]
-        if found:
-            raise refusal(type(self).__name__, found)
-        return self
-
-    @model_validator(mode="after")
-    def _placed_once(self) -> GrainSection:
-        if self.x is None and self.centre is None:
-            raise self.refused("x", "neither x nor centre is given", "give x to rest on the bed, or centre")
-        if self.x is not None and self.centre is not None:
-            raise self.refused("x", "both x and centre are given", "leave one out")
-        if self.settle and self.x is None:
-            why = "a grain held at its centre does not settle"
-            raise self.refused("settle", why, "give x instead of centre, or leave settle out")
-        return self
-
-    @property
-    def moves(self) -> bool:
-        """Whether the grain moves while the flow is computed."""
-        return self.motion != "fixed"
-
-    def grain(self) -> grain_geometry.Grain:
-        """The grain's shape in its body frame, lengths in scene units."""
-        return self._grain
-
-    @cached_property  # an outline of many points takes time to check
-    def _grain(self) -> grain_geometry.Grain:
-        return self.new_grain()
-
-    def new_grain(self) -> grain_geometry.Grain:
-        """A new grain of this shape."""
-        raise NotImplementedError
+        return Placement(tuple(centre), math.radians(self.angle))
 
 
 class Disc(GrainSection):
@@ -297,13 +247,10 @@ class Discs(GrainSection):
         return discs.Discs([disc[:2] for disc in self.discs], [disc[2] for disc in self.discs])
 
 
-Body = Annotated[
-    Disc | Ellipse | Rectangle | Polygon | Superellipse | Star | Discs, Field(discriminator="shape")
-]
-
-
 class BedSection(Section):
     """What beds of all kinds have in common."""
+
+    gdims: ClassVar[tuple[int, ...]] = (2,)  # dimensions of the spaces that there is such a bed in
 
     @property
     def slope_angle(self) -> float:
@@ -311,18 +258,22 @@ class BedSection(Section):
         return 0.0
 
     def forms(self, length: float) -> float:
-        """About how many forms, such as ripples, there are on a length."""
+        """About how many forms, such as ripples, there are on a length; 0 in space, where not all are meshed."""
         return 0.0
 
     def surface(self, origin_y: float, origin_x: float = 0.0) -> bed_geometry.Bed:
         """The bed's shape above its base line y = origin_y, abscissae counted from origin_x."""
         raise NotImplementedError
 
+    def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> Terrain:
+        """The bed's shape in space above its base plane z = origin_z, x and y counted from a corner."""
+        raise NotImplementedError
 
-class Flat(BedSection):
-    """A horizontal plane."""
 
-    kind: Literal["flat"] = Field("flat", description="Kind of bed")
+class _Plane(BedSection):
+    """A bed that is a line in the plane, and a plane in space."""
+
+    gdims: ClassVar[tuple[int, ...]] = (2, 3)
 
     def surface(self, origin_y: float, origin_x: float = 0.0) -> bed_geometry.Bed:
         """The bed's shape above its base line y = origin_y, abscissae counted from origin_x."""
@@ -330,8 +281,20 @@ class Flat(BedSection):
 
         return bed.Flat(origin_y)
 
+    def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> Terrain:
+        """The bed's shape in space above its base plane z = origin_z, x and y counted from a corner."""
+        from ..geometry.space import terrain
 
-class Inclined(BedSection):
+        return terrain.Plane(origin_z=origin_z)
+
+
+class Flat(_Plane):
+    """A horizontal plane."""
+
+    kind: Literal["flat"] = Field("flat", description="Kind of bed")
+
+
+class Inclined(_Plane):
     """A plane that falls in the direction of the stream; coordinates run along it and gravity is turned."""
 
     kind: Literal["inclined"] = Field("inclined", description="Kind of bed")
@@ -343,12 +306,6 @@ class Inclined(BedSection):
     def slope_angle(self) -> float:
         """The angle in radians by which gravity is turned."""
         return math.radians(self.slope)
-
-    def surface(self, origin_y: float, origin_x: float = 0.0) -> bed_geometry.Bed:
-        """The bed's shape above its base line y = origin_y, abscissae counted from origin_x."""
-        from ..geometry.plane import bed
-
-        return bed.Flat(origin_y)
 
 
 class Sinusoidal(BedSection):
@@ -438,9 +395,6 @@ class Polyline(BedSection):
         from ..geometry.plane import bed
 
         return bed.Polyline([(x - origin_x, y) for x, y in self.points], origin_y)
-
-
-Bed = Annotated[Flat | Inclined | Sinusoidal | HalfDiscs | Polyline, Field(discriminator="kind")]
 
 
 @dataclass(frozen=True)

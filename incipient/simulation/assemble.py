@@ -176,7 +176,7 @@ def _grain(run: Run) -> dict[str, Any] | None:
     return {
         "centre": resting.centre,
         "computed_centre": placement.centre,
-        "angle": resting.angle,
+        **({"angle": resting.angle} if resting.quaternion is None else {"quaternion": resting.quaternion}),
         "size": grain.size,
         "volume": grain.volume,
     }

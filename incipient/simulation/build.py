@@ -112,7 +112,9 @@ def flow_model(scene: Scene, plan: Plan, unsteady: bool, inertia: bool = True) -
 def estimate(scene: Scene) -> Plan:
     """The plan with its expense, counted by making the mesh on this process. Not collective."""
     plan = make_plan(scene)
-    expense: Estimate = drawing.count(drawing.lay_out(scene, plan), plan.order, drawing.has_dual(scene))
+    expense: Estimate = drawing.count(
+        drawing.lay_out(scene, plan), plan.order, drawing.has_dual(scene), plan.solver.name
+    )
     return plan.with_estimate(expense)
 
 

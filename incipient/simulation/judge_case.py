@@ -20,9 +20,9 @@ from ..contact.verdict import judge
 from ..files import plain, reported, write_json
 from ..geometry.placement import Placement
 from ..scene.file import read
+from ..scene.kinds import Body
 from ..scene.messages import Key, Problem, counted, refusal
 from ..scene.section import NotNegative, Positive, Section, contradiction
-from ..scene.shapes import Body
 
 ROUNDING = 1e-3  # of unit vectors and of the grain's size: numbers given by hand are rounded
 
@@ -193,7 +193,7 @@ class Case(Section):
     def placement(self) -> Placement:
         """Where the body is; for a case that has one."""
         assert self.body is not None
-        return Placement(tuple(self.centre[: self.gdim].tolist()), float(np.radians(self.body.angle)))
+        return self.body.placed(self.centre[: self.gdim].tolist())
 
     def to_load(self) -> Load:
         """The load, its couple carried over to the centre of mass: tau_c = tau_a + (a - c) ^ F."""
@@ -222,7 +222,7 @@ class Case(Section):
             return None
         from ..results.verdict import mass_and_inertia
 
-        return mass_and_inertia(self.body)
+        return mass_and_inertia(self.body, self.placement)
 
 
 def load_case(path: Path | str, overrides: Sequence[str] = ()) -> Case:
@@ -292,7 +292,11 @@ def _centre_and_shape(case: Case) -> Iterator[Problem]:
         yield Problem(("body", "x"), "a case has no bed to rest the grain on", "give body.centre")
     if body is None and centre is None:
         yield Problem(("load", "centre"), "is missing", "add the centre of mass, at which the weight acts")
-    if body is not None and centre is not None and not np.allclose(body.centre or (), centre[:2]):
+    if (
+        body is not None
+        and centre is not None
+        and not np.allclose(spatial(body.centre or ()), spatial(centre))
+    ):
         yield Problem(("load", "centre"), "is not body.centre", "leave one out")
 
 

@@ -11,8 +11,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
+from ..arrays import spatial
 from ..body.state import BodyState
 from ..contact import Contacts, Load
 from ..contact.verdict import judge
@@ -51,9 +50,10 @@ def landing(scene: Scene, state: BodyState, met: Clearance, force: Forces, coupl
     if why_not := _missing(scene):
         return Landing(contacts, why_not=why_not)
     assert scene.body is not None and scene.contact is not None
-    load = Load(force.flow, couple.flow, force.weight + force.buoyancy, np.array([*state.place, 0.0]))
+    load = Load(force.flow, couple.flow, force.weight + force.buoyancy, spatial(state.place))
+    inert = mass_and_inertia(scene.body, state.placement)
     try:
-        found = judge(load, contacts, scene.contact.friction, mass_and_inertia(scene.body)).to_dict()
+        found = judge(load, contacts, scene.contact.friction, inert).to_dict()
     except IncipientError as error:
         return Landing(contacts, why_not=str(error))
     found["supposed"] = SUPPOSED.format(bed=bed)

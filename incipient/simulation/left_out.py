@@ -188,11 +188,15 @@ def change_of_loads(fluid: Fluid, term: Term, boundary: str, about: Sequence[flo
         term: the integrand, on the left-hand side of the momentum equation.
         about: point (gdim,) that the couple refers to.
     """
+    from ..coupled.tractions import shares_of_the_whole
+
     tested, gdim = _tested(fluid, term), fluid.space.gdim
-    size = 3 if gdim == 2 else 6
-    owned = len(tested)
-    mine = [tested @ fluid.dual(_rigid_motion(fluid, boundary, about, k))[:owned] for k in np.eye(size)]
-    changes = -fluid.domain.comm.allreduce(np.array(mine))
+    shares = shares_of_the_whole(fluid.domain)
+    size, owned, mine = len(shares), len(tested), np.zeros(len(shares))
+    for k in np.flatnonzero(shares):
+        goal = shares[k] * np.eye(size)[k]
+        mine[k] = tested @ fluid.dual(_rigid_motion(fluid, boundary, about, goal))[:owned]
+    changes = -fluid.domain.comm.allreduce(mine)
     force, couple = np.zeros(3), np.zeros(3)
     force[:gdim] = changes[:gdim]
     couple[-(size - gdim) :] = changes[gdim:]

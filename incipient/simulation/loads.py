@@ -42,9 +42,11 @@ def coefficients(scene: Scene, force: Forces, couple: Couples) -> Coefficients:
     """Drag, lift and moment coefficients of the loads on the scene's grain. Not collective."""
     assert scene.grain is not None
     velocity, length = scene.reference_velocity, scene.grain.size
-    unit = 0.5 * velocity**2 * length
-    drag, lift = force.flow[:2] / unit
-    return Coefficients(drag, lift, couple.flow[2] / (unit * length), velocity, length)
+    area = length if scene.gdim == 2 else 0.25 * np.pi * length**2
+    unit = 0.5 * velocity**2 * area
+    drag, lift = force.flow[[0, scene.up]] / unit
+    moment = couple.flow[2 if scene.gdim == 2 else 1] / (unit * length)
+    return Coefficients(drag, lift, moment, velocity, length)
 
 
 def judged(run: Run, force: Forces, couple: Couples) -> dict[str, Any] | None:

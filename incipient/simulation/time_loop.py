@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import IncipientError, Interrupted, OutputError
 from ..planning.effects import EffectName
+from ..results.loads import named, named_couple
 from .build import flow_model
 from .loads import coefficients, judged, loads
 from .recorder import record_fields
@@ -180,7 +181,8 @@ class TimeLoop:
         with run.stage("tractions"):
             force, couple = loads(run, surface=False)
         found = coefficients(run.scene, force, couple)
-        row |= {"force_x": force.flow[0], "force_y": force.flow[1], "couple": couple.flow[2]}
+        gdim = run.scene.gdim
+        row |= named("force", force.flow, gdim) | named_couple("couple", couple.flow, gdim)
         row |= {"drag": found.drag, "lift": found.lift, "moment": found.moment}
         verdict = judged(run, force, couple)
         row["mode"] = verdict["mode"] if verdict else ""

@@ -454,7 +454,7 @@ def test_the_schema_asks_for_kind_and_shape():
         "default": [0.0, 0.0],
         "description": "Lower left corner [length]; the bed's base line runs through it",
         "items": {"type": "number"},
-        "maxItems": 2,
+        "maxItems": 3,
         "minItems": 2,
         "title": "Origin",
         "type": "array",

@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike
 from incipient.arrays import Floats, rows
 from incipient.errors import SceneError
 from incipient.geometry.shape import require_positive
-from incipient.geometry.space.terrain import Extent, Smooth
+from incipient.geometry.space.terrain import Extent, Sides, Smooth
 
+OVERSHOOT = 0.25  # of the range of heights, by which cubics through them may exceed them: twice 1/8
 IMAGES = (".png", ".tif", ".tiff")
 
 
@@ -70,6 +71,21 @@ class HeightMap(Smooth):
     def feature(self) -> float:
         """Two cells."""
         return 2.0 * min(self.cell)
+
+    @property
+    def crest(self) -> float:
+        """The highest of the heights, and by how much cubics may exceed them."""
+        rise = float(np.ptp(self.heights))
+        return float(self.origin[2] + self.heights.max() + OVERSHOOT * rise)
+
+    def crest_level(self, x: Sides, y: Sides) -> float:
+        """The highest of the heights within a rectangle, or of all."""
+        rows_, columns = self.heights.shape
+        along = self.origin[0] + self.cell[0] * np.arange(columns)
+        across = self.origin[1] + self.cell[1] * np.arange(rows_)
+        inside = np.ix_((across >= y[0]) & (across <= y[1]), (along >= x[0]) & (along <= x[1]))
+        found = self.heights[inside]
+        return float(self.origin[2] + (found if found.size else self.heights).max())
 
     @property
     def extent(self) -> Extent:

@@ -16,7 +16,9 @@ from incipient.errors import SceneError
 from incipient.geometry.shape import require_positive
 from incipient.geometry.space.pieces import Graph, HalfSpacesAndBalls, Pieces
 
-Extent = tuple[tuple[float, float], tuple[float, float]]
+Sides = tuple[float, float]
+Extent = tuple[Sides, Sides]
+MOST_ACROSS = 1000  # points of the rule for means along each side
 
 
 class Terrain(ABC):
@@ -42,6 +44,19 @@ class Terrain(ABC):
     @abstractmethod
     def height(self, x: ArrayLike) -> Floats:
         """b at points (n, 2), (n,)."""
+
+    @property
+    @abstractmethod
+    def crest(self) -> float:
+        """A height that the bed nowhere exceeds."""
+
+    def crest_level(self, x: Sides, y: Sides) -> float:
+        """The height that the crests reach over a rectangle of the plane; by default `crest`."""
+        return self.crest
+
+    def mean(self, x: Sides, y: Sides) -> float:
+        """The mean height over a rectangle, by a rule of points as fine as the bed's shape asks for."""
+        return float(self.height(_rule(x, y, self.feature)).mean())
 
     @abstractmethod
     def gradient(self, x: ArrayLike) -> Floats:
@@ -93,6 +108,16 @@ class Terrain(ABC):
         return np.copysign(apart[best, each], gaps[best, each]), feet[best, each]
 
 
+def _rule(x: Sides, y: Sides, feature: float) -> Floats:
+    """The middles (n, 2) of equal parts of a rectangle, ten of them to a feature."""
+    counts = [int(np.clip(10.0 * (high - low) / feature, 2, MOST_ACROSS)) for low, high in (x, y)]
+    places = [
+        low + (high - low) * (np.arange(count) + 0.5) / count
+        for (low, high), count in zip((x, y), counts, strict=True)
+    ]
+    return np.stack(np.meshgrid(*places), axis=-1).reshape(-1, 2)
+
+
 @dataclass(frozen=True)
 class Plane(Terrain):
     """z = origin_z + slope[0] x + slope[1] y; the slopes are tangents of angles."""
@@ -108,6 +133,15 @@ class Plane(Terrain):
     def feature(self) -> float:
         """Infinity: nothing on a plane is small."""
         return float("inf")
+
+    @property
+    def crest(self) -> float:
+        """`origin_z` of a level plane; a slope has no crest."""
+        return float("inf") if any(self.slope) else self.origin_z
+
+    def crest_level(self, x: Sides, y: Sides) -> float:
+        """The highest corner of the rectangle."""
+        return float(self.height([[a, b] for a in x for b in y]).max())
 
     def height(self, x: ArrayLike) -> Floats:
         """b at points (n, 2), (n,)."""
@@ -131,8 +165,8 @@ class Hemispheres(Terrain):
     """Half-balls centred on the plane z = origin_z in a regular array, one of them at `offset`.
 
     arrangement "square": centres `spacing` apart along x and y; "triangular": rows along x, each shifted by
-    half a spacing against the one before, so that neighbours form equilateral triangles. Half-balls closer
-    than their diameter overlap.
+    half a spacing against the one before, so that neighbours form equilateral triangles; the whole is turned by
+    `angle` about the vertical. Half-balls closer than their diameter overlap.
     """
 
     radius: float
@@ -140,6 +174,7 @@ class Hemispheres(Terrain):
     arrangement: Literal["square", "triangular"] = "square"
     offset: tuple[float, float] = (0.0, 0.0)
     origin_z: float = 0.0
+    angle: float = 0.0
 
     def __post_init__(self) -> None:
         require_positive("radius", self.radius)
@@ -153,11 +188,16 @@ class Hemispheres(Terrain):
         return min(self.radius, 0.5 * self.spacing)
 
     @property
+    def crest(self) -> float:
+        """The top of the half-balls."""
+        return self.origin_z + self.radius
+
+    @property
     def _lattice(self) -> Floats:
         """The two steps from one centre to its neighbours, in rows."""
-        if self.arrangement == "square":
-            return self.spacing * np.eye(2)
-        return self.spacing * np.array([[1.0, 0.0], [0.5, np.sqrt(0.75)]])
+        steps = np.eye(2) if self.arrangement == "square" else np.array([[1.0, 0.0], [0.5, np.sqrt(0.75)]])
+        c, s = np.cos(self.angle), np.sin(self.angle)
+        return np.asarray(self.spacing * steps @ np.array([[c, s], [-s, c]]))
 
     def centres(self, middle: ArrayLike, reach: float) -> Floats:
         """All centres (k, 3) within a horizontal distance of a point (2,)."""
@@ -226,6 +266,15 @@ class _Waves(Smooth):
         numbers = np.linalg.norm(self.waves[:, 1:3], axis=1)
         curvature = float((self.waves[:, 0] * numbers**2).max())
         return min(float(np.pi / numbers.max()), 1.0 / curvature if curvature > 0.0 else np.inf)
+
+    @property
+    def crest(self) -> float:
+        """Where all waves are at their crests."""
+        return float(self.origin_z + np.abs(self.waves[:, 0]).sum())
+
+    def mean(self, x: Sides, y: Sides) -> float:
+        """`origin_z`, the mean over a wavelength."""
+        return self.origin_z
 
     def height(self, x: ArrayLike) -> Floats:
         """b at points (n, 2), (n,)."""
@@ -315,6 +364,15 @@ class Relief(Smooth):
     def feature(self) -> float:
         """`feature_length`."""
         return self.feature_length
+
+    @property
+    def crest(self) -> float:
+        """Not known of a function."""
+        return float("inf")
+
+    def crest_level(self, x: Sides, y: Sides) -> float:
+        """The highest of a rule of points as fine as the feature asks for."""
+        return float(self.height(_rule(x, y, self.feature)).max())
 
     @property
     def extent(self) -> Extent:

@@ -1,0 +1,378 @@
+"""Pictures of runs in space: the flow in the vertical plane through the grain, traction, mesh, the judged grain.
+
+The fields of a run stand on quadratic tetrahedra, which VTK cuts and samples; matplotlib sets the words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection
+from matplotlib.colors import ListedColormap, Normalize
+from matplotlib.figure import Figure
+
+from ..geometry.placement import Placement
+from ..scene import Scene
+from .cells import PIXELS, pyvista_off_screen
+from .judged import Judged, judged
+from .plane import Marks, aside, label, marks_of
+from .record import Run
+from .sheet import Group, explain, judge_rows, load_rows, sheet, write_numbers
+from .solid import Rendering, rendered
+from .streamlines import Sampled, streamlines
+from .style import FLOW, FORCES, GROUND, INK, PAPER, View, panels
+
+SPACING = 0.04  # of the triangles of a grain's surface, in grain sizes
+_NEAR = 0.15  # of the grain's size: where its shape tells what is fluid
+_COLUMNS = 500  # points of a section along its longer side
+_BESIDE = 1e-5  # of the width: how far beside a plane of symmetry fields are cut
+_CLIPPED = 0.5  # per cent of the points, at either end, whose pressure exceeds the colour bar
+_UNIT = "[scene units]"
+_UNASKED = ("The forces on the grain; the scene asks for no verdict.", "")
+_TRIANGLE, _TETRAHEDRON = 22, 24  # VTK's numbers of quadratic cells
+
+
+def is_in_space(run: Run) -> bool:
+    """Whether a run's fields are those of a scene in space."""
+    return run.fields.cells.shape[1] == 10
+
+
+def makers(run: Run) -> dict[str, Callable[[Run], Figure]]:
+    """What draws the pictures of a run in space, by the pictures' names."""
+    found: dict[str, Callable[[Run], Figure]] = {"flow": speed, "pressure": pressure}
+    if run.surface is not None:
+        found |= {"traction": traction, "verdict": verdict}
+    return found
+
+
+# -- the flow in a vertical plane -------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """Fields on a regular grid (rows, columns) over a part (left, right, lowest, highest) of a vertical plane."""
+
+    view: View
+    inside: np.ndarray
+    velocity: np.ndarray
+    pressure: np.ndarray
+
+    @property
+    def spacing(self) -> float:
+        """The distance of the points."""
+        return (self.view[1] - self.view[0]) / self.inside.shape[1]
+
+    @cached_property
+    def along(self) -> Sampled:
+        """The velocity within the plane, zero outside the fluid."""
+        origin = np.array([self.view[0], self.view[2]]) + 0.5 * self.spacing
+        within = np.where(self.inside[..., None], self.velocity[..., [0, 2]], 0.0)
+        return Sampled(origin, self.spacing, within)
+
+
+def speed(run: Run) -> Figure:
+    """Speed in colour in the vertical plane through the grain's centre, with streamlines in that plane."""
+    return _sections(run, "speed", "viridis", lambda s: np.linalg.norm(s.velocity, axis=-1), _from_zero, True)
+
+
+def pressure(run: Run) -> Figure:
+    """Pressure in colour in the same plane; extremes exceed the colour bar."""
+    return _sections(run, "pressure", "RdYlBu_r", lambda s: s.pressure, _without_extremes, False)
+
+
+def _sections(
+    run: Run,
+    name: str,
+    colours: str,
+    values_of: Callable[[Section], np.ndarray],
+    limits: Callable[[np.ndarray], Normalize],
+    lines: bool,
+) -> Figure:
+    """The whole plane and, with a grain, its surroundings, each with colours of its own."""
+    views = _views(run)
+    figure, places = panels(views, run.headline)
+    for (axes, bar), view, what in zip(places, views, ("whole length", "around the grain"), strict=False):
+        section = _section(run, view)
+        values = np.where(section.inside, values_of(section), np.nan)
+        norm = limits(values[section.inside])
+        drawn: dict[str, Any] = {"origin": "lower", "extent": view, "interpolation": "bilinear"}
+        axes.imshow(values, cmap=colours, norm=norm, zorder=1, **drawn)
+        solid = np.where(section.inside, np.nan, 1.0)
+        axes.imshow(solid, cmap=ListedColormap([GROUND]), zorder=1, **{**drawn, "interpolation": "nearest"})
+        if lines:
+            separation = 0.03 * np.sqrt((view[1] - view[0]) * (view[3] - view[2]))
+            found = streamlines(section.along, separation)
+            axes.add_collection(LineCollection(found, colors="white", linewidths=0.6, alpha=0.9, zorder=2))
+        axes.set(xlim=view[:2], ylim=view[2:], ylabel="z [scene units]")
+        axes.set_title(f"{name.capitalize()} at y = {_level(run):.4g}, {what}")
+        figure.colorbar(ScalarMappable(norm, colours), cax=bar).set_label(f"{name} [scene units]")
+    return figure
+
+
+def _from_zero(seen: np.ndarray) -> Normalize:
+    return Normalize(0.0, float(seen.max(initial=0.0)) or 1.0)
+
+
+def _without_extremes(seen: np.ndarray) -> Normalize:
+    low, high = np.percentile(seen, (_CLIPPED, 100 - _CLIPPED))
+    return Normalize(low, high) if high > low else Normalize(low - 0.5, high + 0.5)
+
+
+def _level(run: Run) -> float:
+    """y of the plane that is shown: through the grain, or the middle."""
+    low, high = run.fields.points[:, 1].min(), run.fields.points[:, 1].max()
+    centre = run.value("grain", "computed_centre")
+    y = run.middle if centre is None else float(centre[1])
+    return float(np.clip(y, low, high))
+
+
+def _views(run: Run) -> list[View]:
+    (x0, _, z0), (x1, _, z1) = run.fields.points.min(axis=0), run.fields.points.max(axis=0)
+    whole = (float(x0), float(x1), float(z0), float(z1))
+    centre, size = run.value("grain", "computed_centre"), run.value("grain", "size")
+    if centre is None:
+        return [whole]
+    x, _, z = centre
+    near = (x - 2.0 * size, x + 2.5 * size, z - 1.2 * size, z + 1.3 * size)
+    return [whole, (max(near[0], x0), min(near[1], x1), max(near[2], z0 - 0.1 * size), min(near[3], z1))]
+
+
+def _section(run: Run, view: View) -> Section:
+    """Velocity and pressure on a grid over a part of the plane, by VTK's interpolation in quadratic cells."""
+    pyvista = pyvista_off_screen()
+    spacing = max(view[1] - view[0], view[3] - view[2]) / _COLUMNS
+    x = np.arange(view[0] + 0.5 * spacing, view[1], spacing)
+    z = np.arange(view[2] + 0.5 * spacing, view[3], spacing)
+    low, high = run.fields.points[:, 1].min(), run.fields.points[:, 1].max()
+    inwards = _BESIDE * (high - low)
+    across, up = np.meshgrid(x, z)
+    level = np.clip(_level(run), low + inwards, high - inwards)
+    points = np.column_stack([across.ravel(), np.full(across.size, level), up.ravel()])
+    found = pyvista.PolyData(points).sample(_grid(run, view))
+    # VTK misses points next to curved boundaries: where there is fluid the shapes tell, and how fast the next point.
+    known = np.asarray(found["vtkValidPointMask"], dtype=bool)
+    inside = _in_fluid(run, points, known)
+    if known.any():
+        from scipy.spatial import cKDTree
+
+        missing = np.flatnonzero(inside & ~known)
+        _, nearest = cKDTree(points[known]).query(points[missing])
+        for name in ("velocity", "pressure"):
+            found[name][missing] = found[name][known][nearest]
+    shape = across.shape
+    velocity = np.asarray(found["velocity"]).reshape(*shape, 3)
+    return Section(view, inside.reshape(shape), velocity, np.asarray(found["pressure"]).reshape(shape))
+
+
+def _in_fluid(run: Run, points: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Which points (n, 3) lie in the fluid: those that VTK knows, near the grain those outside it and above the bed."""
+    centre = run.value("grain", "computed_centre")
+    if centre is None:
+        return known
+    scene = Scene(**run.scene)
+    bed, placement = scene.bed_shape, Placement(centre, quaternion=tuple(run.value("grain", "quaternion")))
+    low = scene.domain.bottom if bed is None else bed.height(points[:, :2])
+    away = scene.grain.level(placement.to_body(points))
+    beside = (away < _NEAR * scene.grain.size) & (points[:, 2] > low)
+    return np.asarray((known | beside) & (away > 0.0))
+
+
+def _grid(run: Run, view: View | None = None) -> Any:
+    """The tetrahedra of a run, or those in a view from the side, with velocity and pressure."""
+    pyvista = pyvista_off_screen()
+    cells = run.fields.cells
+    if view is not None:
+        x, z = run.fields.points[cells][..., 0], run.fields.points[cells][..., 2]
+        seen = (x.max(axis=1) >= view[0]) & (x.min(axis=1) <= view[1])
+        cells = cells[seen & (z.max(axis=1) >= view[2]) & (z.min(axis=1) <= view[3])]
+    grid = pyvista.UnstructuredGrid({_TETRAHEDRON: cells}, run.fields.points)
+    for name in ("velocity", "pressure"):
+        grid[name] = run.field(name)
+    return grid
+
+
+# -- mesh and traction ------------------------------------------------------------------------------------
+
+
+def mesh(run: Run, path: Path) -> None:
+    """The cells that the vertical plane through the grain cuts, and the surface of the grain behind it, as PNG."""
+    pyvista = pyvista_off_screen()
+    view = _views(run)[-1]
+    grid = _grid(run, view)
+    level = _level(run)
+    low, high = run.fields.points[:, 1].min(), run.fields.points[:, 1].max()
+    level = float(np.clip(level, low + _BESIDE * (high - low), high))
+    corners = run.fields.points[grid.cells_dict[_TETRAHEDRON][:, :4]]
+    behind = corners[..., 1].max(axis=1) > level
+    kept = grid.extract_cells(np.flatnonzero(behind & (corners[..., 1].min(axis=1) <= level)))
+    kept["speed"] = np.linalg.norm(kept["velocity"], axis=1)
+    plotter = pyvista.Plotter(off_screen=True, window_size=list(PIXELS))
+    plotter.background_color = "white"
+    shown = kept.extract_surface(nonlinear_subdivision=0, algorithm="dataset_surface")
+    bar = {"title": "speed [scene units]\n", "color": INK, "vertical": False, "fmt": "%.2g"}
+    bar |= {"position_x": 0.3, "width": 0.4, "position_y": 0.01, "height": 0.1, "label_font_size": 20}
+    plotter.add_mesh(
+        shown, scalars="speed", cmap="YlGnBu", show_edges=True, edge_color=INK, lighting=False,
+        scalar_bar_args={**bar, "title_font_size": 22},
+    )  # fmt: skip
+    _look_along_y(plotter, view, level)
+    plotter.screenshot(path)
+    plotter.close()
+
+
+def _look_along_y(plotter: Any, view: View, level: float) -> None:
+    x0, x1, z0, z1 = view
+    height = 1.2 * max(z1 - z0, (x1 - x0) * PIXELS[1] / PIXELS[0])
+    middle = (0.5 * (x0 + x1), 0.5 * (z0 + z1) - 0.07 * height)
+    plotter.camera.parallel_projection = True
+    plotter.camera.focal_point = (middle[0], level, middle[1])
+    plotter.camera.position = (middle[0], level - 10.0 * (x1 - x0), middle[1])
+    plotter.camera.up = (0.0, 0.0, 1.0)
+    plotter.camera.parallel_scale = 0.5 * height
+    plotter.reset_camera_clipping_range()
+
+
+def traction(run: Run) -> Figure:
+    """The size of the traction on the grain's surface in colour, seen from upstream and from downstream."""
+    assert run.surface is not None
+    points, cells, values = _whole_surface(run)
+    size = np.linalg.norm(values, axis=1)
+    # In a gap pressures are many times as large as elsewhere.
+    norm = Normalize(0.0, float(np.percentile(size, 98.0)) or 1.0)
+    figure = Figure(figsize=(9.4, 4.7))
+    figure.text(0.05, 0.965, f"{run.title}: traction of the fluid on the grain", fontsize=11, va="top")
+    for left, along, words in ((0.02, -1.0, "from upstream"), (0.45, 1.0, "from downstream")):
+        axes = figure.add_axes((left, 0.04, 0.42, 0.8))
+        axes.imshow(_shown_surface(points, cells, values, norm, along), interpolation="antialiased")
+        axes.set_axis_off()
+        axes.set_title(f"Seen {words}, with the traction's arrows")
+    bar = figure.colorbar(
+        ScalarMappable(norm, "magma"), cax=figure.add_axes((0.9, 0.12, 0.017, 0.65)), extend="max"
+    )
+    bar.set_label("size of the traction [scene units]")
+    return figure
+
+
+def _whole_surface(run: Run) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Nodes, quadratic triangles and traction of the grain's surface, half a grain with its mirror image."""
+    assert run.surface is not None
+    points, cells, values = run.surface.points, run.surface.cells, run.surface.fields["traction"]
+    if not run.halved:
+        return points, cells, values
+    mirror = np.array([1.0, -1.0, 1.0])
+    other = points * mirror + [0.0, 2.0 * run.middle, 0.0]
+    return (
+        np.vstack([points, other]),
+        np.vstack([cells, cells + len(points)]),
+        np.vstack([values, values * mirror]),
+    )
+
+
+def _shown_surface(
+    points: np.ndarray, cells: np.ndarray, values: np.ndarray, norm: Normalize, along: float
+) -> np.ndarray:
+    pyvista = pyvista_off_screen()
+    surface = pyvista.UnstructuredGrid({_TRIANGLE: cells}, points)
+    surface["size"] = np.linalg.norm(values, axis=1)
+    plotter = pyvista.Plotter(off_screen=True, window_size=[1100, 1100], lighting="three lights")
+    plotter.background_color = "white"
+    drawn = surface.extract_surface(nonlinear_subdivision=2, algorithm="dataset_surface")
+    limits = (norm.vmin, norm.vmax)
+    plotter.add_mesh(
+        drawn, scalars="size", cmap="magma", clim=limits, show_scalar_bar=False, smooth_shading=True
+    )
+    extent = float(np.ptp(points, axis=0).max())
+    largest = float(norm.vmax or 1.0)
+    step = max(1, len(points) // 400)
+    few = pyvista.PolyData(points[::step])
+    sizes = np.linalg.norm(values[::step], axis=1, keepdims=True)
+    few["arrows"] = values[::step] / largest * np.minimum(1.0, largest / np.maximum(sizes, 1e-300))
+    arrows = few.glyph(orient="arrows", scale="arrows", factor=0.35 * extent)
+    plotter.add_mesh(arrows, color=FLOW, show_scalar_bar=False)
+    centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    plotter.camera.parallel_projection = True
+    plotter.camera.focal_point = centre
+    plotter.camera.position = centre + 10.0 * extent * np.array([along, -0.6, 0.35])
+    plotter.camera.up = (0.0, 0.0, 1.0)
+    plotter.camera.parallel_scale = 0.85 * extent
+    plotter.reset_camera_clipping_range()
+    image = np.asarray(plotter.screenshot(return_img=True))
+    plotter.close()
+    return image
+
+
+# -- the judged grain -------------------------------------------------------------------------------------
+
+
+def verdict(run: Run) -> Figure:
+    """The grain on its bed with contacts, forces and couple; the verdict in words; the numbers behind it."""
+    stored = run.result.get("verdict")
+    if stored is None:
+        figure, axes = sheet(*_UNASKED, run.headline)
+        axes.set_axis_off()
+        write_numbers(axes, [load_rows(_acting(run), run.space("couple", "flow"), _UNIT, planar=False)])
+        return figure
+    case = judged(stored, run.directory / "result.json")
+    figure, axes = sheet(*case.sentences, run.headline)
+    explain(axes, show_judged(axes, case, *surface_of(Scene(**run.scene))))
+    groups: list[Group] = [
+        load_rows(case.acting, case.load.flow_couple, _UNIT, planar=False),
+        *judge_rows(case),
+    ]
+    write_numbers(axes, groups)
+    return figure
+
+
+def _acting(run: Run) -> dict[str, np.ndarray]:
+    """Forces on a grain that is not judged; the flow's alone without gravity."""
+    flow, weight = run.space("force", "flow"), run.space("force", "weight") + run.space("force", "buoyancy")
+    return {"flow": flow, "weight": weight, "resultant": flow + weight} if weight.any() else {"flow": flow}
+
+
+def surface_of(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """The surface of a scene's grain where it rests: points (n, 3) and triangles (m, 3)."""
+    grain, placement = scene.grain, scene.placement
+    assert grain is not None and placement is not None
+    surface = grain.surface(SPACING * grain.size)
+    return placement.to_scene(surface.points), surface.triangles
+
+
+def show_judged(axes: Axes, case: Judged, points: np.ndarray, triangles: np.ndarray) -> Marks:
+    """Show a judged case in space with its grain's surface, points (n, 3) and triangles (m, 3); what the marks mean."""
+    seen = rendered(case, points, triangles)
+    axes.imshow(seen.image, aspect="auto", interpolation="antialiased")
+    axes.set(xticks=[], yticks=[])
+    _name_forces(axes, seen)
+    if len(seen.numbers) > 1:
+        for index, (across, down) in enumerate(seen.numbers):
+            axes.text(across, down, f"{index + 1}", ha="center", va="center", fontsize=8, bbox=PAPER)
+    _show_triad(axes, seen.triad, seen.image.shape)
+    return marks_of(case)
+
+
+def _name_forces(axes: Axes, seen: Rendering) -> None:
+    """The names of the forces beyond their tips."""
+    upright = np.array([1.0, -1.0])  # images count rows downward
+    along = {name: upright * (tip - seen.centre) for name, tip in seen.tips.items()}
+    for name, arrow in along.items():
+        unit = arrow / max(float(np.linalg.norm(arrow)), 1e-300)
+        others = [other for key, other in along.items() if key != name]
+        place = seen.tips[name] + 0.015 * seen.image.shape[1] * upright * unit
+        label(axes, place, unit + aside(unit, others), name, FORCES[name])
+
+
+def _show_triad(axes: Axes, directions: np.ndarray, shape: tuple[int, ...]) -> None:
+    """The three axes in the lower left corner, as the camera sees them."""
+    corner = np.array([0.07 * shape[1], 0.92 * shape[0]])
+    longest = float(np.linalg.norm(directions, axis=1).max())
+    for name, direction in zip("xyz", 0.055 * shape[1] / longest * directions, strict=True):
+        axes.plot(*np.array([corner, corner + direction]).T, color=INK, lw=1.0)
+        across, down = corner + 1.3 * direction
+        axes.text(across, down, name, ha="center", va="center", fontsize=8)

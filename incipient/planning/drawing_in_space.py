@@ -1,0 +1,142 @@
+"""Where everything is in space and how finely it is meshed: the box above a bed, less the grain."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..geometry.placement import Placement
+from ..geometry.space.polyhedra import Box
+from ..geometry.space.terrain import Plane, Terrain
+from ..installed import memory_of_libraries
+from ..meshes import Away, Near, PlacedSolid, Resolved, Sizes, SolidRegion
+from ..scene import Scene
+from .cells import side_names
+from .layout import Layout, Place, placed, point
+from .plan import Estimate, Plan
+
+# Cell sizes for mesh_size = 1 by order of the velocity (docs/space.md).
+FAR_CELL = {2: 0.25, 3: 0.35, 4: 0.45}  # of the domain's height
+GRAIN_CELL = {2: 0.15, 3: 0.22, 4: 0.3}  # of the grain's size, at its surface
+BED_CELL = {2: 0.35, 3: 0.5, 4: 0.7}  # of the bed's smallest feature
+GAP_CELL = {2: 0.8, 3: 1.0, 4: 1.2}  # of the gap between grain and bed, and of narrow passages
+EDGE_CELL = 0.5  # of the grain's cells, at sharp edges
+GROWTH, GAP_GROWTH = 0.3, 0.22  # of cell sizes with distance
+BED_GROWTH, BED_LARGEST = 0.15, 1.0  # along a bed away from the grain, see `drawing`
+# Where a bed is meshed as it is: within so many grain sizes of the grain, then over so many features to its level.
+MESHED_BED, PASSAGE = 3.0, 2.0
+# Bytes per n^(4/3) of n unknowns of sparse factors, and per unknown of an iterative method; fitted (docs/space.md).
+OF_FACTORS, OF_BLOCKS = 450.0, 3500.0
+
+
+def lay_out_in_space(scene: Scene, plan: Plan, moved: Placement | None = None) -> Layout:
+    """Place the grain, where the scene has it or where it has `moved`, and decide cell sizes. Not collective."""
+    resting, placement, gap, ends = placed(scene) if moved is None else (moved, moved, np.inf, None)
+    region = _region(scene, placement)
+    far = min(FAR_CELL[plan.order] * scene.domain.height, 0.5 * min(scene.domain.extents))
+    sizes = Sizes(far, tuple(_near(scene, plan, placement, gap, ends)), gap_part=GAP_CELL[plan.order])
+    most = scene.numerics.max_cells
+    sizes = sizes.scaled(plan.mesh_size)
+    return Layout(region, sizes, plan.geometry_order, resting, placement, gap, ends, most)
+
+
+def _region(scene: Scene, placement: Placement | None) -> SolidRegion:
+    domain = scene.domain
+    bottom, right, top, left = side_names(scene)
+    holes = {} if placement is None else {"body": PlacedSolid(scene.grain, placement)}
+    return SolidRegion(
+        x=(domain.left, domain.right),
+        y=domain.across,
+        ceiling=domain.ceiling,
+        bed=scene.bed_shape or Plane(origin_z=domain.bottom),
+        holes=holes,
+        sides=(left, right, "right", "left", top, bottom),
+        symmetric=scene.symmetric,
+        resolved=resolved_bed(scene, placement),
+    )
+
+
+def resolved_bed(scene: Scene, placement: Placement | None) -> Resolved | None:
+    """Where a bed with forms is meshed as it is: about the grain. Beyond it is level, as high as the flow's datum."""
+    bed, grain = scene.bed_shape, scene.grain
+    if bed is None or grain is None or placement is None or not np.isfinite(bed.feature):
+        return None
+    radius = MESHED_BED * grain.size
+    passage = PASSAGE * bed.feature
+    reach = radius + passage
+    x, y = placement.centre[:2]
+    sides = (x - scene.domain.left, scene.domain.right - x, *np.abs(np.subtract(scene.domain.across, y)))
+    return None if reach >= max(sides) else Resolved((x, y), radius, passage, scene.datum)
+
+
+def _near(
+    scene: Scene, plan: Plan, placement: Placement | None, gap: float, ends: tuple[Place, Place] | None
+) -> list[Near]:
+    """Where cells are smaller than away from everything."""
+    near, grain, bed = [], scene.grain, scene.bed_shape
+    if grain is not None:
+        size = GRAIN_CELL[plan.order] * grain.size
+        edged = isinstance(grain, Box) and grain.edge_radius == 0.0
+        near.append(Near(EDGE_CELL * size if edged else size, GROWTH, boundary="body"))
+        if gap < 4.0 * size and ends is not None:
+            points = _gap_points(scene, ends)
+            near.append(Near(GAP_CELL[plan.order] * gap, GAP_GROWTH, points=points, needed=True))
+    if isinstance(bed, Terrain) and np.isfinite(bed.feature):
+        size, away = BED_CELL[plan.order] * bed.feature, None
+        if placement is not None:
+            away = Away(point(placement.centre), BED_GROWTH, BED_LARGEST * bed.feature)
+        near.append(Near(size, GROWTH, boundary="bed", away=away))
+    return near
+
+
+def _gap_points(scene: Scene, ends: tuple[Place, Place]) -> tuple[Place, ...]:
+    """Where grain and bed nearly touch: the narrowest place, and every contact of a resting grain."""
+    if not scene.rests:
+        return (ends[0],)
+    from ..geometry.touching import touching
+
+    assert scene.placement is not None
+    contacts = touching(scene.grain, scene.placement, scene.bed_shape, scene.contact_tolerance)
+    return tuple(dict.fromkeys([ends[0], *(point(x) for x in contacts.points)]))
+
+
+def count_in_space(layout: Layout, order: int, dual: bool = False, solver: str = "direct") -> Estimate:
+    """Cells, unknowns and memory of the flow on the layout's mesh, by making it. Not collective.
+
+    dual:   whether the errors of a steady flow are estimated as well, with elements of one order more
+    solver: of the linear systems, a name in `fluid.solvers.SOLVERS`
+    """
+    assert isinstance(layout.shape, SolidRegion)
+    with layout.drawing() as model:
+        _, tags, nodes = model.mesh.getElements(3)
+        cells = sum(len(t) for t in tags)
+        per_cell = {1: 4, 2: 10}[layout.geometry_order]
+        corners = np.concatenate([n.reshape(-1, per_cell)[:, :4] for n in nodes])
+        _, tags, _ = model.mesh.getElements(2)
+        outside = sum(len(t) for t in tags)
+    vertices = len(np.unique(corners))
+    faces = (4 * cells + outside) // 2
+    # Euler's formula; a whole grain is a cavity, half a grain a dent in the boundary.
+    cavities = 0 if layout.shape.symmetric else len(layout.shape.holes)
+    edges = vertices + faces - cells - 1 - cavities
+    numbers = vertices, edges, faces, cells
+    unknowns = [3 * lagrange(k, *numbers) + lagrange(k - 1, *numbers) for k in range(order, order + 1 + dual)]
+    return Estimate(cells, unknowns[0], memory_in_space(solver, *unknowns))
+
+
+def lagrange(order: int, vertices: int, edges: int, faces: int, cells: int) -> int:
+    """Nodes of continuous elements of an order on tetrahedra."""
+    inner = (order - 1) * (order - 2)
+    return vertices + (order - 1) * edges + inner // 2 * faces + inner * (order - 3) // 6 * cells
+
+
+def memory_in_space(solver: str, *unknowns: int) -> float:
+    """MiB for systems of so many unknowns that are there at once, by a solver. Not collective.
+
+    Sparse factors of a mesh in space of n unknowns have about c n^(4/3) entries (George 1973), an iterative method
+    takes memory in proportion to n; both were fitted to measured peaks.
+    """
+    if solver == "direct":
+        taken = OF_FACTORS * sum(n ** (4.0 / 3.0) for n in unknowns)
+    else:
+        taken = OF_BLOCKS * sum(unknowns)
+    return memory_of_libraries() + taken / 2**20

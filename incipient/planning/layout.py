@@ -1,0 +1,98 @@
+"""Where everything of a scene is and how finely it is meshed, ready for gmsh."""
+
+from __future__ import annotations
+
+import math
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..errors import SceneError
+from ..geometry.placement import Placement
+from ..geometry.rest import clearance, lifted
+from ..installed import required
+from ..meshes import Grid, Region, Sizes, SolidRegion
+from ..scene import Scene
+
+Place = Any  # a point (gdim,) as a tuple of numbers
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The scene's geometry in place, ready to be drawn.
+
+    resting:   the grain where it touches the bed (or is held), None without a grain
+    placement: the grain where the flow is computed: lifted by the gap
+    gap:       smallest distance of grain and bed in the computed flow [length], inf without contact
+    gap_ends:  the two points between which the gap is measured
+    max_cells: triangles, in space tetrahedra, expected above which no mesh is made
+    """
+
+    shape: Region | Grid | SolidRegion
+    sizes: Sizes
+    geometry_order: int
+    resting: Placement | None = None
+    placement: Placement | None = None
+    gap: float = np.inf
+    gap_ends: tuple[Place, Place] | None = None
+    max_cells: float = np.inf
+
+    def drawing(self) -> AbstractContextManager[Any]:
+        """A meshed gmsh model; for one rank only.
+
+        Raises:
+            MeshError: the geometry cannot be meshed.
+            SceneError: too many cells are expected.
+            MissingError: gmsh, or a library that it needs, is not installed.
+        """
+        self._require_few_cells()
+        if isinstance(self.shape, SolidRegion):
+            with required():
+                from ..meshes.solid_model import solid_model
+
+            return solid_model(self.shape, self.sizes, self.geometry_order)
+        with required():
+            from ..meshes.model import grid_model, region_model
+
+        if isinstance(self.shape, Grid):
+            return grid_model(self.shape, self.geometry_order)
+        return region_model(self.shape, self.sizes, self.geometry_order)
+
+    def _require_few_cells(self) -> None:
+        """Refuse a mesh that would take hours and all memory before it is begun."""
+        from ..meshes.expected import expected_cells
+
+        parts = expected_cells(self.shape, self.sizes)
+        expected, most = sum(parts.values()), max(parts, key=lambda name: parts[name])
+        if not expected <= self.max_cells:
+            raise SceneError(
+                f"numerics.max_cells: a mesh of about {expected:.2g} cells is expected, most for the {most}, more than "
+                f"{self.max_cells:g}; enlarge numerics.mesh_size or the smallest length, or allow them with "
+                f"--set numerics.max_cells={_round_up(expected)}"
+            )
+
+
+def _round_up(number: float) -> int:
+    """A little more than a number, in two digits."""
+    digits = 10 ** max(int(math.log10(max(number, 1.0))) - 1, 0)
+    return (int(number / digits) + 1) * digits
+
+
+def placed(scene: Scene) -> tuple[Placement | None, Placement | None, float, tuple[Place, Place] | None]:
+    """Resting place, computed place, gap and the points it is measured between. Not collective."""
+    grain, bed, resting = scene.grain, scene.bed_shape, scene.placement
+    if grain is None or bed is None or resting is None:
+        return resting, resting, np.inf, None
+    placement = lifted(grain, resting, bed, scene.contact_gap) if scene.rests else resting
+    gap, on_grain, on_bed = clearance(grain, placement, bed)
+    if scene.symmetric:  # of half a scene that with larger y is meshed
+        for end in (on_grain, on_bed):
+            end[1] = scene.domain.middle + abs(end[1] - scene.domain.middle)
+    return resting, placement, gap, (point(on_grain), point(on_bed))
+
+
+def point(x: Any) -> Any:
+    """The coordinates (gdim,) as a tuple of plain numbers."""
+    return tuple(float(one) for one in x)

@@ -1,0 +1,116 @@
+"""What the grain of a scene is in the plane and in space alike: how dense it is, whether it moves, what must fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from ..errors import SceneError
+from .messages import Problem, refusal, split
+from .motion import unfit
+from .section import NotNegative, Section, contradiction
+
+if TYPE_CHECKING:
+    from ..geometry.placement import Placement
+    from ..geometry.shape import Shape
+
+# Keys that grains have in the plane and in space.
+Density = Annotated[
+    NotNegative | None,
+    Field(
+        description="Density relative to the fluid [-]; without it or a mass no weight and no verdict",
+        examples=[2.65],
+    ),
+]
+Motion = Annotated[
+    Literal["fixed", "free", "prescribed"],
+    Field(description="How the grain moves: not, as flow and weight move it, or as `course` says"),
+]
+OnContact = Annotated[
+    Literal["stop", "repel"],
+    Field(
+        description="A grain that moves within contact.gap of a wall ends the run; a free one may be repelled"
+    ),
+]
+
+
+class BodySection(Section):
+    """A grain, in the plane or in space."""
+
+    gdim: ClassVar[int]  # dimension of the space it lives in
+    gdims: ClassVar[tuple[int, ...]]
+
+    if TYPE_CHECKING:
+        x: float | None
+        centre: Any
+        density: float | None
+        settle: bool
+        motion: str
+        mass: float | None
+        inertia: Any
+        velocity: Any
+        spin: Any
+        locked: tuple[str, ...]
+        course: tuple[str, ...] | None
+        on_contact: str
+
+    @field_validator("course", check_fields=False)
+    @classmethod
+    def _are_formulas_of_time(cls, course: tuple[str, ...] | None) -> tuple[str, ...] | None:
+        from .expression import Expression
+
+        for text in course or ():
+            try:
+                variables = Expression(text).variables
+            except SceneError as error:
+                raise contradiction(*split(str(error))) from None
+            if variables - {"t"}:
+                raise contradiction(f'"{text}" depends on more than the time', "use t only")
+        return course
+
+    @model_validator(mode="after")
+    def _moves_consistently(self) -> BodySection:
+        found = [Problem((key,), why, remedy) for key, why, remedy in unfit(self)]
+        if found:
+            raise refusal(type(self).__name__, found)
+        return self
+
+    @model_validator(mode="after")
+    def _placed_once(self) -> BodySection:
+        if self.x is None and self.centre is None:
+            raise self.refused("x", "neither x nor centre is given", "give x to rest on the bed, or centre")
+        if self.x is not None and self.centre is not None:
+            raise self.refused("x", "both x and centre are given", "leave one out")
+        if self.settle and self.x is None:
+            why = "a grain held at its centre does not settle"
+            raise self.refused("settle", why, "give x instead of centre, or leave settle out")
+        return self
+
+    @property
+    def moves(self) -> bool:
+        """Whether the grain moves while the flow is computed."""
+        return self.motion != "fixed"
+
+    @property
+    def aside(self) -> float | None:
+        """The y over which a grain in space comes to rest; None: the middle of the width."""
+        return None
+
+    def placed(self, centre: Sequence[float]) -> Placement:
+        """The grain turned as the scene says, its centroid at a point (gdim,)."""
+        raise NotImplementedError
+
+    def grain(self) -> Any:
+        """The grain's shape in its body frame, lengths in scene units: a Grain of the plane, or a Solid."""
+        return self._grain
+
+    @cached_property  # an outline of many points takes time to check
+    def _grain(self) -> Shape:
+        return self.new_grain()
+
+    def new_grain(self) -> Shape:
+        """A new grain of this shape."""
+        raise NotImplementedError

@@ -1,0 +1,282 @@
+"""Grains in space: what a user writes about their shapes, and the geometry that it means."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
+
+from ..errors import SceneError
+from .grains import BodySection, Density, Motion, OnContact
+from .messages import counted, split
+from .points import MOST_POINTS, about_file
+from .section import NotNegative, Positive, PositiveTriple, Triple, contradiction
+
+if TYPE_CHECKING:
+    from ..geometry.placement import Placement
+    from ..geometry.space.solid import Solid
+
+MOST_SPHERES = 500
+ROUNDEST = 100.0  # exponent of a superquadric
+
+
+def _four(value: Any) -> Any:
+    """Refuse what is not a sphere by what its numbers would mean."""
+    if isinstance(value, list | tuple) and len(value) != 4:
+        raise contradiction(f"has {counted(len(value), 'item')}", "give four, as in [x, y, z, radius]")
+    return value
+
+
+Ball = Annotated[tuple[float, float, float, Positive], Field(strict=False), BeforeValidator(_four)]
+Triangle = Annotated[tuple[int, int, int], Field(strict=False)]
+Exponent = Annotated[float, Field(ge=2, le=ROUNDEST)]
+Freedom = Literal["x", "y", "z", "rx", "ry", "rz"]
+Course = Annotated[tuple[str, str, str, str, str, str], Field(strict=False)]
+
+
+class SolidSection(BodySection):
+    """What grains of all shapes in space have in common."""
+
+    gdim: ClassVar[int] = 3
+    gdims: ClassVar[tuple[int, ...]] = (3,)
+
+    x: float | None = Field(
+        None, description="Rests on the bed at this distance along [length]; give x or centre", examples=[4.0]
+    )
+    y: float | None = Field(
+        None, description="The same across; without it in the middle of the width [length]", examples=[5.0]
+    )
+    centre: Triple | None = Field(
+        None,
+        description="Held with its centroid there [length]; give x or centre",
+        examples=[(4.0, 5.0, 2.0)],
+    )
+    orientation: Triple = Field(
+        (0.0, 0.0, 0.0), description="Turned about x, then about y, then about z by these [degrees]"
+    )
+    density: Density = None
+    settle: bool = Field(
+        False, description="Let the grain roll and tip from x and y until it is in equilibrium on the bed"
+    )
+    motion: Motion = "fixed"
+    mass: NotNegative | None = Field(
+        None, description="Mass in place of density [density of the fluid x volume]", examples=[2.0]
+    )
+    inertia: Annotated[tuple[NotNegative, NotNegative, NotNegative], Field(strict=False)] | None = Field(
+        None,
+        description="Moments about the grain's own axes through its centroid; by default those of a uniform grain",
+        examples=[(0.1, 0.1, 0.1)],
+    )
+    velocity: Triple = Field((0.0, 0.0, 0.0), description="Velocity of a free grain at time 0 [length/time]")
+    spin: Triple = Field(
+        (0.0, 0.0, 0.0), description="Angular velocity of a free grain at time 0 [radians/time]"
+    )
+    locked: Annotated[tuple[Freedom, ...], Field(strict=False)] = Field(
+        (), description="What a free grain cannot do: x, y, z, rx, ry, rz", examples=[("x", "ry")]
+    )
+    course: Course | None = Field(
+        None,
+        description="Formulas in t for velocity and spin of a prescribed motion, along and about x, y and z",
+        examples=[("0.1*cos(t)", "0", "0", "0", "0", "0")],
+    )
+    on_contact: OnContact = "stop"
+
+    @model_validator(mode="after")
+    def _has_one_place(self) -> SolidSection:
+        if self.y is not None and self.x is None:
+            raise self.refused("y", "goes with x, but centre is given", "leave it out")
+        return self
+
+    @model_validator(mode="after")
+    def _is_a_solid(self) -> SolidSection:
+        try:
+            self.grain()
+        except SceneError as error:
+            raise self.refused(self._telling, *split(str(error))) from None
+        return self
+
+    @property
+    def _telling(self) -> str:
+        """The key that tells the shape."""
+        return "shape"
+
+    @property
+    def aside(self) -> float | None:
+        """The y over which it comes to rest; None: the middle of the width."""
+        return self.y
+
+    def placed(self, centre: Sequence[float]) -> Placement:
+        """The grain turned by its orientation, its centroid at a point (3,)."""
+        from ..geometry.placement import Placement, product, rotation_by
+
+        about_x, about_y, about_z = (
+            rotation_by(angle * axis)
+            for angle, axis in zip(np.radians(self.orientation), np.eye(3), strict=True)
+        )
+        return Placement(tuple(centre), quaternion=product(about_z, product(about_y, about_x)))
+
+
+class Sphere(SolidSection):
+    """A sphere."""
+
+    shape: Literal["sphere"] = Field("sphere", description="Shape of the grain")
+    diameter: Positive = Field(description="Diameter [length]")
+
+    def new_grain(self) -> Solid:
+        """The grain's shape in its body frame, lengths in scene units."""
+        from ..geometry.space import solid
+
+        return solid.Sphere(self.diameter)
+
+
+class Ellipsoid(SolidSection):
+    """An ellipsoid."""
+
+    shape: Literal["ellipsoid"] = Field("ellipsoid", description="Shape of the grain")
+    semi_axes: PositiveTriple = Field(description="Semi-axes along x, y and z without orientation [length]")
+
+    def new_grain(self) -> Solid:
+        """The grain's shape in its body frame, lengths in scene units."""
+        from ..geometry.space import solid
+
+        return solid.Ellipsoid(self.semi_axes)
+
+
+class Superquadric(SolidSection):
+    """A superquadric, between an ellipsoid and a box or a cylinder."""
+
+    shape: Literal["superquadric"] = Field("superquadric", description="Shape of the grain")
+    semi_axes: PositiveTriple = Field(description="Semi-axes along x, y and z without orientation [length]")
+    exponents: Annotated[tuple[Exponent, Exponent], Field(strict=False)] = Field(
+        description="Exponents along z and across it: 2 is an ellipsoid, 100 almost a box"
+    )
+
+    def new_grain(self) -> Solid:
+        """The grain's shape in its body frame, lengths in scene units."""
+        from ..geometry.space import solid
+
+        return solid.Superquadric(self.semi_axes, self.exponents)
+
+
+class Box(SolidSection):
+    """A box, its edges rounded or not."""
+
+    shape: Literal["box"] = Field("box", description="Shape of the grain")
+    sides: PositiveTriple = Field(description="Sides along x, y and z without orientation [length]")
+    edge_radius: NotNegative = Field(0.0, description="Radius of the rounded edges and corners [length]")
+
+    @property
+    def _telling(self) -> str:
+        return "edge_radius"
+
+    def new_grain(self) -> Solid:
+        """The grain's shape in its body frame, lengths in scene units."""
+        from ..geometry.space import polyhedra
+
+        return polyhedra.Box(self.sides, self.edge_radius)
+
+
+class Polyhedron(SolidSection):
+    """A convex polyhedron."""
+
+    shape: Literal["polyhedron"] = Field("polyhedron", description="Shape of the grain")
+    vertices: Annotated[tuple[Triple, ...], Field(strict=False, min_length=4)] = Field(
+        description="Vertices, four or more, in any order, relative to any point [length]"
+    )
+
+    @property
+    def _telling(self) -> str:
+        return "vertices"
+
+    def new_grain(self) -> Solid:
+        """The grain's shape in its body frame, lengths in scene units."""
+        from ..geometry.space import polyhedra
+
+        if len(self.vertices) > MOST_POINTS:
+            raise SceneError(f"has {len(self.vertices)} items; give {MOST_POINTS} at most")
+        return polyhedra.Polyhedron(self.vertices)
+
+
+class Spheres(SolidSection):
+    """Spheres that overlap and move as one."""
+
+    shape: Literal["spheres"] = Field("spheres", description="Shape of the grain")
+    spheres: Annotated[tuple[Ball, ...], Field(strict=False, min_length=1)] = Field(
+        description="x, y, z and radius of each sphere, relative to any point [length]"
+    )
+
+    @property
+    def _telling(self) -> str:
+        return "spheres"
+
+    def new_grain(self) -> Solid:
+        """The grain's shape in its body frame, lengths in scene units."""
+        from ..geometry.space import spheres
+
+        if len(self.spheres) > MOST_SPHERES:
+            raise SceneError(f"has {len(self.spheres)} items; give {MOST_SPHERES} at most")
+        return spheres.Spheres([ball[:3] for ball in self.spheres], [ball[3] for ball in self.spheres])
+
+
+class Mesh(SolidSection):
+    """A grain bounded by triangles, such as a scanned pebble, from an STL, PLY or OBJ file."""
+
+    shape: Literal["mesh"] = Field("mesh", description="Shape of the grain")
+    file: str | None = Field(
+        None,
+        description="STL, PLY or OBJ file, relative to the scene; the resolved scene has its triangles instead",
+        examples=["pebble.stl"],
+    )
+    size: Positive | None = Field(
+        None,
+        description="Largest diameter; without it that of the file's coordinates [length]",
+        examples=[1.0],
+    )
+    vertices: Annotated[tuple[Triple, ...], Field(strict=False)] = Field(
+        (), description="Corners of the triangles, relative to any point [length]"
+    )
+    triangles: Annotated[tuple[Triangle, ...], Field(strict=False)] = Field(
+        (), description="Three numbers of vertices each, counted from 0, all in the same sense"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read(cls, data: Any, info: ValidationInfo) -> Any:
+        """Replace the file by its triangles, so that the scene no longer depends on where it was read."""
+        if not isinstance(data, dict):
+            return data
+        given, from_file = "vertices" in data, data.get("file") is not None
+        if given == from_file:
+            which = "both file and vertices are" if given else "neither file nor vertices is"
+            raise about_file("Mesh", f"{which} given", "give the name of an STL, PLY or OBJ file")
+        if not isinstance(data.get("file"), str):
+            return data
+        from ..geometry.space.polyhedra import Triangulated
+
+        path = Path((info.context or {}).get("directory", "."), data["file"])
+        try:
+            found = Triangulated.from_file(path)
+        except SceneError as error:
+            raise about_file("Mesh", *split(str(error))) from None
+        if len(found.vertices) > MOST_POINTS:
+            why = f"{path} has {len(found.vertices)} vertices"
+            raise about_file("Mesh", why, f"reduce it to {MOST_POINTS} at most")
+        rest = {name: value for name, value in data.items() if name != "file"}
+        shape = {"vertices": found.vertices.tolist(), "triangles": found.triangles.tolist()}
+        return {**rest, **shape}
+
+    @property
+    def _telling(self) -> str:
+        return "triangles"
+
+    def new_grain(self) -> Solid:
+        """The grain's shape in its body frame, lengths in scene units."""
+        from ..geometry.space.polyhedra import Triangulated
+
+        points = np.array(self.vertices, dtype=float).reshape(-1, 3)
+        triangles = np.array(self.triangles, dtype=int).reshape(-1, 3)
+        found = Triangulated(points, triangles)
+        return found if self.size is None else Triangulated(self.size / found.size * points, triangles)

@@ -1,0 +1,154 @@
+"""Beds in space: what a user writes about their shapes, and the geometry that it means."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field, ValidationInfo, model_validator
+
+from ..errors import SceneError
+from .messages import split
+from .points import about_file
+from .section import NotNegative, Pair, Positive, PositivePair
+from .shapes import BedSection
+
+if TYPE_CHECKING:
+    from ..geometry.space.terrain import Terrain
+
+MOST_HEIGHTS = 250_000
+_TO_GIVE = "give the name of a PNG, TIFF, .npy or .asc file"
+
+
+class TerrainSection(BedSection):
+    """What beds have in common that there are in space only."""
+
+    gdims: ClassVar[tuple[int, ...]] = (3,)
+
+    slope: float = Field(
+        0.0, gt=-90, lt=90, description="Angle by which the bed falls in the stream's direction [degrees]"
+    )
+
+    @property
+    def slope_angle(self) -> float:
+        """The angle in radians by which gravity is turned."""
+        return math.radians(self.slope)
+
+
+class SphereBed(TerrainSection):
+    """Spheres of one size in an array, sunk by half into the base plane."""
+
+    kind: Literal["spheres"] = Field("spheres", description="Kind of bed")
+    radius: Positive = Field(description="Radius of the spheres [length]")
+    spacing: Positive = Field(description="Distance of neighbours' centres, at least two radii [length]")
+    arrangement: Literal["square", "triangular"] = Field(
+        "triangular", description="Rows behind each other, or each shifted by half a spacing"
+    )
+    offset: Pair = Field((0.0, 0.0), description="Place x, y of the centre of one of them [length]")
+    angle: float = Field(0.0, description="Of the rows, from x towards y [degrees]")
+
+    @model_validator(mode="after")
+    def _do_not_overlap(self) -> SphereBed:
+        if self.spacing < 2.0 * self.radius:
+            why = f"{self.spacing:g} is less than two radii, {2.0 * self.radius:g}: the spheres overlap"
+            raise self.refused("spacing", why, "enlarge spacing or reduce radius")
+        return self
+
+    def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> Terrain:
+        """The bed's shape above its base plane z = origin_z, x and y counted from a corner."""
+        from ..geometry.space import terrain
+
+        offset = self.offset[0] - corner[0], self.offset[1] - corner[1]
+        angle = math.radians(self.angle)
+        return terrain.Hemispheres(self.radius, self.spacing, self.arrangement, offset, origin_z, angle)
+
+
+class RidgeBed(TerrainSection):
+    """Ripples, amplitude sin(2 pi (x cos(angle) + y sin(angle)) / wavelength + phase) above the base plane."""
+
+    kind: Literal["ridges"] = Field("ridges", description="Kind of bed")
+    amplitude: NotNegative = Field(description="Half the height from trough to crest [length]")
+    wavelength: Positive = Field(description="Distance of crests [length]")
+    angle: float = Field(0.0, description="Of the direction across the crests from x towards y [degrees]")
+    phase: float = Field(0.0, description="Phase at x = y = 0 [degrees]")
+
+    def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> Terrain:
+        """The bed's shape above its base plane z = origin_z, x and y counted from a corner."""
+        from ..geometry.space import terrain
+
+        angle = math.radians(self.angle)
+        ahead = corner[0] * math.cos(angle) + corner[1] * math.sin(angle)
+        phase = math.radians(self.phase) + 2.0 * math.pi * math.fmod(ahead, self.wavelength) / self.wavelength
+        return terrain.Ridges(self.amplitude, self.wavelength, angle, phase, origin_z)
+
+
+class HeightMapBed(TerrainSection):
+    """Heights on a raster, from an image or a table."""
+
+    kind: Literal["height-map"] = Field("height-map", description="Kind of bed")
+    file: str | None = Field(
+        None,
+        description="PNG, TIFF, .npy or .asc file, relative to the scene; the resolved scene has heights instead",
+        examples=["bed.png"],
+    )
+    cell: PositivePair | None = Field(
+        None,
+        description="Distance of the heights along x and y; .asc files bring it [length]",
+        examples=[(0.1, 0.1)],
+    )
+    relief: float = Field(1.0, description="Factor on the heights; of images: from black to white [length]")
+    offset: Pair = Field((0.0, 0.0), description="Place x, y of the first height [length]")
+    heights: Annotated[tuple[Annotated[tuple[float, ...], Field(strict=False)], ...], Field(strict=False)] = (
+        Field((), description="Heights above the base plane, rows of ascending y [length]")
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read(cls, data: Any, info: ValidationInfo) -> Any:
+        """Replace the file by its heights, so that the scene no longer depends on where it was read."""
+        if not isinstance(data, dict):
+            return data
+        given, from_file = "heights" in data, data.get("file") is not None
+        if given == from_file:
+            which = "both file and heights are" if given else "neither file nor heights is"
+            raise about_file("HeightMapBed", f"{which} given", _TO_GIVE)
+        if not isinstance(data.get("file"), str):
+            return data
+        from ..geometry.space.heightmap import HeightMap
+
+        path = Path((info.context or {}).get("directory", "."), data["file"])
+        cell = data.get("cell")
+        try:
+            found = HeightMap.from_file(path, None if cell is None else tuple(cell))
+        except (SceneError, TypeError) as error:
+            raise about_file("HeightMapBed", *split(str(error))) from None
+        x, y = data.get("offset", (0.0, 0.0))
+        rest = {name: value for name, value in data.items() if name != "file"}
+        place = {"cell": found.cell, "offset": (x + found.origin[0], y + found.origin[1])}
+        return {**rest, **place, "heights": found.heights.tolist()}
+
+    @model_validator(mode="after")
+    def _is_a_raster(self) -> HeightMapBed:
+        count = sum(map(len, self.heights))
+        if count > MOST_HEIGHTS:
+            raise self.refused("heights", f"are {count}", f"give {MOST_HEIGHTS} at most")
+        if len({len(row) for row in self.heights}) > 1:
+            raise self.refused("heights", "are in rows of different lengths", "give as many in each")
+        if self.cell is None:
+            raise self.refused("cell", "is missing", "add how far apart the heights are, as in [0.1, 0.1]")
+        try:
+            self.terrain(0.0)
+        except SceneError as error:
+            raise self.refused("heights", *split(str(error))) from None
+        return self
+
+    def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> Terrain:
+        """The bed's shape above its base plane z = origin_z, x and y counted from a corner."""
+        from ..geometry.space.heightmap import HeightMap
+
+        assert self.cell is not None
+        place = (self.offset[0] - corner[0], self.offset[1] - corner[1], origin_z)
+        return HeightMap(self.relief * np.array(self.heights), self.cell, place)

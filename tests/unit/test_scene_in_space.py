@@ -1,0 +1,357 @@
+"""Scenes in space: what they are made of, where the grain comes to rest, their symmetry, what wrong ones are told."""
+
+import math
+
+import numpy as np
+import pytest
+import trimesh
+from scenes import message
+
+from incipient.accuracy.errorbars import coarse_scenes, farther
+from incipient.planning.plan import make_plan
+from incipient.planning.stream import inflow, undisturbed
+from incipient.results.loads import Couples, Forces
+from incipient.results.verdict import find_contacts, judge, mass_and_inertia
+from incipient.scene import (
+    Box,
+    Contact,
+    Disc,
+    Domain,
+    Ellipsoid,
+    ExpressionFlow,
+    Flat,
+    Fluid,
+    Gravity,
+    HalfDiscs,
+    HeightMapBed,
+    Inclined,
+    Mesh,
+    Numerics,
+    Polyhedron,
+    RidgeBed,
+    Scene,
+    Shear,
+    Sphere,
+    SphereBed,
+    Spheres,
+    Still,
+    Superquadric,
+    Time,
+)
+from incipient.scene.effects import Effects
+from incipient.scene.file import dumps, load, loads, schema
+from incipient.simulation.loads import weights
+
+CHANNEL = Domain(length=12.0, width=8.0, height=6.0)
+TETRAHEDRON = ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
+SPHERE_ON_PLANE = {
+    "domain": CHANNEL,
+    "fluid": Fluid(reynolds=1.0, scale="grain"),
+    "flow": Shear(),
+    "body": Sphere(diameter=1.0, x=5.0),
+    "bed": Flat(),
+}
+SOLIDS = [
+    Sphere(diameter=1.0, x=5.0),
+    Ellipsoid(semi_axes=(0.6, 0.5, 0.3), x=5.0),
+    Superquadric(semi_axes=(0.6, 0.5, 0.3), exponents=(4.0, 2.0), x=5.0),
+    Box(sides=(1.0, 0.8, 0.6), edge_radius=0.1, x=5.0),
+    Polyhedron(vertices=TETRAHEDRON, x=5.0),
+    Spheres(spheres=((0, 0, 0, 0.5), (0.6, 0, 0, 0.4)), x=5.0),
+]
+TERRAINS = [
+    Flat(),
+    SphereBed(radius=0.5, spacing=1.0),
+    RidgeBed(amplitude=0.1, wavelength=2.0),
+    HeightMapBed(heights=((0.0, 0.1, 0.0),) * 3, cell=(6.0, 4.0)),
+]
+
+
+def scene(**changes):
+    return Scene(**{**SPHERE_ON_PLANE, **changes})
+
+
+def test_a_width_makes_a_scene_three_dimensional():
+    found = scene()
+    assert found.gdim == 3 and found.up == 2
+    assert found.domain.origin == (0.0, 0.0, 0.0) and found.domain.across == (0.0, 8.0)
+    assert found.placement.centre == pytest.approx((5.0, 4.0, 0.5))
+    assert Domain(length=12.0, height=6.0).origin == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("bed", TERRAINS, ids=lambda bed: bed.kind)
+@pytest.mark.parametrize("body", SOLIDS, ids=lambda body: body.shape)
+def test_every_grain_rests_on_every_bed_and_is_read_back(body, bed):
+    found = scene(body=body, bed=bed)
+    assert loads(dumps(found)) == found
+    contacts = find_contacts(found)
+    assert np.abs(found.bed_shape.distance(contacts.points)).max() < 2 * found.contact_tolerance
+
+
+def test_orientation_turns_about_x_then_y_then_z():
+    placement = Box(sides=(3, 2, 1), x=5.0, orientation=(90, 0, 90)).placed((0.0, 0.0, 0.0))
+    # About x: y goes to z, z to -y; about z: x goes to y, y to -x.
+    assert placement.to_scene(np.eye(3)) == pytest.approx(np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]]))
+
+
+def test_the_place_across_is_counted_from_the_domains_corner():
+    domain = Domain(length=12.0, width=8.0, height=6.0, origin=(100.0, -50.0, 7.0))
+    middle, aside = (
+        scene(domain=domain, body=Sphere(diameter=1, x=105.0, y=y)).placement for y in (None, -49.0)
+    )
+    assert middle.centre == pytest.approx((105.0, -46.0, 7.5))
+    assert aside.centre == pytest.approx((105.0, -49.0, 7.5))
+
+
+def test_gravity_is_turned_by_the_slope_of_every_bed():
+    for bed in (Inclined(slope=30.0), SphereBed(radius=0.5, spacing=1.0, slope=30.0)):
+        found = scene(bed=bed, gravity=Gravity(acceleration=2.0))
+        assert found.gravity_vector == pytest.approx([1.0, 0.0, -math.sqrt(3.0)])
+
+
+def test_mass_and_inertia_are_those_of_the_grain_as_it_is_turned():
+    body = Box(sides=(3.0, 2.0, 1.0), x=5.0, density=2.0, orientation=(0, 0, 90))
+    mass, inertia = mass_and_inertia(body, scene(body=body).placement)
+    assert mass == pytest.approx(12.0)
+    assert inertia == pytest.approx(np.diag([9.0 + 1.0, 4.0 + 1.0, 4.0 + 9.0]))  # m (b^2 + c^2)/12
+
+
+# -- symmetry ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("changes", "halved"),
+    [
+        ({}, True),
+        ({"body": Sphere(diameter=1.0, x=5.0, y=3.0)}, False),
+        ({"body": Box(sides=(1.0, 0.8, 0.6), x=5.0, orientation=(0, 0, 30))}, False),
+        ({"body": Box(sides=(1.0, 0.8, 0.6), x=5.0, orientation=(0, 30, 0))}, True),
+        ({"body": Spheres(spheres=((0, 0, 0, 0.5), (0.6, 0, 0, 0.4)), x=5.0)}, True),
+        ({"body": Spheres(spheres=((0, 0, 0, 0.5), (0, 0.6, 0, 0.4)), x=5.0)}, False),
+        ({"bed": RidgeBed(amplitude=0.1, wavelength=2.0)}, True),
+        ({"bed": RidgeBed(amplitude=0.1, wavelength=2.0, angle=20.0)}, False),
+        ({"bed": SphereBed(radius=0.5, spacing=1.0, offset=(0.0, 4.0))}, True),
+        ({"bed": SphereBed(radius=0.5, spacing=1.0, offset=(0.0, 4.2))}, False),
+        ({"flow": ExpressionFlow(components=("z", "y - 4", "0"))}, True),
+        ({"flow": ExpressionFlow(components=("z", "0.1*z", "0"))}, False),
+        ({"domain": Domain(length=12, width=8, height=6, symmetric=False)}, False),
+    ],
+)
+def test_a_scene_that_is_its_own_mirror_image_is_halved(changes, halved):
+    found = scene(**changes)
+    assert found.symmetric is halved
+    asked = {**found.domain.model_dump(), "symmetric": True}
+    if not halved and found.domain.symmetric is None:
+        assert "domain.symmetric: is true, but" in message(lambda: scene(**{**changes, "domain": asked}))
+
+
+def test_the_plan_says_why_the_whole_is_computed():
+    words = make_plan(scene(body=Sphere(diameter=1.0, x=5.0, y=3.0))).text()
+    assert "the whole of it is computed: the grain's centroid is 1 beside the middle, y = 4" in words
+    assert "half of it is computed" in make_plan(scene()).text()
+
+
+# -- the angle of repose -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("turned", "place", "tangent"),
+    # Towards the gap between two spheres the grain turns about their points of contact, towards a sphere about one:
+    # sides of the regular tetrahedron of the four centres (Li & Komar 1986, Sedimentology 33, 413, for equal spheres).
+    [(90.0, 1.0, 1.0 / math.sqrt(8.0)), (-90.0, -1.0, 1.0 / math.sqrt(2.0))],
+)
+def test_a_sphere_in_a_pocket_of_spheres_leaves_it_at_the_angle_of_repose(turned, place, tangent):
+    repose = math.degrees(math.atan(tangent))
+    found = {}
+    for slope in (repose - 0.01, repose + 0.01):
+        offset = (5.0 - place / math.sqrt(3.0), 4.0)
+        bed = SphereBed(radius=0.5, spacing=1.0, angle=turned, offset=offset, slope=slope)
+        one = scene(
+            body=Sphere(diameter=1.0, x=5.0, density=2.65),
+            bed=bed,
+            flow=Still(),
+            gravity=Gravity(acceleration=10.0),
+            contact=Contact(friction=1.0),
+        )
+        assert one.placement.centre == pytest.approx((5.0, 4.0, math.sqrt(2.0 / 3.0)))
+        buoyancy, weight = weights(one)
+        force = Forces(np.zeros(3), np.zeros(3), buoyancy, weight)
+        couple = Couples(np.zeros(3), np.zeros(3), np.array(one.placement.centre))
+        found[slope > repose] = judge(one, find_contacts(one), force, couple)["judges"]["equilibrium"][
+            "moves"
+        ]
+    assert found == {False: False, True: True}
+
+
+def test_a_grain_settles_into_a_pocket():
+    bed = SphereBed(radius=0.5, spacing=1.0, arrangement="square", offset=(4.6, 3.6))
+    placement = scene(bed=bed, body=Sphere(diameter=1.0, x=5.0, settle=True)).placement
+    assert placement.centre == pytest.approx((5.1, 4.1, math.sqrt(0.5)), abs=1e-9)
+
+
+# -- flows ---------------------------------------------------------------------------------------------
+
+
+def test_profiles_go_with_the_height_and_formulas_have_three_components():
+    points = np.array([[1.0, 2.0], [3.0, 4.0], [0.5, 2.0]])
+    assert undisturbed(scene())(points, 0.0) == pytest.approx(np.array([[0.5, 2.0], [0, 0], [0, 0]]))
+    flow = ExpressionFlow(components=("z*y", "t", "x"))
+    changing = scene(flow=flow, time=Time(end=1.0, step=0.1))
+    assert undisturbed(changing)(points, 3.0) == pytest.approx(np.array([[1.5, 8.0], [3, 3], [1, 2]]))
+
+
+def test_the_inflow_is_at_rest_on_spheres_that_are_higher_than_the_datum():
+    bed = SphereBed(radius=0.5, spacing=1.0, arrangement="square")
+    found = scene(bed=bed, flow=Shear(datum="mean"), body=None, fluid=Fluid(reynolds=1, scale="flow"))
+    assert 0.2 < found.datum < 0.5
+    over_a_sphere, between = inflow(found)(np.array([[0.0, 0.0], [1.0, 1.5], [0.499, 0.499]]), 0.0)[0]
+    assert over_a_sphere == 0.0 and between == pytest.approx(0.499 - found.datum)
+
+
+# -- files ---------------------------------------------------------------------------------------------
+
+
+def test_a_scanned_grain_is_read_once_and_stands_in_the_resolved_scene(tmp_path):
+    trimesh.creation.icosphere(1, 0.5).export(tmp_path / "pebble.stl")
+    text = dumps(scene()).replace(
+        'shape = "sphere"\ndiameter = 1.0', 'shape = "mesh"\nfile = "pebble.stl"\nsize = 2.0'
+    )
+    (tmp_path / "scene.toml").write_text(text)
+    found = load(tmp_path / "scene.toml")
+    assert found.grain.size == pytest.approx(2.0) and found.body.file is None
+    (tmp_path / "pebble.stl").unlink()
+    again = loads(dumps(found))
+    assert again == found and again.grain.volume == pytest.approx(found.grain.volume)
+
+
+def test_a_height_map_is_read_once_and_stands_in_the_resolved_scene(tmp_path):
+    np.save(tmp_path / "bed.npy", np.outer(np.ones(5), [0.0, 0.1, 0.2, 0.1, 0.0]))
+    data = {"kind": "height-map", "file": str(tmp_path / "bed.npy"), "cell": (3.0, 2.0)}
+    found = Scene(**{**scene().model_dump(), "bed": data})
+    assert found.bed_shape.height([[6.0, 4.0], [3.0, 1.0]]) == pytest.approx([0.2, 0.1])
+    assert loads(dumps(found)) == found
+
+
+# -- coarse runs ---------------------------------------------------------------------------------------
+
+
+def test_a_larger_domain_is_wider_too_unless_walls_are_at_its_sides():
+    larger = farther(scene()).domain
+    assert (larger.length, larger.width, larger.height) == (18.0, 12.0, 9.0)
+    assert larger.origin == (-3.0, -2.0, 0.0)
+    walled = Domain(length=12.0, width=8.0, height=6.0, sides="wall")
+    assert farther(scene(domain=walled)).domain.width == 8.0
+    assert len(coarse_scenes(scene(contact=Contact(friction=0.5)))) == 4  # three gaps; a larger domain
+
+
+# -- wrong scenes --------------------------------------------------------------------------------------
+
+MOVING = Sphere(diameter=1, centre=(5, 4, 2), density=1, motion="free")
+WRONG = [
+    ({"domain": Domain(length=12, height=6)}, 'body.shape: domain.width is missing, which the "sphere"'),
+    ({"body": Disc(diameter=1, x=5)}, 'body.shape: "disc" lies in the plane, but domain.width makes'),
+    ({"bed": HalfDiscs(radius=0.5, spacing=1)}, 'bed.kind: "half-discs" lies in the plane, but'),
+    ({"flow": ExpressionFlow(components=("y", "0"))}, "flow.components: has 2 items; give three"),
+    ({"body": Sphere(diameter=1, x=5, y=8.5)}, "body.x: y = 8.5 is outside the domain, 0 to 8; move"),
+    (
+        {"body": Sphere(diameter=1, x=5, y=7.8)},
+        "body.x: the grain reaches y = 8.3, the domain's side at largest y",
+    ),
+    ({"body": Sphere(diameter=1, x=0.2)}, "body.x: the grain reaches x = -0.3"),
+    ({"body": Sphere(diameter=7, x=5)}, "body.x: the grain reaches z = 7, the domain's top is at 6"),
+    (
+        {"body": Sphere(diameter=1, centre=(5, 4, 0.3))},
+        "body.centre: the grain reaches 0.2 into the bed; raise",
+    ),
+    (
+        {"body": Sphere(diameter=1, centre=(5, 4, 5.8))},
+        "body.centre: the grain reaches z = 6.3, the domain's top",
+    ),
+    ({"bed": SphereBed(radius=7, spacing=14)}, "bed: rises to z = 7, the top is at 6; enlarge domain.height"),
+    (
+        {"bed": HeightMapBed(heights=((0.0, 0.1), (0.0, 0.1)), cell=(4.0, 8.0))},
+        "bed: reaches from x = 0 to 4, the domain from 0 to 12; enlarge its cell",
+    ),
+    (
+        {"effects": Effects(third_dimension=False)},
+        "effects.third_dimension: is false but domain.width is given",
+    ),
+    ({"bed": SphereBed(radius=0.5, spacing=1, slope=10)}, "bed.slope: a slope turns gravity but there is no"),
+    ({"body": MOVING, "time": Time(end=1, step=0.1)}, 'body.motion: "free" is not simulated in space'),
+    (
+        {"domain": Domain(length=1e20, width=8, height=6)},
+        "domain.length: is so large that numbers there are",
+    ),
+]
+WRONG_KEYS = [
+    (
+        lambda: Domain(length=1, height=1, sides="slip"),
+        "Domain: sides: goes with width, which is not given; add",
+    ),
+    (lambda: Domain(length=1, height=1, symmetric=True), "Domain: symmetric: goes with width, which is not"),
+    (lambda: Domain(length=1, height=1, width=1, symmetric="no"), 'Domain: symmetric: is "no"; use "auto"'),
+    (
+        lambda: Domain(length=1, height=1, width=1, origin=(1, 2)),
+        "Domain: origin: has 2 items; give three, as",
+    ),
+    (lambda: Sphere(diameter=1), "Sphere: x: neither x nor centre is given; give x to rest on the bed"),
+    (lambda: Sphere(diameter=1, y=1, centre=(1, 1, 1)), "Sphere: y: goes with x, but centre is given; leave"),
+    (lambda: Sphere(diameter=1, centre=(1, 1)), "Sphere: centre: has 2 items; give three, as in [x, y, z]"),
+    (lambda: Box(sides=(1, 1, 1), edge_radius=0.6, x=1), "Box: edge_radius: edge_radius 0.6 is not between"),
+    (lambda: Polyhedron(vertices=((0, 0, 0),) * 4, x=1), "Polyhedron: vertices: "),
+    (lambda: Spheres(spheres=((0, 0, 0),), x=1), "Spheres: spheres[0]: has 3 items; give four, as in"),
+    (lambda: Spheres(spheres=((0, 0, 0, 1), (5, 0, 0, 1)), x=1), "Spheres: spheres: "),
+    (lambda: Mesh(x=1), "Mesh: file: neither file nor vertices is given; give the name of an STL"),
+    (lambda: Mesh(file="nothing.stl", x=1), "Mesh: file: nothing.stl does not exist; give the name"),
+    (
+        lambda: Mesh(vertices=TETRAHEDRON, triangles=((0, 1, 2),), x=1),
+        "Mesh: triangles: the surface is not watertight",
+    ),
+    (lambda: SphereBed(radius=1, spacing=1), "SphereBed: spacing: 1 is less than two radii, 2: the spheres"),
+    (lambda: HeightMapBed(), "HeightMapBed: file: neither file nor heights is given; give the name"),
+    (
+        lambda: HeightMapBed(heights=((0, 0), (0,)), cell=(1, 1)),
+        "HeightMapBed: heights: are in rows of different",
+    ),
+    (lambda: HeightMapBed(heights=((0, 0), (0, 0))), "HeightMapBed: cell: is missing; add how far apart"),
+]
+
+
+@pytest.mark.parametrize(("changes", "words"), WRONG)
+def test_one_line_for_every_wrong_scene(changes, words):
+    assert words in message(lambda: scene(**changes))
+
+
+@pytest.mark.parametrize(("build", "words"), WRONG_KEYS)
+def test_one_line_for_every_wrong_key(build, words):
+    assert message(build).startswith(words)
+
+
+def test_a_broken_file_of_triangles_is_told(tmp_path):
+    (tmp_path / "broken.stl").write_text("solid nothing\nendsolid\n")
+    assert "broken.stl" in message(lambda: Mesh(file=str(tmp_path / "broken.stl"), x=1.0))
+    surface = trimesh.creation.icosphere(1, 0.5)
+    surface.update_faces(np.arange(len(surface.faces)) > 0)
+    surface.export(tmp_path / "open.stl")
+    found = message(lambda: Mesh(file=str(tmp_path / "open.stl"), x=1.0))
+    assert "is not watertight" in found and "open.stl" in found
+
+
+def test_remedies_name_grains_of_the_scenes_dimension():
+    text = '[domain]\nlength=1\nheight=1\n{}[fluid]\nreynolds=1\nscale="flow"\n[flow]\nkind="shear"\n[body]\nx=1\n'
+    planar = message(lambda: loads(text.format("")))
+    spatial = message(lambda: loads(text.format("width=1\n")))
+    assert '"discs"' in planar and '"sphere"' not in planar
+    assert '"sphere"' in spatial and '"disc"' not in spatial
+
+
+def test_editors_know_scenes_in_space():
+    definitions = schema()["definitions"]
+    assert definitions["Sphere"]["required"] == ["shape", "diameter"]
+    assert "width" in definitions["Domain"]["properties"]
+
+
+def test_numerics_are_those_of_the_plane():
+    plan = make_plan(scene(numerics=Numerics(order=3)))
+    assert plan.order == 3 and plan.solver.name == "direct"
+    assert make_plan(scene(fluid=Fluid(reynolds=1, scale="grain", inertia=False))).solver.name == "block"
