@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..meshes import SYMMETRY
+from ..meshes.solid_region import SYMMETRY
 from ..scene import Scene
 from .cells import side_names, sides_across
 from .stream import Velocity, inflow, undisturbed
