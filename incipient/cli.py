@@ -206,6 +206,7 @@ def _options_of_judge(parser: argparse.ArgumentParser) -> None:
 
 def _options_of_new(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("name", help="name of the scene; NAME.toml is written")
+    parser.add_argument("--space", action="store_true", help="a scene in three dimensions")
 
 
 def _run(options: argparse.Namespace, comm: MPI.Comm) -> int:
@@ -426,7 +427,7 @@ def _new(options: argparse.Namespace, comm: MPI.Comm) -> int:
         if comm.rank == 0:
             if path.exists():
                 raise SceneError(f"{path}: exists already; choose another name")
-            write_text_atomically(path, example())
+            write_text_atomically(path, example(options.space))
             print(f"{path}: edit it, then: incipient run {path}")
     return 0
 

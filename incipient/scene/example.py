@@ -10,7 +10,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from .messages import discriminator, tag, variants
-from .model import Contact, Disc, Domain, Flat, Fluid, Gravity, Scene, Shear
+from .model import Contact, Disc, Domain, Flat, Fluid, Gravity, Scene, Shear, Sphere, SphereBed
 from .section import Section, ordered_keys
 
 _HEADING = """\
@@ -37,6 +37,20 @@ def grain_on_bed() -> Scene:
     )
 
 
+def grain_in_pocket() -> Scene:
+    """A sphere in a pocket of a bed of spheres as large, in slow linear shear: the example in space."""
+    return Scene(
+        title="A sphere in a pocket of a bed of spheres in shear flow",
+        domain=Domain(kind="channel", length=20.0, width=20.0, height=10.0),
+        fluid=Fluid(reynolds=1.0, scale="grain", inertia=False),
+        flow=Shear(rate=1.0),
+        body=Sphere(diameter=1.0, x=10.0, density=2.65, settle=True),
+        bed=SphereBed(radius=0.5, spacing=1.0, offset=(9.4, 10.0), angle=90.0),
+        gravity=Gravity(acceleration=50.0),
+        contact=Contact(friction=0.5),
+    )
+
+
 def commented(scene: Scene) -> str:
     """A scene as TOML with its descriptions as comments; what it leaves out is commented out."""
     lines = [f"# {line}" for line in _HEADING.splitlines()]
@@ -44,7 +58,8 @@ def commented(scene: Scene) -> str:
     for name, field in Scene.model_fields.items():
         options = variants(field.annotation)
         if options:
-            lines += ["", *_section(name, field, options, getattr(scene, name))]
+            fitting = tuple(one for one in options if scene.gdim in getattr(one, "gdims", (scene.gdim,)))
+            lines += ["", *_section(name, field, fitting, getattr(scene, name))]
     return "\n".join(lines) + "\n"
 
 

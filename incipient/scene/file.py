@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from ..errors import SceneError
 from ..parallel import from_first
-from .example import commented, grain_on_bed
+from .example import commented, grain_in_pocket, grain_on_bed
 from .messages import Key, Problem, key_text, one_line, problems_of
 from .model import Scene
 from .points import file_text
@@ -105,9 +105,9 @@ def save(scene: Scene, path: Path | str) -> None:
     write_text_atomically(Path(path), dumps(scene))
 
 
-def example() -> str:
-    """A TOML scene with a comment on every key: a disc on a flat bed in shear flow."""
-    return commented(grain_on_bed())
+def example(in_space: bool = False) -> str:
+    """A TOML scene with a comment on every key: a disc on a flat bed in shear flow, or a sphere on one of spheres."""
+    return commented(grain_in_pocket() if in_space else grain_on_bed())
 
 
 def schema() -> dict[str, Any]:
