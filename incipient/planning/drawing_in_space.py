@@ -135,8 +135,5 @@ def memory_in_space(solver: str, *unknowns: int) -> float:
     Sparse factors of a mesh in space of n unknowns have about c n^(4/3) entries (George 1973), an iterative method
     takes memory in proportion to n; both were fitted to measured peaks.
     """
-    if solver == "direct":
-        taken = OF_FACTORS * sum(n ** (4.0 / 3.0) for n in unknowns)
-    else:
-        taken = OF_BLOCKS * sum(unknowns)
-    return memory_of_libraries() + taken / 2**20
+    growth, power = (OF_FACTORS, 4.0 / 3.0) if solver == "direct" else (OF_BLOCKS, 1.0)
+    return memory_of_libraries() + growth * sum(n**power for n in unknowns) / 2**20

@@ -1,0 +1,106 @@
+"""Scenes in space from file to verdict: against exact numbers, half against whole, on one and two ranks."""
+
+from math import pi
+
+import numpy as np
+import pytest
+
+import incipient
+from incipient.scene import Contact, Domain, Flat, Fluid, Gravity, Numerics, Scene, Shear, Sphere, Uniform
+
+COARSE = Numerics(mesh_size=1.6, error_bars=False)
+SLOW = Fluid(reynolds=1.0, scale="grain", inertia=False)
+ON_PLANE = {
+    "domain": Domain(length=40.0, width=40.0, height=20.0),
+    "fluid": SLOW,
+    "flow": Shear(),
+    "body": Sphere(diameter=1.0, x=20.0, density=2.65),
+    "bed": Flat(),
+    "gravity": Gravity(acceleration=50.0),
+    "contact": Contact(friction=0.5),
+    "numerics": COARSE,
+}
+# Force over 6 pi mu a G h and couple over 4 pi mu a^3 G on a sphere whose centre is h = 1.02 a above the plane
+# (Goldman, Cox & Brenner 1967, Chem. Eng. Sci. 22, 653; by bispherical coordinates in two resolutions).
+EXACT = 1.685911, 0.94565455
+RANKS = """
+import incipient
+from incipient.scene import *
+scene = Scene(
+    domain=Domain(length=12.0, width=12.0, height=8.0), fluid=Fluid(reynolds=1.0, scale="grain", inertia=False),
+    flow=Shear(), body=Sphere(diameter=1.0, x=6.0), bed=Flat(), contact=Contact(friction=0.5, gap=0.05),
+    numerics=Numerics(mesh_size=2.5, error_bars=False, tolerance=1e-10), output=Output(fields=False),
+)
+result = incipient.run(scene)
+from mpi4py import MPI
+if MPI.COMM_WORLD.rank == 0:
+    print(*result.force.flow, *result.couple.flow)
+"""
+
+
+def scaled(scene, result):
+    """Force along the stream and couple across it in the units of the exact ones."""
+    mu, a, h = scene.viscosity, 0.5, 0.51
+    return result.force.flow[0] / (6 * pi * mu * a * h), result.couple.flow[1] / (4 * pi * mu * a**3)
+
+
+def test_a_sphere_on_a_plane_in_creeping_shear(tmp_path):
+    scene = Scene(**ON_PLANE)
+    result = incipient.run(scene, tmp_path)
+    # On the coarse mesh, with sides 20 diameters away: measured 1.1% and 1.0%.
+    assert scaled(scene, result) == pytest.approx(EXACT, rel=0.02)
+    assert result.force.flow[1] == 0.0 and np.all(result.couple.flow[[0, 2]] == 0.0)
+    assert result.verdict["mode"] == "rolling" and result.verdict["safety_factor"] == 0.0
+    stored = incipient.load(tmp_path / "scene.toml")
+    assert stored == scene and (tmp_path / "fields.xdmf").exists()
+    assert "couple (0, " in result.text()
+
+
+def test_two_ranks_give_the_numbers_of_one(mpirun):
+    one, two = (np.array(mpirun(n, RANKS).stdout.split(), dtype=float) for n in (1, 2))
+    assert two == pytest.approx(one, rel=1e-6, abs=1e-6 * np.abs(one).max())
+
+
+@pytest.mark.slow
+def test_half_of_a_scene_gives_what_the_whole_does():
+    coarse = {
+        **ON_PLANE,
+        "domain": Domain(length=12.0, width=12.0, height=8.0),
+        "body": Sphere(diameter=1, x=6.0),
+    }
+    found = {}
+    for symmetric in (True, False):
+        domain = Domain(length=12.0, width=12.0, height=8.0, symmetric=symmetric)
+        result = incipient.run(Scene(**{**coarse, "domain": domain}))
+        found[symmetric] = np.concatenate([result.force.flow, result.couple.flow])
+    # The meshes differ: their errors are about 1% (see above).
+    assert found[True] == pytest.approx(found[False], abs=0.015 * np.abs(found[False]).max())
+
+
+@pytest.mark.slow
+def test_a_free_sphere_has_the_drag_of_stokes():
+    """6 pi mu a V in an endless stream; sides at a distance b that move with it add about 0.9 a/b or less."""
+    scene = Scene(
+        domain=Domain(length=100.0, width=100.0, height=100.0, sides="stream"),
+        fluid=SLOW,
+        flow=Uniform(),
+        body=Sphere(diameter=1.0, centre=(50.0, 50.0, 50.0)),
+        numerics=Numerics(mesh_size=1.2, error_bars=False),
+    )
+    result = incipient.run(scene)
+    drag = result.force.flow[0] / (6 * pi * scene.viscosity * 0.5)
+    assert 1.0 < drag < 1.03
+    assert abs(result.force.flow[2]) < 1e-3 * result.force.flow[0]
+
+
+@pytest.mark.slow
+def test_error_bars_cover_the_exact_numbers():
+    """The discretisation's by a dual solution of one order more, the domain's by a coarse run with sides farther away."""
+    scene = Scene(**{**ON_PLANE, "numerics": Numerics(mesh_size=1.6)})
+    result = incipient.run(scene)
+    terms = {term.name: term for term in result.error_bars.terms}
+    assert set(terms) == {"discretisation", "gap", "domain"}
+    counted = [terms["discretisation"], terms["domain"]]  # the exact numbers are those with the gap
+    force, couple = sum(term.force[0] for term in counted), sum(term.couple[1] for term in counted)
+    bars = force / (6 * pi * scene.viscosity * 0.5 * 0.51), couple / (4 * pi * scene.viscosity * 0.125)
+    assert np.all(np.abs(np.subtract(scaled(scene, result), EXACT)) < 1.5 * np.array(bars))
