@@ -27,7 +27,9 @@ from ..fluid.solvers.mass import solve_mass_matrix
 from ..fluid.space import boundary_blocks
 from ..forms import ReferenceMap, surface_traction, surface_vector
 from ..mesh.domain import Domain
+from ..meshes.solid_region import SYMMETRY
 
+ACROSS = 1  # the component across a plane of symmetry
 # Force and couple of a whole body over those of half of it, cut in a plane of constant y: what is odd cancels.
 WITH_MIRROR_IMAGE = np.array([2.0, 0.0, 2.0, 0.0, 2.0, 0.0])
 
@@ -103,7 +105,8 @@ class TractionProbe:
     def field(self) -> Any:
         """The traction as a velocity-space function, zero off the boundary; its integral is the residual force.
 
-        The function t with (t, w) over the boundary equal to the nodal forces for every w.
+        The function t with (t, w) over the boundary equal to the nodal forces for every w. Where half of a symmetric
+        domain is meshed, t and w have no component across the plane of symmetry in that plane, as the velocity.
         """
         space = self.fluid.space.velocity
         traction = dolfinx.fem.Function(space, name="traction")
@@ -112,8 +115,21 @@ class TractionProbe:
         values = np.zeros(right.getLocalSize())
         values.reshape(-1, self.fluid.space.gdim)[self._blocks] = self._nodal_forces()
         right.setArray(values)
+        across = self._across_symmetry()
+        mass.zeroRowsColumns(across, diag=0.0)  # rows off the boundary are empty, too
+        right.setValues(across, np.zeros(len(across)))
+        right.assemble()
         solve_mass_matrix(mass, right, traction)
         return traction
+
+    def _across_symmetry(self) -> np.ndarray:
+        """Global numbers, in the velocity's space, of owned components across a plane of symmetry in it."""
+        domain, space = self.fluid.domain, self.fluid.space.velocity
+        if not domain.halved:
+            return np.empty(0, dtype=PETSc.IntType)
+        nodes = np.intersect1d(self._blocks, boundary_blocks(space, domain.facets_of(SYMMETRY)))
+        nodes = nodes + space.dofmap.index_map.local_range[0]
+        return (self.fluid.space.gdim * nodes + ACROSS).astype(PETSc.IntType)
 
     @property
     def _map(self) -> ReferenceMap | None:
