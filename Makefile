@@ -11,7 +11,7 @@ export OMP_NUM_THREADS := 1
 export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 
-.PHONY: help setup demo test test-quick test-slow test-debian13 test-wheel lint types bench cost effects stress clean
+.PHONY: help setup demo test test-quick test-slow test-debian13 test-wheel lint types bench cost effects scaling stress clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -52,6 +52,9 @@ cost: setup ## what accuracy costs, on the demos: docs/cost.md
 
 effects: setup ## one scene with its effects switched on one after another: docs/effects.md
 	$(PYTHON) benchmarks/effects.py
+
+scaling: setup ## the solver in space from 35,000 to 240,000 unknowns: the table of docs/scaling.md
+	$(PYTHON) benchmarks/scaling.py $(ARGS)
 
 stress: setup ## hard cases: docs/stress.md and the map of what can be solved
 	PYTHONPATH=tests:tests/stability $(PYTHON) benchmarks/stress.py

@@ -21,6 +21,7 @@ class FlowTerms:
     skew:           measure of the whole boundary for the energy-stable form of convection; None: as printed
     body_force:     force per unit mass that is not the gradient of a potential (gravity is absorbed in the pressure)
     cell_size:      size of a cell over the order of the velocity, for `terms.grad_div`; None: not stabilised
+    upwind:         size of a cell, for `terms.streamline_upwind`; None: not stabilised that way
     open_boundary:  measure of the boundary through which fluid leaves freely
     reference_map:  None for the identity
     """
@@ -30,6 +31,7 @@ class FlowTerms:
     carrier: Any = None
     skew: Any = None
     cell_size: Any = None
+    upwind: Any = None
     body_force: Any = None
     open_boundary: Any = None
     reference_map: ReferenceMap | None = None
@@ -53,6 +55,9 @@ def residual(v: Any, p: Any, w: Any, q: Any, present: FlowTerms, dx: Any) -> Any
         integrand += terms.convection(v, present.carrier, w, x)
     if present.carrier is not None and present.cell_size is not None:
         integrand += terms.grad_div(v, present.carrier, w, present.viscosity, present.cell_size, x)
+    if present.carrier is not None and present.upwind is not None:
+        strong = terms.inviscid_momentum(v, p, present.carrier, present.rate, present.body_force, x)
+        integrand += terms.streamline_upwind(strong, present.carrier, w, present.viscosity, present.upwind, x)
     if present.body_force is not None:
         integrand += terms.body_force(present.body_force, w, x)
     form = integrand * dx

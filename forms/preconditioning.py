@@ -7,6 +7,7 @@ from typing import Any
 import ufl
 
 from .kinematics import ReferenceMap, gradient, weighted
+from .terms import streamline_time
 
 
 def component(
@@ -20,32 +21,26 @@ def component(
 ) -> Any:
     """Momentum of one velocity component u, tested with w: nu grad u . grad w + a0 u w + (c . grad u) w.
 
-    `rate` is the coefficient a0 of u in its rate of change, `carrier` the velocity c that convects (either None:
-    absent). With the `size` of cells convection is stabilised by `streamline_diffusion`. The components are
-    coupled by the symmetric gradient only, which by Korn's inequality is equivalent to the plain one.
+    `rate` is the coefficient a0 of u in its rate of change, `carrier` the velocity c that convects (None: absent, as
+    with the viscosity). With the `size` of cells convection is stabilised as by `terms.streamline_upwind`. The
+    components are coupled by the symmetric gradient only, which by Korn's inequality is equivalent to the plain one.
     """
-    integrand = viscosity * ufl.inner(gradient(u, reference_map), gradient(w, reference_map))
-    if rate is not None:
-        integrand += rate * u * w
+    integrand = 0 * u * w if rate is None else rate * u * w
+    if viscosity is not None:
+        integrand += viscosity * ufl.inner(gradient(u, reference_map), gradient(w, reference_map))
     if carrier is not None:
         if reference_map is not None:
             carrier = carrier - reference_map.velocity
+            size = None if size is None else size * reference_map.J ** (1 / len(carrier))
         along = ufl.dot(gradient(u, reference_map), carrier)
         integrand += along * w
         if size is not None:
-            delta = streamline_diffusion(carrier, viscosity, size)
-            integrand += delta * along * ufl.dot(gradient(w, reference_map), carrier)
+            integrand += (
+                streamline_time(carrier, viscosity, size)
+                * along
+                * ufl.dot(gradient(w, reference_map), carrier)
+            )
     return weighted(integrand, reference_map)
-
-
-def streamline_diffusion(carrier: Any, viscosity: Any, size: Any) -> Any:
-    """h/(2 |c|) (1 - 1/Pe) where the cell's Peclet number Pe = |c| h/(2 nu) is above one, else zero.
-
-    Source: Elman, Silvester & Wathen (2014), Finite Elements and Fast Iterative Solvers, section 6.3.2.
-    """
-    speed = ufl.sqrt(ufl.inner(carrier, carrier))
-    peclet = speed * size / (2 * viscosity)
-    return ufl.conditional(ufl.gt(peclet, 1), size / (2 * speed) * (1 - 1 / peclet), 0)
 
 
 def pressure_mass(p: Any, q: Any, viscosity: Any, reference_map: ReferenceMap | None = None) -> Any:

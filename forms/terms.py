@@ -66,6 +66,44 @@ def grad_div(
     return weighted(gamma * divergence(v, reference_map) * divergence(w, reference_map), reference_map)
 
 
+def streamline_upwind(
+    strong: Any, carrier: Any, w: Any, viscosity: Any, size: Any, reference_map: ReferenceMap | None = None
+) -> Any:
+    """J delta r . (c . grad w): the residual r of momentum tested along the streams as well (SUPG).
+
+    `strong` is r, less its viscous part, which where delta is not zero is small. It vanishes for the exact inviscid
+    flow, so that the term is consistent there; with r = c . grad v it is not negative. delta is `streamline_time`
+    with the `size` of cells. Source: Brooks & Hughes (1982), Comput. Methods Appl. Mech. Engrg. 32, 199.
+    """
+    if reference_map is not None:
+        carrier = carrier - reference_map.velocity
+        size = size * reference_map.J ** (1 / len(carrier))
+    along = ufl.dot(gradient(w, reference_map), carrier)
+    return weighted(streamline_time(carrier, viscosity, size) * ufl.inner(strong, along), reference_map)
+
+
+def inviscid_momentum(
+    v: Any, p: Any, carrier: Any, rate: Any, force: Any, reference_map: ReferenceMap | None = None
+) -> Any:
+    """dv/dt + c . grad v + grad p - b, the residual of momentum without viscosity; rate and force may be None."""
+    if reference_map is not None:
+        carrier = carrier - reference_map.velocity
+    strong = ufl.dot(gradient(v, reference_map), carrier) + gradient(p, reference_map)
+    if rate is not None:
+        strong += rate
+    return strong if force is None else strong - force
+
+
+def streamline_time(carrier: Any, viscosity: Any, size: Any) -> Any:
+    """h/(2 |c|) (1 - 1/Pe) where the cell's Peclet number Pe = |c| h/(2 nu) is above one, else zero.
+
+    Source: Elman, Silvester & Wathen (2014), Finite Elements and Fast Iterative Solvers, section 6.3.2.
+    """
+    speed = ufl.sqrt(ufl.inner(carrier, carrier))
+    peclet = speed * size / (2 * viscosity)
+    return ufl.conditional(ufl.gt(peclet, 1), size / (2 * speed) * (1 - 1 / peclet), 0)
+
+
 def internal_force(v: Any, p: Any, w: Any, viscosity: Any, reference_map: ReferenceMap | None = None) -> Any:
     """P : grad w with P = J sigma F^-T, the weak form of -div P.
 

@@ -65,7 +65,7 @@ class Constraints:
     def __init__(
         self, domain: Domain, space: TaylorHood, conditions: Sequence[Condition], level: bool = True
     ):
-        self.space = space
+        self.space, self._domain = space, domain
         self.open = tuple(c.boundary for c in conditions if isinstance(c, Open))
         self._values = dolfinx.fem.Function(space.velocity)
         self.points = space.velocity_points()
@@ -85,6 +85,11 @@ class Constraints:
     def closed(self) -> bool:
         """Whether no fluid leaves freely, so that the pressure is known up to a constant only."""
         return not self.open
+
+    def open_pressures(self) -> np.ndarray:
+        """Local pressure nodes on the boundaries through which fluid leaves freely. Collective."""
+        nodes = [boundary_blocks(self.space.pressure, self._domain.facets_of(name)) for name in self.open]
+        return np.unique(np.concatenate([*nodes, np.empty(0, dtype=np.int32)])).astype(np.int32)
 
     def update(self, t: float) -> None:
         """Evaluate the prescribed velocities at time t."""

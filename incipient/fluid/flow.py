@@ -20,7 +20,7 @@ from ..mesh.domain import Domain
 from . import newton
 from .conditions import Condition, Constraints
 from .solvers import SOLVERS, Equations, LinearSolver
-from .space import TaylorHood, geometry_function, geometry_rows, set_geometry_function, taylor_hood
+from .space import TaylorHood, cell_size, geometry_function, geometry_rows, set_geometry_function, taylor_hood
 
 # Corrections of a time step after which the kept factors are too old.
 PATIENCE = 8
@@ -42,6 +42,7 @@ class FlowModel:
     moving_mesh:   whether the mesh itself is moved between steps (`Fluid.mesh_moved`); the map then is None
     energy_stable: convection and rate in the form that cannot create kinetic energy, instead of as printed
     stabilisation: whether convection is stabilised on cells too coarse for it (`forms.terms.grad_div`)
+    upwind:        whether it is by upwinding along the streams (`forms.terms.streamline_upwind`), as `Block` needs
     solver:        method for the linear systems, a name in `solvers.SOLVERS`
     viscosity:     function of 1/Re (UFL) giving the kinematic viscosity, or None: it is 1/Re
     """
@@ -55,6 +56,7 @@ class FlowModel:
     moving_mesh: bool = False
     energy_stable: bool = False
     stabilisation: bool = False
+    upwind: bool = False
     solver: str = "direct"
     viscosity: Callable[[Any], Any] | None = None
 
@@ -141,8 +143,10 @@ class Fluid:
         boundary = self.domain.measure(*self.constraints.open) if self.constraints.open else None
         skew = self.space.boundary_quadrature(self.domain.facets) if model.energy_stable else None
         rate, carrier = self._rate_of_change(v), self._carrier(v)
+        upwind = cell_size(self.domain.mesh) if model.upwind and model.inertia else None
         return FlowTerms(
-            self.viscosity, rate, carrier, skew, self._cell_size(), force, boundary, model.reference_map
+            *(self.viscosity, rate, carrier, skew, self._cell_size(), upwind),
+            *(force, boundary, model.reference_map),
         )
 
     def _equations(self) -> Equations:
@@ -151,15 +155,20 @@ class Fluid:
         rate = self._rate[0] if model.unsteady else None
         carrier = self._carrier(ufl.split(self.state)[0])
         return Equations(
-            self.space, held.dirichlet, held.closed, self.viscosity, rate, carrier, model.reference_map
+            *(self.space, held.dirichlet, held.open_pressures(), self.viscosity),
+            *(rate, carrier, model.reference_map),
         )
+
+    def another_solver(self, matrix: Any) -> LinearSolver:
+        """A solver of the fluid's kind for the projection onto velocities free of divergence. Collective."""
+        one = _constant(self.domain.mesh, 1.0)
+        projection = replace(self._equations(), viscosity=None, rate=one, carrier=None)
+        return SOLVERS[self.model.solver](matrix, projection)
 
     def _cell_size(self) -> Any:
         """The root of a cell's doubled area (in space the cubic root of its sixfold volume), over the order."""
-        model, mesh = self.model, self.domain.mesh
-        if not (model.stabilisation and model.inertia):
-            return None
-        return abs(ufl.JacobianDeterminant(mesh)) ** (1 / mesh.geometry.dim) / model.order
+        model = self.model
+        return cell_size(self.domain.mesh) / model.order if model.stabilisation and model.inertia else None
 
     def _past(self) -> list[Any]:
         """Velocities of the past states."""

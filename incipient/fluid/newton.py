@@ -151,7 +151,7 @@ def _error_left(sizes: list[float]) -> float:
 def _inner_tolerance(sizes: list[float], tolerance: float) -> float:
     """Linear systems are solved as well as the next correction can use: quadratic convergence squares it."""
     if not sizes:
-        return 1e-6
+        return 1e-3
     return float(np.clip(0.1 * sizes[-1], max(1e-12, 0.01 * tolerance), 1e-3))
 
 

@@ -13,7 +13,6 @@ from .. import compat
 from ..compat import petsc
 from ..forms.terms import continuity, inertia
 from .flow import Fluid
-from .solvers import Direct
 
 
 def restore_incompressibility(fluid: Fluid) -> float:
@@ -57,7 +56,7 @@ def _correction(fluid: Fluid) -> Any:
     # The change vanishes where the velocity is prescribed, and the multiplier where it is pinned.
     compat.set_zero(vector, conditions)
     correction = dolfinx.fem.Function(fluid.space.mixed)
-    view, solver = compat.vec_view(correction), Direct(matrix)
+    view, solver = compat.vec_view(correction), fluid.another_solver(matrix)
     try:
         solver.solve(vector, view, rtol=1e-12)
     finally:

@@ -115,6 +115,11 @@ def _places(part: Any, within: Any) -> np.ndarray:
     return places
 
 
+def cell_size(mesh: Any) -> Any:
+    """UFL expression of a cell's size: the root of its doubled area, in space the cubic root of its sixfold volume."""
+    return abs(ufl.JacobianDeterminant(mesh)) ** (1 / mesh.geometry.dim)
+
+
 def boundary_blocks(space: Any, facets: np.ndarray) -> np.ndarray:
     """Local nodes (blocks) of a Lagrange space on the given facets; collective, ranks agree on shared nodes."""
     return compat.nodes_on(space, facets)

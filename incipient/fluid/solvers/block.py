@@ -12,11 +12,13 @@ from .direct import NOT_FINITE
 from .equations import Equations
 from .multigrid import Components
 from .options import defaults
-from .schur import ScaledMass
+from .schur import schur_complement
+from .split import Split
 from .statistics import LinearStatistics
 
 PREFIX = "fluid_"
 MOST_ITERATIONS = 400
+RESTART = 100
 # A preconditioner is made anew when it needs this many times the iterations that it needed when it was new.
 AGED = 1.5
 # Residual, relative to the right-hand side, of a correction that is one of several: a step of the chord method.
@@ -43,9 +45,9 @@ class Block:
         # Of the matrix when last prepared (-1: never), and the iterations a decade of the residual needed then.
         self._state, self._usual = -1, np.inf
         self._null_space = _constant_pressures(matrix, equations) if equations.closed else None
-        self._solver = self._made()
+        self._solver = self._made(equations)
 
-    def _made(self) -> Any:
+    def _made(self, equations: Equations) -> Any:
         solver = PETSc.KSP().create(self.matrix.comm)
         solver.setOptionsPrefix(PREFIX)
         solver.setOperators(self.matrix)
@@ -53,7 +55,9 @@ class Block:
         preconditioner.setType("python")
         preconditioner.setPythonContext(self._preconditioner)
         solver.setTolerances(atol=1e-50, max_it=MOST_ITERATIONS)
-        chosen = {"ksp_type": "gmres", "ksp_pc_side": "right", "ksp_gmres_restart": 50}
+        # Smoothing by GMRES is not linear.
+        kind = "gmres" if equations.carrier is None else "fgmres"
+        chosen = {"ksp_type": kind, "ksp_pc_side": "right", "ksp_gmres_restart": RESTART}
         with defaults(PREFIX, chosen):
             solver.setFromOptions()
         return solver
@@ -102,9 +106,11 @@ class Block:
 
     def _iterate(self, b: Any, x: Any, rtol: float, transposed: bool) -> int | None:
         """Number of iterations, or None if GMRES does not converge."""
-        right, held = b.copy(), self._preconditioner.held
-        free = right.getArray()
-        prescribed, free[held] = free[held].copy(), 0.0
+        right, held = b.copy(), self._preconditioner.split.held
+        # Set whole: entries changed through a view that lives on would leave the norm that PETSc remembers.
+        free = b.array_r.copy()
+        prescribed, free[held] = free[held], 0.0
+        right.setArray(free)
         if self._null_space is not None:
             self._null_space.remove(right)
         self._preconditioner.transposed = transposed
@@ -112,7 +118,9 @@ class Block:
         (self._solver.solveTranspose if transposed else self._solver.solve)(right, x)
         if self._null_space is not None:
             self._null_space.remove(x)
-        x.getArray()[held] = prescribed
+        free = x.array_r.copy()
+        free[held] = prescribed
+        x.setArray(free)
         right.destroy()
         return self._solver.getIterationNumber() if self._solver.getConvergedReason() > 0 else None
 
@@ -134,43 +142,33 @@ class Block:
 
 
 class _Triangle:
-    """The preconditioner: a context of PETSc's `PCPYTHON`.
-
-    held: owned rows of the system where conditions hold
-    """
+    """The preconditioner: a context of PETSc's `PCPYTHON`; `transposed` says whether that of the transpose."""
 
     def __init__(self, matrix: Any, equations: Equations):
-        space = equations.space
-        owned = matrix.getLocalSize()[0]
+        self.split, self.transposed = Split(matrix, equations), False
         self._velocity = Components(equations)
-        self._pressure = ScaledMass(equations)
-        self._rows = np.sort(self._velocity.rows.ravel())
-        self._pressures = space.pressure_map[: space.pressure.dofmap.index_map.size_local]
-        self._sorted = np.argsort(self._pressures)
-        self._matrix = matrix
+        self._pressure = schur_complement(equations, self.split, self._velocity)
         self._gradient: Any = None  # B^T, made when first assembled
         self._vectors: tuple[Any, ...] = ()
-        self._of = [_index_set(matrix, rows) for rows in (self._rows, self._pressures[self._sorted])]
-        self.held = np.flatnonzero(equations.held()[:owned])
-        self.transposed = False
 
     def assemble(self) -> None:
         """Take the operators of the state, and B^T of the matrix, as they are. Collective."""
         self._velocity.assemble()
         self._pressure.assemble()
-        self._gradient = self._matrix.createSubMatrix(*self._of, self._gradient)
+        self._gradient = self.split.gradient(self._gradient)
         self._vectors = self._vectors or self._gradient.createVecs()
 
     def apply(self, _: Any, right: Any, left: Any) -> None:
         """One application, to the matrix or its transpose."""
-        r, z = right.array_r.copy(), left.getArray()
-        z[self._pressures] = -self._pressure.solve(r[self._pressures], self.transposed)
-        multiplier, product = self._vectors
-        multiplier.setArray(z[self._pressures[self._sorted]])
+        split, (multiplier, product) = self.split, self._vectors
+        r, z = right.array_r.copy(), np.zeros(self.split.owned)
+        z[split.pressures] = -self._pressure.solve(r[split.pressures], self.transposed)
+        multiplier.setArray(z[split.pressures[split.order]])
         self._gradient.mult(multiplier, product)
-        r[self._rows] -= product.array_r
+        r[split.velocities] -= product.array_r
         self._velocity.solve(r, z, self.transposed)
-        z[self.held] = r[self.held]
+        z[split.held] = r[split.held]
+        left.setArray(z)
 
     applyTranspose = apply  # what stands for A^T is told by `transposed`
 
@@ -178,15 +176,10 @@ class _Triangle:
         """Free PETSc's memory; called by PETSc."""
         self._velocity.destroy()
         self._pressure.destroy()
-        for held in (self._gradient, *self._vectors, *self._of):
+        self.split.destroy()
+        for held in (self._gradient, *self._vectors):
             if held is not None:
                 held.destroy()
-
-
-def _index_set(matrix: Any, rows: np.ndarray) -> Any:
-    """Global numbers of owned rows, ascending."""
-    first = matrix.getOwnershipRange()[0]
-    return PETSc.IS().createGeneral((first + rows).astype(PETSc.IntType), comm=matrix.comm)
 
 
 def _constant_pressures(matrix: Any, equations: Equations) -> Any:

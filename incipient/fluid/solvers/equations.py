@@ -18,16 +18,16 @@ class Equations:
 
     space:         of velocity and pressure
     dirichlet:     the conditions that hold, of dolfinx
-    closed:        whether the pressure is known up to a constant only
-    viscosity:     kinematic
-    rate:          coefficient a0 of the velocity in its rate of change; None: steady
+    open:          local pressure nodes where fluid leaves freely; none at all: known up to a constant
+    viscosity:     kinematic; None: no stresses, as in the projection onto velocities free of divergence
+    rate:          coefficient a0 of the velocity in its rate of change, a constant of dolfinx; None: steady
     carrier:       velocity that convects, less that of the mesh; None: nothing convects
     reference_map: None for the identity
     """
 
     space: TaylorHood
     dirichlet: Sequence[Any]
-    closed: bool
+    open: np.ndarray
     viscosity: Any
     rate: Any = None
     carrier: Any = None
@@ -40,3 +40,8 @@ class Equations:
         for condition in self.dirichlet:
             found[condition.dof_indices()[0]] = True
         return found
+
+    @property
+    def closed(self) -> bool:
+        """Whether no fluid leaves freely, so that the pressure is known up to a constant only. Collective."""
+        return self.space.mixed.mesh.comm.allreduce(len(self.open)) == 0

@@ -13,6 +13,7 @@ from petsc4py import PETSc
 from ... import compat
 from ...compat import petsc
 from ...forms import preconditioning
+from ..space import cell_size
 from .equations import Equations
 from .options import defaults
 
@@ -23,6 +24,8 @@ SMOOTHING = {
     "mg_levels_ksp_chebyshev_esteig": "0,0.1,0,1.1",
     "mg_levels_pc_type": "jacobi",
 }
+# Where something convects neither Chebyshev's iteration nor incomplete factors smooth.
+CONVECTED = {"mg_levels_ksp_type": "gmres", "mg_levels_ksp_max_it": 2, "mg_levels_pc_type": "sor"}
 ALGEBRAIC = {
     "pc_type": "hypre",
     "pc_hypre_type": "boomeramg",
@@ -57,6 +60,8 @@ class Levels:
         places = space.velocity_map.reshape(-1, space.gdim)[nodes].T
         self.rows = places[:, : self.fine.dofmap.index_map.size_local]
         self.held = equations.held()[places]
+        self.convected = equations.carrier is not None
+        self.upwind = self.convected and equations.viscosity is not None
         self.forms = [self._form(one, equations) for one in (self.fine, self.coarse)]
 
     def _form(self, space: Any, equations: Equations) -> Any:
@@ -67,7 +72,7 @@ class Levels:
             equations.viscosity,
             equations.rate,
             equations.carrier,
-            abs(ufl.JacobianDeterminant(mesh)) ** (1 / mesh.geometry.dim),
+            cell_size(mesh) if self.upwind else None,
             equations.reference_map,
         )
         return compat.form(integrand * ufl.dx(domain=mesh, metadata={"quadrature_degree": 2 * order}))
@@ -91,7 +96,7 @@ class Cycle:
     """
 
     def __init__(self, levels: Levels, held: np.ndarray, transposed: bool):
-        self._transposed = transposed
+        self._transposed, self._smoothing = transposed, CONVECTED if levels.convected else SMOOTHING
         self._forms, places = levels.forms, levels.held_in(held)
         self.matrices = [petsc.create_matrix(form) for form in self._forms]
         self._conditions = [
@@ -130,7 +135,7 @@ class Cycle:
         coarse = cycle.getMGCoarseSolve()
         coarse.setType("preonly")
         coarse.setOperators(self.matrices[1])
-        with defaults(PREFIX, SMOOTHING | algebraic("mg_coarse_")):
+        with defaults(PREFIX, self._smoothing | algebraic("mg_coarse_")):
             cycle.setFromOptions()
             cycle.setUp()
         return cycle
@@ -139,6 +144,18 @@ class Cycle:
         """(owned nodes,) the approximate solution, to be copied."""
         self._right.setArray(right)
         self._cycle.apply(self._right, self._left)
+        return self._left.array_r
+
+    def multiply(self, right: np.ndarray, transposed: bool) -> np.ndarray:
+        """(owned nodes,) the operator or its transpose times a vector, to be copied."""
+        self._right.setArray(right)
+        operator = self.matrices[0]
+        (operator.multTranspose if transposed else operator.mult)(self._right, self._left)
+        return self._left.array_r
+
+    def diagonal(self) -> np.ndarray:
+        """(owned nodes,) the diagonal of the operator, to be copied."""
+        self.matrices[0].getDiagonal(self._left)
         return self._left.array_r
 
     def destroy(self) -> None:
@@ -185,6 +202,20 @@ class Components:
             cycles = self._transposed
         for rows, k in zip(self.rows, self._shared, strict=True):
             left[rows] = cycles[k].solve(right[rows])
+
+    def multiply(self, right: np.ndarray, transposed: bool = False) -> np.ndarray:
+        """The components' own operators, or their transposes, times (owned rows of the mixed system,). Collective."""
+        left = np.zeros_like(right)
+        for rows, k in zip(self.rows, self._shared, strict=True):
+            left[rows] = self._cycles[k].multiply(right[rows], transposed)
+        return left
+
+    def diagonal(self) -> np.ndarray:
+        """(owned rows of the mixed system,) the diagonal of the components' operators, zero elsewhere."""
+        found = np.zeros(self.rows.max(initial=-1) + 1)
+        for rows, k in zip(self.rows, self._shared, strict=True):
+            found[rows] = self._cycles[k].diagonal()
+        return found
 
     def _forget_transposed(self) -> None:
         for cycle in self._transposed.values():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import ufl
@@ -12,9 +12,12 @@ from ... import compat
 from ...compat import petsc
 from ...forms import preconditioning
 from .equations import Equations
+from .multigrid import Components, algebraic
 from .options import defaults
+from .split import Split
 
 PREFIX = "fluid_pressure_"
+POISSON = "fluid_pressure_poisson_"
 # Bounds of the eigenvalues of the mass matrix over its diagonal, those of the element matrices on straight cells
 # (Wathen 1987), by the dimension and the order of the pressure.
 BOUNDS = {
@@ -29,6 +32,31 @@ BOUNDS = {
 }
 
 
+class Schur(Protocol):
+    """An approximate inverse of S. Methods are collective."""
+
+    def assemble(self) -> None:
+        """Take the operators of the state as it is."""
+        ...
+
+    def solve(self, right: np.ndarray, transposed: bool) -> np.ndarray:
+        """(owned pressures,) approximately S^-1, or S^-T, times the right-hand side; to be copied."""
+        ...
+
+    def destroy(self) -> None:
+        """Free PETSc's memory."""
+        ...
+
+
+def schur_complement(equations: Equations, split: Split, velocity: Components) -> Schur:
+    """The approximation for the terms that there are. Collective."""
+    if equations.rate is not None:
+        return CahouetChabard(equations)
+    if equations.carrier is not None:
+        return LeastSquaresCommutator(equations, split, velocity)
+    return ScaledMass(equations)
+
+
 class ScaledMass:
     """S^-1 = M^-1, M the mass matrix over the viscosity, by Chebyshev's iteration: for Stokes flow."""
 
@@ -36,8 +64,7 @@ class ScaledMass:
         space = equations.space
         p, q = ufl.TrialFunction(space.pressure), ufl.TestFunction(space.pressure)
         integrand = preconditioning.pressure_mass(p, q, equations.viscosity, equations.reference_map)
-        measure = ufl.dx(domain=space.mixed.mesh, metadata={"quadrature_degree": 2 * space.order})
-        self._form = compat.form(integrand * measure)
+        self._form = compat.form(integrand * _measure(equations))
         self._mass = petsc.create_matrix(self._form)
         self._right, self._left = self._mass.createVecLeft(), self._mass.createVecRight()
         self._solver = _chebyshev(self._mass, BOUNDS[space.gdim, space.order - 1])
@@ -49,7 +76,7 @@ class ScaledMass:
         self._mass.assemble()
         self._solver.setOperators(self._mass)
 
-    def solve(self, right: np.ndarray, transposed: bool = False) -> np.ndarray:
+    def solve(self, right: np.ndarray, transposed: bool) -> np.ndarray:
         """(owned pressures,) approximately S^-1 times the right-hand side. Collective."""
         self._right.setArray(right)
         self._solver.solve(self._right, self._left)
@@ -59,6 +86,145 @@ class ScaledMass:
         """Free PETSc's memory."""
         for held in (self._solver, self._mass, self._right, self._left):
             held.destroy()
+
+
+class CahouetChabard:
+    """S^-1 = M^-1 + a0 A^-1, a0 the coefficient of the velocity in its rate, A the Laplacian: for flow in time.
+
+    Where fluid leaves freely the pressure vanishes weakly: the diagonal of A is doubled there, which unlike a condition
+    leaves the preconditioner regular. Without viscosity M^-1 is absent.
+    Source: Cahouet & Chabard (1988), Int. J. Numer. Methods Fluids 8, 869.
+    """
+
+    def __init__(self, equations: Equations):
+        space, self._rate = equations.space.pressure, equations.rate
+        self._mass = None if equations.viscosity is None else ScaledMass(equations)
+        p, q = ufl.TrialFunction(space), ufl.TestFunction(space)
+        integrand = preconditioning.pressure_laplacian(p, q, equations.reference_map)
+        self._form = compat.form(integrand * _measure(equations))
+        self._open = equations.open[equations.open < space.dofmap.index_map.size_local]
+        self._poisson = _Poisson(petsc.create_matrix(self._form), equations.closed)
+
+    def assemble(self) -> None:
+        """Take the viscosity and the mesh as they are. Collective."""
+        if self._mass is not None:
+            self._mass.assemble()
+        self._poisson.matrix.zeroEntries()
+        petsc.assemble_matrix(self._poisson.matrix, self._form)
+        self._poisson.matrix.assemble()
+        diagonal = self._poisson.matrix.getDiagonal()
+        entries = diagonal.array_r.copy()
+        entries[self._open] *= 2.0
+        diagonal.setArray(entries)
+        self._poisson.matrix.setDiagonal(diagonal)
+        diagonal.destroy()
+        self._poisson.prepare()
+
+    def solve(self, right: np.ndarray, transposed: bool) -> np.ndarray:
+        """(owned pressures,) approximately S^-1 times the right-hand side. Collective."""
+        found = float(self._rate.value) * self._poisson.solve(right)
+        return found if self._mass is None else found + self._mass.solve(right, transposed)
+
+    def destroy(self) -> None:
+        """Free PETSc's memory."""
+        self._poisson.destroy()
+        if self._mass is not None:
+            self._mass.destroy()
+
+
+class LeastSquaresCommutator:
+    """S^-1 = L^-1 (B D^-1 F D^-1 B^T) L^-1, L = B D^-1 B^T: for steady flow with inertia.
+
+    F are the operators of the velocity's components, stabilised along the streams, and D their diagonals. Rows
+    where conditions hold are not in B. Source: Elman, Howle, Shadid, Shuttleworth & Tuminaro (2006), SIAM J. Sci.
+    Comput. 27, 1651; the scaling is measured (docs/scaling.md).
+    """
+
+    def __init__(self, equations: Equations, split: Split, velocity: Components):
+        self._split, self._velocity, self._closed = split, velocity, equations.closed
+        self._divergence: Any = None
+        self._poisson: _Poisson | None = None
+        self._vectors: tuple[Any, ...] = ()
+
+    def assemble(self) -> None:
+        """Take the operators of the velocity's components, which are assembled before, as they are. Collective."""
+        self._divergence = self._split.divergence(self._divergence)
+        self._vectors = self._vectors or (*self._divergence.createVecs(), self._divergence.createVecRight())
+        scale, _, _ = self._vectors
+        scale.setArray(1.0 / np.abs(self._velocity.diagonal()[self._split.velocities]))
+        gradient = self._divergence.transpose(PETSc.Mat())
+        gradient.diagonalScale(L=scale)
+        if self._poisson is not None:
+            self._poisson.destroy()
+        self._poisson = _Poisson(self._divergence.matMult(gradient), self._closed)
+        self._poisson.prepare()
+        gradient.destroy()
+
+    def solve(self, right: np.ndarray, transposed: bool) -> np.ndarray:
+        """(owned pressures,) approximately S^-1, or S^-T, times the right-hand side. Collective."""
+        assert self._poisson is not None
+        (scale, pressure, velocity), order = self._vectors, self._split.order
+        pressure.setArray(self._poisson.solve(right[order]))
+        self._divergence.multTranspose(pressure, velocity)
+        velocity.pointwiseMult(velocity, scale)
+        whole = np.zeros(self._split.owned)
+        whole[self._split.velocities] = velocity.array_r
+        velocity.setArray(self._velocity.multiply(whole, transposed)[self._split.velocities])
+        velocity.pointwiseMult(velocity, scale)
+        self._divergence.mult(velocity, pressure)
+        found = np.empty_like(right)
+        found[order] = self._poisson.solve(pressure.array_r)
+        return found
+
+    def destroy(self) -> None:
+        """Free PETSc's memory."""
+        if self._poisson is not None:
+            self._poisson.destroy()
+        for held in (self._divergence, *self._vectors):
+            if held is not None:
+                held.destroy()
+
+
+class _Poisson:
+    """One cycle of algebraic multigrid for a matrix that is held as its own; constants are taken out if `closed`."""
+
+    def __init__(self, matrix: Any, closed: bool):
+        self.matrix = matrix
+        self._right, self._left = matrix.createVecs()
+        self._constant = PETSc.NullSpace().create(constant=True, comm=matrix.comm) if closed else None
+        self._cycle: Any = None
+
+    def prepare(self) -> None:
+        """Set the cycle up for the matrix as it is now. Collective."""
+        if self._cycle is not None:
+            self._cycle.destroy()
+        self._cycle = PETSc.PC().create(self.matrix.comm)
+        self._cycle.setOptionsPrefix(POISSON)
+        self._cycle.setOperators(self.matrix)
+        with defaults(POISSON, algebraic()):
+            self._cycle.setFromOptions()
+            self._cycle.setUp()
+
+    def solve(self, right: np.ndarray) -> np.ndarray:
+        """(owned rows,) the approximate solution, to be copied. Collective."""
+        self._right.setArray(right)
+        if self._constant is not None:
+            self._constant.remove(self._right)
+        self._cycle.apply(self._right, self._left)
+        if self._constant is not None:
+            self._constant.remove(self._left)
+        return self._left.array_r
+
+    def destroy(self) -> None:
+        """Free PETSc's memory."""
+        for held in (self._cycle, self._right, self._left, self._constant, self.matrix):
+            if held is not None:
+                held.destroy()
+
+
+def _measure(equations: Equations) -> Any:
+    mesh = equations.space.mixed.mesh
+    return ufl.dx(domain=mesh, metadata={"quadrature_degree": 2 * equations.space.order})
 
 
 def _chebyshev(matrix: Any, bounds: tuple[float, float], steps: int = 4) -> Any:
