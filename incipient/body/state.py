@@ -77,10 +77,17 @@ class Inertia:
         tensor = density * np.asarray(grain.inertia, dtype=float)
         if grain.gdim == 2:
             return cls(density * grain.volume, np.array([tensor[2, 2]]))
+        return cls.about(density * grain.volume, tensor)
+
+    @classmethod
+    def about(cls, mass: float, tensor: Floats) -> Inertia:
+        """The inertia in space of a tensor (3, 3) about the centre of mass, in the body frame."""
+        if np.count_nonzero(tensor - np.diag(np.diagonal(tensor))) == 0:
+            return cls(mass, np.diagonal(tensor).copy())  # the axes as they are, in their order
         moments, axes = np.linalg.eigh(tensor)
         if np.linalg.det(axes) < 0.0:
             axes[:, 0] *= -1.0
-        return cls(density * grain.volume, np.maximum(moments, 0.0), axes)
+        return cls(mass, np.maximum(moments, 0.0), axes)
 
     @property
     def gdim(self) -> int:

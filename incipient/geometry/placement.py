@@ -86,6 +86,17 @@ class Placement:
             return Placement(centre, self.angle + float(vector[0]))
         return Placement(centre, 0.0, product(rotation_by(vector), self.quaternion))
 
+    def turn_since(self, first: "Placement") -> Floats:
+        """The angle (1,), in space the shortest rotation vector (3,), that turned `first` into this [radians]."""
+        if self.quaternion is None or first.quaternion is None:
+            return np.array([self.angle - first.angle])
+        w, *vector = first.quaternion
+        scalar, *axis = product(self.quaternion, (w, *(-v for v in vector)))
+        length = float(np.linalg.norm(axis))
+        angle = 2.0 * np.arctan2(length, scalar)
+        angle -= 2.0 * np.pi * (angle > np.pi)
+        return np.asarray(axis) * (angle / length if length else 0.0)
+
 
 def rotation_by(vector: ArrayLike) -> Quaternion:
     """The unit quaternion of a rotation vector (3,), radians."""

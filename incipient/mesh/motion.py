@@ -26,6 +26,7 @@ from .. import compat
 from ..arrays import Floats, spatial
 from ..compat import petsc
 from ..geometry.placement import Placement
+from ..meshes.solid_region import SYMMETRY
 from .domain import Domain
 
 # Potential, one on the body and zero on the other boundaries, above which the mesh is rigid.
@@ -59,7 +60,9 @@ class RigidDisplacement:
         self.boundary, self.placement, self.turning, self._gdim = boundary, placement, turning, domain.gdim
         self._arms: Floats = domain.mesh.geometry.x[:, : self._gdim] - np.asarray(placement.centre)
         potentials = _Potentials(domain)
-        sliding = [*_sliding(domain, boundary, potentials.space), ()]
+        # A turn of a body that is its own mirror image leaves the plane of symmetry in its place.
+        turning_within = (SYMMETRY,) if domain.halved else ()
+        sliding = [*_sliding(domain, boundary, potentials.space), turning_within]
         self.weights = np.column_stack([potentials.weights(boundary, names) for names in sliding])
 
     def at(self, placement: Placement) -> Floats:
@@ -68,7 +71,7 @@ class RigidDisplacement:
         way = np.asarray(placement.centre) - np.asarray(self.placement.centre)
         moved = along * way
         if self.turning:
-            moved += _turned(self._arms, about * _rotation_between(self.placement, placement)) - self._arms
+            moved += _turned(self._arms, about * placement.turn_since(self.placement)) - self._arms
         return spatial(moved)
 
 
@@ -197,21 +200,6 @@ def _slopes(mesh: Any) -> Floats:
     flat = [[1.0, 0.5, 0.5], [0.0, 3**0.5 / 2, 3**0.5 / 6], [0.0, 0.0, (2 / 3) ** 0.5]]
     edges = np.array(flat)[:gdim, :gdim]  # of the equilateral cell, as columns
     return np.asarray(np.einsum("kpn,kd->dpn", table, np.linalg.inv(edges)))
-
-
-def _rotation_between(first: Placement, second: Placement) -> Floats:
-    """The rotation (1,) or rotation vector (3,) [radians] from one placement to another."""
-    if first.gdim == 2:
-        return np.array([second.angle - first.angle])
-    from ..geometry.placement import product
-
-    assert first.quaternion is not None and second.quaternion is not None
-    w, *vector = first.quaternion
-    scalar, *axis = product(second.quaternion, (w, *(-v for v in vector)))
-    length = float(np.linalg.norm(axis))
-    angle = 2.0 * np.arctan2(length, scalar)
-    angle -= 2.0 * np.pi * (angle > np.pi)
-    return np.asarray(axis) * (angle / length if length else 0.0)
 
 
 def _turned(arms: Floats, rotations: Floats) -> Floats:

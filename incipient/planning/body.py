@@ -1,4 +1,4 @@
-"""A scene's moving grain as a rigid body: mass, moment, freedom, and its state at time zero."""
+"""A scene's moving grain as a rigid body: mass, moments, freedom, and its state at time zero."""
 
 from __future__ import annotations
 
@@ -11,29 +11,45 @@ from ..body.rigidbody import RigidBody
 from ..body.state import BodyState, Freedom, Inertia
 from ..scene import Scene
 from ..scene.expression import Expression
-from ..scene.motion import moment
+from ..scene.motion import inertia_tensor
+
+DEGREES = {2: ("x", "y", "angle"), 3: ("x", "y", "z", "rx", "ry", "rz")}
+# What a grain in half of a symmetric scene cannot do: its mirror image would move otherwise.
+OUT_OF_THE_PLANE = ("y", "rx", "rz")
 
 
 def rigid_body(scene: Scene) -> RigidBody:
-    """Mass, moment and freedom of a scene's moving grain."""
+    """Mass, moments and freedom of a scene's moving grain."""
     body = scene.body
     assert body is not None
-    inertia = Inertia(scene.mass or 0.0, np.array([moment(body) or 0.0]))
     if body.course is None:
-        freedom = Freedom(tuple(name not in body.locked for name in ("x", "y", "angle")))
+        held = {*body.locked, *(OUT_OF_THE_PLANE if scene.symmetric else ())}
+        freedom = Freedom(tuple(name not in held for name in DEGREES[scene.gdim]))
     else:
         freedom = Freedom.none(scene.gdim, _course(body.course))
-    return RigidBody(inertia, freedom)
+    return RigidBody(_inertia(scene), freedom)
 
 
 def initial_state(scene: Scene) -> BodyState:
     """Place and velocities of a scene's moving grain at time zero."""
     body, placement = scene.body, scene.placement
     assert body is not None and placement is not None
-    return rigid_body(scene).consistent(BodyState.at(placement, [*body.velocity, body.spin]))
+    velocities = np.concatenate([np.atleast_1d(body.velocity), np.atleast_1d(body.spin)])
+    return rigid_body(scene).consistent(BodyState.at(placement, velocities))
+
+
+def _inertia(scene: Scene) -> Inertia:
+    """Mass and moments; zero where the scene gives none, which a prescribed motion has no use for."""
+    assert scene.body is not None
+    tensor = inertia_tensor(scene.body)
+    tensor = np.zeros((3, 3)) if tensor is None else tensor
+    mass = scene.mass or 0.0
+    if scene.gdim == 2:
+        return Inertia(mass, np.array([tensor[2, 2]]))
+    return Inertia.about(mass, tensor)
 
 
 def _course(formulas: tuple[str, ...]) -> Callable[[float], Floats]:
-    """Velocities (3,) as functions of time."""
+    """Velocities (3,), in space (6,), as functions of time."""
     components = [Expression(formula) for formula in formulas]
     return lambda time: np.array([float(one(np.zeros((3, 1)), time)[0]) for one in components])

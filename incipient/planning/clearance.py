@@ -7,12 +7,17 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import Floats, Point
-from ..geometry.placement import Placement
+from ..arrays import Floats
+from ..geometry.placement import Placement, product, rotation_by
 from ..geometry.plane.bed import Bed
 from ..geometry.plane.grain import Grain
 from ..geometry.rest import clearance
-from ..scene import Domain
+from ..geometry.space.closest import SpatialProximity
+from ..geometry.space.solid import Solid
+from ..geometry.space.terrain import Plane, Terrain
+from ..scene import Scene
+from .cells import side_names, sides_across
+from .layout import Place, point
 
 SAMPLES = (
     2000  # on each curve of the outline; the distance of a side then is known to 1e-7 of the grain's size
@@ -24,53 +29,128 @@ class Clearance:
     """The smallest distance of grain and surroundings, where it is, and from which side or whether the bed."""
 
     distance: float
-    on_grain: Point
-    on_other: Point
+    on_grain: Place
+    on_other: Place
     other: str
+
+
+@dataclass(frozen=True)
+class Side:
+    """A straight side of the domain: at a `place` on an axis, with the fluid on the side `inwards` (1, -1) of it."""
+
+    name: str
+    axis: int
+    place: float
+    inwards: int
+
+    @cached_property
+    def upright(self) -> Placement:
+        """What turns space so that the fluid is above the side, at height zero."""
+        towards = self.inwards * np.eye(3)[self.axis]
+        turn = np.cross(towards, [0.0, 0.0, 1.0]) * 0.5 * np.pi
+        if self.axis == 2 and self.inwards < 0:
+            turn = np.array([np.pi, 0.0, 0.0])
+        quaternion = rotation_by(turn)
+        away = Placement((0.0, 0.0, 0.0), quaternion=quaternion).rotation @ (
+            self.place * np.eye(3)[self.axis]
+        )
+        return Placement(tuple(-away), quaternion=quaternion)
+
+
+def surroundings(scene: Scene) -> Surroundings:
+    """What the grain of a scene may run into."""
+    domain, up = scene.domain, scene.up
+    low, right, high, left = side_names(scene)
+    sides = [
+        Side(high, up, domain.ceiling, -1),
+        Side(right, 0, domain.right, -1),
+        Side(left, 0, domain.left, 1),
+    ]
+    # Of half a scene the grain is as far from the side that is not there.
+    ends = zip(domain.across[::-1], (-1, 1), strict=True) if scene.gdim == 3 else ()
+    names = sides_across(scene)[::-1]
+    sides += [Side(name, 1, *end) for name, end in zip(names, ends, strict=False)]
+    if scene.bed_shape is None:
+        sides.append(Side(low, up, domain.bottom, 1))
+    assert scene.grain is not None
+    return Surroundings(scene.grain, tuple(sides), scene.bed_shape, low)
 
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """The sides of a domain, by the names (bottom, right, top, left), and the bed in place of the bottom."""
+    """The sides of a domain, without the lower one where there is a bed, and that bed."""
 
-    grain: Grain
-    domain: Domain
-    sides: tuple[str, str, str, str]
-    bed: Bed | None = None
+    grain: Grain | Solid
+    sides: tuple[Side, ...]
+    bed: Bed | Terrain | None = None
+    name_of_bed: str = "bed"
 
     def clearance(self, placement: Placement, within: float = np.inf) -> Clearance:
         """The smallest distance [length] of the placed grain from sides and bed; negative beyond them.
 
         The bed is looked at more closely only if it may be nearer than `within`.
         """
-        outline, up = placement.to_scene(self._outline), self.grain.gdim - 1
-        low, right, high, left = self.sides
-        domain = self.domain
-        found = [
-            self._side(outline, up, domain.ceiling, -1, high),
-            self._side(outline, 0, domain.right, -1, right),
-            self._side(outline, 0, domain.left, 1, left),
-        ]
-        if self.bed is None:
-            found.append(self._side(outline, up, domain.bottom, 1, low))
-        if self.bed is not None and (within == np.inf or outline[:, up].min() - self.bed.crest < within):
-            gap, on_grain, on_bed = clearance(self.grain, placement, self.bed)
-            found.append(Clearance(gap, _point(on_grain), _point(on_bed), low))
+        if isinstance(self.grain, Grain):
+            outline = placement.to_scene(self._outline)
+            found = [_of_points(outline, side) for side in self.sides]
+            lowest = float(outline[:, -1].min())
+        else:
+            found = self._of_solid(placement)
+            lowest = placement.centre[-1] - self.grain.size  # or higher
+        if self.bed is not None and (within == np.inf or lowest - self.bed.crest < within):
+            gap, on_grain, on_bed = self._of_bed(placement)
+            found.append(Clearance(gap, point(on_grain), point(on_bed), self.name_of_bed))
         return min(found, key=lambda one: one.distance)
 
     @cached_property
     def _outline(self) -> Floats:
+        assert isinstance(self.grain, Grain)
         return self.grain.chain.points(SAMPLES)
 
-    @staticmethod
-    def _side(outline: Floats, axis: int, place: float, inwards: int, name: str) -> Clearance:
-        """The distance from the side at a `place` on an axis, with the fluid on the side `inwards` of it."""
-        distances = inwards * (outline[:, axis] - place)
-        k = int(np.argmin(distances))
-        foot = outline[k].copy()
-        foot[axis] = place
-        return Clearance(float(distances[k]), _point(outline[k]), _point(foot), name)
+    # Prepared once: that takes longer than a question.
+
+    @cached_property
+    def _near_side(self) -> SpatialProximity:
+        assert isinstance(self.grain, Solid)
+        return SpatialProximity(self.grain, Plane())
+
+    @cached_property
+    def _near_bed(self) -> SpatialProximity:
+        assert isinstance(self.grain, Solid) and isinstance(self.bed, Terrain)
+        return SpatialProximity(self.grain, self.bed)
+
+    def _of_bed(self, placement: Placement) -> tuple[float, Floats, Floats]:
+        if isinstance(self.grain, Solid):
+            return self._near_bed.clearance(placement)
+        assert self.bed is not None
+        return clearance(self.grain, placement, self.bed)
+
+    def _of_solid(self, placement: Placement) -> list[Clearance]:
+        """The distance from the nearest of the sides; those that cannot be that are passed over."""
+        centre = placement.centre
+        nearest = Clearance(np.inf, centre, centre, "")
+        away = {side: side.inwards * (centre[side.axis] - side.place) for side in self.sides}
+        for side in sorted(self.sides, key=lambda one: away[one]):
+            # No point of a grain is farther from its centroid than the grain is large.
+            if away[side] - self.grain.size < nearest.distance:
+                nearest = min(nearest, self._of_side(placement, side), key=lambda one: one.distance)
+        return [nearest]
+
+    def _of_side(self, placement: Placement, side: Side) -> Clearance:
+        """The distance of a solid from a side, as that from a level plane."""
+        frame = side.upright
+        assert frame.quaternion is not None and placement.quaternion is not None
+        turned = product(frame.quaternion, placement.quaternion)
+        centre = tuple(frame.to_scene([placement.centre])[0])
+        gap, *ends = self._near_side.clearance(Placement(centre, quaternion=turned))
+        on_grain, on_side = frame.to_body(np.array(ends))
+        return Clearance(gap, point(on_grain), point(on_side), side.name)
 
 
-def _point(x: Floats) -> Point:
-    return float(x[0]), float(x[1])
+def _of_points(outline: Floats, side: Side) -> Clearance:
+    """The distance of points (n, 2) from a side."""
+    distances = side.inwards * (outline[:, side.axis] - side.place)
+    k = int(np.argmin(distances))
+    foot = outline[k].copy()
+    foot[side.axis] = side.place
+    return Clearance(float(distances[k]), point(outline[k]), point(foot), side.name)

@@ -13,7 +13,7 @@ from ..installed import memory_of_libraries
 from ..meshes import Away, Grid, Near, Region, Sizes, SolidRegion
 from ..scene import Scene
 from .cells import FAR_CELL, is_grid, largest_cell, side_names
-from .clearance import Surroundings
+from .clearance import surroundings
 from .drawing_in_space import count_in_space, lay_out_in_space
 from .effects import EffectName
 from .layout import Layout, placed, point
@@ -49,12 +49,6 @@ def lay_out(scene: Scene, plan: Plan, moved: Placement | None = None) -> Layout:
     finer = _near(scene, plan, holes.get("body", ()), placement, gap, ends)
     sizes = Sizes(FAR_CELL[plan.order] * scene.domain.height, finer).scaled(plan.mesh_size)
     return Layout(region, sizes, plan.geometry_order, resting, placement, gap, ends, most)
-
-
-def surroundings(scene: Scene) -> Surroundings:
-    """What the grain of a scene may run into."""
-    assert scene.grain is not None
-    return Surroundings(scene.grain, scene.domain, side_names(scene), scene.bed_shape)
 
 
 def _bottom(scene: Scene) -> tuple[Curve, ...]:

@@ -87,10 +87,14 @@ def placed(scene: Scene) -> tuple[Placement | None, Placement | None, float, tup
         return resting, resting, np.inf, None
     placement = lifted(grain, resting, bed, scene.contact_gap) if scene.rests else resting
     gap, on_grain, on_bed = clearance(grain, placement, bed)
-    if scene.symmetric:  # of half a scene that with larger y is meshed
-        for end in (on_grain, on_bed):
-            end[1] = scene.domain.middle + abs(end[1] - scene.domain.middle)
-    return resting, placement, gap, (point(on_grain), point(on_bed))
+    return resting, placement, gap, (halved(scene, point(on_grain)), halved(scene, point(on_bed)))
+
+
+def halved(scene: Scene, x: Place) -> Place:
+    """The point, or its mirror image, in what is meshed of a scene: of half of it that with larger y."""
+    if not scene.symmetric:
+        return x
+    return x[0], scene.domain.middle + abs(x[1] - scene.domain.middle), x[2]
 
 
 def point(x: Any) -> Any:

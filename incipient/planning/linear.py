@@ -23,12 +23,15 @@ class Method:
         return f"linear systems by a {self.name} method: {self.reason}"
 
 
-def method_of(scene: Scene, inertia: bool) -> Method:
-    """The method for a scene, and whether its flow has inertia. Not collective."""
-    if scene.gdim == 3 and not inertia:
+def method_of(scene: Scene, slow: bool) -> Method:
+    """The method for a scene, and whether its flow is one of Stokes, without inertia and rate. Not collective."""
+    if scene.gdim == 3 and slow:
         return Method("block", "in space factors would take much time and memory; Stokes flow needs none")
     if scene.gdim == 3:
-        return Method("direct", "flow with inertia; in space the factors take much time and memory")
+        return Method(
+            "direct",
+            "the flow has inertia or changes in time; in space its factors take much time and memory",
+        )
     reason = (
         "in two dimensions factors take little memory, and they serve for several iterations and time steps"
     )

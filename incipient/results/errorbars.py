@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..arrays import Floats
+from ..geometry.placement import Placement
 from .loads import loads_words
 from .safetybar import SafetyBar
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Loads:
-    """Force and couple (3,) of the flow on a grain, and place and turn (3,) of one that moves."""
+    """Force and couple (3,) of the flow on a grain, and of one that moves place, and angle or quaternion (3 or 7,)."""
 
     force: Floats
     couple: Floats
@@ -29,13 +30,17 @@ class Loads:
         assert result.force is not None and result.couple is not None
         place = None
         if result.trajectory is not None:
-            place = np.array([*result.trajectory["place"], result.trajectory["angle"]])
+            path = result.trajectory
+            turned = path["quaternion"] if "quaternion" in path else [path["angle"]]
+            place = np.array([*path["place"], *turned])
         return cls(result.force.flow, result.couple.flow, place)
 
 
 @dataclass(frozen=True)
 class Term:
-    """One source of error: absolute errors of force and couple (3,), of the place of a moving grain, and how found.
+    """One source of error: absolute errors of force and couple (3,), of place and turn of a moving grain, how found.
+
+    place: (3,), in space (6,), the turn in radians, in space about x, y and z
 
     power: exponent of the gap with which its error is expected to fall
     parts: terms that this one is the sum of, if any
@@ -61,7 +66,7 @@ class Term:
         """The error that is a share of what two runs differ by."""
         place = None
         if one.place is not None and other.place is not None:
-            place = share * np.abs(one.place - other.place)
+            place = share * np.abs(way(one.place, other.place))
         force, couple = np.abs(one.force - other.force), np.abs(one.couple - other.couple)
         return cls(name, share * force, share * couple, how, place)
 
@@ -91,7 +96,7 @@ class ErrorBars:
 
     @property
     def place(self) -> Floats | None:
-        """(3,) absolute error of place and turn of a moving grain at the end of its path."""
+        """(3,), in space (6,), absolute error of place and turn of a moving grain at the end of its path."""
         places = [term.place for term in self.terms if term.place is not None]
         return np.sum(places, axis=0) if places else None
 
@@ -125,4 +130,18 @@ def _errors(term: Term, gdim: int) -> str:
 def _end_of_path(place: Floats | None) -> str:
     if place is None:
         return ""
-    return f"   end of the path ({place[0]:.1e}, {place[1]:.1e}), turn {place[2]:.1e} rad"
+    gdim = 2 if len(place) == 3 else 3
+    return "   end of the path {}, turn {} rad".format(
+        *(
+            f"({', '.join(f'{x:.1e}' for x in part)})" if len(part) > 1 else f"{part[0]:.1e}"
+            for part in (place[:gdim], place[gdim:])
+        )
+    )
+
+
+def way(first: Floats, second: Floats) -> Floats:
+    """Way and turn (3,), in space (6,), between two places with an angle (3,) or a quaternion (7,)."""
+    if len(first) == 3:
+        return second - first
+    one, other = (Placement(tuple(x[:3]), quaternion=tuple(x[3:])) for x in (first, second))
+    return np.concatenate([second[:3] - first[:3], other.turn_since(one)])

@@ -70,6 +70,13 @@ class Gap:
         return self.cells >= 2
 
 
+def apart(load: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Force (3,) and couple (3,) of a load on a body: (3,) in the plane, (6,) in space."""
+    if len(load) == 3:
+        return np.array([load[0], load[1], 0.0]), np.array([0.0, 0.0, load[2]])
+    return load[:3], load[3:]
+
+
 def named(name: str, vector: np.ndarray, gdim: int) -> dict[str, float]:
     """The components (3,) of a force by the names of columns: force_x, force_y, in space force_z as well."""
     return {f"{name}_{axis}": float(vector[place]) for place, axis in enumerate("xyz"[:gdim])}

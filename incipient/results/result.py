@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..geometry.placement import Placement
 from ..planning.plan import Plan
 from .cost_of_effects import cost_lines
 from .loads import Coefficients, Couples, Forces, Gap, loads_words
@@ -141,16 +142,31 @@ def _without_rest(scene: dict[str, Any]) -> str:
 
 def _path(trajectory: dict[str, Any]) -> list[str]:
     """Where a moving grain has come to."""
-    (x, y), (u, v), ended = trajectory["place"], trajectory["velocity"], trajectory["ended"]
+    ended = trajectory["ended"]
+    place, velocity, turned, spin = (_words(x) for x in _motion_of(trajectory))
+    unit = "rad" if "angle" in trajectory else "rad about x, y and z"
     nearest = f"{ended['clearance']:.3g} from the {ended['nearest']}"
     end = f"met the {ended['nearest']}" if ended["by"] == "contact" else nearest
     iterations = trajectory["interface_iterations"]
     missing = ended["without_verdict"]
     return [
-        f"grain at            ({x:.6g}, {y:.6g}), turned by {trajectory['angle']:.6g} rad; "
-        f"t = {ended['time']:.6g}, {end}",
-        f"velocity            ({u:.6g}, {v:.6g}), spin {trajectory['spin']:.6g} rad per unit of time",
+        f"grain at            {place}, turned by {turned} {unit}; t = {ended['time']:.6g}, {end}",
+        f"velocity            {velocity}, spin {spin} rad per unit of time",
         f"interface           {iterations['mean']:.1f} iterations a step, {iterations['most']} at most; "
         f"{len(trajectory['remeshings'])} new meshes",
         *([f"verdict             none: {missing}"] if missing else []),
     ]
+
+
+def _motion_of(trajectory: dict[str, Any]) -> tuple[Any, Any, Any, Any]:
+    """Place, velocity, angle or shortest rotation vector, and spin at the end of a path."""
+    place, turned = trajectory["place"], trajectory.get("angle")
+    if turned is None:
+        origin = (0.0, 0.0, 0.0)
+        turned = Placement(origin, quaternion=tuple(trajectory["quaternion"])).turn_since(Placement(origin))
+    return place, trajectory["velocity"], turned, trajectory["spin"]
+
+
+def _words(x: Any) -> str:
+    """A number, or a vector, for a reader."""
+    return f"({', '.join(f'{one:.6g}' for one in x)})" if np.ndim(x) else f"{x:.6g}"

@@ -61,9 +61,6 @@ def _dimensions(scene: Scene) -> Iterator[Problem]:
     if flow.kind == "expression" and len(flow.components) != gdim:
         remedy = "give two, as in [x, y]" if gdim == 2 else "give three, as in [x, y, z]"
         yield Problem(("flow", "components"), f"has {len(flow.components)} items", remedy)
-    if gdim == 3 and body is not None and body.moves:
-        why = f'"{body.motion}" is not simulated in space by this version'
-        yield Problem(("body", "motion"), why, 'use "fixed"')
 
 
 def _other_dimension(section: str, key: str, value: str, gdim: int) -> tuple[Key, str, str]:

@@ -37,6 +37,18 @@ Freedom = Literal["x", "y", "z", "rx", "ry", "rz"]
 Course = Annotated[tuple[str, str, str, str, str, str], Field(strict=False)]
 
 
+def orientation_of(placement: Placement) -> tuple[float, float, float]:
+    """The angles about x, then about y, then about z by which a grain is turned [degrees], as in `orientation`."""
+    a = placement.rotation
+    about = (
+        np.arctan2(a[2, 1], a[2, 2]),
+        np.arcsin(np.clip(-a[2, 0], -1.0, 1.0)),
+        np.arctan2(a[1, 0], a[0, 0]),
+    )
+    x, y, z = np.degrees(about).tolist()
+    return x, y, z
+
+
 class SolidSection(BodySection):
     """What grains of all shapes in space have in common."""
 

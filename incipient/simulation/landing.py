@@ -17,12 +17,14 @@ from ..contact import Contacts, Load
 from ..contact.verdict import judge
 from ..errors import IncipientError
 from ..geometry.plane.bed import Flat
+from ..geometry.space.terrain import Plane
 from ..geometry.touching import touching
 from ..planning.cells import side_names
 from ..planning.clearance import Clearance
 from ..results.loads import Couples, Forces
 from ..results.verdict import mass_and_inertia
 from ..scene import Scene
+from ..scene.solids import orientation_of
 
 # Relative to the distance at which the grain has met the bed: how much farther its other contacts may be.
 FARTHER = 1.01
@@ -64,13 +66,21 @@ def landing(scene: Scene, state: BodyState, met: Clearance, force: Forces, coupl
 
 def _note(state: BodyState) -> str:
     """What the verdict leaves open, and how to close it."""
-    (x, _), angle = state.place, math.degrees(float(state.orientation[0])) % 360.0
     return (
         "no error bar of the safety factor: it is that of the load at one moment, and how that load depends on gap and "
         "time step is not estimated; the load at the end holds the fluid's resistance to the grain's motion; for a "
-        f"grain that has come to rest run a scene with body.x = {x:.6g} and body.angle = {angle:.6g} in place of "
-        "centre and motion"
+        f"grain that has come to rest run a scene with {_standing(state)} in place of centre and motion"
     )
+
+
+def _standing(state: BodyState) -> str:
+    """The keys of a grain that stands where it is in a state, as it is turned there."""
+    if len(state.place) == 2:
+        angle = math.degrees(float(state.orientation[0])) % 360.0
+        return f"body.x = {state.place[0]:.6g} and body.angle = {angle:.6g}"
+    x, y, _ = state.place
+    about = ", ".join(f"{angle:.6g}" for angle in orientation_of(state.placement))
+    return f"body.x = {x:.6g}, body.y = {y:.6g} and body.orientation = [{about}]"
 
 
 def _missing(scene: Scene) -> str:
@@ -91,5 +101,6 @@ def contacts_at(scene: Scene, state: BodyState, distance: float) -> Contacts:
     Raises SceneError if there are none.
     """
     assert scene.grain is not None
-    bed = scene.bed_shape or Flat(scene.domain.bottom)
+    level = scene.domain.bottom
+    bed = scene.bed_shape or (Flat(level) if scene.gdim == 2 else Plane(origin_z=level))
     return touching(scene.grain, state.placement, bed, FARTHER * max(distance, scene.contact_gap))

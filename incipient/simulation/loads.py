@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..arrays import Floats, spatial
-from ..results.loads import Coefficients, Couples, Forces
+from ..results.loads import Coefficients, Couples, Forces, apart
 
 if TYPE_CHECKING:
     from ..scene import Scene
@@ -26,8 +26,7 @@ def loads(run: Run, surface: bool, speed: float = 1.0) -> tuple[Forces, Couples]
     couple = Couples(unit * flow.couple, unit * check.couple, flow.about)
     if run.trajectory is None:
         return force, couple
-    x, y, turning = run.trajectory.repulsion()
-    pushed, twisted = np.array([x, y, 0.0]), np.array([0.0, 0.0, turning])
+    pushed, twisted = apart(run.trajectory.repulsion())
     return replace(force, repulsion=pushed), replace(couple, repulsion=twisted)
 
 

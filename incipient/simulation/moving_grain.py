@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -20,14 +20,16 @@ from ..fluid import Fluid, TimeStep, Transient
 from ..fluid.transient import Past
 from ..geometry.placement import Placement
 from ..geometry.plane.grain import Disc
+from ..geometry.space.solid import Sphere
 from ..mesh import domain
 from ..mesh.domain import Domain
 from ..mesh.motion import MeshMotion, RigidDisplacement
 from ..planning import drawing
 from ..planning.body import initial_state, rigid_body
-from ..planning.clearance import Clearance
+from ..planning.clearance import Clearance, surroundings
 from ..planning.plan import Plan
 from ..progress import Silent
+from ..results.loads import apart, named, named_couple
 from ..scene import Scene
 from ..scene.tolerance import of_steps
 
@@ -36,8 +38,8 @@ Stage = Callable[[str], AbstractContextManager[Any]]
 # Positions (in grain sizes) and angles are rounded to this before meshing, and the mesh is then moved by the
 # remainder: round-off cannot change the mesh, on any number of ranks and after resuming.
 ROUNDING = 1e-6
-# Columns of the history of a free grain: of what repels it, zero for one that is not repelled.
-REPULSION = ("repulsion_x", "repulsion_y", "repulsion_couple")
+# Columns of the history for the orientation, by the dimension.
+ORIENTATION = {2: ("angle",), 3: ("quaternion_w", "quaternion_x", "quaternion_y", "quaternion_z")}
 
 
 class Trajectory:
@@ -63,7 +65,7 @@ class Trajectory:
         assert scene.body is not None and scene.time is not None
         assert scene.grain is not None and scene.placement is not None
         self.grain, self.time = scene.grain, scene.time
-        self.surroundings = drawing.surroundings(scene)
+        self.surroundings = surroundings(scene)
         self._is_free, self._is_repelled = scene.body.motion == "free", scene.body.on_contact == "repel"
         self.body = rigid_body(scene)
         self.remeshings: list[Remeshing] = []
@@ -106,7 +108,6 @@ class Trajectory:
         """One line of the history."""
         assert isinstance(step.report, InterfaceReport)
         state, load = self.state, self.part.end.flow_load
-        repulsion = dict(zip(REPULSION, self.repulsion().tolist(), strict=True))
         with self._stage("tractions"):
             kinetic, dissipation, power = (
                 self.energy.kinetic(),
@@ -119,16 +120,10 @@ class Trajectory:
             "step": step.length,
             "newton": step.report.iterations,
             "error": np.nan if step.error is None else step.error,
-            "x": state.place[0],
-            "y": state.place[1],
-            "angle": state.orientation[0],
-            "velocity_x": state.velocity[0],
-            "velocity_y": state.velocity[1],
-            "spin": state.spin[0],
-            "force_x": load[0],
-            "force_y": load[1],
-            "couple": load[2],
-            **(repulsion if self._is_free else {}),
+            **columns_of_state(state),
+            **columns_of_load(load, "force", "couple"),
+            # Zero for a free grain that is not repelled.
+            **(columns_of_load(self.repulsion(), "repulsion", "repulsion_couple") if self._is_free else {}),
             "interface": step.report.corrected,
             "interface_residual": residuals[-1],
             "mesh_quality": self.coupling.quality.worst,
@@ -142,7 +137,7 @@ class Trajectory:
     def summary(self) -> dict[str, Any]:
         """Plain data for the result: how it ended, where the grain is, how it went."""
         state, near = self.state, self.clearance()
-        iterations = self.interface_iterations or [0]
+        iterations, in_space = self.interface_iterations or [0], self.scene.gdim == 3
         return {
             "ended": {
                 "by": "contact" if self.coupling.met else "time",
@@ -152,11 +147,11 @@ class Trajectory:
                 "without_verdict": "",
             },
             "place": state.place,
-            "angle": float(state.orientation[0]),
+            **({"quaternion": state.orientation} if in_space else {"angle": float(state.orientation[0])}),
             "velocity": state.velocity,
-            "spin": float(state.spin[0]),
+            "spin": state.spin if in_space else float(state.spin[0]),
             "mass": self.body.inertia.mass,
-            "inertia": float(self.body.inertia.moments[0]),
+            "inertia": self.body.inertia.moments if in_space else float(self.body.inertia.moments[0]),
             "interface_iterations": {"mean": float(np.mean(iterations)), "most": max(iterations)},
             "remeshings": [asdict(one) for one in self.remeshings],
         }
@@ -166,7 +161,7 @@ class Trajectory:
         return self.surroundings.clearance(self.state.placement)
 
     def repulsion(self) -> Floats:
-        """Force and couple (3,) on the grain from what it has come close to; zero unless it is repelled."""
+        """Force and couple (3,), in space (6,), from what the grain has come close to; zero unless it is repelled."""
         return self._repulsion(self.state) if self._is_repelled else np.zeros(self.body.size)
 
     # -- building ---------------------------------------------------------------------------------
@@ -176,7 +171,7 @@ class Trajectory:
     ) -> tuple[RigidPart, Coupling]:
         """The grain in the fluid, whose mesh, drawn for a placement, is moved to where the state is."""
         numerics = self.scene.numerics
-        turning = not isinstance(self.grain, Disc)
+        turning = not isinstance(self.grain, Disc | Sphere)
         displacement = RigidDisplacement(fluid.domain, "body", drawn or state.placement, turning)
         motion = MeshMotion(fluid.domain)
         if drawn is not None:
@@ -208,7 +203,7 @@ class Trajectory:
 
         Along the shortest line between both, S ((r - d)/r)^2 at a distance d below the range r, which is three
         times the contact gap: enough to stop the grain at the reference velocity V, S = 10 (m + m_f) V^2/r,
-        against ten times its submerged weight, and against the drag 100 nu V in two dimensions.
+        against ten times its submerged weight, and against the drag, 100 nu V in the plane, times its size in space.
         """
         reach = 3.0 * self.scene.contact_gap
         near = self.surroundings.clearance(state.placement, reach)
@@ -216,15 +211,18 @@ class Trajectory:
             return np.zeros(self.body.size)
         speed, volume, mass = self.scene.reference_velocity, self.grain.volume, self.body.inertia.mass
         weight = abs(mass - volume) * float(np.linalg.norm(self.scene.gravity_vector))
-        strength = (
-            10.0 * (mass + volume) * speed**2 / reach + 10.0 * weight + 100.0 * self.scene.viscosity * speed
-        )
+        drag = 100.0 * self.scene.viscosity * speed * self.grain.size ** (self.scene.gdim - 2)
+        strength = 10.0 * (mass + volume) * speed**2 / reach + 10.0 * weight + drag
         on_grain, on_other = np.array(near.on_grain), np.array(near.on_other)
         towards = on_grain - on_other if near.distance > 0.0 else on_other - on_grain
         away = towards / max(float(np.linalg.norm(towards)), 1e-300)
         force = strength * (1.0 - near.distance / reach) ** 2 * away
         arm = on_grain - state.place
-        return np.array([*force, planar_cross(arm, force)])
+        twist = np.cross(arm, force) if len(arm) == 3 else [planar_cross(arm, force)]
+        load = np.concatenate([force, twist])
+        if self.scene.symmetric:  # as much from the mirror image of what it has come close to
+            load[[1, 3, 5]] = 0.0
+        return load
 
     # -- a new mesh -------------------------------------------------------------------------------
 
@@ -241,7 +239,8 @@ class Trajectory:
         """Mesh the fluid anew around the grain and carry everything over; the old mesh goes last."""
         with self._stage("remeshing"):
             old = self.fluid
-            drawn = rounded(self.state.placement, ROUNDING * self.grain.size)
+            assert self.scene.placement is not None
+            drawn = rounded(self.state.placement, self.scene.placement, ROUNDING * self.grain.size)
             laid_out = drawing.lay_out(self.scene, self.plan, drawn)
             made = domain.build(old.domain.comm, laid_out.drawing, self.scene.gdim)
             fluid = Fluid(made, old.model, old.conditions, old.reynolds)
@@ -265,7 +264,23 @@ class Trajectory:
         )
 
 
-def rounded(placement: Placement, unit: float) -> Placement:
-    """The placement with its coordinates rounded to a unit of length, and its angle to ROUNDING."""
-    centre = tuple(unit * round(x / unit) for x in placement.centre)
-    return replace(placement, centre=centre, angle=ROUNDING * round(placement.angle / ROUNDING))
+def rounded(placement: Placement, first: Placement, unit: float) -> Placement:
+    """The placement with its way from the first one rounded to a unit of length, and its turn to ROUNDING."""
+    way = np.subtract(placement.centre, first.centre)
+    turn = placement.turn_since(first)
+    return first.moved(unit * np.round(way / unit), ROUNDING * np.round(turn / ROUNDING))
+
+
+def columns_of_state(state: BodyState) -> dict[str, float]:
+    """Place, orientation and velocities by the names of the history's columns. Not collective."""
+    gdim = len(state.place)
+    turned = dict(zip(ORIENTATION[gdim], state.orientation.tolist(), strict=True))
+    place = dict(zip("xyz", state.place.tolist(), strict=False))
+    velocity, spin = apart(state.velocities)
+    return {**place, **turned, **named("velocity", velocity, gdim), **named_couple("spin", spin, gdim)}
+
+
+def columns_of_load(load: Floats, force: str, couple: str) -> dict[str, float]:
+    """A load (3,), in space (6,), by the names of the history's columns. Not collective."""
+    gdim, (pushed, twisted) = 2 if len(load) == 3 else 3, apart(load)
+    return named(force, pushed, gdim) | named_couple(couple, twisted, gdim)

@@ -7,7 +7,7 @@ import pytest
 
 from incipient.body.state import BodyState
 from incipient.geometry.placement import Placement
-from incipient.planning.drawing import surroundings
+from incipient.planning.clearance import surroundings
 from incipient.results.loads import Couples, Forces
 from incipient.scene import (
     Contact,
