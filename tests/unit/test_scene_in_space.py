@@ -246,7 +246,6 @@ def test_a_larger_domain_is_wider_too_unless_walls_are_at_its_sides():
 
 # -- wrong scenes --------------------------------------------------------------------------------------
 
-MOVING = Sphere(diameter=1, centre=(5, 4, 2), density=1, motion="free")
 WRONG = [
     ({"domain": Domain(length=12, height=6)}, 'body.shape: domain.width is missing, which the "sphere"'),
     ({"body": Disc(diameter=1, x=5)}, 'body.shape: "disc" lies in the plane, but domain.width makes'),
@@ -277,7 +276,6 @@ WRONG = [
         "effects.third_dimension: is false but domain.width is given",
     ),
     ({"bed": SphereBed(radius=0.5, spacing=1, slope=10)}, "bed.slope: a slope turns gravity but there is no"),
-    ({"body": MOVING, "time": Time(end=1, step=0.1)}, 'body.motion: "free" is not simulated in space'),
     (
         {"domain": Domain(length=1e20, width=8, height=6)},
         "domain.length: is so large that numbers there are",
