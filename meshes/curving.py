@@ -58,7 +58,7 @@ def curved(surfaces: dict[int, Exact], walls: tuple[tuple[int, float], ...], ord
         triangles = nodes.cells(kind, entity, size)
         corners = np.unique(triangles[:, :3])
         places[corners] = exact.project(places[corners], _held(places[corners], walls))
-        if order == 1 or not exact.curved:
+        if order == 1:
             continue
         ends, middles = _edges(triangles)
         centres = places[ends].mean(axis=1)

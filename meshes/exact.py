@@ -44,11 +44,6 @@ class Body(Exact):
     fillet: float
 
     @property
-    def curved(self) -> bool:  # type: ignore[override]
-        """Whether cells along it have curved edges: not where it has sharp ones, whose facets are flat."""
-        return not self.sharp
-
-    @property
     def sharp(self) -> bool:
         """Whether the grain has sharp edges."""
         solid = self.placed.solid
@@ -67,6 +62,8 @@ class Body(Exact):
 
     def _whole(self) -> Surface:
         solid = self.placed.solid
+        if isinstance(solid, Triangulated):
+            return Surface(solid.vertices, solid.triangles)
         if not isinstance(solid, Spheres):
             return solid.surface(solid.size / PER_SIZE)
         step = min(solid.radii) / PER_RADIUS
@@ -107,11 +104,6 @@ class Ground(Exact):
 
     region: SolidRegion
     frame: SolidFrame
-
-    @property
-    def curved(self) -> bool:  # type: ignore[override]
-        """Whether cells along it have curved edges."""
-        return not self.flat
 
     @property
     def flat(self) -> bool:

@@ -134,7 +134,6 @@ def _put_in_place(
     planes = tuple((axis, float(end[axis])) for axis in (0, 1) for end in (walls.low, walls.high))
     named: dict[str, Exact] = {region.names[5]: outline.ground, **outline.bodies}
     nodes, straight = curved({tags[name]: exact for name, exact in named.items()}, planes, order)
-    if straight:
-        gmsh.logger.write(f"{STRAIGHT}{straight} edges are straight", "warning")
+    gmsh.logger.write(f"{STRAIGHT}{straight} edges are straight", "warning" if straight else "info")
     for tag, node in zip(nodes.tags.tolist(), frame.scene(nodes.places).tolist(), strict=True):
         gmsh.model.mesh.setNode(tag, node, [])

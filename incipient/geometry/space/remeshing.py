@@ -21,7 +21,9 @@ from incipient.geometry.space.topology import Topology, lowest_around
 GRID = 2.0**-32  # in the unit of the points: what is computed is rounded to its multiples
 LONG, SHORT = 1.37, 0.74  # in units of the wanted size: edges that are split, and that are collapsed
 ROUNDS, SETTLED = 40, 4  # most rounds, and rounds after the number of triangles has settled
-BENT = np.cos(np.radians(35.0))  # of the angle at which neighbouring facets meet: such an edge is kept
+# Cosines of the angles at which facets meet whose edge is kept: always, and where both are no smaller than the cells.
+BENT, FACETED = np.cos(np.radians([35.0, 3.0]))
+TURN = np.radians(20.0)  # of a kept edge at a point that then stays
 TURNED = 0.3  # cosine between a triangle's normals before and after an operation that is still done
 
 FLAT = 1e-4  # of the square of its longest side: the area of a triangle that faces nowhere
@@ -40,8 +42,6 @@ class Draft:
 
 class Exact(ABC):
     """A surface as it is exactly; points are in a unit in which its extent is about one."""
-
-    curved = True
 
     @abstractmethod
     def draft(self) -> Draft:
@@ -97,7 +97,7 @@ def remeshed(exact: Exact, draft: Draft, size: SizeOf) -> Surface:
     Raises:
         MeshError: the triangles do not settle.
     """
-    mesh, curves = _begun(draft)
+    mesh, curves = _begun(draft, size)
     task = Remesher(exact, size, curves)
     points = task.projected(mesh.points, mesh.held, _on_curves(mesh))
     mesh = replace(mesh, points=points, sizes=size(points))
@@ -118,16 +118,13 @@ def remeshed(exact: Exact, draft: Draft, size: SizeOf) -> Surface:
     return Surface(mesh.points, mesh.triangles)
 
 
-def _begun(draft: Draft) -> tuple[Mesh, Triangles | None]:
+def _begun(draft: Draft, size: SizeOf) -> tuple[Mesh, Triangles | None]:
     """The draft with its sharp edges found, and these as segments."""
     surface = draft.surface
     topology = Topology(surface.triangles)
     sharp = np.empty((0, 2), dtype=int)
     if draft.sharp:
-        normals = unit(vector_areas(surface.corners))
-        first, second = topology.beside.T
-        bent = (normals[first] * normals[second]).sum(axis=1) < BENT
-        sharp = topology.edges[bent & ~topology.open]
+        sharp = topology.edges[_bent(surface, topology, size) & ~topology.open]
     kept = np.vstack([sharp, topology.edges[topology.open]])
     count = len(surface.points)
     meeting = np.bincount(kept.ravel(), minlength=count)
@@ -139,6 +136,18 @@ def _begun(draft: Draft) -> tuple[Mesh, Triangles | None]:
     return Mesh(surface.points, sizes, surface.triangles, draft.held, fixed, sharp), curves
 
 
+def _bent(surface: Surface, topology: Topology, size: SizeOf) -> np.ndarray:
+    """Which edges (k,) are to be kept: those at which facets meet at an angle that the cells are to show."""
+    areas = vector_areas(surface.corners)
+    first, second = topology.beside.T
+    cosine = (unit(areas)[first] * unit(areas)[second]).sum(axis=1)
+    ends = surface.points[topology.edges]
+    length = np.maximum(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1), 1e-300)
+    smaller = np.minimum(*(np.linalg.norm(areas[beside], axis=1) for beside in (first, second)))
+    large = 2.0 * smaller / length > 0.5 * size(ends.mean(axis=1))
+    return np.asarray((cosine < BENT) | (large & (cosine < FACETED)))
+
+
 def _turning(points: Floats, kept: np.ndarray, count: int) -> np.ndarray:
     """Where (count,) two kept edges meet at an angle."""
     along = unit(points[kept[:, 1]] - points[kept[:, 0]])
@@ -146,7 +155,7 @@ def _turning(points: Floats, kept: np.ndarray, count: int) -> np.ndarray:
     np.add.at(total, kept[:, 0], along)
     np.add.at(total, kept[:, 1], -along)
     # Opposite directions add up to nothing: |sum| = 2 sin(turn/2).
-    return np.asarray(np.linalg.norm(total, axis=1) > 2.0 * np.sin(0.5 * np.arccos(BENT)))
+    return np.asarray(np.linalg.norm(total, axis=1) > 2.0 * np.sin(0.5 * TURN))
 
 
 def _kept(mesh: Mesh, topology: Topology) -> np.ndarray:
