@@ -219,6 +219,24 @@ class TestFiles:
         with pytest.raises(SceneError, match=r"open.ply is not watertight: it has 4 open edges; close"):
             Triangulated.from_file(tmp_path / "open.ply")
 
+    def test_what_can_be_put_right_is(self, tmp_path):
+        # Every third triangle turned over, one there twice, and no point shared.
+        corners = TORUS.vertices[TORUS.faces].copy()
+        corners[::3] = corners[::3, ::-1]
+        corners = np.concatenate([corners, corners[:1]])
+        faces = np.arange(3 * len(corners)).reshape(-1, 3)
+        trimesh.Trimesh(corners.reshape(-1, 3), faces, process=False).export(tmp_path / "scan.stl")
+        assert Triangulated.from_file(tmp_path / "scan.stl").volume == pytest.approx(TORUS.volume, rel=1e-5)
+
+    def test_a_surface_that_runs_through_itself_is_refused(self, tmp_path):
+        # One corner of a box is drawn through the opposite faces: they meet the three that share it.
+        box = trimesh.creation.box().subdivide()
+        points = np.array(box.vertices)
+        points[np.argmax(points.sum(axis=1))] = [-0.7, -0.6, -0.8]
+        trimesh.Trimesh(points, box.faces, process=False).export(tmp_path / "through.ply")
+        with pytest.raises(SceneError, match=r"through.ply runs through itself in \d+ triangles; remesh it"):
+            Triangulated.from_file(tmp_path / "through.ply")
+
     def test_what_is_no_body_is_refused(self, tmp_path):
         first, second = trimesh.creation.box(), trimesh.creation.box()
         second.apply_translation([3.0, 0.0, 0.0])

@@ -16,6 +16,7 @@ from incipient.geometry import moments
 from incipient.geometry.shape import require_positive
 from incipient.geometry.space import surfaces
 from incipient.geometry.space.nearest import Triangles
+from incipient.geometry.space.repair import repaired, require_plain
 from incipient.geometry.space.solid import Core, Solid
 from incipient.geometry.space.surfaces import Surface
 
@@ -152,7 +153,8 @@ class Triangulated(FlatSided):
     def from_file(cls, path: str | Path, scale: float = 1.0) -> "Triangulated":
         """A grain from an STL, PLY or OBJ file, its coordinates times `scale`.
 
-        Raises SceneError if the file is missing, cannot be read, or its surface is not closed.
+        Points and triangles that are there twice are taken as one, and triangles turned to one sense. Raises SceneError
+        if the file is missing, cannot be read, or its surface is not closed or runs through itself.
         """
         import trimesh
 
@@ -169,7 +171,12 @@ class Triangulated(FlatSided):
         except Exception as error:  # whatever the reader stumbled over
             why = " ".join(str(error).split()) or type(error).__name__
             raise SceneError(f"{path} cannot be read ({why[:80]}); export it again") from None
-        return cls(scale * points.reshape(-1, 3), triangles.reshape(-1, 3), str(path))
+        surface = Surface(scale * points.reshape(-1, 3), triangles.reshape(-1, 3))
+        if len(surface.triangles):
+            surface = repaired(surface)
+        solid = cls(surface.points, surface.triangles, str(path))
+        require_plain(surface, str(path))
+        return solid
 
     @property
     def _surface(self) -> Surface:
