@@ -21,7 +21,7 @@ from incipient.geometry.space.terrain import Plane
 
 from .solid_region import PlacedSolid, SolidFrame, SolidRegion
 
-FILLET = 0.1  # of the smallest radius
+FILLET = 0.2  # of the smallest radius
 PER_SIZE, PER_RADIUS, PER_FEATURE = (
     12.0,
     3.0,

@@ -10,8 +10,9 @@ import gmsh
 import numpy as np
 
 from incipient.errors import MeshError
-from incipient.geometry.space.remeshing import Exact, remeshed, require_fine
-from incipient.geometry.space.surfaces import Surface
+from incipient.geometry.space.crossings import crossed
+from incipient.geometry.space.remeshing import Exact, remeshed, without_area
+from incipient.geometry.space.surfaces import Surface, joined
 
 from .curving import curved
 from .exact import Body, Ground
@@ -21,6 +22,7 @@ from .shell import Shell, Walls, closed_shell
 from .solid_region import SolidFrame, SolidRegion
 from .solid_sizes import Boxes, SizeMap, boxes
 
+ATTEMPTS = 4  # at surfaces that do not cross, each finer where they did
 STRAIGHT = "cells would fold over: "  # what is said before the number of edges left straight
 
 
@@ -38,7 +40,7 @@ def solid_model(region: SolidRegion, sizes: Sizes, order: int) -> Iterator[Any]:
             frame = SolidFrame.of(region)
             outline = Outline.of(region, frame)
             size = SizeMap(region, sizes, frame, outline.ground, outline.bodies)
-            bed, bodies = outline.triangulated(size)
+            size, bed, bodies = outline.triangulated(size)
             _set_background(boxes(size, float(bed.points[:, 2].min())))
             shell = closed_shell(_walls(region, frame), bed, bodies)
             tags = _mesh(shell)
@@ -65,21 +67,36 @@ class Outline:
         bodies = {name: Body(placed, frame, region.symmetric, region.fillet) for name, placed in holes}
         return cls(Ground(region, frame), bodies)
 
-    def triangulated(self, size: SizeMap) -> tuple[Surface, dict[str, Surface]]:
-        """The bed and the grains as triangles of the sizes wanted."""
+    def triangulated(self, size: SizeMap) -> tuple[SizeMap, Surface, dict[str, Surface]]:
+        """The bed and the grains as triangles of the sizes wanted, and those sizes: finer where surfaces would cross.
+
+        Raises:
+            MeshError: a grain reaches into the bed, or surfaces cross however fine they are.
+        """
         named: dict[str, Exact] = {size.region.names[5]: self.ground, **self.bodies}
-        found = {}
-        for name, exact in named.items():
-            found[name] = remeshed(exact, exact.draft(), size)
-            require_fine(found[name], name)
-        bed = found.pop(size.region.names[5])
-        for name, body in found.items():
-            inside = int((self.ground.distance(body.points) <= 0.0).sum())
+        found: dict[str, Surface] = {}
+        for _ in range(ATTEMPTS):
+            found = {name: remeshed(exact, exact.draft(), size) for name, exact in named.items()}
+            self._require_clear(found)
+            whole = joined(list(found.values()))
+            wrong = np.union1d(crossed(whole), without_area(whole))
+            if not len(wrong):
+                bed = found.pop(size.region.names[5])
+                return size, bed, found
+            size = size.finer_at(whole.corners[wrong].mean(axis=1))
+        raise MeshError(
+            f"the surfaces of {' and '.join(named)} cross in {len(wrong)} triangles near "
+            f"{np.round(size.frame.scene(size.spots[-1:])[0], 6).tolist()}: use a smaller numerics.mesh_size"
+        )
+
+    def _require_clear(self, found: dict[str, Surface]) -> None:
+        for name in self.bodies:
+            points = found[name].points
+            inside = int((self.ground.distance(points) <= 0.0).sum())
             if inside:
                 raise MeshError(
-                    f'"{name}" reaches into the bed with {inside} of {len(body.points)} points: lift it'
+                    f'"{name}" reaches into the bed with {inside} of {len(points)} points: lift it'
                 )
-        return bed, found
 
 
 def _walls(region: SolidRegion, frame: SolidFrame) -> Walls:

@@ -54,7 +54,7 @@ class SolidRegion:
     resolved:  where the bed is meshed as it is; None: everywhere
     fillet:    radius with which the valleys between the balls and the base of a bed, and between the spheres of a
                clump, are rounded: touching balls are bridged. The surface changes only where two pieces are nearer
-               than this. 0: a tenth of the smallest radius.
+               than this. 0: a fifth of the smallest radius.
     """
 
     x: tuple[float, float]

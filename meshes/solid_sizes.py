@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,6 +20,7 @@ from .region import Near, Sizes
 from .solid_region import SolidFrame, SolidRegion
 
 PER_SIZE = 40.0  # triangles along a grain from which distances are taken
+SPOT_GROWTH = 0.3  # of sizes about places where surfaces would cross
 BOX = 1.5  # the largest side of a box in units of the size within it
 LEAST = 0.25  # of the smallest size at a feature: narrow places that nobody knew of are not resolved further
 GAPS = "narrow places"
@@ -27,13 +28,23 @@ GAPS = "narrow places"
 
 @dataclass(frozen=True, eq=False)
 class SizeMap:
-    """The sizes wanted in a region, in its frame."""
+    """The sizes wanted in a region, in its frame.
+
+    spots (k, 3) are places where surfaces would cross if cells were larger than at_spots (k,)
+    """
 
     region: SolidRegion
     sizes: Sizes
     frame: SolidFrame
     ground: Ground
     bodies: dict[str, Body]
+    spots: Floats = field(default_factory=lambda: np.empty((0, 3)))
+    at_spots: Floats = field(default_factory=lambda: np.empty(0))
+
+    def finer_at(self, points: Floats) -> SizeMap:
+        """These sizes, but half as large at points (n, 3) of the frame."""
+        spots, sizes = np.vstack([self.spots, points]), np.concatenate([self.at_spots, 0.5 * self(points)])
+        return replace(self, spots=spots, at_spots=sizes)
 
     @cached_property
     def _clouds(self) -> dict[str, Cloud]:
@@ -85,7 +96,7 @@ class SizeMap:
         distances = {name: self._distance(name, x) for name in sorted(wanted)}
         rows = [np.full(len(x), self.frame.size(self.sizes.far))]
         rows += [self._near(near, x, distances) for near in self.sizes.near]
-        rows += [self._between(distances, len(x)), self._field(x)]
+        rows += [np.minimum(self._between(distances, len(x)), self._at_spots(x)), self._field(x)]
         return np.array(rows), distances
 
     def _near(self, near: Near, x: Floats, distances: dict[str, Floats]) -> Floats:
@@ -108,6 +119,12 @@ class SizeMap:
         both = np.sort(np.array([distances[name] for name in names]), axis=0)
         least = LEAST * self.frame.size(min([self.sizes.far, *(near.size for near in self.sizes.near)]))
         return np.asarray(np.maximum(self.sizes.gap_part * (both[0] + both[1]), least))
+
+    def _at_spots(self, x: Floats) -> Floats:
+        if not len(self.spots):
+            return np.full(len(x), np.inf)
+        away = np.linalg.norm(x[:, None] - self.spots, axis=2)
+        return np.asarray((self.at_spots + SPOT_GROWTH * away).min(axis=1))
 
     def _field(self, x: Floats) -> Floats:
         """The sizes wanted at the nearest vertices of an earlier mesh."""

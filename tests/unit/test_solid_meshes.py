@@ -52,11 +52,11 @@ def test_volumes_and_areas_converge(order: int, rate: float) -> None:
 @pytest.mark.parametrize(
     "bed",
     [
-        Plane((0.1, -0.05)),
+        pytest.param(Plane((0.1, -0.05)), marks=pytest.mark.slow),
         Ridges(0.08, 1.0, 0.4),
         Hemispheres(0.5, 1.0),
-        Hemispheres(0.4, 0.8, "triangular"),
-        Hemispheres(0.2, 0.7),
+        pytest.param(Hemispheres(0.4, 0.8, "triangular"), marks=pytest.mark.slow),
+        pytest.param(Hemispheres(0.2, 0.7), marks=pytest.mark.slow),
     ],
     ids=["slope", "ridges", "touching balls", "touching in triangles", "lone balls"],
 )
@@ -74,12 +74,32 @@ def test_beds(bed: Any) -> None:
     assert 0.02 - 1e-9 < away.min() < 0.0205
 
 
+@pytest.mark.slow
+def test_a_grain_in_a_pocket() -> None:
+    """Three gaps at once, between balls that touch each other."""
+    bed = Hemispheres(0.5, 1.0, "triangular", (0.5, np.sqrt(3.0) / 6.0))
+    region, _ = grain_above(Sphere(1.0), bed, gap=0.01, half=3.0)
+    middle = np.array(region.holes["body"].placement.centre)
+    centres = bed.centres((0.0, 0.0), 0.8)
+    points = middle + 0.5 * (centres - middle) / np.linalg.norm(centres - middle, axis=1)[:, None]
+    narrow = tuple(Near(0.005, 0.18, points=((x, y, z),), needed=True) for x, y, z in points.tolist())
+    sizes = Sizes(1.0, (Near(0.08, 0.25, boundary="body"), *narrow), gap_part=0.8)
+    with solid_model(region, sizes, 2) as model:
+        nodes, bottom = cells(model), faces(model, "bed").reshape(-1, 3)
+    assert len(points) == 3
+    assert stretches(nodes, KEAST).min() > 0.0 and roundness(nodes).min() > 0.1
+    away = np.linalg.norm(bottom - middle, axis=1) - 0.5
+    for point in points:
+        near = np.linalg.norm(bottom - point, axis=1) < 0.1
+        assert 0.01 - 1e-9 < away[near].min() < 0.0103
+
+
 @pytest.mark.parametrize(
     ("solid", "gap"),
     [
-        (Ellipsoid((0.6, 0.5, 0.35)), 0.01),
-        (Box((0.8, 0.8, 0.6), 0.2), 0.1),
-        (Box((0.8, 0.8, 0.6)), 0.1),
+        pytest.param(Ellipsoid((0.6, 0.5, 0.35)), 0.01, marks=pytest.mark.slow),
+        pytest.param(Box((0.8, 0.8, 0.6), 0.2), 0.1, marks=pytest.mark.slow),
+        pytest.param(Box((0.8, 0.8, 0.6)), 0.1, marks=pytest.mark.slow),
         (Spheres([(0, -0.25, 0), (0, 0.25, 0), (0.4, 0, 0)], [0.3, 0.3, 0.3]), 0.02),
     ],
     ids=["ellipsoid", "rounded box", "sharp box", "clump"],
@@ -88,7 +108,7 @@ def test_half_is_half(solid: Any, gap: float) -> None:
     """Half a region has half the volume and half the grain's surface, and its cut is plane."""
     halves = []
     for symmetric in (False, True):
-        region, point = grain_above(solid, gap=gap, symmetric=symmetric)
+        region, point = grain_above(solid, gap=gap, symmetric=symmetric, fillet=0.03)
         with solid_model(region, finer_in_the_gap(0.12, gap, point), 2) as model:
             halves.append([volume(model), area(faces(model, "body"))])
             nodes = cells(model)

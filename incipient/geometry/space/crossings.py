@@ -18,10 +18,18 @@ def crossed(surface: Surface) -> np.ndarray:
     edges, corners = surface.edges, surface.corners
     ends = surface.points[edges]
     half = 0.5 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    row, triangle = Triangles(corners).near(ends.mean(axis=1), half)
-    apart = (edges[row][:, :, None] != surface.triangles[triangle][:, None]).all(axis=(1, 2))
-    row, triangle = row[apart], triangle[apart]
-    return np.unique(triangle[_runs_through(ends[row], corners[triangle])])
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    # Triangles of like size are looked for together: a large one would make the search for small ones wide.
+    kind = np.round(np.log2(np.maximum(longest, 1e-300))).astype(int)
+    found = [np.empty(0, dtype=int)]
+    for one in np.unique(kind):
+        mine = np.flatnonzero(kind == one)
+        row, triangle = Triangles(corners[mine]).near(ends.mean(axis=1), half)
+        triangle = mine[triangle]
+        apart = (edges[row][:, :, None] != surface.triangles[triangle][:, None]).all(axis=(1, 2))
+        row, triangle = row[apart], triangle[apart]
+        found.append(triangle[_runs_through(ends[row], corners[triangle])])
+    return np.unique(np.concatenate(found))
 
 
 def _runs_through(ends: Floats, corners: Floats) -> np.ndarray:

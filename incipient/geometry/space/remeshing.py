@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from incipient.arrays import Floats, unit
-from incipient.errors import MeshError
 from incipient.geometry.space.nearest import Triangles
 from incipient.geometry.space.surfaces import Surface, vector_areas
 from incipient.geometry.space.topology import Topology, lowest_around
@@ -457,13 +456,7 @@ def _without_folds(mesh: Mesh, target: Floats) -> Floats:
     return mesh.points
 
 
-def require_fine(surface: Surface, name: str) -> None:
-    """Refuse a surface that came out with a triangle that has no area.
-
-    Raises:
-        MeshError: there is one.
-    """
-    areas = np.linalg.norm(vector_areas(surface.corners), axis=1)
-    empty = int((areas <= 1e-24).sum())
-    if empty:
-        raise MeshError(f'the surface of "{name}" could not be triangulated: {empty} triangles have no area')
+def without_area(surface: Surface) -> np.ndarray:
+    """The triangles (k,) that are lines or points."""
+    a, b, c = surface.triangles.T
+    return np.flatnonzero(_roundness(surface.points, a, b, c) < FLAT)
