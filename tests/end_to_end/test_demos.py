@@ -68,7 +68,12 @@ def versions():
     return {"dolfinx": dolfinx.__version__, "gmsh": gmsh.__version__}
 
 
-@pytest.mark.parametrize("script", RUNS)
+LONGER = ("shear_orbit.py",)  # left to `make test-slow`
+
+
+@pytest.mark.parametrize(
+    "script", [pytest.param(one, marks=[pytest.mark.slow] * (one in LONGER)) for one in RUNS]
+)
 def test_demo_gives_its_numbers(script, tmp_path):
     expected = json.loads(EXPECTED.read_text())
     close = 1e-6 if versions() == expected["versions"] else 1e-3

@@ -37,7 +37,13 @@ HALF_DISCS = 'kind = "half-discs"\nradius = 0.4\nspacing = 0.9'
 SINUSOIDAL = 'kind = "sinusoidal"\namplitude = 0.1\nwavelength = 1.2'
 
 
-@pytest.mark.parametrize(("body", "bed"), [(STAR, HALF_DISCS), (DISCS, SINUSOIDAL)], ids=["star", "discs"])
+@pytest.mark.parametrize(
+    ("body", "bed"),
+    [
+        pytest.param(STAR, HALF_DISCS, id="star", marks=pytest.mark.slow),
+        pytest.param(DISCS, SINUSOIDAL, id="discs"),
+    ],
+)
 def test_a_settled_grain_is_judged_and_drawn(command, tmp_path, body, bed):
     (tmp_path / "case.toml").write_text(SCENE.format(body=body, bed=bed))
     done = command("run", "case.toml", "--out", "out")
