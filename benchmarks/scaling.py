@@ -106,7 +106,7 @@ def main() -> None:
                 print(row(flow, run(meshes[size], reynolds, GAP)), flush=True)
         print(row("Stokes", run(meshes[sizes[-1]], 0.0, GAP, ranks=2)), flush=True)
         for gap in GAPS:
-            print(row(f"Stokes, gap {gap:g}", run(drawn(Path(name), SIZES[1], gap), 0.0, gap)), flush=True)
+            print(row(f"Stokes, gap {gap:g}", run(drawn(Path(name), SIZES[0], gap), 0.0, gap)), flush=True)
 
 
 if __name__ == "__main__":
