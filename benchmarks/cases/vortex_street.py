@@ -35,12 +35,11 @@ def measure(session: Session) -> dict[str, Any]:
 
 def _march(session: Session, scene: str, settings: dict[str, Any]) -> Row:
     """One row, after a few steps that see to compiled forms."""
-    complete = {**settings, "numerics.error_bars": True}  # what a user gets
-    session.once(callers.incipient(session, scene, "warm-up", {**complete, "time.end": 0.05}))
+    session.once(callers.incipient(session, scene, "warm-up", {**settings, "time.end": 0.05}))
     name = (
         ", ".join(f"{key.split('.')[1]} = {value}" for key, value in settings.items()) or "the scene as it is"
     )
-    row = session.once(callers.incipient(session, scene, name, complete))
+    row = session.once(callers.incipient(session, scene, name, settings))
     session.say(f"{scene}, {name}: {row.get('error') or seconds(row['wall']) + ' s'}")
     return row
 
