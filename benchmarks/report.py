@@ -29,7 +29,8 @@ The other programs are small scripts of ours, in `benchmarks/programs/`, as a us
 them: *plain dolfinx* assembles and factorises afresh in every Newton iteration; *NGSolve* (from PyPI, in an
 environment of its own) uses static condensation and the fastest direct solver to be had with it. They are not the
 best that can be done with those libraries. None of them estimates its error, so
-*incipient* is run without its error bars beside them, as the scene of the vortex street has it; on the grain on a bed it has them.
+*incipient* is run without its error bars beside them, as the scene of the vortex street has it; on the grain on a bed
+it has them.
 """
 
 
