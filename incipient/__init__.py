@@ -31,6 +31,7 @@ from .scene import Scene, load
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from .critical.threshold import Threshold
     from .progress import Silent
     from .results.result import Result
     from .simulation.recorder import Recorder
@@ -49,6 +50,7 @@ __all__ = [
     "make_plan",
     "resume",
     "run",
+    "threshold",
 ]
 
 
@@ -127,3 +129,41 @@ def resume(
     with locked(directory, comm):
         scene, kept = reopened(directory, overrides, comm)
         return simulate(scene, comm, ResultDirectory(directory, comm, kept), voice, kept)
+
+
+def threshold(
+    scene: Scene,
+    directory: Path | str | None = None,
+    comm: MPI.Comm | None = None,
+    voice: Silent | None = None,
+) -> Threshold:
+    """Find the flow at which a scene's grain first moves as it grows from rest. Collective over `comm`.
+
+    Args:
+        scene: a grain that rests on a bed, in a steady flow.
+        directory: where to write threshold.json and the resolved scene; None writes nothing. The critical flow is
+            written as soon as it is known, before its error bars are.
+        voice: told of every flow that is solved; default: nobody.
+
+    Raises:
+        IncipientError: on all ranks, one line; the threshold without error bars stays in the directory.
+    """
+    from .critical.threshold import find_threshold
+    from .parallel import world
+
+    comm = comm or world()
+    if directory is None:
+        return find_threshold(scene, comm, voice)
+    from .output.directory import write_threshold
+    from .output.lock import locked
+
+    path = Path(directory)
+
+    def keep(found: Threshold) -> Path:
+        write_threshold(path, scene, found, comm)
+        return path
+
+    with locked(path, comm, make=True):
+        found = find_threshold(scene, comm, voice, keep)
+        keep(found)
+    return found

@@ -23,7 +23,6 @@ from .parallel import ranks_there_are, start_alone_quickly
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from .critical.threshold import Threshold
     from .pictures.apart import Drawn
     from .results.result import Result
 
@@ -272,22 +271,12 @@ def _say_drawn(drawn: Drawn, directory: Path) -> None:
 def _threshold(options: argparse.Namespace, comm: MPI.Comm) -> int:
     import incipient
 
-    from .critical.threshold import find_threshold
-    from .output.directory import write_threshold
-    from .output.lock import locked
     from .progress import telling
 
     scene = incipient.load(options.scene, options.overrides, comm)
     directory = options.out or Path("results") / f"{options.scene.stem}_threshold"
-
-    def keep(threshold: Threshold) -> Path:
-        write_threshold(directory, scene, threshold, comm)
-        return directory
-
-    with locked(directory, comm, make=True):
-        with telling(comm.rank) as voice:
-            threshold = find_threshold(scene, comm, voice, keep)
-        keep(threshold)
+    with telling(comm.rank) as voice:
+        threshold = incipient.threshold(scene, directory, comm, voice)
     if comm.rank == 0:
         print(threshold.text())
         print(f"numbers             {directory / 'threshold.json'}", flush=True)

@@ -57,7 +57,7 @@ class CriticalRefinement(Refinement):
         found = search.near(self._found[-1]) if self._found else search.from_rest()
         self._found.append(found)
         if found.is_critical:
-            self.speed, self.goal = found.factor, CriticalGoal(found)
+            self.speed, self.goal = found.factor, CriticalGoal(found, self.scene.gdim, self.scene.symmetric)
         return search.at_nearest(found.factor)
 
     def _to_refine(self, attempt: Any, excess: float, shares: Any, error: float) -> Any:

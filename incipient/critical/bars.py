@@ -95,9 +95,14 @@ def _root(value: float, power: float) -> float:
 
 @dataclass(frozen=True)
 class CriticalGoal:
-    """The critical flow as what a mesh is refined for (see `accuracy.goal.Quantity`)."""
+    """The critical flow as what a mesh is refined for (see `accuracy.goal.Quantity`).
+
+    gdim, halved: dimension of the scene, and whether half of it is computed, by its symmetry
+    """
 
     found: Found
+    gdim: int = 2
+    halved: bool = False
     name: str = "critical flow"
 
     def error(self, force: Forces, couple: Couples, of_force: Floats, of_couple: Floats) -> float:
@@ -107,11 +112,11 @@ class CriticalGoal:
         return max(high / self.found.factor - 1.0, 1.0 - low / self.found.factor)
 
     def goals(self, force: Forces, couple: Couples) -> list[Floats]:
-        """Derivatives (3,) of log factor along force and couple in the plane; along the force, where S jumps."""
+        """Derivatives (3,), in space (6,), of log factor along force and couple; along the force, where S jumps."""
         found, load = self.found, self.found.load
         size = DIFFERENCE * float(np.linalg.norm(load.flow_force))
-        slopes = np.empty(3)
-        for i, place in enumerate((0, 1, 5)):
+        slopes = np.zeros(3 * self.gdim - 3)
+        for i, place in self._places.items():
             ahead = size * np.eye(6)[place]
             values = [
                 safety_factor(shifted(load, sign * ahead), found.path.contacts, found.path.friction).value
@@ -122,4 +127,12 @@ class CriticalGoal:
         slopes /= found.path.steepness(found.factor)
         if np.all(np.isfinite(slopes)) and np.any(slopes):
             return [slopes]
-        return [row / float(np.linalg.norm(load.flow_force)) for row in np.eye(3)[:2]]
+        along = [i for i in self._places if i < self.gdim]
+        return list(np.eye(len(slopes))[along] / float(np.linalg.norm(load.flow_force)))
+
+    @property
+    def _places(self) -> dict[int, int]:
+        """Of each component there is, among those of the scene, its place among force and couple in space."""
+        if self.gdim == 2:
+            return {0: 0, 1: 1, 2: 5}
+        return {place: place for place in ((0, 2, 4) if self.halved else range(6))}

@@ -18,7 +18,7 @@ Group = list[Row]  # the first row is a heading
 
 _WIDTH = 9.4  # inches, as all below
 _MARGIN, _EDGE = 0.78, 0.2
-_ACROSS, _UP = 5.3, 4.4  # the drawing
+_ACROSS, UP = 5.3, 4.4  # the drawing; renderings of space have its proportions
 _COLUMN = 6.36  # where the numbers begin
 _BELOW = 1.3  # axis labels and the legend
 _LINE, _ROW = 0.21, 0.172
@@ -26,7 +26,7 @@ _MOST_CONTACTS = 4
 _NAMES = {"flow": "Force of the flow", "weight": "Weight less buoyancy", "resultant": "Resultant"}
 
 
-def sheet(first: str, second: str, subject: str, up: float = _UP) -> tuple[Figure, Axes]:
+def sheet(first: str, second: str, subject: str, up: float = UP) -> tuple[Figure, Axes]:
     """A figure that says something in bold, more in plain, what it is about; axes for the drawing, `up` inches."""
     bold, plain = textwrap.wrap(first, 94), textwrap.wrap(second, 134)
     top = 0.25 + _LINE * (len(bold) + 0.8 * len(plain)) + 0.33

@@ -19,14 +19,26 @@ from ..scene import Scene, load
 from . import style
 from .judged import Judged, judged
 from .outlines import bed_line, grain_outline
-from .plane import draw_bed, draw_case, draw_grain, show_place
+from .plane import Marks, draw_bed, draw_case, draw_grain, show_place
 from .record import parsed_json
-from .sheet import Group, contact_rows, explain, judge_rows, load_rows, number, panel, sheet, write_numbers
+from .sheet import (
+    UP,
+    Group,
+    contact_rows,
+    explain,
+    judge_rows,
+    load_rows,
+    number,
+    panel,
+    sheet,
+    write_numbers,
+)
+from .space import show_judged, surface_of
 from .style import FLOW, INK, MOTION
 
 _BEYOND = 1e-4  # how much more than the critical load shows the motion
 _SLOWEST = 1e-3  # of the fastest flow, shown
-_UP, _PANEL = 5.2, 1.5  # of the drawing and of the trials, inches
+_UP_IN_PLANE, _PANEL = 5.2, 1.5  # of the drawing and of the trials, inches
 _UNIT = "[scene units]"
 
 
@@ -58,9 +70,10 @@ def _scene(path: Path) -> Scene:
 def _figure(stored: dict[str, Any], scene: Scene, source: Path) -> Figure:
     try:
         case = judged(_with_motion(stored, scene), source)
-        figure, axes = sheet(critical_sentence(stored), case.sentences[1], scene.title, _UP)
+        up = {2: _UP_IN_PLANE, 3: UP}[scene.gdim]
+        figure, axes = sheet(critical_sentence(stored), case.sentences[1], scene.title, up)
         explain(axes, _draw_place(axes, case, scene))
-        load_there = load_rows(case.acting, case.load.flow_couple, _UNIT, planar=True)
+        load_there = load_rows(case.acting, case.load.flow_couple, _UNIT, planar=scene.gdim == 2)
         if stored["factor"]:
             _show_trials(panel(axes, _PANEL), stored)
             groups = [_critical_rows(stored, case.friction), load_there, contact_rows(case)]
@@ -74,7 +87,9 @@ def _figure(stored: dict[str, Any], scene: Scene, source: Path) -> Figure:
     return figure
 
 
-def _draw_place(axes: Axes, case: Judged, scene: Scene) -> Any:
+def _draw_place(axes: Axes, case: Judged, scene: Scene) -> Marks:
+    if scene.gdim == 3:
+        return show_judged(axes, case, *surface_of(scene))
     grain, placement = scene.grain, scene.placement
     assert grain is not None and placement is not None
     outline = grain_outline(grain, placement)

@@ -13,10 +13,15 @@ from scipy.optimize import brentq
 
 from incipient.contact import Load
 from incipient.contact.equilibrium import safety_factor
+from incipient.critical.bars import CriticalGoal
 from incipient.critical.loadpath import LoadPath
 from incipient.critical.search import Found, Search
 from incipient.critical.threshold import bed_stress, find_threshold, with_error
 from incipient.errors import ConvergenceError, SceneError
+from incipient.geometry.placement import Placement
+from incipient.geometry.space.solid import Sphere
+from incipient.geometry.space.terrain import Hemispheres
+from incipient.geometry.touching import touching
 from incipient.progress import Silent
 from incipient.results.loads import Couples, Forces
 from incipient.results.verdict import find_contacts
@@ -231,3 +236,25 @@ def test_bed_stress_of_exact_profiles() -> None:
 def test_what_a_threshold_needs(override: str, need: str) -> None:
     with pytest.raises(SceneError, match=need):
         find_threshold(scene(override), MPI.COMM_WORLD)
+
+
+@pytest.mark.parametrize("halved", [True, False])
+def test_goal_of_a_threshold_in_space(halved: bool) -> None:
+    """By what the critical factor of a bead in a pocket changes with each component of the load, found anew."""
+    height = np.sqrt(2.0 / 3.0)
+    bed = Hemispheres(0.5, 1.0, "triangular", (np.sqrt(1.0 / 12.0), 0.5), 0.0, np.pi / 2.0)
+    centre = np.array([0.0, 0.0, height])
+    contacts = touching(Sphere(1.0), Placement((0.0, 0.0, float(height))), bed, 1e-6)
+    flow, weight = np.array([0.2, 0.0, 0.01, 0.0, 0.05, 0.0]), np.array([0.0, 0.0, -1.0])
+
+    def critical(changed: np.ndarray) -> float:
+        return safety_factor(Load(changed[:3], changed[3:], weight, centre), contacts, 0.5).value
+
+    factor = critical(flow)
+    path = LoadPath(np.ones(1), flow[None], Load(np.zeros(3), np.zeros(3), weight, centre), contacts, 0.5)
+    (goal,) = CriticalGoal(Found(factor, factor, path, ()), 3, halved).goals(None, None)  # type: ignore[arg-type]
+    step = 1e-5
+    for place in (0, 2, 4) if halved else range(6):
+        ahead, behind = (critical(flow + sign * step / factor * np.eye(6)[place]) for sign in (1.0, -1.0))
+        assert goal[place] == pytest.approx(np.log(ahead / behind) / (2.0 * step), rel=1e-3, abs=1e-3)
+    assert goal[0] < 0.0 < -goal[4] and (not halved or not goal[[1, 3, 5]].any())
