@@ -55,6 +55,10 @@ class _Parser(argparse.ArgumentParser):
         """Raise where the parser of the standard library would print its usage and leave."""
         raise SceneError(f"{message}; see {self.prog} --help")
 
+    def print_help(self, file: Any = None) -> None:
+        """Print the help; unlike that of newer standard libraries, it fails where nobody reads it any more."""
+        print(self.format_help(), end="", file=file)
+
 
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from .installed import required, versions_without_setuptools
+from .interrupt import handlers_kept
 
 # isort: off
 # In this order. PyPI's dolfinx finds no MPI of its own; beside it are two copies of HDF5, h5py's and PETSc's, and h5py
@@ -22,7 +23,7 @@ from .installed import required, versions_without_setuptools
 from mpi4py import MPI
 import h5py  # noqa: F401
 
-with versions_without_setuptools():
+with versions_without_setuptools(), handlers_kept():
     import dolfinx
     import ufl
     from dolfinx.fem import petsc
@@ -102,7 +103,11 @@ def model_to_mesh(model: Any, comm: MPI.Comm, gdim: int) -> tuple[Any, Any, Any]
         from dolfinx.io.gmshio import model_to_mesh as convert
     options = {"partitioner": partitioner()} if "partitioner" in inspect.signature(convert).parameters else {}
     converted = convert(model, comm, 0, gdim=gdim, **options)
-    return converted[0], converted[1], converted[2]
+    facets = converted[2]
+    if facets is None:  # newer versions, where no facet has a name
+        nothing = np.empty(0, np.int32)
+        facets = dolfinx.mesh.meshtags(converted[0], gdim - 1, nothing, nothing)
+    return converted[0], converted[1], facets
 
 
 def partitioner() -> Any:

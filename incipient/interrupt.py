@@ -60,6 +60,27 @@ class Interruption:
 
 
 @contextmanager
+def handlers_kept() -> Iterator[None]:
+    """Let Python's handlers of SIGINT, SIGTERM and SIGPIPE hold after the block, in which libraries in C are started.
+
+    PETSc takes a reader that has gone for a crash, and gmsh 4.15 gives all signals back to the system, which ends the
+    process. Signals wait until the handlers are back. Off the main thread nothing is changed. Not collective.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.getsignal(number) for number in (*SIGNALS, signal.SIGPIPE)}
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            if handler is not None:  # put in by the program around this one, not by Python
+                signal.signal(number, handler)
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+
+
+@contextmanager
 def told_where_kept(directory: Path | None, comm: MPI.Comm) -> Iterator[None]:
     """Let an interrupt of the block, in which errors are estimated, say where the result without them is kept.
 

@@ -14,6 +14,7 @@ import numpy as np
 from incipient.arrays import Point
 from incipient.errors import MeshError
 from incipient.geometry.plane.curves import Arc, Curve, Line, Spline
+from incipient.interrupt import handlers_kept
 
 from .region import GRID, Frame, Grid, Near, Place, Region, SizeField, Sizes
 
@@ -55,7 +56,8 @@ def session() -> Iterator[Any]:
     options = (
         {"interruptible": False} if "interruptible" in inspect.signature(gmsh.initialize).parameters else {}
     )
-    gmsh.initialize(**options)
+    with handlers_kept():
+        gmsh.initialize(**options)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.option.setNumber("General.NumThreads", 1)
@@ -63,7 +65,8 @@ def session() -> Iterator[Any]:
         gmsh.model.add("incipient")
         yield gmsh.model
     finally:
-        gmsh.finalize()
+        with handlers_kept():
+            gmsh.finalize()
 
 
 @contextmanager

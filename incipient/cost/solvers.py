@@ -214,7 +214,7 @@ def _toml(value: Any) -> str:
 
 
 def _has_umfpack() -> bool:
-    from petsc4py import PETSc
+    from ..compat import PETSc
 
     # Debian's name for the collection that UMFPACK is part of; builds differ in which of them they list.
     return any(PETSc.Sys.hasExternalPackage(name) for name in ("suitesparse", "umfpack"))

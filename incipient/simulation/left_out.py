@@ -223,10 +223,9 @@ def change_of_velocity(fluid: Fluid, term: Term) -> float:
 def _tested(fluid: Fluid, term: Term) -> Floats:
     """(owned unknowns,) the term at the fluid's state against every test function."""
     import ufl
-    from petsc4py import PETSc
 
     from .. import compat
-    from ..compat import petsc
+    from ..compat import PETSc, petsc
 
     v, _ = ufl.split(fluid.state)
     w, _ = ufl.TestFunctions(fluid.space.mixed)

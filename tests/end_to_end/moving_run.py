@@ -134,9 +134,9 @@ def domain_at(time: float):
 
 def write_fields(directory: Path, times, meshes: int) -> list[float]:
     """The series, on as many meshes; the times at which they were made."""
-    from dolfinx.fem import Function
+    from incipient import compat  # before dolfinx, as everywhere: it loads libraries in their order
 
-    from incipient import compat
+    from dolfinx.fem import Function  # isort: skip
     from incipient.mesh.motion import MeshMotion, RigidDisplacement
     from incipient.output.xdmf import FieldSeries, SurfaceSeries
 

@@ -149,7 +149,13 @@ def test_the_schema_knows_every_section(command):
 @pytest.mark.parametrize("unbuffered", ["", "1"])
 @pytest.mark.parametrize(
     "arguments",
-    [["schema"], ["--help"], ["judge", BLOCK_ON_INCLINE], ["plan", CYLINDER, "--log-level", "error"]],
+    [
+        ["schema"],
+        ["--help"],
+        ["judge", BLOCK_ON_INCLINE],
+        ["plan", CYLINDER, "--log-level", "error"],  # starts gmsh
+        ["run", CAVITY, *COARSE, "--log-level", "error"],  # and PETSc; both look after signals
+    ],
 )
 def test_a_reader_that_has_gone_is_no_defect(arguments, unbuffered, tmp_path):
     """`incipient judge case.toml | head` leaves as other programs do, with 128 and the number of SIGPIPE."""

@@ -71,9 +71,10 @@ def unpacked_sdist(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return top
 
 
-def modules_of(wheel: Path) -> set[str]:
+def contents_of(wheel: Path) -> set[str]:
+    """Files in a wheel, those that describe it excepted."""
     with zipfile.ZipFile(wheel) as archive:
-        return {name for name in archive.namelist() if name.endswith(".py")}
+        return {name for name in archive.namelist() if ".dist-info/" not in name}
 
 
 def metadata_of(wheel: Path) -> Message:
@@ -90,9 +91,9 @@ def files_below(directory: Path) -> set[str]:
     return {path.as_posix() for path in relative if not left_out & set(path.parts)}
 
 
-def test_the_wheel_has_every_module(wheel: Path) -> None:
+def test_the_wheel_has_every_file(wheel: Path) -> None:
     """Also those behind the links `incipient/forms` and `incipient/meshes`, and nothing beside the package."""
-    assert modules_of(wheel) == {f"incipient/{name}" for name in files_below(ROOT / "incipient")}
+    assert contents_of(wheel) == {f"incipient/{name}" for name in files_below(ROOT / "incipient")}
 
 
 def test_the_wheel_runs(wheel: Path, tmp_path: Path) -> None:
@@ -123,7 +124,7 @@ def test_the_source_package_can_be_set_up(unpacked_sdist: Path) -> None:
 
 def test_the_source_package_makes_the_same_wheel(unpacked_sdist: Path, wheel: Path, tmp_path: Path) -> None:
     again = built("wheel", copied(unpacked_sdist, tmp_path / "source"), tmp_path / "made")
-    assert modules_of(again) == modules_of(wheel)
+    assert contents_of(again) == contents_of(wheel)
     assert metadata_of(again).as_string() == metadata_of(wheel).as_string()
 
 
