@@ -285,7 +285,7 @@ def has_no_far_sides(scene: Scene) -> str:
     """Why there is no term of the domain, or nothing."""
     if scene.domain.kind == "box":
         return "does not apply: the domain is closed by walls"
-    if scene.bed is not None and scene.bed.kind in ("polyline", "height-map"):
+    if scene.bed is not None and scene.bed.kind in ("polyline", "height-map", "mesh"):
         return "not estimated: the bed is known only as far as its points reach"
     return ""
 

@@ -13,16 +13,14 @@ class Datum:
 
     height: y, in space z, in the scene [length]
     reason: what the height is of the bed, in words
-    axis:   the name of that coordinate
     """
 
     height: float
     reason: str
-    axis: str = "y"
 
-    def text(self) -> str:
-        """One line of the plan."""
-        return f"datum {self.axis} = {self.height:g}: {self.reason}"
+    def text(self, axis: str) -> str:
+        """One line of the plan; `axis` is the name of the coordinate that counts heights."""
+        return f"datum {axis} = {self.height:g}: {self.reason}"
 
 
 def datum_of(scene: Scene) -> Datum | None:
@@ -31,7 +29,7 @@ def datum_of(scene: Scene) -> Datum | None:
     if level is None or scene.bed is None:
         return None
     why = f"{_words(scene, level)}; the {scene.flow.kind} flow starts there"
-    return Datum(scene.datum, why, "xyz"[scene.up])
+    return Datum(scene.datum, why)
 
 
 def _words(scene: Scene, level: float | str) -> str:

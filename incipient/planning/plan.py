@@ -76,7 +76,7 @@ class Plan:
         if self.numbers is not None:
             lines.append(f"  {self.numbers.text()}")
         if self.datum is not None:
-            lines.append(f"  {self.datum.text()}")
+            lines.append(f"  {self.datum.text('z' if self.has(EffectName.THIRD_DIMENSION) else 'y')}")
         lines += [*self._discretisation(), f"  {self.stabilisation.text()}", f"  {self.solver.text()}"]
         if self.estimate is not None:
             e, first = self.estimate, "first mesh: " if self.sought else ""

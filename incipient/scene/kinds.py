@@ -21,12 +21,12 @@ from .shapes import (
     Superellipse,
 )
 from .solids import Box, Ellipsoid, Mesh, Polyhedron, Sphere, Spheres, Superquadric
-from .terrains import HeightMapBed, RidgeBed, SphereBed
+from .terrains import HeightMapBed, MeshBed, RidgeBed, SphereBed
 
 PlaneBody = Disc | Ellipse | Rectangle | Polygon | Superellipse | Star | Discs
 SolidBody = Sphere | Ellipsoid | Superquadric | Box | Polyhedron | Spheres | Mesh
 PlaneBed = Flat | Inclined | Sinusoidal | HalfDiscs | Polyline
-Terrain = SphereBed | RidgeBed | HeightMapBed
+Terrain = SphereBed | RidgeBed | HeightMapBed | MeshBed
 
 Body = Annotated[PlaneBody | SolidBody, Field(discriminator="shape")]
 Bed = Annotated[PlaneBed | Terrain, Field(discriminator="kind")]

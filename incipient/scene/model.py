@@ -35,7 +35,7 @@ from .shapes import (
     Superellipse,
 )
 from .solids import Box, Ellipsoid, Mesh, Polyhedron, Sphere, Spheres, Superquadric
-from .terrains import HeightMapBed, RidgeBed, SphereBed
+from .terrains import HeightMapBed, MeshBed, RidgeBed, SphereBed
 
 if TYPE_CHECKING:
     import numpy as np
@@ -63,6 +63,7 @@ __all__ = [
     "Inclined",
     "Lid",
     "Mesh",
+    "MeshBed",
     "Numerics",
     "OpenChannel",
     "Output",

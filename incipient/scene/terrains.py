@@ -17,10 +17,15 @@ from .section import NotNegative, Pair, Positive, PositivePair
 from .shapes import BedSection
 
 if TYPE_CHECKING:
+    from ..geometry.space.heightmap import HeightMap
     from ..geometry.space.terrain import Terrain
 
 MOST_HEIGHTS = 250_000
-_TO_GIVE = "give the name of a PNG, TIFF, .npy or .asc file"
+_FILES = {"HeightMapBed": "a PNG, TIFF, .npy or .asc file", "MeshBed": "an STL, PLY or OBJ file"}
+Heights = Annotated[
+    tuple[Annotated[tuple[float, ...], Field(strict=False)], ...],
+    Field(strict=False),
+]
 
 
 class TerrainSection(BedSection):
@@ -39,14 +44,17 @@ class TerrainSection(BedSection):
 
 
 class SphereBed(TerrainSection):
-    """Spheres of one size in an array, sunk by half into the base plane."""
+    """Spheres of one size, the lowest sunk by half into the base plane."""
 
     kind: Literal["spheres"] = Field("spheres", description="Kind of bed")
     radius: Positive = Field(description="Radius of the spheres [length]")
     spacing: Positive = Field(description="Distance of neighbours' centres, at least two radii [length]")
-    arrangement: Literal["square", "triangular"] = Field(
-        "triangular", description="Rows behind each other, or each shifted by half a spacing"
+    arrangement: Literal["square", "triangular", "random"] = Field(
+        "triangular",
+        description="Rows behind each other, each shifted by half a spacing, or these in disorder",
     )
+    layers: int = Field(1, ge=1, le=100, description="Layers, each in the pockets of that below it")
+    seed: int = Field(0, ge=0, le=2**31, description="Of the disorder: the same seed, the same bed")
     offset: Pair = Field((0.0, 0.0), description="Place x, y of the centre of one of them [length]")
     angle: float = Field(0.0, description="Of the rows, from x towards y [degrees]")
 
@@ -55,15 +63,25 @@ class SphereBed(TerrainSection):
         if self.spacing < 2.0 * self.radius:
             why = f"{self.spacing:g} is less than two radii, {2.0 * self.radius:g}: the spheres overlap"
             raise self.refused("spacing", why, "enlarge spacing or reduce radius")
+        if self.seed and self.arrangement != "random":
+            raise self.refused("seed", "is read only for a random arrangement", "leave it out")
+        try:
+            self.terrain(0.0)
+        except SceneError as error:
+            raise self.refused("layers", *split(str(error))) from None
         return self
 
     def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> Terrain:
         """The bed's shape above its base plane z = origin_z, x and y counted from a corner."""
-        from ..geometry.space import terrain
+        from ..geometry.space.packing import Packing
+        from ..geometry.space.terrain import Hemispheres
 
         offset = self.offset[0] - corner[0], self.offset[1] - corner[1]
         angle = math.radians(self.angle)
-        return terrain.Hemispheres(self.radius, self.spacing, self.arrangement, offset, origin_z, angle)
+        if self.arrangement != "random" and self.layers == 1:
+            return Hemispheres(self.radius, self.spacing, self.arrangement, offset, origin_z, angle)
+        kind = self.arrangement
+        return Packing(self.radius, self.spacing, kind, offset, origin_z, angle, self.layers, self.seed)
 
 
 class RidgeBed(TerrainSection):
@@ -85,25 +103,18 @@ class RidgeBed(TerrainSection):
         return terrain.Ridges(self.amplitude, self.wavelength, angle, phase, origin_z)
 
 
-class HeightMapBed(TerrainSection):
-    """Heights on a raster, from an image or a table."""
+class RasterBed(TerrainSection):
+    """Heights on a raster, which a file or the scene gives."""
 
-    kind: Literal["height-map"] = Field("height-map", description="Kind of bed")
-    file: str | None = Field(
-        None,
-        description="PNG, TIFF, .npy or .asc file, relative to the scene; the resolved scene has heights instead",
-        examples=["bed.png"],
-    )
-    cell: PositivePair | None = Field(
-        None,
-        description="Distance of the heights along x and y; .asc files bring it [length]",
-        examples=[(0.1, 0.1)],
-    )
-    relief: float = Field(1.0, description="Factor on the heights; of images: from black to white [length]")
-    offset: Pair = Field((0.0, 0.0), description="Place x, y of the first height [length]")
-    heights: Annotated[tuple[Annotated[tuple[float, ...], Field(strict=False)], ...], Field(strict=False)] = (
-        Field((), description="Heights above the base plane, rows of ascending y [length]")
-    )
+    if TYPE_CHECKING:
+        cell: tuple[float, float] | None
+        offset: tuple[float, float]
+        heights: tuple[tuple[float, ...], ...]
+
+    @classmethod
+    def _in_file(cls, path: Path, data: dict[str, Any]) -> HeightMap:
+        """The heights in a file. Raises SceneError if it cannot be read."""
+        raise NotImplementedError
 
     @model_validator(mode="before")
     @classmethod
@@ -114,27 +125,24 @@ class HeightMapBed(TerrainSection):
         given, from_file = "heights" in data, data.get("file") is not None
         if given == from_file:
             which = "both file and heights are" if given else "neither file nor heights is"
-            raise about_file("HeightMapBed", f"{which} given", _TO_GIVE)
+            raise about_file(cls.__name__, f"{which} given", f"give the name of {_FILES[cls.__name__]}")
         if not isinstance(data.get("file"), str):
             return data
-        from ..geometry.space.heightmap import HeightMap
-
         path = Path((info.context or {}).get("directory", "."), data["file"])
-        cell = data.get("cell")
         try:
-            found = HeightMap.from_file(path, None if cell is None else tuple(cell))
+            found = cls._in_file(path, data)
         except (SceneError, TypeError) as error:
-            raise about_file("HeightMapBed", *split(str(error))) from None
+            raise about_file(cls.__name__, *split(str(error))) from None
         x, y = data.get("offset", (0.0, 0.0))
         rest = {name: value for name, value in data.items() if name != "file"}
         place = {"cell": found.cell, "offset": (x + found.origin[0], y + found.origin[1])}
         return {**rest, **place, "heights": found.heights.tolist()}
 
     @model_validator(mode="after")
-    def _is_a_raster(self) -> HeightMapBed:
+    def _is_a_raster(self) -> RasterBed:
         count = sum(map(len, self.heights))
         if count > MOST_HEIGHTS:
-            raise self.refused("heights", f"are {count}", f"give {MOST_HEIGHTS} at most")
+            raise self.refused("heights", f"are {count}", f"give {MOST_HEIGHTS} at most, or a larger cell")
         if len({len(row) for row in self.heights}) > 1:
             raise self.refused("heights", "are in rows of different lengths", "give as many in each")
         if self.cell is None:
@@ -151,4 +159,58 @@ class HeightMapBed(TerrainSection):
 
         assert self.cell is not None
         place = (self.offset[0] - corner[0], self.offset[1] - corner[1], origin_z)
-        return HeightMap(self.relief * np.array(self.heights), self.cell, place)
+        return HeightMap(getattr(self, "relief", 1.0) * np.array(self.heights), self.cell, place)
+
+
+class HeightMapBed(RasterBed):
+    """Heights on a raster, from an image or a table."""
+
+    kind: Literal["height-map"] = Field("height-map", description="Kind of bed")
+    file: str | None = Field(
+        None,
+        description="PNG, TIFF, .npy or .asc file, relative to the scene; the resolved scene has heights instead",
+        examples=["bed.png"],
+    )
+    cell: PositivePair | None = Field(
+        None,
+        description="Distance of the heights along x and y; .asc files bring it [length]",
+        examples=[(0.1, 0.1)],
+    )
+    relief: float = Field(1.0, description="Factor on the heights; of images: from black to white [length]")
+    offset: Pair = Field((0.0, 0.0), description="Place x, y of the first height [length]")
+    heights: Heights = Field((), description="Heights above the base plane, rows of ascending y [length]")
+
+    @classmethod
+    def _in_file(cls, path: Path, data: dict[str, Any]) -> HeightMap:
+        """The heights in an image or a table. Raises SceneError if it cannot be read."""
+        from ..geometry.space.heightmap import HeightMap
+
+        cell = data.get("cell")
+        return HeightMap.from_file(path, None if cell is None else tuple(cell))
+
+
+class MeshBed(RasterBed):
+    """The upper side of a surface of triangles, such as a scanned bed, from an STL, PLY or OBJ file."""
+
+    kind: Literal["mesh"] = Field("mesh", description="Kind of bed")
+    file: str | None = Field(
+        None,
+        description="STL, PLY or OBJ file, relative to the scene; the resolved scene has heights instead",
+        examples=["bed.stl"],
+    )
+    cell: PositivePair | None = Field(
+        None,
+        description="Distance of the heights that are taken; by default 200 to the longer side [length]",
+        examples=[(0.1, 0.1)],
+    )
+    scale: Positive = Field(1.0, description="Factor on the file's coordinates [length]")
+    offset: Pair = Field((0.0, 0.0), description="Place x, y of the file's origin [length]")
+    heights: Heights = Field((), description="Heights above the base plane, rows of ascending y [length]")
+
+    @classmethod
+    def _in_file(cls, path: Path, data: dict[str, Any]) -> HeightMap:
+        """The upper side of the surface, the lowest point on the base plane. Raises SceneError if it cannot be read."""
+        from ..geometry.space.heightmap import HeightMap
+
+        cell = data.get("cell")
+        return HeightMap.from_surface(path, None if cell is None else tuple(cell), data.get("scale", 1.0))

@@ -26,6 +26,7 @@ from incipient.scene import (
     HeightMapBed,
     Inclined,
     Mesh,
+    MeshBed,
     Numerics,
     Polyhedron,
     RidgeBed,
@@ -62,6 +63,8 @@ SOLIDS = [
 TERRAINS = [
     Flat(),
     SphereBed(radius=0.5, spacing=1.0),
+    SphereBed(radius=0.5, spacing=1.0, arrangement="square", layers=2),
+    SphereBed(radius=0.5, spacing=1.3, arrangement="random", seed=7),
     RidgeBed(amplitude=0.1, wavelength=2.0),
     HeightMapBed(heights=((0.0, 0.1, 0.0),) * 3, cell=(6.0, 4.0)),
 ]
@@ -79,7 +82,7 @@ def test_a_width_makes_a_scene_three_dimensional():
     assert Domain(length=12.0, height=6.0).origin == (0.0, 0.0)
 
 
-@pytest.mark.parametrize("bed", TERRAINS, ids=lambda bed: bed.kind)
+@pytest.mark.parametrize("bed", TERRAINS, ids=lambda bed: f"{bed.kind}-{getattr(bed, 'arrangement', '')}")
 @pytest.mark.parametrize("body", SOLIDS, ids=lambda body: body.shape)
 def test_every_grain_rests_on_every_bed_and_is_read_back(body, bed):
     found = scene(body=body, bed=bed)
@@ -232,6 +235,25 @@ def test_a_height_map_is_read_once_and_stands_in_the_resolved_scene(tmp_path):
     assert loads(dumps(found)) == found
 
 
+def test_a_scanned_bed_is_the_upper_side_of_its_triangles(tmp_path):
+    x, y = np.meshgrid(np.linspace(0.0, 12.0, 25), np.linspace(0.0, 8.0, 17), indexing="ij")
+    points = np.column_stack([x.ravel(), y.ravel(), 3.0 + 0.1 * x.ravel()])
+    corner = np.arange(25 * 17).reshape(25, 17)[:-1, :-1].ravel()
+    triangles = np.vstack(
+        [
+            np.column_stack([corner, corner + 17, corner + 1]),
+            np.column_stack([corner + 17, corner + 18, corner + 1]),
+        ]
+    )
+    trimesh.Trimesh(points, triangles, process=False).export(tmp_path / "bed.ply")
+    data = {"kind": "mesh", "file": str(tmp_path / "bed.ply"), "cell": (0.5, 0.5)}
+    found = Scene(**{**scene().model_dump(), "bed": data})
+    assert found.bed_shape.height([[4.0, 3.0], [8.1, 5.3]]) == pytest.approx([0.4, 0.81], abs=1e-6)
+    assert loads(dumps(found)) == found
+    trimesh.Trimesh(points, triangles[1:], process=False).export(tmp_path / "bed.ply")
+    assert "has a hole as seen from above" in message(lambda: Scene(**{**scene().model_dump(), "bed": data}))
+
+
 # -- coarse runs ---------------------------------------------------------------------------------------
 
 
@@ -306,6 +328,15 @@ WRONG_KEYS = [
         "Mesh: triangles: the surface is not watertight",
     ),
     (lambda: SphereBed(radius=1, spacing=1), "SphereBed: spacing: 1 is less than two radii, 2: the spheres"),
+    (
+        lambda: SphereBed(radius=1, spacing=4, layers=2),
+        "SphereBed: layers: spheres so far apart carry no further",
+    ),
+    (
+        lambda: SphereBed(radius=1, spacing=4, seed=1),
+        "SphereBed: seed: is read only for a random arrangement",
+    ),
+    (lambda: MeshBed(file="bed.png"), "MeshBed: file: bed.png does not exist; give the name of an STL"),
     (lambda: HeightMapBed(), "HeightMapBed: file: neither file nor heights is given; give the name"),
     (
         lambda: HeightMapBed(heights=((0, 0), (0,)), cell=(1, 1)),

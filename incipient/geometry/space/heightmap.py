@@ -11,6 +11,7 @@ from incipient.errors import SceneError
 from incipient.geometry.shape import require_positive
 from incipient.geometry.space.terrain import Extent, Sides, Smooth
 
+ACROSS = 200  # points of the raster of a surface along its longer side
 OVERSHOOT = 0.25  # of the range of heights, by which cubics through them may exceed them: twice 1/8
 IMAGES = (".png", ".tif", ".tiff")
 
@@ -61,6 +62,30 @@ class HeightMap(Smooth):
             raise SceneError(f"{path} does not say how far apart its heights are; give cell")
         place = (origin[0] + corner[0], origin[1] + corner[1], origin[2])
         return cls(relief * heights, cell or own_cell or (0.0, 0.0), place)
+
+    @classmethod
+    def from_surface(
+        cls, path: str | Path, cell: tuple[float, float] | None = None, scale: float = 1.0
+    ) -> "HeightMap":
+        """A bed from the upper side of a surface in an STL, PLY or OBJ file, its coordinates times `scale`.
+
+        Heights are taken at points `cell` apart, by default 200 along the longer side, the lowest being zero.
+        Raises SceneError if the file is missing or cannot be read, or the surface has a hole as seen from above.
+        """
+        from incipient.geometry.space.polyhedra import triangles_in
+
+        points, triangles = triangles_in(path)
+        corners = scale * points[triangles]
+        low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+        extent = high - low
+        dx, dy = cell or 2 * (float(extent[:2].max()) / ACROSS,)
+        along, across = (np.arange(low[k], high[k] + 1e-9 * d, d) for k, d in ((0, dx), (1, dy)))
+        heights = _seen_from_above(corners, along, across, 1e-9 * float(extent[:2].max()))
+        if not np.isfinite(heights).all():
+            row, column = np.argwhere(~np.isfinite(heights))[0]
+            where = f"x = {along[column]:g}, y = {across[row]:g}"
+            raise SceneError(f"{path} has a hole as seen from above, at {where}; fill it")
+        return cls(heights - heights.min(), (dx, dy), (float(low[0]), float(low[1]), 0.0))
 
     @property
     def origin_z(self) -> float:  # type: ignore[override]
@@ -138,6 +163,25 @@ def _weights(t: Floats, derivative: int, step: float) -> Floats:
         [[0.0, 2.0, 0.0, 0.0], [-1.0, 0.0, 1.0, 0.0], [2.0, -5.0, 4.0, -1.0], [-1.0, 3.0, -3.0, 1.0]]
     )
     return np.asarray(np.column_stack(powers) @ keys / step**derivative)
+
+
+def _seen_from_above(corners: Floats, along: Floats, across: Floats, slack: float) -> Floats:
+    """The highest points (rows, columns) of triangles (m, 3, 3) above a raster of places; -inf where there is none."""
+    heights = np.full((len(across), len(along)), -np.inf)
+    for one in corners:
+        low, high = one.min(axis=0) - slack, one.max(axis=0) + slack
+        columns = slice(*np.searchsorted(along, [low[0], high[0]]))
+        lines = slice(*np.searchsorted(across, [low[1], high[1]]))
+        first, second = one[1] - one[0], one[2] - one[0]
+        area = first[0] * second[1] - first[1] * second[0]
+        if abs(area) <= slack**2:
+            continue  # upright
+        x, y = np.meshgrid(along[columns] - one[0, 0], across[lines] - one[0, 1])
+        s, t = (x * second[1] - y * second[0]) / area, (y * first[0] - x * first[1]) / area
+        inside = (s >= -1e-9) & (t >= -1e-9) & (s + t <= 1.0 + 1e-9)
+        here = np.where(inside, one[0, 2] + s * first[2] + t * second[2], -np.inf)
+        heights[lines, columns] = np.maximum(heights[lines, columns], here)
+    return heights
 
 
 Raster = tuple[Floats, tuple[float, float] | None, tuple[float, float]]  # heights, cell, first point

@@ -156,24 +156,9 @@ class Triangulated(FlatSided):
         Points and triangles that are there twice are taken as one, and triangles turned to one sense. Raises SceneError
         if the file is missing, cannot be read, or its surface is not closed or runs through itself.
         """
-        import trimesh
-
-        path = Path(path)
-        if not path.is_file():
-            raise SceneError(f"{path} does not exist; give the name of an STL, PLY or OBJ file")
-        if path.suffix.lower() not in (".stl", ".ply", ".obj"):
-            raise SceneError(f"{path} is not an STL, PLY or OBJ file; convert it")
         require_positive("scale", scale)
-        try:
-            mesh: Any = trimesh.load(path, force="mesh", process=False)
-            points: Floats = np.array(mesh.vertices, dtype=np.float64)
-            triangles = np.array(mesh.faces)
-        except Exception as error:  # whatever the reader stumbled over
-            why = " ".join(str(error).split()) or type(error).__name__
-            raise SceneError(f"{path} cannot be read ({why[:80]}); export it again") from None
-        surface = Surface(scale * points.reshape(-1, 3), triangles.reshape(-1, 3))
-        if len(surface.triangles):
-            surface = repaired(surface)
+        points, triangles = triangles_in(path)
+        surface = repaired(Surface(scale * points, triangles))
         solid = cls(surface.points, surface.triangles, str(path))
         require_plain(surface, str(path))
         return solid
@@ -234,3 +219,27 @@ class Polyhedron(Triangulated):
             raise SceneError("a polyhedron needs four or more vertices of three finite coordinates; add them")
         hull = surfaces.hull_of(corners - corners.mean(axis=0))
         super().__init__(hull.points, hull.triangles, "the polyhedron")
+
+
+def triangles_in(path: str | Path) -> tuple[Floats, np.ndarray]:
+    """Vertices (n, 3) and triangles (m, 3) of a surface in an STL, PLY or OBJ file.
+
+    Raises SceneError if the file is missing or cannot be read.
+    """
+    import trimesh
+
+    path = Path(path)
+    if not path.is_file():
+        raise SceneError(f"{path} does not exist; give the name of an STL, PLY or OBJ file")
+    if path.suffix.lower() not in (".stl", ".ply", ".obj"):
+        raise SceneError(f"{path} is not an STL, PLY or OBJ file; convert it")
+    try:
+        mesh: Any = trimesh.load(path, force="mesh", process=False)
+        points: Floats = np.array(mesh.vertices, dtype=np.float64)
+        triangles = np.array(mesh.faces)
+    except Exception as error:  # whatever the reader stumbled over
+        why = " ".join(str(error).split()) or type(error).__name__
+        raise SceneError(f"{path} cannot be read ({why[:80]}); export it again") from None
+    if len(triangles) == 0:
+        raise SceneError(f"{path} holds no triangles; export it again")
+    return points.reshape(-1, 3), triangles.reshape(-1, 3)
