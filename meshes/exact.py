@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -30,6 +31,9 @@ PER_SIZE, PER_RADIUS, PER_FEATURE = (
 ON_IT = 1e-12  # of a length of the shape: a point so near a surface is on it
 BEYOND = 1.3  # ratio of neighbouring cells of the first grid of a bed where it is level
 SAMPLES = 200  # along a side of the square over which a bed's mean height is taken
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 Level = Callable[[Floats], Floats]
 
@@ -152,22 +156,39 @@ class Ground(Exact):
         if self._balls is None:
             slope = self.region.bed.gradient(x[:, :2]) * (1.0 - self._share(x))[:, None]
             return np.asarray((x[:, 2] - self._height(x)) / np.sqrt(1.0 + (slope**2).sum(axis=1)))
-        fillet = self.region.fillet or FILLET * float(self._balls.radii.min(initial=np.inf))
-        own = rounded_union(self._distances(x), fillet)
+        own = rounded_union(self._distances(x), self._fillet)
         share = self._share(x)
         return np.asarray((1.0 - share) * own + share * (x[:, 2] - self._mean))
 
-    def _distances(self, x: Floats) -> Floats:
-        """The distances (k, n) of points (n, 3) from the bed's pieces.
-
-        As a product of matrices, from which little is lost: the middle of the balls is the origin.
-        """
+    @cached_property
+    def _fillet(self) -> float:
+        """The radius, in the scene, with which the valleys of a bed of balls are rounded."""
         assert self._balls is not None
-        balls, middle = self._balls, np.array([*self._reach[0], self._balls.origins[0, 2]])
-        x, centres = x - middle, balls.centres - middle
-        squared = (centres**2).sum(axis=1)[:, None] + (x**2).sum(axis=1) - 2.0 * centres @ x.T
-        away = np.sqrt(np.maximum(squared, 0.0)) - balls.radii[:, None]
-        above = balls.directions @ x.T - ((balls.origins - middle) * balls.directions).sum(axis=1)[:, None]
+        return self.region.fillet or FILLET * float(self._balls.radii.min(initial=np.inf))
+
+    @cached_property
+    def _search(self) -> tuple[cKDTree, list[int]]:
+        """The balls, all of one size, by place, and 1, 2, ... up to the number that can round a valley together.
+
+        Balls nearer to a point than the fillet have centres nearer to each other than two radii and two fillets.
+        """
+        from scipy.spatial import cKDTree  # which takes time to import
+
+        assert self._balls is not None
+        centres, radii = self._balls.centres, self._balls.radii
+        tree = cKDTree(centres)
+        if not len(centres):
+            return tree, [1]
+        together = tree.query_ball_point(centres, 2.0 * (radii.max() + self._fillet), return_length=True)
+        return tree, [*range(1, 1 + int(together.max()))]
+
+    def _distances(self, x: Floats) -> Floats:
+        """The distances (k, n) of points (n, 3) from the plane below a bed and from those balls that matter there."""
+        assert self._balls is not None
+        balls = self._balls
+        tree, nearest = self._search
+        above = ((x - balls.origins[:, None]) * balls.directions[:, None]).sum(axis=2)
+        away = tree.query(x, nearest)[0].T - balls.radii.max(initial=0.0)
         return np.concatenate([above, away])
 
     def distance(self, x: Floats) -> Floats:

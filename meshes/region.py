@@ -70,6 +70,7 @@ class Near:
 
     needed: without cells of this size the geometry is not resolved; they are not coarsened
     away:   where along a boundary the cells may be larger; None: nowhere
+    most:   the largest cells that follow the boundary's shape: by no factor do they become larger
     """
 
     size: float
@@ -78,11 +79,20 @@ class Near:
     boundary: str = ""
     needed: bool = False
     away: Away | None = None
+    most: float = float("inf")
 
     def scaled(self, factor: float) -> Near:
         """The size times a factor; the largest one away, which the boundary's shape bears, does not grow."""
         away = self.away and replace(self.away, largest=self.away.largest * min(factor, 1.0))
-        return replace(self, size=self.size * factor, away=away)
+        return replace(self, size=self._times(factor), away=away)
+
+    def coarsened(self, factor: float, growth: float) -> Near:
+        """The size times a factor unless it is needed, growing with distance at least as given."""
+        size = self.size if self.needed else self._times(factor)
+        return replace(self, size=size, growth=max(self.growth, growth))
+
+    def _times(self, factor: float) -> float:
+        return min(self.size * factor, max(self.most, self.size))
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,10 +126,7 @@ class Sizes:
 
     def coarsened(self, factor: float, growth: float) -> Sizes:
         """Sizes times a factor but where they are needed, all growing with distance at least as given."""
-        near = tuple(
-            replace(n, size=n.size * (1.0 if n.needed else factor), growth=max(n.growth, growth))
-            for n in self.near
-        )
+        near = tuple(n.coarsened(factor, growth) for n in self.near)
         return replace(self, far=self.far * factor, near=near)
 
 

@@ -23,9 +23,13 @@ BED_CELL = {2: 0.35, 3: 0.5, 4: 0.7}  # of the bed's smallest feature
 GAP_CELL = {2: 0.8, 3: 1.0, 4: 1.2}  # of the gap between grain and bed, and of narrow passages
 EDGE_CELL = 0.5  # of the grain's cells, at sharp edges
 GROWTH, GAP_GROWTH = 0.3, 0.22  # of cell sizes with distance
-BED_GROWTH, BED_LARGEST = 0.15, 1.0  # along a bed away from the grain, see `drawing`
+BED_GROWTH = 0.15  # along a bed away from the grain, see `drawing`
+BED_LARGEST = 0.6  # of the bed's smallest feature, whatever mesh_size: larger cells do not follow its surface
 # Where a bed is meshed as it is: within so many grain sizes of the grain, then over so many features to its level.
 MESHED_BED, PASSAGE = 3.0, 2.0
+# A grain on much smaller forms sees many of them alike: from so many features on fewer grain sizes do; never fewer
+# features than the forms next to the grain.
+MANY_FEATURES, FEWEST_SIZES, FEWEST_FEATURES = 30.0, 1.5, 3.0
 # Bytes per n^(4/3) of n unknowns of sparse factors, and per unknown of an iterative method; fitted (docs/space.md).
 OF_FACTORS, OF_BLOCKS = 450.0, 3500.0
 
@@ -67,12 +71,18 @@ def resolved_bed(scene: Scene, placement: Placement | None) -> Resolved | None:
     bed, grain = scene.bed_shape, scene.grain
     if bed is None or grain is None or placement is None or not np.isfinite(bed.feature):
         return None
-    radius = MESHED_BED * grain.size
+    radius = _meshed_radius(grain.size, bed.feature)
     passage = PASSAGE * bed.feature
     reach = radius + passage
     x, y = placement.centre[:2]
     sides = (x - scene.domain.left, scene.domain.right - x, *np.abs(np.subtract(scene.domain.across, y)))
     return None if reach >= max(sides) else Resolved((x, y), radius, passage, scene.datum)
+
+
+def _meshed_radius(size: float, feature: float) -> float:
+    """How far from a grain of a size a bed whose smallest feature is given is meshed as it is."""
+    radius = np.clip(MANY_FEATURES * feature, FEWEST_SIZES * size, MESHED_BED * size)
+    return float(max(radius, FEWEST_FEATURES * feature))
 
 
 def _near(
@@ -88,10 +98,11 @@ def _near(
             points = _gap_points(scene, ends)
             near.append(Near(GAP_CELL[plan.order] * gap, GAP_GROWTH, points=points, needed=True))
     if isinstance(bed, Terrain) and np.isfinite(bed.feature):
-        size, away = BED_CELL[plan.order] * bed.feature, None
+        largest, away = BED_LARGEST * bed.feature, None
+        size = min(BED_CELL[plan.order] * bed.feature, largest)
         if placement is not None:
-            away = Away(point(placement.centre), BED_GROWTH, BED_LARGEST * bed.feature)
-        near.append(Near(size, GROWTH, boundary="bed", away=away))
+            away = Away(point(placement.centre), BED_GROWTH, largest)
+        near.append(Near(size, GROWTH, boundary="bed", away=away, most=largest))
     return near
 
 

@@ -67,9 +67,11 @@ class Layout:
         parts = expected_cells(self.shape, self.sizes)
         expected, most = sum(parts.values()), max(parts, key=lambda name: parts[name])
         if not expected <= self.max_cells:
+            of_contact = self.resting is not self.placement and most.startswith("narrow places")
+            smallest = "contact.gap" if of_contact else "numerics.mesh_size or the smallest length"
             raise SceneError(
                 f"numerics.max_cells: a mesh of about {expected:.2g} cells is expected, most for the {most}, more than "
-                f"{self.max_cells:g}; enlarge numerics.mesh_size or the smallest length, or allow them with "
+                f"{self.max_cells:g}; enlarge {smallest}, or allow them with "
                 f"--set numerics.max_cells={_round_up(expected)}"
             )
 

@@ -36,7 +36,7 @@ from incipient.meshes.solid_model import solid_model
 NAMES = {"inflow", "outflow", "right", "left", "top", "bed", "body"}
 
 
-@pytest.mark.parametrize(("order", "rate"), [(1, 2.0), (2, 4.0)])
+@pytest.mark.parametrize(("order", "rate"), [pytest.param(1, 2.0, marks=pytest.mark.slow), (2, 4.0)])
 def test_volumes_and_areas_converge(order: int, rate: float) -> None:
     """Straight cells miss a part of the sphere of second order in their size, curved ones of fourth."""
     errors = []
@@ -53,7 +53,7 @@ def test_volumes_and_areas_converge(order: int, rate: float) -> None:
     "bed",
     [
         pytest.param(Plane((0.1, -0.05)), marks=pytest.mark.slow),
-        Ridges(0.08, 1.0, 0.4),
+        pytest.param(Ridges(0.08, 1.0, 0.4), marks=pytest.mark.slow),
         Hemispheres(0.5, 1.0),
         pytest.param(Hemispheres(0.4, 0.8, "triangular"), marks=pytest.mark.slow),
         pytest.param(Hemispheres(0.2, 0.7), marks=pytest.mark.slow),
@@ -98,9 +98,11 @@ def test_a_grain_in_a_pocket() -> None:
     ("solid", "gap"),
     [
         pytest.param(Ellipsoid((0.6, 0.5, 0.35)), 0.01, marks=pytest.mark.slow),
-        pytest.param(Box((0.8, 0.8, 0.6), 0.2), 0.1, marks=pytest.mark.slow),
+        (Box((0.8, 0.8, 0.6), 0.2), 0.1),
         pytest.param(Box((0.8, 0.8, 0.6)), 0.1, marks=pytest.mark.slow),
-        (Spheres([(0, -0.25, 0), (0, 0.25, 0), (0.4, 0, 0)], [0.3, 0.3, 0.3]), 0.02),
+        pytest.param(
+            Spheres([(0, -0.25, 0), (0, 0.25, 0), (0.4, 0, 0)], [0.3, 0.3, 0.3]), 0.02, marks=pytest.mark.slow
+        ),
     ],
     ids=["ellipsoid", "rounded box", "sharp box", "clump"],
 )

@@ -1,0 +1,78 @@
+"""Cells and what is meshed of a bed in space: what the mesh maker needs holds whatever a scene asks for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import incipient
+from incipient.errors import SceneError
+from incipient.geometry import Hemispheres
+from incipient.meshes import Resolved, SolidRegion
+from incipient.meshes.exact import Ground
+from incipient.meshes.solid_region import SolidFrame
+from incipient.planning.drawing_in_space import BED_LARGEST, lay_out_in_space
+from incipient.planning.layout import Layout
+
+pytestmark = pytest.mark.quick
+SCENES = Path(__file__).parents[2] / "demos" / "scenes"
+
+
+def laid_out(name: str, *overrides: str) -> Layout:
+    scene = incipient.load(SCENES / name, overrides)
+    return lay_out_in_space(scene, incipient.make_plan(scene))
+
+
+@pytest.mark.parametrize("factor", [1.0, 2.0, 4.0])
+@pytest.mark.parametrize("order", [2, 4])
+def test_cells_follow_the_bed(factor: float, order: int) -> None:
+    """Neither mesh_size nor a coarse beginning of a search makes cells larger than the bed's shape bears."""
+    layout = laid_out("sphere_in_pocket.toml", f"numerics.mesh_size={factor}", f"numerics.order={order}")
+    for sizes in (layout.sizes, layout.sizes.coarsened(4.0, 0.5)):
+        bed = next(near for near in sizes.near if near.boundary == "bed")
+        assert bed.away is not None
+        assert max(bed.size, bed.away.largest) <= BED_LARGEST * 0.5
+
+
+@pytest.mark.parametrize(
+    ("diameter", "radius", "reach"),
+    [(1.0, 0.5, 3.0), (1.0, 0.1, 3.0), (1.0, 0.05, 1.5), (0.5, 0.8, 2.4)],
+    ids=["as large as the balls", "on 0.2 of its size", "on 0.1", "in a pocket of large ones"],
+)
+def test_as_much_of_the_bed_as_matters(diameter: float, radius: float, reach: float) -> None:
+    """Three grain sizes, 30 radii if that is less, but one and a half sizes and three radii in any case."""
+    layout = laid_out(
+        "sphere_in_pocket.toml",
+        f"body.diameter={diameter}",
+        f"bed.radius={radius}",
+        f"bed.spacing={2.0 * radius}",
+        "body.settle=false",
+    )
+    assert isinstance(layout.shape, SolidRegion) and layout.shape.resolved is not None
+    assert layout.shape.resolved.radius == pytest.approx(reach)
+
+
+def test_the_gap_is_named_where_it_asks_for_most_cells() -> None:
+    layout = laid_out("sphere_on_plane.toml", "contact.gap=1e-5", "numerics.max_cells=1000")
+    with pytest.raises(SceneError, match=r"narrow places.*enlarge contact\.gap, or allow"), layout.drawing():
+        pass
+
+
+@pytest.mark.parametrize("spacing", [0.15, 0.2, 0.5], ids=["overlapping", "touching", "apart"])
+def test_only_the_nearest_balls_are_asked(spacing: float) -> None:
+    """The rounded surface is that of all balls, as defined: max(f, min d) - sqrt(sum max(f - d, 0)^2)."""
+    bed = Hemispheres(0.1, spacing, "triangular", (0.03, 0.02), 0.3)
+    region = SolidRegion((-2.0, 2.0), (-2.0, 2.0), 2.0, bed, resolved=Resolved((0.0, 0.0), 1.0, 0.2))
+    frame = SolidFrame.of(region)
+    x = np.random.default_rng(1).uniform([-0.9, -0.9, 0.25], [0.6, 0.6, 0.5], (2000, 3))
+    local = frame.local(x)
+    x = frame.scene(local)
+    distances = bed.pieces((0.0, 0.0), 1.2).rough(x)
+    within = np.maximum(0.02 - distances, 0.0)
+    expected = np.maximum(0.02, distances.min(axis=0)) - np.sqrt((within**2).sum(axis=0))
+    as_it_is = np.linalg.norm(x[:, :2], axis=1) < 1.0
+    found = Ground(region, frame).distance(local) * frame.length
+    assert as_it_is.sum() > 1000
+    assert np.abs(found - expected)[as_it_is].max() < 1e-13
