@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from incipient.arrays import Floats
+from incipient.geometry.space.cloud import NearestOf
 from incipient.geometry.space.halving import halved
 from incipient.geometry.space.marching import in_blocks, level_surface
 from incipient.geometry.space.pieces import HalfSpacesAndBalls
@@ -31,9 +31,6 @@ PER_SIZE, PER_RADIUS, PER_FEATURE = (
 ON_IT = 1e-12  # of a length of the shape: a point so near a surface is on it
 BEYOND = 1.3  # ratio of neighbouring cells of the first grid of a bed where it is level
 SAMPLES = 200  # along a side of the square over which a bed's mean height is taken
-
-if TYPE_CHECKING:
-    from scipy.spatial import cKDTree
 
 Level = Callable[[Floats], Floats]
 
@@ -167,28 +164,22 @@ class Ground(Exact):
         return self.region.fillet or FILLET * float(self._balls.radii.min(initial=np.inf))
 
     @cached_property
-    def _search(self) -> tuple[cKDTree, list[int]]:
-        """The balls, all of one size, by place, and 1, 2, ... up to the number that can round a valley together.
+    def _search(self) -> tuple[NearestOf, int]:
+        """The centres of the balls, all of one size, and how many of them at most round a valley together.
 
         Balls nearer to a point than the fillet have centres nearer to each other than two radii and two fillets.
         """
-        from scipy.spatial import cKDTree  # which takes time to import
-
         assert self._balls is not None
-        centres, radii = self._balls.centres, self._balls.radii
-        tree = cKDTree(centres)
-        if not len(centres):
-            return tree, [1]
-        together = tree.query_ball_point(centres, 2.0 * (radii.max() + self._fillet), return_length=True)
-        return tree, [*range(1, 1 + int(together.max()))]
+        nearest = NearestOf(self._balls.centres)
+        return nearest, nearest.most_within(2.0 * (self._balls.radii.max(initial=0.0) + self._fillet))
 
     def _distances(self, x: Floats) -> Floats:
         """The distances (k, n) of points (n, 3) from the plane below a bed and from those balls that matter there."""
         assert self._balls is not None
         balls = self._balls
-        tree, nearest = self._search
+        nearest, count = self._search
         above = ((x - balls.origins[:, None]) * balls.directions[:, None]).sum(axis=2)
-        away = tree.query(x, nearest)[0].T - balls.radii.max(initial=0.0)
+        away = nearest.distances(x, count) - balls.radii.max(initial=0.0)
         return np.concatenate([above, away])
 
     def distance(self, x: Floats) -> Floats:

@@ -54,6 +54,7 @@ def test_as_much_of_the_bed_as_matters(diameter: float, radius: float, reach: fl
     assert layout.shape.resolved.radius == pytest.approx(reach)
 
 
+@pytest.mark.slow
 def test_the_gap_is_named_where_it_asks_for_most_cells() -> None:
     layout = laid_out("sphere_on_plane.toml", "contact.gap=1e-5", "numerics.max_cells=1000")
     with pytest.raises(SceneError, match=r"narrow places.*enlarge contact\.gap, or allow"), layout.drawing():

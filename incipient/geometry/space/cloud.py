@@ -24,6 +24,16 @@ class NearestOf:
         distance, number = self.tree.query(x)
         return distance, number
 
+    def distances(self, x: Floats, count: int) -> Floats:
+        """The distances (count, n) of points (n, 3) from the `count` nearest ones, infinite where there are fewer."""
+        return np.asarray(self.tree.query(x, [*range(1, 1 + count)])[0].T)
+
+    def most_within(self, reach: float) -> int:
+        """How many of the points lie within a distance of any one of them, itself included; at least 1."""
+        if not self.tree.n:
+            return 1
+        return int(self.tree.query_ball_point(self.tree.data, reach, return_length=True).max())
+
 
 class Cloud:
     """Triangles whose distance from points is told: that of the triangles around the nearest of their points."""

@@ -24,6 +24,7 @@ ROUNDS, SETTLED = 40, 4  # most rounds, and rounds after the number of triangles
 BENT, FACETED = np.cos(np.radians([35.0, 3.0]))
 TURN = np.radians(20.0)  # of a kept edge at a point that then stays
 TURNED = 0.3  # cosine between a triangle's normals before and after an operation that is still done
+ALIGNED = 0.5  # cosine between a triangle's normal and that of all around it from which on it is not folded
 
 FLAT = 1e-4  # of the square of its longest side: the area of a triangle that faces nowhere
 
@@ -312,21 +313,29 @@ def _collapse_some(
 
 
 def _spoilt(mesh: Mesh, stays: np.ndarray, goes: np.ndarray, target: Floats) -> np.ndarray:
-    """Which collapses turn a triangle over or make an edge too long, (k,)."""
+    """Which collapses turn a triangle over or make an edge too long, (k,).
+
+    A triangle that was folded itself may turn to where those around it face together, or folds would stay for good.
+    """
     owner = np.full(len(mesh.points), -1)
     owner[stays] = owner[goes] = np.arange(len(stays))
     moved = mesh.points.copy()
     moved[stays] = moved[goes] = target
     touched = owner[mesh.triangles]
     of = touched.max(axis=1)
-    remains = (of >= 0) & ((touched >= 0).sum(axis=1) == 1)
+    around = of >= 0
+    facing = np.zeros((len(stays), 3))
+    np.add.at(facing, of[around], mesh.normals[around])
+    remains = around & ((touched >= 0).sum(axis=1) == 1)
     triangles, of = mesh.triangles[remains], of[remains]
     corners, was = moved[triangles], mesh.points[triangles]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     too_long = longest > LONG * mesh.sizes[triangles].mean(axis=1) * (1.0 + 1e-6)
     longer = longest > (1.0 + 1e-6) * np.linalg.norm(was - np.roll(was, 1, axis=1), axis=2).max(axis=1)
+    turned = _overturned(was, corners, TURNED)
+    turned &= (unit(vector_areas(corners)) * unit(facing)[of]).sum(axis=1) < ALIGNED
     bad = np.zeros(len(stays), dtype=bool)
-    bad[of[_overturned(was, corners, TURNED) | (too_long & longer)]] = True
+    bad[of[turned | (too_long & longer)]] = True
     return bad
 
 
