@@ -73,7 +73,7 @@ def streamline_upwind(
 
     `strong` is r, less its viscous part, which where delta is not zero is small. It vanishes for the exact inviscid
     flow, so that the term is consistent there; with r = c . grad v it is not negative. delta is `streamline_time`
-    with the `size` of cells. Source: Brooks & Hughes (1982), Comput. Methods Appl. Mech. Engrg. 32, 199.
+    with the `size` of cells over the order. Source: Brooks & Hughes (1982), Comput. Methods Appl. Mech. Engrg. 32, 199.
     """
     if reference_map is not None:
         carrier = carrier - reference_map.velocity

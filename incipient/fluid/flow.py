@@ -143,7 +143,7 @@ class Fluid:
         boundary = self.domain.measure(*self.constraints.open) if self.constraints.open else None
         skew = self.space.boundary_quadrature(self.domain.facets) if model.energy_stable else None
         rate, carrier = self._rate_of_change(v), self._carrier(v)
-        upwind = cell_size(self.domain.mesh) if model.upwind and model.inertia else None
+        upwind = cell_size(self.domain.mesh) / model.order if model.upwind and model.inertia else None
         return FlowTerms(
             *(self.viscosity, rate, carrier, skew, self._cell_size(), upwind),
             *(force, boundary, model.reference_map),

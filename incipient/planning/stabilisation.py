@@ -3,6 +3,7 @@
 The Reynolds number of a cell is P = V h/(k nu): V the scene's reference velocity, h the size of the largest cells, away
 from everything, k the order of the velocity, nu the viscosity. Below the bound plain Taylor-Hood elements err
 less, above it those stabilised by `forms.terms.grad_div`, if the plain ones have a solution at all (docs/numerics.md).
+Steady flow in space is upwinded instead, `forms.terms.streamline_upwind`: the solver by blocks needs that.
 """
 
 from __future__ import annotations
@@ -22,11 +23,15 @@ COARSE = 50.0
 
 @dataclass(frozen=True)
 class Stabilisation:
-    """Whether convection is stabilised, why, and the Reynolds number of the largest cells (zero: no convection)."""
+    """Whether convection is stabilised, why, and the Reynolds number of the largest cells (zero: no convection).
+
+    `upwind` says that it is by upwinding along the streams, in cells with a Peclet number above one.
+    """
 
     present: bool
     reason: str
     cell_reynolds: float
+    upwind: bool = False
 
     def text(self) -> str:
         """One line for a reader."""
@@ -42,10 +47,17 @@ def stabilisation_of(scene: Scene, inertia: bool, speed: float = 1.0) -> Stabili
         return NO_CONVECTION
     number, asked = speed * cell_reynolds(scene), scene.numerics.stabilisation
     found = f"the Reynolds number of cells, V h/(k nu), is {number:.3g}"
+    if upwinds(scene):
+        return Stabilisation(True, f"upwinding along the streams of steady flow in space; {found}", number, True)
     if asked != "auto":
         return Stabilisation(asked == "on", f'numerics.stabilisation = "{asked}"; {found}', number)
     bound = f"{found}, {'above' if number > COARSE else 'not above'} {COARSE:g}"
     return Stabilisation(number > COARSE, bound, number)
+
+
+def upwinds(scene: Scene) -> bool:
+    """Whether a flow with inertia is upwinded along its streams. Not collective."""
+    return scene.gdim == 3 and scene.time is None and scene.numerics.stabilisation != "off"
 
 
 def cell_reynolds(scene: Scene) -> float:

@@ -104,7 +104,8 @@ def flow_model(scene: Scene, plan: Plan, unsteady: bool, inertia: bool = True) -
         convection=plan.convection if unsteady else "implicit",
         moving_mesh=unsteady and plan.has(EffectName.MOVING_MESH),
         energy_stable=unsteady and scene.numerics.form == "energy-stable",
-        stabilisation=plan.stabilisation.present,
+        stabilisation=plan.stabilisation.present and not plan.stabilisation.upwind,
+        upwind=plan.stabilisation.upwind,
         solver=plan.solver.name,
     )
 

@@ -68,7 +68,8 @@ def stabilise(run: Run, factor: float) -> None:
     from ..fluid import Fluid
 
     before, model = run.fluid, run.fluid.model
-    wanted = stabilisation_of(run.scene, model.inertia, factor).present
+    found = stabilisation_of(run.scene, model.inertia, factor)
+    wanted = found.present and not found.upwind
     if wanted == model.stabilisation:
         return
     fluid = Fluid(run.domain, replace(model, stabilisation=wanted), before.conditions, before.reynolds)

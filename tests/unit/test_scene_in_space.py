@@ -382,5 +382,7 @@ def test_editors_know_scenes_in_space():
 
 def test_numerics_are_those_of_the_plane():
     plan = make_plan(scene(numerics=Numerics(order=3)))
-    assert plan.order == 3 and plan.solver.name == "direct"
+    assert plan.order == 3 and plan.solver.name == "block" and plan.stabilisation.upwind
+    plain = make_plan(scene(numerics=Numerics(stabilisation="off")))
+    assert plain.solver.name == "direct" and not plain.stabilisation.present
     assert make_plan(scene(fluid=Fluid(reynolds=1, scale="grain", inertia=False))).solver.name == "block"

@@ -72,7 +72,7 @@ class Levels:
             equations.viscosity,
             equations.rate,
             equations.carrier,
-            cell_size(mesh) if self.upwind else None,
+            cell_size(mesh) / order if self.upwind else None,
             equations.reference_map,
         )
         return compat.form(integrand * ufl.dx(domain=mesh, metadata={"quadrature_degree": 2 * order}))
