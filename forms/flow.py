@@ -21,7 +21,7 @@ class FlowTerms:
     skew:           measure of the whole boundary for the energy-stable form of convection; None: as printed
     body_force:     force per unit mass that is not the gradient of a potential (gravity is absorbed in the pressure)
     cell_size:      size of a cell over the order of the velocity, for `terms.grad_div`; None: not stabilised
-    upwind:         size of a cell over the order of the velocity, for `terms.streamline_upwind`; None: not stabilised that way
+    upwind:         the same size for `terms.streamline_upwind`; None: not stabilised that way
     open_boundary:  measure of the boundary through which fluid leaves freely
     reference_map:  None for the identity
     """

@@ -29,7 +29,9 @@ def method_of(scene: Scene, slow: bool) -> Method:
     if scene.gdim == 3 and slow:
         return Method("block", "in space factors would take much time and memory; Stokes flow needs none")
     if upwinds(scene):
-        return Method("block", "in space factors would take much time and memory; upwinding makes them needless")
+        return Method(
+            "block", "in space factors would take much time and memory; upwinding makes them needless"
+        )
     if scene.gdim == 3:
         return Method(
             "direct",

@@ -48,7 +48,9 @@ def stabilisation_of(scene: Scene, inertia: bool, speed: float = 1.0) -> Stabili
     number, asked = speed * cell_reynolds(scene), scene.numerics.stabilisation
     found = f"the Reynolds number of cells, V h/(k nu), is {number:.3g}"
     if upwinds(scene):
-        return Stabilisation(True, f"upwinding along the streams of steady flow in space; {found}", number, True)
+        return Stabilisation(
+            True, f"upwinding along the streams of steady flow in space; {found}", number, True
+        )
     if asked != "auto":
         return Stabilisation(asked == "on", f'numerics.stabilisation = "{asked}"; {found}', number)
     bound = f"{found}, {'above' if number > COARSE else 'not above'} {COARSE:g}"
