@@ -98,10 +98,16 @@ def animate(directory: Path, target: Path | None = None, field: str = "velocity"
     them, evenly spaced in time. The result need not be there: a run may be watched while it goes on.
 
     Raises:
-        OutputError: with fewer than two steps, without ffmpeg for an MP4, or when it cannot be written.
+        OutputError: with a scene in space or fewer than two steps, without ffmpeg for an MP4, or when it cannot be
+            written.
     """
     path = target or directory / f"{field}.gif"
     _check(path)
+    if (read_scene(directory).get("domain") or {}).get("width") is not None:
+        raise OutputError(
+            f"{directory}: flow in space is not animated by this version; see trajectory.png with `incipient show`, "
+            "and fields.xdmf in ParaView"
+        )
     indices, moments = _frames(directory / "fields")
     rate = int(np.clip(len(indices) / _SECONDS, *_RATES))
     with style.applied():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Container
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,9 +16,13 @@ from ..errors import OutputError
 if TYPE_CHECKING:
     from ..geometry.placement import Placement
 
-PLACE = ("x", "y", "angle")
-RATES = ("velocity_x", "velocity_y", "spin")
-_READ = ("time", *PLACE, *RATES, "meshes")
+# Columns of place and orientation, and of their rates, in the plane and in space.
+PLACE = {2: ("x", "y", "angle"), 3: ("x", "y", "z", *(f"quaternion_{part}" for part in "wxyz"))}
+RATES = {
+    2: ("velocity_x", "velocity_y", "spin"),
+    3: (*(f"velocity_{axis}" for axis in "xyz"), *(f"spin_{axis}" for axis in "xyz")),
+}
+_READ = {"time", "meshes"}.union(*PLACE.values(), *RATES.values())
 _FULL_TURN = 2.0 * np.pi
 
 
@@ -35,10 +40,15 @@ class History:
         """(n,) ascending."""
         return self.columns["time"]
 
+    @property
+    def gdim(self) -> int:
+        """Dimension of the space that the grain moves in."""
+        return _gdim(self.columns)
+
     @cached_property
     def centres(self) -> np.ndarray:
-        """(n, 2) of the grain's centre."""
-        return np.column_stack([self.columns["x"], self.columns["y"]])
+        """(n, 2) of the grain's centre as it is drawn: along the stream, and the height."""
+        return np.column_stack([self.columns["x"], self.columns["xyz"[self.gdim - 1]]])
 
     @property
     def remeshings(self) -> np.ndarray:
@@ -51,22 +61,31 @@ class History:
         """Where the grain is at a time, between rows on the straight line from one to the next."""
         from ..geometry.placement import Placement
 
-        x, y, angle = (float(np.interp(time, self.times, self.columns[name])) for name in PLACE)
-        return Placement((x, y), angle)
+        place = [float(np.interp(time, self.times, self.columns[name])) for name in PLACE[self.gdim]]
+        if self.gdim == 2:
+            return Placement((place[0], place[1]), place[2])
+        w, x, y, z = (float(part) for part in np.divide(place[3:], np.linalg.norm(place[3:])))
+        return Placement(tuple(place[:3]), quaternion=(w, x, y, z))
 
     def started(self, placement: Placement) -> History:
         """This path with the place at time zero before it, where the first step is later."""
         if self.times[0] <= 0.0:
             return self
-        start = dict(zip(PLACE, (*placement.centre, self._near_first(placement.angle)), strict=True))
+        turned = self._turned(placement)
+        start = dict(zip(PLACE[self.gdim], (*placement.centre, *turned), strict=True))
         start |= {"time": 0.0, "meshes": 1.0}
         return History(
             {k: np.concatenate([[start.get(k, np.nan)], column]) for k, column in self.columns.items()}
         )
 
-    def _near_first(self, angle: float) -> float:
-        """The angle with as many full turns as the first row has."""
-        return angle + _FULL_TURN * round(float(self.columns["angle"][0] - angle) / _FULL_TURN)
+    def _turned(self, placement: Placement) -> tuple[float, ...]:
+        """The angle with as many full turns as the first row has; in space the quaternion with its sign."""
+        if placement.quaternion is not None:
+            first = [self.columns[name][0] for name in PLACE[3][3:]]
+            sign = 1.0 if np.dot(first, placement.quaternion) >= 0.0 else -1.0
+            return tuple(sign * part for part in placement.quaternion)
+        ahead = float(self.columns["angle"][0] - placement.angle)
+        return (placement.angle + _FULL_TURN * round(ahead / _FULL_TURN),)
 
 
 def read_history(path: Path) -> History:
@@ -83,7 +102,7 @@ def read_history(path: Path) -> History:
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise OutputError(f"{path}: cannot be read: {error}; run the scene again") from error
     names = [heading.partition(" [")[0] for heading in header]
-    missing = [name for name in ("time", *PLACE) if name not in names]
+    missing = [name for name in ("time", *PLACE[_gdim(names)]) if name not in names]
     if missing:
         raise OutputError(f"{path}: holds no {missing[0]}; run the scene again")
     return History(_columns(path, names, rows))
@@ -98,10 +117,15 @@ def _columns(path: Path, names: list[str], rows: list[list[str]]) -> dict[str, n
         found = {name: _numbers(column) for name, column in by_name if name in _READ}
     except ValueError as error:
         raise OutputError(f"{path}: cannot be read: {error}; run the scene again") from error
-    known = np.isfinite([found[name] for name in ("time", *PLACE)]).all(axis=0)
+    known = np.isfinite([found[name] for name in ("time", *PLACE[_gdim(found)])]).all(axis=0)
     if not known.any():
         raise OutputError(f"{path}: holds no place of the grain; run the scene again")
     return {name: column[known] for name, column in found.items()}
+
+
+def _gdim(names: Container[str]) -> int:
+    """The dimension of the space that a history of columns of these names is of."""
+    return 3 if "z" in names else 2
 
 
 def _numbers(texts: tuple[str, ...]) -> np.ndarray:

@@ -11,6 +11,7 @@ from .judged import Judged
 
 _PIECES = 48  # straight pieces a curve is shown with
 _FINE = 40  # parts of the sides of the icosahedron that a sphere is drawn with
+_SHADOW = 0.05  # of a grain's size: distance of the points of its surface that its silhouette is made of
 _ROUND = 1e-3  # of the longest arm: contacts of a disc or a sphere, rounded by hand
 Outline = np.ndarray  # points (n, 2) around a grain
 Solid = tuple[np.ndarray, np.ndarray]  # points (n, 3) and triangles (m, 3) of a grain's surface
@@ -19,6 +20,14 @@ Solid = tuple[np.ndarray, np.ndarray]  # points (n, 3) and triangles (m, 3) of a
 def grain_outline(grain: Any, placement: Any) -> Outline:
     """Points (n, 2) around a plane grain at its place, counter-clockwise."""
     return np.vstack([_along(curve.moved(placement))[:-1] for curve in grain.outline()])
+
+
+def grain_silhouette(grain: Any, placement: Any) -> Outline:
+    """Points (n, 2) around a grain in space at its place as seen from the side: the convex hull of its shadow."""
+    from scipy.spatial import ConvexHull
+
+    seen = placement.to_scene(grain.surface(_SHADOW * grain.size).points)[:, [0, 2]]
+    return np.asarray(seen[ConvexHull(seen).vertices])
 
 
 def bed_line(bed: Any, x0: float, x1: float) -> np.ndarray:

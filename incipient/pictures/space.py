@@ -48,7 +48,10 @@ def makers(run: Run) -> dict[str, Callable[[Run], Figure]]:
     """What draws the pictures of a run in space, by the pictures' names."""
     found: dict[str, Callable[[Run], Figure]] = {"flow": speed, "pressure": pressure}
     if run.surface is not None:
-        found |= {"traction": traction, "verdict": verdict}
+        found["traction"] = traction
+    # A grain under way rests on nothing; where it has met the bed there is a verdict.
+    if run.surface is not None and not (run.moves and run.result.get("verdict") is None):
+        found["verdict"] = verdict
     return found
 
 

@@ -1,4 +1,8 @@
-"""The picture of a moving grain: its path through the domain, and place and velocities against time."""
+"""The picture of a moving grain: its path through the domain, and place and velocities against time.
+
+A grain in space is seen from the side, along the width: its path, its silhouette, and the bed below where it starts;
+place and spin are shown against time.
+"""
 
 from __future__ import annotations
 
@@ -25,13 +29,14 @@ from ..files import reported
 from ..geometry.placement import Placement
 from ..scene import Scene, load
 from . import style
-from .history import History, read_history
-from .outlines import grain_outline
+from .history import RATES, History, read_history
+from .outlines import grain_outline, grain_silhouette
 from .plane import draw_bed
 from .style import GRAIN, INK, View
 
 # Early to late; the palest part of the map would be lost on white.
 _COLOURS = ListedColormap(colormaps["viridis_r"](np.linspace(0.12, 1.0, 256)), "moments")
+_COARSE = 0.05  # of the size of a grain in space: distance of the points among which its axis ends
 _SEGMENTS, _BED_PIECES = 3000, 800  # of the path, and of the bed; more cannot be told apart
 _MOMENTS, _APART = (
     21,
@@ -88,7 +93,8 @@ def figure(scene: Scene, history: History, title: str) -> Figure:
     norm = Normalize(*_span(history))
     names = ("Path of the grain",) if len(maps) == 1 else ("Whole domain", "Path of the grain, enlarged")
     for axes, view, name in zip(maps, views, names, strict=True):
-        axes.set(xlim=view[:2], ylim=view[2:], xlabel="x [scene units]", ylabel="y [scene units]", title=name)
+        upwards = f"{'xyz'[scene.up]} [scene units]"
+        axes.set(xlim=view[:2], ylim=view[2:], xlabel="x [scene units]", ylabel=upwards, title=name)
         _draw_domain(axes, scene)
         marks = _draw_path(axes, scene, history, norm)
     made.colorbar(ScalarMappable(norm, _COLOURS), cax=bar).set_label("time [scene units]")
@@ -205,9 +211,15 @@ def _draw_domain(axes: Axes, scene: Scene) -> None:
 
 
 def _bed(scene: Scene) -> np.ndarray:
-    """Points (n, 2) along the bed from left to right; the whole of it may be one curve."""
+    """Points (n, 2) along the bed from left to right, in space below where the grain starts."""
     domain, bed = scene.domain, scene.bed_shape
     assert bed is not None
+    if scene.gdim == 3:
+        assert scene.placement is not None
+        x = np.linspace(domain.left, domain.right, _BED_PIECES)
+        return np.column_stack(
+            [x, bed.height(np.column_stack([x, np.full_like(x, scene.placement.centre[1])]))]
+        )
     curves = bed.curves(domain.left, domain.right)
     counts = [max(8, int(_BED_PIECES * curve.length / domain.length)) for curve in curves]
     return np.vstack([curve.point(np.linspace(0.0, 1.0, n)) for curve, n in zip(curves, counts, strict=True)])
@@ -259,7 +271,8 @@ def _moments(scene: Scene, history: History) -> list[float]:
 
 def _draw_grain(axes: Axes, scene: Scene, placement: Placement, look: _Look) -> Artist:
     """The outline, the centre, and a spoke along the grain's first axis."""
-    outline = grain_outline(scene.grain, placement)
+    in_space = scene.gdim == 3
+    outline = (grain_silhouette if in_space else grain_outline)(scene.grain, placement)
     body = Polygon(
         outline,
         joinstyle="round",
@@ -271,7 +284,7 @@ def _draw_grain(axes: Axes, scene: Scene, placement: Placement, look: _Look) -> 
     )
     axes.add_artist(body)
     width = 0.75 * look.width
-    x, y = spoke(outline, placement).T
+    x, y = (_axis_seen(scene.grain, placement) if in_space else spoke(outline, placement)).T
     line = Line2D(x, y, color=look.edge, lw=width, marker="o", markevery=[0], ms=2.5 * width)
     line.set_zorder(look.order)
     axes.add_artist(line)
@@ -283,6 +296,12 @@ def spoke(outline: np.ndarray, placement: Placement) -> np.ndarray:
     local = placement.to_body(outline)
     tip = outline[np.argmin(np.abs(np.arctan2(local[:, 1], local[:, 0])))]
     return np.array([placement.centre, tip])
+
+
+def _axis_seen(grain: Any, placement: Placement) -> np.ndarray:
+    """(2, 2) from the centre of a grain in space along its first axis to its surface, as seen from the side."""
+    arm = grain.surface(_COARSE * grain.size).points[:, 0].max()
+    return placement.to_scene([[0.0, 0.0, 0.0], [arm, 0.0, 0.0]])[:, [0, 2]]
 
 
 # -- against time ------------------------------------------------------------------------------------------
@@ -316,6 +335,13 @@ def _quantities(scene: Scene, history: History) -> list[Shown]:
     """Title, values and smallest range of axes: what is smaller is as good as constant."""
     assert scene.grain is not None
     size, velocity = scene.grain.size, scene.reference_velocity
+    if scene.gdim == 3:
+        places = [(f"{axis} [scene units]", history[axis], 1e-3 * size) for axis in "xyz"]
+        about = [f"spin about {axis} [radians per unit of time]" for axis in "xyz"]
+        spins = [history[name] for name in RATES[3][3:]]
+        return places + [
+            (title, spin, 1e-4 * velocity / size) for title, spin in zip(about, spins, strict=True)
+        ]
     angle = history["angle"]
     turned = np.ptp(angle) > _FEW_TURNS * 2 * np.pi
     unit, scale = ("turns", 2 * np.pi) if turned else ("degrees", np.pi / 180)
