@@ -158,20 +158,17 @@ def test_distances_from_sides_and_bed() -> None:
 
 
 def test_mass_and_moments_follow_the_grain() -> None:
-    body = Ellipsoid(
-        semi_axes=(0.5, 0.3, 0.2), centre=(2, 2.1, 2), density=3, motion="free", locked=("x", "ry")
-    )
-    scene = Scene(
-        domain=Domain(kind="box", length=4, width=4, height=4), fluid=SLOW, flow=Still(velocity=1.0), body=body,
-        time=Time(end=1, step=1),
-    )  # fmt: skip
-    found = rigid_body(scene)
+    def in_box(**keys: Any) -> Scene:
+        body = Ellipsoid(semi_axes=(0.5, 0.3, 0.2), density=3, motion="free", **keys)
+        box = Domain(kind="box", length=4, width=4, height=4)
+        return Scene(domain=box, fluid=SLOW, flow=Still(velocity=1.0), body=body, time=Time(end=1, step=1))
+
+    found = rigid_body(in_box(centre=(2, 2.1, 2), locked=("x", "ry")))
     mass = 3 * 4 / 3 * np.pi * 0.5 * 0.3 * 0.2
     assert found.inertia.mass == pytest.approx(mass)
     assert found.inertia.moments == pytest.approx(mass / 5 * np.array([0.13, 0.29, 0.34]))
     assert found.mask.tolist() == [False, True, True, True, False, True]
-    middle = Ellipsoid(semi_axes=(0.5, 0.3, 0.2), centre=(2, 2, 2), density=3, motion="free")
-    halved = Scene(**{**dict(scene), "body": middle})
+    halved = in_box(centre=(2, 2, 2))
     assert halved.symmetric and rigid_body(halved).mask.tolist() == [True, False, True, False, True, False]
 
 
