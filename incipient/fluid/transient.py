@@ -115,6 +115,7 @@ class Transient:
         self._past: list[Past] = []
         self._count, self.next_length = 0, 0.0
         self.last_error: float | None = None
+        self._of_two_meshes = 0  # steps to come whose error is told from states of two meshes
         self._length_kept: float | None = None
 
     def march(self, end: float, step: float) -> Iterator[TimeStep]:
@@ -155,6 +156,7 @@ class Transient:
     def continue_on(self, fluid: Fluid, interface: Interface, past: Sequence[Past]) -> None:
         """Go on with a fluid on another mesh, whose state is the present one, and its past there. Collective."""
         self.fluid, self.interface, self._past = fluid, interface, list(past)
+        self._of_two_meshes = self.order + 1
 
     def resume(self, number: int, next_length: float, past: Sequence[Past], last_error: float | None) -> None:
         """Restore the history: `number` steps done, the `past` states newest first. Not collective.
@@ -186,7 +188,7 @@ class Transient:
             error = self._error(length) if report.converged else None
             allowed = self._allowed(length, report.converged and not self._too_large(error))
             if allowed >= length:
-                allowance, self.last_error = self._tolerance(), error
+                allowance, self.last_error = self._tolerance(), self._credible(error)
                 self._count += 1
                 return TimeStep(self._count, self.fluid.time, length, error, rejected, report, allowance)
             self._restore()
@@ -257,6 +259,16 @@ class Transient:
         change = float(np.linalg.norm(factor * _divided_difference(times, velocities)))
         size = max(float(np.linalg.norm(velocities[0])), self.fluid.speed())
         return max(error, change / size if size else 0.0)
+
+    def _credible(self, error: float | None) -> float | None:
+        """The error by which the next tolerance goes: no larger than before while states are of two meshes.
+
+        Their differences then tell of both meshes more than of time.
+        """
+        if not self._of_two_meshes:
+            return error
+        self._of_two_meshes -= 1
+        return self.last_error if error is None or self.last_error is None else min(error, self.last_error)
 
     def _relative(self, values: np.ndarray) -> float:
         error, whole = (self.fluid.squared_velocities(a) for a in (values, self.fluid.state.x.array))
