@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Iterator
 from contextlib import contextmanager
+from ctypes import byref, c_int, c_size_t, c_void_p
 from dataclasses import replace
 from typing import Any
 
@@ -283,8 +284,13 @@ def _put_in_place(frame: Frame) -> None:
     tags, places, _ = gmsh.model.mesh.getNodes()
     nodes = np.reshape(places, (-1, 3)) * frame.length
     nodes[:, :2] += frame.origin
-    for tag, node in zip(tags.tolist(), nodes.tolist(), strict=True):
-        gmsh.model.mesh.setNode(tag, node, [])
+    # The library's own call: the Python function around it converts each number on its own.
+    put, error, none = gmsh.lib.gmshModelMeshSetNode, c_int(), c_size_t(0)
+    rows = nodes.ctypes.data
+    for tag, row in zip(tags.tolist(), range(rows, rows + nodes.nbytes, nodes.strides[0]), strict=True):
+        put(c_size_t(tag), c_void_p(row), c_size_t(3), None, none, byref(error))
+        if error.value:
+            raise MeshError(f"gmsh could not move node {tag}")
 
 
 def _check_not_folded(kind: int) -> None:

@@ -19,7 +19,7 @@ from ..arrays import Floats
 from ..body.state import BodyState, rigid_velocity
 from ..errors import MeshError
 from ..fluid import Fluid
-from ..fluid.projection import restore_incompressibility
+from ..fluid.projection import Projection
 from ..fluid.space import geometry_function, set_geometry_function
 from ..fluid.transient import Past
 from ..mesh.transfer import Transfer
@@ -29,6 +29,8 @@ from .rigid import RigidPart
 
 # Relative change of the velocity by the projection from which on the new mesh is too coarse for the flow.
 LARGEST_CHANGE = 0.1
+# Places nearer to each other than this share of the mesh's extent are the same.
+SAME_PLACE = 1e-12
 
 
 @dataclass(frozen=True)
@@ -65,13 +67,14 @@ def carry_over(
     part.mean_load, part.end, fluid.time = was.mean_load, was.end, before.fluid.time
     part.past, coupling.places = list(was.past), [carrier.places(one) for one in before.places]
     carried, changes = [], []
-    for k, one in enumerate(states):
-        state = carrier.state(one.state)
-        if k < len(coupling.places):
-            _put(fluid, coupling.places[k])
-            state, change = _admissible(part, part.past[k], state)
-            changes.append(change)
-        carried.append(Past(one.time, state, one.velocities))
+    with Projection(fluid) as projection:
+        for k, one in enumerate(states):
+            state = carrier.state(one.state)
+            if k < len(coupling.places):
+                _put(fluid, coupling.places[k])
+                state, change = _admissible(part, part.past[k], state, projection)
+                changes.append(change)
+            carried.append(Past(one.time, state, one.velocities))
     _put(fluid, coupling.places[0])
     fluid.state.x.array[:] = carried[0].state
     summary = _summary(before, coupling, carrier, max(changes))
@@ -83,14 +86,16 @@ def carry_over(
     return carried, summary
 
 
-def _admissible(part: RigidPart, body: BodyState, state: Floats) -> tuple[Floats, float]:
+def _admissible(
+    part: RigidPart, body: BodyState, state: Floats, projection: Projection
+) -> tuple[Floats, float]:
     """A state with the boundary values that the body gave it, without divergence, and the relative change that took."""
     fluid = part.fluid
     fluid.state.x.array[:] = state
     fluid.constraints.update(body.time)
     fluid.constraints.carry(part.boundary, lambda x: rigid_velocity(body, x))
     compat.impose(fluid.state.x.array, fluid.constraints.dirichlet)
-    change = restore_incompressibility(fluid)
+    change = projection.apply()
     return fluid.state.x.array.copy(), change
 
 
@@ -108,8 +113,8 @@ def _summary(old: Coupling, new: Coupling, carrier: Carrier, change: float) -> R
         cells=int(topology.index_map(topology.dim).size_global),
         old_quality=old.motion.quality().worst,
         new_quality=new.motion.quality().worst,
-        outside=carrier.velocity.outside,
-        farthest=carrier.velocity.farthest,
+        outside=carrier.transfer.outside,
+        farthest=carrier.transfer.farthest,
         change=change,
         energy=abs(after - before) / before if before else 0.0,
     )
@@ -120,19 +125,29 @@ class Carrier:
 
     def __init__(self, old: Fluid, new: Fluid):
         self.old, self.new = old, new
-        mesh = old.domain.mesh
-        self.velocity = Transfer(mesh, new.space.velocity_points())
-        self.pressure = Transfer(mesh, new.space.pressure.tabulate_dof_coordinates())
-        self.geometry = Transfer(mesh, new.domain.mesh.geometry.x)
+        mesh, gdim = old.domain.mesh, old.space.gdim
+        kinds = {
+            "velocity": new.space.velocity_points(),
+            "pressure": new.space.pressure.tabulate_dof_coordinates(),
+            "geometry": new.domain.mesh.geometry.x,
+        }
+        points = np.concatenate([places[:, :gdim] for places in kinds.values()])
+        # Most nodes are of several kinds: each place is looked up once.
+        unit = SAME_PLACE * max(float(np.ptp(points)) if len(points) else 0.0, 1e-300)
+        _, first, rows = np.unique(np.rint(points / unit), axis=0, return_index=True, return_inverse=True)
+        self.transfer = Transfer(mesh, points[first])
+        ends = np.cumsum([len(places) for places in kinds.values()])[:-1]
+        self._rows = dict(zip(kinds, np.split(rows.ravel(), ends), strict=True))
 
     def state(self, values: Floats) -> Floats:
         """The fluid's unknowns on the new mesh of a state on the old one."""
         carried = np.zeros_like(self.new.state.x.array)
         spaces = (self.old.space, self.new.space)
-        for name, transfer in (("velocity", self.velocity), ("pressure", self.pressure)):
+        for name in ("velocity", "pressure"):
             part = dolfinx.fem.Function(getattr(spaces[0], name))
             part.x.array[:] = values[getattr(spaces[0], f"{name}_map")]
-            carried[getattr(spaces[1], f"{name}_map")] = transfer.values(part).ravel()
+            found = self.transfer.values(part)[self._rows[name]]
+            carried[getattr(spaces[1], f"{name}_map")] = found.ravel()
         return carried
 
     def places(self, old_places: Floats) -> Floats:
@@ -141,5 +156,5 @@ class Carrier:
         way = geometry_function(mesh)
         set_geometry_function(way, mesh.geometry.x - old_places)
         new_places = self.new.domain.mesh.geometry.x.copy()
-        new_places[:, : self.old.space.gdim] -= self.geometry.values(way)
+        new_places[:, : self.old.space.gdim] -= self.transfer.values(way)[self._rows["geometry"]]
         return new_places

@@ -39,7 +39,8 @@ class FlowModel:
     body_force:    function of the place and the time (UFL) giving a force per unit mass, or None; gravity
                    is not among them, since a potential force only shifts the pressure
     reference_map: map of a deforming reference domain, or None where nothing moves
-    moving_mesh:   whether the mesh itself is moved between steps (`Fluid.mesh_moved`); the map then is None
+    moving_mesh:   whether the mesh itself is moved between steps (`Fluid.mesh_moved`), straight cells staying
+                   straight; the map then is None
     energy_stable: convection and rate in the form that cannot create kinetic energy, instead of as printed
     stabilisation: whether convection is stabilised on cells too coarse for it (`forms.terms.grad_div`)
     upwind:        whether it is by upwinding along the streams (`forms.terms.streamline_upwind`), as `Block` needs
@@ -67,8 +68,8 @@ class FlowModel:
 
     @property
     def polynomial(self) -> bool:
-        """Whether what is integrated is a polynomial on cells that are straight, and stay so."""
-        stay = self.reference_map is None and not self.moving_mesh
+        """Whether what is integrated is a polynomial on cells that are straight, and stay so where the mesh moves."""
+        stay = self.reference_map is None and not (self.moving_mesh and self.energy_stable)
         return stay and not self.stabilisation and self.body_force is None and self.viscosity is None
 
 
@@ -121,7 +122,11 @@ class Fluid:
         Integrated over all cells, or over some of the local ones only.
         """
         v, p = ufl.split(self.state)
-        return residual(v, p, w, q, self._terms(v), self.space.quadrature(cells, self.model.polynomial))
+        return residual(v, p, w, q, self._terms(v), self.quadrature(cells))
+
+    def quadrature(self, cells: np.ndarray | None = None) -> Any:
+        """The measure of all cells, or of some of the local ones, for the terms of this flow. Collective."""
+        return self.space.quadrature(cells, self.model.polynomial)
 
     def kept(self, name: str, make: Callable[[], Any]) -> Any:
         """What has been made under a name for this fluid: forms that are assembled again and again. Collective.

@@ -10,9 +10,7 @@ import numpy as np
 import ufl
 
 from .. import compat
-
-# By how much, relative to its extent, a cell's nodes may be off those of a straight one.
-ROUND_OFF = 1e-10
+from ..mesh.straight import straight_cells
 
 
 @dataclass(frozen=True)
@@ -79,16 +77,6 @@ class TaylorHood:
     def velocity_points(self) -> np.ndarray:
         """(n, 3) place of each local velocity node, in the present geometry of the mesh."""
         return self.velocity.tabulate_dof_coordinates()
-
-
-def straight_cells(mesh: Any) -> np.ndarray:
-    """Local cells to which an affine map takes the reference cell, up to round-off, ascending. Not collective."""
-    nodes = compat.reference_nodes(mesh)
-    corners = np.column_stack([1.0 - nodes.sum(axis=1), nodes])
-    places = mesh.geometry.x[compat.geometry_dofs(mesh)]
-    affine = np.einsum("nc,kcd->knd", corners, places[:, : corners.shape[1]])
-    bend, extent = np.abs(places - affine).max(axis=(1, 2)), np.ptp(places, axis=1).max(axis=1)
-    return np.flatnonzero(bend <= ROUND_OFF * extent).astype(np.int32)
 
 
 def taylor_hood(mesh: Any, order: int) -> TaylorHood:

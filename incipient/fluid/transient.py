@@ -16,6 +16,8 @@ from .newton import NewtonReport
 
 MOST_REJECTED = 11  # attempts at one step: ten halvings
 SAFETY, LARGEST_GROWTH, LARGEST_CUT = 0.9, 2.0, 0.3
+# Of fixed steps that begin short, each over the one before.
+GROWTH = 1.25
 
 
 class Interface(Protocol):
@@ -118,22 +120,24 @@ class Transient:
         self._of_two_meshes = 0  # steps to come whose error is told from states of two meshes
         self._length_kept: float | None = None
 
-    def march(self, end: float, step: float) -> Iterator[TimeStep]:
+    def march(self, end: float, step: float, first: float = 1.0) -> Iterator[TimeStep]:
         """Advance to `end`, yielding after each accepted step; lengths follow `accuracy` if it is set.
 
-        The first steps then are much shorter than `step`: nothing can tell their error yet.
+        The first steps then are much shorter than `step`: nothing can tell their error yet. Without `accuracy` the
+        very first is of length `first` times `step`, and each next one a quarter longer until they are of length `step`.
 
         Raises:
             ConvergenceError: a step failed even after ten halvings; the fluid holds the last good state.
         """
         start = self.fluid.time
-        step, self._length_kept = self._length_kept or step, None
+        new = not self._past and self._length_kept is None
+        self.next_length, self._length_kept = self._length_kept or (first if new else 1.0) * step, None
         if self.accuracy is not None and not self._past:
-            step *= np.sqrt(self.accuracy)
-        self.next_length = step
+            self.next_length *= np.sqrt(self.accuracy)
         while end - self.fluid.time > 1e-9 * (end - start):
             taken = self.advance(_landing(end - self.fluid.time, self.next_length))
-            self.next_length = step if self.accuracy is None else self._next_length(taken)
+            longer = min(GROWTH * self.next_length, step)
+            self.next_length = longer if self.accuracy is None else self._next_length(taken)
             yield taken
 
     def advance(self, length: float) -> TimeStep:

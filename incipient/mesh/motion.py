@@ -3,8 +3,9 @@
 A node at X goes to x = X + w (c - c0) + (R(w_r theta) - I) (X - c0), where c - c0 and theta are the body's
 translation and rotation since the mesh was made. The weights w, one for each direction, and w_r are one near the
 body and zero on other boundaries; but along straight sides the nodes slide, so that a long channel's mesh is
-stretched before and behind the body instead of being sheared above and below it. The places are a smooth
-function of the body's place alone: nothing is solved, and the mesh's velocity has the accuracy of the body's.
+stretched before and behind the body instead of being sheared above and below it. So vertices go; the other nodes of a
+straight cell go where it stays straight. The places are a smooth function of the body's place alone: nothing is solved,
+and the mesh's velocity has the accuracy of the body's.
 Where several parts move, each adds its displacement, which vanishes on the boundaries of the others.
 A body whose surface is the same however it is turned (disc, sphere) does not turn the mesh, which slides along it.
 """
@@ -28,6 +29,7 @@ from ..compat import petsc
 from ..geometry.placement import Placement
 from ..meshes.solid_region import SYMMETRY
 from .domain import Domain
+from .straight import barycentric_nodes, straight_cells
 
 # Potential, one on the body and zero on the other boundaries, above which the mesh is rigid.
 RIGID = 0.75
@@ -58,11 +60,12 @@ class RigidDisplacement:
 
     def __init__(self, domain: Domain, boundary: str, placement: Placement, turning: bool):
         self.boundary, self.placement, self.turning, self._gdim = boundary, placement, turning, domain.gdim
+        self._straight, self._corners = _straight_cells(domain.mesh)
         self._arms: Floats = domain.mesh.geometry.x[:, : self._gdim] - np.asarray(placement.centre)
         potentials = _Potentials(domain)
         # A turn of a body that is its own mirror image leaves the plane of symmetry in its place.
         turning_within = (SYMMETRY,) if domain.halved else ()
-        sliding = [*_sliding(domain, boundary, potentials.space), turning_within]
+        sliding = [*_sliding(domain, boundary), turning_within]
         self.weights = np.column_stack([potentials.weights(boundary, names) for names in sliding])
 
     def at(self, placement: Placement) -> Floats:
@@ -72,6 +75,8 @@ class RigidDisplacement:
         moved = along * way
         if self.turning:
             moved += _turned(self._arms, about * placement.turn_since(self.placement)) - self._arms
+        vertices = moved[self._straight[:, : self._gdim + 1]]
+        moved[self._straight] = np.einsum("nc,kcd->knd", self._corners, vertices)
         return spatial(moved)
 
 
@@ -120,8 +125,14 @@ def _determinant(a: Floats) -> Floats:
     return np.asarray((a[0] * np.cross(a[1], a[2], axis=0)).sum(axis=0))
 
 
-def _sliding(domain: Domain, boundary: str, space: Any) -> list[tuple[str, ...]]:
+def _straight_cells(mesh: Any) -> tuple[NDArray[np.int32], Floats]:
+    """(k, nodes) rows of the straight cells' nodes in `mesh.geometry.x`; how their places follow from the vertices'."""
+    return compat.geometry_dofs(mesh)[straight_cells(mesh)], barycentric_nodes(mesh)
+
+
+def _sliding(domain: Domain, boundary: str) -> list[tuple[str, ...]]:
     """For each direction the boundaries along which nodes may slide in it: plane ones, normal to another axis."""
+    space = compat.function_space(domain.mesh, compat.scalar_part(compat.coordinate_element(domain.mesh)))
     names = [name for name in sorted(domain.names) if name != boundary]
     normals = {name: _normal_axis(domain, name, space) for name in names}
     return [tuple(name for name in names if normals[name] not in (None, axis)) for axis in range(domain.gdim)]
@@ -143,13 +154,13 @@ class _Potentials:
     def __init__(self, domain: Domain):
         mesh = domain.mesh
         self.domain = domain
-        self.space = compat.function_space(mesh, compat.scalar_part(compat.coordinate_element(mesh)))
+        self.space = compat.space(mesh, ("Lagrange", 1))
         u, w = ufl.TrialFunction(self.space), ufl.TestFunction(self.space)
         self._stiffness = compat.form(ufl.inner(ufl.grad(u), ufl.grad(w)) * ufl.dx)
         self._zero = compat.form(ufl.inner(dolfinx.fem.Constant(mesh, 0.0), w) * ufl.dx)
 
     def weights(self, boundary: str, sliding: tuple[str, ...]) -> Floats:
-        """(n,) weight of each node of the mesh's geometry, from the potential between the boundaries.
+        """(n,) weight of each node of the mesh's geometry, from the potential between the boundaries at the vertices.
 
         It is one on the body's `boundary` and zero on the others but for those along which the nodes are `sliding`.
         """
@@ -160,9 +171,10 @@ class _Potentials:
         ]
         potential = dolfinx.fem.Function(space)
         self._solve(conditions, potential)
+        at_vertices = np.clip(potential.x.array / RIGID, 0.0, 1.0)
         values = np.empty(len(mesh.geometry.x))
-        values[compat.geometry_dofs(mesh)] = potential.x.array[compat.cell_dofs(space)]
-        return np.clip(values / RIGID, 0.0, 1.0)
+        values[compat.geometry_dofs(mesh)] = at_vertices[compat.cell_dofs(space)] @ barycentric_nodes(mesh).T
+        return values
 
     def _solve(self, conditions: list[Any], potential: Any) -> None:
         """Laplace's equation with the given boundary values."""

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 # What a scene may be resumed with in place of what it was run with: where it ends, how its steps are made, when it
 # gets new meshes and of what cells, what is written. What is stored fits all of them.
 MAY_CHANGE = (
-    *("time.end", "time.step", "time.tolerance", "output.every", "output.checkpoint", "output.pictures"),
+    *("time.end", "time.step", "time.first_step", "time.tolerance", "output.every", "output.checkpoint", "output.pictures"),
     *("numerics.tolerance", "numerics.stabilisation", "numerics.convection", "numerics.error_bars"),
 )
 MAY_CHANGE_IF_THE_GRAIN_MOVES = (
@@ -88,7 +88,8 @@ def _require_work(scene: Scene, of_checkpoint: Scene, kept: Checkpoint) -> None:
 def _adapted(scene: Scene, of_checkpoint: Scene, kept: Checkpoint) -> Checkpoint:
     """The checkpoint, without what a change of the scene has made void: the step's length, that a wall was met."""
     assert scene.time is not None and of_checkpoint.time is not None
-    if scene.time.step != of_checkpoint.time.step or scene.time.tolerance is None:
+    now, then = scene.time, of_checkpoint.time
+    if now.step != then.step or (now.tolerance is None) != (then.tolerance is None):
         kept = replace(kept, progress=replace(kept.progress, next_length=scene.time.step))
     if kept.body is not None:
         kept = replace(kept, body=replace(kept.body, met=False))

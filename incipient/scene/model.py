@@ -258,6 +258,9 @@ class Time(Section):
 
     end: Positive = Field(description="Time at which to stop [time]", examples=[10.0])
     step: Positive = Field(description="Time step, the first one if adaptive [time]", examples=[0.05])
+    first_step: Positive = Field(
+        1.0, le=1.0, description="Length of the first step over `step`, the next are each a quarter longer [-]"
+    )
     scheme: Literal["bdf1", "bdf2"] = Field(
         "bdf2", description="Backward differences of first or second order"
     )
@@ -271,6 +274,12 @@ class Time(Section):
         if self.step > self.end:
             raise self.refused(
                 "step", f"is {self.step:g} but time ends at {self.end:g}", "reduce step or enlarge end"
+            )
+        if self.first_step < 1.0 and self.tolerance is not None:
+            raise self.refused(
+                "first_step",
+                "is for steps of a fixed length",
+                "leave it out: with tolerance the first steps are short",
             )
         return self
 

@@ -94,7 +94,8 @@ class Trajectory:
             MeshError: the grain's new place cannot be meshed, or fields do not survive the transfer.
         """
         self._renew_worn_mesh()
-        for step in self.transient.march(self.time.end, self.time.step):
+        time = self.time
+        for step in self.transient.march(time.end, time.step, time.first_step):
             assert isinstance(step.report, InterfaceReport)
             self.interface_iterations.append(step.report.corrected)
             yield step

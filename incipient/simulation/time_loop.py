@@ -104,7 +104,7 @@ class TimeLoop:
             from ..restart import resumption
 
             resumption.put_back_flow(self._checkpoint, transient)
-        for step in self._timed(transient.march(time.end, time.step)):
+        for step in self._timed(transient.march(time.end, time.step, time.first_step)):
             last = step.time >= time.end * (1 - 1e-9)
             self._record(step, self._row(step), last)
 

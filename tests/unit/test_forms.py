@@ -27,11 +27,11 @@ from incipient.fluid.space import (
     boundary_blocks,
     geometry_function,
     set_geometry_function,
-    straight_cells,
     taylor_hood,
 )
 from incipient.fluid.transient import backward_difference
 from incipient.mesh.domain import Domain
+from incipient.mesh.straight import straight_cells
 
 QUADRATURE = {"quadrature_degree": 6}
 ROUND_OFF = 1e-12

@@ -100,6 +100,22 @@ def test_no_step_is_a_sliver(fluid: Fluid) -> None:
     assert min(lengths) > 0.1
 
 
+def test_first_steps_are_each_a_quarter_longer(fluid: Fluid) -> None:
+    lengths = [s.length for s in Transient(fluid).march(1.0, 0.1, 0.5)]
+    assert lengths[:5] == pytest.approx([0.05, 0.0625, 0.078125, 0.09765625, 0.1])
+    assert lengths[4:-2] == pytest.approx([0.1] * len(lengths[4:-2]))
+    assert sum(lengths) == pytest.approx(1.0)
+
+
+def test_resumed_first_steps_go_on_growing(fluid: Fluid) -> None:
+    transient = Transient(fluid)
+    steps = transient.march(1.0, 0.1, 0.5)
+    next(steps), next(steps)
+    resumed = Transient(fluid)
+    resumed.resume(transient.number, transient.next_length, transient.past, transient.last_error)
+    assert next(resumed.march(1.0, 0.1, 0.5)).length == pytest.approx(0.078125)
+
+
 def test_march_goes_on_where_it_stopped(fluid: Fluid) -> None:
     transient = Transient(fluid)
     list(transient.march(0.5, 0.25))
