@@ -53,7 +53,7 @@ end = 1.3
 step = 0.1
 [numerics]
 mesh_size = 4.0
-remesh_below = 0.85
+remesh_below = 0.9
 tolerance = 1e-9
 error_bars = false
 [output]
