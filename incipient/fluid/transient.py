@@ -124,7 +124,7 @@ class Transient:
         """Advance to `end`, yielding after each accepted step; lengths follow `accuracy` if it is set.
 
         The first steps then are much shorter than `step`: nothing can tell their error yet. Without `accuracy` the
-        very first is of length `first` times `step`, and each next one a quarter longer until they are of length `step`.
+        very first is of length `first` times `step`, and each next one a quarter longer up to `step`.
 
         Raises:
             ConvergenceError: a step failed even after ten halvings; the fluid holds the last good state.

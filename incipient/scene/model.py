@@ -259,7 +259,9 @@ class Time(Section):
     end: Positive = Field(description="Time at which to stop [time]", examples=[10.0])
     step: Positive = Field(description="Time step, the first one if adaptive [time]", examples=[0.05])
     first_step: Positive = Field(
-        1.0, le=1.0, description="Length of the first step over `step`, the next are each a quarter longer [-]"
+        1.0,
+        le=1.0,
+        description="Length of the first step over `step`, the next are each a quarter longer [-]",
     )
     scheme: Literal["bdf1", "bdf2"] = Field(
         "bdf2", description="Backward differences of first or second order"
