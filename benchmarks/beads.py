@@ -1,0 +1,193 @@
+"""Beads on substrates of spheres: what demos/bead_on_substrate.py has found, as docs/beads.csv, figures and a table.
+
+Cost:    seconds; the beads before, a minute each.
+Run:     python demos/bead_on_substrate.py; python benchmarks/beads.py [RESULTS]
+Results: docs/beads.csv, docs/figures/beads_spacing.png and beads_size.png, the table in docs/beads.md; without RESULTS
+         figures and table are made anew from docs/beads.csv
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+from math import atan2, degrees, nan, sqrt
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+import incipient
+
+ROOT = Path(__file__).parents[1]
+STORE, PAGE, FIGURES = ROOT / "docs/beads.csv", ROOT / "docs/beads.md", ROOT / "docs/figures"
+BEGIN, END = "<!-- beads: begin -->", "<!-- beads: end -->"
+TERMS = ("discretisation", "gap", "domain")
+NAMES = ("arrangement", "spacing", "size", "contacts", "angle", "shields", "error", *TERMS)
+NAMES += ("mode", "drag", "lift", "couple", "cells")
+COLOURS = {"square": "#2166ac", "triangular": "#b2182b"}
+AROUND = {
+    "square": 1 / 2,
+    "triangular": 1 / 3,
+}  # squared distance from a pocket's middle to the centres, in spacings
+TOUCHING = {"spacing": 1.0, "size": 1.0}
+
+Row = dict[str, Any]
+
+
+def row_of(directory: Path) -> Row:
+    """What the threshold in a directory says, made dimensionless; lengths in diameters of the bed's spheres."""
+    scene = incipient.load(directory / "scene.toml")
+    found = json.loads((directory / "threshold.json").read_text())
+    bed, size, load, at = scene.bed, found["size"], found["load"], found["contacts"]
+    share, bars = found["shields"] / found["factor"], found["error_bars"]
+    unit = found["factor"] * scene.viscosity * scene.flow.rate * size**2  # type: ignore[union-attr]
+    ahead = max(at["normals"], key=lambda normal: normal[0])
+    terms = {name: share * (bars["factor"]["terms"].get(name, nan) if bars else nan) for name in TERMS}
+    return {
+        "arrangement": bed.arrangement,  # type: ignore[union-attr]
+        "spacing": bed.spacing / (2.0 * bed.radius),  # type: ignore[union-attr]
+        "size": size / (2.0 * bed.radius),  # type: ignore[union-attr]
+        "contacts": len(at["points"]),
+        "angle": degrees(atan2(ahead[0], -ahead[2])),
+        "shields": found["shields"],
+        "error": found["errors"]["shields"] or nan,
+        **terms,
+        "mode": found["mode"],
+        "drag": load["flow_force"][0] / unit,
+        "lift": load["flow_force"][2] / unit,
+        "couple": load["flow_couple"][1] / (unit * size),
+        "cells": found["cost"]["cells"],
+    }
+
+
+def gather(results: Path) -> list[Row]:
+    """The rows of all beads there is a threshold of, in order; errors that were not estimated are nan."""
+    found = [path for path in results.glob("bead_*/threshold.json") if json.loads(path.read_text())["factor"]]
+    rows = [row_of(path.parent) for path in found]
+    return sorted(rows, key=lambda row: tuple(row[name] for name in NAMES[:3]))
+
+
+def stored() -> list[Row]:
+    """The rows of docs/beads.csv."""
+    words = ("arrangement", "mode")
+    with STORE.open() as file:
+        return [
+            {name: text if name in words else float(text) for name, text in row.items()}
+            for row in csv.DictReader(file)
+        ]
+
+
+def store(rows: list[Row]) -> None:
+    """Write docs/beads.csv, four digits of every number."""
+    with STORE.open("w", newline="") as file:
+        table = csv.DictWriter(file, NAMES, lineterminator="\n")
+        table.writeheader()
+        for row in rows:
+            table.writerow({k: v if isinstance(v, str) else f"{v:.4g}" for k, v in row.items()})
+
+
+# -- the figures --------------------------------------------------------------------------------------------
+
+
+def figures(rows: list[Row]) -> None:
+    """Shields number against spacing and against size, with error bars."""
+    FIGURES.mkdir(exist_ok=True)
+    figure, axes = _axes("spacing of the bed's spheres over their diameter")
+    _series(axes, rows, "spacing")
+    for kind, colour in COLOURS.items():
+        scale = next((r for r in rows if r["arrangement"] == kind and r["size"] == r["spacing"] == 1.0), None)
+        if scale is None:
+            continue
+        s = np.linspace(1.0, min(1.4, sqrt(0.75 / AROUND[kind])), 60)
+        slope = slope_of(kind, s)
+        label = "in proportion to the tangent of the angle of repose" if kind == "square" else None
+        axes.plot(s, scale["shields"] * slope / slope[0], "--", color=colour, lw=0.9, label=label)
+    axes.set_title("An equal bead in a pocket, creeping shear", fontsize=10)
+    _save(figure, axes, "beads_spacing.png")
+    figure, axes = _axes("diameter of the bead over that of the bed's spheres")
+    _series(axes, rows, "size")
+    axes.set(xscale="log", yscale="log")
+    largest = [row for row in rows if row["size"] == 2.0 and row["spacing"] == 1.0]
+    for row in largest:
+        d = np.array([1.0, 2.2])
+        label = "size to the power $-1$" if row is largest[0] else None
+        axes.plot(d, row["shields"] * 2.0 / d, ":", color="#555a61", lw=1.0, label=label)
+    axes.set_yticks([0.01, 0.02, 0.04, 0.08, 0.16], ["0.01", "0.02", "0.04", "0.08", "0.16"])
+    axes.set_xticks([0.5, 0.7, 1.0, 1.4, 2.0], ["0.5", "0.7", "1", "1.4", "2"])
+    axes.minorticks_off()
+    axes.set_title("A bead on spheres that touch, creeping shear", fontsize=10)
+    _save(figure, axes, "beads_size.png")
+
+
+def slope_of(kind: str, spacing: np.ndarray) -> np.ndarray:
+    """Tangent of the angle of repose of an equal bead behind two spheres, for spacings (n,)."""
+    ahead = np.sqrt(AROUND[kind] - 0.25) * spacing
+    return np.asarray(ahead / np.sqrt(1.0 - AROUND[kind] * spacing**2))
+
+
+def _axes(along: str) -> tuple[Figure, Axes]:
+    figure = Figure(figsize=(6.2, 4.2), layout="constrained")
+    axes = figure.add_subplot(xlabel=along, ylabel="critical Shields number")
+    axes.grid(color="#e2e2e2", lw=0.5)
+    return figure, axes
+
+
+def _series(axes: Axes, rows: list[Row], name: str) -> None:
+    other = next(key for key in TOUCHING if key != name)
+    for kind, colour in COLOURS.items():
+        picked = [row for row in rows if row["arrangement"] == kind and row[other] == TOUCHING[other]]
+        picked.sort(key=lambda row: float(row[name]))
+        place, value, error = (np.array([row[key] for row in picked]) for key in (name, "shields", "error"))
+        axes.plot(place, value, "o-", ms=4, lw=1.2, mfc="white", color=colour, label=f"{kind} substrate")
+        known = np.isfinite(error)
+        axes.errorbar(place[known], value[known], error[known], fmt="o", ms=4, capsize=3, color=colour)
+
+
+def _save(figure: Figure, axes: Axes, name: str) -> None:
+    axes.legend(fontsize=8, frameon=False)
+    figure.savefig(FIGURES / name, dpi=160)
+
+
+# -- the table ----------------------------------------------------------------------------------------------
+
+
+def table(rows: list[Row]) -> str:
+    """All rows for the page."""
+    head = (
+        "substrate",
+        "spacing",
+        "size",
+        "rests on",
+        "angle of repose",
+        "Shields number",
+        *TERMS,
+        "drag",
+        "mode",
+    )
+    lines = ["| " + " | ".join(head) + " |", "| " + " | ".join("---" for _ in head) + " |"]
+    for row in rows:
+        known = np.isfinite(row["error"])
+        number = f"{row['shields']:.4f}" + (f" ± {row['error']:.4f}" if known else "")
+        errors = [f"{100.0 * row[name] / row['shields']:.1f}%" if known else "-" for name in TERMS]
+        begins = [row["arrangement"], f"{row['spacing']:g}", f"{row['size']:g}", f"{row['contacts']:g}"]
+        cells = [*begins, f"{row['angle']:.2f}°", number, *errors, f"{row['drag']:.2f}", row["mode"]]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Gather what there is, draw it, and write the table between its marks in the page."""
+    if len(sys.argv) > 1:
+        store(gather(Path(sys.argv[1])))
+    rows = stored()
+    figures(rows)
+    text = PAGE.read_text()
+    before, rest = text.split(BEGIN)
+    PAGE.write_text(f"{before}{BEGIN}\n\n{table(rows)}\n\n{END}{rest.split(END)[1]}")
+
+
+if __name__ == "__main__":
+    main()
