@@ -7,7 +7,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import dolfinx
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -26,6 +25,7 @@ from tetrahedra import (
 )
 
 from incipient import compat
+from incipient.compat import dolfinx  # after the libraries that it needs
 from incipient.errors import MeshError
 from incipient.geometry import Box, Ellipsoid, Hemispheres, Placement, Plane, Ridges, Sphere, Spheres
 from incipient.mesh.domain import build
