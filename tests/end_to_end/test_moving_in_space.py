@@ -116,6 +116,7 @@ def test_a_spheroid_in_shear_and_resumed(tmp_path: Path) -> None:
         animate(tmp_path / "whole")
 
 
+@pytest.mark.slow
 def test_a_sphere_sinks_in_a_square_duct(tmp_path: Path) -> None:
     """Ten diameters wide, without inertia: Stokes's velocity times 1 - 1.903266/10 (Happel & Bart 1974, Appl. Sci.
     Res. 29, 241), which leaves out about 0.002. Measured 1.0% less on this coarse mesh."""
