@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import gmsh
 import numpy as np
 
 from incipient.arrays import Floats, Integers
 from incipient.geometry.space.remeshing import Exact
+from incipient.interrupt import handlers_kept
+
+with handlers_kept():  # at its import gmsh takes interrupts for itself
+    import gmsh
 
 # Of tetrahedra of order two gmsh has the corners first, then the middles of these edges; of triangles likewise.
 EDGES = ((0, 1), (1, 2), (2, 0), (3, 0), (2, 3), (1, 3))

@@ -9,7 +9,6 @@ from ctypes import byref, c_int, c_size_t, c_void_p
 from dataclasses import replace
 from typing import Any
 
-import gmsh
 import numpy as np
 
 from incipient.arrays import Point
@@ -18,6 +17,9 @@ from incipient.geometry.plane.curves import Arc, Curve, Line, Spline
 from incipient.interrupt import handlers_kept
 
 from .region import GRID, Frame, Grid, Near, Place, Region, SizeField, Sizes
+
+with handlers_kept():  # at its import gmsh takes interrupts for itself
+    import gmsh
 
 ENLARGED = 1.3  # triangles of an earlier mesh about their centroids, where they say how fine the next is
 

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import gmsh
 import numpy as np
 
 from incipient.arrays import Floats
 from incipient.errors import MeshError
 from incipient.geometry.space.surfaces import Surface, connected
 from incipient.geometry.space.topology import Topology
+from incipient.interrupt import handlers_kept
+
+with handlers_kept():  # at its import gmsh takes interrupts for itself
+    import gmsh
 
 SAME = 1e-10  # of a region's height: points so near each other are one
 

@@ -6,13 +6,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-import gmsh
 import numpy as np
 
 from incipient.errors import MeshError
 from incipient.geometry.space.crossings import crossed
 from incipient.geometry.space.remeshing import Exact, remeshed, without_area
 from incipient.geometry.space.surfaces import Surface, joined
+from incipient.interrupt import handlers_kept
 
 from .curving import curved
 from .exact import Body, Ground
@@ -21,6 +21,9 @@ from .region import Sizes
 from .shell import Shell, Walls, closed_shell
 from .solid_region import SolidFrame, SolidRegion
 from .solid_sizes import Boxes, SizeMap, boxes
+
+with handlers_kept():  # at its import gmsh takes interrupts for itself
+    import gmsh
 
 ATTEMPTS = 4  # at surfaces that do not cross, each finer where they did
 STRAIGHT = "cells would fold over: "  # what is said before the number of edges left straight

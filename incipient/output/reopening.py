@@ -90,7 +90,7 @@ def _adapted(scene: Scene, of_checkpoint: Scene, kept: Checkpoint) -> Checkpoint
     """The checkpoint, without what a change of the scene has made void: the step's length, that a wall was met."""
     assert scene.time is not None and of_checkpoint.time is not None
     now, then = scene.time, of_checkpoint.time
-    if now.step != then.step or (now.tolerance is None) != (then.tolerance is None):
+    if now.step != then.step or (now.tolerance is None and then.tolerance is not None):
         kept = replace(kept, progress=replace(kept.progress, next_length=scene.time.step))
     if kept.body is not None:
         kept = replace(kept, body=replace(kept.body, met=False))
