@@ -103,12 +103,13 @@ def animate(directory: Path, target: Path | None = None, field: str = "velocity"
     """
     path = target or directory / f"{field}.gif"
     _check(path)
-    indices, moments = _frames(directory / "fields")
-    if (read_scene(directory).get("domain") or {}).get("width") is not None:
+    known = (directory / "scene.toml").exists()
+    if known and (read_scene(directory).get("domain") or {}).get("width") is not None:
         raise OutputError(
             f"{directory}: flow in space is not animated by this version; see trajectory.png with `incipient show`, "
             "and fields.xdmf in ParaView"
         )
+    indices, moments = _frames(directory / "fields")
     rate = int(np.clip(len(indices) / _SECONDS, *_RATES))
     with style.applied():
         film = _Film(directory, FIELDS[field], indices, moments)
