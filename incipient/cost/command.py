@@ -149,8 +149,8 @@ def calibrate(say: Say) -> str:
 
 def builtin() -> dict[str, Scene]:
     """A scene of each kind that takes a second or two."""
+    from ..scene import Disc, Domain, Fluid, Lid, Numerics, Scene, Shear, Time, Uniform
     from ..scene.example import grain_on_bed
-    from ..scene.model import Disc, Domain, Fluid, Lid, Numerics, Scene, Shear, Time, Uniform
 
     bars = Numerics(error_bars=False)
     return {

@@ -1,7 +1,76 @@
 """Scenes: what a user asks for, checked and complete. Built from these classes, or read by `incipient.scene.file`."""
 
+from .domain import Domain
+from .effects import Effects
 from .file import dumps, example, load, loads, save, schema
-from .model import *  # noqa: F403
-from .model import __all__ as _models
+from .flows import ExpressionFlow, Flow, Lid, OpenChannel, Poiseuille, Shear, Still, Uniform
+from .kinds import Bed, Body
+from .model import Contact, Fluid, Gravity, Output, Scene, Time
+from .numerics import Numerics
+from .shapes import (
+    Disc,
+    Discs,
+    Ellipse,
+    Flat,
+    HalfDiscs,
+    Inclined,
+    Polygon,
+    Polyline,
+    Rectangle,
+    Sinusoidal,
+    Star,
+    Superellipse,
+)
+from .solids import Box, Ellipsoid, Mesh, Polyhedron, Sphere, Spheres, Superquadric
+from .terrains import HeightMapBed, MeshBed, RidgeBed, SphereBed
 
-__all__ = [*_models, "dumps", "example", "load", "loads", "save", "schema"]
+__all__ = [
+    "Bed",
+    "Body",
+    "Box",
+    "Contact",
+    "Disc",
+    "Discs",
+    "Domain",
+    "Effects",
+    "Ellipse",
+    "Ellipsoid",
+    "ExpressionFlow",
+    "Flat",
+    "Flow",
+    "Fluid",
+    "Gravity",
+    "HalfDiscs",
+    "HeightMapBed",
+    "Inclined",
+    "Lid",
+    "Mesh",
+    "MeshBed",
+    "Numerics",
+    "OpenChannel",
+    "Output",
+    "Poiseuille",
+    "Polygon",
+    "Polyhedron",
+    "Polyline",
+    "Rectangle",
+    "RidgeBed",
+    "Scene",
+    "Shear",
+    "Sinusoidal",
+    "Sphere",
+    "SphereBed",
+    "Spheres",
+    "Star",
+    "Still",
+    "Superellipse",
+    "Superquadric",
+    "Time",
+    "Uniform",
+    "dumps",
+    "example",
+    "load",
+    "loads",
+    "save",
+    "schema",
+]

@@ -9,9 +9,14 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from .domain import Domain
+from .flows import Shear
 from .messages import discriminator, tag, variants
-from .model import Contact, Disc, Domain, Flat, Fluid, Gravity, Scene, Shear, Sphere, SphereBed
+from .model import Contact, Fluid, Gravity, Scene
 from .section import Section, ordered_keys
+from .shapes import Disc, Flat
+from .solids import Sphere
+from .terrains import SphereBed
 
 _HEADING = """\
 A scene for incipient. Lengths and times are in any units that fit together, [in brackets] at each key.

@@ -6,27 +6,9 @@ from typing import Annotated
 
 from pydantic import Field
 
-from .shapes import (
-    Disc,
-    Discs,
-    Ellipse,
-    Flat,
-    HalfDiscs,
-    Inclined,
-    Polygon,
-    Polyline,
-    Rectangle,
-    Sinusoidal,
-    Star,
-    Superellipse,
-)
-from .solids import Box, Ellipsoid, Mesh, Polyhedron, Sphere, Spheres, Superquadric
-from .terrains import HeightMapBed, MeshBed, RidgeBed, SphereBed
-
-PlaneBody = Disc | Ellipse | Rectangle | Polygon | Superellipse | Star | Discs
-SolidBody = Sphere | Ellipsoid | Superquadric | Box | Polyhedron | Spheres | Mesh
-PlaneBed = Flat | Inclined | Sinusoidal | HalfDiscs | Polyline
-Terrain = SphereBed | RidgeBed | HeightMapBed | MeshBed
+from .shapes import PlaneBed, PlaneBody
+from .solids import SolidBody
+from .terrains import TerrainBed
 
 Body = Annotated[PlaneBody | SolidBody, Field(discriminator="shape")]
-Bed = Annotated[PlaneBed | Terrain, Field(discriminator="kind")]
+Bed = Annotated[PlaneBed | TerrainBed, Field(discriminator="kind")]

@@ -11,88 +11,22 @@ import math
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
+from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from .checks import contradictions
+from .domain import Domain, Sides, Top
 from .effects import Effects, section_of
-from .flows import ExpressionFlow, Flow, Lid, OpenChannel, Poiseuille, Shear, Still, Uniform
+from .flows import Flow, Shear
 from .kinds import Bed, Body
-from .messages import counted, refusal
+from .messages import refusal
 from .motion import mass, mean_density
-from .section import SMALLEST, NotNegative, Positive, Section, contradiction
-from .shapes import (
-    Disc,
-    Discs,
-    Ellipse,
-    Flat,
-    HalfDiscs,
-    Inclined,
-    Polygon,
-    Polyline,
-    Rectangle,
-    Sinusoidal,
-    Star,
-    Superellipse,
-)
-from .solids import Box, Ellipsoid, Mesh, Polyhedron, Sphere, Spheres, Superquadric
-from .terrains import HeightMapBed, MeshBed, RidgeBed, SphereBed
+from .numerics import Numerics
+from .section import NotNegative, Positive, Section, contradiction
 
 if TYPE_CHECKING:
     import numpy as np
 
     from ..geometry.placement import Placement
-
-__all__ = [
-    "Bed",
-    "Body",
-    "Box",
-    "Contact",
-    "Disc",
-    "Discs",
-    "Domain",
-    "Effects",
-    "Ellipse",
-    "Ellipsoid",
-    "ExpressionFlow",
-    "Flat",
-    "Flow",
-    "Fluid",
-    "Gravity",
-    "HalfDiscs",
-    "HeightMapBed",
-    "Inclined",
-    "Lid",
-    "Mesh",
-    "MeshBed",
-    "Numerics",
-    "OpenChannel",
-    "Output",
-    "Poiseuille",
-    "Polygon",
-    "Polyhedron",
-    "Polyline",
-    "Rectangle",
-    "RidgeBed",
-    "Scene",
-    "Shear",
-    "Sinusoidal",
-    "Sphere",
-    "SphereBed",
-    "Spheres",
-    "Star",
-    "Still",
-    "Superellipse",
-    "Superquadric",
-    "Time",
-    "Uniform",
-]
-
-Accuracy = float | Literal["verdict"]
-Tolerance = float | Literal["auto"]
-Top = Literal["auto", "wall", "slip", "stream"]
-Sides = Literal["slip", "stream", "wall"]
-Symmetry = Literal["auto", True, False]
-Corner = Annotated[tuple[float, ...], Field(strict=False, min_length=2, max_length=3)]
 
 _TOPS: dict[str, Top] = {
     "shear": "stream",
@@ -103,117 +37,10 @@ _TOPS: dict[str, Top] = {
     "lid": "wall",
     "still": "wall",
 }
-# Below this the curved cells' geometry errs as much, which no estimate sees (docs/accuracy.md).
-FINEST = 1e-5
 _DEFAULT_GAP = 0.01
 # Gaps [grain sizes]: above the first the plan warns, above the second the flow is no more that around a grain at rest.
 WIDE_GAP, WIDEST_GAP = 0.03, 0.1
 _DEFAULT_TOLERANCE = 1e-6
-
-
-class Domain(Section):
-    """The region the fluid may fill."""
-
-    kind: Literal["channel", "box"] = Field(
-        "channel", description="Channel: inflow left, open outflow right; box: closed"
-    )
-    length: Positive = Field(description="Extent along the stream [length]")
-    height: Positive = Field(description="Extent from the lower side to the top [length]")
-    width: Positive | None = Field(
-        None,
-        description="Extent across, which makes the scene three-dimensional, z upwards [length]",
-        examples=[20.0],
-    )
-    origin: Corner = Field(
-        (0.0, 0.0),
-        validate_default=True,
-        description="Lower left corner [length]; the bed's base line runs through it",
-    )
-    top: Top = Field("auto", description="Upper side; auto: what suits the flow; stream: as the flow")
-    sides: Sides | None = Field(
-        None,
-        description="Both sides across the width, with width; stream: as the flow; by default slip, of a box wall",
-        examples=["slip"],
-    )
-    symmetric: Symmetry | None = Field(
-        None,
-        description="With width: true computes half of a scene that is its own mirror image; by default found out",
-        examples=["auto"],
-    )
-
-    @field_validator("origin", mode="before")
-    @classmethod
-    def _has_as_many_components(cls, value: Any, info: ValidationInfo) -> Any:
-        if not isinstance(value, list | tuple):
-            return value
-        in_space = info.data.get("width") is not None
-        if in_space and tuple(value) == (0.0, 0.0):
-            return (0.0, 0.0, 0.0)
-        if len(value) != (3 if in_space else 2):
-            remedy = "give three, as in [x, y, z]" if in_space else "give two, as in [x, y]"
-            raise contradiction(f"has {counted(len(value), 'item')}", remedy)
-        return value
-
-    @field_validator("symmetric", mode="before")
-    @classmethod
-    def _is_a_choice(cls, value: Any) -> Any:
-        if value is None or value == "auto" or isinstance(value, bool):
-            return value
-        raise contradiction(f"is {value!r}".replace("'", '"'), 'use "auto", true or false')
-
-    @field_validator("sides", "symmetric")
-    @classmethod
-    def _goes_with_width(cls, value: Any, info: ValidationInfo) -> Any:
-        if value is not None and info.data.get("width") is None and "width" in info.data:
-            raise contradiction("goes with width, which is not given", "add domain.width or leave it out")
-        return value
-
-    @field_validator("top", mode="before")
-    @classmethod
-    def _no_free_surface(cls, value: Any, info: ValidationInfo) -> Any:
-        if value not in ("free-surface", "free surface", "free_surface"):
-            return value
-        if info.data.get("kind") == "box":
-            raise contradiction(
-                "a closed box has no free surface", 'use "wall" or kind = "channel" with top = "slip"'
-            )
-        raise contradiction("a free surface is not simulated by this version", 'use "slip"')
-
-    @property
-    def left(self) -> float:
-        """Abscissa of the inflow, or of the left wall."""
-        return self.origin[0]
-
-    @property
-    def right(self) -> float:
-        """Abscissa of the outflow, or of the right wall."""
-        return self.origin[0] + self.length
-
-    @property
-    def bottom(self) -> float:
-        """Height of the lower side, which is the bed's base line."""
-        return self.origin[-1]
-
-    @property
-    def ceiling(self) -> float:
-        """Height of the top."""
-        return self.origin[-1] + self.height
-
-    @property
-    def across(self) -> tuple[float, float]:
-        """The least and the largest y of a domain in space."""
-        assert self.width is not None
-        return self.origin[1], self.origin[1] + self.width
-
-    @property
-    def middle(self) -> float:
-        """y of the vertical plane through the middle of a domain in space."""
-        return 0.5 * sum(self.across)
-
-    @property
-    def extents(self) -> tuple[float, ...]:
-        """Length, in space width, and height."""
-        return (self.length, *((self.width,) if self.width is not None else ()), self.height)
 
 
 class Fluid(Section):
@@ -284,90 +111,6 @@ class Time(Section):
                 "leave it out: with tolerance the first steps are short",
             )
         return self
-
-
-class Numerics(Section):
-    """How the equations are solved; every key may be left out."""
-
-    order: int = Field(2, ge=2, le=4, description="Order of the velocity, 2 to 4; the pressure's is one less")
-    geometry_order: int | None = Field(
-        None, ge=1, le=3, description="Order of curved cells, 1 to 3; without it: chosen", examples=[2]
-    )
-    mesh_size: float = Field(
-        1.0, ge=0.01, le=100.0, description="Factor on the size of all cells; 0.5 halves them [-]"
-    )
-    max_cells: int = Field(
-        1_000_000, ge=1, description="Triangles expected of a mesh above which it is not made"
-    )
-    convection: Literal["implicit", "extrapolated"] = Field(
-        "implicit", description="Convection by Newton iteration, or linearised about earlier steps"
-    )
-    form: Literal["printed", "energy-stable"] = Field(
-        "printed", description="Convective term as in the paper, or such that it cannot create energy"
-    )
-    stabilisation: Literal["auto", "on", "off"] = Field(
-        "auto", description="Stabilised convection on coarse cells; auto: where their Reynolds number asks it"
-    )
-    coupling: Literal["exact", "naive"] = Field(
-        "exact",
-        description="Coupling of fluid and moving grain; naive: for comparison only, diverges for light grains",
-    )
-    error_bars: bool = Field(
-        True, description="Estimate errors of force, couple and safety factor; takes about as long as the run"
-    )
-    accuracy: Accuracy | None = Field(
-        None,
-        description='Relative error wanted, or "verdict": until that is decided; mesh and order are then chosen',
-        examples=[0.01],
-    )
-    accuracy_of: Literal["force", "couple", "safety factor"] = Field(
-        "force", description="The quantity whose relative error `accuracy` limits"
-    )
-    accuracy_includes: Literal["discretisation", "all"] = Field(
-        "discretisation",
-        description="Errors that it is to include; all: gap and domain as well, which the run then chooses",
-    )
-    budget_seconds: Positive | None = Field(
-        None, description="Wall time after which to stop seeking accuracy [s]", examples=[60.0]
-    )
-    budget_mib: Positive | None = Field(
-        None, description="Memory beyond which not to seek accuracy [MiB]", examples=[2000.0]
-    )
-    interface_tolerance: Tolerance = Field(
-        "auto",
-        description="Error of a moving grain's equation of motion relative to its load; auto: as tolerance [-]",
-    )
-    remesh_below: float = Field(
-        0.35,
-        gt=0,
-        lt=1,
-        description="Quality of the worst cell, relative to when made, that calls for a new mesh",
-    )
-    tolerance: Tolerance = Field(
-        "auto",
-        description="Error that iterations may leave, relative; auto: steady 1e-6, in time 0.1 of a step's own [-]",
-    )
-    max_iterations: int = Field(25, ge=1, description="Newton iterations after which to give up")
-
-    @field_validator("tolerance", "interface_tolerance", mode="before")
-    @classmethod
-    def _is_a_tolerance(cls, value: Any) -> Any:
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        if value == "auto" or (number and value >= SMALLEST):
-            return value
-        shown = f'"{value}"' if isinstance(value, str) else value
-        raise contradiction(f"is {shown}", 'give a number above 0 such as 1e-8, or "auto"')
-
-    @field_validator("accuracy", mode="before")
-    @classmethod
-    def _is_an_accuracy(cls, value: Any) -> Any:
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        if value is None or value == "verdict" or (number and FINEST <= value < 1.0):
-            return value
-        shown = f'"{value}"' if isinstance(value, str) else value
-        raise contradiction(
-            f"is {shown}", f'give a relative error such as 0.01, from {FINEST:g} to below 1, or "verdict"'
-        )
 
 
 class Output(Section):

@@ -432,3 +432,7 @@ def _disorder(points: Sequence[Point]) -> str | None:
         if not left < right:
             return f"has x = {right:g} after x = {left:g}"
     return None
+
+
+PlaneBody = Disc | Ellipse | Rectangle | Polygon | Superellipse | Star | Discs
+PlaneBed = Flat | Inclined | Sinusoidal | HalfDiscs | Polyline

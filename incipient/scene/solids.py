@@ -292,3 +292,6 @@ class Mesh(SolidSection):
         triangles = np.array(self.triangles, dtype=int).reshape(-1, 3)
         found = Triangulated(points, triangles)
         return found if self.size is None else Triangulated(self.size / found.size * points, triangles)
+
+
+SolidBody = Sphere | Ellipsoid | Superquadric | Box | Polyhedron | Spheres | Mesh

@@ -214,3 +214,6 @@ class MeshBed(RasterBed):
 
         cell = data.get("cell")
         return HeightMap.from_surface(path, None if cell is None else tuple(cell), data.get("scale", 1.0))
+
+
+TerrainBed = SphereBed | RidgeBed | HeightMapBed | MeshBed

@@ -1,0 +1,120 @@
+"""The region that the fluid may fill, in the plane or in space."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, ValidationInfo, field_validator
+
+from .messages import counted
+from .section import Positive, Section, contradiction
+
+Top = Literal["auto", "wall", "slip", "stream"]
+Sides = Literal["slip", "stream", "wall"]
+Symmetry = Literal["auto", True, False]
+Corner = Annotated[tuple[float, ...], Field(strict=False, min_length=2, max_length=3)]
+
+
+class Domain(Section):
+    """The region the fluid may fill."""
+
+    kind: Literal["channel", "box"] = Field(
+        "channel", description="Channel: inflow left, open outflow right; box: closed"
+    )
+    length: Positive = Field(description="Extent along the stream [length]")
+    height: Positive = Field(description="Extent from the lower side to the top [length]")
+    width: Positive | None = Field(
+        None,
+        description="Extent across, which makes the scene three-dimensional, z upwards [length]",
+        examples=[20.0],
+    )
+    origin: Corner = Field(
+        (0.0, 0.0),
+        validate_default=True,
+        description="Lower left corner [length]; the bed's base line runs through it",
+    )
+    top: Top = Field("auto", description="Upper side; auto: what suits the flow; stream: as the flow")
+    sides: Sides | None = Field(
+        None,
+        description="Both sides across the width, with width; stream: as the flow; by default slip, of a box wall",
+        examples=["slip"],
+    )
+    symmetric: Symmetry | None = Field(
+        None,
+        description="With width: true computes half of a scene that is its own mirror image; by default found out",
+        examples=["auto"],
+    )
+
+    @field_validator("origin", mode="before")
+    @classmethod
+    def _has_as_many_components(cls, value: Any, info: ValidationInfo) -> Any:
+        if not isinstance(value, list | tuple):
+            return value
+        in_space = info.data.get("width") is not None
+        if in_space and tuple(value) == (0.0, 0.0):
+            return (0.0, 0.0, 0.0)
+        if len(value) != (3 if in_space else 2):
+            remedy = "give three, as in [x, y, z]" if in_space else "give two, as in [x, y]"
+            raise contradiction(f"has {counted(len(value), 'item')}", remedy)
+        return value
+
+    @field_validator("symmetric", mode="before")
+    @classmethod
+    def _is_a_choice(cls, value: Any) -> Any:
+        if value is None or value == "auto" or isinstance(value, bool):
+            return value
+        raise contradiction(f"is {value!r}".replace("'", '"'), 'use "auto", true or false')
+
+    @field_validator("sides", "symmetric")
+    @classmethod
+    def _goes_with_width(cls, value: Any, info: ValidationInfo) -> Any:
+        if value is not None and info.data.get("width") is None and "width" in info.data:
+            raise contradiction("goes with width, which is not given", "add domain.width or leave it out")
+        return value
+
+    @field_validator("top", mode="before")
+    @classmethod
+    def _no_free_surface(cls, value: Any, info: ValidationInfo) -> Any:
+        if value not in ("free-surface", "free surface", "free_surface"):
+            return value
+        if info.data.get("kind") == "box":
+            raise contradiction(
+                "a closed box has no free surface", 'use "wall" or kind = "channel" with top = "slip"'
+            )
+        raise contradiction("a free surface is not simulated by this version", 'use "slip"')
+
+    @property
+    def left(self) -> float:
+        """Abscissa of the inflow, or of the left wall."""
+        return self.origin[0]
+
+    @property
+    def right(self) -> float:
+        """Abscissa of the outflow, or of the right wall."""
+        return self.origin[0] + self.length
+
+    @property
+    def bottom(self) -> float:
+        """Height of the lower side, which is the bed's base line."""
+        return self.origin[-1]
+
+    @property
+    def ceiling(self) -> float:
+        """Height of the top."""
+        return self.origin[-1] + self.height
+
+    @property
+    def across(self) -> tuple[float, float]:
+        """The least and the largest y of a domain in space."""
+        assert self.width is not None
+        return self.origin[1], self.origin[1] + self.width
+
+    @property
+    def middle(self) -> float:
+        """y of the vertical plane through the middle of a domain in space."""
+        return 0.5 * sum(self.across)
+
+    @property
+    def extents(self) -> tuple[float, ...]:
+        """Length, in space width, and height."""
+        return (self.length, *((self.width,) if self.width is not None else ()), self.height)

@@ -1,0 +1,99 @@
+"""How the equations of a scene are solved: orders, mesh, tolerances, accuracy and budget."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import Field, field_validator
+
+from .section import SMALLEST, Positive, Section, contradiction
+
+Accuracy = float | Literal["verdict"]
+Tolerance = float | Literal["auto"]
+
+# Below this the curved cells' geometry errs as much, which no estimate sees (docs/accuracy.md).
+FINEST = 1e-5
+
+
+class Numerics(Section):
+    """How the equations are solved; every key may be left out."""
+
+    order: int = Field(2, ge=2, le=4, description="Order of the velocity, 2 to 4; the pressure's is one less")
+    geometry_order: int | None = Field(
+        None, ge=1, le=3, description="Order of curved cells, 1 to 3; without it: chosen", examples=[2]
+    )
+    mesh_size: float = Field(
+        1.0, ge=0.01, le=100.0, description="Factor on the size of all cells; 0.5 halves them [-]"
+    )
+    max_cells: int = Field(
+        1_000_000, ge=1, description="Triangles expected of a mesh above which it is not made"
+    )
+    convection: Literal["implicit", "extrapolated"] = Field(
+        "implicit", description="Convection by Newton iteration, or linearised about earlier steps"
+    )
+    form: Literal["printed", "energy-stable"] = Field(
+        "printed", description="Convective term as in the paper, or such that it cannot create energy"
+    )
+    stabilisation: Literal["auto", "on", "off"] = Field(
+        "auto", description="Stabilised convection on coarse cells; auto: where their Reynolds number asks it"
+    )
+    coupling: Literal["exact", "naive"] = Field(
+        "exact",
+        description="Coupling of fluid and moving grain; naive: for comparison only, diverges for light grains",
+    )
+    error_bars: bool = Field(
+        True, description="Estimate errors of force, couple and safety factor; takes about as long as the run"
+    )
+    accuracy: Accuracy | None = Field(
+        None,
+        description='Relative error wanted, or "verdict": until that is decided; mesh and order are then chosen',
+        examples=[0.01],
+    )
+    accuracy_of: Literal["force", "couple", "safety factor"] = Field(
+        "force", description="The quantity whose relative error `accuracy` limits"
+    )
+    accuracy_includes: Literal["discretisation", "all"] = Field(
+        "discretisation",
+        description="Errors that it is to include; all: gap and domain as well, which the run then chooses",
+    )
+    budget_seconds: Positive | None = Field(
+        None, description="Wall time after which to stop seeking accuracy [s]", examples=[60.0]
+    )
+    budget_mib: Positive | None = Field(
+        None, description="Memory beyond which not to seek accuracy [MiB]", examples=[2000.0]
+    )
+    interface_tolerance: Tolerance = Field(
+        "auto",
+        description="Error of a moving grain's equation of motion relative to its load; auto: as tolerance [-]",
+    )
+    remesh_below: float = Field(
+        0.35,
+        gt=0,
+        lt=1,
+        description="Quality of the worst cell, relative to when made, that calls for a new mesh",
+    )
+    tolerance: Tolerance = Field(
+        "auto",
+        description="Error that iterations may leave, relative; auto: steady 1e-6, in time 0.1 of a step's own [-]",
+    )
+    max_iterations: int = Field(25, ge=1, description="Newton iterations after which to give up")
+
+    @field_validator("tolerance", "interface_tolerance", mode="before")
+    @classmethod
+    def _is_a_tolerance(cls, value: Any) -> Any:
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if value == "auto" or (number and value >= SMALLEST):
+            return value
+        shown = f'"{value}"' if isinstance(value, str) else value
+        raise contradiction(f"is {shown}", 'give a number above 0 such as 1e-8, or "auto"')
+
+    @field_validator("accuracy", mode="before")
+    @classmethod
+    def _is_an_accuracy(cls, value: Any) -> Any:
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if value is None or value == "verdict" or (number and FINEST <= value < 1.0):
+            return value
+        shown = f'"{value}"' if isinstance(value, str) else value
+        raise contradiction(
+            f"is {shown}", f'give a relative error such as 0.01, from {FINEST:g} to below 1, or "verdict"'
+        )
