@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import callers
 import history
-from measure import Session
+from measure import Program, Session
 from references import PULSATING, VORTEX_STREET
-from tables import Row, seconds, table
+from tables import Row, expense, failures, seconds, table
 
 DIAMETER, MEAN_VELOCITY = 0.1, 1.0
 LATE = 2.0  # the last so much time is taken for periodic
@@ -20,17 +21,44 @@ REFINED = (
     {"numerics.mesh_size": 1.0, "numerics.order": 4, "time.step": 0.0025},
 )
 NAMES = {"drag": "C_D,max", "lift": "C_L,max", "strouhal": "St"}
+# Cells at the cylinder and far away, step.
+SPLITTING = ((0.008, 0.03, 0.004), (0.006, 0.03, 0.002))
+# Order, cells at the cylinder and far away, step: explicit convection allows no longer ones.
+EXPLICIT = ((3, 0.015, 0.06, 0.0005), (4, 0.015, 0.06, 0.0004))
+LIMIT = {"drag": 3.227, "lift": 0.987, "strouhal": 0.301}
 
 
 def measure(session: Session) -> dict[str, Any]:
-    """Both flows, each run once: they take long."""
+    """Both flows and the other programs, each run once: they take long."""
     periodic = _periodic(session, {})
     if "error" not in periodic:
         file = Path(periodic["directory"]) / "history.csv"
         drawn = session.once(callers.script("figure", "benchmarks/figures.py", "vortex_street", file, FIGURE))
         session.say(drawn.get("error", f"drew {FIGURE}"))
     refined = [_periodic(session, settings) for settings in REFINED]
-    return {"periodic": periodic, "refined": refined, "pulsating": _pulsating(session)}
+    others = [_other(session, program) for program in _others(session)]
+    return {"periodic": periodic, "refined": refined, "others": others, "pulsating": _pulsating(session)}
+
+
+def _others(session: Session) -> Iterator[Program]:
+    """Other programs, as a user who knows the library would write them; forces of the last time only."""
+    end, late = "7", str(7 - LATE)
+    for near, far, step in SPLITTING:
+        name = f"P2-P1, cells {near:g} to {far:g}, step {step:g}, splitting"
+        yield callers.plain("plain_vortex_street", name, near, far, step, end, late)
+    if callers.prepare_ngsolve(session):
+        for order, near, far, step in EXPLICIT:
+            name = f"P{order}-P{order - 1}, cells {near:g} to {far:g}, step {step:g}, explicit convection"
+            yield callers.ngsolve("ngsolve_vortex_street", name, order, near, far, step, end, late)
+
+
+def _other(session: Session, program: Program) -> Row:
+    row = session.once(program)
+    session.say(f"{program.family}, {program.name}: {row.get('error') or seconds(row['wall']) + ' s'}")
+    if "error" in row:
+        return row
+    times, drag, lift = (row.pop(key) for key in ("time", "drag", "lift"))
+    return {**row, "found": _found(times, drag, lift)}
 
 
 def _march(session: Session, scene: str, settings: dict[str, Any]) -> Row:
@@ -49,14 +77,20 @@ def _periodic(session: Session, settings: dict[str, Any]) -> Row:
     if "error" in row:
         return row
     times, drag, lift = history.columns(Path(row["directory"]) / "history.csv", "time", "drag", "lift")
+    found = _found(times, drag, lift)
+    lifts = history.peaks(times, lift, times[-1] - LATE)
+    # How periodic it is: the change of the lift's amplitude over the last periods.
+    return {**row, "found": found, "growth": lifts[-1].value - lifts[0].value, "periods": len(lifts)}
+
+
+def _found(times: Sequence[float], drag: Sequence[float], lift: Sequence[float]) -> dict[str, float]:
+    """The numbers of the benchmark, from the last of the time."""
     lifts, drags = (history.peaks(times, values, times[-1] - LATE) for values in (lift, drag))
-    found = {
+    return {
         "drag": max(peak.value for peak in drags),
         "lift": max(peak.value for peak in lifts),
         "strouhal": DIAMETER / MEAN_VELOCITY * history.frequency(lifts),
     }
-    # How periodic it is: the change of the lift's amplitude over the last periods.
-    return {**row, "found": found, "growth": lifts[-1].value - lifts[0].value, "periods": len(lifts)}
 
 
 def _pulsating(session: Session) -> Row:
@@ -76,14 +110,14 @@ def describe(data: dict[str, Any]) -> str:
     """The section of the page."""
     return f"""## Vortex street, Re = 100 (DFG 2D-2)
 
-{_describe_periodic(data["periodic"], data["refined"])}
+{_describe_periodic(data["periodic"], data["refined"], data["others"])}
 
 ## Pulsating flow around a cylinder (DFG 2D-3)
 
 {_describe_pulsating(data["pulsating"])}"""
 
 
-def _describe_periodic(row: Row, refined: list[Row]) -> str:
+def _describe_periodic(row: Row, refined: list[Row], others: list[Row]) -> str:
     if "error" in row:
         return f"Could not be run: `{row['error']}`."
     published = [
@@ -104,9 +138,32 @@ lift, over which its amplitude changes by {row["growth"]:.1e}).
 
 {table(["", *NAMES.values(), "wall [s]", "processor [s]"], [published, *cells])}
 
+{_beside([row, *refined, *others])}
+
 {_remark([r for r in refined if "error" not in r])}
 
 {_cost(row)}"""
+
+
+def _beside(rows: list[Row]) -> str:
+    """All programs in one table, with the largest of their errors."""
+    ran = [row for row in rows if "error" not in row]
+    cells = [
+        [f"{r['family']}: {r['name']}", str(r["unknowns"]), *_errors(r["found"]), *expense(r)] for r in ran
+    ]
+    heads = ["program", "unknowns", *NAMES.values(), "wall [s]", "processor [s]", "memory [MiB]"]
+    limits = ", ".join(f"{NAMES[key]} = {value:g}" for key, value in LIMIT.items())
+    return f"""Beside other programs: relative differences from {limits}, to which cells and steps of the program's
+own go. *Splitting* solves the components of the velocity, the pressure and a projection one after another; *explicit
+convection* needs one factorisation for all steps, and short ones.
+
+{table(heads, cells)}
+
+{failures(rows)}"""
+
+
+def _errors(found: dict[str, float]) -> list[str]:
+    return [f"{100 * abs(found[key] / value - 1):.2f}%" for key, value in LIMIT.items()]
 
 
 def _remark(refined: list[Row]) -> str:

@@ -7,20 +7,11 @@ import json
 import sys
 
 import ngsolve as ng
-from netgen.geom2d import SplineGeometry
 from ngsolve.solvers import Newton
+from ngsolve_channel import DIAMETER, HEIGHT, VISCOSITY, make_mesh
 from ngsolve_solver import INVERSE
 
-LENGTH, HEIGHT, DIAMETER, VISCOSITY, MEAN = 2.2, 0.41, 0.1, 1e-3, 0.2
-
-
-def make_mesh(near: float, far: float, order: int) -> ng.Mesh:
-    geometry = SplineGeometry()
-    geometry.AddRectangle((0, 0), (LENGTH, HEIGHT), bcs=("wall", "outflow", "wall", "inflow"))
-    geometry.AddCircle((0.2, 0.2), r=DIAMETER / 2, leftdomain=0, rightdomain=1, bc="cylinder", maxh=near)
-    mesh = ng.Mesh(geometry.GenerateMesh(maxh=far))
-    mesh.Curve(order)
-    return mesh
+MEAN = 0.2
 
 
 def make_form(space: ng.FESpace) -> ng.BilinearForm:

@@ -200,8 +200,13 @@ class Transient:
         why = "" if self.interface is None else self.interface.complaint()
         raise ConvergenceError(
             f"the step from t = {self.fluid.time:.6g} does not converge even at length {length:.3g}: "
-            + (why or "use a finer mesh (smaller numerics.mesh_size) or a smaller Reynolds number")
+            + (why or self._remedy())
         )
+
+    def _remedy(self) -> str:
+        """What a user may change when the flow alone fails: steps with extrapolated convection are linear."""
+        linear = ', numerics.convection = "extrapolated"' if self.fluid.model.convection == "implicit" else ""
+        return f"use a finer mesh (smaller numerics.mesh_size){linear} or a smaller Reynolds number"
 
     def _allowed(self, length: float, good: bool) -> float:
         """The length to accept: `length`, half of it after a failed attempt, or the time to contact."""
