@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import callers
-from cases import cavity, contact, cylinder, free_body
+from cases import cavity, contact, cylinder, free_body, vortex_street
 from references import VORTEX_STREET
 from tables import Row, cheapest, table
 
@@ -109,6 +109,10 @@ def _goals(measured: dict[str, Any]) -> Iterator[Goal | Rate | Share]:
     if rows := measured.get("steep_cavity", {}).get("rows"):
         best = cheapest(rows, lambda row: max(row["errors"].values()) <= 1e-3).get(own)
         yield Goal("cavity, Re = 4000, from rest, extrema to 1e-3", 15.0, None, best)
+    if street := measured.get("vortex_street"):
+        rows = [row for row in (street["periodic"], *street["refined"]) if "error" not in row]
+        best = cheapest(rows, lambda row: vortex_street.worst(row) <= 5e-3).get(own)
+        yield Goal("vortex street (DFG 2D-2) to 0.5% in C_D, C_L and St", 15.0, None, best)
     if runs := measured.get("grain", {}).get("runs"):
         yield Goal("grain on a bed, first run", 30.0, 1024, runs[0])
         yield Goal("grain on a bed, later runs", 6.0, 1024, runs[1])
