@@ -12,7 +12,7 @@ from incipient.geometry.plane.curves import Curve
 from incipient.geometry.plane.grain import Grain
 from incipient.geometry.plane.outline import Outline
 
-SECTIONS, SECTIONINGS = 32, 11  # a bracket of parameters is cut into parts so often: down to round-off
+SECTIONS, SECTIONINGS = 128, 8  # a bracket of parameters is cut into parts so often: down to round-off
 
 
 @dataclass(frozen=True)
@@ -113,15 +113,25 @@ def refined(outline: Sequence[Curve], brackets: list[tuple[int, float, float]], 
 def _sectioned(is_left: Callable[[Floats], np.ndarray], low: float, high: float) -> float:
     """The parameter in [low, high] where `is_left` turns from true to false; an end if it does not."""
     start, end = low, high
+    # A minimum at an end is that end exactly, so that corners are recognised.
+    after_start, before_end = is_left(np.array([np.nextafter(low, high), np.nextafter(high, low)]))
+    if not after_start:
+        return start
+    if before_end and _all_left(is_left, low, high):
+        return end
     for _ in range(SECTIONINGS):
         s = np.linspace(low, high, SECTIONS + 1)
         right = np.flatnonzero(~is_left(s[1:-1]))
         k = int(right[0]) if len(right) else SECTIONS - 1
         low, high = float(s[k]), float(s[k + 1])
-    # A minimum at an end is that end exactly, so that corners are recognised.
     if low == start:
         return start
     return end if high == end else 0.5 * (low + high)
+
+
+def _all_left(is_left: Callable[[Floats], np.ndarray], low: float, high: float) -> bool:
+    """Whether no sample between the ends lies right of the minimum."""
+    return bool(is_left(np.linspace(low, high, SECTIONS + 1)[1:-1]).all())
 
 
 def _slopes(curve: Curve, s: Floats, bed: Bed) -> Floats:

@@ -173,7 +173,7 @@ class PlanarProximity:
 
     def _joints_at(self, outline: Outline, curves: np.ndarray, within: float) -> list[_Row]:
         """The starts of curves (m,), in their order, each seen from all pieces of bed within a distance."""
-        points = outline.starts[curves]
+        points = outline.starts_of(curves)
         above = np.abs(points[:, 1] - self.bed.height(points[:, 0]))
         reach = np.maximum(above, 1e-3 * self.size) + (within if np.isfinite(within) else 0.0)
         left = np.maximum(points[:, 0] - reach, self.bed.extent[0])
