@@ -208,9 +208,9 @@ def by_coarser_runs(scene: Scene, computed: Loads, solve: Solve, of_mesh: Term |
     how = f"a run with steps x {_ratio_of_steps(scene):.3g}, extrapolated at order {order_in_time(scene)}"
     of_step = Term.of_difference("time step", computed, in_longer, to_step, how)
     if of_mesh is None:
-        order = beside.numerics.order
+        order = beside.order
         how = f"these on a mesh x {COARSER_MESH:.3g}, extrapolated at order {order_in_space(order)}"
-        how = how if order == scene.numerics.order else f"these on a mesh for elements of order {order}"
+        how = how if order == scene.order else f"these on a mesh for elements of order {order}"
         of_mesh = Term.of_difference(OF_MESH, in_longer, solve(beside), to_mesh, how)
     return Term.of_parts("discretisation", (of_step, of_mesh), "time step and mesh together")
 
@@ -220,7 +220,7 @@ def shares(scene: Scene) -> tuple[float, float]:
 
     The mesh for elements of one order more leaves so much less of an error that all it changes is one. Not collective.
     """
-    ratio, order = _ratio_of_steps(scene), scene.numerics.order
+    ratio, order = _ratio_of_steps(scene), scene.order
     in_time = (ratio if ratio > 1.0 else LONGER_STEP) ** order_in_time(scene)
     highest = 1.0 / (COARSER_MESH ** order_in_space(order) - 1.0)
     return 1.0 / (in_time - 1.0), 1.0 if order < HIGHEST_ORDER else highest
@@ -308,8 +308,8 @@ def comparisons(scene: Scene) -> tuple[Scene, Scene]:
     if scene.time.tolerance is not None:
         time["tolerance"] = ratio ** (order_in_time(scene) + 1) * scene.time.tolerance
     longer = changed(scene, numerics={"error_bars": False}, time=time)
-    if scene.numerics.order < HIGHEST_ORDER:
-        return longer, changed(longer, numerics={"order": scene.numerics.order + 1})
+    if scene.order < HIGHEST_ORDER:
+        return longer, changed(longer, numerics={"order": scene.order + 1})
     return longer, changed(
         longer, numerics={"mesh_size": min(COARSER_MESH * scene.numerics.mesh_size, 100.0)}
     )

@@ -62,7 +62,7 @@ class Balancing(Search):
 
     def _keep_for(self, following: Refined, scene: Scene) -> None:
         """Forget what was found about a scene but what the next one shares with it. Not collective."""
-        of_mesh = self._of_mesh if following.keeps_mesh(scene.numerics.order) else None
+        of_mesh = self._of_mesh if following.keeps_mesh(scene.order) else None
         self.known = {} if of_mesh is None else {OF_MESH: of_mesh}
         self.keep_model_terms()
 
@@ -148,7 +148,7 @@ class Balancing(Search):
 def refined(scene: Scene, trial: Trial, aim: float) -> Refined:
     """How the scene in time is made finer for a relative error, after a trial of it. Not collective."""
     powers = Powers(order_in_time(scene))
-    order, of_step, of_mesh = scene.numerics.order, trial.of_step, trial.of_mesh
+    order, of_step, of_mesh = scene.order, trial.of_step, trial.of_mesh
     if of_step is None or of_mesh is None or not math.isfinite(of_step + of_mesh):
         return halved(order, powers)
     # A safety factor may err more than its parts together.

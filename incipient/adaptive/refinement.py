@@ -106,7 +106,7 @@ class Refinement(Search):
                 outcome = self._tried(attempt)
             except (ConvergenceError, MeshError) as error:
                 failures += 1
-                self.tell(Trial(attempt.scene.numerics.order, 0, 0, None, 0.0, note=str(error)))
+                self.tell(Trial(attempt.scene.order, 0, 0, None, 0.0, note=str(error)))
                 if best is not None:
                     self.reason = f"the next mesh failed: {error}"
                     return self._repeated(best)
@@ -120,7 +120,7 @@ class Refinement(Search):
 
     def _first(self, factor: float) -> _Attempt:
         sizing = partial(coarse_sizes, factor, None)
-        return _Attempt(self._set_up(self.scene, self.numerics.order), sizing)
+        return _Attempt(self._set_up(self.scene, self.scene.order), sizing)
 
     def _set_up(self, scene: Scene, order: int) -> Scene:
         asked = self.numerics.accuracy
@@ -152,7 +152,7 @@ class Refinement(Search):
                 shares = gathered(run.domain.mesh, parts)
             cells = int(self.comm.bcast(len(shares.cells), root=0))
             seconds = self.elapsed() - began
-            order, unknowns = attempt.scene.numerics.order, run.fluid.space.unknowns
+            order, unknowns = attempt.scene.order, run.fluid.space.unknowns
             self.tell(Trial(order, cells, unknowns, error, seconds, note=attempt.note))
             if self.numerics.accuracy != "verdict":
                 following = self._to_refine(attempt, error / self.asked, shares, error)
@@ -195,7 +195,7 @@ class Refinement(Search):
         if excess <= 1.0:
             self.conclude(error)
             return None
-        order = attempt.scene.numerics.order
+        order = attempt.scene.order
         if np.isinf(error):  # the safety factor may be infinite: how much finer is enough is not known
             order = cheapest_order(order, 1.0 / FOR_VERDICT, self.scene.gdim)
             return self._within_budget(self._finer(attempt, order, FOR_VERDICT, shares, error))
@@ -216,7 +216,7 @@ class Refinement(Search):
             partial(coarse_sizes, COARSEST, wanted.field),
             self.trials[-1].unknowns
             * per_vertex[order]
-            / per_vertex[attempt.scene.numerics.order]
+            / per_vertex[attempt.scene.order]
             * wanted.more_cells,
             note,
         )
@@ -243,7 +243,7 @@ class Refinement(Search):
             return None
         scene, decisive = attempt.scene, bar.decisive
         if decisive == "discretisation" and error > CRITICAL:
-            order = cheapest_order(scene.numerics.order, 1.0 / FOR_VERDICT, scene.gdim)
+            order = cheapest_order(scene.order, 1.0 / FOR_VERDICT, scene.gdim)
             finer = self._finer(attempt, order, FOR_VERDICT, shares, error, "for the verdict")
             return self._within_budget(finer)
         other = with_less_of(decisive, scene)

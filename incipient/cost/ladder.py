@@ -81,7 +81,7 @@ QUICK = Spread((2, 3), (2.0, RATIO), (4.0, 2.0), solvers=())
 def spread(scene: Scene, quick: bool) -> Spread:
     """The usual ladder of a scene."""
     if quick:
-        return replace(QUICK, orders=(3, 4)) if scene.numerics.order == 4 else QUICK
+        return replace(QUICK, orders=(3, 4)) if scene.order == 4 else QUICK
     return STEADY if scene.time is None else UNSTEADY
 
 

@@ -67,7 +67,7 @@ class KnownLaws:
     def errors(self, scene: Scene) -> dict[str, Error]:
         """Errors by goal of the scene with any cells, order and steps, of goals that it shares with those studied."""
         step = calibration.step_of_flow(scene, scene.time.step if scene.time else None)
-        at, found = (scene.numerics.order, scene.numerics.mesh_size, step), {}
+        at, found = (scene.order, scene.numerics.mesh_size, step), {}
         for goal in {goal: None for one in self.findings for goal in one.errors}:
             if self.own or goal in _goals(scene):
                 told = [error_at(one.errors[goal], *at) for one in self.findings if goal in one.errors]
@@ -195,7 +195,7 @@ class _Run:
     @property
     def of_dual(self) -> int:
         """Unknowns with elements of one order more, in which errors of steady flow are estimated."""
-        order = self.scene.numerics.order
+        order = self.scene.order
         before, after = (k**2 + (k - 1) ** 2 / 2.0 for k in (order, order + 1))
         return round(self.unknowns * after / before)
 
@@ -291,7 +291,7 @@ def _search(known: KnownLaws, unknowns: int) -> tuple[list[_Run], LastMesh] | st
         path, reaches = _balanced(_Run(first, unknowns), known, asked)
     end, time = path[-1], path[-1].scene.time
     step = time.step if time else None
-    return path, LastMesh(error, len(path), end.scene.numerics.order, end.unknowns, step, reaches)
+    return path, LastMesh(error, len(path), end.scene.order, end.unknowns, step, reaches)
 
 
 def _refined(first: _Run, excess: float) -> list[_Run]:
@@ -301,7 +301,7 @@ def _refined(first: _Run, excess: float) -> list[_Run]:
 
     if excess <= 1.0:
         return [first]
-    before = first.scene.numerics.order
+    before = first.scene.order
     gdim = first.scene.gdim
     order, left = next_order(before, excess, gdim)
     per_vertex, more = UNKNOWNS[gdim], max(1.0, left) ** (0.5 * gdim / order)
@@ -318,8 +318,8 @@ def _balanced(first: _Run, known: KnownLaws, asked: float) -> tuple[list[_Run], 
     while not (reaches := cast(float, trial.estimate) <= asked) and len(path) < MOST_RUNS:
         last = path[-1].scene
         scene = finer(last, refined(last, trial, AIM * asked))
-        meshed = (scene.numerics.mesh_size, scene.numerics.order)
-        kept = meshed == (last.numerics.mesh_size, last.numerics.order)
+        meshed = (scene.numerics.mesh_size, scene.order)
+        kept = meshed == (last.numerics.mesh_size, last.order)
         unknowns = path[-1].unknowns if kept else _counted(scene).unknowns
         path.append(_Run(scene, unknowns))
         trial = _as_tried(path[-1], known)
@@ -334,7 +334,7 @@ def _as_tried(run: _Run, known: KnownLaws) -> Trial:
     of = scene.numerics.accuracy_of
     own, in_longer = (known.errors(one)[of].value for one in (scene, comparisons(scene)[0]))
     of_step = min(shares(scene)[0] * abs(in_longer - own), own)
-    order, of_mesh = scene.numerics.order, own - of_step
+    order, of_mesh = scene.order, own - of_step
     return Trial(order, 0, run.unknowns, own, 0.0, of_step=of_step, of_mesh=of_mesh)
 
 

@@ -52,7 +52,10 @@ def reopened(directory: Path, overrides: Sequence[str], comm: MPI.Comm) -> tuple
 
 
 def _require_same(path: Path, scene: Scene, of_checkpoint: Scene) -> None:
-    now, before = (dict(_flat(one.model_dump(mode="json"))) for one in (scene, of_checkpoint))
+    now, before = (
+        dict(_flat(one.model_dump(mode="json"))) | {"numerics.order": one.order}
+        for one in (scene, of_checkpoint)
+    )
     moves = scene.body is not None and scene.body.moves
     allowed = MAY_CHANGE + (MAY_CHANGE_IF_THE_GRAIN_MOVES if moves else ())
     becomes = MAY_BECOME if moves else {}

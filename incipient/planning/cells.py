@@ -27,7 +27,7 @@ def sides_across(scene: Scene) -> tuple[str, ...]:
 
 def largest_cell(scene: Scene) -> float:
     """Size of the cells away from everything for mesh_size = 1 [length]."""
-    domain, order = scene.domain, scene.numerics.order
+    domain, order = scene.domain, scene.order
     if not is_grid(scene):
         return FAR_CELL[order] * domain.height
     # Boundary layers thin as Re^-1/2, the grading makes up for half of that.

@@ -14,6 +14,7 @@ from typing import Any
 from ..geometry.plane.curves import Line
 from ..scene import Scene
 from ..scene.model import WIDE_GAP
+from ..scene.order import order_of
 from .datum import Datum, datum_of
 from .effects import Effect, EffectName, Numbers, effects_of, numbers_of
 from .linear import Method, method_of
@@ -37,6 +38,7 @@ class Estimate:
 class Plan:
     """Effects, discretisation and (where it has been counted) expense of a scene's computation.
 
+    why_order: what the order of the velocity follows from, in words; empty where the scene gives it
     sought:   what mesh and order are chosen for by the run, in words; empty where the scene chooses them
     warnings: what in the scene makes the result less sure, in words
     solver:   method for the linear systems
@@ -54,6 +56,7 @@ class Plan:
     numbers: Numbers | None = None
     stabilisation: Stabilisation = NO_CONVECTION
     estimate: Estimate | None = None
+    why_order: str = ""
     sought: str = ""
     warnings: tuple[str, ...] = ()
     datum: Datum | None = None
@@ -89,9 +92,10 @@ class Plan:
     def _discretisation(self) -> list[str]:
         elements = f"P{self.order}-P{self.order - 1} Taylor-Hood on cells of order {self.geometry_order}"
         solved = f"{self.scheme}, {self.convection} convection"
+        why = [f"  velocity of order {self.order}: {self.why_order}"] if self.why_order else []
         if not self.sought:
-            return [f"  {elements}, cell sizes x {self.mesh_size:g}, {solved}"]
-        return [f"  {self.sought}", f"  {elements} at first, {solved}"]
+            return [f"  {elements}, cell sizes x {self.mesh_size:g}, {solved}", *why]
+        return [f"  {self.sought}", f"  {elements} at first, {solved}", *why]
 
 
 def make_plan(scene: Scene) -> Plan:
@@ -101,7 +105,8 @@ def make_plan(scene: Scene) -> Plan:
     present = {effect.name for effect in effects if effect.present}
     return Plan(
         effects=effects,
-        order=numerics.order,
+        order=scene.order,
+        why_order=order_of(scene).reason,
         geometry_order=_geometry_order(scene),
         mesh_size=numerics.mesh_size,
         convection=_convection(scene, present),
@@ -153,7 +158,7 @@ def _geometry_order(scene: Scene) -> int:
     curves = list(scene.grain.drawn()) if scene.grain is not None else []
     if scene.bed_shape is not None:
         curves.extend(scene.bed_shape.curves(scene.domain.left, scene.domain.right))
-    return 1 if all(isinstance(curve, Line) for curve in curves) else GEOMETRY_ORDER[scene.numerics.order]
+    return 1 if all(isinstance(curve, Line) for curve in curves) else GEOMETRY_ORDER[scene.order]
 
 
 def _has_flat_faces(scene: Scene) -> bool:

@@ -66,9 +66,8 @@ def cell_reynolds(scene: Scene) -> float:
     """V h/(k nu) of the largest cells, estimated without a mesh. Not collective."""
     from .cells import largest_cell
 
-    numerics = scene.numerics
-    size = numerics.mesh_size * largest_cell(scene)
-    return float(scene.reference_velocity * size / (numerics.order * scene.viscosity))
+    size = scene.numerics.mesh_size * largest_cell(scene)
+    return float(scene.reference_velocity * size / (scene.order * scene.viscosity))
 
 
 def measured_cell_reynolds(fluid: Fluid) -> float:

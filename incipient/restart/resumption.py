@@ -21,6 +21,7 @@ from .redistribution import node_gatherer, spread_flow, spread_mesh, spread_node
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from ..scene import Scene
     from ..simulation.moving_grain import Trajectory
     from ..simulation.state import Run
 
@@ -38,13 +39,19 @@ def collected(run: Run) -> Checkpoint:
     fluid = transient.fluid
     states = [fluid.state.x.array, *(one.state for one in transient.past)]
     return Checkpoint(
-        scene=dumps(run.scene),
+        scene=dumps(_with_its_order(run)),
         progress=_progress(run, transient),
         mesh=whole_mesh(fluid.domain),
         times=np.array([fluid.time, *(one.time for one in transient.past)]),
         flow=whole_flow(fluid, states),
         body=None if run.trajectory is None else _body(run.trajectory),
     )
+
+
+def _with_its_order(run: Run) -> Scene:
+    """The scene with the order that the stored flow has, whatever a later version would choose."""
+    numerics = run.scene.numerics.model_copy(update={"order": run.plan.order})
+    return run.scene.model_copy(update={"numerics": numerics})
 
 
 def _progress(run: Run, transient: Transient) -> Progress:

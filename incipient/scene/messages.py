@@ -155,23 +155,23 @@ def _place(root: type[BaseModel], loc: Key) -> tuple[Key, type[BaseModel] | None
 
 def _problem(detail: ErrorDetails, key: Key, section: type[BaseModel] | None, gdim: int | None) -> Problem:
     kind, context = detail["type"], detail.get("ctx", {})
-    shown = _shown(detail["input"])
+    given = shown(detail["input"])
     if kind in (WITHIN, BETWEEN):
         return Problem(key, context["why"], context["remedy"], between=kind == BETWEEN)
     if kind in ("missing", "too_short", "too_long"):
         return _wrong_number(detail, key, section)
     if kind in _BOUNDS:
         name, words = _BOUNDS[kind]
-        return Problem(key, f"is {shown}", f"give a number {words} {context[name]:g}")
+        return Problem(key, f"is {given}", f"give a number {words} {context[name]:g}")
     if kind == "literal_error":
-        return Problem(key, f"{shown} is not known", f"use {_quoted(context['expected'])}")
+        return Problem(key, f"{given} is not known", f"use {_quoted(context['expected'])}")
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         return _wrong_alternative(detail, key, section, gdim)
     if kind in _SECTION_TYPES:
-        return Problem(key, f"is {shown}", f"write a section [{key_text(key)}]")
+        return Problem(key, f"is {given}", f"write a section [{key_text(key)}]")
     if kind in _REMEDIES:
-        return Problem(key, f"is {shown}", _REMEDIES[kind])
-    return Problem(key, f"is {shown}", detail["msg"][:1].lower() + detail["msg"][1:])
+        return Problem(key, f"is {given}", _REMEDIES[kind])
+    return Problem(key, f"is {given}", detail["msg"][:1].lower() + detail["msg"][1:])
 
 
 def _unknown_key(key: Key, section: type[BaseModel], close: str | None) -> Problem:
@@ -220,7 +220,7 @@ def _wrong_alternative(
         return Problem((*key, name), "is missing", choices)
     close = _closest(str(context["tag"]), tags)
     remedy = f'did you mean "{close}"?' if close else choices
-    return Problem((*key, name), f"{_shown(str(context['tag']))} is not known", remedy)
+    return Problem((*key, name), f"{shown(str(context['tag']))} is not known", remedy)
 
 
 def _closest(word: str, known: list[str]) -> str | None:
@@ -241,7 +241,7 @@ def _quoted(words: str) -> str:
     return quoted[0] if len(quoted) == 1 else f"{', '.join(quoted[:-1])} or {quoted[-1]}"
 
 
-def _shown(value: Any) -> str:
+def shown(value: Any) -> str:
     """A value in the words of a TOML file, short."""
     match value:
         case bool() | str():

@@ -21,6 +21,7 @@ from .kinds import Bed, Body
 from .messages import refusal
 from .motion import mass, mean_density
 from .numerics import Numerics
+from .order import order_of
 from .section import NotNegative, Positive, Section, contradiction
 
 if TYPE_CHECKING:
@@ -166,6 +167,11 @@ class Scene(Section):
     def up(self) -> int:
         """Number of the coordinate in which heights over the bed are counted, the last one."""
         return self.gdim - 1
+
+    @property
+    def order(self) -> int:
+        """Order of the velocity: what the scene says, or for "auto" what measurements recommend."""
+        return order_of(self).number
 
     @property
     def top(self) -> Top:

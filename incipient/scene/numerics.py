@@ -6,10 +6,13 @@ from typing import Any, Literal
 
 from pydantic import Field, field_validator
 
+from .messages import shown
+from .order import ORDERS
 from .section import SMALLEST, Positive, Section, contradiction
 
 Accuracy = float | Literal["verdict"]
 Tolerance = float | Literal["auto"]
+Order = Literal["auto", 2, 3, 4]
 
 # Below this the curved cells' geometry errs as much, which no estimate sees (docs/accuracy.md).
 FINEST = 1e-5
@@ -18,7 +21,10 @@ FINEST = 1e-5
 class Numerics(Section):
     """How the equations are solved; every key may be left out."""
 
-    order: int = Field(2, ge=2, le=4, description="Order of the velocity, 2 to 4; the pressure's is one less")
+    order: Order = Field(
+        "auto",
+        description="Order of the velocity, the pressure's is one less; auto: 3 in the plane if nothing moves, else 2",
+    )
     geometry_order: int | None = Field(
         None, ge=1, le=3, description="Order of curved cells, 1 to 3; without it: chosen", examples=[2]
     )
@@ -78,14 +84,20 @@ class Numerics(Section):
     )
     max_iterations: int = Field(25, ge=1, description="Newton iterations after which to give up")
 
+    @field_validator("order", mode="before")
+    @classmethod
+    def _is_an_order(cls, value: Any) -> Any:
+        if value == "auto" or (type(value) is int and value in ORDERS):
+            return value
+        raise contradiction(f"is {shown(value)}", 'give 2, 3, 4 or "auto"')
+
     @field_validator("tolerance", "interface_tolerance", mode="before")
     @classmethod
     def _is_a_tolerance(cls, value: Any) -> Any:
         number = isinstance(value, int | float) and not isinstance(value, bool)
         if value == "auto" or (number and value >= SMALLEST):
             return value
-        shown = f'"{value}"' if isinstance(value, str) else value
-        raise contradiction(f"is {shown}", 'give a number above 0 such as 1e-8, or "auto"')
+        raise contradiction(f"is {shown(value)}", 'give a number above 0 such as 1e-8, or "auto"')
 
     @field_validator("accuracy", mode="before")
     @classmethod
@@ -93,7 +105,6 @@ class Numerics(Section):
         number = isinstance(value, int | float) and not isinstance(value, bool)
         if value is None or value == "verdict" or (number and FINEST <= value < 1.0):
             return value
-        shown = f'"{value}"' if isinstance(value, str) else value
         raise contradiction(
-            f"is {shown}", f'give a relative error such as 0.01, from {FINEST:g} to below 1, or "verdict"'
+            f"is {shown(value)}", f'give a relative error such as 0.01, from {FINEST:g} to below 1, or "verdict"'
         )

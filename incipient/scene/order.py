@@ -1,0 +1,33 @@
+"""The order of the velocity where the scene leaves it open: what the program's own measurements recommend."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .model import Scene
+
+ORDERS = (2, 3, 4)
+
+
+@dataclass(frozen=True)
+class Order:
+    """The order of the velocity, and in words why it was chosen; no words where the scene gives it."""
+
+    number: int
+    reason: str = ""
+
+
+def order_of(scene: Scene) -> Order:
+    """The scene's own order, or the one to take (docs/numerics.md says by which measurements). Not collective."""
+    asked = scene.numerics.order
+    if asked != "auto":
+        return Order(asked)
+    if scene.gdim == 3:
+        return Order(2, "the scene lies in space, where higher orders have too many unknowns")
+    if scene.body is not None and scene.body.moves:
+        return Order(2, "the grain moves, and the mesh with it")
+    if scene.numerics.accuracy is not None:
+        return Order(2, "a higher one is taken where it is expected to need fewer unknowns")
+    return Order(3, "in the plane, where nothing moves, it errs far less than order 2 for the same time")

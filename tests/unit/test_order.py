@@ -1,0 +1,79 @@
+"""The order of the velocity that is chosen where a scene leaves it open."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from scenes import BOX, FLOW_SCALE, scene
+
+from incipient.accuracy.errorbars import changed, comparisons
+from incipient.planning.plan import make_plan
+from incipient.scene import Disc, Domain, Lid, Numerics, Scene, Sphere, Time, load
+from incipient.scene.example import grain_in_pocket, grain_on_bed
+from incipient.scene.file import dumps, loads
+
+DEMOS = Path(__file__).parents[2] / "demos" / "scenes"
+AT = {"diameter": 1.0, "centre": (4.0, 3.0), "density": 2.0}
+IN_TIME = {"time": Time(end=1.0, step=0.1)}
+IN_SPACE = {"domain": Domain(length=12, width=6, height=6), "bed": None}
+COURSE = ("0.1*cos(t)", "0", "0")
+CASES: list[tuple[dict[str, Any], int]] = [
+    ({}, 3),
+    (IN_TIME, 3),
+    ({"body": Disc(**AT), "bed": None}, 3),
+    ({"domain": BOX, "fluid": FLOW_SCALE, "flow": Lid(), "body": None, "bed": None}, 3),
+    ({**IN_TIME, "bed": None, "body": Disc(**AT, motion="free")}, 2),
+    ({**IN_TIME, "bed": None, "body": Disc(**AT, motion="prescribed", course=COURSE)}, 2),
+    ({**IN_SPACE, "body": Sphere(diameter=1.0, centre=(4.0, 3.0, 3.0))}, 2),
+]
+
+
+@pytest.mark.parametrize(("changes", "order"), CASES)
+def test_what_is_chosen_and_why(changes: dict[str, Any], order: int) -> None:
+    """What docs/numerics.md says was measured: three in the plane where nothing moves, two elsewhere."""
+    made = scene(**changes)
+    plan = make_plan(made)
+    assert (made.order, plan.order) == (order, order)
+    told = [line for line in plan.text().splitlines() if line.startswith(f"  velocity of order {order}: ")]
+    assert len(told) == 1 and told[0].endswith(plan.why_order) and plan.why_order
+    assert f"  P{order}-P{order - 1} Taylor-Hood" in plan.text()
+
+
+@pytest.mark.parametrize(("changes", "_"), CASES)
+@pytest.mark.parametrize("asked", [2, 3, 4])
+def test_what_is_asked_for_is_taken(changes: dict[str, Any], _: int, asked: int) -> None:
+    made = scene(**changes, numerics=Numerics(order=asked))
+    plan = make_plan(made)
+    assert made.order == plan.order == asked
+    assert plan.why_order == "" and "velocity of order" not in plan.text()
+
+
+@pytest.mark.parametrize("accuracy", [0.01, "verdict"])
+def test_a_search_for_an_accuracy_begins_with_two(accuracy: Any) -> None:
+    assert changed(grain_on_bed(), numerics={"accuracy": accuracy}).order == 2
+
+
+def test_runs_in_time_are_compared_with_one_order_more() -> None:
+    longer, beside = comparisons(scene(**IN_TIME))
+    assert (longer.order, beside.order) == (3, 4)
+
+
+def test_auto_is_written_and_read() -> None:
+    made = scene()
+    assert 'order = "auto"' in dumps(made)
+    assert loads(dumps(made)).numerics.order == "auto"
+    assert loads(dumps(scene(numerics=Numerics(order=2))), overrides=('numerics.order="auto"',)).order == 3
+    assert loads(dumps(made), overrides=("numerics.order=auto",)).order == 3
+
+
+@pytest.mark.parametrize(("made", "order"), [(grain_on_bed, 3), (grain_in_pocket, 2)])
+def test_the_examples(made: Any, order: int) -> None:
+    assert made().order == order
+
+
+@pytest.mark.parametrize(
+    ("name", "order"), [("grain_on_bed", 3), ("vortex_street", 3), ("pothole_1", 2), ("sphere_in_pocket", 2)]
+)
+def test_the_shipped_scenes(name: str, order: int) -> None:
+    found: Scene = load(DEMOS / f"{name}.toml")
+    assert found.numerics.order == "auto" and found.order == order
