@@ -13,6 +13,7 @@ from ..restart import checkpoint as checkpoints
 from ..restart.checkpoint import Checkpoint
 from ..scene import Scene, load
 from ..scene.file import loads
+from ..scene.order import with_order
 from .earlier import CHECKPOINT, SCENE
 
 if TYPE_CHECKING:
@@ -43,10 +44,12 @@ def reopened(directory: Path, overrides: Sequence[str], comm: MPI.Comm) -> tuple
 
     def read_both() -> tuple[Scene, Checkpoint]:
         kept = checkpoints.read(directory / CHECKPOINT)
-        scene = load(directory / SCENE, overrides)
-        _require_same(directory / SCENE, scene, loads(kept.scene))
-        _require_work(scene, loads(kept.scene), kept)
-        return scene, _adapted(scene, loads(kept.scene), kept)
+        scene, before = load(directory / SCENE, overrides), loads(kept.scene)
+        if scene.numerics.order == "auto" and scene.order != before.order:
+            scene = with_order(scene, before.order)  # that of the flow that is stored
+        _require_same(directory / SCENE, scene, before)
+        _require_work(scene, before, kept)
+        return scene, _adapted(scene, before, kept)
 
     return from_first(comm, read_both)
 

@@ -15,13 +15,13 @@ from ..fluid import Transient
 from ..fluid.transient import Past
 from ..mesh.domain import Domain
 from ..scene.file import dumps
+from ..scene.order import with_order
 from .checkpoint import Body, Checkpoint, Progress
 from .redistribution import node_gatherer, spread_flow, spread_mesh, spread_nodes, whole_flow, whole_mesh
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from ..scene import Scene
     from ..simulation.moving_grain import Trajectory
     from ..simulation.state import Run
 
@@ -39,19 +39,14 @@ def collected(run: Run) -> Checkpoint:
     fluid = transient.fluid
     states = [fluid.state.x.array, *(one.state for one in transient.past)]
     return Checkpoint(
-        scene=dumps(_with_its_order(run)),
+        # With the order that the flow has, whatever a later version would choose.
+        scene=dumps(with_order(run.scene, run.plan.order)),
         progress=_progress(run, transient),
         mesh=whole_mesh(fluid.domain),
         times=np.array([fluid.time, *(one.time for one in transient.past)]),
         flow=whole_flow(fluid, states),
         body=None if run.trajectory is None else _body(run.trajectory),
     )
-
-
-def _with_its_order(run: Run) -> Scene:
-    """The scene with the order that the stored flow has, whatever a later version would choose."""
-    numerics = run.scene.numerics.model_copy(update={"order": run.plan.order})
-    return run.scene.model_copy(update={"numerics": numerics})
 
 
 def _progress(run: Run, transient: Transient) -> Progress:

@@ -31,3 +31,8 @@ def order_of(scene: Scene) -> Order:
     if scene.numerics.accuracy is not None:
         return Order(2, "a higher one is taken where it is expected to need fewer unknowns")
     return Order(3, "in the plane, where nothing moves, it errs far less than order 2 for the same time")
+
+
+def with_order(scene: Scene, number: int) -> Scene:
+    """The scene with a given order. Not collective."""
+    return scene.model_copy(update={"numerics": scene.numerics.model_copy(update={"order": number})})

@@ -294,6 +294,15 @@ def test_other_steps_may_be_given(path: Path, override: str, length: float) -> N
     assert kept.progress.next_length == pytest.approx(length)  # steps that adapt go on from the last one
 
 
+@pytest.mark.parametrize(("stored", "given"), [(2, "auto"), (3, "auto"), (3, 3), ("auto", 3)])
+def test_the_order_is_that_of_the_stored_flow(path: Path, stored: Any, given: Any) -> None:
+    """Where "auto" means another one now, and where what it means is said."""
+    order = '"auto"' if stored == "auto" else stored
+    write(path, replace(sample(), scene=f"{SCENE}[numerics]\norder = {order}\n"))
+    scene, _ = reopened(path.parent, [f"numerics.order={given}"], COMM)
+    assert scene.order == (2 if stored == 2 else 3)
+
+
 def test_a_later_end_may_be_given(path: Path) -> None:
     scene, kept = reopened(path.parent, ["time.end=5"], COMM)
     assert scene.time is not None and scene.time.end == 5.0
@@ -308,7 +317,7 @@ def test_a_later_end_may_be_given(path: Path) -> None:
             "time.scheme=bdf1",
             r"time\.scheme is bdf1, .* has bdf2; leave it so \(only time\.end, .* may change\)",
         ),
-        ("numerics.order=3", r"numerics\.order is 3, "),
+        ("numerics.order=2", r"numerics\.order is 2, but the run to resume has 3; "),
         ("output.fields=false", r"output\.fields is False, but the run to resume has True"),
         ("time.end=1.0", r"has come to t = 1 already and time\.end is 1; .* --set time\.end=2"),
     ],

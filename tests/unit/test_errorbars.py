@@ -165,7 +165,7 @@ def test_step_and_mesh_are_told_apart(scheme: str, order: int, adapts: bool) -> 
 
     def exact(one: Scene) -> Loads:
         assert one.time is not None
-        of_step, of_mesh = one.time.step**order, 0.5 * (3 - one.numerics.order)
+        of_step, of_mesh = one.time.step**order, 0.5 * (scene.order + 1 - one.order)
         return Loads(np.array([1.0 + 0.3 * of_step, 0.02 * of_mesh, 0]), np.array([0, 0, of_mesh - of_step]))
 
     term = by_coarser_runs(scene, exact(scene), exact)
@@ -288,7 +288,7 @@ def test_coarse_runs_in_time_are_few_and_cheap() -> None:
     scene = Scene(**{**grain_on_bed().model_dump(), "time": {"end": 10.0, "step": 0.1}})
     runs = coarse_scenes(scene)
     assert len(runs) == 6
-    assert [one.numerics.order for one in runs] == [2, 3, 2, 2, 2, 2]
+    assert [one.order for one in runs] == [3, 4, 2, 2, 2, 2]
     found = [(one.time.step / 0.1, one.numerics.mesh_size) for one in runs if one.time is not None]
     assert np.array(found) == pytest.approx(np.array([*2 * [(4.0, 1.0)], *4 * [(4.0, 2.0)]]))
     short = Scene(**{**scene.model_dump(), "time": {"end": 1.0, "step": 0.1}})

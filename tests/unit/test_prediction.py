@@ -93,7 +93,7 @@ def test_a_study_predicts_its_scene(tmp_path: Path) -> None:
     calibration.add(findings(study))
     calibration.add(findings(study))
     assert len(calibration.read()) == 1, "kept once"
-    made = scene(QUIET, "numerics.mesh_size=1.2")
+    made = scene(QUIET, "numerics.mesh_size=1.2", "numerics.order=2")
     found = predict(known_laws(made), Estimate(555, round(4000 * 1.2**-2), 200.0))
     assert isinstance(found, Prediction) and found.own
     assert found.cpu == pytest.approx(1.0 + 0.2 * 1.2**-2 * 2, rel=0.15)
@@ -321,7 +321,7 @@ def test_several_studies_count_alike() -> None:
         for error in (0.01, 0.04)
     ]
     known = KnownLaws(scene(), tuple(studies), False, 2.0, "")
-    found = known.errors(scene())["force"]
+    found = known.errors(scene("numerics.order=2"))["force"]
     assert found.value == pytest.approx(0.02)
     assert found.factor == 5.0
     assert known.mean(lambda one: one.time.start) == pytest.approx(0.5)

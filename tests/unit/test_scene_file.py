@@ -382,7 +382,7 @@ SETTINGS = {
     ),
     "numerics": st.builds(
         Numerics,
-        order=st.integers(2, 4),
+        order=st.just("auto") | st.integers(2, 4),
         geometry_order=st.none() | st.integers(1, 3),
         mesh_size=st.floats(0.01, 100.0),
         tolerance=POSITIVE,
