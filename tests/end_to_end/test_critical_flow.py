@@ -110,7 +110,7 @@ def shields(shift: float = 0.0, spacing: float = 1.2, *overrides: str) -> float:
     """Critical Shields number of the grain in a pocket; grain and bed are shifted along the channel together."""
     x = 16.0 + shift
     places = (f"body.x={x}", f"bed.spacing={spacing}", f"bed.offset={x - spacing / 2}")
-    return threshold_of(on_bed(*POCKET, ALONE, *places, *overrides)).shields
+    return threshold_of(on_bed(*POCKET, "numerics.order=2", ALONE, *places, *overrides)).shields
 
 
 def test_where_the_inflow_cuts_the_bed_does_not_matter() -> None:

@@ -23,6 +23,7 @@ STAGES = {"plan", "import", "mesh", "forms", "flow", "tractions", "fields", "omi
 SOME_STAGES = {"contact", "error bars"}  # where there is a grain that rests, or any
 OPTIONS = {
     "numerics_mesh_size": 2,
+    "numerics_order": 2,  # which the quadratic cells of the files hold exactly
     "bed_kind": "half-discs",
     "bed_radius": 0.5,
     "bed_spacing": 1.2,
