@@ -106,5 +106,6 @@ class Numerics(Section):
         if value is None or value == "verdict" or (number and FINEST <= value < 1.0):
             return value
         raise contradiction(
-            f"is {shown(value)}", f'give a relative error such as 0.01, from {FINEST:g} to below 1, or "verdict"'
+            f"is {shown(value)}",
+            f'give a relative error such as 0.01, from {FINEST:g} to below 1, or "verdict"',
         )
