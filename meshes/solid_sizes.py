@@ -185,7 +185,7 @@ def boxes(size: SizeMap, bottom: float) -> Boxes:
         split = side > BOX * least
         found.append((centres[~split], np.full(int((~split).sum()), side), values[~split]))
         total += len(found[-1][0])
-        if total > MOST_BOXES:
+        if total + 8 * int(split.sum()) > MOST_BOXES:
             found.append((centres[split], np.full(int(split.sum()), side), values[split]))
             break
         centres = (centres[split][:, None] + 0.25 * side * CORNERS).reshape(-1, 3)
