@@ -298,7 +298,7 @@ def test_a_mesh_that_cannot_be_made(session: Session, tmp_path, ranks):
     )
     assert fine.codes == [0] * ranks, fine.lines
     assert folded.codes == touching.codes == closed.codes == [3] * ranks
-    assert folded.complaint.startswith("cells of order 2 fold over on a curved boundary: use a smaller")
+    assert folded.complaint.startswith("cells of order 3 fold over on a curved boundary: use a smaller")
     assert touching.complaint.startswith("the geometry could not be meshed: ")
     assert closed.complaint.startswith("the geometry could not be meshed: ")
 
