@@ -98,12 +98,14 @@ class _Drawing:
         self.tags: dict[tuple[int, int], int] = {}
 
     def point(self, x: Floats) -> int:
+        """The tag of the point at a place (3,), drawn if it is new."""
         place = tuple(float(c) for c in x)
         if place not in self.points:
             self.points[place] = gmsh.model.geo.addPoint(*place)
         return self.points[place]
 
     def line(self, start: int, end: int) -> int:
+        """The tag of the line between two points, in whichever direction it was drawn first."""
         key = (min(start, end), max(start, end))
         if key not in self.tags:
             self.tags[key] = gmsh.model.geo.addLine(*key)

@@ -123,6 +123,7 @@ class _Held:
 
     @classmethod
     def of(cls, load: Load, contacts: Contacts, friction: float, box: ErrorBox) -> "_Held":
+        """What contacts hold with a coefficient of friction, the directions of the box in the units of their grasp."""
         held_by = grasp(load, contacts, friction)
         ways = box.ways / np.array([1.0, 1.0, 1.0, *3 * [held_by.reach]])[:, None]
         if held_by.plane is not None and leave_plane(held_by.plane, ways):

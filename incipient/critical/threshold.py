@@ -199,6 +199,7 @@ def find_threshold(
         scene = scene.model_copy(update={"effects": scene.effects.model_copy(update={"inertia": True})})
 
     def concluded(run: Run, search: Search, found: Found, adaptation: Adaptation | None = None) -> Threshold:
+        """The threshold that a search has found, with error bars where they are wanted; kept before these begin."""
         threshold = _threshold(run, found)
         if found.is_critical:
             threshold = replace(threshold, adaptation=adaptation)

@@ -43,6 +43,7 @@ def reopened(directory: Path, overrides: Sequence[str], comm: MPI.Comm) -> tuple
     """
 
     def read_both() -> tuple[Scene, Checkpoint]:
+        """Scene and checkpoint, from files that the first rank reads; refused if they do not go together."""
         kept = checkpoints.read(directory / CHECKPOINT)
         scene, before = load(directory / SCENE, overrides), loads(kept.scene)
         if scene.numerics.order == "auto" and scene.order != before.order:

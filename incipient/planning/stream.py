@@ -50,6 +50,7 @@ def _stream(scene: Scene, foot: float | Callable[[np.ndarray], np.ndarray]) -> V
     profile, datum, up = _profile(scene), scene.datum, scene.up
 
     def velocity(x: np.ndarray, t: float) -> np.ndarray:
+        """Velocities (gdim, n) at places (3, n), along the first axis; they do not depend on the time."""
         speed = np.minimum(
             profile(x[up] - datum), STEEPER * profile(x[up] - (foot(x) if callable(foot) else foot))
         )

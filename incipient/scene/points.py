@@ -1,14 +1,15 @@
-"""Points x, y that a scene names a file for, and files whose size is limited."""
+"""Files that a scene names in place of what stands in them, points x, y above all; their size is limited."""
 
 from __future__ import annotations
 
 import csv
 import errno
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
-from pydantic import ValidationError
+from pydantic import Field, ValidationError, ValidationInfo
 
 from ..arrays import Point
 from .messages import Problem, counted, refusal
@@ -54,6 +55,40 @@ def read_points(path: Path, fewest: int, section: str) -> list[Point]:
         remedy = f"give {'two' if fewest == 2 else 'three'} or more points, {MOST_POINTS} at most"
         raise about_file(section, f"{path} has {counted(len(rows), 'point')}", remedy)
     return [_point(section, f"{path} line {number}", row) for number, row in rows]
+
+
+def file_key(kinds: str, instead: str, example: str) -> Any:
+    """The key `file` of a section: the kinds of files, and the keys that the resolved scene has instead."""
+    told = f"{kinds} relative to the scene; the resolved scene has {instead} instead"
+    return Field(None, description=told, examples=[example])
+
+
+def with_file_read(
+    section: str,
+    key: str,
+    data: Any,
+    info: ValidationInfo,
+    read: Callable[[Path], dict[str, Any]],
+    remedy: str = "give one of them",
+) -> Any:
+    """What is given for a section, its file replaced by what `read` finds there; no longer of where it was read.
+
+    Raises:
+        ValidationError: both the file and the key that it stands for are given, or neither.
+    """
+    if not isinstance(data, dict):
+        return data
+    given, from_file = (
+        key in data,
+        data.get("file") is not None,
+    )  # a scene dumped and read again names no file
+    if given == from_file:
+        which = f"both file and {key} are" if given else f"neither file nor {key} is"
+        raise about_file(section, f"{which} given", remedy)
+    if not isinstance(data.get("file"), str):
+        return data
+    path = Path((info.context or {}).get("directory", "."), data["file"])
+    return {**{name: value for name, value in data.items() if name != "file"}, **read(path)}
 
 
 def about_file(section: str, why: str, remedy: str) -> ValidationError:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
@@ -15,7 +14,7 @@ from ..arrays import Point
 from ..errors import SceneError
 from .grains import BodySection, Density, Motion, OnContact
 from .messages import split
-from .points import MOST_POINTS, about_file, read_points
+from .points import MOST_POINTS, about_file, file_key, read_points, with_file_read
 from .section import NotNegative, Pair, Positive, PositivePair, Section, three
 
 if TYPE_CHECKING:
@@ -134,11 +133,7 @@ class Polygon(GrainSection):
     """A polygon whose sides do not cross; one of many points, such as a traced outline, may stand in a file."""
 
     shape: Literal["polygon"] = Field("polygon", description="Shape of the grain")
-    file: str | None = Field(
-        None,
-        description="CSV file of x, y, relative to the scene; the resolved scene has vertices instead",
-        examples=["grain.csv"],
-    )
+    file: str | None = file_key("CSV file of x, y,", "vertices", "grain.csv")
     vertices: Annotated[tuple[Pair, ...], Field(strict=False, min_length=3)] = Field(
         (), description="Vertices in order around it, three or more, relative to any point [length]"
     )
@@ -147,11 +142,12 @@ class Polygon(GrainSection):
     @classmethod
     def _read(cls, data: Any, info: ValidationInfo) -> Any:
         """Replace the file by its points; an outline that ends where it began is closed without the last."""
-        data = _with_points(data, info, "vertices", "Polygon", fewest=3)
-        if isinstance(data, dict) and isinstance(data.get("vertices"), _FromFile):
-            points = data["vertices"].points
-            data = {**data, "vertices": points[:-1] if points[0] == points[-1] else points}
-        return data
+
+        def outline(path: Path) -> dict[str, Any]:
+            points = read_points(path, 3, "Polygon")
+            return {"vertices": points[:-1] if points[0] == points[-1] else points}
+
+        return with_file_read("Polygon", "vertices", data, info, outline)
 
     @model_validator(mode="after")
     def _is_simple(self) -> Polygon:
@@ -360,11 +356,7 @@ class Polyline(BedSection):
     """Straight lines through points, which are read from a file or stand in the scene."""
 
     kind: Literal["polyline"] = Field("polyline", description="Kind of bed")
-    file: str | None = Field(
-        None,
-        description="CSV file of x, y, relative to the scene; the resolved scene has points instead",
-        examples=["bed.csv"],
-    )
+    file: str | None = file_key("CSV file of x, y,", "points", "bed.csv")
     points: Annotated[tuple[Pair, ...], Field(strict=False, min_length=2)] = Field(
         (), description="Points with ascending x, heights counted from the base line [length]"
     )
@@ -373,14 +365,15 @@ class Polyline(BedSection):
     @classmethod
     def _read(cls, data: Any, info: ValidationInfo) -> Any:
         """Replace the file by its points, so that the scene no longer depends on where it was read."""
-        data = _with_points(data, info, "points", "Polyline", fewest=2)
-        if isinstance(data, dict) and isinstance(data.get("points"), _FromFile):
-            path, points = data["points"].path, data["points"].points
+
+        def ascending(path: Path) -> dict[str, Any]:
+            points = read_points(path, 2, "Polyline")
             if why := _disorder(points):
                 remedy = "give two or more points sorted by ascending x, each x once"
                 raise about_file("Polyline", f"{path} {why}", remedy)
-            data = {**data, "points": points}
-        return data
+            return {"points": points}
+
+        return with_file_read("Polyline", "points", data, info, ascending)
 
     @model_validator(mode="after")
     def _is_sorted(self) -> Polyline:
@@ -395,29 +388,6 @@ class Polyline(BedSection):
         from ..geometry.plane import bed
 
         return bed.Polyline([(x - origin_x, y) for x, y in self.points], origin_y)
-
-
-@dataclass(frozen=True)
-class _FromFile:
-    """Points that stand in a file."""
-
-    path: Path
-    points: list[Point]
-
-
-def _with_points(data: Any, info: ValidationInfo, key: str, section: str, fewest: int) -> Any:
-    """What is given for a section, the points of its file put under a key that may be given instead."""
-    if not isinstance(data, dict):
-        return data
-    from_file = data.get("file") is not None  # a scene dumped and read again names no file
-    if (key in data) == from_file:
-        which = f"both file and {key} are" if from_file else f"neither file nor {key} is"
-        raise about_file(section, f"{which} given", "give one of them")
-    if not isinstance(data.get("file"), str):
-        return data
-    path = Path((info.context or {}).get("directory", "."), data["file"])
-    rest = {name: value for name, value in data.items() if name != "file"}
-    return {**rest, key: _FromFile(path, read_points(path, fewest, section))}
 
 
 def _limit(section: Section, key: str, most: int) -> None:

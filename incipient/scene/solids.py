@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 from ..errors import SceneError
 from .grains import BodySection, Density, Motion, OnContact
 from .messages import counted, split
-from .points import MOST_POINTS, about_file
+from .points import MOST_POINTS, about_file, file_key, with_file_read
 from .section import NotNegative, Positive, PositiveTriple, Triple, contradiction
 
 if TYPE_CHECKING:
@@ -32,6 +32,9 @@ def _four(value: Any) -> Any:
 
 Ball = Annotated[tuple[float, float, float, Positive], Field(strict=False), BeforeValidator(_four)]
 Triangle = Annotated[tuple[int, int, int], Field(strict=False)]
+SemiAxes = Annotated[
+    PositiveTriple, Field(description="Semi-axes along x, y and z without orientation [length]")
+]
 Exponent = Annotated[float, Field(ge=2, le=ROUNDEST)]
 Freedom = Literal["x", "y", "z", "rx", "ry", "rz"]
 Course = Annotated[tuple[str, str, str, str, str, str], Field(strict=False)]
@@ -148,7 +151,7 @@ class Ellipsoid(SolidSection):
     """An ellipsoid."""
 
     shape: Literal["ellipsoid"] = Field("ellipsoid", description="Shape of the grain")
-    semi_axes: PositiveTriple = Field(description="Semi-axes along x, y and z without orientation [length]")
+    semi_axes: SemiAxes
 
     def new_grain(self) -> Solid:
         """The grain's shape in its body frame, lengths in scene units."""
@@ -161,7 +164,7 @@ class Superquadric(SolidSection):
     """A superquadric, between an ellipsoid and a box or a cylinder."""
 
     shape: Literal["superquadric"] = Field("superquadric", description="Shape of the grain")
-    semi_axes: PositiveTriple = Field(description="Semi-axes along x, y and z without orientation [length]")
+    semi_axes: SemiAxes
     exponents: Annotated[tuple[Exponent, Exponent], Field(strict=False)] = Field(
         description="Exponents along z and across it: 2 is an ellipsoid, 100 almost a box"
     )
@@ -237,11 +240,7 @@ class Mesh(SolidSection):
     """A grain bounded by triangles, such as a scanned pebble, from an STL, PLY or OBJ file."""
 
     shape: Literal["mesh"] = Field("mesh", description="Shape of the grain")
-    file: str | None = Field(
-        None,
-        description="STL, PLY or OBJ file, relative to the scene; the resolved scene has its triangles instead",
-        examples=["pebble.stl"],
-    )
+    file: str | None = file_key("STL, PLY or OBJ file,", "its triangles", "pebble.stl")
     size: Positive | None = Field(
         None,
         description="Largest diameter; without it that of the file's coordinates [length]",
@@ -258,27 +257,22 @@ class Mesh(SolidSection):
     @classmethod
     def _read(cls, data: Any, info: ValidationInfo) -> Any:
         """Replace the file by its triangles, so that the scene no longer depends on where it was read."""
-        if not isinstance(data, dict):
-            return data
-        given, from_file = "vertices" in data, data.get("file") is not None
-        if given == from_file:
-            which = "both file and vertices are" if given else "neither file nor vertices is"
-            raise about_file("Mesh", f"{which} given", "give the name of an STL, PLY or OBJ file")
-        if not isinstance(data.get("file"), str):
-            return data
-        from ..geometry.space.polyhedra import Triangulated
 
-        path = Path((info.context or {}).get("directory", "."), data["file"])
-        try:
-            found = Triangulated.from_file(path)
-        except SceneError as error:
-            raise about_file("Mesh", *split(str(error))) from None
-        if len(found.vertices) > MOST_POINTS:
-            why = f"{path} has {len(found.vertices)} vertices"
-            raise about_file("Mesh", why, f"reduce it to {MOST_POINTS} at most")
-        rest = {name: value for name, value in data.items() if name != "file"}
-        shape = {"vertices": found.vertices.tolist(), "triangles": found.triangles.tolist()}
-        return {**rest, **shape}
+        def surface(path: Path) -> dict[str, Any]:
+            from ..geometry.space.polyhedra import Triangulated
+
+            try:
+                found = Triangulated.from_file(path)
+            except SceneError as error:
+                raise about_file("Mesh", *split(str(error))) from None
+            if len(found.vertices) > MOST_POINTS:
+                why = f"{path} has {len(found.vertices)} vertices"
+                raise about_file("Mesh", why, f"reduce it to {MOST_POINTS} at most")
+            return {"vertices": found.vertices.tolist(), "triangles": found.triangles.tolist()}
+
+        return with_file_read(
+            "Mesh", "vertices", data, info, surface, "give the name of an STL, PLY or OBJ file"
+        )
 
     @property
     def _telling(self) -> str:

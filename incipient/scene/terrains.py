@@ -12,7 +12,7 @@ from pydantic import Field, ValidationInfo, model_validator
 
 from ..errors import SceneError
 from .messages import split
-from .points import about_file
+from .points import about_file, file_key, with_file_read
 from .section import NotNegative, Pair, Positive, PositivePair
 from .shapes import BedSection
 
@@ -24,7 +24,7 @@ MOST_HEIGHTS = 250_000
 _FILES = {"HeightMapBed": "a PNG, TIFF, .npy or .asc file", "MeshBed": "an STL, PLY or OBJ file"}
 Heights = Annotated[
     tuple[Annotated[tuple[float, ...], Field(strict=False)], ...],
-    Field(strict=False),
+    Field(strict=False, description="Heights above the base plane, rows of ascending y [length]"),
 ]
 
 
@@ -120,23 +120,18 @@ class RasterBed(TerrainSection):
     @classmethod
     def _read(cls, data: Any, info: ValidationInfo) -> Any:
         """Replace the file by its heights, so that the scene no longer depends on where it was read."""
-        if not isinstance(data, dict):
-            return data
-        given, from_file = "heights" in data, data.get("file") is not None
-        if given == from_file:
-            which = "both file and heights are" if given else "neither file nor heights is"
-            raise about_file(cls.__name__, f"{which} given", f"give the name of {_FILES[cls.__name__]}")
-        if not isinstance(data.get("file"), str):
-            return data
-        path = Path((info.context or {}).get("directory", "."), data["file"])
-        try:
-            found = cls._in_file(path, data)
-        except (SceneError, TypeError) as error:
-            raise about_file(cls.__name__, *split(str(error))) from None
-        x, y = data.get("offset", (0.0, 0.0))
-        rest = {name: value for name, value in data.items() if name != "file"}
-        place = {"cell": found.cell, "offset": (x + found.origin[0], y + found.origin[1])}
-        return {**rest, **place, "heights": found.heights.tolist()}
+
+        def raster(path: Path) -> dict[str, Any]:
+            try:
+                found = cls._in_file(path, data)
+            except (SceneError, TypeError) as error:
+                raise about_file(cls.__name__, *split(str(error))) from None
+            x, y = data.get("offset", (0.0, 0.0))
+            offset = x + found.origin[0], y + found.origin[1]
+            return {"cell": found.cell, "offset": offset, "heights": found.heights.tolist()}
+
+        remedy = f"give the name of {_FILES[cls.__name__]}"
+        return with_file_read(cls.__name__, "heights", data, info, raster, remedy)
 
     @model_validator(mode="after")
     def _is_a_raster(self) -> RasterBed:
@@ -166,11 +161,7 @@ class HeightMapBed(RasterBed):
     """Heights on a raster, from an image or a table."""
 
     kind: Literal["height-map"] = Field("height-map", description="Kind of bed")
-    file: str | None = Field(
-        None,
-        description="PNG, TIFF, .npy or .asc file, relative to the scene; the resolved scene has heights instead",
-        examples=["bed.png"],
-    )
+    file: str | None = file_key("PNG, TIFF, .npy or .asc file,", "heights", "bed.png")
     cell: PositivePair | None = Field(
         None,
         description="Distance of the heights along x and y; .asc files bring it [length]",
@@ -178,7 +169,7 @@ class HeightMapBed(RasterBed):
     )
     relief: float = Field(1.0, description="Factor on the heights; of images: from black to white [length]")
     offset: Pair = Field((0.0, 0.0), description="Place x, y of the first height [length]")
-    heights: Heights = Field((), description="Heights above the base plane, rows of ascending y [length]")
+    heights: Heights = ()
 
     @classmethod
     def _in_file(cls, path: Path, data: dict[str, Any]) -> HeightMap:
@@ -193,11 +184,7 @@ class MeshBed(RasterBed):
     """The upper side of a surface of triangles, such as a scanned bed, from an STL, PLY or OBJ file."""
 
     kind: Literal["mesh"] = Field("mesh", description="Kind of bed")
-    file: str | None = Field(
-        None,
-        description="STL, PLY or OBJ file, relative to the scene; the resolved scene has heights instead",
-        examples=["bed.stl"],
-    )
+    file: str | None = file_key("STL, PLY or OBJ file,", "heights", "bed.stl")
     cell: PositivePair | None = Field(
         None,
         description="Distance of the heights that are taken; by default 200 to the longer side [length]",
@@ -205,7 +192,7 @@ class MeshBed(RasterBed):
     )
     scale: Positive = Field(1.0, description="Factor on the file's coordinates [length]")
     offset: Pair = Field((0.0, 0.0), description="Place x, y of the file's origin [length]")
-    heights: Heights = Field((), description="Heights above the base plane, rows of ascending y [length]")
+    heights: Heights = ()
 
     @classmethod
     def _in_file(cls, path: Path, data: dict[str, Any]) -> HeightMap:

@@ -102,9 +102,14 @@ def test_the_lock_of_a_killed_process_is_taken_over(tmp_path: Path) -> None:
 
 
 def test_a_number_that_another_process_has_got_since_is_not_the_holder(tmp_path: Path) -> None:
+    left_by(tmp_path)
+    with pytest.raises(OutputError, match=f"process {os.getpid()} on "), locked(tmp_path, COMM):
+        pass
     left_by(tmp_path, began="1")
     with locked(tmp_path, COMM):
-        pass
+        holder = Holder.read((tmp_path / LOCK).read_bytes())
+        assert holder is not None and holder.began == Holder.here().began != "1"
+    assert not list(tmp_path.iterdir())
 
 
 def test_one_of_several_takes_an_old_lock_over(tmp_path: Path) -> None:
