@@ -2,6 +2,8 @@
 .DEFAULT_GOAL := help
 PYTHON := .venv/bin/python
 DEMO := grain_on_bed
+# Two files of tests at a time, in the order of their folders: long files with few tests come first, short ones last.
+BESIDE := -n 2 --dist loadfile --no-loadscope-reorder
 # Passed on to pytest, as in: make test ARGS="-k contact -x"
 ARGS ?=
 
@@ -23,10 +25,10 @@ demo: setup ## a grain on a bed: verdict, pictures and ParaView files
 	.venv/bin/incipient run demos/scenes/$(DEMO).toml --out results/$(DEMO) --set output.pictures=true
 
 test: setup ## the default tests (ARGS="-k name -x" goes to pytest)
-	$(PYTHON) -m pytest -n 2 --dist loadfile $(ARGS)
+	$(PYTHON) -m pytest $(BESIDE) $(ARGS)
 
 test-quick: setup ## the tests that need no flow: under a minute
-	$(PYTHON) -m pytest -m "quick and not slow" -n 2 --dist loadfile $(ARGS)
+	$(PYTHON) -m pytest -m "quick and not slow" $(BESIDE) $(ARGS)
 
 test-slow: setup ## the tests that take minutes
 	$(PYTHON) -m pytest -m slow $(ARGS)

@@ -25,11 +25,16 @@ def environment() -> dict[str, str]:
 def on_ranks(number: int) -> list[str]:
     """The start of a command that runs on so many ranks, by the `mpirun` of the MPI that Python uses.
 
-    PyPI's MPI brings its own beside Python; only Open MPI has to be told that there may be more ranks than cores.
+    PyPI's MPI brings its own beside Python; only Open MPI has to be told that there may be more ranks than cores, and
+    not to tie ranks to cores, the same ones for every `mpirun`: two side by side would share them.
     """
     beside = Path(sys.executable).with_name("mpirun")
     command = [str(beside) if beside.exists() else "mpirun", "-n", str(number)]
-    return [*command, "--oversubscribe"] if "Open MPI" in MPI.Get_library_version() else command
+    return (
+        [*command, "--oversubscribe", "--bind-to", "none"]
+        if "Open MPI" in MPI.Get_library_version()
+        else command
+    )
 
 
 def finished(command: Sequence[object], timeout: float, **options: Any) -> subprocess.CompletedProcess[str]:

@@ -81,11 +81,11 @@ def assert_moves_from(scene: incipient.Scene, threshold: Threshold, sides: float
 
 @pytest.fixture(scope="module")
 def in_pocket() -> Threshold:
-    return threshold_of(on_bed(*POCKET, ALONE))
+    return threshold_of(on_bed(*POCKET, *SMALL, ALONE))
 
 
 def test_inertial_threshold_is_where_the_safety_factor_is_one(in_pocket: Threshold) -> None:
-    assert margin(on_bed(*POCKET), in_pocket.factor) == pytest.approx(1.0, abs=2e-5)
+    assert margin(on_bed(*POCKET, *SMALL), in_pocket.factor) == pytest.approx(1.0, abs=2e-5)
     assert in_pocket.mode == "pivoting"
     assert 2 <= len(in_pocket.trials) <= 5
 
@@ -259,11 +259,11 @@ def assert_told(threshold: Threshold, directory: Path) -> None:
 
 def test_accuracy_is_honoured() -> None:
     """The error of the critical flow asked for, against a mesh that is much finer."""
-    asked = threshold_of(on_bed(*SHAPE, *SMALL, ALONE, "numerics.accuracy=0.002"))
+    asked = threshold_of(on_bed(*SHAPE, *SMALL, ALONE, "numerics.accuracy=0.003"))
     assert asked.adaptation is not None and asked.adaptation.met
     assert asked.adaptation.of == "critical flow" and len(asked.adaptation.trials) > 1
     fine = threshold_of(on_bed(*POCKET, *SMALL, ALONE, "numerics.order=3"))
-    assert abs(asked.factor / fine.factor - 1.0) < 0.002
+    assert abs(asked.factor / fine.factor - 1.0) < 0.003
     assert "error of the critical flow" in asked.text()
 
 

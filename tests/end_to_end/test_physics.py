@@ -9,6 +9,7 @@ import pytest
 from processes import CAVITY, CYLINDER, GRAIN_ON_BED, VORTEX_STREET, result_of, settings
 
 import incipient
+from incipient.cli import main
 from incipient.mesh.sampling import sample
 from incipient.scene import (
     Contact,
@@ -54,7 +55,7 @@ def dot(**values):
 
 
 def dfg_2d_1(order):
-    result = incipient.run(incipient.load(CYLINDER, dot(numerics_order=order)))
+    result = incipient.run(incipient.load(CYLINDER, dot(numerics_order=order, numerics_error_bars=False)))
     front, back = sample(result.pressure, np.array([[0.15, 0.2], [0.25, 0.2]]))[:, 0]
     found = {
         "drag": result.coefficients.drag,
@@ -79,7 +80,8 @@ def test_cylinder_at_order_four():
 
 
 def cavity(reynolds, mesh_size=1.0):
-    return incipient.run(incipient.load(CAVITY, dot(fluid_reynolds=reynolds, numerics_mesh_size=mesh_size)))
+    chosen = dot(fluid_reynolds=reynolds, numerics_mesh_size=mesh_size, numerics_error_bars=False)
+    return incipient.run(incipient.load(CAVITY, chosen))
 
 
 def ghia(line, reynolds):
@@ -155,7 +157,7 @@ def test_channels_without_a_grain_keep_their_parabola(flow, profile, fall):
         domain=Domain(length=3.0, height=1.0, origin=(-1.0, 0.0)),
         fluid=Fluid(reynolds=50.0, scale="flow"),
         flow=flow,
-        numerics=Numerics(mesh_size=2.0),
+        numerics=Numerics(mesh_size=2.0, error_bars=False),
     )
     result = incipient.run(scene)
     points = np.random.default_rng(1).uniform((-1, 0), (2, 1), (60, 2))
@@ -174,7 +176,7 @@ def in_still_water(**changed):
         "bed": Flat(),
         "gravity": Gravity(acceleration=9.81),
         "contact": Contact(friction=0.3),
-        "numerics": Numerics(mesh_size=2.0),
+        "numerics": Numerics(mesh_size=2.0, error_bars=False),
     }
     return incipient.run(Scene(**{**sections, **changed}))
 
@@ -211,7 +213,7 @@ def test_a_stream_does_not_lift_a_disc_in_its_middle():
             fluid=Fluid(reynolds=20.0, scale="grain"),
             flow=Uniform(),
             body=Disc(diameter=1.0, centre=(0.0, 0.0)),
-            numerics=Numerics(order=4),
+            numerics=Numerics(order=4, error_bars=False),
         )
     )
     assert result.coefficients.drag > 2
@@ -228,7 +230,7 @@ def test_the_mirrored_flow_gives_the_mirrored_force():
             fluid=Fluid(reynolds=20.0, scale="grain"),
             flow=Poiseuille(),
             body=Ellipse(semi_axes=(0.2, 0.1), centre=(1.0, height), angle=angle),
-            numerics=Numerics(order=4),
+            numerics=Numerics(order=4, error_bars=False),
         )
         result = incipient.run(scene)
         return np.array([*result.force.flow[:2], result.couple.flow[2]])
@@ -244,7 +246,7 @@ def test_stokes_flow_is_linear():
             fluid=Fluid(reynolds=reynolds, scale="grain", inertia=False),
             flow=Poiseuille(velocity=velocity),
             body=Rectangle(width=0.6, height=0.4, centre=(2.0, 0.8), angle=20.0),
-            numerics=Numerics(mesh_size=2.0),
+            numerics=Numerics(mesh_size=2.0, error_bars=False),
         )
         result = incipient.run(scene)
         assert result.cost["iterations"]["newton"] == 1
@@ -268,6 +270,7 @@ def test_loads_converge_as_the_gap_closes():
             body=Disc(diameter=1.0, x=4.0, density=2.65),
             bed=Flat(),
             contact=Contact(friction=0.5, gap=gap),
+            numerics=Numerics(error_bars=False),
         )
         result = incipient.run(scene)
         assert result.gap.resolved and result.gap.width == pytest.approx(gap)
@@ -279,14 +282,21 @@ def test_loads_converge_as_the_gap_closes():
 
 
 def test_any_number_of_ranks_gives_the_same_numbers(session, tmp_path):
-    found = {}
+    """Error bars, which are runs of the same kind, are computed on one and two."""
+    found, bars = {}, {}
     for ranks in (1, 2, 3):
-        (outcome,) = session(
-            ranks, [["run", GRAIN_ON_BED, *settings(numerics_mesh_size=4), "--out", f"on{ranks}"]]
-        )
-        assert outcome.codes == [0] * ranks, outcome.lines
+        small = settings(domain_length=12.0, domain_height=6.0, body_x=4.0, numerics_mesh_size=4)
+        options = [*small, *settings(numerics_error_bars=ranks < 3)]
+        arguments = ["run", str(GRAIN_ON_BED), *options, "--out"]
+        if ranks == 1:
+            assert main([*arguments, str(tmp_path / "on1")]) == 0
+        else:
+            (outcome,) = session(ranks, [[*arguments, f"on{ranks}"]])
+            assert outcome.codes == [0] * ranks, outcome.lines
         result = result_of(tmp_path / f"on{ranks}")
         assert result["cost"]["ranks"] == ranks
         found[ranks] = [*result["force"]["flow"][:2], result["couple"]["flow"][2]]
+        bars[ranks] = result["error_bars"] and [term["force"] for term in result["error_bars"]["terms"]]
     assert found[2] == pytest.approx(found[1], rel=1e-8)
     assert found[3] == pytest.approx(found[1], rel=1e-8)
+    assert np.array(bars[2]) == pytest.approx(np.array(bars[1]), rel=1e-4)

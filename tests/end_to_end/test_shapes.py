@@ -28,6 +28,7 @@ acceleration = 10
 friction = 0.5
 [numerics]
 mesh_size = 2
+error_bars = false
 [output]
 pictures = true
 """
