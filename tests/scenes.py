@@ -1,9 +1,9 @@
-"""Scenes to be changed, a grain on a bed in shear and one in a cavity, and what a wrong scene is told."""
+"""Scenes to be changed, grains on a bed in shear and one in a cavity, and what a wrong scene is told."""
 
 import pytest
 
 from incipient.errors import SceneError
-from incipient.scene import Disc, Domain, Flat, Fluid, Scene, Shear
+from incipient.scene import Disc, Domain, Flat, Fluid, Scene, Shear, Sphere
 
 FLOW_SCALE = Fluid(reynolds=100, scale="flow")
 GRAIN_SCALE = Fluid(reynolds=20, scale="grain")
@@ -11,6 +11,13 @@ CHANNEL = Domain(length=12, height=6)
 BOX = Domain(kind="box", length=1, height=1)
 DISC = Disc(diameter=1, x=4)
 GRAIN_ON_BED = {"domain": CHANNEL, "fluid": GRAIN_SCALE, "flow": Shear(), "body": DISC, "bed": Flat()}
+SPHERE_ON_PLANE = {
+    "domain": Domain(length=12.0, width=8.0, height=6.0),
+    "fluid": Fluid(reynolds=1.0, scale="grain"),
+    "flow": Shear(),
+    "body": Sphere(diameter=1.0, x=5.0),
+    "bed": Flat(),
+}
 
 # An ellipse in a driven cavity, which carries it along below the lid.
 CARRIED = """
@@ -43,6 +50,10 @@ fields = false
 
 def scene(**changes):
     return Scene(**{**GRAIN_ON_BED, **changes})
+
+
+def sphere_on_plane(**changes):
+    return Scene(**{**SPHERE_ON_PLANE, **changes})
 
 
 def message(build) -> str:

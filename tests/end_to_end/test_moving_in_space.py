@@ -58,6 +58,16 @@ def in_shear(size: float, **sections: Any) -> Scene:
     return Scene(**{"domain": domain, "fluid": SLOW, "flow": flow, "body": body, **sections})
 
 
+def through_a_new_mesh(**output: Any) -> Scene:
+    """In a box three long axes wide, on 400 cells; exactly enough to be compared with itself."""
+    return in_shear(
+        8.0,
+        time=Time(end=1.0, step=0.25, start="stokes"),
+        numerics=Numerics(mesh_size=2.2, remesh_below=0.5, **EXACTLY),
+        output=Output(fields=False, **output),
+    )
+
+
 def history_of(directory: Path) -> NDArray[Any]:
     return np.genfromtxt(directory / "history.csv", delimiter=",", names=True)
 
@@ -96,10 +106,7 @@ def assert_same_path(one: Path, other: Path, tolerance: float) -> None:
 def test_a_spheroid_in_shear_and_resumed(tmp_path: Path) -> None:
     """Through a new mesh, on 400 cells in a box three long axes wide: measured 5% of the fastest rate off the orbit
     in an unbounded fluid. Resumed from its middle it is the same."""
-    scene = in_shear(
-        8.0, time=Time(end=1.0, step=0.25, start="stokes"),
-        numerics=Numerics(mesh_size=2.2, remesh_below=0.5, **EXACTLY), output=Output(checkpoint=2, fields=False),
-    )  # fmt: skip
+    scene = through_a_new_mesh(checkpoint=2)
     assert scene.symmetric
     incipient.run(scene, tmp_path / "whole")
     whole = history_of(tmp_path / "whole")
@@ -194,11 +201,7 @@ def test_a_quarter_of_a_turn_in_a_wide_shear(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_two_ranks_take_the_path_of_one(tmp_path: Path, mpirun: Any) -> None:
-    scene = in_shear(
-        8.0, time=Time(end=1.0, step=0.25, start="stokes"),
-        numerics=Numerics(mesh_size=2.2, remesh_below=0.5, **EXACTLY), output=Output(fields=False),
-    )  # fmt: skip
-    (tmp_path / "scene.toml").write_text(dumps(scene))
+    (tmp_path / "scene.toml").write_text(dumps(through_a_new_mesh()))
     script = "import sys, incipient\nincipient.run(incipient.load(sys.argv[1]), sys.argv[2])"
     for ranks in (1, 2):
         mpirun(ranks, script, tmp_path / "scene.toml", tmp_path / str(ranks), timeout=600)

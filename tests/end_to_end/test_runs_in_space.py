@@ -6,22 +6,23 @@ import dolfinx
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scenes import SPHERE_ON_PLANE, sphere_on_plane
 
 import incipient
 from incipient import compat
 from incipient.fluid.space import boundary_blocks
-from incipient.scene import Contact, Domain, Flat, Fluid, Gravity, Numerics, Scene, Shear, Sphere, Uniform
+from incipient.scene import Contact, Domain, Fluid, Gravity, Numerics, Scene, Sphere, Uniform
+from incipient.scene.file import dumps
 from incipient.simulation.build import prepared
 from incipient.simulation.steady import solve_steadily
 
 COARSE = Numerics(mesh_size=1.6, error_bars=False)
 SLOW = Fluid(reynolds=1.0, scale="grain", inertia=False)
 ON_PLANE = {
+    **SPHERE_ON_PLANE,
     "domain": Domain(length=40.0, width=40.0, height=20.0),
     "fluid": SLOW,
-    "flow": Shear(),
     "body": Sphere(diameter=1.0, x=20.0, density=2.65),
-    "bed": Flat(),
     "gravity": Gravity(acceleration=50.0),
     "contact": Contact(friction=0.5),
     "numerics": COARSE,
@@ -30,15 +31,9 @@ ON_PLANE = {
 # (Goldman, Cox & Brenner 1967, Chem. Eng. Sci. 22, 653; by bispherical coordinates in two resolutions).
 EXACT = 1.685911, 0.94565455
 RANKS = """
-import incipient
-from incipient.scene import *
-scene = Scene(
-    domain=Domain(length=12.0, width=12.0, height=8.0), fluid=Fluid(reynolds=1.0, scale="grain", inertia=False),
-    flow=Shear(), body=Sphere(diameter=1.0, x=6.0), bed=Flat(), contact=Contact(friction=0.5, gap=0.05),
-    numerics=Numerics(mesh_size=2.5, error_bars=False, tolerance=1e-10), output=Output(fields=False),
-)
-result = incipient.run(scene)
+import incipient, sys
 from mpi4py import MPI
+result = incipient.run(incipient.load(sys.argv[1]))
 if MPI.COMM_WORLD.rank == 0:
     print(*result.force.flow, *result.couple.flow)
 """
@@ -62,22 +57,27 @@ def test_a_sphere_on_a_plane_in_creeping_shear(tmp_path):
     assert "couple (0, " in result.text()
 
 
-def test_two_ranks_give_the_numbers_of_one(mpirun):
-    one, two = (np.array(mpirun(n, RANKS).stdout.split(), dtype=float) for n in (1, 2))
+def test_two_ranks_give_the_numbers_of_one(mpirun, tmp_path):
+    scene = sphere_on_plane(
+        fluid=SLOW,
+        contact=Contact(friction=0.5, gap=0.05),
+        numerics=Numerics(mesh_size=2.5, error_bars=False, tolerance=1e-10),
+    )
+    (tmp_path / "scene.toml").write_text(dumps(scene))
+    alone = incipient.run(scene, comm=MPI.COMM_SELF)
+    one = np.concatenate([alone.force.flow, alone.couple.flow])
+    done = mpirun(2, RANKS, tmp_path / "scene.toml")
+    assert done.returncode == 0, done.stderr
+    two = np.array(done.stdout.split(), dtype=float)
     assert two == pytest.approx(one, rel=1e-6, abs=1e-6 * np.abs(one).max())
 
 
 @pytest.mark.slow
 def test_half_of_a_scene_gives_what_the_whole_does():
-    coarse = {
-        **ON_PLANE,
-        "domain": Domain(length=12.0, width=12.0, height=8.0),
-        "body": Sphere(diameter=1, x=6.0),
-    }
     found = {}
     for symmetric in (True, False):
         domain = Domain(length=12.0, width=12.0, height=8.0, symmetric=symmetric)
-        result = incipient.run(Scene(**{**coarse, "domain": domain}))
+        result = incipient.run(Scene(**{**ON_PLANE, "domain": domain, "body": Sphere(diameter=1, x=6.0)}))
         found[symmetric] = np.concatenate([result.force.flow, result.couple.flow])
     # The meshes differ: their errors are about 1% (see above).
     assert found[True] == pytest.approx(found[False], abs=0.015 * np.abs(found[False]).max())

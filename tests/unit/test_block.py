@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,7 +16,6 @@ from incipient.fluid.projection import restore_incompressibility
 from incipient.fluid.space import boundary_blocks
 from incipient.mesh.domain import Domain
 
-SCRIPT = Path(__file__).with_name("ranks_script.py")
 RTOL = 1e-10
 STOKES = FlowModel(inertia=False)
 
@@ -207,15 +204,3 @@ def test_curved_cells_and_a_body() -> None:
             fluid.solve(RTOL)
             found.append(without_level(fluid, fluid.state.x.array))
     assert found[1] == pytest.approx(found[0], abs=1e-8 * np.abs(found[0]).max())
-
-
-def test_two_ranks_agree_with_one(mpirun: Any) -> None:
-    done = [mpirun(n, SCRIPT, "block") for n in (1, 2)]
-    assert [one.returncode for one in done] == [0, 0], done[1].stderr
-    alone, together = (json.loads(one.stdout) for one in done)
-    assert (alone.pop("ranks"), together.pop("ranks")) == (1, 2)
-    for name, value in alone.items():
-        scale = np.abs(value).max()
-        assert np.asarray(together[name]) == pytest.approx(np.asarray(value), rel=1e-7, abs=1e-7 * scale), (
-            name
-        )

@@ -214,8 +214,8 @@ for conditions in (channel, box):
     for order in (2, 3):
         model = FlowModel(order=order, inertia=False)
         with (
-            Fluid(square_in_box(0.3, 0.2), model, conditions, 1.0) as source,
-            Fluid(square_in_box(0.3, 0.16), model, conditions, 1.0) as fluid,
+            Fluid(square_in_box(0.3, 0.3), model, conditions, 1.0) as source,
+            Fluid(square_in_box(0.3, 0.25), model, conditions, 1.0) as fluid,
         ):
             source.solve(1e-12)
             transfer = Transfer(source.domain.mesh, fluid.space.velocity_points())

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 from scenes import message
+from scenes import sphere_on_plane as scene
 
 from incipient.accuracy.errorbars import coarse_scenes, farther
 from incipient.planning.plan import make_plan
@@ -43,15 +44,7 @@ from incipient.scene.effects import Effects
 from incipient.scene.file import dumps, load, loads, schema
 from incipient.simulation.loads import weights
 
-CHANNEL = Domain(length=12.0, width=8.0, height=6.0)
 TETRAHEDRON = ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
-SPHERE_ON_PLANE = {
-    "domain": CHANNEL,
-    "fluid": Fluid(reynolds=1.0, scale="grain"),
-    "flow": Shear(),
-    "body": Sphere(diameter=1.0, x=5.0),
-    "bed": Flat(),
-}
 SOLIDS = [
     Sphere(diameter=1.0, x=5.0),
     Ellipsoid(semi_axes=(0.6, 0.5, 0.3), x=5.0),
@@ -68,10 +61,6 @@ TERRAINS = [
     RidgeBed(amplitude=0.1, wavelength=2.0),
     HeightMapBed(heights=((0.0, 0.1, 0.0),) * 3, cell=(6.0, 4.0)),
 ]
-
-
-def scene(**changes):
-    return Scene(**{**SPHERE_ON_PLANE, **changes})
 
 
 def test_a_width_makes_a_scene_three_dimensional():
