@@ -39,7 +39,7 @@ SCENES = (
     ),
     Scene(
         "vortex_street",
-        ("--orders", "2", "3", "--steps", "8", "4", "2"),
+        ("--orders", "2", "3", "--steps", "4", "2", "1"),
         "Largest and least force and couple over the last quarter of the time, five periods of the street.",
     ),
     Scene(
