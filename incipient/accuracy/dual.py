@@ -27,6 +27,7 @@ from ..body.state import turned
 from ..compat import petsc
 from ..coupled.tractions import Resultant, TractionProbe, shares_of_the_whole
 from ..fluid import Fluid
+from ..fluid.solvers.two_level import ROUGH
 from ..fluid.space import boundary_blocks
 
 
@@ -45,7 +46,7 @@ class GoalErrors:
         self.fluid = fluid
         self.computed = TractionProbe(fluid, boundary, about).resultant()
         self._boundary, self._about = boundary, np.asarray(about, dtype=float)
-        self.finer = fluid.at_order(fluid.space.order + 1)
+        self.finer = fluid.enriched()
         with ExitStack() as on_failure:
             on_failure.push(self.finer)
             self.finer.interpolate(fluid)
@@ -99,7 +100,7 @@ class GoalErrors:
     def _weigh(self, goal: Floats, weight: Any) -> None:
         """Make the weight the dual solution with the goal's boundary values, less its part in the flow's elements."""
         finer = self.finer
-        weight.x.array[:] = finer.dual(self._rigid_motion(goal))
+        weight.x.array[:] = finer.dual(self._rigid_motion(goal), ROUGH)
         weight.x.scatter_forward()
         coarse = [
             dolfinx.fem.Function(space) for space in (self.fluid.space.velocity, self.fluid.space.pressure)

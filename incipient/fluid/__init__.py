@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from .conditions import Carried, Condition, Open, Prescribed, Slip, no_slip
-from .flow import FlowModel, Fluid
+from .flow import Fluid
+from .model import FlowModel
 from .steady import solve_steady
 
 if TYPE_CHECKING:

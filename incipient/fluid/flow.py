@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import dolfinx
@@ -15,62 +16,19 @@ from petsc4py import PETSc
 from .. import compat
 from ..compat import petsc
 from ..errors import IncipientError
-from ..forms import FlowTerms, ReferenceMap, energy_stable_rate, residual, swept
+from ..forms import FlowTerms, energy_stable_rate, residual, swept
 from ..mesh.domain import Domain
 from . import newton
+from .action import Action
 from .conditions import Condition, Constraints
-from .solvers import SOLVERS, Equations, LinearSolver
+from .model import FlowModel
+from .solvers import SOLVERS, Block, Equations, LinearSolver, TwoLevel
 from .space import TaylorHood, cell_size, geometry_function, geometry_rows, set_geometry_function, taylor_hood
 
 # Corrections of a time step after which the kept factors are too old.
 PATIENCE = 8
 # Residual, relative to the right-hand side, of what stands for an exact solution: derivatives and dual solutions.
 EXACT = 1e-9
-
-
-@dataclass(frozen=True)
-class FlowModel:
-    """Which terms the flow has, and how they are discretised.
-
-    order:         order of the velocity; the pressure has one less
-    inertia:       False leaves convection out (Stokes)
-    unsteady:      whether there is a time derivative
-    convection:    "implicit" (Newton), or "extrapolated" (linear, Childs & Reddy's 2 v(n) - v(n-1))
-    body_force:    function of the place and the time (UFL) giving a force per unit mass, or None; gravity
-                   is not among them, since a potential force only shifts the pressure
-    reference_map: map of a deforming reference domain, or None where nothing moves
-    moving_mesh:   whether the mesh itself is moved between steps (`Fluid.mesh_moved`), straight cells staying
-                   straight; the map then is None
-    energy_stable: convection and rate in the form that cannot create kinetic energy, instead of as printed
-    stabilisation: whether convection is stabilised on cells too coarse for it (`forms.terms.grad_div`)
-    upwind:        whether it is by upwinding along the streams (`forms.terms.streamline_upwind`), as `Block` needs
-    solver:        method for the linear systems, a name in `solvers.SOLVERS`
-    viscosity:     function of 1/Re (UFL) giving the kinematic viscosity, or None: it is 1/Re
-    """
-
-    order: int = 2
-    inertia: bool = True
-    unsteady: bool = False
-    convection: str = "implicit"
-    body_force: Callable[[Any, Any], Any] | None = None
-    reference_map: ReferenceMap | None = None
-    moving_mesh: bool = False
-    energy_stable: bool = False
-    stabilisation: bool = False
-    upwind: bool = False
-    solver: str = "direct"
-    viscosity: Callable[[Any], Any] | None = None
-
-    @property
-    def linear(self) -> bool:
-        """Whether one linear solve is the whole solution."""
-        return not self.inertia or (self.unsteady and self.convection == "extrapolated")
-
-    @property
-    def polynomial(self) -> bool:
-        """Whether what is integrated is a polynomial on cells that are straight, and stay so where the mesh moves."""
-        stay = self.reference_map is None and not (self.moving_mesh and self.energy_stable)
-        return stay and not self.stabilisation and self.body_force is None and self.viscosity is None
 
 
 class Fluid:
@@ -83,13 +41,22 @@ class Fluid:
         model: the terms present.
         conditions: boundary conditions; where boundaries meet the later one holds.
         reynolds: one over the viscosity of the molecules, in scene units.
+        coarse: the same flow solved in elements of one order less: linear systems are then solved without a matrix,
+            with its solver's help (`solvers.TwoLevel`).
     """
 
-    def __init__(self, domain: Domain, model: FlowModel, conditions: Sequence[Condition], reynolds: float):
+    def __init__(
+        self,
+        domain: Domain,
+        model: FlowModel,
+        conditions: Sequence[Condition],
+        reynolds: float,
+        coarse: Fluid | None = None,
+    ):
         self.domain, self.model, self.conditions = domain, model, tuple(conditions)
         mesh = domain.mesh
         self.space: TaylorHood = taylor_hood(mesh, model.order)
-        kind = SOLVERS[model.solver]
+        kind = TwoLevel if coarse else SOLVERS[model.solver]
         self.constraints = Constraints(domain, self.space, conditions, level=kind.regular)
         self.state = dolfinx.fem.Function(self.space.mixed)
         self.history = tuple(dolfinx.fem.Function(self.space.mixed) for _ in range(2 * model.unsteady))
@@ -98,15 +65,17 @@ class Fluid:
         self._extrapolation = tuple(_constant(mesh, c) for c in (1.0, 0.0))
         self._shifts = tuple(geometry_function(mesh) for _ in range(2 * model.moving_mesh))
         self._rows = geometry_rows(self._shifts[0]) if self._shifts else None
-        self._residual, self._jacobian = self._forms()
+        self._residual = compat.form(self.residual_form(*ufl.TestFunctions(self.space.mixed)))
+        self._jacobian = None if coarse else self._compiled_jacobian()
         self._held: list[Any] = []
         with ExitStack() as on_failure:
             on_failure.push(self)
-            self._matrix = self._holding(petsc.create_matrix(self._jacobian))
             self._vector = self._holding(petsc.assemble_vector(self._residual))
-            self._correction = self._holding(self._matrix.createVecRight())
+            self._correction = self._holding(self._vector.duplicate())
             self._state_view = self._holding(compat.vec_view(self.state))
-            self.solver: LinearSolver = self._holding(kind(self._matrix, self._equations()))
+            self.solver: LinearSolver = self._holding(
+                self._two_level(coarse) if coarse else self._one_level()
+            )
             on_failure.pop_all()
         owned = self._state_view.getLocalSize()
         self._owned_velocities = self.space.velocity_map[self.space.velocity_map < owned]
@@ -116,13 +85,25 @@ class Fluid:
         self._direction: Any = None  # made when a response is first asked for
         self._kept: dict[str, Any] = {}
 
-    def residual_form(self, w: Any, q: Any, cells: np.ndarray | None = None) -> Any:
+    def _one_level(self) -> LinearSolver:
+        """The solver that the model names, for a matrix that is held."""
+        self._matrix = self._holding(petsc.create_matrix(self._jacobian))
+        return SOLVERS[self.model.solver](self._matrix, self._equations())
+
+    def _two_level(self, coarse: Fluid) -> LinearSolver:
+        """The solver by the flow in elements of one order less. The action's quadrature is that of preconditioners."""
+        equations = self._equations()
+        measure = ufl.dx(domain=self.domain.mesh, metadata={"quadrature_degree": 2 * self.space.order})
+        action = Action(self.state, partial(self.residual_form, measure=measure), equations.owned_held())
+        return TwoLevel(self._holding(action).times, equations, (coarse.solver, coarse._equations()))
+
+    def residual_form(self, w: Any, q: Any, cells: np.ndarray | None = None, measure: Any = None) -> Any:
         """The residual of the present state as a UFL form, tested with velocity w and pressure q.
 
-        Integrated over all cells, or over some of the local ones only.
+        Integrated over all cells, or over some of the local ones only, or by another measure of all cells.
         """
         v, p = ufl.split(self.state)
-        return residual(v, p, w, q, self._terms(v), self.quadrature(cells))
+        return residual(v, p, w, q, self._terms(v), measure or self.quadrature(cells))
 
     def quadrature(self, cells: np.ndarray | None = None) -> Any:
         """The measure of all cells, or of some of the local ones, for the terms of this flow. Collective."""
@@ -137,10 +118,9 @@ class Fluid:
             self._kept[name] = make()
         return self._kept[name]
 
-    def _forms(self) -> tuple[Any, Any]:
+    def _compiled_jacobian(self) -> Any:
         whole = self.residual_form(*ufl.TestFunctions(self.space.mixed))
-        jacobian = ufl.derivative(whole, self.state, ufl.TrialFunction(self.space.mixed))
-        return compat.form(whole), compat.form(jacobian)
+        return compat.form(ufl.derivative(whole, self.state, ufl.TrialFunction(self.space.mixed)))
 
     def _terms(self, v: Any) -> FlowTerms:
         model = self.model
@@ -148,7 +128,7 @@ class Fluid:
         boundary = self.domain.measure(*self.constraints.open) if self.constraints.open else None
         skew = self.space.boundary_quadrature(self.domain.facets) if model.energy_stable else None
         rate, carrier = self._rate_of_change(v), self._carrier(v)
-        upwind = cell_size(self.domain.mesh) / model.order if model.upwind and model.inertia else None
+        upwind = self._upwind_size() if model.upwind and model.inertia else None
         return FlowTerms(
             *(self.viscosity, rate, carrier, skew, self._cell_size(), upwind),
             *(force, boundary, model.reference_map),
@@ -161,8 +141,11 @@ class Fluid:
         carrier = self._carrier(ufl.split(self.state)[0])
         return Equations(
             *(self.space, held.dirichlet, held.open_pressures(), self.viscosity),
-            *(rate, carrier, model.reference_map),
+            *(rate, carrier, model.reference_map, self._upwind_size()),
         )
+
+    def _upwind_size(self) -> Any:
+        return cell_size(self.domain.mesh) / (self.model.upwind_order or self.model.order)
 
     def another_solver(self, matrix: Any) -> LinearSolver:
         """A solver of the fluid's kind for the projection onto velocities free of divergence. Collective."""
@@ -273,6 +256,18 @@ class Fluid:
         """A copy of this flow in elements of another order; the caller destroys it. Collective."""
         return Fluid(self.domain, replace(self.model, order=order), self.conditions, self.reynolds)
 
+    def enriched(self) -> Fluid:
+        """A copy of this solved flow in elements of one order more; the caller destroys it before this. Collective.
+
+        Where this one's solver iterates, it helps that of the copy. The copy then is upwinded as this is, so that what
+        is left of the residual is what these elements cannot see.
+        """
+        order, model = self.model.order, self.model
+        if not isinstance(self.solver, Block):
+            return self.at_order(order + 1)
+        model = replace(model, order=order + 1, upwind_order=model.upwind_order or order)
+        return Fluid(self.domain, model, self.conditions, self.reynolds, self)
+
     def interpolate(self, other: Fluid) -> None:
         """Take the state of a flow on the same mesh, of any order. Collective."""
         parts = (
@@ -344,18 +339,19 @@ class Fluid:
         self._lift = True
         return self.chord_correction(fresh=True)
 
-    def dual(self, boundary: np.ndarray) -> np.ndarray:
+    def dual(self, boundary: np.ndarray, rtol: float = EXACT) -> np.ndarray:
         """The dual solution with boundary values, of the Jacobian last assembled: (local unknowns,). Collective.
 
         `boundary` (local unknowns,) vanishes off prescribed boundaries. The result z equals it there and makes
-        z . A change = 0 for every change of the state that leaves the boundary as it is, A the Jacobian.
+        z . A change = 0 for every change of the state that leaves the boundary as it is, A the Jacobian, to a residual
+        of `rtol` times that of the boundary values alone.
         """
         if self._direction is None:
             self._direction = dolfinx.fem.Function(self.space.mixed)
         self._direction.x.array[:] = boundary
         self._assemble_into(self._vector, self.kept("transposed", self._transposed))
         compat.set_zero(self._vector, self.constraints.dirichlet)
-        self.solver.solve_transposed(self._vector, self._correction, EXACT)
+        self.solver.solve_transposed(self._vector, self._correction, rtol)
         self._direction.x.array[: self._vector.getLocalSize()] -= self._correction.array_r
         self._direction.x.scatter_forward()
         return np.asarray(self._direction.x.array.copy())
@@ -375,12 +371,13 @@ class Fluid:
         Without a new one the state takes its boundary values before the residual is assembled: the Jacobian's
         columns for them would cost more than that residual, and change nothing where the state has them already.
         """
-        if not fresh:
+        if not fresh or self._jacobian is None:
             compat.impose(self.state.x.array, self.constraints.dirichlet)
             self._lift = False
         self._assemble_constrained_residual()
         if fresh:
-            self._assemble_jacobian()
+            if self._jacobian is not None:
+                self._assemble_jacobian()
             self.solver.prepare()
         self.solver.approximate(self._vector, self._correction)
         return self._corrected()

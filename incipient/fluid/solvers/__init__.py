@@ -9,8 +9,9 @@ from .block import Block
 from .direct import Direct
 from .equations import Equations
 from .statistics import LinearStatistics
+from .two_level import TwoLevel
 
-__all__ = ["SOLVERS", "Block", "Direct", "Equations", "LinearSolver", "LinearStatistics"]
+__all__ = ["SOLVERS", "Block", "Direct", "Equations", "LinearSolver", "LinearStatistics", "TwoLevel"]
 
 
 class LinearSolver(Protocol):

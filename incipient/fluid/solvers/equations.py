@@ -23,6 +23,7 @@ class Equations:
     rate:          coefficient a0 of the velocity in its rate of change, a constant of dolfinx; None: steady
     carrier:       velocity that convects, less that of the mesh; None: nothing convects
     reference_map: None for the identity
+    size:          of cells over the order of the elements that upwinding is that of; None: that of the space
     """
 
     space: TaylorHood
@@ -32,6 +33,7 @@ class Equations:
     rate: Any = None
     carrier: Any = None
     reference_map: ReferenceMap | None = None
+    size: Any = None
 
     def held(self) -> np.ndarray:
         """(local unknowns of the mixed space,) whether a condition holds there."""
@@ -40,6 +42,10 @@ class Equations:
         for condition in self.dirichlet:
             found[condition.dof_indices()[0]] = True
         return found
+
+    def owned_held(self) -> np.ndarray:
+        """(owned unknowns of the mixed space,) whether a condition holds there."""
+        return self.held()[: self.space.mixed.dofmap.index_map.size_local]
 
     @property
     def closed(self) -> bool:

@@ -13,7 +13,7 @@ from petsc4py import PETSc
 from ... import compat
 from ...compat import petsc
 from ...forms import preconditioning
-from ..space import cell_size
+from ..space import TaylorHood, cell_size
 from .equations import Equations
 from .options import defaults
 
@@ -26,6 +26,9 @@ SMOOTHING = {
 }
 # Where something convects neither Chebyshev's iteration nor incomplete factors smooth.
 CONVECTED = {"mg_levels_ksp_type": "gmres", "mg_levels_ksp_max_it": 2, "mg_levels_pc_type": "sor"}
+# In place of a cycle, where a smoother is all that is asked for: symmetric relaxation.
+RELAXATION = {"pc_type": "sor", "pc_sor_its": 2, "pc_sor_symmetric": None}
+RELAXED = "fluid_finer_velocity_"
 ALGEBRAIC = {
     "pc_type": "hypre",
     "pc_hypre_type": "boomeramg",
@@ -43,54 +46,66 @@ def algebraic(prefix: str = "") -> dict[str, Any]:
     return {f"{prefix}{name}": value for name, value in chosen.items()}
 
 
+def component_rows(space: TaylorHood) -> tuple[Any, np.ndarray]:
+    """The space of one velocity component, and (gdim, local nodes) the rows of the mixed system of each."""
+    scalar = compat.space(space.mixed.mesh, ("Lagrange", space.order))
+    nodes = np.empty(local_size(scalar), dtype=np.int64)
+    nodes[compat.cell_dofs(scalar)] = compat.cell_dofs(space.velocity)
+    return scalar, space.velocity_map.reshape(-1, space.gdim)[nodes].T
+
+
 class Levels:
     """The two spaces of one velocity component, that of the velocity and linear elements, and its operator in both.
+
+    For smoothing only the first one is there.
 
     rows: (gdim, owned nodes) which rows of the mixed system, by their local numbers, each component has
     held: (gdim, local nodes) where conditions hold
     """
 
-    def __init__(self, equations: Equations):
-        space, mesh = equations.space, equations.space.mixed.mesh
-        self.fine = compat.space(mesh, ("Lagrange", space.order))
-        self.coarse = compat.space(mesh, ("Lagrange", 1))
-        self.interpolation = compat.interpolation_matrix(self.coarse, self.fine)
-        nodes = np.empty(local_size(self.fine), dtype=np.int64)
-        nodes[compat.cell_dofs(self.fine)] = compat.cell_dofs(space.velocity)
-        places = space.velocity_map.reshape(-1, space.gdim)[nodes].T
+    def __init__(self, equations: Equations, smoothing_only: bool = False):
+        mesh = equations.space.mixed.mesh
+        self.fine, places = component_rows(equations.space)
+        self.coarse = None if smoothing_only else compat.space(mesh, ("Lagrange", 1))
+        self.interpolation = self.coarse and compat.interpolation_matrix(self.coarse, self.fine)
+        self.spaces = [space for space in (self.fine, self.coarse) if space is not None]
         self.rows = places[:, : self.fine.dofmap.index_map.size_local]
         self.held = equations.held()[places]
         self.convected = equations.carrier is not None
         self.upwind = self.convected and equations.viscosity is not None
-        self.forms = [self._form(one, equations) for one in (self.fine, self.coarse)]
+        self.forms = [self._form(one, equations) for one in self.spaces]
 
     def _form(self, space: Any, equations: Equations) -> Any:
         mesh, order = space.mesh, equations.space.order
+        size = cell_size(mesh) / order if equations.size is None else equations.size
         integrand = preconditioning.component(
             ufl.TrialFunction(space),
             ufl.TestFunction(space),
             equations.viscosity,
             equations.rate,
             equations.carrier,
-            cell_size(mesh) / order if self.upwind else None,
+            size if self.upwind else None,
             equations.reference_map,
         )
         return compat.form(integrand * ufl.dx(domain=mesh, metadata={"quadrature_degree": 2 * order}))
 
-    def held_in(self, held: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def held_in(self, held: np.ndarray) -> list[np.ndarray]:
         """Where conditions hold in the fine nodes, and from that in the coarse ones, which are corners of cells."""
+        if self.coarse is None:
+            return [held]
         corners = compat.cell_dofs(self.coarse)
         found = np.zeros(local_size(self.coarse), dtype=bool)
         found[corners] = held[compat.cell_dofs(self.fine)[:, : corners.shape[1]]]
-        return held, found
+        return [held, found]
 
     def destroy(self) -> None:
         """Free PETSc's memory."""
-        self.interpolation.destroy()
+        if self.interpolation is not None:
+            self.interpolation.destroy()
 
 
 class Cycle:
-    """One V-cycle of the scalar operator with conditions at some nodes. Collective.
+    """One V-cycle of the scalar operator with conditions at some nodes, or relaxation alone. Collective.
 
     `held` (local nodes,) says where; their rows are those of the identity.
     """
@@ -101,16 +116,21 @@ class Cycle:
         self.matrices = [petsc.create_matrix(form) for form in self._forms]
         self._conditions = [
             [dolfinx.fem.dirichletbc(dolfinx.fem.Function(space), np.flatnonzero(where).astype(np.int32))]
-            for space, where in zip((levels.fine, levels.coarse), places, strict=True)
+            for space, where in zip(levels.spaces, places, strict=True)
         ]
-        self.interpolation = levels.interpolation.copy()
-        free = [matrix.createVecLeft() for matrix in self.matrices]
+        self.interpolation = levels.interpolation and self._free_of(places, levels.interpolation)
+        self._right, self._left = self.matrices[0].createVecs()
+        self._cycle: Any = None
+
+    def _free_of(self, places: list[np.ndarray], interpolation: Any) -> Any:
+        """A copy of the interpolation without the nodes where conditions hold."""
+        found, free = interpolation.copy(), [matrix.createVecLeft() for matrix in self.matrices]
         for vector, where in zip(free, places, strict=True):
             vector.setArray(1.0 - where[: vector.getLocalSize()])
-        self.interpolation.diagonalScale(*free)
-        self._right, self._left = free[0], free[0].duplicate()
-        free[1].destroy()
-        self._cycle: Any = None
+        found.diagonalScale(*free)
+        for vector in free:
+            vector.destroy()
+        return found
 
     def assemble(self) -> None:
         """Take the operators of the state as it is."""
@@ -125,6 +145,18 @@ class Cycle:
         self._cycle = self._made()
 
     def _made(self) -> Any:
+        return self._relaxed() if self.interpolation is None else self._multigrid()
+
+    def _relaxed(self) -> Any:
+        relaxation = PETSc.PC().create(self.matrices[0].comm)
+        relaxation.setOptionsPrefix(RELAXED)
+        relaxation.setOperators(self.matrices[0])
+        with defaults(RELAXED, RELAXATION):
+            relaxation.setFromOptions()
+            relaxation.setUp()
+        return relaxation
+
+    def _multigrid(self) -> Any:
         cycle = PETSc.PC().create(self.matrices[0].comm)
         cycle.setOptionsPrefix(PREFIX)
         cycle.setOperators(self.matrices[0])
@@ -168,11 +200,12 @@ class Cycle:
 class Components:
     """The velocity block: one V-cycle for each component; components with the same conditions share theirs.
 
+    With `smoothing_only` there is but the smoothing in the velocity's own elements, by relaxation.
     rows: (gdim, owned nodes) which rows of the mixed system, by their local numbers, each component has
     """
 
-    def __init__(self, equations: Equations):
-        self._levels = Levels(equations)
+    def __init__(self, equations: Equations, smoothing_only: bool = False):
+        self._levels = Levels(equations, smoothing_only)
         self.rows = self._levels.rows
         self._shared = _alike(self._levels.held, equations.space.mixed.mesh.comm)
         self._symmetric = equations.carrier is None

@@ -76,6 +76,11 @@ class ScaledMass:
         self._mass.assemble()
         self._solver.setOperators(self._mass)
 
+    def diagonal(self) -> np.ndarray:
+        """(owned pressures,) the diagonal of M, to be copied."""
+        self._mass.getDiagonal(self._left)
+        return self._left.array_r
+
     def solve(self, right: np.ndarray, transposed: bool) -> np.ndarray:
         """(owned pressures,) approximately S^-1 times the right-hand side. Collective."""
         self._right.setArray(right)

@@ -1,0 +1,56 @@
+"""Which terms the flow has, and how they are discretised."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from ..forms import ReferenceMap
+
+
+@dataclass(frozen=True)
+class FlowModel:
+    """Which terms the flow has, and how they are discretised.
+
+    order:         order of the velocity; the pressure has one less
+    inertia:       False leaves convection out (Stokes)
+    unsteady:      whether there is a time derivative
+    convection:    "implicit" (Newton), or "extrapolated" (linear, Childs & Reddy's 2 v(n) - v(n-1))
+    body_force:    function of the place and the time (UFL) giving a force per unit mass, or None; gravity
+                   is not among them, since a potential force only shifts the pressure
+    reference_map: map of a deforming reference domain, or None where nothing moves
+    moving_mesh:   whether the mesh itself is moved between steps (`Fluid.mesh_moved`), straight cells staying
+                   straight; the map then is None
+    energy_stable: convection and rate in the form that cannot create kinetic energy, instead of as printed
+    stabilisation: whether convection is stabilised on cells too coarse for it (`forms.terms.grad_div`)
+    upwind:        whether it is by upwinding along the streams (`forms.terms.streamline_upwind`), as `Block` needs
+    upwind_order:  order of the elements that the upwinding is that of; 0: of the flow's own
+    solver:        method for the linear systems, a name in `solvers.SOLVERS`
+    viscosity:     function of 1/Re (UFL) giving the kinematic viscosity, or None: it is 1/Re
+    """
+
+    order: int = 2
+    inertia: bool = True
+    unsteady: bool = False
+    convection: str = "implicit"
+    body_force: Callable[[Any, Any], Any] | None = None
+    reference_map: ReferenceMap | None = None
+    moving_mesh: bool = False
+    energy_stable: bool = False
+    stabilisation: bool = False
+    upwind: bool = False
+    upwind_order: int = 0
+    solver: str = "direct"
+    viscosity: Callable[[Any], Any] | None = None
+
+    @property
+    def linear(self) -> bool:
+        """Whether one linear solve is the whole solution."""
+        return not self.inertia or (self.unsteady and self.convection == "extrapolated")
+
+    @property
+    def polynomial(self) -> bool:
+        """Whether what is integrated is a polynomial on cells that are straight, and stay so where the mesh moves."""
+        stay = self.reference_map is None and not (self.moving_mesh and self.energy_stable)
+        return stay and not self.stabilisation and self.body_force is None and self.viscosity is None

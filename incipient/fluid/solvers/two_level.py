@@ -1,0 +1,221 @@
+"""Corrections in elements of one order more than those of a solved flow: smoothing there, the rest by its solver."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+import numpy as np
+from mpi4py import MPI
+
+from ... import compat
+from ...errors import ConvergenceError
+from .equations import Equations
+from .multigrid import Components, component_rows
+from .schur import ScaledMass
+from .statistics import LinearStatistics
+
+# One cycle: so many steps of smoothing, then the coarse system solved to this residual.
+SMOOTHING, COARSE = 4, 0.2
+MOST_CYCLES = 20
+# Residual, relative to the right-hand side, of a correction that tells of an error: that of force and couple then is
+# known to a sixth of itself, where it was measured (docs/space.md).
+ROUGH = 0.05
+
+
+class TwoLevel:
+    """Solves A x = b for a flow in elements of order k + 1, which is solved already in order k on the same mesh.
+
+    Without a matrix: A is known by its action alone. Steps of a minimal residual, whose direction is in turn that of a
+    smoother (symmetric relaxation of each velocity component, the pressure's mass matrix; their errors are of short
+    waves, where diffusion rules) and, as the last one of a cycle, the solution in elements of order k of what is left
+    of the residual for these. Residuals are measured in the dual of the energy norm, by the diagonals of the smoother's
+    operators: the largest cells, far away from all that is looked at, else outweigh all others.
+    Source of the minimal residual: Eisenstat, Elman & Schultz (1983), SIAM J. Numer. Anal. 20, 345 (GCR).
+
+    Args:
+        times: the product of A, or its transpose, with a vector (owned unknowns,).
+        equations: those of order k + 1.
+        coarse: the solver of order k, whose matrix is that of about the same state, and its equations.
+    """
+
+    regular: ClassVar[bool] = False
+
+    def __init__(
+        self,
+        times: Callable[[np.ndarray, bool], np.ndarray],
+        equations: Equations,
+        coarse: tuple[Any, Equations],
+    ):
+        self.matrix, self.statistics = None, LinearStatistics()
+        self._times, self._held = times, equations.owned_held()
+        self._comm = equations.space.mixed.mesh.comm
+        self._velocity, self._pressure = Components(equations, smoothing_only=True), ScaledMass(equations)
+        self._pressures = _owned_pressures(equations)
+        self._solver, self._transfer = coarse[0], Transfer(coarse[1], equations)
+        self._constant = _constant_pressures(equations) if equations.closed else None
+        matrix = self._solver.matrix
+        self._right, self._left = matrix.createVecLeft(), matrix.createVecRight()
+        self._scale: np.ndarray | None = None  # of residuals, made when first prepared
+
+    def prepare(self) -> None:
+        """Take the smoother's operators from the state as it is now. Collective."""
+        self._velocity.assemble()
+        self._pressure.assemble()
+        self.statistics.factorisations += 1
+        weights = np.ones(len(self._held))
+        weights[self._pressures] = self._pressure.diagonal()
+        free = np.setdiff1d(self._velocity.rows.ravel(), np.flatnonzero(self._held))
+        weights[free] = np.abs(self._velocity.diagonal()[free])
+        self._scale = 1.0 / weights
+
+    def solve(self, b: Any, x: Any, rtol: float, fresh: bool = False) -> None:
+        """Solve A x = b to a residual of `rtol` times b. Collective. Raises ConvergenceError."""
+        if fresh:
+            self.prepare()
+        self._solve(b, x, rtol, transposed=False)
+
+    def solve_transposed(self, b: Any, x: Any, rtol: float) -> None:
+        """Solve A^T x = b to a residual of `rtol` times b. Collective. Raises ConvergenceError."""
+        self._solve(b, x, rtol, transposed=True)
+
+    def approximate(self, b: Any, x: Any) -> None:
+        """Solve A x = b as well as an estimate of an error needs. Collective. Raises ConvergenceError."""
+        self._solve(b, x, ROUGH, transposed=False)
+
+    def _solve(self, b: Any, x: Any, rtol: float, transposed: bool) -> None:
+        if self._scale is None:
+            self.prepare()
+        held, right = self._held, b.array_r.copy()
+        found = np.where(held, right, 0.0)  # where conditions hold the equations are those of the identity
+        residual = self._without_level(np.where(held, 0.0, right))
+        found += self._without_level(self._reduced(residual, rtol, transposed))
+        x.setArray(found)
+        self.statistics.solves += 1
+
+    def _reduced(self, residual: np.ndarray, rtol: float, transposed: bool) -> np.ndarray:
+        """The solution whose residual is `rtol` times that given, which is overwritten."""
+        found, size = np.zeros_like(residual), self._size(residual)
+        if size == 0.0:
+            return found
+        directions: list[tuple[np.ndarray, np.ndarray]] = []
+        for step in range(MOST_CYCLES * (SMOOTHING + 1)):
+            is_last = step % (SMOOTHING + 1) == SMOOTHING
+            z = (self._coarsely_solved if is_last else self._smoothed)(residual, transposed)
+            z = np.where(self._held, 0.0, z)
+            q = self._without_level(np.where(self._held, 0.0, self._times(z, transposed)))
+            for past, product in directions:
+                along = self._inner(q, product)
+                z -= along * past
+                q -= along * product
+            norm = self._size(q)
+            if norm == 0.0 or not np.isfinite(norm):
+                break
+            z, q = z / norm, q / norm
+            directions.append((z, q))
+            length = self._inner(residual, q)
+            found += length * z
+            residual -= length * q
+            self.statistics.krylov_iterations += 1
+            if is_last and step > SMOOTHING and self._size(residual) <= rtol * size:
+                return found
+        raise ConvergenceError(
+            f"the correction in elements of one order more was not found in {len(directions)} iterations: "
+            "use a smaller fluid.reynolds or a smaller numerics.mesh_size"
+        )
+
+    def _smoothed(self, residual: np.ndarray, transposed: bool) -> np.ndarray:
+        """A few relaxations of the velocity's components and of the pressure, each by itself."""
+        z = np.zeros_like(residual)
+        z[self._pressures] = -self._pressure.solve(residual[self._pressures], transposed)
+        self._velocity.solve(residual, z, transposed)
+        return z
+
+    def _coarsely_solved(self, residual: np.ndarray, transposed: bool) -> np.ndarray:
+        """The solution in elements of lower order for the residual as they see it."""
+        self._right.setArray(self._transfer.restricted(residual))
+        if self._right.norm() == 0.0:
+            return np.zeros_like(residual)
+        if transposed:
+            self._solver.solve_transposed(self._right, self._left, COARSE)
+        else:
+            self._solver.solve(self._right, self._left, COARSE)
+        return self._transfer.prolonged(self._left.array_r)
+
+    def _inner(self, one: np.ndarray, other: np.ndarray) -> float:
+        return float(self._comm.allreduce(float(np.dot(one * self._scale, other)), op=MPI.SUM))
+
+    def _size(self, residual: np.ndarray) -> float:
+        return float(np.sqrt(self._inner(residual, residual)))
+
+    def _without_level(self, values: np.ndarray) -> np.ndarray:
+        """The vector less its part along the constant pressures, where these are not known."""
+        if self._constant is None:
+            return values
+        return values - self._comm.allreduce(float(self._constant @ values)) * self._constant
+
+    def destroy(self) -> None:
+        """Free PETSc's memory; the solver of lower order is left alone."""
+        for held in (self._velocity, self._pressure, self._transfer, self._right, self._left):
+            held.destroy()
+
+
+class Transfer:
+    """From a mixed space into that of a higher order on the same mesh, and back by the transpose. Collective.
+
+    Vectors are (owned unknowns,) of one space or the other, and vanish where conditions hold.
+    """
+
+    def __init__(self, coarse: Equations, fine: Equations):
+        self._held = [equations.owned_held() for equations in (coarse, fine)]
+        (one, mine), (other, theirs) = (component_rows(equations.space) for equations in (coarse, fine))
+        self._velocity = compat.interpolation_matrix(one, other)
+        self._pressure = compat.interpolation_matrix(coarse.space.pressure, fine.space.pressure)
+        pressures = [_owned_pressures(equations) for equations in (coarse, fine)]
+        owned = [space.dofmap.index_map.size_local for space in (one, other)]
+        velocities = list(zip(mine[:, : owned[0]], theirs[:, : owned[1]], strict=True))
+        self._parts = [(self._velocity, *rows) for rows in velocities]
+        self._parts.append((self._pressure, *pressures))
+        self._vectors = {id(m): m.createVecs() for m in (self._velocity, self._pressure)}
+
+    def prolonged(self, values: np.ndarray) -> np.ndarray:
+        """The same function in the space of higher order."""
+        found = np.zeros(len(self._held[1]))
+        for matrix, coarse, fine in self._parts:
+            one, other = self._vectors[id(matrix)]
+            one.setArray(values[coarse])
+            matrix.mult(one, other)
+            found[fine] = other.array_r
+        return np.where(self._held[1], 0.0, found)
+
+    def restricted(self, values: np.ndarray) -> np.ndarray:
+        """What tests of higher order have found, for those of lower order."""
+        values, found = np.where(self._held[1], 0.0, values), np.zeros(len(self._held[0]))
+        for matrix, coarse, fine in self._parts:
+            one, other = self._vectors[id(matrix)]
+            other.setArray(values[fine])
+            matrix.multTranspose(other, one)
+            found[coarse] = one.array_r
+        return np.where(self._held[0], 0.0, found)
+
+    def destroy(self) -> None:
+        """Free PETSc's memory."""
+        for vectors in self._vectors.values():
+            for vector in vectors:
+                vector.destroy()
+        self._velocity.destroy()
+        self._pressure.destroy()
+
+
+def _owned_pressures(equations: Equations) -> np.ndarray:
+    """Numbers in the mixed system of the owned pressures, in the order of their own space."""
+    space = equations.space
+    return space.pressure_map[: space.pressure.dofmap.index_map.size_local]
+
+
+def _constant_pressures(equations: Equations) -> np.ndarray:
+    """(owned unknowns,) the constant pressures, of length one over all ranks. Collective."""
+    found = np.zeros(len(equations.owned_held()))
+    found[_owned_pressures(equations)] = 1.0
+    comm = equations.space.mixed.mesh.comm
+    return found / np.sqrt(comm.allreduce(float(found.sum())))
