@@ -1,0 +1,72 @@
+"""Corrections by two levels: they solve the discrete flow of one order more, and a first one tells its forces."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from domains import ball_in_box
+from test_block import stream
+
+from incipient.accuracy.dual import GoalErrors
+from incipient.coupled.tractions import TractionProbe
+from incipient.errors import ConvergenceError
+from incipient.fluid import FlowModel, Fluid, Prescribed, no_slip
+from incipient.fluid.solvers import TwoLevel, two_level
+
+CENTRE = (0.6, 0.5, 0.5)
+REYNOLDS = 5.0
+
+
+def around_a_ball(inertia: bool, cell: float = 0.6) -> Fluid:
+    """In a closed box, whose pressure has no level; cells are curved."""
+    conditions = [Prescribed("outer", stream), no_slip("body")]
+    model = FlowModel(inertia=inertia, upwind=inertia, solver="block")
+    return Fluid(ball_in_box(cell), model, conditions, REYNOLDS)
+
+
+def load_of(fluid: Fluid) -> np.ndarray:
+    found = TractionProbe(fluid, "body", CENTRE).resultant()
+    return np.concatenate([found.force, found.couple])
+
+
+@pytest.mark.parametrize("inertia", [True, False])
+def test_a_first_correction_tells_the_load_of_one_order_more(inertia: bool) -> None:
+    """Three corrections make the assembled residual of that order vanish: the action is not asked for it.
+
+    Each leaves at most a twentieth of a residual, and Newton's method the square of what was wrong. The weighted
+    residual with the solution of the transposed system is the same error once more. Bounds: what is left of the
+    first residual is a twentieth, whose share of the load is not known beforehand.
+    """
+    with around_a_ball(inertia) as fluid:
+        assert fluid.solve(1e-8).converged
+        with GoalErrors(fluid, "body", CENTRE) as goals:
+            finer = goals.finer
+            assert isinstance(finer.solver, TwoLevel) and finer.space.order == 3
+            estimate = np.concatenate([goals.force, goals.couple])
+            along_it = estimate / np.linalg.norm(estimate)
+            by_shares = goals.shares(along_it).sum()
+            before = size_of_residual(finer, goals._before)
+            for _ in range(2):
+                finer.correct()
+            assert size_of_residual(finer, finer.state.x.array) < 2e-3 * before
+            error = load_of(fluid) - load_of(finer)
+        assert np.linalg.norm(estimate - error) < 0.2 * np.linalg.norm(error)
+        assert by_shares == pytest.approx(along_it @ error, rel=0.2)
+
+
+def size_of_residual(fluid: Fluid, state: np.ndarray) -> float:
+    """Of the equations where no condition holds."""
+    now = fluid.state.x.array.copy()
+    fluid.state.x.array[:] = state
+    residual = fluid.residual()
+    fluid.state.x.array[:] = now
+    return float(np.linalg.norm(residual[~fluid._equations().owned_held()]))
+
+
+def test_what_is_not_found_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The estimate then is not there, and the flow's bars say so."""
+    monkeypatch.setattr(two_level, "MOST_CYCLES", 1)
+    with around_a_ball(inertia=False) as fluid:
+        fluid.solve(1e-8)
+        with pytest.raises(ConvergenceError, match="one order more was not found in 5 iterations"):
+            GoalErrors(fluid, "body", CENTRE)
