@@ -26,8 +26,8 @@ SMOOTHING = {
 }
 # Where something convects neither Chebyshev's iteration nor incomplete factors smooth.
 CONVECTED = {"mg_levels_ksp_type": "gmres", "mg_levels_ksp_max_it": 2, "mg_levels_pc_type": "sor"}
-# In place of a cycle, where a smoother is all that is asked for: symmetric relaxation.
-RELAXATION = {"pc_type": "sor", "pc_sor_its": 2, "pc_sor_symmetric": None}
+# In place of a cycle, where a smoother is all that is asked for: symmetric relaxation, each rank by itself.
+RELAXATION = {"pc_type": "sor", "pc_sor_its": 2, "pc_sor_local_symmetric": None}
 RELAXED = "fluid_finer_velocity_"
 ALGEBRAIC = {
     "pc_type": "hypre",
