@@ -98,10 +98,12 @@ def _drop(outline: Outline, curve: np.ndarray, bed: Bed, s: Floats) -> Floats:
 
 def _golden(outline: Outline, curve: np.ndarray, bed: Bed, low: Floats, high: Floats) -> Floats:
     """The smallest vertical distances in the brackets [low, high] (n,) of curves (n,) by golden section."""
+    both = np.tile(curve, 2)  # one question for both places: most of what it costs is to ask it
     for _ in range(60):
         width = GOLDEN * (high - low)
         first, second = high - width, low + width
-        downhill = _drop(outline, curve, bed, first) > _drop(outline, curve, bed, second)
+        drops = _drop(outline, both, bed, np.concatenate([first, second])).reshape(2, -1)
+        downhill = drops[0] > drops[1]
         low, high = np.where(downhill, first, low), np.where(downhill, high, second)
     return _drop(outline, curve, bed, 0.5 * (low + high))
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -72,6 +73,7 @@ class Run:
         return [step.report.corrected for step in self.steps]  # type: ignore[attr-defined]
 
 
+@cache  # several tests look at the same run
 def run(grain: Grain, ratio: float, count: int, free: tuple[bool, bool, bool] = (True, True, True)) -> Run:
     with in_the_cavity(grain, ratio, free) as found:
         steps, readings = found.march(END, END / count)

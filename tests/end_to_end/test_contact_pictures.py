@@ -154,7 +154,9 @@ def test_a_case_that_gives_a_shape_is_drawn_with_it(tmp_path):
     assert picture.read_bytes() != shaped
 
 
-@pytest.mark.parametrize("flow", ["[0.2, 0.0, 0.0]", "[0.4, 0.1, 0.05]"])  # rests, pivots
+@pytest.mark.parametrize(
+    "flow", [pytest.param("[0.2, 0.0, 0.0]", marks=pytest.mark.slow), "[0.4, 0.1, 0.05]"]
+)  # rests, pivots
 def test_cases_in_space_are_drawn(tmp_path, flow):
     judged_case(tmp_path, "sphere_on_three_spheres", f"load.flow_force={flow}")
     written = draw_apart(tmp_path).paths

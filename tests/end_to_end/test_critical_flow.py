@@ -46,7 +46,7 @@ acceleration = 10.0
 [contact]
 friction = 5.0
 [numerics]
-mesh_size = 3.0
+mesh_size = 5.0
 error_bars = false
 """
 

@@ -198,8 +198,17 @@ def is_provisional(directory):
     return lambda: path.exists() and result_of(directory)["without_error_bars"] != ""
 
 
-@pytest.mark.parametrize("options", [FINE, DECIDING])
-@pytest.mark.parametrize(("ranks", "number"), [(1, signal.SIGINT), (2, signal.SIGINT), (1, signal.SIGTERM)])
+@pytest.mark.parametrize(
+    ("options", "ranks", "number"),
+    [
+        (FINE, 1, signal.SIGINT),
+        (FINE, 2, signal.SIGINT),
+        (DECIDING, 1, signal.SIGTERM),
+        pytest.param(FINE, 1, signal.SIGTERM, marks=pytest.mark.slow),
+        pytest.param(DECIDING, 1, signal.SIGINT, marks=pytest.mark.slow),
+        pytest.param(DECIDING, 2, signal.SIGINT, marks=pytest.mark.slow),
+    ],
+)
 def test_an_interrupt_in_the_error_bars_keeps_the_verdict(started, tmp_path, ranks, number, options):
     run = started(ranks, "run", GRAIN_ON_BED, *options, "--out", tmp_path)
     wait_until(is_provisional(tmp_path), run)

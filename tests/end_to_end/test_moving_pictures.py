@@ -19,6 +19,7 @@ from matplotlib.text import Text
 from moving_run import PERIOD, SCENE, course, write_history, write_texts
 from PIL import Image
 
+from incipient.cli import main
 from incipient.errors import OutputError
 from incipient.output.series_file import SeriesFile
 from incipient.pictures import animation, style, trajectory
@@ -329,8 +330,9 @@ def test_what_cannot_be_animated_is_named_with_the_remedy(run, tmp_path, monkeyp
         (["--animate", "flow.gif"], 2, "unrecognized arguments: flow.gif; see incipient --help"),
     ],
 )
-def test_show_says_what_is_wrong_in_one_line(options, code, complaint, command, tmp_path):
+def test_show_says_what_is_wrong_in_one_line(options, code, complaint, capsys, monkeypatch, tmp_path):
     (tmp_path / "nothing").mkdir()
     (tmp_path / "nothing" / "result.json").write_text("{}")
-    done = command("show", "nothing", *options)
-    assert (done.returncode, done.stdout, done.stderr) == (code, "", f"incipient: {complaint}\n")
+    monkeypatch.chdir(tmp_path)
+    assert main(["show", "nothing", *options]) == code
+    assert capsys.readouterr() == ("", f"incipient: {complaint}\n")

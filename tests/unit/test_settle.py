@@ -160,7 +160,7 @@ class TestDiscs:
 
 class TestEllipses:
     @pytest.mark.parametrize("friction", [0.0, 0.4, np.inf])
-    @pytest.mark.parametrize("angle", [0.2, 2.0, -1.5])
+    @pytest.mark.parametrize("angle", [0.2, 2.0, pytest.param(-1.5, marks=pytest.mark.slow)])
     def test_falls_flat(self, angle, friction):
         grain = Ellipse((0.7, 0.3))
         found = settle(grain, Flat(), turned(0.3, angle), friction=friction)
@@ -182,7 +182,7 @@ class TestEllipses:
         foot = np.cos(angle) * a * np.cos(lowest) - np.sin(angle) * b * np.sin(lowest)
         assert abs(found.placement.centre[0] - foot) == pytest.approx(arc, rel=0.05)
 
-    @pytest.mark.parametrize("friction", [0.0, 1.0])
+    @pytest.mark.parametrize("friction", [pytest.param(0.0, marks=pytest.mark.slow), 1.0])
     def test_in_a_pocket_lines_of_force_meet(self, friction):
         grain, bed, start = Ellipse((0.7, 0.4)), HalfDiscs(0.5, 1.0), turned(0.4, 0.6)
         found = settle(grain, bed, start, friction=friction)
@@ -255,7 +255,7 @@ class TestOtherGrainsInThePlane:
     def test_rests_on_every_bed(self, grain, bed):
         assert not flaws(settle(grain, bed, turned(0.2, 0.5)), grain, bed)
 
-    @pytest.mark.parametrize("exponent", [4.0, 20.0])
+    @pytest.mark.parametrize("exponent", [pytest.param(4.0, marks=pytest.mark.slow), 20.0])
     def test_superellipse_lies_on_its_flat_side(self, exponent):
         # Its flat side has no curvature: the couple is a root of the angle.
         found = settle(Superellipse((0.7, 0.3), exponent), Flat(), turned(0.2, 0.3), friction=0.0)
@@ -278,7 +278,9 @@ class TestSpheres:
         assert not flaws(found, Sphere(1.0), Plane())
 
     @pytest.mark.parametrize("friction", [0.0, 0.5])
-    @pytest.mark.parametrize("x", [(0.3, 0.1), (0.45, 0.3), (0.6, 0.02)])
+    @pytest.mark.parametrize(
+        "x", [(0.3, 0.1), (0.45, 0.3), pytest.param((0.6, 0.02), marks=pytest.mark.slow)]
+    )
     @pytest.mark.parametrize("spacing", [0.9, 1.0, 1.3])
     def test_in_a_pocket_of_three(self, spacing, x, friction):
         # The centre is above that of an equilateral triangle, s/sqrt(3) from its corners.
@@ -289,7 +291,7 @@ class TestSpheres:
         assert len(found.contacts) == 3
         assert not flaws(found, grain, bed, friction=friction)
 
-    @pytest.mark.parametrize("x", [(0.3, 0.1), (0.5, 0.4), (0.9, 0.8)])
+    @pytest.mark.parametrize("x", [(0.3, 0.1), (0.5, 0.4), pytest.param((0.9, 0.8), marks=pytest.mark.slow)])
     @pytest.mark.parametrize("spacing", [0.9, 1.0, 1.2])
     def test_in_a_pocket_of_four(self, spacing, x):
         # Half a diagonal, s/sqrt(2), from the corners of the square.

@@ -207,8 +207,8 @@ class Sinusoidal(Bed):
 
     def _half_slope(self, points: Floats, x: Floats) -> tuple[Floats, Floats]:
         """First two derivatives by x (n, k) of half the squared distance from points (n, 2)."""
-        offset, slope = self.height(x) - points[:, 1:], self.slopes(x)[0]
-        bend = -(self._wavenumber**2) * (self.height(x) - self.origin_y)
+        height, slope = self.height(x), self.slopes(x)[0]
+        offset, bend = height - points[:, 1:], -(self._wavenumber**2) * (height - self.origin_y)
         return x - points[:, :1] + offset * slope, 1.0 + slope**2 + offset * bend
 
     def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
