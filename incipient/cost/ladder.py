@@ -76,10 +76,16 @@ class Spread:
 _EXAMPLES = {"orders": "2 3", "sizes": "2 1.4 1", "steps": "4 2 1"}
 STEADY, UNSTEADY = Spread(), Spread(sizes=(2.0, RATIO, 1.0))
 QUICK = Spread((2, 3), (2.0, RATIO), (4.0, 2.0), solvers=())
+# In space higher orders and finer cells soon have too many unknowns, and few ways to solve have a meaning.
+IN_SPACE = Spread((2,), (2.0, RATIO, 1.0), (4.0, 2.0, 1.0), solvers=())
+QUICK_IN_SPACE = replace(IN_SPACE, sizes=(2.0, RATIO), steps=(4.0, 2.0))
 
 
 def spread(scene: Scene, quick: bool) -> Spread:
     """The usual ladder of a scene."""
+    if scene.gdim == 3:
+        orders = (2,) if scene.order == 2 else (scene.order - 1, scene.order)
+        return replace(QUICK_IN_SPACE if quick else IN_SPACE, orders=orders)
     if quick:
         return replace(QUICK, orders=(3, 4)) if scene.order == 4 else QUICK
     return STEADY if scene.time is None else UNSTEADY
@@ -114,17 +120,18 @@ def _solved_as_is(scene: Scene, spread: Spread) -> Ladder:
     sizes = _descending(scene.numerics.mesh_size * size for size in spread.sizes)
     sizes = tuple(size for size in sizes if SMALLEST <= size <= LARGEST) or (scene.numerics.mesh_size,)
     if scene.time is None:
-        return _steady(unique, sizes)
+        return _steady(unique, sizes, 2.0 if scene.gdim == 2 else RATIO)
     steps = _descending(min(scene.time.step * step, scene.time.end / 2.0) for step in spread.steps)
     return _unsteady(unique, sizes, steps)
 
 
-def _steady(orders: Sequence[int], sizes: Sequence[float]) -> Ladder:
+def _steady(orders: Sequence[int], sizes: Sequence[float], finer: float) -> Ladder:
+    """All orders on all cells; a reference of higher order than all others has cells `finer` times as small."""
     variants = tuple(Variant(order, size) for order in orders for size in sizes)
     highest, cheap = orders[-1], _cheap(variants, orders)
     # A higher order is worth more than finer cells; without one they must be much finer.
     if highest < 4:
-        reference = Variant(highest + 1, max(sizes[-1] / 2.0, SMALLEST))
+        reference = Variant(highest + 1, max(sizes[-1] / finer, SMALLEST))
         return Ladder(variants, reference, (reference,), cheap)
     reference = Variant(4, max(sizes[-1] / RATIO, SMALLEST))
     return Ladder(variants, reference, (*(Variant(4, size) for size in sizes), reference), cheap)

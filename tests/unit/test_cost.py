@@ -23,7 +23,9 @@ from incipient.cost.ladder import STEADY as STEADY_SPREAD
 from incipient.cost.measurement import Measured, Variant
 from incipient.cost.records import known_runs
 from incipient.errors import ConvergenceError, OutputError, SceneError
-from incipient.scene import Scene
+from incipient.scene import Scene, load
+
+SPACE = Path(__file__).parents[2] / "demos/scenes/sphere_on_plane.toml"
 
 # -- numbers ------------------------------------------------------------------------------------------------
 
@@ -137,6 +139,23 @@ def test_ladder_in_time() -> None:
     assert found == [(2.0, 0.04), (pytest.approx(RATIO), 0.04), (pytest.approx(RATIO), 0.02)]
     assert steps.reference == Variant(2, pytest.approx(1.0), 0.01)
     assert Variant(3, 1.0, 0.02).of(scene(TIMED)).time.step == 0.02
+
+
+def test_ladder_in_space() -> None:
+    """Of the scene's own order, the finest run with cells no smaller than the scene's over the square root of two."""
+    sphere = load(SPACE)
+    steps = ladder(sphere, spread(sphere, quick=False))
+    assert [(one.order, one.mesh_size) for one in steps.variants] == [
+        (2, 2.0),
+        (2, pytest.approx(RATIO)),
+        (2, 1.0),
+    ]
+    assert steps.reference == Variant(3, pytest.approx(1.0 / RATIO))
+    assert not steps.compared
+    quick = ladder(sphere, spread(sphere, quick=True))
+    assert (len(quick.variants), quick.reference) == (2, Variant(3, 1.0))
+    cubic = load(SPACE, ["numerics.order=3"])
+    assert spread(cubic, quick=True).orders == (2, 3)
 
 
 def test_own_ladders() -> None:
