@@ -1,7 +1,7 @@
 """A sphere settling in a box of silicone oil: its largest velocity beside that of ten Cate et al. (2002), case 1.
 
 Scaling: millimetres and seconds, the fluid's density 1: sphere of 15 mm and 1120 kg/m3, oil of 970 kg/m3, 0.373 Pa s.
-Cost:    half a minute of processor time on one core.
+Cost:    half a minute on one core; its cells are coarse, numerics.mesh_size=1.4 takes twice as long and changes 0.4%.
 Run:     mpirun -n 2 python demos/settling_sphere.py [KEY=VALUE ...]
 Results: results/settling_sphere: history.csv, fields.xdmf for ParaView; `incipient show results/settling_sphere`
 """

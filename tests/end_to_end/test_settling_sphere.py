@@ -25,7 +25,13 @@ def peak(said):
 
 @pytest.mark.slow
 def test_the_start_on_two_ranks(tmp_path):
-    coarse = ("numerics.mesh_size=3", "time.end=0.0225", "output.fields=false")
+    coarse = (
+        "numerics.mesh_size=3",
+        "time.end=0.0225",
+        "time.step=0.02",
+        "time.first_step=0.5",
+        "output.fields=false",
+    )
     said = said_by_demo(tmp_path, 2, *coarse)
     # Abraham's drag: Re 1.49, which ten Cate et al. round to 1.5.
     assert "unbounded          38.287 mm/s" in said
