@@ -24,7 +24,13 @@ from incipient.geometry.plane.grain import Disc, Ellipse, Grain
 
 END, REYNOLDS = 0.5, 10.0
 DISC, ELLIPSE = Disc(0.3), Ellipse((0.2, 0.1))
-MASS_RATIOS = [0.0, 0.01, 1.0, 100.0, 1e6]
+MASS_RATIOS = [
+    0.0,
+    pytest.param(0.01, marks=pytest.mark.slow),
+    1.0,
+    pytest.param(100.0, marks=pytest.mark.slow),
+    1e6,
+]
 # What each is free to do, and the ratio of its mass to the fluid's.
 PARTLY_FREE = [
     (DISC, 0.0, (True, True, False)),

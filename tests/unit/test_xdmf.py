@@ -286,7 +286,7 @@ def test_readable_after_a_crash(ranks, tmp_path):
     assert np.isfinite(found[-1][1]["velocity"]).all()
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("ranks", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_a_full_disk_is_one_error_on_all_ranks_and_loses_nothing(ranks, tmp_path):
     (tmp_path / "go-on").touch()
     process = spawn(ranks, "write_until_full", tmp_path)
@@ -297,7 +297,7 @@ def test_a_full_disk_is_one_error_on_all_ranks_and_loses_nothing(ranks, tmp_path
     assert [time for time, _ in grids(tmp_path / "fields")] == [0.0, 2.0]
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("ranks", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_a_missing_directory_is_one_error_on_all_ranks(ranks, tmp_path):
     process = spawn(ranks, "write_where_impossible", tmp_path)
     assert process.returncode == 0, process.stderr
