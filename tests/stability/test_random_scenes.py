@@ -14,7 +14,7 @@ USUAL = settings(derandomize=True, deadline=None, database=None, suppress_health
 NOWHERE = Path(os.devnull).parent
 
 
-@pytest.mark.parametrize("number", [200, pytest.param(600, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("number", [300, pytest.param(900, marks=pytest.mark.slow)])
 def test_any_scene_file_is_planned_or_refused_in_one_line(number: int) -> None:
     """Scene files around valid ones; every fifth that is a scene is meshed as well."""
     found: Counter[str] = Counter()
