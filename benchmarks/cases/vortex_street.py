@@ -156,7 +156,7 @@ def _beside(rows: list[Row]) -> str:
     limits = ", ".join(f"{NAMES[key]} = {value:g}" for key, value in LIMIT.items())
     return f"""Beside other programs: relative differences from {limits}, to which cells and steps of the program's
 own go. *Splitting* solves the components of the velocity, the pressure and a projection one after another; *explicit
-convection* needs one factorisation for all steps, and short ones.
+convection* is of first order in time and needs short steps, but one factorisation for all of them.
 
 {table(heads, cells)}
 

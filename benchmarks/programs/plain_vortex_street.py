@@ -143,6 +143,8 @@ def main(near: float, far: float, step: float, end: float, since: float) -> None
     found: dict[str, list[float]] = {"time": [], "drag": [], "lift": []}
     for n in range(1, steps + 1):
         splitting.advance()
+        if n % 100 == 0:
+            PETSc.garbage_cleanup(splitting.mass.comm)  # vectors that PETSc else keeps to the end
         if n * step > since:
             forces = [force / unit for force in splitting.forces()]
             for key, value in zip(found, (n * step, *forces), strict=True):
