@@ -139,7 +139,7 @@ def test_an_outline_of_ten_thousand_points_is_planned_at_once(tmp_path, settle: 
     plan = estimate(scene)
     assert time.process_time() - before < (4.0 if settle else 2.0)
     assert scene.body is not None and len(scene.body.vertices) == 10_000  # type: ignore[union-attr]
-    assert plan.geometry_order == 2
+    assert plan.geometry_order == plan.order == 3
     assert plan.estimate is not None and 500 < plan.estimate.cells < 3000
 
 
