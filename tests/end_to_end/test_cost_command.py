@@ -126,7 +126,7 @@ IN_TIME = (
 
 @pytest.mark.parametrize(
     ("steady", "ways"),
-    [(True, ("chords", "loose")), pytest.param(False, ("extrapolated", "bdf1"), marks=pytest.mark.slow)],
+    [(True, ("chords",)), pytest.param(False, ("extrapolated", "bdf1"), marks=pytest.mark.slow)],
 )
 def test_ways_to_solve(command: Any, tmp_path: Path, steady: bool, ways: tuple[str, ...]) -> None:
     """Real runs solved in other ways: algebra changes nothing that counts, linearisation and scheme a little."""

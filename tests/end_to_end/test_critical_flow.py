@@ -170,9 +170,13 @@ def test_a_grain_held_without_limit_in_its_own_flow() -> None:
     assert_moves_from(slow, found[0])
 
 
+# Order two and large cells: what the search finds is compared with the same flow, not with the true one.
+COARSE_300 = ("fluid.reynolds=300.0", "numerics.mesh_size=3.0", "numerics.order=2")
+
+
 def test_a_threshold_at_a_high_reynolds_number() -> None:
     """Where a run from rest may find no steady flow: checked by going up in small steps."""
-    scene = on_bed(*POCKET, *SMALL, ALONE, "fluid.reynolds=300.0", "numerics.mesh_size=3.0")
+    scene = on_bed(*POCKET, *SMALL, ALONE, *COARSE_300)
     critical = threshold_of(scene).factor
     assert 2.0 < critical < 5.0
     *_, below, above = margins(

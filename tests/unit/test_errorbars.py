@@ -69,8 +69,14 @@ def effectivities(term: Term, one: Loads, other: Loads) -> list[float]:
 TIMES = [None, Time(end=4.0, step=0.5, start="steady"), Time(end=4.0, step=0.2)]
 
 
-@pytest.mark.parametrize("inertia", [True, False])
-@pytest.mark.parametrize("time", TIMES)
+@pytest.mark.parametrize(
+    ("time", "inertia"),
+    [
+        *((time, inertia) for time in TIMES[:2] for inertia in (True, False)),
+        (TIMES[2], False),
+        pytest.param(TIMES[2], True, marks=pytest.mark.slow),
+    ],
+)
 def test_gap_term_against_a_gap_closed(time: Time | None, inertia: bool) -> None:
     """The gap is closed to a sixteenth; the rest changes force and couple by another few per cent of that."""
     scene = Scene(**{**on_bed(fluid={"inertia": inertia}).model_dump(), "time": time})
