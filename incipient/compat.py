@@ -81,6 +81,12 @@ def form(expression: Any, compiler: dict[str, Any] | None = None) -> Any:
         return dolfinx.fem.form(expression, **{keyword: dict(compiler or {})}, **options)
 
 
+def create_vector(compiled: Any, space: Any) -> Any:
+    """PETSc's vector for the assembly of a compiled linear form on a space, ghosts included. Collective."""
+    takes_spaces = "V" in inspect.signature(petsc.create_vector).parameters
+    return petsc.create_vector(space if takes_spaces else compiled)
+
+
 def _kept(compiled_by: Any, signature: str) -> dict[str, Any]:
     """The option that says in which folder the code of a form or an element of this signature is kept, if it has any.
 

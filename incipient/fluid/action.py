@@ -39,7 +39,7 @@ class Action:
         self._direction.x.array[:owned] = np.where(self._held, 0.0, values)
         self._direction.x.scatter_forward()
         if self._vector is None:
-            self._vector = petsc.create_vector(form)
+            self._vector = compat.create_vector(form, self._state.function_space)
         with self._vector.localForm() as local:
             local.set(0.0)
         petsc.assemble_vector(self._vector, form)
