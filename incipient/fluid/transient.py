@@ -117,7 +117,7 @@ class Transient:
         self._past: list[Past] = []
         self._count, self.next_length = 0, 0.0
         self.last_error: float | None = None
-        self._of_two_meshes = 0  # steps to come whose error is told from states of two meshes
+        self._new_mesh = -np.inf  # when the present mesh began: states up to then come from another one
         self._length_kept: float | None = None
 
     def march(self, end: float, step: float, first: float = 1.0) -> Iterator[TimeStep]:
@@ -157,17 +157,26 @@ class Transient:
             self.interface.accept()
         return taken
 
-    def continue_on(self, fluid: Fluid, interface: Interface, past: Sequence[Past]) -> None:
+    def continue_on(self, fluid: Fluid, interface: Interface | None, past: Sequence[Past]) -> None:
         """Go on with a fluid on another mesh, whose state is the present one, and its past there. Collective."""
         self.fluid, self.interface, self._past = fluid, interface, list(past)
-        self._of_two_meshes = self.order + 1
+        self._new_mesh = fluid.time
 
-    def resume(self, number: int, next_length: float, past: Sequence[Past], last_error: float | None) -> None:
+    def resume(
+        self,
+        number: int,
+        next_length: float,
+        past: Sequence[Past],
+        last_error: float | None,
+        new_mesh: float = -np.inf,
+    ) -> None:
         """Restore the history: `number` steps done, the `past` states newest first. Not collective.
 
-        The next `march` starts with `next_length` in place of its own. `last_error` is that of the last step.
+        The next `march` starts with `next_length` in place of its own. `last_error` is that of the last step,
+        `new_mesh` the time of the last new mesh.
         """
         self._count, self._past, self.last_error = number, list(past), last_error
+        self._new_mesh = new_mesh
         self._length_kept = next_length if number else None
 
     def forget(self) -> None:
@@ -270,13 +279,12 @@ class Transient:
         return max(error, change / size if size else 0.0)
 
     def _credible(self, error: float | None) -> float | None:
-        """The error by which the next tolerance goes: no larger than before while states are of two meshes.
+        """The error by which the next tolerance goes: no larger than before while states come from another mesh.
 
         Their differences then tell of both meshes more than of time.
         """
-        if not self._of_two_meshes:
+        if min(one.time for one in self._past[: self.order + 1]) > self._new_mesh:
             return error
-        self._of_two_meshes -= 1
         return self.last_error if error is None or self.last_error is None else min(error, self.last_error)
 
     def _relative(self, values: np.ndarray) -> float:

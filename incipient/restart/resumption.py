@@ -112,7 +112,9 @@ def put_back_flow(kept: Checkpoint, transient: Transient) -> None:
     fluid.state.x.array[:], fluid.time = present, kept.time
     velocities = np.zeros((len(past), 0)) if kept.body is None else kept.body.velocities
     pasts = [Past(*one) for one in zip(kept.times[1:].tolist(), past, velocities, strict=True)]
-    transient.resume(kept.progress.number, kept.progress.next_length, pasts, kept.progress.error)
+    meshes = [] if kept.body is None else kept.body.remeshings
+    new_mesh = meshes[-1]["time"] if meshes else -np.inf
+    transient.resume(kept.progress.number, kept.progress.next_length, pasts, kept.progress.error, new_mesh)
     for name, number in kept.progress.linear.items():
         setattr(fluid.solver.statistics, name, number)
 

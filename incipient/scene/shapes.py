@@ -367,6 +367,7 @@ class Polyline(BedSection):
         """Replace the file by its points, so that the scene no longer depends on where it was read."""
 
         def ascending(path: Path) -> dict[str, Any]:
+            """The points in a file, refused if they are not sorted."""
             points = read_points(path, 2, "Polyline")
             if why := _disorder(points):
                 remedy = "give two or more points sorted by ascending x, each x once"

@@ -259,6 +259,7 @@ class Mesh(SolidSection):
         """Replace the file by its triangles, so that the scene no longer depends on where it was read."""
 
         def surface(path: Path) -> dict[str, Any]:
+            """Vertices and triangles in a file, refused if they are too many or bound no grain."""
             from ..geometry.space.polyhedra import Triangulated
 
             try:

@@ -122,6 +122,7 @@ class RasterBed(TerrainSection):
         """Replace the file by its heights, so that the scene no longer depends on where it was read."""
 
         def raster(path: Path) -> dict[str, Any]:
+            """The heights in a file, how far apart they are and where the first one is."""
             try:
                 found = cls._in_file(path, data)
             except (SceneError, TypeError) as error:

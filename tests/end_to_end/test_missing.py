@@ -69,23 +69,23 @@ def test_what_needs_no_flow_works_without_its_libraries(arguments: list[object],
 @pytest.mark.parametrize("module", ["mpi4py", "dolfinx", "h5py", "gmsh"])
 def test_a_run_names_the_missing_module(module: str, tmp_path: Path) -> None:
     done = without(module, "run", CAVITY, *COARSE, "--out", tmp_path)
-    _one_line(done, f"{module} is not installed", "apt-get install python3-dolfinx")
+    assert_one_line(done, f"{module} is not installed", "apt-get install python3-dolfinx")
 
 
 def test_a_module_that_one_rank_misses_ends_both(tmp_path: Path) -> None:
     """gmsh is for the first rank only."""
     done = without("gmsh", "run", CAVITY, *COARSE, "--out", tmp_path, ranks=2)
-    _one_line(done, "gmsh is not installed", "pip install 'incipient[dolfinx]'")
+    assert_one_line(done, "gmsh is not installed", "pip install 'incipient[dolfinx]'")
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_a_missing_compiler_is_named(ranks: int, tmp_path: Path) -> None:
     elsewhere = {"CC": "no-such-compiler", "XDG_CACHE_HOME": str(tmp_path)}
     done = without("", "run", CAVITY, *COARSE, "--out", tmp_path / "x", ranks=ranks, **elsewhere)
-    _one_line(done, "takes a C compiler and Python's headers", "gcc libc6-dev python3-dev")
+    assert_one_line(done, "takes a C compiler and Python's headers", "gcc libc6-dev python3-dev")
 
 
-def _one_line(done: Finished[str], what: str, remedy: str) -> None:
+def assert_one_line(done: Finished[str], what: str, remedy: str) -> None:
     assert done.returncode == MissingError.exit_code, done.stderr
     (line,) = [line for line in done.stderr.splitlines() if line.startswith("incipient: ")]
     assert what in line and remedy in line

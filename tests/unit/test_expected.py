@@ -29,16 +29,16 @@ kind = "shear"
 @pytest.mark.parametrize("name", ["cavity", "cylinder", "grain_on_bed", "pothole_1"])
 @pytest.mark.parametrize("mesh_size", [0.5, 2.0])
 def test_about_as_many_cells_are_expected_as_are_made(name: str, mesh_size: float) -> None:
-    compare(load(SCENES / f"{name}.toml", [f"numerics.mesh_size={mesh_size}"]))
+    assert_foretold(load(SCENES / f"{name}.toml", [f"numerics.mesh_size={mesh_size}"]))
 
 
 def test_cells_of_a_bed_that_grow_with_the_distance() -> None:
     """In the pocket of a bed of half-discs; those far away are coarse."""
     bed = ("bed.kind=half-discs", "bed.radius=0.1", "bed.spacing=0.24", "bed.offset=0")
-    compare(load(SCENES / "grain_on_bed.toml", bed))
+    assert_foretold(load(SCENES / "grain_on_bed.toml", bed))
 
 
-def compare(scene: Scene) -> None:
+def assert_foretold(scene: Scene) -> None:
     plan = make_plan(scene)
     laid_out = drawing.lay_out(scene, plan)
     cells = sum(expected.expected_cells(laid_out.shape, laid_out.sizes).values())

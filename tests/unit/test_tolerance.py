@@ -71,3 +71,21 @@ def test_corrections_are_saved(fluid: Fluid) -> None:
         steps = list(Transient(fluid, tolerance=tolerance).march(1.0, 0.01))
         counts.append(sum(step.report.iterations for step in steps))
     assert counts[0] < 2 / 3 * counts[1]
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_errors_told_by_states_of_two_meshes_are_not_believed(fluid: Fluid, order: int) -> None:
+    """The tolerance after a new mesh goes by the error before it, in a run that is resumed in between as well."""
+    transient = Transient(fluid, order, ShareOfError())
+    list(transient.march(0.5, 0.1))
+    new_mesh, small = fluid.time, 1e-9
+    transient.continue_on(fluid, None, transient.past)
+    transient.last_error = small  # as small as no step here errs
+    transient.advance(0.1)
+    resumed = Transient(fluid, order, ShareOfError())
+    resumed.resume(transient.number, transient.next_length, transient.past, transient.last_error, new_mesh)
+    for _ in range(order):
+        resumed.advance(0.1)
+        assert resumed.last_error == small
+    resumed.advance(0.1)
+    assert resumed.last_error is not None and resumed.last_error > 10.0 * small
