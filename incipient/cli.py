@@ -185,13 +185,12 @@ def _options_of_cost(parser: argparse.ArgumentParser) -> None:
 
 def _options_of_show(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("directory", type=Path, help="directory of the results")
-    parser.add_argument("--animate", action="store_true", help="show the flow in motion instead")
-    parser.add_argument(
-        "--out", type=_named, metavar="FILE", help="animation, .gif or .mp4 (default: DIRECTORY/FIELD.gif)"
-    )
-    parser.add_argument(
-        "--field", choices=("velocity", "pressure", "vorticity"), help="what to animate (default: velocity)"
-    )
+    films = parser.add_mutually_exclusive_group()
+    films.add_argument("--animate", action="store_true", help="show the flow in motion instead")
+    films.add_argument("--turntable", action="store_true", help="go once round a grain in space instead")
+    parser.add_argument("--out", type=_named, metavar="FILE", help="the film, .gif or .mp4")
+    fields = ("velocity", "pressure", "vorticity")
+    parser.add_argument("--field", choices=fields, help="what to animate (default: velocity)")
 
 
 def _options_of_judge(parser: argparse.ArgumentParser) -> None:
@@ -359,21 +358,25 @@ def _show(options: argparse.Namespace, comm: MPI.Comm) -> int:
     from .parallel import collectively
 
     _require_left_by(options.directory, RECORDS, comm)
-    if not options.animate:
-        if options.field is not None:
-            raise SceneError("--field says what to animate; add --animate")
-        if options.out is not None:
-            raise SceneError("--out names the animation; add --animate")
-        with collectively(comm):
-            if comm.rank == 0:
-                _show_pictures(options.directory)
-        return 0
+    if options.field is not None and not options.animate:
+        raise SceneError("--field says what to animate; add --animate")
+    if options.out is not None and not (options.animate or options.turntable):
+        raise SceneError("--out names the animation; add --animate or --turntable")
     with collectively(comm):
         if comm.rank == 0:
-            from .pictures.apart import animate_apart
-
-            print(animate_apart(options.directory, options.out, options.field or "velocity"))
+            _show_one(options)
     return 0
+
+
+def _show_one(options: argparse.Namespace) -> None:
+    from .pictures.apart import animate_apart, turn_apart
+
+    if options.animate:
+        print(animate_apart(options.directory, options.out, options.field or "velocity"))
+    elif options.turntable:
+        print(turn_apart(options.directory, options.out))
+    else:
+        _show_pictures(options.directory)
 
 
 def _show_pictures(directory: Path) -> None:

@@ -39,8 +39,21 @@ def animate_apart(directory: Path, target: Path | None, field: str) -> Path:
     Raises:
         OutputError: with the drawing's own explanation.
     """
+    return _film_apart(directory, target, "--animate", f"--field={field}")
+
+
+def turn_apart(directory: Path, target: Path | None) -> Path:
+    """Make the film that `turntable.turn` makes in another process; return its path. Not collective.
+
+    Raises:
+        OutputError: with the drawing's own explanation.
+    """
+    return _film_apart(directory, target, "--turntable")
+
+
+def _film_apart(directory: Path, target: Path | None, *what: str) -> Path:
     named = () if target is None else (f"--out={target}",)
-    drawn = _apart("no animation", str(directory), "--animate", f"--field={field}", *named)
+    drawn = _apart("no animation", str(directory), *what, *named)
     if drawn.complaint:
         raise OutputError(drawn.complaint)
     (path,) = drawn.paths

@@ -47,7 +47,7 @@ class Rendering:
 
 
 @dataclass(frozen=True, eq=False)
-class _Frame:
+class Frame:
     """Unit vectors of the view, its middle, and the size of the grain."""
 
     along: np.ndarray  # to the right
@@ -58,13 +58,9 @@ class _Frame:
 
 def rendered(case: Judged, points: np.ndarray, triangles: np.ndarray) -> Rendering:
     """Render a case with the grain's surface, points (n, 3) and triangles (m, 3), off screen. Not collective."""
-    pyvista = pyvista_off_screen()
-    frame = _frame(case, points)
-    plotter = pyvista.Plotter(off_screen=True, window_size=list(PIXELS), lighting="three lights")
-    plotter.background_color = "white"
-    plotter.render_window.SetMultiSamples(0)  # depth peeling cannot do with them
-    plotter.enable_depth_peeling(6)
-    scene = _Scene(pyvista, plotter, frame)
+    pyvista, plotter = empty_stage(PIXELS)
+    frame = frame_of(case, points)
+    scene = Stage(pyvista, plotter, frame)
     if len(triangles):
         scene.grain(points, triangles)
     tips, numbers = scene.load(case), scene.contacts(case)
@@ -79,20 +75,31 @@ def rendered(case: Judged, points: np.ndarray, triangles: np.ndarray) -> Renderi
     return Rendering(np.asarray(image), centre, *places, triad)
 
 
-def _frame(case: Judged, points: np.ndarray) -> _Frame:
+def empty_stage(pixels: tuple[int, int]) -> tuple[Any, Any]:
+    """pyvista and a plotter off screen that shows translucent surfaces in the right order."""
+    pyvista = pyvista_off_screen()
+    plotter = pyvista.Plotter(off_screen=True, window_size=list(pixels), lighting="three lights")
+    plotter.background_color = "white"
+    plotter.render_window.SetMultiSamples(0)  # depth peeling cannot do with them
+    plotter.enable_depth_peeling(6)
+    return pyvista, plotter
+
+
+def frame_of(case: Judged, points: np.ndarray) -> Frame:
+    """The weight down and the flow to the right, about a grain with a surface through points (n, 3)."""
     weight, flow = case.load.weight, case.load.flow_force
     up = unit(-weight if weight.any() else -case.contacts.normals.sum(axis=0))
     up = up if up.any() else np.array([0.0, 0.0, 1.0])
     level = flow - (flow @ up) * up
     if np.linalg.norm(level) <= 1e-9 * np.linalg.norm(flow):
         level = _across(up)
-    return _Frame(unit(level), up, case.load.centre, float(np.ptp(points, axis=0).max()))
+    return Frame(unit(level), up, case.load.centre, float(np.ptp(points, axis=0).max()))
 
 
-class _Scene:
+class Stage:
     """What is put before the camera; lengths are counted in grain sizes."""
 
-    def __init__(self, pyvista: Any, plotter: Any, frame: _Frame):
+    def __init__(self, pyvista: Any, plotter: Any, frame: Frame):
         self.pyvista, self.plotter, self.frame = pyvista, plotter, frame
 
     def grain(self, points: np.ndarray, triangles: np.ndarray) -> None:

@@ -6,8 +6,6 @@ The fields of a run stand on quadratic tetrahedra, which VTK cuts and samples; m
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -18,25 +16,22 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 
-from ..geometry.placement import Placement
 from ..scene import Scene
 from .cells import PIXELS, pyvista_off_screen
 from .judged import Judged, judged
 from .plane import Marks, aside, label, marks_of
 from .record import Run
+from .section import BESIDE, TETRAHEDRON, Section, level_of, section_of, tetrahedra, views_of
 from .sheet import Group, explain, judge_rows, load_rows, sheet, write_numbers
 from .solid import Rendering, rendered
-from .streamlines import Sampled, streamlines
+from .streamlines import streamlines
 from .style import FLOW, FORCES, GROUND, INK, PAPER, View, panels
 
 SPACING = 0.04  # of the triangles of a grain's surface, in grain sizes
-_NEAR = 0.15  # of the grain's size: where its shape tells what is fluid
-_COLUMNS = 500  # points of a section along its longer side
-_BESIDE = 1e-5  # of the width: how far beside a plane of symmetry fields are cut
 _CLIPPED = 0.5  # per cent of the points, at either end, whose pressure exceeds the colour bar
 _UNIT = "[scene units]"
 _UNASKED = ("The forces on the grain; the scene asks for no verdict.", "")
-_TRIANGLE, _TETRAHEDRON = 22, 24  # VTK's numbers of quadratic cells
+QUADRATIC_TRIANGLE = 22  # VTK's number of the quadratic one
 
 
 def is_in_space(run: Run) -> bool:
@@ -58,36 +53,16 @@ def makers(run: Run) -> dict[str, Callable[[Run], Figure]]:
 # -- the flow in a vertical plane -------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, eq=False)
-class Section:
-    """Fields on a regular grid (rows, columns) over a part (left, right, lowest, highest) of a vertical plane."""
-
-    view: View
-    inside: np.ndarray
-    velocity: np.ndarray
-    pressure: np.ndarray
-
-    @property
-    def spacing(self) -> float:
-        """The distance of the points."""
-        return (self.view[1] - self.view[0]) / self.inside.shape[1]
-
-    @cached_property
-    def along(self) -> Sampled:
-        """The velocity within the plane, zero outside the fluid."""
-        origin = np.array([self.view[0], self.view[2]]) + 0.5 * self.spacing
-        within = np.where(self.inside[..., None], self.velocity[..., [0, 2]], 0.0)
-        return Sampled(origin, self.spacing, within)
-
-
 def speed(run: Run) -> Figure:
     """Speed in colour in the vertical plane through the grain's centre, with streamlines in that plane."""
-    return _sections(run, "speed", "viridis", lambda s: np.linalg.norm(s.velocity, axis=-1), _from_zero, True)
+    return _sections(
+        run, "speed", "viridis", lambda s: np.linalg.norm(s.fields["velocity"], axis=-1), _from_zero, True
+    )
 
 
 def pressure(run: Run) -> Figure:
     """Pressure in colour in the same plane; extremes exceed the colour bar."""
-    return _sections(run, "pressure", "RdYlBu_r", lambda s: s.pressure, _without_extremes, False)
+    return _sections(run, "pressure", "RdYlBu_r", lambda s: s.fields["pressure"], _without_extremes, False)
 
 
 def _sections(
@@ -99,10 +74,10 @@ def _sections(
     lines: bool,
 ) -> Figure:
     """The whole plane and, with a grain, its surroundings, each with colours of its own."""
-    views = _views(run)
+    views = views_of(run)
     figure, places = panels(views, run.headline)
     for (axes, bar), view, what in zip(places, views, ("whole length", "around the grain"), strict=False):
-        section = _section(run, view)
+        section = section_of(run, view, ["velocity", "pressure"])
         values = np.where(section.inside, values_of(section), np.nan)
         norm = limits(values[section.inside])
         drawn: dict[str, Any] = {"origin": "lower", "extent": view, "interpolation": "bilinear"}
@@ -114,7 +89,7 @@ def _sections(
             found = streamlines(section.along, separation)
             axes.add_collection(LineCollection(found, colors="white", linewidths=0.6, alpha=0.9, zorder=2))
         axes.set(xlim=view[:2], ylim=view[2:], ylabel="z [scene units]")
-        axes.set_title(f"{name.capitalize()} at y = {_level(run):.4g}, {what}")
+        axes.set_title(f"{name.capitalize()} at y = {level_of(run):.4g}, {what}")
         figure.colorbar(ScalarMappable(norm, colours), cax=bar).set_label(f"{name} [scene units]")
     return figure
 
@@ -128,91 +103,18 @@ def _without_extremes(seen: np.ndarray) -> Normalize:
     return Normalize(low, high) if high > low else Normalize(low - 0.5, high + 0.5)
 
 
-def _level(run: Run) -> float:
-    """y of the plane that is shown: through the grain, or the middle."""
-    low, high = run.fields.points[:, 1].min(), run.fields.points[:, 1].max()
-    centre = run.value("grain", "computed_centre")
-    y = run.middle if centre is None else float(centre[1])
-    return float(np.clip(y, low, high))
-
-
-def _views(run: Run) -> list[View]:
-    (x0, _, z0), (x1, _, z1) = run.fields.points.min(axis=0), run.fields.points.max(axis=0)
-    whole = (float(x0), float(x1), float(z0), float(z1))
-    centre, size = run.value("grain", "computed_centre"), run.value("grain", "size")
-    if centre is None:
-        return [whole]
-    x, _, z = centre
-    near = (x - 2.0 * size, x + 2.5 * size, z - 1.2 * size, z + 1.3 * size)
-    return [whole, (max(near[0], x0), min(near[1], x1), max(near[2], z0 - 0.1 * size), min(near[3], z1))]
-
-
-def _section(run: Run, view: View) -> Section:
-    """Velocity and pressure on a grid over a part of the plane, by VTK's interpolation in quadratic cells."""
-    pyvista = pyvista_off_screen()
-    spacing = max(view[1] - view[0], view[3] - view[2]) / _COLUMNS
-    x = np.arange(view[0] + 0.5 * spacing, view[1], spacing)
-    z = np.arange(view[2] + 0.5 * spacing, view[3], spacing)
-    low, high = run.fields.points[:, 1].min(), run.fields.points[:, 1].max()
-    inwards = _BESIDE * (high - low)
-    across, up = np.meshgrid(x, z)
-    level = np.clip(_level(run), low + inwards, high - inwards)
-    points = np.column_stack([across.ravel(), np.full(across.size, level), up.ravel()])
-    found = pyvista.PolyData(points).sample(_grid(run, view))
-    # VTK misses points next to curved boundaries: where there is fluid the shapes tell, and how fast the next point.
-    known = np.asarray(found["vtkValidPointMask"], dtype=bool)
-    inside = _in_fluid(run, points, known)
-    if known.any():
-        from scipy.spatial import cKDTree
-
-        missing = np.flatnonzero(inside & ~known)
-        _, nearest = cKDTree(points[known]).query(points[missing])
-        for name in ("velocity", "pressure"):
-            found[name][missing] = found[name][known][nearest]
-    shape = across.shape
-    velocity = np.asarray(found["velocity"]).reshape(*shape, 3)
-    return Section(view, inside.reshape(shape), velocity, np.asarray(found["pressure"]).reshape(shape))
-
-
-def _in_fluid(run: Run, points: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Which points (n, 3) lie in the fluid: those that VTK knows, near the grain those outside it and above the bed."""
-    centre = run.value("grain", "computed_centre")
-    if centre is None:
-        return known
-    scene = Scene(**run.scene)
-    bed, placement = scene.bed_shape, Placement(centre, quaternion=tuple(run.value("grain", "quaternion")))
-    low = scene.domain.bottom if bed is None else bed.height(points[:, :2])
-    away = scene.grain.level(placement.to_body(points))
-    beside = (away < _NEAR * scene.grain.size) & (points[:, 2] > low)
-    return np.asarray((known | beside) & (away > 0.0))
-
-
-def _grid(run: Run, view: View | None = None) -> Any:
-    """The tetrahedra of a run, or those in a view from the side, with velocity and pressure."""
-    pyvista = pyvista_off_screen()
-    cells = run.fields.cells
-    if view is not None:
-        x, z = run.fields.points[cells][..., 0], run.fields.points[cells][..., 2]
-        seen = (x.max(axis=1) >= view[0]) & (x.min(axis=1) <= view[1])
-        cells = cells[seen & (z.max(axis=1) >= view[2]) & (z.min(axis=1) <= view[3])]
-    grid = pyvista.UnstructuredGrid({_TETRAHEDRON: cells}, run.fields.points)
-    for name in ("velocity", "pressure"):
-        grid[name] = run.field(name)
-    return grid
-
-
 # -- mesh and traction ------------------------------------------------------------------------------------
 
 
 def mesh(run: Run, path: Path) -> None:
     """The cells that the vertical plane through the grain cuts, and the surface of the grain behind it, as PNG."""
     pyvista = pyvista_off_screen()
-    view = _views(run)[-1]
-    grid = _grid(run, view)
-    level = _level(run)
+    view = views_of(run)[-1]
+    grid = tetrahedra(run, view, ["velocity"])
+    level = level_of(run)
     low, high = run.fields.points[:, 1].min(), run.fields.points[:, 1].max()
-    level = float(np.clip(level, low + _BESIDE * (high - low), high))
-    corners = run.fields.points[grid.cells_dict[_TETRAHEDRON][:, :4]]
+    level = float(np.clip(level, low + BESIDE * (high - low), high))
+    corners = run.fields.points[grid.cells_dict[TETRAHEDRON][:, :4]]
     behind = corners[..., 1].max(axis=1) > level
     kept = grid.extract_cells(np.flatnonzero(behind & (corners[..., 1].min(axis=1) <= level)))
     kept["speed"] = np.linalg.norm(kept["velocity"], axis=1)
@@ -245,7 +147,7 @@ def _look_along_y(plotter: Any, view: View, level: float) -> None:
 def traction(run: Run) -> Figure:
     """The size of the traction on the grain's surface in colour, seen from upstream and from downstream."""
     assert run.surface is not None
-    points, cells, values = _whole_surface(run)
+    points, cells, values = whole_surface(run)
     size = np.linalg.norm(values, axis=1)
     # In a gap pressures are many times as large as elsewhere.
     norm = Normalize(0.0, float(np.percentile(size, 98.0)) or 1.0)
@@ -263,7 +165,7 @@ def traction(run: Run) -> Figure:
     return figure
 
 
-def _whole_surface(run: Run) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def whole_surface(run: Run) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Nodes, quadratic triangles and traction of the grain's surface, half a grain with its mirror image."""
     assert run.surface is not None
     points, cells, values = run.surface.points, run.surface.cells, run.surface.fields["traction"]
@@ -282,7 +184,7 @@ def _shown_surface(
     points: np.ndarray, cells: np.ndarray, values: np.ndarray, norm: Normalize, along: float
 ) -> np.ndarray:
     pyvista = pyvista_off_screen()
-    surface = pyvista.UnstructuredGrid({_TRIANGLE: cells}, points)
+    surface = pyvista.UnstructuredGrid({QUADRATIC_TRIANGLE: cells}, points)
     surface["size"] = np.linalg.norm(values, axis=1)
     plotter = pyvista.Plotter(off_screen=True, window_size=[1100, 1100], lighting="three lights")
     plotter.background_color = "white"

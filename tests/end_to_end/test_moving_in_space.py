@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from PIL import Image
 
 import incipient
-from incipient.errors import OutputError
 from incipient.geometry.placement import Placement, rotation_by
 from incipient.geometry.space.polyhedra import Box as BoxSolid
 from incipient.pictures import trajectory
-from incipient.pictures.animation import animate
+from incipient.pictures.apart import animate_apart
 from incipient.planning.body import rigid_body
 from incipient.planning.clearance import surroundings
 from incipient.scene import (
@@ -64,7 +67,7 @@ def through_a_new_mesh(**output: Any) -> Scene:
         8.0,
         time=Time(end=1.0, step=0.25, start="stokes"),
         numerics=Numerics(mesh_size=2.2, remesh_below=0.5, **EXACTLY),
-        output=Output(fields=False, **output),
+        output=Output(**{"fields": False, **output}),
     )
 
 
@@ -106,7 +109,7 @@ def assert_same_path(one: Path, other: Path, tolerance: float) -> None:
 def test_a_spheroid_in_shear_and_resumed(tmp_path: Path) -> None:
     """Through a new mesh, on 400 cells in a box three long axes wide: measured 5% of the fastest rate off the orbit
     in an unbounded fluid. Resumed from its middle it is the same."""
-    scene = through_a_new_mesh(checkpoint=2)
+    scene = through_a_new_mesh(checkpoint=2, fields=True, every=1)
     assert scene.symmetric
     incipient.run(scene, tmp_path / "whole")
     whole = history_of(tmp_path / "whole")
@@ -119,8 +122,32 @@ def test_a_spheroid_in_shear_and_resumed(tmp_path: Path) -> None:
     incipient.resume(tmp_path / "resumed", ["time.end=1.0"])
     assert_same_path(tmp_path / "whole", tmp_path / "resumed", 1e-7)
     assert trajectory.draw(tmp_path / "whole")[0].stat().st_size > 10_000
-    with pytest.raises(OutputError, match="in space is not animated"):
-        animate(tmp_path / "whole")
+    for field in ("velocity", "vorticity"):
+        assert_shows(animate_apart(tmp_path / "whole", None, field), frames=4)
+    assert_shows(turned(tmp_path / "whole"), frames=3)
+
+
+def assert_shows(path: Path, frames: int) -> None:
+    """The film has so many frames, which differ, and each many colours."""
+    film = Image.open(path)
+    assert film.n_frames == frames
+    seen = []
+    for number in range(frames):
+        film.seek(number)
+        seen.append(np.asarray(film.convert("RGB")))
+        assert len(np.unique(seen[-1].reshape(-1, 3), axis=0)) > 20
+    assert all(np.any(one != other) for one, other in pairwise(seen))
+
+
+def turned(directory: Path) -> Path:
+    """The turntable of a run with three frames only, made in a process of its own as always."""
+    code = "import sys, pathlib; from incipient.pictures import turntable as t; t._Turntable.count = 3; "
+    code += "print(t.turn(pathlib.Path(sys.argv[1])))"
+    done = subprocess.run(
+        [sys.executable, "-c", code, directory], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return Path(done.stdout.strip())
 
 
 @pytest.mark.slow

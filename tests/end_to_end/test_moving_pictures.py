@@ -224,7 +224,7 @@ def test_a_gif_has_a_frame_for_each_step(run):
 
 def test_the_grain_is_where_its_mesh_is(run):
     indices, moments = animation._frames(run / "fields")
-    film = animation._Film(run, animation.FIELDS["velocity"], indices, moments)
+    film = animation._film(run, animation.FIELDS["velocity"], indices, moments)
     for number in (0, STEPS // 2, STEPS - 1):
         film.show(number)
         (axes, *_) = film.figure.axes
@@ -285,6 +285,12 @@ def test_show_animates(run, command, tmp_path):
     assert_is_an_animation(tmp_path / "w.gif")
 
 
+def test_a_turntable_of_a_run_in_the_plane_is_refused(run, command):
+    done = command("show", run, "--turntable")
+    why = f"{run}: a turntable shows a grain in space; this run has none: use --animate"
+    assert (done.returncode, done.stdout, done.stderr) == (5, "", f"incipient: no animation: {why}\n")
+
+
 def test_the_directory_may_come_after_the_options(run, command):
     done = command("show", "--animate", "--field", "pressure", run)
     assert (done.returncode, done.stdout, done.stderr) == (0, f"{run / 'pressure.gif'}\n", "")
@@ -326,7 +332,7 @@ def test_what_cannot_be_animated_is_named_with_the_remedy(run, tmp_path, monkeyp
             "no animation: nothing/fields.h5: no such file; run the scene with output.fields = true",
         ),
         (["--field", "pressure"], 2, "--field says what to animate; add --animate"),
-        (["--out", "flow.gif"], 2, "--out names the animation; add --animate"),
+        (["--out", "flow.gif"], 2, "--out names the animation; add --animate or --turntable"),
         (["--animate", "flow.gif"], 2, "unrecognized arguments: flow.gif; see incipient --help"),
     ],
 )

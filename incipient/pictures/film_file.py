@@ -1,0 +1,93 @@
+"""Films as files: GIF, or with ffmpeg MP4, under their name only when they are whole."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from matplotlib.animation import FFMpegWriter
+from matplotlib.figure import Figure
+
+from ..errors import OutputError
+from ..files import reported
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+DOTS = 100  # per inch
+_PALETTE, _AS_GOOD_AS_WHITE = 128, 247  # colours of a GIF; least part of red, green and blue
+
+
+class Frames(Protocol):
+    """A figure that shows one of `count` frames after the other."""
+
+    figure: Figure
+
+    @property
+    def count(self) -> int:
+        """The number of frames."""
+
+    def show(self, number: int) -> None:
+        """Draw a frame in place of the one before."""
+
+    def frame(self, number: int) -> Image:
+        """A frame as an RGB picture."""
+
+
+def write(film: Frames, path: Path, rate: int) -> None:
+    """Write a film at so many frames per second, in the format that the path ends in.
+
+    Raises:
+        OutputError: when it cannot be written.
+    """
+    with _finished(path) as part:
+        (_write_mp4 if path.suffix.lower() == ".mp4" else _write_gif)(film, part, rate)
+
+
+def check(path: Path) -> None:
+    """Refuse a name that is not one of a film, and MP4 where there is no ffmpeg."""
+    if path.suffix.lower() not in (".gif", ".mp4"):
+        raise OutputError(f"{path}: is not a name for an animation; let it end in .gif or .mp4")
+    if path.suffix.lower() == ".mp4" and not FFMpegWriter.isAvailable():
+        raise OutputError(f"{path}: MP4 needs ffmpeg, which is not installed; install it or write a .gif")
+
+
+@contextmanager
+def _finished(path: Path) -> Iterator[Path]:
+    """A name to write to, which becomes `path` if nothing goes wrong."""
+    part = path.with_name(f"{path.stem}.part{path.suffix}")
+    with reported(path, (subprocess.CalledProcessError, RuntimeError, ValueError)):
+        try:
+            part.touch()
+            yield part
+            part.replace(path)
+        finally:
+            with suppress(OSError):
+                part.unlink(missing_ok=True)
+
+
+def _write_gif(film: Frames, path: Path, rate: int) -> None:
+    """All frames with one palette, chosen from some of them, and without dithering: smaller, and calm."""
+    from PIL import Image
+
+    count = film.count
+    chosen = [film.frame(k) for k in sorted({0, count // 3, 2 * count // 3, count - 1})]
+    palette = Image.fromarray(np.vstack([np.asarray(image) for image in chosen])).quantize(_PALETTE)
+    colours = np.array(palette.getpalette()).reshape(-1, 3)
+    colours[colours.min(axis=1) > _AS_GOOD_AS_WHITE] = 255
+    palette.putpalette(colours.ravel().tolist())
+    dither = Image.Dither.NONE
+    first, *others = (film.frame(k).quantize(palette=palette, dither=dither) for k in range(count))
+    first.save(path, "GIF", save_all=True, append_images=others, duration=1000 // rate, loop=0)
+
+
+def _write_mp4(film: Frames, path: Path, rate: int) -> None:
+    writer = FFMpegWriter(fps=rate, codec="h264", extra_args=["-crf", "20", "-movflags", "+faststart"])
+    with writer.saving(film.figure, path, DOTS):
+        for k in range(film.count):
+            film.show(k)
+            writer.grab_frame()

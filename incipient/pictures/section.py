@@ -1,0 +1,120 @@
+"""A vertical plane through a run in space: its fields on a regular grid, by VTK's interpolation in quadratic cells."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..geometry.placement import Placement
+from ..scene import Scene
+from .cells import pyvista_off_screen
+from .record import Run
+from .streamlines import Sampled
+from .style import View
+
+BESIDE = 1e-5  # of the width: how far beside a plane of symmetry fields are cut
+TETRAHEDRON = 24  # VTK's number of the quadratic one
+COLUMNS = 500  # points along the longer side
+_NEAR = 0.15  # of the grain's size: where its shape tells what is fluid
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """Fields on a regular grid (rows, columns) over a part (left, right, lowest, highest) of a vertical plane."""
+
+    view: View
+    x: np.ndarray  # of the columns
+    z: np.ndarray  # of the rows
+    inside: np.ndarray
+    fields: dict[str, np.ndarray]
+
+    @property
+    def spacing(self) -> float:
+        """The distance of the points."""
+        return float(self.x[1] - self.x[0])
+
+    @cached_property
+    def along(self) -> Sampled:
+        """The velocity within the plane, zero outside the fluid."""
+        origin = np.array([self.x[0], self.z[0]])
+        within = np.where(self.inside[..., None], self.fields["velocity"][..., [0, 2]], 0.0)
+        return Sampled(origin, self.spacing, within)
+
+
+def level_of(run: Run) -> float:
+    """y of the plane that is shown: through the grain, or the middle."""
+    low, high = run.fields.points[:, 1].min(), run.fields.points[:, 1].max()
+    centre = run.value("grain", "computed_centre")
+    y = run.middle if centre is None else float(centre[1])
+    return float(np.clip(y, low, high))
+
+
+def views_of(run: Run) -> list[View]:
+    """The whole plane and, with a grain, its surroundings."""
+    (x0, _, z0), (x1, _, z1) = run.fields.points.min(axis=0), run.fields.points.max(axis=0)
+    whole = (float(x0), float(x1), float(z0), float(z1))
+    centre, size = run.value("grain", "computed_centre"), run.value("grain", "size")
+    if centre is None:
+        return [whole]
+    x, _, z = centre
+    near = (x - 2.0 * size, x + 2.5 * size, z - 1.2 * size, z + 1.3 * size)
+    return [whole, (max(near[0], x0), min(near[1], x1), max(near[2], z0 - 0.1 * size), min(near[3], z1))]
+
+
+def section_of(run: Run, view: View, names: Sequence[str], columns: int = COLUMNS) -> Section:
+    """Fields by name on a grid over a part of the plane, `columns` points along its longer side."""
+    pyvista = pyvista_off_screen()
+    spacing = max(view[1] - view[0], view[3] - view[2]) / columns
+    x = np.arange(view[0] + 0.5 * spacing, view[1], spacing)
+    z = np.arange(view[2] + 0.5 * spacing, view[3], spacing)
+    low, high = run.fields.points[:, 1].min(), run.fields.points[:, 1].max()
+    inwards = BESIDE * (high - low)
+    across, up = np.meshgrid(x, z)
+    level = np.clip(level_of(run), low + inwards, high - inwards)
+    points = np.column_stack([across.ravel(), np.full(across.size, level), up.ravel()])
+    found = pyvista.PolyData(points).sample(tetrahedra(run, view, names))
+    # VTK misses points next to curved boundaries: where there is fluid the shapes tell, and how fast the next point.
+    known = np.asarray(found["vtkValidPointMask"], dtype=bool)
+    inside = _in_fluid(run, points, known)
+    if known.any():
+        from scipy.spatial import cKDTree
+
+        missing = np.flatnonzero(inside & ~known)
+        _, nearest = cKDTree(points[known]).query(points[missing])
+        for name in names:
+            found[name][missing] = found[name][known][nearest]
+    shape = across.shape
+    values = {name: np.asarray(found[name]) for name in names}
+    shaped = {name: field.reshape(*shape, *field.shape[1:]) for name, field in values.items()}
+    return Section(view, x, z, inside.reshape(shape), shaped)
+
+
+def _in_fluid(run: Run, points: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Which points (n, 3) lie in the fluid: those that VTK knows, near the grain those outside it and above the bed."""
+    centre = run.value("grain", "computed_centre")
+    if centre is None:
+        return known
+    scene = Scene(**run.scene)
+    bed, placement = scene.bed_shape, Placement(centre, quaternion=tuple(run.value("grain", "quaternion")))
+    low = scene.domain.bottom if bed is None else bed.height(points[:, :2])
+    away = scene.grain.level(placement.to_body(points))
+    beside = (away < _NEAR * scene.grain.size) & (points[:, 2] > low)
+    return np.asarray((known | beside) & (away > 0.0))
+
+
+def tetrahedra(run: Run, view: View | None, names: Sequence[str]) -> Any:
+    """The tetrahedra of a run, or those in a view from the side, with fields by name."""
+    pyvista = pyvista_off_screen()
+    cells = run.fields.cells
+    if view is not None:
+        x, z = run.fields.points[cells][..., 0], run.fields.points[cells][..., 2]
+        seen = (x.max(axis=1) >= view[0]) & (x.min(axis=1) <= view[1])
+        cells = cells[seen & (z.max(axis=1) >= view[2]) & (z.min(axis=1) <= view[3])]
+    cut = pyvista.UnstructuredGrid({TETRAHEDRON: cells}, run.fields.points)
+    for name in names:
+        cut[name] = run.field(name)
+    return cut
