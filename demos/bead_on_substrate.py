@@ -1,9 +1,10 @@
-"""A bead in a pocket of a regular substrate of equal fixed spheres, in creeping shear: what flow begins to move it?
+"""A bead in a pocket of a regular substrate of equal fixed spheres, in shear: what flow begins to move it?
 
-Scaling: spheres of the bed of diameter 1, domain 12 by 12 by 6 beads; no viscosity, density or gravity matters.
-Cost:    half a minute to a minute a bead on one core, most of it for the error bars.
-Run:     mpirun -n 2 python demos/bead_on_substrate.py [square 1.2 1.0] [--set KEY=VALUE]
-Results: results/bead_ARRANGEMENT_SPACING_SIZE; `incipient show results/bead_square_1_1`; all together: docs/beads.md
+Scaling: spheres of the bed of diameter 1, domain 12 by 12 by 6 beads. In creeping flow no viscosity, density or gravity
+         matters; with inertia gravity is chosen so that the critical flow is near the Reynolds number asked for.
+Cost:    half a minute to a minute a bead on one core, most of it for the error bars; with inertia about three times that.
+Run:     mpirun -n 2 python demos/bead_on_substrate.py [square 1.2 1.0 [--reynolds 20]] [--set KEY=VALUE]
+Results: results/bead_ARRANGEMENT_SPACING_SIZE[_REYNOLDS]; `incipient show results/bead_square_1_1`; all: docs/beads.md
 """
 
 import argparse
@@ -19,6 +20,8 @@ SCENE = Path(__file__).parent / "scenes/bead_on_substrate.toml"
 POCKETS = {"square": (1 / 2, 0.0), "triangular": (1 / 3, 90.0)}
 STUDY = [(kind, spacing, 1.0) for kind in POCKETS for spacing in (1.0, 1.1, 1.2, 1.3, 1.4)]
 STUDY += [(kind, 1.0, size) for kind in POCKETS for size in (0.5, 0.7, 1.4, 2.0)]
+STUDY += [("triangular", 1.0, 1.0, reynolds) for reynolds in (2.0, 5.0, 10.0, 20.0, 50.0, 100.0)]
+EXPECTED = 0.018  # Shields number that gravity is chosen by, where inertia makes the Reynolds number matter
 
 
 def settings(kind, spacing, size):
@@ -32,13 +35,29 @@ def settings(kind, spacing, size):
     return [*(f"bed.{one}" for one in bed), *domain, f"body.diameter={size}", f"body.x={x}"]
 
 
+def with_inertia(scene, reynolds):
+    """The settings of inertia for a critical flow of about `reynolds`, the shear times the bead's diameter squared over nu."""
+    size, rate = scene.body.diameter, scene.flow.rate
+    viscosity = rate * size**2 / reynolds
+    gravity = viscosity * rate / ((scene.body.density - 1) * EXPECTED * size)
+    scaled = scene.fluid.reynolds * scene.viscosity / viscosity
+    return ["fluid.inertia=true", f"fluid.reynolds={scaled}", f"gravity.acceleration={gravity}"]
+
+
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("bead", nargs="*", help="arrangement, spacing, size; by default all of docs/beads.md")
+    parser.add_argument("--reynolds", nargs="*", type=float, default=[], help="of the shear and the bead; none: creeping flow")
     parser.add_argument("--set", action="append", default=[])
     given = parser.parse_args()
-    for case in [(given.bead[0], *map(float, given.bead[1:]))] if given.bead else STUDY:
-        scene = incipient.load(SCENE, settings(*case) + given.set, MPI.COMM_WORLD)
-        found = incipient.threshold(scene, "results/bead_{}_{:g}_{:g}".format(*case))
+    asked = [(given.bead[0], *map(float, given.bead[1:]))] if given.bead else STUDY
+    if given.reynolds:
+        asked = [(*case[:3], reynolds) for case in dict.fromkeys(case[:3] for case in asked) for reynolds in given.reynolds]
+    for case in asked:
+        wanted = settings(*case[:3]) + given.set
+        scene = incipient.load(SCENE, wanted, MPI.COMM_WORLD)
+        if case[3:]:
+            scene = incipient.load(SCENE, wanted + with_inertia(scene, *case[3:]), MPI.COMM_WORLD)
+        found = incipient.threshold(scene, "results/bead_{}_{}".format(case[0], "_".join(f"{x:g}" for x in case[1:])))
         if MPI.COMM_WORLD.rank == 0:
-            print("{}, spacing {:g}, size {:g}".format(*case), found.text(), sep="\n", flush=True)
+            print(f"{case[0]}, spacing {case[1]:g}, size {case[2]:g}", found.text(), sep="\n", flush=True)
