@@ -1,9 +1,9 @@
-"""Beads on substrates of spheres: what demos/bead_on_substrate.py has found, as docs/beads.csv, figures and a table.
+"""Beads on substrates of spheres: what demos/bead_on_substrate.py has found, as docs/beads.csv, figures and tables.
 
 Cost:    seconds; the beads before, a minute each.
 Run:     python demos/bead_on_substrate.py; python benchmarks/beads.py [RESULTS]
-Results: docs/beads.csv, docs/figures/beads_spacing.png and beads_size.png, the table in docs/beads.md; without RESULTS
-         figures and table are made anew from docs/beads.csv
+Results: docs/beads.csv, docs/figures/beads_spacing.png, beads_size.png and beads_reynolds.png, the tables in
+         docs/beads.md; without RESULTS figures and tables are made anew from docs/beads.csv
 """
 
 from __future__ import annotations
@@ -23,9 +23,10 @@ import incipient
 
 ROOT = Path(__file__).parents[1]
 STORE, PAGE, FIGURES = ROOT / "docs/beads.csv", ROOT / "docs/beads.md", ROOT / "docs/figures"
-BEGIN, END = "<!-- beads: begin -->", "<!-- beads: end -->"
+MARKS = "<!-- {}: begin -->", "<!-- {}: end -->"
 TERMS = ("discretisation", "gap", "domain")
-NAMES = ("arrangement", "spacing", "size", "contacts", "angle", "shields", "error", *TERMS)
+KEY = ("arrangement", "spacing", "size", "reynolds")
+NAMES = (*KEY, "contacts", "angle", "shields", "error", *TERMS)
 NAMES += ("mode", "drag", "lift", "couple", "cells")
 COLOURS = {"square": "#2166ac", "triangular": "#b2182b"}
 AROUND = {
@@ -50,6 +51,7 @@ def row_of(directory: Path) -> Row:
         "arrangement": bed.arrangement,  # type: ignore[union-attr]
         "spacing": bed.spacing / (2.0 * bed.radius),  # type: ignore[union-attr]
         "size": size / (2.0 * bed.radius),  # type: ignore[union-attr]
+        "reynolds": found["shear_reynolds"] ** 2 if scene.fluid.inertia else 0.0,
         "contacts": len(at["points"]),
         "angle": degrees(atan2(ahead[0], -ahead[2])),
         "shields": found["shields"],
@@ -67,7 +69,7 @@ def gather(results: Path) -> list[Row]:
     """The rows of all beads there is a threshold of, in order; errors that were not estimated are nan."""
     found = [path for path in results.glob("bead_*/threshold.json") if json.loads(path.read_text())["factor"]]
     rows = [row_of(path.parent) for path in found]
-    return sorted(rows, key=lambda row: tuple(row[name] for name in NAMES[:3]))
+    return sorted(rows, key=lambda row: tuple(row[name] for name in KEY))
 
 
 def stored() -> list[Row]:
@@ -93,8 +95,10 @@ def store(rows: list[Row]) -> None:
 
 
 def figures(rows: list[Row]) -> None:
-    """Shields number against spacing and against size, with error bars."""
+    """Shields number against spacing, size and Reynolds number, with error bars."""
     FIGURES.mkdir(exist_ok=True)
+    with_inertia(rows)
+    rows = [row for row in rows if not row["reynolds"]]
     figure, axes = _axes("spacing of the bed's spheres over their diameter")
     _series(axes, rows, "spacing")
     for kind, colour in COLOURS.items():
@@ -120,6 +124,25 @@ def figures(rows: list[Row]) -> None:
     axes.minorticks_off()
     axes.set_title("A bead on spheres that touch, creeping shear", fontsize=10)
     _save(figure, axes, "beads_size.png")
+
+
+def with_inertia(rows: list[Row]) -> None:
+    """Shields number of an equal bead on touching spheres of a triangular substrate against the Reynolds number."""
+    picked = [
+        row for row in rows if row["arrangement"] == "triangular" and row["spacing"] == row["size"] == 1.0
+    ]
+    figure, axes = _axes("Reynolds number of the shear and the bead, $G d^2/\\nu$")
+    creeping = next(row["shields"] for row in picked if not row["reynolds"])
+    axes.axhline(creeping, color="#555a61", lw=1.0, ls=":", label="creeping flow")
+    moving = [row for row in picked if row["reynolds"]]
+    place, value, error = (np.array([row[key] for row in moving]) for key in ("reynolds", "shields", "error"))
+    colour = COLOURS["triangular"]
+    axes.errorbar(
+        place, value, error, fmt="o-", ms=4, lw=1.2, capsize=3, color=colour, label="triangular substrate"
+    )
+    axes.set(xscale="log", ylim=(0.0, None))
+    axes.set_title("An equal bead on spheres that touch, with inertia", fontsize=10)
+    _save(figure, axes, "beads_reynolds.png")
 
 
 def slope_of(kind: str, spacing: np.ndarray) -> np.ndarray:
@@ -155,7 +178,7 @@ def _save(figure: Figure, axes: Axes, name: str) -> None:
 
 
 def table(rows: list[Row]) -> str:
-    """All rows for the page."""
+    """Rows of creeping flow for the page."""
     head = (
         "substrate",
         "spacing",
@@ -167,26 +190,50 @@ def table(rows: list[Row]) -> str:
         "drag",
         "mode",
     )
+    rows = [row for row in rows if not row["reynolds"]]
     lines = ["| " + " | ".join(head) + " |", "| " + " | ".join("---" for _ in head) + " |"]
     for row in rows:
-        known = np.isfinite(row["error"])
-        number = f"{row['shields']:.4f}" + (f" ± {row['error']:.4f}" if known else "")
-        errors = [f"{100.0 * row[name] / row['shields']:.1f}%" if known else "-" for name in TERMS]
+        number, errors = _with_errors(row)
         begins = [row["arrangement"], f"{row['spacing']:g}", f"{row['size']:g}", f"{row['contacts']:g}"]
         cells = [*begins, f"{row['angle']:.2f}°", number, *errors, f"{row['drag']:.2f}", row["mode"]]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
 
+def table_with_inertia(rows: list[Row]) -> str:
+    """Rows of one bead at several Reynolds numbers for the page."""
+    head = ("G d²/ν", "Shields number", *TERMS, "drag", "lift", "couple", "mode")
+    lines = ["| " + " | ".join(head) + " |", "| " + " | ".join("---" for _ in head) + " |"]
+    for row in rows:
+        if row["reynolds"]:
+            number, errors = _with_errors(row)
+            loads = [f"{row[name]:.2f}" for name in ("drag", "lift", "couple")]
+            lines.append(
+                "| " + " | ".join([f"{row['reynolds']:.3g}", number, *errors, *loads, row["mode"]]) + " |"
+            )
+    return "\n".join(lines)
+
+
+def _with_errors(row: Row) -> tuple[str, list[str]]:
+    """The Shields number with its error, and the terms of it in per cent."""
+    if not np.isfinite(row["error"]):
+        return f"{row['shields']:.4f}", ["-" for _ in TERMS]
+    errors = [f"{100.0 * row[name] / row['shields']:.1f}%" for name in TERMS]
+    return f"{row['shields']:.4f} ± {row['error']:.4f}", errors
+
+
 def main() -> None:
-    """Gather what there is, draw it, and write the table between its marks in the page."""
+    """Gather what there is, draw it, and write the tables between their marks in the page."""
     if len(sys.argv) > 1:
         store(gather(Path(sys.argv[1])))
     rows = stored()
     figures(rows)
     text = PAGE.read_text()
-    before, rest = text.split(BEGIN)
-    PAGE.write_text(f"{before}{BEGIN}\n\n{table(rows)}\n\n{END}{rest.split(END)[1]}")
+    for name, made in (("beads", table(rows)), ("beads with inertia", table_with_inertia(rows))):
+        begin, end = (mark.format(name) for mark in MARKS)
+        before, rest = text.split(begin)
+        text = f"{before}{begin}\n\n{made}\n\n{end}{rest.split(end)[1]}"
+    PAGE.write_text(text)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 Scaling: spheres of the bed of diameter 1, domain 12 by 12 by 6 beads. In creeping flow no viscosity, density or gravity
          matters; with inertia gravity is chosen so that the critical flow is near the Reynolds number asked for.
-Cost:    half a minute to a minute a bead on one core, most of it for the error bars; with inertia about three times that.
+Cost:    half a minute to a minute a bead on one core, most of it for the error bars; with inertia three times that.
 Run:     mpirun -n 2 python demos/bead_on_substrate.py [square 1.2 1.0 [--reynolds 20]] [--set KEY=VALUE]
 Results: results/bead_ARRANGEMENT_SPACING_SIZE[_REYNOLDS]; `incipient show results/bead_square_1_1`; all: docs/beads.md
 """
@@ -36,7 +36,7 @@ def settings(kind, spacing, size):
 
 
 def with_inertia(scene, reynolds):
-    """The settings of inertia for a critical flow of about `reynolds`, the shear times the bead's diameter squared over nu."""
+    """The settings of inertia for a critical flow of about `reynolds`: shear times diameter squared over nu."""
     size, rate = scene.body.diameter, scene.flow.rate
     viscosity = rate * size**2 / reynolds
     gravity = viscosity * rate / ((scene.body.density - 1) * EXPECTED * size)
@@ -47,17 +47,25 @@ def with_inertia(scene, reynolds):
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("bead", nargs="*", help="arrangement, spacing, size; by default all of docs/beads.md")
-    parser.add_argument("--reynolds", nargs="*", type=float, default=[], help="of the shear and the bead; none: creeping flow")
+    parser.add_argument(
+        "--reynolds", nargs="*", type=float, default=[], help="of the shear and the bead; none: creeping flow"
+    )
     parser.add_argument("--set", action="append", default=[])
     given = parser.parse_args()
     asked = [(given.bead[0], *map(float, given.bead[1:]))] if given.bead else STUDY
     if given.reynolds:
-        asked = [(*case[:3], reynolds) for case in dict.fromkeys(case[:3] for case in asked) for reynolds in given.reynolds]
+        asked = [
+            (*case[:3], reynolds)
+            for case in dict.fromkeys(case[:3] for case in asked)
+            for reynolds in given.reynolds
+        ]
     for case in asked:
         wanted = settings(*case[:3]) + given.set
         scene = incipient.load(SCENE, wanted, MPI.COMM_WORLD)
         if case[3:]:
             scene = incipient.load(SCENE, wanted + with_inertia(scene, *case[3:]), MPI.COMM_WORLD)
-        found = incipient.threshold(scene, "results/bead_{}_{}".format(case[0], "_".join(f"{x:g}" for x in case[1:])))
+        found = incipient.threshold(
+            scene, "results/bead_{}_{}".format(case[0], "_".join(f"{x:g}" for x in case[1:]))
+        )
         if MPI.COMM_WORLD.rank == 0:
             print(f"{case[0]}, spacing {case[1]:g}, size {case[2]:g}", found.text(), sep="\n", flush=True)

@@ -18,6 +18,8 @@ TOLERANCE_ON_THE_WAY = 1e-2
 ITERATIONS_ON_THE_WAY = 8
 SMALLEST_STEP = 1e-3
 LOWEST_ORDER = 2
+# Reynolds number below which a flow is as good as Stokes flow, whose pressure goes as 1/Re.
+STOKES = 1e-3
 
 Watch = Callable[[float, int, float], Any]
 
@@ -151,8 +153,18 @@ class _Path:
 
     def extrapolate(self, share: float) -> None:
         """Secant through the two last states, in the logarithm of the Reynolds number."""
-        if len(self.states) < 2 or self.states[0][0] == 0.0:
+        if len(self.states) < 2:
+            self._scale_pressure(share)
+            return
+        if self.states[0][0] == 0.0:
             return
         (before, old), (now, new) = self.states
         slope = np.log(share / now) / np.log(now / before)
         self.fluid.state.x.array[:] = new + min(slope, 1.0) * (new - old)
+
+    def _scale_pressure(self, share: float) -> None:
+        """Start from Stokes flow with the pressure that it has at a share of the Reynolds number."""
+        ((reached, start),) = self.states
+        if 0.0 < self.target * reached < STOKES:
+            pressures = self.fluid.space.pressure_map
+            self.fluid.state.x.array[pressures] = reached / share * start[pressures]

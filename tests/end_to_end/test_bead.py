@@ -38,6 +38,16 @@ def test_threshold_of_a_bead_on_four_spheres(tmp_path):
     assert_is_a_picture(*pictures.draw(tmp_path))
 
 
+def test_threshold_of_a_bead_with_inertia_goes_straight_from_stokes_flow(tmp_path):
+    """From Stokes flow at Re 1e-6 to the critical flow at about 12: its pressure is another by a factor of 1e7."""
+    inertia = ("fluid.inertia=true", "fluid.reynolds=20.0", "gravity.acceleration=0.75")
+    found = incipient.threshold(
+        incipient.load(SCENE, [*COARSE, *SMALL, *inertia, "numerics.mesh_size=5.0"]), tmp_path
+    )
+    assert not found.unsolved and len(found.trials) <= 5
+    assert found.mode == "pivoting" and 0.3 < found.factor < 1.5
+
+
 @pytest.mark.slow
 def test_error_bars_of_a_bead_hold_what_finer_cells_a_smaller_gap_and_a_larger_domain_give():
     coarse = incipient.threshold(incipient.load(SCENE, ["numerics.mesh_size=2.5", *SMALL]))

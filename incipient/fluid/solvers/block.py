@@ -21,6 +21,8 @@ MOST_ITERATIONS = 400
 RESTART = 100
 # A preconditioner is made anew when it needs this many times the iterations that it needed when it was new.
 AGED = 1.5
+# An old one is given up after this many times the iterations that it needed when it was new.
+USELESS = 4.0
 # Residual, relative to the right-hand side, of a correction that is one of several: a step of the chord method.
 ROUGH = 1e-3
 
@@ -46,6 +48,7 @@ class Block:
         self._state, self._usual = -1, np.inf
         self._null_space = _constant_pressures(matrix, equations) if equations.closed else None
         self._solver = self._made(equations)
+        self._most = self._solver.getTolerances()[3]
 
     def _made(self, equations: Equations) -> Any:
         solver = PETSc.KSP().create(self.matrix.comm)
@@ -114,7 +117,7 @@ class Block:
         if self._null_space is not None:
             self._null_space.remove(right)
         self._preconditioner.transposed = transposed
-        self._solver.setTolerances(rtol=rtol)
+        self._solver.setTolerances(rtol=rtol, max_it=self._most_iterations(rtol))
         (self._solver.solveTranspose if transposed else self._solver.solve)(right, x)
         if self._null_space is not None:
             self._null_space.remove(x)
@@ -123,6 +126,11 @@ class Block:
         x.setArray(free)
         right.destroy()
         return self._solver.getIterationNumber() if self._solver.getConvergedReason() > 0 else None
+
+    def _most_iterations(self, rtol: float) -> int:
+        """After how many iterations to give up: with an old preconditioner a new one is made then."""
+        expected = -USELESS * self._usual * np.log10(rtol)
+        return self._most if self._new else int(min(self._most, 1.0 + expected))
 
     def _why_not_solved(self, b: Any) -> str:
         """Why GMRES has not converged with a new preconditioner, from its reason. Collective."""
