@@ -170,7 +170,7 @@ class _Descent:
             tried = np.inf if strength >= PROMISING else tried
             if strength < PROMISING and (strength < 0.5 * tried or length < SHORTEST_STEP):
                 found = self._at_rest(placement, near)
-                if found is not None and (found.stable or step == 0):
+                if found is not None and (found.stable or (step == 0 and strength <= BALANCED)):
                     return self._settled(found, step)
                 tried = strength
                 if found is None and turned and length < SHORT_STEP:

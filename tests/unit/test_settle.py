@@ -444,6 +444,12 @@ class TestOutcomes:
         assert (found.outcome, found.stable, len(found.contacts)) == (Outcome.BALANCES, False, 1)
         assert found.placement.centre[:-1] == pytest.approx(start.centre[:-1])
 
+    def test_started_beside_its_summit_it_falls(self):
+        """A tenth of a degree from where it would balance on its end; it comes to lie, half its width high."""
+        start = turned(0.3, np.radians(89.9))
+        found = settle(Ellipse((0.7, 0.3)), Flat(), start)
+        assert found.stable and found.placement.centre[1] == pytest.approx(0.3, abs=1e-9)
+
     @pytest.mark.parametrize(
         ("grain", "bed", "how"),
         [
