@@ -2,11 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from incipient.arrays import Floats
+from incipient.arrays import Floats, cross
 from incipient.errors import SceneError
 
 Quaternion = tuple[float, float, float, float]
@@ -55,13 +56,13 @@ class Placement:
         """Dimension of the space the grain is placed in."""
         return len(self.centre)
 
-    @property
+    @cached_property
     def rotation(self) -> Floats:
-        """The matrix (gdim, gdim) that turns body coordinates into scene directions."""
-        if self.quaternion is not None:
-            return _matrix(self.quaternion)
+        """The matrix (gdim, gdim), not to be written to, that turns body coordinates into scene directions."""
         c, s = np.cos(self.angle), np.sin(self.angle)
-        return np.array([[c, -s], [s, c]])
+        matrix = np.array([[c, -s], [s, c]]) if self.quaternion is None else _matrix(self.quaternion)
+        matrix.flags.writeable = False
+        return matrix
 
     def to_scene(self, x: ArrayLike) -> Floats:
         """Scene coordinates (n, gdim) of points (n, gdim) given in the body frame."""
@@ -110,7 +111,7 @@ def rotation_by(vector: ArrayLike) -> Quaternion:
 def product(first: Sequence[float], second: Sequence[float]) -> Quaternion:
     """The quaternion that turns by `second`, then by `first`; normalised."""
     a, b = np.asarray(first, dtype=float), np.asarray(second, dtype=float)
-    vector = a[0] * b[1:] + b[0] * a[1:] + np.cross(a[1:], b[1:])
+    vector = a[0] * b[1:] + b[0] * a[1:] + cross(a[1:], b[1:])
     whole = np.array([a[0] * b[0] - a[1:] @ b[1:], *vector])
     w, x, y, z = (whole / np.linalg.norm(whole)).tolist()
     return w, x, y, z

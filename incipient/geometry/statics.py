@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from incipient.arrays import Floats, planar_cross, quarter_turned
+from incipient.arrays import Floats, cross, planar_cross, quarter_turned
 from incipient.geometry.space.solid import frame_of
 
 PYRAMID = 16  # sides of the pyramid inside a friction cone in space: its corners are on the cone
@@ -27,7 +27,7 @@ class Grip:
 
 def wrenches(forces: Floats, arms: Floats, size: float) -> Floats:
     """Forces (m, d) at arms (m, d) from the centre with their couples, (m, 3 or 6)."""
-    couple = planar_cross(arms, forces)[:, None] if forces.shape[1] == 2 else np.cross(arms, forces)
+    couple = planar_cross(arms, forces)[:, None] if forces.shape[1] == 2 else cross(arms, forces)
     return np.hstack([forces, couple / size])
 
 

@@ -42,8 +42,15 @@ COARSE = {"order": 2, "mesh_size": 2.0, "error_bars": False}
 WITHIN = 3.0
 
 
+SOLVED: dict[str, Loads] = {}
+
+
 def solve(scene: Scene) -> Loads:
-    return loads_of(scene, MPI.COMM_SELF)
+    """The loads of a scene, computed once for all tests."""
+    name = scene.model_dump_json()
+    if name not in SOLVED:
+        SOLVED[name] = loads_of(scene, MPI.COMM_SELF)
+    return SOLVED[name]
 
 
 def on_bed(**sections: dict[str, Any]) -> Scene:
@@ -72,9 +79,10 @@ TIMES = [None, Time(end=4.0, step=0.5, start="steady"), Time(end=4.0, step=0.2)]
 @pytest.mark.parametrize(
     ("time", "inertia"),
     [
-        *((time, inertia) for time in TIMES[:2] for inertia in (True, False)),
+        (TIMES[0], False),
+        (TIMES[1], True),
         (TIMES[2], False),
-        pytest.param(TIMES[2], True, marks=pytest.mark.slow),
+        *(pytest.param(time, inertia, marks=pytest.mark.slow) for time, inertia in zip(TIMES, (True, False, True))),
     ],
 )
 def test_gap_term_against_a_gap_closed(time: Time | None, inertia: bool) -> None:
@@ -99,7 +107,7 @@ def test_gap_term_of_a_wide_gap(gap: float) -> None:
     assert max(solved) <= 0.1
 
 
-@pytest.mark.parametrize("time", TIMES[:2])
+@pytest.mark.parametrize("time", [TIMES[0], pytest.param(TIMES[1], marks=pytest.mark.slow)])
 def test_domain_term_against_a_far_larger_domain(time: Time | None) -> None:
     """Sides three to four times as far, for shear over a bed; the term extrapolates from 1.5 times."""
     scene = Scene(**{**on_bed().model_dump(), "time": time})
@@ -110,7 +118,7 @@ def test_domain_term_against_a_far_larger_domain(time: Time | None) -> None:
     assert all(1.0 / WITHIN < one < WITHIN for one in found)
 
 
-@pytest.mark.parametrize("inertia", [True, False])
+@pytest.mark.parametrize("inertia", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_domain_of_the_example_is_large_enough(inertia: bool) -> None:
     """It stands for an endless one to 2% of force and couple, by the estimate and by a domain five times as large."""
     scene = on_bed(fluid={"inertia": inertia})
@@ -146,7 +154,9 @@ def test_height_of_a_channel_is_no_error(flow: str) -> None:
     assert larger.domain.left < channel.domain.left and larger.domain.right > channel.domain.right
 
 
-@pytest.mark.parametrize("time", [None, Time(end=4.0, step=0.2, start="stokes")])
+@pytest.mark.parametrize(
+    "time", [pytest.param(None, marks=pytest.mark.slow), Time(end=4.0, step=0.2, start="stokes")]
+)
 def test_domain_term_of_a_stream(time: Time | None) -> None:
     """The drag in a stream between sides that move with it falls as they go away, at once or from Stokes flow on."""
     scene = Scene(**{**changed(loads(IN_STREAM), numerics=COARSE).model_dump(), "time": time})

@@ -4,6 +4,8 @@ Every rest is searched for `flaws`: contacts on both surfaces, nothing in the be
 by non-negative least squares over forces in the friction cones, none of which uses the code under test.
 """
 
+import itertools
+
 import numpy as np
 import pytest
 import trimesh
@@ -237,21 +239,29 @@ class TestBoxes:
         assert not flaws(found, Rectangle(1.0, 0.5), bed, friction=0.5)
 
 
-class TestOtherGrainsInThePlane:
-    GRAINS = (
-        Superellipse((0.7, 0.3), 4.0),
-        Star(Harmonics(0.5, (0.0, 0.2), (0.0, 0.1))),
-        Discs([(0, 0), (0.7, 0.2), (-0.3, 0.6)], [0.5, 0.3, 0.4]),
-        Polygon([(0, 0), (2, 0.5), (1.5, 1.5), (-0.2, 1.0)]),
-    )
-    BEDS = (
-        HalfDiscs(0.5, 1.2),
-        Sinusoidal(0.1, 1.2),
-        Polyline([(-6, 0), (-0.5, 0.3), (0, 0.6), (0.4, -0.2), (6, 0.2)]),
-    )
+GRAINS = (
+    Superellipse((0.7, 0.3), 4.0),
+    Star(Harmonics(0.5, (0.0, 0.2), (0.0, 0.1))),
+    Discs([(0, 0), (0.7, 0.2), (-0.3, 0.6)], [0.5, 0.3, 0.4]),
+    Polygon([(0, 0), (2, 0.5), (1.5, 1.5), (-0.2, 1.0)]),
+)
+BEDS = (
+    HalfDiscs(0.5, 1.2),
+    Sinusoidal(0.1, 1.2),
+    Polyline([(-6, 0), (-0.5, 0.3), (0, 0.6), (0.4, -0.2), (6, 0.2)]),
+)
+# By default each grain on one bed, and each bed under one or two grains.
+USUAL = ("Superellipse-HalfDiscs", "Star-Polyline", "Discs-Polyline", "Polygon-Sinusoidal")
 
-    @pytest.mark.parametrize("grain", GRAINS, ids=lambda grain: type(grain).__name__)
-    @pytest.mark.parametrize("bed", BEDS, ids=lambda bed: type(bed).__name__)
+
+def pair(grain, bed):
+    """A grain and a bed for a test by their names."""
+    name = f"{type(grain).__name__}-{type(bed).__name__}"
+    return pytest.param(grain, bed, id=name, marks=() if name in USUAL else pytest.mark.slow)
+
+
+class TestOtherGrainsInThePlane:
+    @pytest.mark.parametrize(("grain", "bed"), [pair(*both) for both in itertools.product(GRAINS, BEDS)])
     def test_rests_on_every_bed(self, grain, bed):
         assert not flaws(settle(grain, bed, turned(0.2, 0.5)), grain, bed)
 
@@ -345,7 +355,7 @@ class TestSolidsOnPlanes:
         assert len(found.contacts) == contacts
         assert not flaws(found, grain, Plane())
 
-    @pytest.mark.parametrize("subdivisions", [0, 1, 2])
+    @pytest.mark.parametrize("subdivisions", [0, 1, pytest.param(2, marks=pytest.mark.slow)])
     def test_a_ball_of_triangles_rests_on_one_of_them(self, subdivisions):
         ball = trimesh.creation.icosphere(subdivisions, 0.5)
         grain = Triangulated(ball.vertices, ball.faces)
@@ -396,7 +406,13 @@ def trough(x):
 
 
 class TestSolidsOnRoughBeds:
-    @pytest.mark.parametrize("bed", [BOWL, Relief(trough, 0.5, 0.1)], ids=["height map", "callable"])
+    @pytest.mark.parametrize(
+        "bed",
+        [
+            pytest.param(BOWL, id="height map"),
+            pytest.param(Relief(trough, 0.5, 0.1), id="callable", marks=pytest.mark.slow),
+        ],
+    )
     def test_a_sphere_finds_the_bottom_of_a_bowl(self, bed):
         # Curvatures 0.6 and 1.2 there, less than 1/r: cubics reproduce the parabola.
         found = settle(Sphere(0.6), bed, above(0.6, 0.3))
@@ -407,12 +423,14 @@ class TestSolidsOnRoughBeds:
         ("grain", "bed", "friction"),
         [
             (Ellipsoid((0.7, 0.5, 0.4)), Hemispheres(0.5, 1.0, "triangular"), 1.0),
-            (Ellipsoid((0.7, 0.5, 0.4)), Hemispheres(0.5, 1.0, "triangular"), 0.0),
+            pytest.param(
+                *(Ellipsoid((0.7, 0.5, 0.4)), Hemispheres(0.5, 1.0, "triangular"), 0.0), marks=pytest.mark.slow
+            ),
             (CUBE, Hemispheres(0.5, 1.0), 1.0),
             (Spheres([(0, 0, 0), (0.7, 0, 0), (0.4, 0.5, 0)], [0.5, 0.4, 0.3]), Hemispheres(0.5, 1.0), 1.0),
             (Box((0.6, 0.4, 0.3)), Relief(trough, 0.5), 1.0),
             (Box((1.0, 0.6, 0.4), 0.1), Ridges(0.1, 1.0), 1.0),
-            (Ellipsoid((0.5, 0.4, 0.3)), Ridges(0.1, 1.0), 1.0),
+            pytest.param(Ellipsoid((0.5, 0.4, 0.3)), Ridges(0.1, 1.0), 1.0, marks=pytest.mark.slow),
             (Sphere(0.6), EggCrate(0.2, (1.0, 1.2)), 1.0),
             (
                 StarSolid(lambda d: 0.5 + 0.1 * d[:, 0] * d[:, 1] + 0.1 * d[:, 2] ** 3),

@@ -184,7 +184,9 @@ class Sinusoidal(Bed):
         bracket = window[1] - window[0]
         # The best samples of up to three valleys: sampling alone could mistake a near tie between valleys.
         valley = (squared[:, 1:-1] <= squared[:, :-2]) & (squared[:, 1:-1] <= squared[:, 2:])
-        order = np.argsort(np.where(valley, squared[:, 1:-1], np.inf), axis=1)[:, :3]
+        many = int(np.clip(valley.sum(axis=1).max(initial=1), 1, 3))
+        order = np.argsort(np.where(valley, squared[:, 1:-1], np.inf), axis=1)[:, :many]
+        order = np.where(np.take_along_axis(valley, order, axis=1), order, order[:, :1])
         starts = np.take_along_axis(x[:, 1:-1], order, axis=1)
         feet = self._refined(points, starts, bracket)
         squared = (feet - points[:, :1]) ** 2 + (self.height(feet) - points[:, 1:]) ** 2
@@ -192,17 +194,20 @@ class Sinusoidal(Bed):
         return np.column_stack([best, self.height(best)])
 
     def _refined(self, points: Floats, starts: Floats, bracket: float) -> Floats:
-        """Zeros (n, k) of the derivative of the squared distance within `bracket` of the starts (n, k)."""
-        low, high = starts - bracket, starts + bracket
-        for _ in range(12):
-            middle = 0.5 * (low + high)
-            falling = self._half_slope(points, middle)[0] < 0.0
-            low, high = np.where(falling, middle, low), np.where(falling, high, middle)
-        x = 0.5 * (low + high)
-        for _ in range(6):
+        """Zeros (n, k) of the derivative of the squared distance within `bracket` of the starts (n, k).
+
+        Newton's method where it stays within what is known to enclose the zero, bisection elsewhere.
+        """
+        x, low, high = starts, starts - bracket, starts + bracket
+        for _ in range(40):
             first, second = self._half_slope(points, x)
-            step = np.where(second > 0.0, first / np.where(second > 0.0, second, 1.0), 0.0)
-            x = np.clip(x - step, low, high)
+            low, high = np.where(first < 0.0, x, low), np.where(first > 0.0, x, high)
+            newton = x - np.divide(first, second, out=np.full_like(x, np.inf), where=second > 0.0)
+            inside = (newton >= low) & (newton <= high)
+            before, x = x, np.where(inside, newton, 0.5 * (low + high))
+            # What Newton's method moves so little it has squared to round-off; bisection has to get there by itself.
+            if (np.abs(x - before) <= np.where(inside, 1e-9, 1e-16) * self.wavelength).all():
+                break
         return x
 
     def _half_slope(self, points: Floats, x: Floats) -> tuple[Floats, Floats]:

@@ -215,10 +215,10 @@ class SpatialProximity:
         outward = self._outward(placement, points)
         tangents = np.stack(frame_of(outward), axis=2)
         h = 1e-5 * self.size
-        ahead, behind = (
-            np.stack([self._outward(placement, points + s * tangents[..., k]) for k in (0, 1)], axis=2)
-            for s in (h, -h)
-        )
+        # All at once: (ahead or behind, 2 tangents, n, 3).
+        shifts = np.multiply.outer([h, -h], np.moveaxis(tangents, 2, 0))
+        around = self._outward(placement, (points + shifts).reshape(-1, 3)).reshape(shifts.shape)
+        ahead, behind = np.moveaxis(around, 1, 3)
         curvature = np.swapaxes(tangents, 1, 2) @ (ahead - behind) / (2.0 * h)
         facing = -(outward * sight.normals).sum(axis=1)[:, None, None]
         bent = np.swapaxes(tangents, 1, 2) @ sight.bends @ tangents + facing * curvature

@@ -13,7 +13,7 @@ from math import gamma, pi
 import numpy as np
 from numpy.typing import ArrayLike
 
-from incipient.arrays import Floats, rows, unit
+from incipient.arrays import Floats, cross, rows, unit
 from incipient.errors import SceneError
 from incipient.geometry import moments
 from incipient.geometry.plane.smooth import MAX_EXPONENT, farthest, power_norm
@@ -309,5 +309,5 @@ class StarSolid(Solid):
 def frame_of(normals: Floats) -> tuple[Floats, Floats]:
     """Two unit tangents (n, 3) each, perpendicular to unit normals (n, 3) and to each other."""
     least = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
-    first = unit(np.cross(normals, least))
-    return first, np.cross(normals, first)
+    first = unit(cross(normals, least))
+    return first, cross(normals, first)

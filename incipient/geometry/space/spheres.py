@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from incipient.arrays import Floats, rows
+from incipient.arrays import Floats, cross, rows
 from incipient.geometry import moments
 from incipient.geometry.moments import Moments
 from incipient.geometry.plane.discs import (
@@ -178,6 +178,6 @@ def _circle_on_sphere(middle: Floats, axis: Floats, radius: float, centre: Float
     if abs(cosine) > 1.0:
         return []
     ahead = across / length
-    aside = np.cross(axis, ahead)
+    aside = cross(axis, ahead)
     sine = np.sqrt(1.0 - cosine**2)
     return [float((middle + radius * (cosine * ahead + s * sine * aside))[2]) for s in (-1.0, 1.0)]

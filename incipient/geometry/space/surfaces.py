@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from incipient.arrays import Floats, unit
+from incipient.arrays import Floats, cross, unit
 from incipient.errors import SceneError
 
 MOST_POINTS = 60_000  # of a sampled surface: finer wishes are cut down to that
@@ -44,7 +44,7 @@ def sides(triangles: Indices) -> Indices:
 
 def vector_areas(corners: Floats) -> Floats:
     """Normals (m, 3) of triangles (m, 3 corners, 3), as long as the areas."""
-    return np.asarray(0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    return np.asarray(0.5 * cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
 
 
 def sphere(frequency: int) -> Surface:
