@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from itertools import product
 from pathlib import Path
 
 import dolfinx
@@ -126,9 +127,14 @@ def test_energy_of_a_decaying_flow(reynolds: float, convection: str, order: int,
     assert never_grows(energy)
 
 
-@pytest.mark.parametrize("step", STEPS)
-@pytest.mark.parametrize("order", [1, 2])
-@pytest.mark.parametrize("convection", ["implicit", "extrapolated"])
+@pytest.mark.parametrize(
+    ("convection", "order", "step"),
+    [
+        # Newton's method fails again and again in a step of 100.
+        pytest.param(*case, marks=pytest.mark.slow if case == ("implicit", 2, 1e2) else ())
+        for case in product(("implicit", "extrapolated"), (1, 2), STEPS)
+    ],
+)
 def test_energy_stable_form_when_convection_dominates(convection: str, order: int, step: float) -> None:
     """Re = 1e4 on six cells a side. As printed, extrapolated BDF2 with a step of 1 grows 1e4 times for a while."""
     model = FlowModel(unsteady=True, convection=convection, energy_stable=True)

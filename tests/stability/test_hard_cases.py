@@ -126,7 +126,9 @@ def test_stabilised_cavity_on_coarse_cells() -> None:
     assert found.extrema == pytest.approx(FINEST_CAVITY, rel=0.03)
 
 
-@pytest.mark.parametrize(("n", "better"), [(8, True), (16, True), (32, False)])
+@pytest.mark.parametrize(
+    ("n", "better"), [(8, True), pytest.param(16, True, marks=pytest.mark.slow), (32, False)]
+)
 def test_stabilisation_helps_where_cells_are_coarse(n: int, better: bool) -> None:
     """Re = 1000: above 30 the Reynolds number of cells calls for it, below 20 it is better left out."""
     plain, stabilised = (
@@ -156,8 +158,13 @@ def test_lid_set_off_at_once_at_high_reynolds(courant: float, energy_stable: boo
     ("name", "says", "close"),
     [
         # The cells were coarse until then.
-        ("new mesh too coarse beside the lid", "use a smaller numerics.mesh_size", 0.02),
-        ("sinking until contact, gap made smaller", "meets the bottom", 1e-3),
+        pytest.param(
+            *("new mesh too coarse beside the lid", "use a smaller numerics.mesh_size", 0.02),
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            "sinking until contact, gap made smaller", "meets the bottom", 1e-3, marks=pytest.mark.slow
+        ),
         ("adaptive steps far too small, stopped by a signal", "interrupted at t = ", 1e-4),
     ],
 )

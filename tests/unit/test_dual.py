@@ -83,7 +83,16 @@ def readings(fluid: Fluid) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(
-    ("order", "mesh_size"), [(2, 2.0), (2, 1.0), pytest.param(2, 0.7, marks=pytest.mark.slow), (3, 2.0), pytest.param(3, 1.0, marks=pytest.mark.slow), (4, 2.0), pytest.param(4, 1.4, marks=pytest.mark.slow)]
+    ("order", "mesh_size"),
+    [
+        (2, 2.0),
+        (2, 1.0),
+        pytest.param(2, 0.7, marks=pytest.mark.slow),
+        (3, 2.0),
+        pytest.param(3, 1.0, marks=pytest.mark.slow),
+        (4, 2.0),
+        pytest.param(4, 1.4, marks=pytest.mark.slow),
+    ],
 )
 def test_effectivity_on_the_cylinder(order: int, mesh_size: float) -> None:
     """Estimated over true error of drag and lift of DFG 2D-1."""
@@ -98,7 +107,12 @@ def test_effectivity_on_the_cylinder(order: int, mesh_size: float) -> None:
 @pytest.mark.parametrize("inertia", [True, False])
 @pytest.mark.parametrize(
     ("order", "mesh_size"),
-    [(2, 2.0), pytest.param(2, 1.0, marks=pytest.mark.slow), pytest.param(3, 2.0, marks=pytest.mark.slow), (3, 1.4)],
+    [
+        (2, 2.0),
+        pytest.param(2, 1.0, marks=pytest.mark.slow),
+        pytest.param(3, 2.0, marks=pytest.mark.slow),
+        (3, 1.4),
+    ],
 )
 def test_effectivity_on_the_bed(order: int, mesh_size: float, inertia: bool) -> None:
     """Of force and couple, at Re = 20 and in Stokes flow.
@@ -124,7 +138,9 @@ def test_effectivity_in_a_wide_domain(order: int, mesh_size: float) -> None:
     assert 0.5 < np.linalg.norm(found["estimate"]) / true < 3.0
 
 
-@pytest.mark.parametrize(("reynolds", "inertia"), [pytest.param(20.0, True, marks=pytest.mark.slow), (20.0, False), (100.0, True)])
+@pytest.mark.parametrize(
+    ("reynolds", "inertia"), [pytest.param(20.0, True, marks=pytest.mark.slow), (20.0, False), (100.0, True)]
+)
 def test_effectivity_in_a_cavity(reynolds: float, inertia: bool) -> None:
     """Straight walls and corners: the errors are those of a much finer run, whose own estimate improves it."""
     fine = readings(in_cavity(0.06, 3, reynolds, inertia))

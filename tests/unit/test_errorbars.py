@@ -82,7 +82,10 @@ TIMES = [None, Time(end=4.0, step=0.5, start="steady"), Time(end=4.0, step=0.2)]
         (TIMES[0], False),
         (TIMES[1], True),
         (TIMES[2], False),
-        *(pytest.param(time, inertia, marks=pytest.mark.slow) for time, inertia in zip(TIMES, (True, False, True))),
+        *(
+            pytest.param(time, inertia, marks=pytest.mark.slow)
+            for time, inertia in zip(TIMES, (True, False, True), strict=True)
+        ),
     ],
 )
 def test_gap_term_against_a_gap_closed(time: Time | None, inertia: bool) -> None:

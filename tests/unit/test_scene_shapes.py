@@ -75,6 +75,7 @@ class TestPlaces:
             (SUPERELLIPSE, SINUSOIDAL),
             *(pytest.param(body, SINUSOIDAL, marks=pytest.mark.slow) for body in (STAR, DISCS)),
         ],
+        ids=lambda text: text.split('"')[1],
     )
     def test_settled_its_weight_lies_between_its_contacts(self, body, bed):
         scene = settled(body, bed)

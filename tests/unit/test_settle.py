@@ -424,7 +424,8 @@ class TestSolidsOnRoughBeds:
         [
             (Ellipsoid((0.7, 0.5, 0.4)), Hemispheres(0.5, 1.0, "triangular"), 1.0),
             pytest.param(
-                *(Ellipsoid((0.7, 0.5, 0.4)), Hemispheres(0.5, 1.0, "triangular"), 0.0), marks=pytest.mark.slow
+                *(Ellipsoid((0.7, 0.5, 0.4)), Hemispheres(0.5, 1.0, "triangular"), 0.0),
+                marks=pytest.mark.slow,
             ),
             (CUBE, Hemispheres(0.5, 1.0), 1.0),
             (Spheres([(0, 0, 0), (0.7, 0, 0), (0.4, 0.5, 0)], [0.5, 0.4, 0.3]), Hemispheres(0.5, 1.0), 1.0),

@@ -62,8 +62,8 @@ def test_volumes_and_areas_converge(order: int, rate: float) -> None:
 )
 def test_beds(bed: Any) -> None:
     """Every bed meshes with round cells, none of them folded, and with the gap as it is."""
-    region, point = grain_above(Sphere(1.0), bed)
-    with solid_model(region, finer_in_the_gap(0.15, 0.02, point), 2) as model:
+    region, point = grain_above(Sphere(1.0), bed, half=1.5)
+    with solid_model(region, finer_in_the_gap(0.25, 0.02, point), 2) as model:
         assert set(names(model)) == NAMES
         nodes, bottom = cells(model), faces(model, "bed").reshape(-1, 3)
         assert stretches(nodes, KEAST).min() > 0.0
@@ -126,7 +126,7 @@ def test_half_is_half(solid: Any, gap: float) -> None:
 def test_nodes_lie_on_the_surfaces() -> None:
     """Corners and middles of edges alike, to round-off."""
     region, point = grain_above(Ellipsoid((0.6, 0.5, 0.35)), gap=0.01, symmetric=True)
-    with solid_model(region, finer_in_the_gap(0.15, 0.01, point), 2) as model:
+    with solid_model(region, finer_in_the_gap(0.25, 0.01, point), 2) as model:
         on_grain, on_bed = faces(model, "body").reshape(-1, 3), faces(model, "bed").reshape(-1, 3)
     body = region.holes["body"]
     assert np.abs(body.solid.level(body.placement.to_body(on_grain))).max() < 1e-14
@@ -136,18 +136,18 @@ def test_nodes_lie_on_the_surfaces() -> None:
 def test_any_unit_and_any_place() -> None:
     """A scene in millimetres and far from the origin has the very same mesh."""
     found = []
-    for unit, shift in ((1.0, 0.0), (1000.0, 0.0), (1.0, 64.0)):
-        body = PlacedSolid(Sphere(unit), Placement((shift, shift, 0.52 * unit)))
+    for unit, shift in ((1.0, 0.0), (1000.0, 64000.0)):
+        body = PlacedSolid(Sphere(unit), Placement((shift, shift, 0.54 * unit)))
         sides = (shift - 2.0 * unit, shift + 2.0 * unit)
         region = SolidRegion(sides, sides, 4.0 * unit, Plane(), {"body": body}, symmetric=True)
-        near = Near(0.01 * unit, 0.2, points=((shift, shift, 0.01 * unit),))
-        sizes = Sizes(unit, (Near(0.2 * unit, 0.3, boundary="body"), near), gap_part=0.8)
+        near = Near(0.02 * unit, 0.2, points=((shift, shift, 0.02 * unit),))
+        sizes = Sizes(unit, (Near(0.25 * unit, 0.3, boundary="body"), near), gap_part=0.8)
         with solid_model(region, sizes, 2) as model:
             table = places(model)
         found.append((table - [shift, shift, 0.0]) / unit)
-    for other in found[1:]:
-        assert other.shape == found[0].shape
-        assert np.nanmax(np.abs(other - found[0])) < 1e-9
+    one, other = found
+    assert other.shape == one.shape
+    assert np.nanmax(np.abs(other - one)) < 1e-9
 
 
 def test_the_number_of_cells_is_foretold() -> None:

@@ -143,7 +143,7 @@ def test_order_of_nodes_in_space(written, name, cell_type, edges):
     assert np.allclose(grid["velocity"], np.column_stack([x * y, x**2 - y, x * z]))
 
 
-@pytest.fixture(scope="module", params=MAKE)
+@pytest.fixture(scope="module", params=[pytest.param(1, marks=pytest.mark.slow), 2])
 def moving(request, tmp_path_factory):
     """Series of a body that moves, with what was written at each step."""
     directory = tmp_path_factory.mktemp(f"moving{request.param}")
@@ -232,7 +232,7 @@ def test_paraview_opens_it(moving, tmp_path):
             assert np.allclose(arrays["pressure"][1], (p.min(), p.max())), reader
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("ranks", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_a_series_is_resumed(ranks, tmp_path):
     """What is later than the point from which it goes on is dropped."""
     process = spawn(ranks, "write_and_resume", tmp_path)
@@ -278,7 +278,7 @@ def test_a_step_is_read_back_without_vtk(written):
     assert np.allclose(step.fields["velocity"][:, :2].T, velocity(step.points.T))
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("ranks", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_readable_after_a_crash(ranks, tmp_path):
     assert spawn(ranks, "write_and_crash", tmp_path).returncode != 0
     found = grids(tmp_path / "fields")
