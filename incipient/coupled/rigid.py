@@ -37,6 +37,8 @@ CLOSE = 1e-6
 TOUCHING_STEP = 1e-6
 # Displacement of the body, relative to its extent, by which derivatives are formed.
 NUDGE = 1e-6
+# Residual of the flow's answers, relative: an iteration then leaves about as much, and factors are exact anyway.
+ANSWERED = 1e-3
 # Smallest change of the body's velocities, relative to the flow's, from which the change of load can be told.
 SEEN = 1e-8
 
@@ -272,7 +274,7 @@ class RigidPart:
             motion = np.zeros_like(self.fluid.state.x.array)
             unit = np.eye(size)[k]
             motion[places] = unit[: space.gdim] + turned(unit[space.gdim :], arms)
-            changes[k], residual = self.fluid.response(motion, forcing[k])
+            changes[k], residual = self.fluid.response(motion, forcing[k], ANSWERED)
             resistance[:, k] = -self._load_of(self.probe.resultant_of(residual))
         return Response(changes, resistance, length)
 

@@ -22,7 +22,7 @@ from . import newton
 from .action import Action
 from .conditions import Condition, Constraints
 from .model import FlowModel
-from .solvers import SOLVERS, Block, Equations, LinearSolver, TwoLevel
+from .solvers import SOLVERS, Block, Equations, LinearSolver, TwoLevel, UnsolvedError
 from .space import TaylorHood, cell_size, geometry_function, geometry_rows, set_geometry_function, taylor_hood
 
 # Corrections of a time step after which the kept factors are too old.
@@ -324,10 +324,16 @@ class Fluid:
     def _solve_step(
         self, tolerance: float, max_iterations: int, watch: Callable[[int, float], Any], remember: bool
     ) -> newton.NewtonReport:
-        """A time step: its start is good, so that factors of earlier steps do (see `newton.solve_by_chords`)."""
+        """A time step: its start is good, so that factors of earlier steps do (see `newton.solve_by_chords`).
+
+        A linear system that is not solved fails the step, like corrections that do not converge.
+        """
         known = self._contraction if remember else None
         before = self.solver.statistics.factorisations
-        report = newton.solve_by_chords(self, tolerance, max_iterations, watch, self._aged, known)
+        try:
+            report = newton.solve_by_chords(self, tolerance, max_iterations, watch, self._aged, known)
+        except UnsolvedError:
+            report = newton.NewtonReport(False, (), np.inf)
         if remember or self.solver.statistics.factorisations != before:
             self._contraction = report.contraction
         self._aged = not report.converged or report.iterations > PATIENCE
@@ -421,8 +427,10 @@ class Fluid:
         self._assemble_local(vector, form)
         vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
 
-    def response(self, boundary: np.ndarray, forcing: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """How the flow answers to a change of boundary velocities. Collective.
+    def response(
+        self, boundary: np.ndarray, forcing: np.ndarray, rtol: float = EXACT
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """How the flow answers to a change of boundary velocities, to a residual of `rtol`. Collective.
 
         `boundary` is a change of the state (local unknowns,) that vanishes off carried boundaries, `forcing` the
         change of the residual (owned unknowns,) that comes with it for other reasons. Returns the change of the
@@ -435,7 +443,7 @@ class Fluid:
         self._direction.x.array[:] = boundary
         self._assemble_action(whole, forcing)
         compat.set_zero(self._vector, self.constraints.dirichlet)
-        self.solver.solve(self._vector, self._correction, EXACT)
+        self.solver.solve(self._vector, self._correction, rtol)
         self._direction.x.array[: self._vector.getLocalSize()] -= self._correction.array_r
         self._direction.x.scatter_forward()
         self._assemble_action(near, forcing)

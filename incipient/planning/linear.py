@@ -24,20 +24,18 @@ class Method:
         return f"linear systems by a {self.name} method: {self.reason}"
 
 
-def method_of(scene: Scene, slow: bool) -> Method:
-    """The method for a scene, and whether its flow is one of Stokes, without inertia and rate. Not collective."""
-    if scene.gdim == 3 and slow:
-        return Method("block", "in space factors would take much time and memory; Stokes flow needs none")
-    if upwinds(scene):
-        return Method(
-            "block", "in space factors would take much time and memory; upwinding makes them needless"
-        )
-    if scene.gdim == 3:
+def method_of(scene: Scene, slow: bool, unsteady: bool) -> Method:
+    """The method for a scene, and whether its flow is one of Stokes, or has a rate of change. Not collective."""
+    if scene.gdim == 2:
         return Method(
             "direct",
-            "the flow is not upwinded or changes in time; in space its factors take much time and memory",
+            "in two dimensions factors take little memory, and they serve for several iterations and time steps",
         )
-    reason = (
-        "in two dimensions factors take little memory, and they serve for several iterations and time steps"
-    )
-    return Method("direct", reason)
+    dear = "in space factors would take much time and memory"
+    if slow:
+        return Method("block", f"{dear}; Stokes flow needs none")
+    if unsteady:
+        return Method("block", f"{dear}; steps in time need none")
+    if upwinds(scene):
+        return Method("block", f"{dear}; upwinding makes them needless")
+    return Method("direct", "the flow is not upwinded; in space its factors take much time and memory")

@@ -112,7 +112,11 @@ def make_plan(scene: Scene) -> Plan:
         convection=_convection(scene, present),
         scheme=_scheme(scene, present),
         reynolds=1.0 / scene.viscosity,
-        solver=method_of(scene, slow=not present & {EffectName.INERTIA, EffectName.UNSTEADINESS}),
+        solver=method_of(
+            scene,
+            slow=not present & {EffectName.INERTIA, EffectName.UNSTEADINESS},
+            unsteady=EffectName.UNSTEADINESS in present,
+        ),
         numbers=numbers,
         stabilisation=stabilisation_of(scene, EffectName.INERTIA in present),
         sought=_sought(scene),

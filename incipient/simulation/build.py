@@ -94,9 +94,14 @@ def _load_libraries(comm: MPI.Comm, draws: bool) -> None:
 
 
 def flow_model(scene: Scene, plan: Plan, unsteady: bool, inertia: bool = True) -> FlowModel:
-    """What the plan makes of the flow's equations; `inertia` false leaves inertia out. Not collective."""
+    """What the plan makes of the flow's equations; `inertia` false leaves inertia out. Not collective.
+
+    The steady flow that one in time starts from is upwinded where its solver needs that.
+    """
     from ..fluid import FlowModel
 
+    start = plan.has(EffectName.UNSTEADINESS) and not unsteady
+    upwind = plan.stabilisation.upwind or (start and plan.solver.name == "block")
     return FlowModel(
         order=plan.order,
         inertia=inertia and plan.has(EffectName.INERTIA),
@@ -104,8 +109,8 @@ def flow_model(scene: Scene, plan: Plan, unsteady: bool, inertia: bool = True) -
         convection=plan.convection if unsteady else "implicit",
         moving_mesh=unsteady and plan.has(EffectName.MOVING_MESH),
         energy_stable=unsteady and scene.numerics.form == "energy-stable",
-        stabilisation=plan.stabilisation.present and not plan.stabilisation.upwind,
-        upwind=plan.stabilisation.upwind,
+        stabilisation=plan.stabilisation.present and not upwind,
+        upwind=upwind,
         solver=plan.solver.name,
     )
 

@@ -97,6 +97,17 @@ def test_steps_in_time_are_those_of_the_direct_solver(conditions: Any, convectio
     assert found[1] == pytest.approx(found[0], abs=1e-6 * np.abs(found[0]).max())
 
 
+def test_a_step_whose_linear_system_is_not_solved_is_taken_shorter() -> None:
+    """The blocks leave convection out: of a step in which the flow crosses 30 cells nothing converges."""
+    model = FlowModel(unsteady=True, convection="extrapolated", solver="block")
+    with Fluid(unit_box(3, 3), model, channel(3), reynolds=1000.0) as fluid:
+        transient = Transient(fluid, tolerance=1e-4)
+        transient.advance(0.1)
+        taken = transient.advance(10.0)
+        assert taken.rejected > 0 and taken.length == pytest.approx(10.0 * 0.5**taken.rejected)
+        assert fluid.time == pytest.approx(0.1 + taken.length)
+
+
 @pytest.mark.parametrize("conditions", [channel, box])
 def test_the_projection_is_that_of_the_direct_solver(conditions: Any) -> None:
     """Of a velocity with divergence onto those without; a closed box has no pinned pressure."""

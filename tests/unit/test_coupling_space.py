@@ -61,6 +61,21 @@ def test_a_ball_is_carried_along_and_turns_with_the_shear(ball: tuple[RigidPart,
     assert abs(np.linalg.norm(state.orientation) - 1.0) < 1e-14
 
 
+def test_a_ball_goes_by_blocks_as_it_goes_by_factors() -> None:
+    """Without mass, by six modes; GMRES leaves of each step no more than its tolerance."""
+    found = []
+    for solver in ("direct", "block"):
+        model = FlowModel(unsteady=True, moving_mesh=True, solver=solver)
+        conditions = [Prescribed("outer", shear), Carried("body")]
+        with Fluid(ball_in_box(0.5), model, conditions, 20.0) as fluid:
+            part, coupling = released(fluid, 0.0)
+            transient = Transient(fluid, 2, 1e-8, interface=coupling)
+            corrected = [transient.advance(0.1).report.corrected for _ in range(3)]
+            assert max(corrected) <= 4
+            found.append(part.state.velocities * [1, 1, 1, RADIUS, RADIUS, RADIUS])
+    assert np.abs(found[1] - found[0]).max() < 1e-6 * np.abs(found[0]).max()
+
+
 def test_a_mesh_that_folds_stops_the_run_by_name() -> None:
     """Steps so long that the ball leaves its box: every halving still folds cells."""
     model = FlowModel(unsteady=True, moving_mesh=True, inertia=False)

@@ -5,13 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar, Protocol
 
-from .block import Block
+from .block import Block, UnsolvedError
 from .direct import Direct
 from .equations import Equations
 from .statistics import LinearStatistics
 from .two_level import TwoLevel
 
-__all__ = ["SOLVERS", "Block", "Direct", "Equations", "LinearSolver", "LinearStatistics", "TwoLevel"]
+__all__ = [
+    "SOLVERS",
+    "Block",
+    "Direct",
+    "Equations",
+    "LinearSolver",
+    "LinearStatistics",
+    "TwoLevel",
+    "UnsolvedError",
+]
 
 
 class LinearSolver(Protocol):

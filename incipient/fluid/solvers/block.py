@@ -17,14 +17,20 @@ from .split import Split
 from .statistics import LinearStatistics
 
 PREFIX = "fluid_"
-MOST_ITERATIONS = 400
+# Steady, and in time, where a shorter step does more than further iterations.
+MOST_ITERATIONS, MOST_IN_TIME = 400, 200
 RESTART = 100
 # A preconditioner is made anew when it needs this many times the iterations that it needed when it was new.
 AGED = 1.5
 # An old one is given up after this many times the iterations that it needed when it was new.
 USELESS = 4.0
-# Residual, relative to the right-hand side, of a correction that is one of several: a step of the chord method.
-ROUGH = 1e-3
+# Residual, relative to the right-hand side, of a correction that is one of several, steady and in time: a step of the
+# chord method. In time it is that of the preconditioned system, which is nearer to the error.
+ROUGH, ROUGH_IN_TIME = 1e-3, 3e-2
+
+
+class UnsolvedError(ConvergenceError):
+    """GMRES has not converged with a new preconditioner; in time it may for a shorter step."""
 
 
 class Block:
@@ -34,8 +40,10 @@ class Block:
     (`multigrid`) and an approximate Schur complement S (`schur`); for A^T the same with F^T. The operators are those
     of the state when last prepared, and serve until they need half as many iterations again as when they were new.
     Where conditions hold the equations are those of the identity, solved beforehand. In closed domains the constant
-    pressures are taken out of right-hand side and solution. PETSc options with the prefix ``fluid_`` are for GMRES,
-    those with ``fluid_velocity_`` and ``fluid_pressure_`` for the blocks. See `LinearSolver`.
+    pressures are taken out of right-hand side and solution. In time the blocks leave convection out, and the residual
+    is that of the preconditioned system: of corrections as rough as serve there it tells more. PETSc options with the
+    prefix ``fluid_`` are for GMRES, those with ``fluid_velocity_`` and ``fluid_pressure_`` for the blocks. See
+    `LinearSolver`.
     """
 
     regular: ClassVar[bool] = False
@@ -47,6 +55,7 @@ class Block:
         # Of the matrix when last prepared (-1: never), and the iterations a decade of the residual needed then.
         self._state, self._usual = -1, np.inf
         self._null_space = _constant_pressures(matrix, equations) if equations.closed else None
+        self._rough = ROUGH if equations.rate is None else ROUGH_IN_TIME
         self._solver = self._made(equations)
         self._most = self._solver.getTolerances()[3]
 
@@ -57,10 +66,11 @@ class Block:
         preconditioner = solver.getPC()
         preconditioner.setType("python")
         preconditioner.setPythonContext(self._preconditioner)
-        solver.setTolerances(atol=1e-50, max_it=MOST_ITERATIONS)
+        solver.setTolerances(atol=1e-50, max_it=MOST_ITERATIONS if equations.rate is None else MOST_IN_TIME)
         # Smoothing by GMRES is not linear.
-        kind = "gmres" if equations.carrier is None else "fgmres"
-        chosen = {"ksp_type": kind, "ksp_pc_side": "right", "ksp_gmres_restart": RESTART}
+        kind = "gmres" if equations.block_carrier is None else "fgmres"
+        side = "right" if equations.rate is None else "left"
+        chosen = {"ksp_type": kind, "ksp_pc_side": side, "ksp_gmres_restart": RESTART}
         with defaults(PREFIX, chosen):
             solver.setFromOptions()
         return solver
@@ -82,8 +92,8 @@ class Block:
         self._solve(b, x, rtol, transposed=True)
 
     def approximate(self, b: Any, x: Any) -> None:
-        """Solve A x = b to a residual of a thousandth of b with the matrix as it is. Collective."""
-        self._solve(b, x, ROUGH, transposed=False)
+        """Solve A x = b with the matrix as it is, as well as one of several corrections can use. Collective."""
+        self._solve(b, x, self._rough, transposed=False)
 
     def _solve(self, b: Any, x: Any, rtol: float, transposed: bool) -> None:
         if self._state < 0:
@@ -93,7 +103,7 @@ class Block:
             self.prepare()
             iterations = self._iterate(b, x, rtol, transposed)
         if iterations is None:
-            raise ConvergenceError(self._why_not_solved(b))
+            raise self._why_not_solved(b)
         self.statistics.solves += 1
         self.statistics.krylov_iterations += iterations
         needed = iterations / -np.log10(rtol)
@@ -132,12 +142,12 @@ class Block:
         expected = -USELESS * self._usual * np.log10(rtol)
         return self._most if self._new else int(min(self._most, 1.0 + expected))
 
-    def _why_not_solved(self, b: Any) -> str:
+    def _why_not_solved(self, b: Any) -> ConvergenceError:
         """Why GMRES has not converged with a new preconditioner, from its reason. Collective."""
         if not np.isfinite(b.norm()) or not np.isfinite(self.matrix.norm()):
-            return NOT_FINITE
+            return ConvergenceError(NOT_FINITE)
         reason, count = self._solver.getConvergedReason(), self._solver.getIterationNumber()
-        return (
+        return UnsolvedError(
             f"the linear system of the flow was not solved in {count} iterations (PETSc's reason {reason}): use a "
             "smaller fluid.reynolds, a smaller numerics.mesh_size or, with [time], a smaller time.step"
         )

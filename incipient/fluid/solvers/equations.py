@@ -48,6 +48,15 @@ class Equations:
         return self.held()[: self.space.mixed.dofmap.index_map.size_local]
 
     @property
+    def block_carrier(self) -> Any:
+        """The velocity that convects in operators that stand for blocks of the Jacobian in preconditioners.
+
+        None in time: in steps short enough to be accurate the rate outweighs convection, and operators without it are
+        symmetric, are smoothed in half the time and serve while steps have the same length (docs/scaling.md).
+        """
+        return self.carrier if self.rate is None else None
+
+    @property
     def closed(self) -> bool:
         """Whether no fluid leaves freely, so that the pressure is known up to a constant only. Collective."""
         return self.space.mixed.mesh.comm.allreduce(len(self.open)) == 0

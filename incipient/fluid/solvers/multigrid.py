@@ -71,7 +71,7 @@ class Levels:
         self.spaces = [space for space in (self.fine, self.coarse) if space is not None]
         self.rows = places[:, : self.fine.dofmap.index_map.size_local]
         self.held = equations.held()[places]
-        self.convected = equations.carrier is not None
+        self.convected = equations.block_carrier is not None
         self.upwind = self.convected and equations.viscosity is not None
         self.forms = [self._form(one, equations) for one in self.spaces]
 
@@ -83,7 +83,7 @@ class Levels:
             ufl.TestFunction(space),
             equations.viscosity,
             equations.rate,
-            equations.carrier,
+            equations.block_carrier,
             size if self.upwind else None,
             equations.reference_map,
         )
@@ -208,7 +208,7 @@ class Components:
         self._levels = Levels(equations, smoothing_only)
         self.rows = self._levels.rows
         self._shared = _alike(self._levels.held, equations.space.mixed.mesh.comm)
-        self._symmetric = equations.carrier is None
+        self._symmetric = equations.block_carrier is None
         self._cycles = self._made(transposed=False)
         self._transposed: dict[int, Cycle] = {}
 

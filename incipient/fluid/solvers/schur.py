@@ -102,7 +102,7 @@ class CahouetChabard:
     """
 
     def __init__(self, equations: Equations):
-        space, self._rate = equations.space.pressure, equations.rate
+        space, self._rate, self._coefficient = equations.space.pressure, equations.rate, 0.0
         self._mass = None if equations.viscosity is None else ScaledMass(equations)
         p, q = ufl.TrialFunction(space), ufl.TestFunction(space)
         integrand = preconditioning.pressure_laplacian(p, q, equations.reference_map)
@@ -111,7 +111,8 @@ class CahouetChabard:
         self._poisson = _Poisson(petsc.create_matrix(self._form), equations.closed)
 
     def assemble(self) -> None:
-        """Take the viscosity and the mesh as they are. Collective."""
+        """Take the rate's coefficient, the viscosity and the mesh as they are. Collective."""
+        self._coefficient = float(self._rate.value)
         if self._mass is not None:
             self._mass.assemble()
         self._poisson.matrix.zeroEntries()
@@ -127,7 +128,7 @@ class CahouetChabard:
 
     def solve(self, right: np.ndarray, transposed: bool) -> np.ndarray:
         """(owned pressures,) approximately S^-1 times the right-hand side. Collective."""
-        found = float(self._rate.value) * self._poisson.solve(right)
+        found = self._coefficient * self._poisson.solve(right)
         return found if self._mass is None else found + self._mass.solve(right, transposed)
 
     def destroy(self) -> None:
