@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,6 +24,7 @@ class FlowTerms:
     cell_size:      size of a cell over the order of the velocity, for `terms.grad_div`; None: not stabilised
     upwind:         the same size for `terms.streamline_upwind`; None: not stabilised that way
     open_boundary:  measure of the boundary through which fluid leaves freely
+    surface:        function of w that gives the integral over a free surface (`surface.load`)
     reference_map:  None for the identity
     """
 
@@ -35,6 +37,7 @@ class FlowTerms:
     body_force: Any = None
     open_boundary: Any = None
     reference_map: ReferenceMap | None = None
+    surface: Callable[[Any], Any] | None = None
 
 
 def residual(v: Any, p: Any, w: Any, q: Any, present: FlowTerms, dx: Any) -> Any:
@@ -66,7 +69,7 @@ def residual(v: Any, p: Any, w: Any, q: Any, present: FlowTerms, dx: Any) -> Any
         form += terms.through_boundary(v, present.carrier, w, n) * present.skew
     if present.open_boundary is not None:
         form += terms.open_boundary(v, w, n, present.viscosity, x) * present.open_boundary
-    return form
+    return form if present.surface is None else form + present.surface(w)
 
 
 def vorticity(v: Any) -> Any:

@@ -136,7 +136,8 @@ def create_mesh(comm: MPI.Comm, cells: np.ndarray, nodes: np.ndarray, degree: in
     cell = {2: "triangle", 3: "tetrahedron"}[gdim]
     make, keywords = dolfinx.mesh.create_mesh, {"partitioner": partitioner()}
     if hasattr(ufl, "VectorElement"):
-        keywords["domain"] = ufl.Mesh(ufl.VectorElement("Lagrange", cell, degree, dim=gdim))
+        made = ufl.VectorElement("Lagrange", cell, degree, dim=gdim, variant="equispaced")
+        keywords["domain"] = ufl.Mesh(made)
     else:
         import basix.ufl
 

@@ -20,9 +20,8 @@ Stage = Callable[[str], AbstractContextManager[Any]]
 
 # The flow is solved to this share of the residual of the body's equation at hand.
 SHARE = 1e-3
-FOLDED = "the mesh around the body folds over: use a larger numerics.remesh_below, or shorter steps"
 SLOW = (
-    "the fluid-body iteration did not converge in {number} iterations: use shorter steps, or a larger "
+    "the iteration of fluid and {parts} did not converge in {number} iterations: use shorter steps, or a larger "
     "numerics.interface_tolerance"
 )
 # Corrections of the body's velocities in a step from which on the fluid's factors are taken for too old.
@@ -86,23 +85,25 @@ class Coupling:
             part.predict(length, order)
         sizes: list[float] = []
         residuals: list[float] = []
-        self._complaint = SLOW.format(number=self.max_iterations)
+        self._complaint = SLOW.format(
+            number=self.max_iterations, parts=" and ".join(part.name for part in self.parts)
+        )
         while len(residuals) < self.max_iterations:
             self._follow()
             # What the flow's answer leaves contracts otherwise than what a step begins with.
             flow = self.fluid.solve(self._inner_tolerance(residuals), remember=not residuals)
             sizes.extend(flow.corrections)
             if not flow.converged:
-                self._complaint = FOLDED if self._is_folded() else ""
+                self._complaint = self._folded() if self._is_folded() else ""
                 break
             try:
                 residuals.append(max(part.residual(length, order) for part in self.parts))
             except ConvergenceError as error:
-                self._complaint = FOLDED if self._is_folded() else str(error)
+                self._complaint = str(error) or self._folded()
                 break
             if residuals[-1] <= self.tolerance:
                 if self._is_folded():
-                    self._complaint = FOLDED
+                    self._complaint = self._folded()
                     break
                 self._first_residual = residuals[0]
                 if len(residuals) > PATIENCE:
@@ -119,6 +120,10 @@ class Coupling:
     def complaint(self) -> str:
         """Why the last attempt failed, and a remedy; empty if the fluid is to blame."""
         return self._complaint
+
+    def _folded(self) -> str:
+        """What to say of a mesh that has folded over."""
+        return " or ".join(part.folded for part in self.parts)
 
     def _is_folded(self) -> bool:
         """Whether a cell of the mesh has turned inside out."""

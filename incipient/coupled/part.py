@@ -13,10 +13,14 @@ class Part(Protocol):
 
     Every method is collective.
 
-    met: whether the part has met something at the end of the last attempt
+    met:    whether the part has met something at the end of the last attempt
+    name:   what it is called in messages
+    folded: what to say, with a remedy, where the mesh has folded over
     """
 
     met: bool
+    name: str
+    folded: str
 
     def join(self, follow: Callable[[], None]) -> None:
         """Enter a coupling; `follow` brings mesh and boundary values to where all parts are at the end tried."""

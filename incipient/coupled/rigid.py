@@ -80,6 +80,9 @@ class RigidPart:
             velocities back and forth do. It diverges for light bodies: for comparison only.
     """
 
+    name = "body"
+    folded = "the mesh around the body folds over: use a larger numerics.remesh_below, or shorter steps"
+
     def __init__(
         self,
         fluid: Fluid,

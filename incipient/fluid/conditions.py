@@ -47,7 +47,24 @@ class Carried:
     boundary: str
 
 
-Condition = Prescribed | Slip | Open | Carried
+@dataclass(frozen=True)
+class FreeSurface:
+    """A boundary on top that moves with the fluid and is a graph over the plane; velocities there are free.
+
+    gravity:  acceleration (gdim,); its hydrostatic pressure acts on the surface where this is above the still level
+    origin:   a place (gdim,) of the still level, at which the flow's pressure is that above the surface
+    pressure: of what is above, over the fluid's density: a function of x (3, n) and t that returns (n,); None: zero
+    tension:  surface tension over the fluid's density
+    """
+
+    boundary: str
+    gravity: tuple[float, ...]
+    origin: tuple[float, ...]
+    pressure: Callable[[np.ndarray, float], np.ndarray] | None = None
+    tension: float = 0.0
+
+
+Condition = Prescribed | Slip | Open | Carried | FreeSurface
 
 
 def no_slip(boundary: str) -> Prescribed:
@@ -67,6 +84,7 @@ class Constraints:
     ):
         self.space, self._domain = space, domain
         self.open = tuple(c.boundary for c in conditions if isinstance(c, Open))
+        self.surface = next((c for c in conditions if isinstance(c, FreeSurface)), None)
         self._values = dolfinx.fem.Function(space.velocity)
         self.points = space.velocity_points()
         prescribed = [c for c in conditions if isinstance(c, Prescribed)]
@@ -83,8 +101,23 @@ class Constraints:
 
     @property
     def closed(self) -> bool:
-        """Whether no fluid leaves freely, so that the pressure is known up to a constant only."""
-        return not self.open
+        """Whether no boundary gives the pressure a level, so that it is known up to a constant only."""
+        return not self.open and self.surface is None
+
+    def surface_load(self, rate: Any) -> Any:
+        """What the free surface exerts on the flow, `rate` being a0 of its backward difference; None without one."""
+        if self.surface is None:
+            return None
+        from .surface import SurfaceLoad
+
+        return SurfaceLoad(self._domain, self.space, self.surface, rate)
+
+    def crossed(self) -> Any:
+        """The measure of the boundary that fluid may cross: nothing crosses a free surface."""
+        whole, names = self.space.boundary_quadrature(self._domain.facets), self._domain.names
+        if self.surface is None:
+            return whole
+        return whole(tuple(tag for name, tag in names.items() if name != self.surface.boundary))
 
     def open_pressures(self) -> np.ndarray:
         """Local pressure nodes on the boundaries through which fluid leaves freely. Collective."""

@@ -61,33 +61,33 @@ class Fluid:
         self.state = dolfinx.fem.Function(self.space.mixed)
         self.history = tuple(dolfinx.fem.Function(self.space.mixed) for _ in range(2 * model.unsteady))
         self._reynolds, self._time = _constant(mesh, reynolds), _constant(mesh, 0.0)
-        self._rate = tuple(_constant(mesh, 0.0) for _ in range(3))
+        self.rate = tuple(_constant(mesh, 0.0) for _ in range(3))
         self._extrapolation = tuple(_constant(mesh, c) for c in (1.0, 0.0))
         self._shifts = tuple(geometry_function(mesh) for _ in range(2 * model.moving_mesh))
         self._rows = geometry_rows(self._shifts[0]) if self._shifts else None
+        self.surface = self.constraints.surface_load(self.rate[0])
         self._residual = compat.form(self.residual_form(*ufl.TestFunctions(self.space.mixed)))
         self._jacobian = None if coarse else self._compiled_jacobian()
         self._held: list[Any] = []
         with ExitStack() as on_failure:
             on_failure.push(self)
-            self._vector = self._holding(petsc.assemble_vector(self._residual))
-            self._correction = self._holding(self._vector.duplicate())
-            self._state_view = self._holding(compat.vec_view(self.state))
-            self.solver: LinearSolver = self._holding(
-                self._two_level(coarse) if coarse else self._one_level()
-            )
+            self._vector = self.holding(petsc.assemble_vector(self._residual))
+            self._correction = self.holding(self._vector.duplicate())
+            self._state_view = self.holding(compat.vec_view(self.state))
+            self.solver: LinearSolver = self.holding(self._two_level(coarse) if coarse else self._one_level())
             on_failure.pop_all()
         owned = self._state_view.getLocalSize()
         self._owned_velocities = self.space.velocity_map[self.space.velocity_map < owned]
         self._lift, self._aged = True, True
         self._contraction = newton.Contraction()
         self.watch: Callable[[int, float], Any] = _unwatched
+        self.negligible = 0.0  # speed in the mean of a correction that counts as none
         self._direction: Any = None  # made when a response is first asked for
         self._kept: dict[str, Any] = {}
 
     def _one_level(self) -> LinearSolver:
         """The solver that the model names, for a matrix that is held."""
-        self._matrix = self._holding(petsc.create_matrix(self._jacobian))
+        self._matrix = self.holding(petsc.create_matrix(self._jacobian))
         return SOLVERS[self.model.solver](self._matrix, self._equations())
 
     def _two_level(self, coarse: Fluid) -> LinearSolver:
@@ -95,7 +95,7 @@ class Fluid:
         equations = self._equations()
         measure = ufl.dx(domain=self.domain.mesh, metadata={"quadrature_degree": 2 * self.space.order})
         action = Action(self.state, partial(self.residual_form, measure=measure), equations.owned_held())
-        return TwoLevel(self._holding(action).times, equations, (coarse.solver, coarse._equations()))
+        return TwoLevel(self.holding(action).times, equations, (coarse.solver, coarse._equations()))
 
     def residual_form(self, w: Any, q: Any, cells: np.ndarray | None = None, measure: Any = None) -> Any:
         """The residual of the present state as a UFL form, tested with velocity w and pressure q.
@@ -107,7 +107,7 @@ class Fluid:
 
     def quadrature(self, cells: np.ndarray | None = None) -> Any:
         """The measure of all cells, or of some of the local ones, for the terms of this flow. Collective."""
-        return self.space.quadrature(cells, self.model.polynomial)
+        return self.space.quadrature(cells, self.model.polynomial and self.surface is None)
 
     def kept(self, name: str, make: Callable[[], Any]) -> Any:
         """What has been made under a name for this fluid: forms that are assembled again and again. Collective.
@@ -126,18 +126,19 @@ class Fluid:
         model = self.model
         force = None if model.body_force is None else model.body_force(self.place(), self._time)
         boundary = self.domain.measure(*self.constraints.open) if self.constraints.open else None
-        skew = self.space.boundary_quadrature(self.domain.facets) if model.energy_stable else None
+        skew = self.constraints.crossed() if model.energy_stable else None
         rate, carrier = self._rate_of_change(v), self._carrier(v)
         upwind = self._upwind_size() if model.upwind and model.inertia else None
         return FlowTerms(
             *(self.viscosity, rate, carrier, skew, self._cell_size(), upwind),
             *(force, boundary, model.reference_map),
+            None if self.surface is None else partial(self.surface.integral, v),
         )
 
     def _equations(self) -> Equations:
         """What the Jacobian is made of."""
         model, held = self.model, self.constraints
-        rate = self._rate[0] if model.unsteady else None
+        rate = self.rate[0] if model.unsteady else None
         carrier = self._carrier(ufl.split(self.state)[0])
         return Equations(
             *(self.space, held.dirichlet, held.open_pressures(), self.viscosity),
@@ -167,8 +168,8 @@ class Fluid:
             return None
         velocities = [v, *self._past()]
         if self.model.energy_stable:
-            return energy_stable_rate(self._rate, velocities, self._shifts)
-        return sum(a * u for a, u in zip(self._rate, velocities, strict=True))
+            return energy_stable_rate(self.rate, velocities, self._shifts)
+        return sum(a * u for a, u in zip(self.rate, velocities, strict=True))
 
     def _carrier(self, v: Any) -> Any:
         """The velocity that convects, less the mesh's."""
@@ -183,7 +184,7 @@ class Fluid:
         # The rate of the mesh's places by the same backward difference, places past being x - shift; in the
         # energy-stable form the volume swept at that rate.
         moved = [swept(shift) if model.energy_stable else shift for shift in self._shifts]
-        of_mesh = sum(-a * shift for a, shift in zip(self._rate[1:], moved, strict=True))
+        of_mesh = sum(-a * shift for a, shift in zip(self.rate[1:], moved, strict=True))
         return -of_mesh if carrier is None else carrier - of_mesh
 
     def place(self) -> Any:
@@ -204,7 +205,7 @@ class Fluid:
         while self._held:
             self._held.pop().destroy()
 
-    def _holding(self, made: Any) -> Any:
+    def holding(self, made: Any) -> Any:
         """What has been made, to be freed with the fluid."""
         self._held.append(made)
         return made
@@ -237,7 +238,7 @@ class Fluid:
 
     def discretise_time(self, rate: Sequence[float], extrapolation: Sequence[float]) -> None:
         """Set dv/dt = a0 v + a1 v(n) + a2 v(n-1) and the extrapolation e1 v(n) + e2 v(n-1); zeros: steady."""
-        for constant, value in zip(self._rate, rate, strict=True):
+        for constant, value in zip(self.rate, rate, strict=True):
             constant.value = value
         for constant, value in zip(self._extrapolation, extrapolation, strict=True):
             constant.value = value
@@ -485,9 +486,9 @@ class Fluid:
     def _relative_size(self) -> float:
         parts = [values[self._owned_velocities] for values in (self._correction.array_r, self.state.x.array)]
         change, whole = self.domain.comm.allreduce(np.array([part @ part for part in parts]))
-        if whole == 0.0:
-            return 0.0 if change == 0.0 else np.inf
-        return float(np.sqrt(change / whole))
+        if change <= self.negligible**2 * self.space.velocity_nodes():
+            return 0.0
+        return float(np.sqrt(change / whole)) if whole else np.inf
 
 
 def _unwatched(iteration: int, size: float) -> None:

@@ -28,13 +28,21 @@ def conditions(scene: Scene, held: bool = False) -> list[Condition]:
     if scene.domain.kind == "channel":
         moving.append((left, inflow(scene)))
         free.append(Open(right))
+    elif scene.has_surface:
+        free.extend((Slip(left, axis=0), Slip(right, axis=0)))
     else:
         walls.extend((left, right))
-    if _is_wall(scene):
+    if scene.surface is not None and scene.surface.bottom == "slip":
+        free.append(Slip(bottom, axis=scene.up))
+    elif _is_wall(scene):
         walls.append(bottom)
     else:
         moving.append((bottom, stream))
-    if scene.top == "slip":
+    if scene.has_surface:
+        from .surface import free_surface
+
+        free.append(free_surface(scene))
+    elif scene.top == "slip":
         free.append(Slip(top, axis=scene.up))
     elif scene.top == "wall" and scene.flow.kind != "lid":
         walls.append(top)

@@ -15,7 +15,7 @@ from ..scene import Scene
 from .cells import FAR_CELL, is_grid, largest_cell, side_names
 from .clearance import surroundings
 from .drawing_in_space import count_in_space, lay_out_in_space
-from .effects import EffectName
+from .effects import moves
 from .layout import Layout, placed, point
 from .plan import Estimate, Plan
 
@@ -39,7 +39,7 @@ def lay_out(scene: Scene, plan: Plan, moved: Placement | None = None) -> Layout:
     if is_grid(scene):
         return Layout(_grid(scene, plan), Sizes(1.0), plan.geometry_order, max_cells=most)
     resting, placement, gap, ends = placed(scene) if moved is None else (moved, moved, np.inf, None)
-    if plan.has(EffectName.MOVING_MESH) and placement is not None:
+    if moves(scene) and placement is not None:
         near = surroundings(scene).clearance(placement)
         gap, ends = near.distance, (near.on_grain, near.on_other)
     holes = {}
@@ -91,7 +91,7 @@ def _near(
 def _gap_points(scene: Scene, plan: Plan, ends: tuple[Point, Point]) -> tuple[Point, ...]:
     """Where grain and bed nearly touch: the narrowest place, and every contact of a resting grain."""
     if not scene.rests:
-        return ends if plan.has(EffectName.MOVING_MESH) else (ends[0],)
+        return ends if moves(scene) else (ends[0],)
     from ..geometry.touching import touching
 
     grain, bed, resting = scene.grain, scene.bed_shape, scene.placement

@@ -12,7 +12,7 @@ from ..meshes import Away, Near, PlacedSolid, Resolved, Sizes, SolidRegion
 from ..scene import Scene
 from .cells import side_names
 from .clearance import surroundings
-from .effects import EffectName
+from .effects import moves
 from .layout import Layout, Place, halved, placed, point
 from .plan import Estimate, Plan
 
@@ -37,11 +37,11 @@ OF_FACTORS, OF_BLOCKS = 450.0, 3500.0
 def lay_out_in_space(scene: Scene, plan: Plan, moved: Placement | None = None) -> Layout:
     """Place the grain, where the scene has it or where it has `moved`, and decide cell sizes. Not collective."""
     resting, placement, gap, ends = placed(scene) if moved is None else (moved, moved, np.inf, None)
-    moves = plan.has(EffectName.MOVING_MESH)
-    if moves and placement is not None:
+    moving = moves(scene)
+    if moving and placement is not None:
         near = surroundings(scene).clearance(placement)
         gap, ends = near.distance, (halved(scene, near.on_grain), halved(scene, near.on_other))
-    region = _region(scene, placement, moves)
+    region = _region(scene, placement, moving)
     far = min(FAR_CELL[plan.order] * scene.domain.height, 0.5 * min(scene.domain.extents))
     sizes = Sizes(far, tuple(_near(scene, plan, placement, gap, ends)), gap_part=GAP_CELL[plan.order])
     most = scene.numerics.max_cells
@@ -49,7 +49,7 @@ def lay_out_in_space(scene: Scene, plan: Plan, moved: Placement | None = None) -
     return Layout(region, sizes, plan.geometry_order, resting, placement, gap, ends, most)
 
 
-def _region(scene: Scene, placement: Placement | None, moves: bool) -> SolidRegion:
+def _region(scene: Scene, placement: Placement | None, moving: bool) -> SolidRegion:
     domain = scene.domain
     bottom, right, top, left = side_names(scene)
     holes = {} if placement is None else {"body": PlacedSolid(scene.grain, placement)}
@@ -62,7 +62,7 @@ def _region(scene: Scene, placement: Placement | None, moves: bool) -> SolidRegi
         sides=(left, right, "right", "left", top, bottom),
         symmetric=scene.symmetric,
         # The bed stays as it is when a grain goes on: wherever that may come to it is meshed.
-        resolved=None if moves else resolved_bed(scene, placement),
+        resolved=None if moving else resolved_bed(scene, placement),
     )
 
 

@@ -126,7 +126,7 @@ def accuracy_asked(scene: Scene) -> float:
 
 def effects_of(scene: Scene, numbers: Numbers) -> tuple[Effect, ...]:
     """Decide on every effect. Not collective."""
-    moving = scene.flow.kind != "still"
+    moving = scene.flow.kind != "still" or scene.has_surface
     body = scene.body
     return (
         _inertia(scene, numbers),
@@ -138,9 +138,12 @@ def effects_of(scene: Scene, numbers: Numbers) -> tuple[Effect, ...]:
         ),
         _gravity(scene),
         _contact(scene),
-        Effect(EffectName.FLOW, moving, f"{scene.flow.kind} flow" if moving else "the fluid is at rest"),
+        Effect(EffectName.FLOW, moving, _flow(scene)),
         Effect(
-            EffectName.MOVING_MESH, moves(scene), _mesh_motion(scene), scene.effects.moving_mesh != "auto"
+            EffectName.MOVING_MESH,
+            moves(scene) or scene.has_surface,
+            _mesh_motion(scene),
+            scene.effects.moving_mesh != "auto",
         ),
         _free_body(scene, numbers),
         _free_surface(scene, numbers),
@@ -159,6 +162,8 @@ def _inertia(scene: Scene, numbers: Numbers) -> Effect:
     told = f"Re = {scene.fluid.reynolds:g} on {scene.fluid.scale} scale"
     if scene.effects.inertia is True:
         return Effect(EffectName.INERTIA, True, f"effects.inertia = true; {told}", True)
+    if scene.flow.kind == "still" and scene.has_surface:
+        return Effect(EffectName.INERTIA, True, f"the free surface moves the fluid; {told}")
     if scene.flow.kind == "still" and not moves(scene):
         return Effect(EffectName.INERTIA, False, "the fluid is at rest", expected=0.0)
     expected = expected_of_inertia(scene, numbers)
@@ -200,6 +205,8 @@ def _gravity(scene: Scene) -> Effect:
     if scene.effects.gravity is False:
         return Effect(EffectName.GRAVITY, False, "effects.gravity = false", True)
     reason = "weight and buoyancy of the grain; hydrostatic pressure in closed form, no unknowns"
+    if scene.has_surface:
+        reason = "on the free surface; " + reason
     return Effect(EffectName.GRAVITY, True, reason, scene.effects.gravity is True)
 
 
@@ -211,12 +218,20 @@ def _contact(scene: Scene) -> Effect:
     return Effect(EffectName.CONTACT, True, "the grain rests on the bed", scene.effects.contact is True)
 
 
+def _flow(scene: Scene) -> str:
+    if scene.flow.kind != "still":
+        return f"{scene.flow.kind} flow"
+    return "the fluid starts from rest" if scene.has_surface else "the fluid is at rest"
+
+
 def moves(scene: Scene) -> bool:
     """Whether the scene has a grain that moves while the flow is computed."""
     return scene.body is not None and scene.body.moves
 
 
 def _mesh_motion(scene: Scene) -> str:
+    if scene.has_surface and not moves(scene):
+        return "the mesh rises and falls with the free surface"
     if not moves(scene):
         return "nothing moves"
     if scene.body is not None and scene.body.shape in ("disc", "sphere"):
@@ -254,6 +269,11 @@ def _third_dimension(scene: Scene) -> Effect:
 def _free_surface(scene: Scene, numbers: Numbers) -> Effect:
     """A rigid lid in place of a surface: by Bernoulli's equation it hides a rise of Fr^2/2 of the depth."""
     reason = f'the top is "{scene.top}"'
+    if scene.has_surface:
+        speed = math.sqrt(float(abs(scene.gravity_vector).max()) * scene.domain.height)
+        return Effect(
+            EffectName.FREE_SURFACE, True, f'domain.top = "{scene.top}"; long waves travel at {speed:.3g}'
+        )
     if scene.top != "slip" or numbers.froude is None:
         return Effect(EffectName.FREE_SURFACE, False, reason)
     expected = 0.5 * numbers.froude**2

@@ -23,7 +23,7 @@ from ..files import cause_of, write_bytes_atomically
 
 T = TypeVar("T")
 
-FORMAT, VERSION = "incipient checkpoint", 2
+FORMAT, VERSION = "incipient checkpoint", 3
 ANEW = "start anew with: incipient run"
 
 
@@ -115,6 +115,21 @@ class Body:
 
 
 @dataclass(frozen=True, eq=False)
+class Surface:
+    """A free surface and its mesh, the present state first.
+
+    made:       places (nodes, 3) of the mesh when made
+    elevations: at the mesh's nodes, zero off the surface (states, nodes), at `times` (states,)
+    places:     of the mesh's nodes now and a step before (n, nodes, 3)
+    """
+
+    made: Floats
+    elevations: Floats
+    times: Floats
+    places: Floats
+
+
+@dataclass(frozen=True, eq=False)
 class Checkpoint:
     """A run between two steps. `times` (states,) are those of the flow's states, the present one first."""
 
@@ -124,6 +139,7 @@ class Checkpoint:
     times: Floats
     flow: WholeFlow
     body: Body | None
+    surface: Surface | None = None
     recorded: Recorded = Recorded()
 
     @property

@@ -16,12 +16,13 @@ from ..fluid.transient import Past
 from ..mesh.domain import Domain
 from ..scene.file import dumps
 from ..scene.order import with_order
-from .checkpoint import Body, Checkpoint, Progress
+from .checkpoint import Body, Checkpoint, Progress, Surface
 from .redistribution import node_gatherer, spread_flow, spread_mesh, spread_nodes, whole_flow, whole_mesh
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from ..simulation.free_surface import MovingSurface
     from ..simulation.moving_grain import Trajectory
     from ..simulation.state import Run
 
@@ -46,6 +47,7 @@ def collected(run: Run) -> Checkpoint:
         times=np.array([fluid.time, *(one.time for one in transient.past)]),
         flow=whole_flow(fluid, states),
         body=None if run.trajectory is None else _body(run.trajectory),
+        surface=None if run.surface is None else _surface(run.surface),
     )
 
 
@@ -60,6 +62,17 @@ def _progress(run: Run, transient: Transient) -> Progress:
         linear=asdict(statistics),
         wall_time=dict(run.accounts.ledger.wall_time),
         total=run.accounts.ledger.total(),
+    )
+
+
+def _surface(surface: MovingSurface) -> Surface:
+    part, coupling = surface.part, surface.coupling
+    nodes = node_gatherer(surface.fluid.domain.mesh)
+    return Surface(
+        made=nodes.gathered(coupling.motion.reference),
+        elevations=np.array([nodes.gathered(part.mesh.on_nodes(one)) for one in part.past]),
+        times=np.array(part.times),
+        places=np.array([nodes.gathered(one) for one in coupling.places]),
     )
 
 
@@ -93,8 +106,9 @@ def _body(travel: Trajectory) -> Body:
 def domain_of(kept: Checkpoint, comm: MPI.Comm) -> Domain:
     """The mesh, where it was when it was made. Collective."""
     domain = spread_mesh(comm, kept.mesh)
-    if kept.body is not None:
-        domain.mesh.geometry.x[:] = spread_nodes(domain.mesh, kept.body.made)
+    moving = kept.body or kept.surface
+    if moving is not None:
+        domain.mesh.geometry.x[:] = spread_nodes(domain.mesh, moving.made)
     return domain
 
 
@@ -140,6 +154,19 @@ def put_back_body(kept: Checkpoint, travel: Trajectory) -> None:
     mesh.geometry.x[:] = coupling.places[0]
     coupling.fluid.constraints.boundary_points_moved()
     put_back_flow(kept, travel.transient)
+
+
+def put_back_surface(kept: Checkpoint, surface: MovingSurface) -> None:
+    """Move the mesh to where it was, and give the surface its past. Collective."""
+    stored, part, coupling = kept.surface, surface.part, surface.coupling
+    assert stored is not None
+    mesh = surface.fluid.domain.mesh
+    part.past = [part.mesh.from_nodes(spread_nodes(mesh, one)) for one in stored.elevations]
+    part.times = stored.times.tolist()
+    part.restore()
+    coupling.places = [spread_nodes(mesh, places) for places in stored.places]
+    mesh.geometry.x[:] = coupling.places[0]
+    coupling.fluid.constraints.boundary_points_moved()
 
 
 def _put_back_part(body: Body, part: RigidPart) -> None:

@@ -28,6 +28,7 @@ EFFECT_OF_STAGE: dict[str, str] = {
     "mesh motion": EffectName.MOVING_MESH,
     "remeshing": EffectName.MOVING_MESH,
     "interface": EffectName.FREE_BODY,
+    "free surface": EffectName.FREE_SURFACE,
     "fields": "output",
     "checkpoint": "output",
     "error bars": "estimates",

@@ -22,6 +22,7 @@ from .shapes import (
     Superellipse,
 )
 from .solids import Box, Ellipsoid, Mesh, Polyhedron, Sphere, Spheres, Superquadric
+from .surface import Surface
 from .terrains import HeightMapBed, MeshBed, RidgeBed, SphereBed
 
 __all__ = [
@@ -65,6 +66,7 @@ __all__ = [
     "Still",
     "Superellipse",
     "Superquadric",
+    "Surface",
     "Time",
     "Uniform",
     "dumps",

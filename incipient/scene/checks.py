@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from ..errors import SceneError
+from . import surface
 from .effects import contradictory
 from .messages import Key, Problem, split
 
@@ -43,11 +44,12 @@ def contradictions(scene: Scene) -> list[Problem]:
         _ignored,
         _accuracy,
         contradictory,
+        surface.contradictory,
     )
     found = [problem for check in checks for problem in check(scene)]
     if found:
         return found
-    in_turn = (_resolution, _forms, _bed_extent, _datum_of_the_bed, _body_place, _symmetry)
+    in_turn = (_resolution, _forms, _bed_extent, _datum_of_the_bed, surface.misplaced, _body_place, _symmetry)
     return next((problems for check in in_turn if (problems := [*check(scene)])), [])
 
 
@@ -152,7 +154,7 @@ def _ignored(scene: Scene) -> Iterator[Problem]:
     numerics = scene.numerics
     unused = []
     if scene.body is None or not scene.body.moves:
-        keys = ("coupling", "interface_tolerance", "remesh_below")
+        keys = ("coupling", "remesh_below", *(() if scene.has_surface else ("interface_tolerance",)))
         unused += [(key, "is read only for a grain that moves", "set body.motion") for key in keys]
     if scene.time is None:
         unused.append(("form", "is read only for flow in time", "add a section [time]"))

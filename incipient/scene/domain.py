@@ -9,7 +9,7 @@ from pydantic import Field, ValidationInfo, field_validator
 from .messages import counted
 from .section import Positive, Section, contradiction
 
-Top = Literal["auto", "wall", "slip", "stream"]
+Top = Literal["auto", "wall", "slip", "stream", "free-surface"]
 Sides = Literal["slip", "stream", "wall"]
 Symmetry = Literal["auto", True, False]
 Corner = Annotated[tuple[float, ...], Field(strict=False, min_length=2, max_length=3)]
@@ -33,7 +33,10 @@ class Domain(Section):
         validate_default=True,
         description="Lower left corner [length]; the bed's base line runs through it",
     )
-    top: Top = Field("auto", description="Upper side; auto: what suits the flow; stream: as the flow")
+    top: Top = Field(
+        "auto",
+        description="Upper side; auto: what suits the flow; stream: as the flow; free-surface: see [surface]",
+    )
     sides: Sides | None = Field(
         None,
         description="Both sides across the width, with width; stream: as the flow; by default slip, of a box wall",
@@ -71,17 +74,6 @@ class Domain(Section):
         if value is not None and info.data.get("width") is None and "width" in info.data:
             raise contradiction("goes with width, which is not given", "add domain.width or leave it out")
         return value
-
-    @field_validator("top", mode="before")
-    @classmethod
-    def _no_free_surface(cls, value: Any, info: ValidationInfo) -> Any:
-        if value not in ("free-surface", "free surface", "free_surface"):
-            return value
-        if info.data.get("kind") == "box":
-            raise contradiction(
-                "a closed box has no free surface", 'use "wall" or kind = "channel" with top = "slip"'
-            )
-        raise contradiction("a free surface is not simulated by this version", 'use "slip"')
 
     @property
     def left(self) -> float:

@@ -13,7 +13,7 @@ from .section import Section, contradiction
 if TYPE_CHECKING:
     from .model import Scene
 
-NOT_SIMULATED = ("free_surface", "turbulence")
+NOT_SIMULATED = ("turbulence",)
 
 
 def _one_of_three(value: Any) -> Any:
@@ -35,9 +35,13 @@ class Effects(Section):
     contact: Choice = Field(
         "auto", description="Contact forces and verdict; auto: where a grain rests on a bed"
     )
-    moving_mesh: Choice = Field("auto", description="A mesh that follows the grain; auto: with body.motion")
+    moving_mesh: Choice = Field(
+        "auto", description="A mesh that follows grain and surface; auto: with body.motion or a free surface"
+    )
     free_body: Choice = Field("auto", description="A grain moved by flow and weight; auto: with body.motion")
-    free_surface: Choice = Field("auto", description="Not simulated by this version")
+    free_surface: Choice = Field(
+        "auto", description='A top that moves with the fluid; auto: with domain.top = "free-surface"'
+    )
     turbulence: Choice = Field("auto", description="Not simulated by this version")
     third_dimension: Choice = Field("auto", description="Flow in space; auto: with domain.width")
 
@@ -97,8 +101,10 @@ def _of_grain(scene: Scene) -> Iterator[tuple[str, str, str]]:
     told = f'body.motion = "{motion}"' if body is not None else "there is no grain"
     if effects.contact is True and (scene.bed is None or body is None or body.x is None):
         yield "contact", "is true but no grain rests on a bed", "add [bed], and [body] with x"
-    if effects.moving_mesh != "auto" and effects.moving_mesh != moves:
+    if effects.moving_mesh != "auto" and effects.moving_mesh != (moves or scene.has_surface):
         remedy = 'set body.motion = "fixed"' if moves else 'set body.motion = "free" or "prescribed"'
+        if scene.has_surface and not moves:
+            told, remedy = "the surface is free", 'use "auto"'
         yield "moving_mesh", f"is {str(effects.moving_mesh).lower()} but {told}", remedy
     if effects.free_body != "auto" and effects.free_body != (motion == "free"):
         remedy = 'set body.motion = "free"' if effects.free_body else 'set body.motion = "fixed"'

@@ -23,6 +23,7 @@ from .motion import mass, mean_density
 from .numerics import Numerics
 from .order import order_of
 from .section import NotNegative, Positive, Section, contradiction
+from .surface import Surface, has_surface
 
 if TYPE_CHECKING:
     import numpy as np
@@ -143,6 +144,7 @@ class Scene(Section):
     gravity: Gravity | None = Field(
         None, description="Gravity, downwards, turned by the slope of an inclined bed"
     )
+    surface: Surface | None = Field(None, description='The free surface, with domain.top = "free-surface"')
     contact: Contact | None = Field(None, description="The contact of grain and bed")
     time: Time | None = Field(None, description="Time dependence; without this section the flow is steady")
     effects: Annotated[Effects, BeforeValidator(section_of)] = Field(
@@ -181,7 +183,13 @@ class Scene(Section):
     @property
     def sides(self) -> Sides:
         """Both sides across the width of a scene in space."""
-        return self.domain.sides or ("wall" if self.domain.kind == "box" else "slip")
+        walled = self.domain.kind == "box" and not self.has_surface
+        return self.domain.sides or ("wall" if walled else "slip")
+
+    @property
+    def has_surface(self) -> bool:
+        """Whether the top is a free surface."""
+        return has_surface(self)
 
     @cached_property
     def symmetric(self) -> bool:

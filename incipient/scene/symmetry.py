@@ -38,7 +38,7 @@ def is_halved(scene: Scene) -> bool:
 
 def differences(scene: Scene) -> Iterator[str]:
     """What keeps a scene in space from being its own mirror image, in words."""
-    checks: tuple[Callable[[Scene], str], ...] = (_of_grain, _of_motion, _of_bed, _of_flow)
+    checks: tuple[Callable[[Scene], str], ...] = (_of_grain, _of_motion, _of_bed, _of_flow, _of_surface)
     yield from (why for check in checks if (why := check(scene)))
 
 
@@ -106,6 +106,24 @@ def _of_flow(scene: Scene) -> str:
         there = np.vstack([one(mirrored, t) for one in components]) * MIRRORED[:, None]
         if np.abs(here - there).max() > ALIKE * max(float(np.abs(here).max()), 1e-300):
             return "the flow is not its mirror image"
+    return ""
+
+
+def _of_surface(scene: Scene) -> str:
+    """Formulas for the first elevation of a free surface, and for the pressure above it."""
+    if scene.surface is None:
+        return ""
+    from .expression import Expression
+
+    points, middle = _within(scene), scene.domain.middle
+    mirrored = points.copy()
+    mirrored[1] = 2.0 * middle - points[1]
+    times = np.linspace(0.0, scene.time.end, PLACES) if scene.time else np.zeros(1)
+    for text in (scene.surface.elevation, scene.surface.pressure):
+        for t in map(float, times):
+            here, there = (Expression(text)(places, t) for places in (points, mirrored))
+            if np.abs(here - there).max() > ALIKE * max(float(np.abs(here).max()), 1e-300):
+                return "the free surface is not its mirror image"
     return ""
 
 

@@ -200,12 +200,15 @@ def _cost_of_effects(run: Run) -> dict[str, dict[str, Any]]:
 
 
 def _unknowns(run: Run) -> dict[str, int]:
-    """Unknowns by effect: the flow, the mesh's motion, the grain's velocities, contact forces."""
+    """Unknowns by effect: the flow, mesh motion, the grain's velocities, the surface's elevations, contact forces."""
     gdim = run.scene.gdim
     counted: dict[str, int] = {EffectName.FLOW: run.fluid.space.unknowns}
-    if run.trajectory is not None:
+    if run.trajectory is not None or run.surface is not None:
         mesh = run.fluid.domain.mesh
         counted[EffectName.MOVING_MESH] = int(mesh.geometry.index_map().size_global)
+    if run.surface is not None:
+        counted[EffectName.FREE_SURFACE] = run.surface.unknowns()
+    if run.trajectory is not None:
         counted[EffectName.FREE_BODY] = int(run.trajectory.body.mask.sum())
     if run.contacts is not None:
         counted[EffectName.CONTACT] = gdim * len(run.contacts.points)

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ..planning.plan import Plan
     from ..results.errorbars import Loads, Term
     from ..scene import Scene
+    from .free_surface import MovingSurface
     from .moving_grain import Trajectory
 
 
@@ -72,6 +73,7 @@ class Run:
         self._fluid, self._probe = fluid, probe
         self._time_stepper: Transient | None = None
         self._trajectory: Trajectory | None = None
+        self._surface: MovingSurface | None = None
         self._first_motion: float | None = None
 
     @property
@@ -100,13 +102,23 @@ class Run:
         return self._trajectory
 
     @property
+    def surface(self) -> MovingSurface | None:
+        """The free surface; None without one, and before the first step."""
+        return self._surface
+
+    @property
     def first_motion(self) -> float | None:
         """Time at which a grain that is held in time would first have moved."""
         return self._first_motion
 
-    def march_with(self, time_stepper: Transient, trajectory: Trajectory | None = None) -> None:
-        """Take a time integration, and the trajectory of a moving grain, into the state. Not collective."""
-        self._time_stepper, self._trajectory = time_stepper, trajectory
+    def march_with(
+        self,
+        time_stepper: Transient,
+        trajectory: Trajectory | None = None,
+        surface: MovingSurface | None = None,
+    ) -> None:
+        """Take a time integration, a moving grain's trajectory and a free surface into the state. Not collective."""
+        self._time_stepper, self._trajectory, self._surface = time_stepper, trajectory, surface
 
     def take_fluid(self, fluid: Fluid, probe: TractionProbe | None) -> None:
         """Go on with another fluid on the mesh; the one before is freed. Collective."""

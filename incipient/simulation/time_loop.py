@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import IncipientError, Interrupted, OutputError
-from ..planning.effects import EffectName
+from ..planning.effects import EffectName, moves
 from ..results.loads import named, named_couple
 from .build import flow_model
 from .loads import coefficients, judged, loads
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ..fluid import TimeStep
     from ..interrupt import Interruption
     from ..restart.checkpoint import Checkpoint
+    from .free_surface import MovingSurface
     from .moving_grain import Trajectory
     from .recorder import Recorder
     from .state import Run
@@ -54,7 +55,7 @@ class TimeLoop:
         """
         try:
             self._start()
-            if self._run.plan.has(EffectName.MOVING_MESH):
+            if moves(self._run.scene):
                 self._travel()
             else:
                 self._march()
@@ -89,7 +90,7 @@ class TimeLoop:
             run.fluid.state.x.array[:] = initial.state.x.array
 
     def _march(self) -> None:
-        """March with a grain that is held, or none."""
+        """March with a grain that is held, or none, below a free surface or not."""
         from ..fluid import QuasiSteady, Transient
         from ..scene.tolerance import of_steady, of_steps
 
@@ -98,15 +99,27 @@ class TimeLoop:
         kind = Transient if run.plan.has(EffectName.UNSTEADINESS) else QuasiSteady
         asked = run.scene.numerics.tolerance
         tolerance = of_steps(asked) if kind is Transient else of_steady(asked)
-        transient = kind(run.fluid, order, tolerance, time.tolerance)
-        run.march_with(transient)
+        surface = self._surface() if run.plan.has(EffectName.FREE_SURFACE) else None
+        coupling = None if surface is None else surface.coupling
+        transient = kind(run.fluid, order, tolerance, time.tolerance, coupling)
+        run.march_with(transient, surface=surface)
         if self._checkpoint is not None:
             from ..restart import resumption
 
+            if surface is not None:
+                resumption.put_back_surface(self._checkpoint, surface)
             resumption.put_back_flow(self._checkpoint, transient)
         for step in self._timed(transient.march(time.end, time.step, time.first_step)):
             last = step.time >= time.end * (1 - 1e-9)
             self._record(step, self._row(step), last)
+
+    def _surface(self) -> MovingSurface:
+        """The free surface at the start, above a mesh as it was made."""
+        from .free_surface import MovingSurface
+
+        run = self._run
+        with run.stage("free surface"):
+            return MovingSurface(run.scene, run.fluid, run.accounts.ledger.stage)
 
     def _travel(self) -> None:
         """March with a grain that moves."""
@@ -176,6 +189,8 @@ class TimeLoop:
         run = self._run
         row: dict[str, Any] = {"time": step.time, "step": step.length, "newton": step.report.iterations}
         row["error"] = np.nan if step.error is None else step.error
+        if run.surface is not None:
+            row |= run.surface.columns(step)
         if run.probe is None:
             return row
         with run.stage("tractions"):

@@ -1,0 +1,92 @@
+"""The free surface: what it exerts on the fluid, and the weak kinematic condition (337), on a surface that is a graph.
+
+The surface is the boundary where the last coordinate is the still level plus the elevation, and n its outward normal.
+Its area times n's last component is the area below it of the plane, which does not change in time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import ufl
+
+
+@dataclass(frozen=True)
+class SurfaceTerms:
+    """What enters the residual of the flow on a free surface.
+
+    gravity:   acceleration (gdim,), whose last component is negative or zero
+    origin:    a place (gdim,) of the still level at which the pressure without the hydrostatic part is to be zero
+    rate:      coefficient a0 of the present elevation in its backward difference
+    known:     what that difference makes of earlier elevations, -(a1 h(n) + a2 h(n-1))/a0
+    elevation: that of the mesh as it is now
+    pressure:  of what is above the fluid, per density of the fluid; None: none
+    tension:   surface tension per density of the fluid; None: none
+    """
+
+    gravity: Any
+    origin: Any
+    rate: Any
+    known: Any
+    elevation: Any
+    pressure: Any = None
+    tension: Any = None
+
+
+def load(v: Any, w: Any, place: Any, n: Any, surface: SurfaceTerms) -> Any:
+    """Minus the power of what acts on the surface in the velocity w, with its sign in the residual of momentum.
+
+    The hydrostatic part, which the pressure does not have, is g h - b . (x - x0) along the level, and h is not that of
+    the mesh but what the velocity makes of it in this step, known + v . n/(a0 n . up): so gravity resists the velocity
+    with g/a0 (v . n)(w . n)/(n . up), the surface's added mass.
+    """
+    up = len(v) - 1
+    rise = surface.known + ufl.dot(v, n) / (surface.rate * n[up])
+    head = -surface.gravity[up] * rise
+    for axis in range(up):
+        head -= surface.gravity[axis] * (place[axis] - surface.origin[axis])
+    if surface.pressure is not None:
+        head += surface.pressure
+    found = head * ufl.dot(w, n)
+    if surface.tension is not None:
+        found += _tension(v, w, n, surface)
+    return found
+
+
+def _tension(v: Any, w: Any, n: Any, surface: SurfaceTerms) -> Any:
+    """gamma times the surface divergence of w, and its change with the rise that the velocity still makes in this step.
+
+    Where the surface ends no force acts along it: its angle with a wall along which it slides is a right one.
+    The second term vanishes when the mesh is where the velocity takes the surface.
+    """
+    up = n[len(v) - 1]
+    stretched = ufl.div(w) - ufl.dot(n, ufl.dot(ufl.grad(w), n))
+    rising = ufl.dot(ufl.grad(v).T, n) / surface.rate - up * ufl.grad(surface.elevation - surface.known)
+    tested = ufl.dot(ufl.grad(w).T, n)
+    bent = ufl.dot(rising, tested) - ufl.dot(rising, n) * ufl.dot(tested, n)
+    return surface.tension * (stretched + bent)
+
+
+def flux(v: Any, q: Any, n: Any) -> Any:
+    """q v . n, what the kinematic condition int q (dh/dt (n . up) - v . n) ds = 0 has of the velocity."""
+    return q * ufl.dot(v, n)
+
+
+def below(h: Any, q: Any, n: Any) -> Any:
+    """q h (n . up), what the kinematic condition has of the elevation or of its rate."""
+    return q * h * n[len(n) - 1]
+
+
+def crossing(v: Any, known: Any, elevation: Any, rate: Any, n: Any) -> Any:
+    """((v - v_mesh) . n)^2: what crosses the surface per unit of its area, squared."""
+    return (ufl.dot(v, n) - rate * (elevation - known) * n[len(v) - 1]) ** 2
+
+
+def potential(elevation: Any, place: Any, n: Any, gravity: Any, origin: Any) -> Any:
+    """Potential energy of gravity above that of the still level, g h^2/2 - b . (x - x0) h along it, times n . up."""
+    up = len(n) - 1
+    density = -gravity[up] * elevation**2 / 2
+    for axis in range(up):
+        density -= gravity[axis] * (place[axis] - origin[axis]) * elevation
+    return density * n[up]

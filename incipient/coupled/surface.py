@@ -1,0 +1,243 @@
+"""A free surface as a part of a coupling: the kinematic condition (337) in weak form, by backward differences.
+
+With h the elevation, a0 h + a1 h(n) + a2 h(n-1) its backward difference and n . up ds the area below the surface,
+which never changes, the condition is int q (a0 h + a1 h(n) + a2 h(n-1)) n . up ds = int q v . n ds for every q of the
+space of h. In the flow's equations the velocity raises the surface already within the step (`forms.surface.load`): what
+is left to the iteration is that the mesh is where the surface has gone, a correction of the second order in the slope.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any
+
+import dolfinx
+import numpy as np
+import ufl
+from mpi4py import MPI
+
+from .. import compat
+from ..arrays import Floats, extrapolated
+from ..compat import PETSc, petsc
+from ..errors import ConvergenceError
+from ..fluid import Fluid
+from ..forms.surface import crossing, flux, potential
+from ..mesh.elevation import RisingDisplacement
+
+Stage = Callable[[str], AbstractContextManager[Any]]
+
+# Speed, relative to that of long waves, below which what moves the surface is round-off.
+ROUND_OFF = 1e-14
+# Slope beyond which the surface is no graph any more that these elements can carry.
+STEEPEST = 5.0
+# What must be left above the bed, of the largest depth.
+NEAREST = 0.01
+TOUCHING = "the free surface touches {below}: end before it does, or use a lower wave or deeper water"
+STEEP = (
+    "the free surface ceases to be a graph: its slope exceeds {slope:.2g}; use shorter steps or a finer mesh, or end "
+    "before it breaks"
+)
+
+
+class SurfacePart:
+    """The free surface of a fluid as a part of a coupling (see `part.Part`). Every method is collective.
+
+    Args:
+        fluid: with a `FreeSurface` among its conditions and `FlowModel.moving_mesh`.
+        displacement: how the surface displaces the mesh.
+        elevation: (local nodes,) at the fluid's time, zero off the surface.
+        depths: (local nodes,) from the still level to what is below each node of the surface.
+        below: what that is, in words.
+        stage: context managers by name that take the time.
+
+    Attributes:
+        past: elevations at the last state and before, the newest first, at `times`.
+    """
+
+    name = "free surface"
+    folded = "the mesh below the free surface folds over: use shorter steps or a smaller numerics.mesh_size"
+
+    def __init__(
+        self,
+        fluid: Fluid,
+        displacement: RisingDisplacement,
+        elevation: Floats,
+        depths: Floats,
+        below: str = "the bed",
+        stage: Stage = lambda name: nullcontext(),
+    ):
+        self.fluid, self.mesh, self._load, self._stage = fluid, displacement, fluid.surface, stage
+        self.met = False
+        self.past, self.times = [elevation], [fluid.time]
+        gravity = float(np.linalg.norm(self._load.gravity.value))
+        self._depths, self._below = depths, below
+        fluid.negligible = ROUND_OFF * float(np.sqrt(gravity * self._deepest()))
+        fluid.holding(self)
+        self._tried = self._improved = elevation
+        v, _ = ufl.split(fluid.state)
+        n, measure, load = self._load.normal, self._load.measure, self._load
+        self._flux = compat.form(flux(v, ufl.TestFunction(load.space), n) * measure)
+        self._vector = petsc.assemble_vector(self._flux)
+        crossed = crossing(v, load.known, load.elevation, load.rate, n) * measure
+        self._crossing = compat.form(crossed)
+        self._potential = compat.form(
+            potential(load.elevation, load.place, n, load.gravity, load.origin) * measure
+        )
+        self._area = compat.form(dolfinx.fem.Constant(fluid.domain.mesh, 1.0) * measure)
+        self._steepness = _Steepness(displacement)
+
+    # -- the step, as the coupling sees it --------------------------------------------------------
+
+    def join(self, follow: Callable[[], None]) -> None:
+        """Enter a coupling; nothing is asked of it."""
+
+    def predict(self, length: float, order: int) -> None:
+        """Try the elevation that those before suggest. The fluid's backward difference is that of the step."""
+        time = self.times[0] + length
+        count = min(order + 1, len(self.past))
+        self._tried = extrapolated(self.times[:count], self.past[:count], time)
+        a0, *others = (float(one.value) for one in self.fluid.rate)
+        known = np.zeros_like(self._tried)
+        for a, h in zip(others, [*self.past[:2], self.past[-1]], strict=False):
+            known -= a / a0 * h
+        self._load.known.x.array[:] = known
+
+    def displacement(self) -> Floats:
+        """(n, 3) displacements of the mesh's nodes by the elevation tried."""
+        return self.mesh.at(self._tried)
+
+    def place(self) -> None:
+        """Tell the flow the elevation tried, and what is above it."""
+        self._load.elevation.x.array[:] = self._tried
+        self._load.update(self.fluid.time)
+
+    def destroy(self) -> None:
+        """Free PETSc's memory."""
+        self._vector.destroy()
+        self.mesh.destroy()
+
+    def residual(self, length: float, order: int) -> float:
+        """How far the mesh is from where the flow takes the surface, as a velocity over that of the flow.
+
+        Raises:
+            ConvergenceError: the surface is too steep for a graph.
+        """
+        with self._stage("free surface"):
+            self._require_possible()
+            a0 = float(self.fluid.rate[0].value)
+            self._improved = self._load.known.x.array + self._raised() / a0
+            missed = self._size(self._improved - self._tried) * a0
+        if missed <= self.fluid.negligible:
+            return 0.0
+        return missed / max(self.fluid.speed(), 1e-300)
+
+    def correct(self) -> None:
+        """Try the elevation to which the flow has taken the surface."""
+        self._tried = self._improved
+
+    def allowed(self, length: float) -> float:
+        """The whole length: a surface that meets something does so in `residual`."""
+        return length
+
+    def accept(self) -> None:
+        """The elevation that the flow has made, by which volume is kept to round-off, is the last state now."""
+        self.past = [self._improved, *self.past[:2]]
+        self.times = [self.fluid.time, *self.times[:2]]
+
+    def restore(self) -> None:
+        """Go back to the last state."""
+        self._tried = self._improved = self.past[0]
+        self._load.elevation.x.array[:] = self.past[0]
+
+    def forget(self) -> None:
+        """Nothing is learnt from step to step."""
+
+    def velocities(self) -> Floats:
+        """None: the velocities of the surface are the flow's, whose errors are known."""
+        return np.empty(0)
+
+    # -- what is told -----------------------------------------------------------------------------
+
+    @property
+    def elevation(self) -> Floats:
+        """(local nodes,) the elevation at the last state."""
+        return self.past[0]
+
+    def volume(self) -> float:
+        """Of the fluid above the still level less what is missing below it."""
+        return self.mesh.mean(self.past[0])
+
+    def energy(self) -> float:
+        """Potential energy above that of the still level, and with surface tension that of the surface's area."""
+        found = self._sum(self._potential)
+        if self._load.tension is not None:
+            found += float(self._load.tension.value) * self._sum(self._area)
+        return found
+
+    def crossed(self) -> float:
+        """(v - v_mesh) . n on the surface, root mean square: it should be small beside the velocity."""
+        return float(np.sqrt(self._sum(self._crossing) / self._sum(self._area)))
+
+    # -- parts ------------------------------------------------------------------------------------
+
+    def _require_possible(self) -> None:
+        """Refuse a surface that is no graph, or has come down to the bed."""
+        slope, nodes = self._steepness(self._tried), self.mesh.nodes
+        left = float((self._depths + self._tried)[nodes].min(initial=np.inf))
+        left = self.fluid.domain.comm.allreduce(left, op=MPI.MIN)
+        if not left > NEAREST * self._deepest():
+            raise ConvergenceError(TOUCHING.format(below=self._below))
+        if not slope <= STEEPEST:
+            raise ConvergenceError(STEEP.format(slope=slope))
+
+    def _deepest(self) -> float:
+        mine = float(self._depths[self.mesh.nodes].max(initial=0.0))
+        return float(self.fluid.domain.comm.allreduce(mine, op=MPI.MAX))
+
+    def _raised(self) -> Floats:
+        """(local nodes,) the rate of the elevation that the flow makes, in its space.
+
+        Out of a closed domain nothing flows: what unfinished iterations have left of that is taken out.
+        """
+        with self._vector.localForm() as local:
+            local.set(0.0)
+        petsc.assemble_vector(self._vector, self._flux)
+        self._vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        found = self.mesh.elevation_of(self._vector)
+        if not self.fluid.constraints.open:
+            found[self.mesh.nodes] -= self.mesh.mean(found) / self.mesh.extent
+        return found
+
+    def _size(self, elevation: Floats) -> float:
+        """Root mean square over the nodes of the surface."""
+        own = elevation[self.mesh.nodes[: self.mesh.owned]]
+        total, count = self.fluid.domain.comm.allreduce(np.array([own @ own, len(own)]))
+        return float(np.sqrt(total / max(count, 1)))
+
+    def _sum(self, form: object) -> float:
+        mine = float(np.real(dolfinx.fem.assemble_scalar(form)))
+        return float(self.fluid.domain.comm.allreduce(mine))
+
+
+class _Steepness:
+    """The steepest slope of an elevation between the nodes of the surface's facets."""
+
+    def __init__(self, displacement: RisingDisplacement):
+        space, domain = displacement.space, displacement.domain
+        cells = compat.cell_dofs(space)
+        on = np.isin(cells, displacement.nodes)
+        points = space.tabulate_dof_coordinates()[:, : domain.gdim - 1]
+        pairs = [np.empty((0, 2), dtype=np.int64)]
+        for row, chosen in zip(cells, on, strict=True):
+            nodes = row[chosen]
+            if len(nodes) > 1:
+                first, second = np.triu_indices(len(nodes), 1)
+                pairs.append(np.column_stack([nodes[first], nodes[second]]))
+        self._pairs = np.unique(np.concatenate(pairs), axis=0)
+        self._ways = np.linalg.norm(points[self._pairs[:, 0]] - points[self._pairs[:, 1]], axis=1)
+        self._comm = domain.comm
+
+    def __call__(self, elevation: Floats) -> float:
+        rises = np.abs(elevation[self._pairs[:, 0]] - elevation[self._pairs[:, 1]])
+        return float(self._comm.allreduce(float((rises / self._ways).max(initial=0.0)), op=MPI.MAX))

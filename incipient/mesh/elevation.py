@@ -1,0 +1,140 @@
+"""How a free surface displaces the mesh below it: straight up or down, less and less towards what does not move.
+
+A node's rise solves w_xx LEVELLING + w_yy = 0 where the mesh was made: it is the elevation on the surface, zero on the
+bed and on bodies, whatever suits it along the sides. A harmonic function would fold cells below a trough whose slope is
+one, this one does for slopes of 1/sqrt(LEVELLING): it is nearly linear along each column. Nodes keep their horizontal places, so that the area below each part of the
+surface never changes, and with it the matrix of the kinematic condition.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import dolfinx
+import numpy as np
+import ufl
+from petsc4py import PETSc
+
+from .. import compat
+from ..arrays import Floats
+from ..compat import petsc
+from ..forms.surface import below
+from .domain import Domain
+
+LEVELLING = 0.04  # weight of the horizontal slopes of the rise against the vertical one
+
+
+class RisingDisplacement:
+    """The displacement of a mesh by the elevation of its surface. Holds PETSc objects; every method is collective.
+
+    Args:
+        domain: whose mesh is as it was made, with its surface level.
+        space: scalar functions on the mesh's own nodes.
+        boundary: name of the surface.
+        held: names of the boundaries whose nodes stay.
+
+    Attributes:
+        nodes: local nodes of `space` on the surface, in ascending order; of them the first `owned` are this rank's.
+        extent: the area below the surface, in the plane its length.
+    """
+
+    def __init__(self, domain: Domain, space: Any, boundary: str, held: tuple[str, ...]):
+        self.domain, self.space, self.boundary = domain, space, boundary
+        facets = domain.facets_of(boundary)
+        self.nodes = np.sort(compat.nodes_on(space, facets))
+        self.owned = int(np.searchsorted(self.nodes, space.dofmap.index_map.size_local))
+        self._rows = np.zeros(len(domain.mesh.geometry.x), dtype=np.int64)
+        self._rows[compat.geometry_dofs(domain.mesh)] = compat.cell_dofs(space)
+        fixed = [compat.nodes_on(space, domain.facets_of(name)) for name in held]
+        self._fixed = np.unique(np.concatenate([self.nodes, *fixed])).astype(np.int32)
+        u, q = ufl.TrialFunction(space), ufl.TestFunction(space)
+        self._work, self._values = dolfinx.fem.Function(space), dolfinx.fem.Function(space)
+        self._views = [compat.vec_view(one) for one in (self._work, self._values)]
+        slopes = [u.dx(axis) * q.dx(axis) for axis in range(domain.gdim)]
+        self._stiffness = _assembled((LEVELLING * sum(slopes[:-1]) + slopes[-1]) * ufl.dx)
+        spread = self._stiffness.copy()
+        spread.zeroRowsColumns(self._numbers(self._fixed), diag=1.0)
+        self._spread = _factorised(spread)
+        measure = ufl.Measure("ds", domain=domain.mesh, subdomain_data=domain.facets)(domain.names[boundary])
+        area = below(u, q, ufl.FacetNormal(domain.mesh)) * measure
+        self.area = _assembled(area + ufl.inner(dolfinx.fem.Constant(domain.mesh, 0.0) * u, q) * ufl.dx)
+        off = np.setdiff1d(np.arange(space.dofmap.index_map.size_local, dtype=np.int32), self.nodes)
+        whole = self.area.copy()
+        whole.zeroRowsColumns(self._numbers(off), diag=1.0)
+        self._averaged = _factorised(whole)
+        level = np.zeros_like(self._values.x.array)
+        level[self.nodes] = 1.0
+        self.extent = self.mean(level)
+
+    def at(self, elevation: Floats) -> Floats:
+        """(n, 3) displacements of the mesh's nodes under elevations (local nodes of the space,)."""
+        work, values = self._work.x.array, self._values.x.array
+        values[:] = 0.0
+        values[self._fixed] = np.where(np.isin(self._fixed, self.nodes), elevation[self._fixed], 0.0)
+        self._stiffness.mult(self._views[1], self._views[0])
+        work *= -1.0
+        work[self._fixed] = values[self._fixed]
+        self._spread.solve(self._views[0], self._views[1])
+        self._values.x.scatter_forward()
+        moved = np.zeros((len(self._rows), 3))
+        moved[:, self.domain.gdim - 1] = values[self._rows]
+        return moved
+
+    def elevation_of(self, tested: Any) -> Floats:
+        """(local nodes,) the elevation h with int q h (n . up) ds given for every test function (PETSc vector)."""
+        self._averaged.solve(tested, self._views[1])
+        self._values.x.scatter_forward()
+        found = np.zeros_like(self._values.x.array)
+        found[self.nodes] = self._values.x.array[self.nodes]
+        return found
+
+    def tested(self, elevation: Floats) -> Floats:
+        """(owned nodes,) int q h (n . up) ds for an elevation (local nodes,)."""
+        self._values.x.array[:] = elevation
+        self.area.mult(self._views[1], self._views[0])
+        return self._work.x.array[: self.space.dofmap.index_map.size_local].copy()
+
+    def mean(self, elevation: Floats, other: Floats | None = None) -> float:
+        """The integral of an elevation, or of the product with another one, over the area below the surface."""
+        tested = self.tested(elevation)
+        mine = float(tested.sum() if other is None else tested @ other[: len(tested)])
+        return float(self.domain.comm.allreduce(mine))
+
+    def on_nodes(self, elevation: Floats) -> Floats:
+        """(n,) an elevation (local nodes of the space,) at the rows of `mesh.geometry.x`. Not collective."""
+        return np.asarray(elevation[self._rows])
+
+    def from_nodes(self, values: Floats) -> Floats:
+        """(local nodes of the space,) what `on_nodes` has given. Not collective."""
+        elevation = np.zeros_like(self._values.x.array)
+        elevation[self._rows] = values
+        return elevation
+
+    def destroy(self) -> None:
+        """Free PETSc's memory."""
+        for held in (self._spread, self._averaged, self._stiffness, self.area, *self._views):
+            held.destroy()
+
+    def _numbers(self, nodes: Any) -> Any:
+        """Global numbers of this rank's among local nodes."""
+        index_map = self.space.dofmap.index_map
+        own = nodes[nodes < index_map.size_local]
+        return (own + index_map.local_range[0]).astype(PETSc.IntType)
+
+
+def _assembled(integral: Any) -> Any:
+    matrix = petsc.assemble_matrix(compat.form(integral))
+    matrix.assemble()
+    return matrix
+
+
+def _factorised(matrix: Any) -> Any:
+    """A solver by the factors of a matrix."""
+    solver = PETSc.KSP().create(matrix.comm)
+    solver.setOperators(matrix)
+    solver.setType("preonly")
+    solver.getPC().setType("lu")
+    if PETSc.Sys.hasExternalPackage("mumps"):
+        solver.getPC().setFactorSolverType("mumps")
+    solver.setUp()
+    return solver
