@@ -75,6 +75,7 @@ class SurfacePart:
         fluid.negligible = ROUND_OFF * float(np.sqrt(gravity * self._deepest()))
         fluid.holding(self)
         self._tried = self._improved = elevation
+        self._load.elevation.x.array[:] = elevation
         v, _ = ufl.split(fluid.state)
         n, measure, load = self._load.normal, self._load.measure, self._load
         self._flux = compat.form(flux(v, ufl.TestFunction(load.space), n) * measure)
@@ -142,6 +143,7 @@ class SurfacePart:
 
     def accept(self) -> None:
         """The elevation that the flow has made, by which volume is kept to round-off, is the last state now."""
+        self._load.elevation.x.array[:] = self._improved
         self.past = [self._improved, *self.past[:2]]
         self.times = [self.fluid.time, *self.times[:2]]
 

@@ -104,14 +104,6 @@ class Constraints:
         """Whether no boundary gives the pressure a level, so that it is known up to a constant only."""
         return not self.open and self.surface is None
 
-    def surface_load(self, rate: Any) -> Any:
-        """What the free surface exerts on the flow, `rate` being a0 of its backward difference; None without one."""
-        if self.surface is None:
-            return None
-        from .surface import SurfaceLoad
-
-        return SurfaceLoad(self._domain, self.space, self.surface, rate)
-
     def crossed(self) -> Any:
         """The measure of the boundary that fluid may cross: nothing crosses a free surface."""
         whole, names = self.space.boundary_quadrature(self._domain.facets), self._domain.names

@@ -139,8 +139,8 @@ class Checkpoint:
     times: Floats
     flow: WholeFlow
     body: Body | None
-    surface: Surface | None = None
     recorded: Recorded = Recorded()
+    surface: Surface | None = None
 
     @property
     def time(self) -> float:

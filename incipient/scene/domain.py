@@ -35,7 +35,7 @@ class Domain(Section):
     )
     top: Top = Field(
         "auto",
-        description="Upper side; auto: what suits the flow; stream: as the flow; free-surface: see [surface]",
+        description="Upper side; auto: what suits the flow; stream: as the flow; or see [surface]",
     )
     sides: Sides | None = Field(
         None,

@@ -257,7 +257,7 @@ BAD_SCENES = {
     ),
     "free_surface": (
         _changed(CAVITY, "height = 1.0", 'height = 1.0\ntop = "free-surface"'),
-        "domain.top: a closed box has no free surface; use",
+        "domain.top: a free surface moves in time; add a section [time]",
     ),
     "outside": (
         _changed(GRAIN_ON_BED, "x = 16.0", "x = 26.0"),

@@ -29,6 +29,7 @@ from incipient.scene import (
     Star,
     Still,
     Superellipse,
+    Surface,
     Time,
     Uniform,
 )
@@ -61,15 +62,23 @@ ONE_KEY = [
     (lambda: Domain(length=1, height=1, origin=3), "Domain: origin: is 3; give a list in [brackets]"),
     (
         lambda: Domain(length=1, height=1, top="open"),
-        'Domain: top: "open" is not known; use "auto", "wall", "slip" or "stream"',
+        'Domain: top: "open" is not known; use "auto", "wall", "slip", "stream" or "free-surface"',
     ),
     (
-        lambda: Domain(length=1, height=1, top="free-surface"),
-        'Domain: top: a free surface is not simulated by this version; use "slip"',
+        lambda: Surface(elevation="sin(t)"),
+        'Surface: elevation: "sin(t)" depends on t; use x, y only',
     ),
     (
-        lambda: Domain(kind="box", length=1, height=1, top="free-surface"),
-        'Domain: top: a closed box has no free surface; use "wall" or kind = "channel" with top = "slip"',
+        lambda: Surface(points=[(0, 0), (1, 0.1)], elevation="x"),
+        "Surface: points: are given beside a formula for the elevation; leave one of them out",
+    ),
+    (
+        lambda: Surface(points=[(1, 0), (0, 0.1)]),
+        "Surface: points: do not ascend in x; give two or more points sorted by x, each x once",
+    ),
+    (
+        lambda: Surface(file="nowhere.csv"),
+        "Surface: file: nowhere.csv cannot be read (No such file or directory); give the name of a CSV file of x, y",
     ),
     (lambda: Fluid(reynolds=-3, scale="flow"), "Fluid: reynolds: is -3; give a number greater than 0"),
     (

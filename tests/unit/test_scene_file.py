@@ -222,11 +222,11 @@ def test_a_contradiction_elsewhere_names_the_file_and_what_was_set():
         (MINIMAL + "rate = [1]\n", "flow.rate: is a list of 1; give a number"),
         (
             MINIMAL.replace("height = 6", 'height = 6\ntop = "free-surface"'),
-            'domain.top: a free surface is not simulated by this version; use "slip"',
+            "domain.top: a free surface moves in time; add a section [time]",
         ),
         (
-            MINIMAL.replace("height = 6", 'height = 6\nkind = "box"\ntop = "free-surface"'),
-            "domain.top: a closed box has no free surface; use",
+            MINIMAL + '[surface]\nelevation = "0.1*x"\n',
+            'surface: describes a free surface, but the top is "stream"; set domain.top',
         ),
         (
             MINIMAL.replace("12", "-12").replace("20", "-20"),

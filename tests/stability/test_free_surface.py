@@ -1,0 +1,108 @@
+"""What a free surface must never do: make energy or volume, move still water, or need short steps."""
+
+import numpy as np
+import pytest
+from domains import curved_box
+from waves import Mode, tank
+
+# An explicit surface is stable for steps up to about sqrt(h/(pi g)), h the smallest width of its cells.
+CELLS = 8
+EXPLICIT = np.sqrt(1.0 / CELLS / np.pi)
+
+
+def random_start(made, generator, elevation, speed):
+    """Velocities without divergence, at rest on the walls, and an elevation made of the lowest waves at random."""
+    a, b = generator.standard_normal((2, 3, 3)) * speed
+
+    def velocity(x):
+        s, c = (np.array([f(k * np.pi * x[:, :2]) for k in (1, 2, 3)]) for f in (np.sin, np.cos))
+        u = sum(a[i, j] * (j + 1) * s[i, :, 0] * c[j, :, 1] for i in range(3) for j in range(3))
+        v = sum(-a[i, j] * (i + 1) * c[i, :, 0] * s[j, :, 1] for i in range(3) for j in range(3))
+        return np.column_stack([u, v])
+
+    made.flow(velocity)
+    return b
+
+
+def energies(seed, steps, length, viscosity=1e-3, elevation=0.1, scheme=1, energy_stable=True, tension=0.0):
+    """Energies at the start and after each step from a random start with waves of a height."""
+    generator = np.random.default_rng(seed)
+    heights = generator.standard_normal(4)
+
+    def surface(x):
+        waves = sum(h * np.cos((k + 1) * np.pi * x[:, 0]) / (k + 1) for k, h in enumerate(heights))
+        return elevation * waves / np.abs(heights).sum()
+
+    options = {"scheme": scheme, "energy_stable": energy_stable, "tension": tension, "tolerance": 1e-9}
+    with tank(curved_box(2, 4, 2), viscosity, surface, **options) as made:
+        random_start(made, generator, elevation, 0.05)
+        made.surface.place()
+        found = [made.energy()]
+        for _ in range(steps):
+            made.transient.advance(length)
+            found.append(made.energy())
+        assert abs(made.surface.volume()) < 1e-14
+        return np.array(found)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_energy_never_grows(seed):
+    """Of first order in time, in the form that cannot make energy, whatever the step."""
+    length = 10.0 ** np.random.default_rng(100 + seed).uniform(-2, 1)
+    found = energies(seed, 4, length, tension=0.01 * (seed % 2))
+    # The first step makes the start free of divergence, and energy can only be lost by that, too.
+    assert (np.diff(found) <= 1e-7 * found[0]).all()
+
+
+@pytest.mark.slow
+def test_energy_never_grows_from_a_thousand_starts():
+    for seed in range(1000):
+        length = 10.0 ** np.random.default_rng(10_000 + seed).uniform(-2, 1)
+        found = energies(seed, 3, length, viscosity=10.0 ** -(seed % 5), tension=0.01 * (seed % 2))
+        assert (np.diff(found) <= 1e-7 * found[0]).all(), seed
+
+
+@pytest.mark.parametrize("scheme", [1, 2])
+def test_steps_fifty_times_the_limit_of_an_explicit_surface(scheme):
+    mode, amplitude = Mode(0.01, np.pi), 0.01
+    with tank(
+        curved_box(2, CELLS, 2),
+        mode.nu,
+        lambda x: amplitude * np.cos(np.pi * x[:, 0]),
+        scheme=scheme,
+        tolerance=1e-8,
+    ) as made:
+        before = made.energy()
+        for _ in range(6):
+            step = made.transient.advance(50.0 * EXPLICIT)
+            assert step.rejected == 0 and step.report.corrected <= 3
+            assert made.energy() <= before
+            before = made.energy()
+        assert np.abs(made.elevation()).max() < amplitude
+
+
+def test_still_water_below_a_surface_that_is_not_level():
+    """Gravity turned as on a slope of one tenth: the surface at rest is the plane of that slope, and stays."""
+    slope = 0.1
+    with tank(
+        curved_box(2, 5, 2),
+        1e-3,
+        lambda x: slope * (x[:, 0] - 0.5),
+        gravity=(np.sin(np.arctan(slope)), -np.cos(np.arctan(slope))),
+    ) as made:
+        for _ in range(20):
+            made.transient.advance(0.1)
+        assert made.fluid.speed() < 1e-13
+        assert made.elevation() == pytest.approx(slope * (made.points[:, 0] - 0.5), abs=1e-14)
+
+
+def test_an_accelerated_tank_comes_to_rest_in_the_plane_of_its_acceleration():
+    """Started level: the plane's slope is the acceleration over gravity."""
+    slope = 0.1
+    with tank(
+        curved_box(2, 4, 2), 0.03, lambda x: 0.0 * x[:, 0], scheme=1, gravity=(slope, -1.0), tolerance=1e-8
+    ) as made:
+        for _ in range(40):
+            made.transient.advance(5.0)
+        assert made.elevation() == pytest.approx(slope * (made.points[:, 0] - 0.5), abs=1e-8)
+        assert abs(made.surface.volume()) < 1e-15

@@ -1,0 +1,141 @@
+"""Tanks with a free surface, and the exact normal modes of a viscous layer with a free-slip bottom and walls."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from incipient.arrays import Floats
+from incipient.coupled.coupling import Coupling
+from incipient.coupled.energy import EnergyBudget
+from incipient.coupled.surface import SurfacePart
+from incipient.fluid import FlowModel, Fluid, Slip, Transient
+from incipient.fluid.conditions import FreeSurface
+from incipient.mesh.domain import Domain
+from incipient.mesh.elevation import RisingDisplacement
+from incipient.mesh.motion import MeshMotion
+
+MODES = Path(__file__).parent / "reference" / "viscous_wave_modes.csv"
+
+
+def tabulated_modes() -> list[dict[str, float]]:
+    """The rows of the table: k, H, g, nu, re_s, im_s."""
+    with MODES.open(encoding="utf-8") as lines:
+        return [
+            {name: float(value) for name, value in row.items() if name != "bottom"}
+            for row in csv.DictReader(lines)
+        ]
+
+
+@dataclass(frozen=True)
+class Mode:
+    """exp(s t) cos k x on a layer of depth one, with gravity g and surface tension gamma, fluid density one.
+
+    v is the sum of grad(phi) and curl(psi), phi = A cosh(k y) cos(k x), psi = B sinh(m y)/sinh(m) sin(k x),
+    m^2 = k^2 + s/nu, y counted from the bottom: Lamb (1932), Hydrodynamics, section 349, for a finite depth.
+    """
+
+    nu: float
+    k: float
+    g: float = 1.0
+    gamma: float = 0.0
+
+    @property
+    def s(self) -> complex:
+        """The root of (s + 2 nu k^2)^2 + w^2 = 4 nu^2 k^3 m coth(m) tanh(k), w^2 = (g k + gamma k^3) tanh(k)."""
+        nu, k, T = self.nu, self.k, np.tanh(self.k)
+        square = (self.g * k + self.gamma * k**3) * T
+        s = -2.0 * nu * k**2 + 1j * np.sqrt(square)
+        for _ in range(200):  # a fixed point, which contracts for small nu
+            m = np.sqrt(k**2 + s / nu)
+            s = -2.0 * nu * k**2 + 1j * np.sqrt(square - 4.0 * nu**2 * k**3 * m * T / np.tanh(m))
+        return complex(s)
+
+    @property
+    def period(self) -> float:
+        """Of the oscillation."""
+        return 2.0 * np.pi / self.s.imag
+
+    def velocity(self, x: Floats, y: Floats) -> tuple[Any, Any]:
+        """Complex amplitudes of the velocity, along k over sin(k x) or its gradient, and upwards, for elevation one."""
+        nu, k, s = self.nu, self.k, self.s
+        m = np.sqrt(k**2 + s / nu)
+        rows = [[-2 * k**2 * np.sinh(k), m**2 + k**2], [k * np.sinh(k), -k]]
+        a, b = np.linalg.solve(np.array(rows), np.array([0.0, s]))
+        up, down, whole = np.exp(m * (y - 1)), np.exp(-m * (y + 1)), 1.0 - np.exp(-2 * m)
+        along = -a * k * np.cosh(k * y) + b * m * (up + down) / whole
+        upwards = a * k * np.sinh(k * y) - b * k * (up - down) / whole
+        return along, upwards
+
+
+class Tank:
+    """A box with a free surface on top, free-slip elsewhere, and its integration in time."""
+
+    def __init__(
+        self,
+        domain: Domain,
+        viscosity: float,
+        elevation: Callable[[Floats], Floats],
+        order: int = 2,
+        scheme: int = 2,
+        gravity: tuple[float, ...] = (0.0, -1.0),
+        tension: float = 0.0,
+        energy_stable: bool = False,
+        tolerance: float = 1e-10,
+        interface: float | None = None,
+    ):
+        gdim = domain.gdim
+        walls = [Slip(name, axis) for axis, name in zip((0, 0, 1, 1), ("left", "right"), strict=False)]
+        if gdim == 2:
+            walls.append(Slip("bottom", 1))
+        else:  # as `domains.SIDES` names them: bottom and top are at least and largest y
+            walls += [Slip("bottom", 1), Slip("top", 1), Slip("front", 2)]
+        self.boundary = "top" if gdim == 2 else "back"
+        held = ("bottom",) if gdim == 2 else ("front",)
+        origin = tuple(1.0 for _ in range(gdim))
+        surface = FreeSurface(self.boundary, gravity, origin, tension=tension)
+        model = FlowModel(order=order, unsteady=True, moving_mesh=True, energy_stable=energy_stable)
+        self.fluid = Fluid(domain, model, [surface, *walls], 1.0 / viscosity)
+        load = self.fluid.surface
+        rising = RisingDisplacement(domain, load.space, self.boundary, held)
+        self.nodes = rising.nodes
+        self.points = load.space.tabulate_dof_coordinates()[rising.nodes].copy()
+        first, depths = np.zeros((2, len(load.known.x.array)))
+        first[rising.nodes], depths[rising.nodes] = elevation(self.points), 1.0
+        motion = MeshMotion(domain)
+        self.surface = SurfacePart(self.fluid, rising, first, depths)
+        self.coupling = Coupling(self.fluid, [self.surface], motion, interface)
+        domain.mesh.geometry.x[:] = self.coupling.places[0]
+        self.fluid.constraints.boundary_points_moved()
+        self.transient = Transient(self.fluid, scheme, tolerance, None, self.coupling)
+        self._kinetic = EnergyBudget(self.fluid)
+
+    def flow(self, velocity: Callable[[Floats], Floats]) -> None:
+        """Give the fluid velocities (n, gdim) at its nodes (n, 3)."""
+        space = self.fluid.space
+        values = velocity(space.velocity_points())
+        self.fluid.state.x.array[space.velocity_map.reshape(-1, space.gdim)] = values
+
+    def elevation(self) -> Floats:
+        """At the surface's nodes."""
+        return self.surface.elevation[self.nodes]
+
+    def energy(self) -> float:
+        """Kinetic and potential, and that of the surface's area."""
+        return self._kinetic.kinetic() + self.surface.energy()
+
+
+@contextmanager
+def tank(*given: Any, **options: Any) -> Any:
+    """A tank, freed at the end."""
+    made = Tank(*given, **options)
+    try:
+        yield made
+    finally:
+        made.fluid.destroy()
