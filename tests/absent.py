@@ -25,10 +25,21 @@ OF_MOVING_MESH = (
     "simulation.moving_grain",
 )
 OF_FREE_BODY = ("coupled.coupling", "coupled.rigid", "body.rigidbody", "body.integrator", "body.fehlberg")
+OF_FREE_SURFACE = (
+    "forms.surface",
+    "fluid.surface",
+    "mesh.elevation",
+    "coupled.surface",
+    "simulation.free_surface",
+    "planning.surface",
+)
 OF_CONTACT = ("results.verdict", "contact")
 OF_ESTIMATES = ("accuracy",)
 OF_CHECKPOINTS = ("restart",)
-MODULES = (*OF_UNSTEADINESS, *OF_MOVING_MESH, *OF_FREE_BODY, *OF_CONTACT, *OF_ESTIMATES, *OF_CHECKPOINTS)
+MODULES = (
+    *(*OF_UNSTEADINESS, *OF_MOVING_MESH, *OF_FREE_BODY, *OF_FREE_SURFACE),
+    *(*OF_CONTACT, *OF_ESTIMATES, *OF_CHECKPOINTS),
+)
 # Terms of the flow's equations that a steady flow without inertia does not have.
 TERMS = ("inertia", "convection", "skew_convection", "through_boundary")
 

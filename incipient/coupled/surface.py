@@ -30,13 +30,13 @@ Stage = Callable[[str], AbstractContextManager[Any]]
 # Speed, relative to that of long waves, below which what moves the surface is round-off.
 ROUND_OFF = 1e-14
 # Slope beyond which the surface is no graph any more that these elements can carry.
-STEEPEST = 5.0
+STEEPEST = 2.0
 # What must be left above the bed, of the largest depth.
-NEAREST = 0.01
+NEAREST = 0.02
 TOUCHING = "the free surface touches {below}: end before it does, or use a lower wave or deeper water"
 STEEP = (
-    "the free surface ceases to be a graph: its slope exceeds {slope:.2g}; use shorter steps or a finer mesh, or end "
-    "before it breaks"
+    "the free surface ceases to be a graph: its slope is {slope:.2g}; use a finer mesh or a lower wave, or end before "
+    "it breaks"
 )
 
 
@@ -122,13 +122,14 @@ class SurfacePart:
         """How far the mesh is from where the flow takes the surface, as a velocity over that of the flow.
 
         Raises:
-            ConvergenceError: the surface is too steep for a graph.
+            ConvergenceError: the flow has taken it beyond all bounds.
         """
         with self._stage("free surface"):
-            self._require_possible()
             a0 = float(self.fluid.rate[0].value)
             self._improved = self._load.known.x.array + self._raised() / a0
             missed = self._size(self._improved - self._tried) * a0
+        if not np.isfinite(missed):
+            raise ConvergenceError(self.folded)
         if missed <= self.fluid.negligible:
             return 0.0
         return missed / max(self.fluid.speed(), 1e-300)
@@ -183,15 +184,16 @@ class SurfacePart:
 
     # -- parts ------------------------------------------------------------------------------------
 
-    def _require_possible(self) -> None:
-        """Refuse a surface that is no graph, or has come down to the bed."""
-        slope, nodes = self._steepness(self._tried), self.mesh.nodes
-        left = float((self._depths + self._tried)[nodes].min(initial=np.inf))
-        left = self.fluid.domain.comm.allreduce(left, op=MPI.MIN)
-        if not left > NEAREST * self._deepest():
-            raise ConvergenceError(TOUCHING.format(below=self._below))
-        if not slope <= STEEPEST:
-            raise ConvergenceError(STEEP.format(slope=slope))
+    def ends(self) -> str:
+        """Why a step from the last state would be worth nothing: the surface is no graph, or has come down to the bed.
+
+        In words, with a remedy; empty if it goes on.
+        """
+        slope, nodes = self._steepness(self.elevation), self.mesh.nodes
+        left = float((self._depths + self.elevation)[nodes].min(initial=np.inf))
+        if not self.fluid.domain.comm.allreduce(left, op=MPI.MIN) > NEAREST * self._deepest():
+            return TOUCHING.format(below=self._below)
+        return "" if slope <= STEEPEST else STEEP.format(slope=slope)
 
     def _deepest(self) -> float:
         mine = float(self._depths[self.mesh.nodes].max(initial=0.0))

@@ -65,7 +65,7 @@ class Fluid:
         self._extrapolation = tuple(_constant(mesh, c) for c in (1.0, 0.0))
         self._shifts = tuple(geometry_function(mesh) for _ in range(2 * model.moving_mesh))
         self._rows = geometry_rows(self._shifts[0]) if self._shifts else None
-        self.surface = self._surface_load() if self.constraints.surface else None
+        self.surface: Any = self._surface_load() if self.constraints.surface else None
         self._residual = compat.form(self.residual_form(*ufl.TestFunctions(self.space.mixed)))
         self._jacobian = None if coarse else self._compiled_jacobian()
         self._held: list[Any] = []
@@ -88,6 +88,7 @@ class Fluid:
     def _surface_load(self) -> Any:
         from .surface import SurfaceLoad
 
+        assert self.constraints.surface is not None
         return SurfaceLoad(self.domain, self.space, self.constraints.surface, self.rate[0])
 
     def _one_level(self) -> LinearSolver:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import IncipientError, Interrupted, OutputError
+from ..errors import ConvergenceError, IncipientError, Interrupted, OutputError
 from ..planning.effects import EffectName, moves
 from ..results.loads import named, named_couple
 from .build import flow_model
@@ -112,6 +112,8 @@ class TimeLoop:
         for step in self._timed(transient.march(time.end, time.step, time.first_step)):
             last = step.time >= time.end * (1 - 1e-9)
             self._record(step, self._row(step), last)
+            if surface is not None and not last and (why := surface.part.ends()):
+                raise ConvergenceError(f"at t = {step.time:.6g} {why}")
 
     def _surface(self) -> MovingSurface:
         """The free surface at the start, above a mesh as it was made."""

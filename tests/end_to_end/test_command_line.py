@@ -257,7 +257,7 @@ BAD_SCENES = {
     ),
     "free_surface": (
         _changed(CAVITY, "height = 1.0", 'height = 1.0\ntop = "free-surface"'),
-        "domain.top: a free surface moves in time; add a section [time]",
+        'domain.top: "free-surface" contradicts the flow "lid"; use "auto" or "wall"',
     ),
     "outside": (
         _changed(GRAIN_ON_BED, "x = 16.0", "x = 26.0"),

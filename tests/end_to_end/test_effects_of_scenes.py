@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from absent import OF_CHECKPOINTS, OF_CONTACT, OF_ESTIMATES, OF_FREE_BODY, OF_MOVING_MESH
+from absent import OF_CHECKPOINTS, OF_CONTACT, OF_ESTIMATES, OF_FREE_BODY, OF_FREE_SURFACE, OF_MOVING_MESH
 
 import incipient
 from incipient.scene import (
@@ -149,7 +149,7 @@ def test_a_run_in_time_imports_nothing_it_does_not_need(used, tmp_path):
         modules_of(used("there", into=[str(tmp_path / str(k))], **changes))
         for k, changes in enumerate((steps, moving, kept))
     )
-    absent = {*OF_CONTACT, *OF_ESTIMATES, *OF_CHECKPOINTS}
+    absent = {*OF_CONTACT, *OF_ESTIMATES, *OF_CHECKPOINTS, *OF_FREE_SURFACE}
     assert not held & {*absent, *OF_MOVING_MESH, *OF_FREE_BODY}
     assert not free & absent and free >= {"simulation.moving_grain", "coupled.coupling"}
     assert saved & absent == {"restart"}

@@ -237,3 +237,18 @@ def test_versions() -> None:
     assert versions["dolfinx"] == dolfinx.__version__
     assert set(versions) >= {"incipient", "dolfinx", "ufl", "petsc", "python", "numpy"}
     assert all(version[0].isdigit() for version in versions.values())
+
+
+@pytest.mark.parametrize("degree", [2, 3])
+def test_a_mesh_made_of_another_ones_cells_is_that_mesh(degree: int) -> None:
+    """Its nodes lie in the cells where the functions of its coordinate element have theirs."""
+    first = curved_box(2, 2, degree).mesh
+    cells, nodes = first.geometry.input_global_indices, first.geometry.x
+    order = np.argsort(cells)
+    again = compat.create_mesh(
+        COMM, np.asarray(cells)[compat.geometry_dofs(first)].astype(np.int64), nodes[order, :2].copy(), degree
+    )
+    space = compat.function_space(again, compat.scalar_part(compat.coordinate_element(again)))
+    dofs, rows = compat.cell_dofs(space), compat.geometry_dofs(again)
+    places = space.tabulate_dof_coordinates()
+    assert np.abs(places[dofs] - again.geometry.x[rows]).max() < 1e-14

@@ -1,0 +1,225 @@
+"""Scenes with a free surface, from file to history, files and resumed runs."""
+
+import json
+
+import numpy as np
+import pytest
+from conftest import Session
+
+import incipient
+from incipient.errors import ConvergenceError, SceneError
+from incipient.planning.plan import make_plan
+from incipient.scene.file import loads
+
+WAVE = """\
+title = "A standing wave"
+[domain]
+kind = "box"
+length = 1.0
+height = 1.0
+top = "free-surface"
+[fluid]
+reynolds = 100.0
+scale = "flow"
+[flow]
+kind = "still"
+[gravity]
+acceleration = 1.0
+[surface]
+elevation = "0.01*cos(pi*x)"
+stations = [0.0, 0.3, 1.0]
+bottom = "slip"
+[time]
+end = 0.4
+step = 0.05
+[numerics]
+mesh_size = 6.0
+[output]
+checkpoint = 4
+every = 4
+"""
+WITH_GRAIN = (
+    WAVE.replace("length = 1.0\nheight = 1.0", "length = 4.0\nheight = 2.0")
+    .replace('bottom = "slip"\n', "")
+    .replace("0.01*cos(pi*x)", "0.1*cos(pi*x/4)")
+    .replace(
+        "[time]",
+        '[body]\nshape = "disc"\ndiameter = 1.0\nx = 2.0\ndensity = 2.65\n[bed]\nkind = "flat"\n[time]',
+    )
+    .replace("mesh_size = 6.0", "mesh_size = 4.0\nerror_bars = false")
+    .replace("[output]", "[contact]\nfriction = 0.5\n[output]")
+)
+
+
+def history_of(directory):
+    return np.genfromtxt(directory / "history.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
+
+
+def changed(text, **sections):
+    scene = loads(text)
+    return scene.model_copy(update=sections)
+
+
+def test_the_plan_has_the_effect_and_says_why():
+    told = make_plan(loads(WAVE)).text()
+    assert 'yes  free surface: domain.top = "free-surface"; long waves travel at 1' in told
+    assert "yes  moving mesh: the mesh rises and falls with the free surface" in told
+    assert "cells of order 3" in told
+
+
+@pytest.fixture(scope="module")
+def wave(tmp_path_factory):
+    """The directory of a run, whole."""
+    directory = tmp_path_factory.mktemp("wave")
+    incipient.run(loads(WAVE), directory)
+    return directory
+
+
+def test_the_history_tells_of_the_surface(wave):
+    history, result = history_of(wave), json.loads((wave / "result.json").read_text())
+    assert len(history) == 8
+    assert history["elevation_1"] == pytest.approx(-history["elevation_3"], abs=2e-4)
+    assert (np.diff(history["elevation_1"]) < 0).all()
+    assert np.abs(history["volume_above_level"]).max() < 1e-15
+    assert (np.diff(history["energy_fluid"] + history["energy_potential"]) < 0).all()
+    assert history["through_surface"].max() < 1e-2 * np.sqrt(2 * history["energy_fluid"].max())
+    assert history["interface"].max() <= 3
+    share = result["cost"]["effects"]["free surface"]
+    assert share["unknowns"] == 16 and share["wall_time"] > 0
+
+
+def test_the_fields_are_on_the_mesh_that_moves(wave):
+    from incipient.output.series_file import read_step
+
+    last = read_step(wave / "fields", 1)
+    assert last.time == pytest.approx(0.4)
+    top = last.points[:, 1].max()
+    assert top == pytest.approx(1.0 + history_of(wave)["elevation_1"][-1], abs=1e-6)
+
+
+def test_a_resumed_wave_is_the_whole_one(wave, tmp_path):
+    incipient.run(changed(WAVE, time=loads(WAVE).time.model_copy(update={"end": 0.2})), tmp_path)
+    incipient.resume(tmp_path, ["time.end=0.4"])
+    whole, resumed = history_of(wave), history_of(tmp_path)
+    for name in ("time", "elevation_1", "elevation_2", "energy_fluid", "energy_potential"):
+        assert resumed[name] == pytest.approx(whole[name], rel=1e-7, abs=1e-12), name
+
+
+def test_two_ranks_are_as_one(wave, tmp_path, session: Session):
+    (tmp_path / "wave.toml").write_text(WAVE)
+    (done,) = session(2, [["run", tmp_path / "wave.toml", "--out", tmp_path / "wave"]])
+    assert done.codes == [0, 0], done.lines
+    one, two = history_of(wave), history_of(tmp_path / "wave")
+    for name in ("elevation_1", "elevation_3", "energy_fluid"):
+        assert two[name] == pytest.approx(one[name], rel=1e-9), name
+
+
+def test_a_grain_below_a_wave_is_judged_at_every_step(tmp_path):
+    result = incipient.run(loads(WITH_GRAIN), tmp_path)
+    history = history_of(tmp_path)
+    # The wave falls at the left end: the fluid above the middle goes to the right, and takes the grain along.
+    assert (history["force_x"] > 0).all()
+    assert set(history["mode"]) <= {"rolling", "sliding", "rest"}
+    assert result.verdict is not None
+
+
+def test_still_water_over_a_bed_with_a_grain_stays(tmp_path):
+    still = WITH_GRAIN.replace("0.1*cos(pi*x/4)", "0").replace(
+        '[bed]\nkind = "flat"', '[bed]\nkind = "sinusoidal"\namplitude = 0.1\nwavelength = 1.3'
+    )
+    result = incipient.run(loads(still), tmp_path)
+    assert np.abs(result.velocity.x.array).max() == 0.0
+    assert history_of(tmp_path)["energy_fluid"].max() == 0.0
+
+
+@pytest.mark.slow
+def test_still_water_on_a_slope_stays_for_a_thousand_steps(tmp_path):
+    """With gravity turned by a slope of 0.1 the surface at rest is a plane that descends as fast."""
+    slope = WITH_GRAIN.replace('kind = "flat"', f'kind = "inclined"\nslope = {np.degrees(np.arctan(0.1))!r}')
+    slope = slope.replace("0.1*cos(pi*x/4)", "0.1*(x - 2)").replace("end = 0.4", "end = 50.0")
+    result = incipient.run(loads(slope), tmp_path)
+    assert len(history_of(tmp_path)) == 1000
+    assert np.abs(result.velocity.x.array).max() < 1e-12
+    assert np.abs(history_of(tmp_path)["volume_above_level"]).max() < 1e-12
+
+
+def test_a_wave_that_would_break_stops_by_name(tmp_path):
+    """From trough to crest 0.45 of its length: 0.22 is the most a standing wave can have (Penney & Price 1952)."""
+    high = WAVE.replace("0.01*cos(pi*x)", "0.45*cos(pi*x)").replace("reynolds = 100.0", "reynolds = 1000.0")
+    with pytest.raises(ConvergenceError, match=r"ceases to be a graph: .*; t = .* is kept: incipient resume"):
+        incipient.run(loads(high.replace("end = 0.4", "end = 8.0")), tmp_path)
+    assert (tmp_path / "checkpoint.h5").exists()
+
+
+def test_a_surface_that_has_come_down_to_the_bed_stops_by_name(tmp_path):
+    low = WAVE.replace("0.01*cos(pi*x)", "-0.985")
+    with pytest.raises(ConvergenceError, match="the free surface touches the bottom: end before it does"):
+        incipient.run(loads(low), tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "why"),
+    [
+        (
+            "[gravity]\nacceleration = 1.0\n",
+            "",
+            "domain.top: gravity is what keeps a free surface level; add",
+        ),
+        ("stations = [0.0, 0.3, 1.0]", "stations = [1.5]", "stations[0]: x = 1.5 is outside the domain"),
+        (
+            "stations = [0.0, 0.3, 1.0]",
+            "stations = [[0.5, 0.5]]",
+            "stations[0]: has 2 coordinates; give its x",
+        ),
+        ("0.01*cos(pi*x)", "-2*x", "surface.elevation: brings the surface down to the bed at x = "),
+        ("0.01*cos(pi*x)", "1/x", 'surface.elevation: "1/x" is inf at'),
+        ("0.01*cos(pi*x)", "0.1*y", "surface.elevation: depends on y but the scene lies in the plane"),
+        ('kind = "box"', 'kind = "channel"', "domain.kind: a free surface is simulated in a box"),
+        ("end = 0.4", 'end = 0.4\nstart = "steady"', "time.start: with a free surface the fluid starts from"),
+        ("[numerics]", "[effects]\nfree_surface = false\n[numerics]", "effects.free_surface: is false but"),
+        ("[numerics]", "[effects]\nmoving_mesh = false\n[numerics]", "effects.moving_mesh: is false but the"),
+    ],
+)
+def test_what_contradicts_a_free_surface_is_refused(old, new, why):
+    assert old in WAVE
+    with pytest.raises(SceneError) as refused:
+        loads(WAVE.replace(old, new))
+    assert why in str(refused.value)
+
+
+def test_the_first_elevation_may_be_a_file(tmp_path):
+    (tmp_path / "elevation.csv").write_text("x, elevation\n0, 0.01\n1, -0.01\n")
+    text = WAVE.replace('elevation = "0.01*cos(pi*x)"', 'file = "elevation.csv"')
+    scene = loads(text, tmp_path)
+    assert scene.surface.points == ((0.0, 0.01), (1.0, -0.01))
+    assert scene.surface.height(np.array([[0.25], [0.0], [0.0]])) == pytest.approx([0.005])
+
+
+def prosperetti(t, viscosity, k, g=1.0):
+    """The elevation over its first one of a deep layer released from rest (Prosperetti 1981, Phys. Fluids 24, 1217)."""
+    from scipy.special import wofz
+
+    n, square = viscosity * k**2, g * k
+    z = np.roots([1.0, 0.0, 2 * n, 4 * n**1.5, n**2 + square])
+
+    def scaled(x):  # exp(x^2) erfc(x)
+        return wofz(1j * x)
+
+    total = 4 * n**2 / (8 * n**2 + square) * scaled(np.sqrt(n * t)) * np.exp(-n * t)
+    for i, one in enumerate(z):
+        others = np.prod(np.delete(z, i) - one)
+        total = total + one / others * square / (one**2 - n) * scaled(one * np.sqrt(t)) * np.exp(-n * t)
+    return np.real(total)
+
+
+@pytest.mark.slow
+def test_a_wave_on_deep_water_released_from_rest(tmp_path):
+    """Two wave numbers deep tanh(k H) is one to 4e-6; the steps err by (w dt)^2/3 of the phase, 1.3e-4 of it."""
+    deep = WAVE.replace("height = 1.0", "height = 2.0").replace("0.01*cos", "1e-6*cos")
+    deep = deep.replace("reynolds = 100.0", "reynolds = 200.0").replace("end = 0.4", "end = 6.0")
+    deep = deep.replace("step = 0.05", "step = 0.01").replace("mesh_size = 6.0", "mesh_size = 2.0")
+    incipient.run(loads(deep.replace("checkpoint = 4\nevery = 4\n", "fields = false\n")), tmp_path)
+    history = history_of(tmp_path)
+    exact = prosperetti(history["time"], 0.01, np.pi)
+    assert prosperetti(np.array([1e-9]), 0.01, np.pi) == pytest.approx([1.0], abs=1e-6)
+    assert np.abs(history["elevation_1"] / 1e-6 - exact).max() < 1e-3
