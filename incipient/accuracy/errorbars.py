@@ -2,8 +2,9 @@
 
 Each source of error is a term of its own:
 
-- discretisation: steady flow by the dual-weighted residual (`dual`); flow in time, or a moving grain,
-  by the same run in longer steps, and by one in elements of one order more as well: what is the step's, and the mesh's;
+- discretisation: steady flow by the dual-weighted residual (`dual`), or from two orders where both are at hand; flow in
+  time, or a moving grain, by the same run in longer steps, and by one in elements of one order more as well: what is
+  the step's, and the mesh's;
 - gap: a grain at rest on a bed is computed with a gap. Coarse runs with one, two and four times the gap show
   how force and couple go with it, and what closing it would change;
 - domain: a coarse run with inflow, outflow and sides that move as the stream does farther away shows what they change.
@@ -36,6 +37,8 @@ Solve = Callable[[Scene], "Loads"]
 # Coarse runs for the terms of the model: order, mesh_size at least; in time, how much longer the steps are, of which
 # so many stay if the scene has as many, and how much larger the error of each may be where they adapt, up to a bound.
 MODEL_ORDER, MODEL_MESH = 2, 1.4
+# Error of loads over what their elements change in those of order two on the same mesh (docs/space.md).
+LEFT = 0.35
 # Where gap and domain are chosen to an accuracy below this the coarse runs are in elements of this order.
 FINE_BELOW, FINE_ORDER = 0.003, 3
 MODEL_MESH_IN_TIME, MODEL_STEP, FEWEST_STEPS = 2.0, 4.0, 8
@@ -75,11 +78,12 @@ def error_terms(run: Run, force: Forces, couple: Couples, solve: Solve, speed: f
     """Error bars but for what they mean for the verdict; a steady flow may be `speed` times the scene's. Collective."""
     scene, found = run.scene, _Found(run, solve)
     if scene.time is None:
-        found.add("discretisation", lambda _: _dual(run, speed))
+        of_mesh = _dual if run.fluid.coarse is None else _by_surplus
+        found.add("discretisation", lambda _: of_mesh(run, speed))
     else:
         computed = _computed(run, force, couple)
-        of_mesh = cast("Term | None", run.accounts.known.get(OF_MESH))
-        found.add("discretisation", partial(by_coarser_runs, scene, computed, of_mesh=of_mesh))
+        known = cast("Term | None", run.accounts.known.get(OF_MESH))
+        found.add("discretisation", partial(by_coarser_runs, scene, computed, of_mesh=known))
     for name, why_not, estimate in MODEL_TERMS:
         if reason := why_not(scene):
             found.leave_out(name, reason)
@@ -112,10 +116,29 @@ def _dual(run: Run, speed: float) -> Term:
 
     placement = run.layout.placement
     assert placement is not None
-    # The fluid's unit of speed is its own; what is left of the way to `speed` is short, or in Stokes flow.
-    unit = speed * run.fluid.reynolds / run.plan.reynolds
     with GoalErrors(run.fluid, "body", placement.centre) as goals:
+        # The fluid's unit of speed is its own; what is left of the way to `speed` is short, or in Stokes flow.
+        unit = goals.allowance * speed * run.fluid.reynolds / run.plan.reynolds
         return by_dual(unit * goals.force, unit * goals.couple)
+
+
+def _by_surplus(run: Run, speed: float) -> Term:
+    """From what the flow's elements have changed of the loads in those of order two, on which it stands.
+
+    Components may change little by chance: each is taken to err by the same, unless it vanishes by symmetry.
+    """
+    from ..coupled.tractions import TractionProbe
+
+    placement, coarse = run.layout.placement, run.fluid.coarse
+    assert placement is not None and coarse is not None and run.probe is not None
+    unit = LEFT * speed * run.fluid.reynolds / run.plan.reynolds
+    fine, rough = run.probe.resultant(), TractionProbe(coarse, "body", placement.centre).resultant()
+    force, couple = (
+        unit * float(np.linalg.norm(one - other)) * (one != 0.0)
+        for one, other in ((fine.force, rough.force), (fine.couple, rough.couple))
+    )
+    how = f"{LEFT:g} of what order {run.plan.order} changes in order 2 on the same mesh"
+    return Term("discretisation", force, couple, how)
 
 
 class KeptRuns:
@@ -193,7 +216,7 @@ def coarse_scenes(scene: Scene) -> list[Scene]:
 
 
 def by_dual(force: Floats, couple: Floats) -> Term:
-    """The term of the discretisation from the errors that `dual.GoalErrors` estimates."""
+    """The term of the discretisation from the errors that `dual.GoalErrors` estimates, with its allowance."""
     return Term("discretisation", np.abs(force), np.abs(couple), "dual-weighted residual, one order more")
 
 

@@ -139,12 +139,12 @@ class Refinement(Search):
         with self._prepared(attempt) as run:
             force, couple = self._solved(run)
             assert run.layout.placement is not None
-            # Loads over those of the fluid, which has a speed of its own; both are near, or it is Stokes flow.
-            unit = self.speed * run.fluid.reynolds / run.plan.reynolds
             with (
                 self.ledger.stage("error bars"),
                 GoalErrors(run.fluid, "body", run.layout.placement.centre) as goals,
             ):
+                # Loads over those of the fluid, which has a speed of its own; both are near, or it is Stokes flow.
+                unit = goals.allowance * self.speed * run.fluid.reynolds / run.plan.reynolds
                 of_force, of_couple = unit * goals.force, unit * goals.couple
                 self.known["discretisation"] = by_dual(of_force, of_couple)
                 error = self.goal.error(force, couple, of_force, of_couple)

@@ -84,8 +84,7 @@ QUICK_IN_SPACE = replace(IN_SPACE, sizes=(2.0, RATIO), steps=(4.0, 2.0))
 def spread(scene: Scene, quick: bool) -> Spread:
     """The usual ladder of a scene."""
     if scene.gdim == 3:
-        orders = (2,) if scene.order == 2 else (scene.order - 1, scene.order)
-        return replace(QUICK_IN_SPACE if quick else IN_SPACE, orders=orders)
+        return replace(QUICK_IN_SPACE if quick else IN_SPACE, orders=(scene.order,))
     if quick:
         return replace(QUICK, orders=(3, 4)) if scene.order == 4 else QUICK
     return STEADY if scene.time is None else UNSTEADY

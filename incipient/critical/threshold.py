@@ -269,6 +269,7 @@ def _threshold(run: Run, found: Found) -> Threshold:
 def _with_bars(threshold: Threshold, run: Run, search: Search, found: Found) -> Threshold:
     """The threshold with error bars, or with what kept them from being computed. Collective."""
     from ..accuracy.errorbars import error_terms
+    from ..simulation.beside import Beside
     from ..simulation.simulate import loads_of
     from .bars import critical_bars
 
@@ -277,9 +278,7 @@ def _with_bars(threshold: Threshold, run: Run, search: Search, found: Found) -> 
             force, couple = search.at_nearest(found.factor)
             bars = critical_bars(
                 found,
-                error_terms(
-                    run, force, couple, lambda scene: loads_of(scene, run.comm, found.factor), found.factor
-                ),
+                error_terms(run, force, couple, Beside(run, loads_of, found.factor), found.factor),
             )
         except IncipientError as error:
             return replace(threshold, without_bars=f"not computed: {error}", cost=cost(run))

@@ -22,7 +22,7 @@ from . import newton
 from .action import Action
 from .conditions import Condition, Constraints
 from .model import FlowModel
-from .solvers import SOLVERS, Block, Equations, LinearSolver, TwoLevel, UnsolvedError
+from .solvers import SOLVERS, Equations, LinearSolver, TwoLevel, UnsolvedError
 from .space import TaylorHood, cell_size, geometry_function, geometry_rows, set_geometry_function, taylor_hood
 
 # Corrections of a time step after which the kept factors are too old.
@@ -41,8 +41,8 @@ class Fluid:
         model: the terms present.
         conditions: boundary conditions; where boundaries meet the later one holds.
         reynolds: one over the viscosity of the molecules, in scene units.
-        coarse: the same flow solved in elements of one order less: linear systems are then solved without a matrix,
-            with its solver's help (`solvers.TwoLevel`).
+        coarse: the same flow solved in elements of lower order: linear systems are then solved without a matrix, with
+            its solver's help (`solvers.TwoLevel`).
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class Fluid:
         self.surface: Any = self._surface_load() if self.constraints.surface else None
         self._residual = compat.form(self.residual_form(*ufl.TestFunctions(self.space.mixed)))
         self._jacobian = None if coarse else self._compiled_jacobian()
-        self._held: list[Any] = []
+        self.coarse, self._held = coarse, list[Any]()
         with ExitStack() as on_failure:
             on_failure.push(self)
             self._vector = self.holding(petsc.assemble_vector(self._residual))
@@ -97,7 +97,7 @@ class Fluid:
         return SOLVERS[self.model.solver](self._matrix, self._equations())
 
     def _two_level(self, coarse: Fluid) -> LinearSolver:
-        """The solver by the flow in elements of one order less. The action's quadrature is that of preconditioners."""
+        """The solver by the flow in elements of lower order. The action's quadrature is that of preconditioners."""
         equations = self._equations()
         measure = ufl.dx(domain=self.domain.mesh, metadata={"quadrature_degree": 2 * self.space.order})
         action = Action(self.state, partial(self.residual_form, measure=measure), equations.owned_held())
@@ -226,6 +226,8 @@ class Fluid:
     @reynolds.setter
     def reynolds(self, value: float) -> None:
         self._reynolds.value = value
+        if self.coarse is not None:
+            self.coarse.reynolds = value
 
     @property
     def viscosity(self) -> Any:
@@ -261,19 +263,8 @@ class Fluid:
 
     def at_order(self, order: int) -> Fluid:
         """A copy of this flow in elements of another order; the caller destroys it. Collective."""
-        return Fluid(self.domain, replace(self.model, order=order), self.conditions, self.reynolds)
-
-    def enriched(self) -> Fluid:
-        """A copy of this solved flow in elements of one order more; the caller destroys it before this. Collective.
-
-        Where this one's solver iterates, it helps that of the copy. The copy then is upwinded as this is, so that what
-        is left of the residual is what these elements cannot see.
-        """
-        order, model = self.model.order, self.model
-        if not isinstance(self.solver, Block):
-            return self.at_order(order + 1)
-        model = replace(model, order=order + 1, upwind_order=model.upwind_order or order)
-        return Fluid(self.domain, model, self.conditions, self.reynolds, self)
+        model = replace(self.model, order=order, solver="block" if self.coarse else self.model.solver)
+        return Fluid(self.domain, model, self.conditions, self.reynolds)
 
     def interpolate(self, other: Fluid) -> None:
         """Take the state of a flow on the same mesh, of any order. Collective."""
@@ -322,7 +313,7 @@ class Fluid:
         self._lift = True
         if self.model.unsteady or keep_factors:
             return self._solve_step(tolerance, max_iterations, watch, remember)
-        if not self.model.linear:
+        if not self.model.linear or self.coarse is not None:
             return newton.solve(self, tolerance, max_iterations, watch)
         size = self.correction(rtol=float(np.clip(0.1 * tolerance, 1e-12, 1e-6)))
         watch(0, size)
@@ -396,7 +387,9 @@ class Fluid:
         return self._corrected()
 
     def correction(self, rtol: float, fresh: bool = False) -> float:
-        """One Newton correction; returns its velocity's size relative to the velocity's (see `newton.System`)."""
+        """One Newton correction, by two levels a rough one; its size relative to the velocity (see `newton.System`)."""
+        if self._jacobian is None:
+            return self.chord_correction(fresh or not self.model.linear)
         self._assemble_constrained_residual()
         self._assemble_jacobian()
         self.solver.solve(self._vector, self._correction, rtol, fresh)

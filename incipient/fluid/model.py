@@ -26,7 +26,7 @@ class FlowModel:
     stabilisation: whether convection is stabilised on cells too coarse for it (`forms.terms.grad_div`)
     upwind:        whether it is by upwinding along the streams (`forms.terms.streamline_upwind`), as `Block` needs
     upwind_order:  order of the elements that the upwinding is that of; 0: of the flow's own
-    solver:        method for the linear systems, a name in `solvers.SOLVERS`
+    solver:        method for the linear systems, a name in `solvers.SOLVERS`, or "two-level" (`raised.made`)
     viscosity:     function of 1/Re (UFL) giving the kinematic viscosity, or None: it is 1/Re
     """
 

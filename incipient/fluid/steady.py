@@ -12,14 +12,16 @@ import numpy as np
 from ..errors import ConvergenceError
 from .flow import Fluid
 from .newton import NewtonReport
+from .raised import LOWEST_ORDER, lowered
 
 # A step on the way is only a better start for the next one.
 TOLERANCE_ON_THE_WAY = 1e-2
 ITERATIONS_ON_THE_WAY = 8
 SMALLEST_STEP = 1e-3
-LOWEST_ORDER = 2
 # Reynolds number below which a flow is as good as Stokes flow, whose pressure goes as 1/Re.
 STOKES = 1e-3
+# The same for the flow of order two that a flow of two levels stands on, whose loads tell of the error.
+TOLERANCE_BELOW = 1e-4
 
 Watch = Callable[[float, int, float], Any]
 
@@ -46,7 +48,8 @@ def solve_steady(
 
     Elements of order above two start from the solution in elements of order two on the same mesh, which
     costs a fraction; where that is not to be had, and for order two, the Reynolds number is approached
-    from `first_share` of it. `watch` is told (share, iteration, size of the correction).
+    from `first_share` of it. By two levels there is no other way. `watch` is told (share, iteration, size of the
+    correction).
 
     Args:
         reached: share of the Reynolds number that the present state is the solution of; 0: of none.
@@ -55,21 +58,22 @@ def solve_steady(
     Raises:
         ConvergenceError: the fluid then holds the last converged state, at the Reynolds number it belongs to.
     """
-    if fluid.space.order == LOWEST_ORDER or fluid.model.linear:
+    if fluid.space.order == LOWEST_ORDER or (fluid.model.linear and fluid.coarse is None):
         return approach(fluid, tolerance, max_iterations, first_share, watch, reached, smallest_step)
     before = fluid.state.x.array.copy()
-    with fluid.at_order(LOWEST_ORDER) as coarse:
-        coarse.interpolate(fluid)
+    on_the_way = TOLERANCE_ON_THE_WAY if fluid.coarse is None else TOLERANCE_BELOW
+    with lowered(fluid) as coarse:
         try:
-            steps = approach(
-                coarse, TOLERANCE_ON_THE_WAY, max_iterations, first_share, watch, reached, smallest_step
-            )
+            steps = approach(coarse, on_the_way, max_iterations, first_share, watch, reached, smallest_step)
         except ConvergenceError:
+            if fluid.coarse is not None:
+                fluid.interpolate(coarse)
+                fluid.reynolds = coarse.reynolds
+                raise
             # Too coarse a mesh for low order may still do for the order asked for.
             fluid.state.x.array[:] = before
             return approach(fluid, tolerance, max_iterations, first_share, watch, reached, smallest_step)
         fluid.interpolate(coarse)
-        fluid.solver.statistics.add(coarse.solver.statistics)
     return (*steps, *approach(fluid, tolerance, max_iterations, 1.0, watch))
 
 

@@ -62,7 +62,7 @@ class RigidDisplacement:
         self.boundary, self.placement, self.turning, self._gdim = boundary, placement, turning, domain.gdim
         self._straight, self._corners = _straight_cells(domain.mesh)
         self._arms: Floats = domain.mesh.geometry.x[:, : self._gdim] - np.asarray(placement.centre)
-        potentials = _Potentials(domain)
+        potentials = Potentials(domain)
         # A turn of a body that is its own mirror image leaves the plane of symmetry in its place.
         turning_within = (SYMMETRY,) if domain.halved else ()
         sliding = [*_sliding(domain, boundary), turning_within]
@@ -148,7 +148,7 @@ def _normal_axis(domain: Domain, name: str, space: Any) -> int | None:
     return int(flat[0]) if len(flat) else None
 
 
-class _Potentials:
+class Potentials:
     """Potentials between the boundaries of a domain, on the nodes of its mesh. Every method is collective."""
 
     def __init__(self, domain: Domain):
@@ -159,10 +159,11 @@ class _Potentials:
         self._stiffness = compat.form(ufl.inner(ufl.grad(u), ufl.grad(w)) * ufl.dx)
         self._zero = compat.form(ufl.inner(dolfinx.fem.Constant(mesh, 0.0), w) * ufl.dx)
 
-    def weights(self, boundary: str, sliding: tuple[str, ...]) -> Floats:
+    def weights(self, boundary: str, sliding: tuple[str, ...] = (), rigid: float = RIGID) -> Floats:
         """(n,) weight of each node of the mesh's geometry, from the potential between the boundaries at the vertices.
 
-        It is one on the body's `boundary` and zero on the others but for those along which the nodes are `sliding`.
+        It is one on the body's `boundary` and zero on the others but for those along which the nodes are `sliding`;
+        and it is one wherever the potential is above `rigid`, in proportion to it elsewhere.
         """
         mesh, space = self.domain.mesh, self.space
         held = [name for name in sorted(self.domain.names) if name not in (boundary, *sliding)]
@@ -171,7 +172,7 @@ class _Potentials:
         ]
         potential = dolfinx.fem.Function(space)
         self._solve(conditions, potential)
-        at_vertices = np.clip(potential.x.array / RIGID, 0.0, 1.0)
+        at_vertices = np.clip(potential.x.array / rigid, 0.0, 1.0)
         values = np.empty(len(mesh.geometry.x))
         values[compat.geometry_dofs(mesh)] = at_vertices[compat.cell_dofs(space)] @ barycentric_nodes(mesh).T
         return values

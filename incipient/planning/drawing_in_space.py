@@ -17,10 +17,10 @@ from .layout import Layout, Place, halved, placed, point
 from .plan import Estimate, Plan
 
 # Cell sizes for mesh_size = 1 by order of the velocity (docs/space.md).
-FAR_CELL = {2: 0.25, 3: 0.35, 4: 0.45}  # of the domain's height
+FAR_CELL = {2: 0.25, 3: 0.45, 4: 0.5}  # of the domain's height
 GRAIN_CELL = {2: 0.15, 3: 0.22, 4: 0.3}  # of the grain's size, at its surface
 BED_CELL = {2: 0.35, 3: 0.5, 4: 0.7}  # of the bed's smallest feature
-GAP_CELL = {2: 0.8, 3: 1.0, 4: 1.2}  # of the gap between grain and bed, and of narrow passages
+GAP_CELL = {2: 0.8, 3: 1.5, 4: 1.8}  # of the gap between grain and bed, and of narrow passages
 EDGE_CELL = 0.5  # of the grain's cells, at sharp edges
 GROWTH, GAP_GROWTH = 0.3, 0.22  # of cell sizes with distance
 BED_GROWTH = 0.15  # along a bed away from the grain, see `drawing`

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 from ..scene import Scene
 from .stabilisation import upwinds
 
+LOWEST_ORDER = 2
+
 
 @dataclass(frozen=True)
 class Method:
     """How the linear systems are solved.
 
-    name:   one of `fluid.solvers.SOLVERS`
+    name:   one of `fluid.solvers.SOLVERS`, or "two-level"
     reason: in words
     """
 
@@ -30,6 +32,11 @@ def method_of(scene: Scene, slow: bool, unsteady: bool) -> Method:
         return Method(
             "direct",
             "in two dimensions factors take little memory, and they serve for several iterations and time steps",
+        )
+    if slow and scene.time is None and scene.order > LOWEST_ORDER:
+        return Method(
+            "two-level",
+            "order 2 by blocks, and from there the higher one without a matrix: Stokes flow needs no more",
         )
     dear = "in space factors would take much time and memory"
     if slow:

@@ -23,7 +23,8 @@ class Numerics(Section):
 
     order: Order = Field(
         "auto",
-        description="Order of the velocity, the pressure's is one less; auto: 3 in the plane if nothing moves, else 2",
+        description="Order of the velocity, the pressure's less one; "
+        "auto: 3 if nothing moves, in space if it creeps, else 2",
     )
     geometry_order: int | None = Field(
         None, ge=1, le=3, description="Order of curved cells, 1 to 3; without it: chosen", examples=[2]

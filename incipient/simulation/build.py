@@ -56,7 +56,7 @@ def prepared(
     voice.begin("import")
     with accounts.ledger.stage("import"), required():
         _load_libraries(comm, draws=checkpoint is None)
-        from ..fluid import Fluid
+        from ..fluid import raised
         from ..mesh import domain
         from ..planning.conditions import conditions
     voice.begin("mesh")
@@ -68,7 +68,7 @@ def prepared(
         voice.begin("forms")
         with accounts.ledger.stage("forms"):
             model = flow_model(scene, plan, unsteady=plan.has(EffectName.UNSTEADINESS))
-            newest = [Fluid(made, model, conditions(scene), plan.reynolds)]
+            newest = [raised.made(made, model, conditions(scene), plan.reynolds)]
             # Another fluid may have taken its place by the end.
             stack.push(lambda *exception: newest[0].__exit__(*exception))
             run = Run(scene, plan, layout, contacts, newest[0], probe_of(newest[0], layout), accounts, voice)

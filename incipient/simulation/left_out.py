@@ -156,7 +156,8 @@ def _weighted(
     run: Run, name: str, term: Term, remedy: str, force: Forces | None, couple: Couples | None
 ) -> Omission:
     """The change of force and couple by a missing term; without a grain, that of the velocity."""
-    fluid, grain = run.fluid, run.scene.grain
+    # To first order the flow of lower order does, whose matrix is there.
+    fluid, grain = run.fluid.coarse or run.fluid, run.scene.grain
     with_factors_of_steady_flow(fluid)
     if force is None or couple is None or grain is None:
         how = "of the velocity in the mean, linear"

@@ -16,6 +16,7 @@ from ..progress import Silent
 from ..results.errorbars import Loads
 from ..scene import Scene
 from .assemble import outcome, with_estimates
+from .beside import Beside
 from .build import prepared
 from .recorder import Recorder, Unrecorded, record_fields
 from .state import Accounts, Run
@@ -74,9 +75,9 @@ def finished(run: Run, recorder: Recorder) -> Result:
     if run.scene.numerics.error_bars:
         kept = recorder.provisional(result)
         with told_where_kept(kept, run.comm):
-            result = with_estimates(run, result, lambda scene: loads_of(scene, run.comm))
+            result = with_estimates(run, result, Beside(run, loads_of))
     else:
-        result = with_estimates(run, result, lambda scene: loads_of(scene, run.comm))
+        result = with_estimates(run, result, Beside(run, loads_of))
     recorder.finish(result)
     return result
 

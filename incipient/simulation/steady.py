@@ -36,7 +36,7 @@ def solve_steadily(run: Run, fluid: Fluid, **way: float) -> None:
     with run.stage("flow"), run.corrections.begun():
         steps = solve_steady(
             fluid,
-            of_steady(numerics.tolerance),
+            of_steady(numerics.tolerance, fluid.coarse is not None),
             numerics.max_iterations,
             first_share=_first_share(run, fluid),
             watch=run.corrections.watched_by(run.voice.iterate),

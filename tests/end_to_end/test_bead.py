@@ -14,7 +14,7 @@ from incipient.pictures import threshold as pictures
 from incipient.scene import Shear
 
 SCENE = Path(__file__).parents[2] / "demos/scenes/bead_on_substrate.toml"
-COARSE = ("numerics.mesh_size=3.5", "numerics.error_bars=false", "contact.gap=0.03")
+COARSE = ("numerics.order=2", "numerics.mesh_size=3.5", "numerics.error_bars=false", "contact.gap=0.03")
 SMALL = ("domain.length=8.0", "domain.width=8.0", "domain.height=4.0", "body.x=4.0", "bed.offset=[4.5, 4.5]")
 
 

@@ -61,7 +61,7 @@ def test_two_ranks_give_the_numbers_of_one(mpirun, tmp_path):
     scene = sphere_on_plane(
         fluid=SLOW,
         contact=Contact(friction=0.5, gap=0.05),
-        numerics=Numerics(mesh_size=2.5, error_bars=False, tolerance=1e-10),
+        numerics=Numerics(mesh_size=2.5, error_bars=False, tolerance=1e-8),
     )
     (tmp_path / "scene.toml").write_text(dumps(scene))
     alone = incipient.run(scene, comm=MPI.COMM_SELF)
@@ -109,7 +109,7 @@ def test_error_bars_cover_the_exact_numbers():
     counted = [terms["discretisation"], terms["domain"]]  # the exact numbers are those with the gap
     force, couple = sum(term.force[0] for term in counted), sum(term.couple[1] for term in counted)
     bars = force / (6 * pi * scene.viscosity * 0.5 * 0.51), couple / (4 * pi * scene.viscosity * 0.125)
-    assert np.all(np.abs(np.subtract(scaled(scene, result), EXACT)) < 1.5 * np.array(bars))
+    assert np.all(np.abs(np.subtract(scaled(scene, result), EXACT)) <= np.array(bars))
 
 
 def test_the_traction_on_half_a_sphere_is_that_of_stokes_up_to_the_plane_of_symmetry():

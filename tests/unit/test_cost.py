@@ -146,16 +146,15 @@ def test_ladder_in_space() -> None:
     sphere = load(SPACE)
     steps = ladder(sphere, spread(sphere, quick=False))
     assert [(one.order, one.mesh_size) for one in steps.variants] == [
-        (2, 2.0),
-        (2, pytest.approx(RATIO)),
-        (2, 1.0),
+        (3, 2.0),
+        (3, pytest.approx(RATIO)),
+        (3, 1.0),
     ]
-    assert steps.reference == Variant(3, pytest.approx(1.0 / RATIO))
+    assert steps.reference == Variant(4, pytest.approx(1.0 / RATIO))
     assert not steps.compared
     quick = ladder(sphere, spread(sphere, quick=True))
-    assert (len(quick.variants), quick.reference) == (2, Variant(3, 1.0))
-    cubic = load(SPACE, ["numerics.order=3"])
-    assert spread(cubic, quick=True).orders == (2, 3)
+    assert (len(quick.variants), quick.reference) == (2, Variant(4, 1.0))
+    assert spread(load(SPACE, ["numerics.order=2"]), quick=True).orders == (2,)
 
 
 def test_own_ladders() -> None:

@@ -250,7 +250,7 @@ def test_coarser_runs_against_a_much_finer_one() -> None:
 
 
 def test_failed_coarse_runs_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(scene: Scene, comm: MPI.Comm) -> Loads:
+    def fail(scene: Scene, comm: MPI.Comm, speed: float) -> Loads:
         raise ConvergenceError("no steady flow found")
 
     monkeypatch.setattr(simulation, "loads_of", fail)

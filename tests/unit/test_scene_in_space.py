@@ -387,4 +387,6 @@ def test_numerics_are_those_of_the_plane():
     assert plan.order == 3 and plan.solver.name == "block" and plan.stabilisation.upwind
     plain = make_plan(scene(numerics=Numerics(stabilisation="off")))
     assert plain.solver.name == "direct" and not plain.stabilisation.present
-    assert make_plan(scene(fluid=Fluid(reynolds=1, scale="grain", inertia=False))).solver.name == "block"
+    creeping = Fluid(reynolds=1, scale="grain", inertia=False)
+    assert make_plan(scene(fluid=creeping)).solver.name == "two-level"
+    assert make_plan(scene(fluid=creeping, numerics=Numerics(order=2))).solver.name == "block"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from domains import ball_in_box
@@ -10,7 +12,7 @@ from test_block import stream
 from incipient.accuracy.dual import GoalErrors
 from incipient.coupled.tractions import TractionProbe
 from incipient.errors import ConvergenceError
-from incipient.fluid import FlowModel, Fluid, Prescribed, no_slip
+from incipient.fluid import FlowModel, Fluid, Prescribed, no_slip, raised, solve_steady
 from incipient.fluid.solvers import TwoLevel, two_level
 
 CENTRE = (0.6, 0.5, 0.5)
@@ -63,10 +65,28 @@ def size_of_residual(fluid: Fluid, state: np.ndarray) -> float:
     return float(np.linalg.norm(residual[~fluid._equations().owned_held()]))
 
 
+def test_flow_of_higher_order_is_that_of_the_direct_solver() -> None:
+    """In creeping flow, from the flow of order two beside it, whose loads are left as they were."""
+    conditions = [Prescribed("outer", stream), no_slip("body")]
+    domain, model = ball_in_box(0.6), FlowModel(inertia=False, order=3, solver="two-level")
+    with (
+        raised.made(domain, model, conditions, REYNOLDS) as fluid,
+        Fluid(domain, replace(model, solver="direct"), conditions, REYNOLDS) as direct,
+    ):
+        assert isinstance(fluid.solver, TwoLevel) and fluid.coarse is not None
+        (*_, last) = solve_steady(fluid, 1e-7)
+        direct.solve(1e-10)
+        assert last.report.converged and last.order == 3
+        assert np.abs(load_of(fluid) - load_of(direct)).max() < 1e-5 * np.abs(load_of(direct)).max()
+        assert fluid.coarse.space.order == 2 and load_of(fluid.coarse)[0] != load_of(fluid)[0]
+        fluid.reynolds = 0.5 * REYNOLDS
+        assert fluid.coarse.reynolds == 0.5 * REYNOLDS
+
+
 def test_what_is_not_found_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     """The estimate then is not there, and the flow's bars say so."""
     monkeypatch.setattr(two_level, "MOST_CYCLES", 1)
     with around_a_ball(inertia=False) as fluid:
         fluid.solve(1e-8)
-        with pytest.raises(ConvergenceError, match="one order more was not found in 5 iterations"):
+        with pytest.raises(ConvergenceError, match="a higher order was not found in 5 iterations"):
             GoalErrors(fluid, "body", CENTRE)

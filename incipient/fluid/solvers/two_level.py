@@ -1,4 +1,4 @@
-"""Corrections in elements of one order more than those of a solved flow: smoothing there, the rest by its solver."""
+"""Corrections in elements of a higher order than those of a solved flow: smoothing there, the rest by its solver."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from .statistics import LinearStatistics
 
 # One cycle: so many steps of smoothing, then the coarse system solved to this residual.
 SMOOTHING, COARSE = 4, 0.2
-MOST_CYCLES = 20
+MOST_CYCLES, MOST_DIRECTIONS = 40, 60
 # Residual, relative to the right-hand side, of a correction that tells of an error: that of force and couple then is
 # known to a sixth of itself, where it was measured (docs/space.md).
 ROUGH = 0.05
 
 
 class TwoLevel:
-    """Solves A x = b for a flow in elements of order k + 1, which is solved already in order k on the same mesh.
+    """Solves A x = b for a flow in elements of a higher order than k, which is solved in order k on the same mesh.
 
     Without a matrix: A is known by its action alone. Steps of a minimal residual, whose direction is in turn that of a
     smoother (symmetric relaxation of each velocity component, the pressure's mass matrix; their errors are of short
@@ -35,7 +35,7 @@ class TwoLevel:
 
     Args:
         times: the product of A, or its transpose, with a vector (owned unknowns,).
-        equations: those of order k + 1.
+        equations: those of the higher order.
         coarse: the solver of order k, whose matrix is that of about the same state, and its equations.
     """
 
@@ -112,7 +112,7 @@ class TwoLevel:
             if norm == 0.0 or not np.isfinite(norm):
                 break
             z, q = z / norm, q / norm
-            directions.append((z, q))
+            directions = [*directions[1 - MOST_DIRECTIONS :], (z, q)]
             length = self._inner(residual, q)
             found += length * z
             residual -= length * q
@@ -120,7 +120,7 @@ class TwoLevel:
             if is_last and step > SMOOTHING and self._size(residual) <= rtol * size:
                 return found
         raise ConvergenceError(
-            f"the correction in elements of one order more was not found in {len(directions)} iterations: "
+            f"the correction in elements of a higher order was not found in {step + 1} iterations: "
             "use a smaller fluid.reynolds or a smaller numerics.mesh_size"
         )
 
