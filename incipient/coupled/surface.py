@@ -99,6 +99,8 @@ class SurfacePart:
         count = min(order + 1, len(self.past))
         self._tried = extrapolated(self.times[:count], self.past[:count], time)
         a0, *others = (float(one.value) for one in self.fluid.rate)
+        if a0 == 0.0:  # looked ahead before the first step of a resumed run
+            return
         known = np.zeros_like(self._tried)
         for a, h in zip(others, [*self.past[:2], self.past[-1]], strict=False):
             known -= a / a0 * h

@@ -53,19 +53,31 @@ class RigidDisplacement:
         boundary: name of the body's boundary.
         placement: where the body was when the mesh was made.
         turning: whether the mesh turns with the body; False for discs and spheres.
+        others: names of boundaries that other parts displace, along which nodes do not slide.
 
     Attributes:
         weights: (n, gdim + 1) how far each node follows the body in each direction, and when it turns.
     """
 
-    def __init__(self, domain: Domain, boundary: str, placement: Placement, turning: bool):
+    def __init__(
+        self,
+        domain: Domain,
+        boundary: str,
+        placement: Placement,
+        turning: bool,
+        others: tuple[str, ...] = (),
+    ):
         self.boundary, self.placement, self.turning, self._gdim = boundary, placement, turning, domain.gdim
         self._straight, self._corners = _straight_cells(domain.mesh)
         self._arms: Floats = domain.mesh.geometry.x[:, : self._gdim] - np.asarray(placement.centre)
         potentials = Potentials(domain)
         # A turn of a body that is its own mirror image leaves the plane of symmetry in its place.
         turning_within = (SYMMETRY,) if domain.halved else ()
-        sliding = [*_sliding(domain, boundary), turning_within]
+        along_others = _sliding(domain, boundary)
+        sliding = [
+            *(tuple(n for n in names if n not in others) for names in along_others),
+            turning_within,
+        ]
         self.weights = np.column_stack([potentials.weights(boundary, names) for names in sliding])
 
     def at(self, placement: Placement) -> Floats:

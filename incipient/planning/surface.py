@@ -46,7 +46,8 @@ def depths(scene: Scene, places: np.ndarray) -> tuple[np.ndarray, str]:
         floor = bed.height(places[:, 0] if scene.gdim == 2 else places[:, :2])
     below = "the bed" if bed is not None else "the bottom"
     grain, placement = scene.grain, scene.placement
-    if scene.gdim == 3 or grain is None or placement is None:
+    moves = scene.body is not None and scene.body.moves
+    if scene.gdim == 3 or grain is None or placement is None or moves:
         return domain.ceiling - floor, below
     outline = placement.to_scene(grain.chain.points(OUTLINE))
     low, high = outline[:, 0].min(), outline[:, 0].max()

@@ -151,6 +151,8 @@ def put_back_body(kept: Checkpoint, travel: Trajectory) -> None:
     travel.interface_iterations = body.interface_iterations.astype(int).tolist()
     coupling.places = [spread_nodes(mesh, places) for places in body.places]
     _put_back_part(body, travel.part)
+    if travel.surface is not None:
+        put_back_surface(kept, travel.surface)
     mesh.geometry.x[:] = coupling.places[0]
     coupling.fluid.constraints.boundary_points_moved()
     put_back_flow(kept, travel.transient)

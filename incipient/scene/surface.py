@@ -138,9 +138,6 @@ def _of_time(scene: Scene) -> Iterator[tuple[Key, str, str]]:
 def _of_forces(scene: Scene) -> Iterator[tuple[Key, str, str]]:
     if scene.gravity is None or scene.effects.gravity is False or scene.gravity.acceleration == 0.0:
         yield ("domain", "top"), "gravity is what keeps a free surface level", "add a section [gravity]"
-    if scene.body is not None and scene.body.moves:
-        why = "a grain that moves below a free surface is not simulated by this version"
-        yield ("body", "motion"), why, 'use "fixed", or domain.top = "slip"'
     if scene.numerics.accuracy is not None:
         why = "is not sought below a free surface by this version"
         yield ("numerics", "accuracy"), why, "leave it out and choose numerics.mesh_size and time.step"

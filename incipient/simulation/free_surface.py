@@ -6,21 +6,30 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Any
 
+import dolfinx
 import numpy as np
+from mpi4py import MPI
 
 from .. import compat
 from ..arrays import Floats, spatial
 from ..coupled.coupling import Coupling, InterfaceReport
 from ..coupled.energy import EnergyBudget
+from ..coupled.part import Part
 from ..coupled.surface import SurfacePart
+from ..errors import ConvergenceError, MeshError
 from ..fluid import Fluid, TimeStep
+from ..geometry.placement import Placement
 from ..mesh.elevation import RisingDisplacement
 from ..mesh.locator import Locator
 from ..mesh.motion import MeshMotion
-from ..planning.surface import depths, stays_below, surface_of
+from ..mesh.sampling import sample
+from ..planning.surface import OUTLINE, depths, stays_below, surface_of
 from ..scene import Scene
 
 Stage = Callable[[str], AbstractContextManager[Any]]
+
+# Distance of a moving grain from the surface, in its size, that counts as touching.
+TOUCHING = 0.05
 
 
 class MovingSurface:
@@ -30,27 +39,95 @@ class MovingSurface:
         stage: context managers by name that take the time.
 
     Attributes:
-        coupling: of flow and surface; making it has moved the mesh to where the surface is.
+        coupling: of flow, surface and what moves with them, once `coupled` has made it.
     """
+
+    coupling: Coupling
 
     def __init__(self, scene: Scene, fluid: Fluid, stage: Stage):
         assert fluid.surface is not None
-        self.fluid, space = fluid, fluid.surface.space
+        self.fluid, self._scene, self._stage, space = fluid, scene, stage, fluid.surface.space
         boundary = fluid.surface.condition.boundary
         rising = RisingDisplacement(fluid.domain, space, boundary, stays_below(scene))
         self._stations = _Stations(rising, scene)
-        elevation = np.zeros_like(fluid.surface.elevation.x.array)
-        places = space.tabulate_dof_coordinates()[rising.nodes]
-        elevation[rising.nodes] = surface_of(scene).height(places.T)
-        room = np.zeros_like(elevation)
-        room[rising.nodes], below = depths(scene, places)
+        elevation, room = np.zeros((2, len(fluid.surface.elevation.x.array)))
+        self._places: Floats = space.tabulate_dof_coordinates()[rising.nodes]
+        elevation[rising.nodes] = surface_of(scene).height(self._places.T)
+        room[rising.nodes], below = depths(scene, self._places)
         self.part = SurfacePart(fluid, rising, elevation, room, below, stage)
-        asked = scene.numerics.interface_tolerance
-        motion = MeshMotion(fluid.domain)
-        self.coupling = Coupling(fluid, [self.part], motion, None if asked == "auto" else asked, stage=stage)
-        fluid.domain.mesh.geometry.x[:] = self.coupling.places[0]
-        fluid.constraints.boundary_points_moved()
-        self._energy, self._stage = EnergyBudget(fluid), stage
+        self._energy = EnergyBudget(fluid)
+
+    def coupled(self, motion: MeshMotion, *others: Part) -> Coupling:
+        """The coupling of the flow with other parts and the surface; the mesh goes to where they are."""
+        asked = self._scene.numerics.interface_tolerance
+        tolerance = None if asked == "auto" else asked
+        self.coupling = Coupling(self.fluid, [*others, self.part], motion, tolerance, stage=self._stage)
+        self.fluid.domain.mesh.geometry.x[:] = self.coupling.places[0]
+        self.fluid.constraints.boundary_points_moved()
+        return self.coupling
+
+    def carried_to(self, fluid: Fluid) -> MovingSurface:
+        """The surface with its past above a new mesh, as that was made; its volume stays."""
+        new, mesh, old = MovingSurface(self._scene, fluid, self._stage), self.fluid.domain.mesh, self.part
+        comm, now = mesh.comm, mesh.geometry.x.copy()
+        everywhere = comm.allgather(new._places)
+        mesh.geometry.x[:] = self.coupling.motion.reference
+        part, function = new.part, dolfinx.fem.Function(old.mesh.space)
+        part.times, part.past = list(old.times), []
+        for elevation in old.past:
+            function.x.array[:] = elevation
+            values = sample(function, np.concatenate(everywhere))[:, 0]
+            mine = np.split(values, np.cumsum([len(one) for one in everywhere])[:-1])[comm.rank]
+            found = np.zeros_like(fluid.surface.elevation.x.array)
+            found[part.mesh.nodes] = mine
+            found[part.mesh.nodes] += (old.mesh.mean(elevation) - part.mesh.mean(found)) / part.mesh.extent
+            part.past.append(found)
+        part.restore()
+        mesh.geometry.x[:] = now
+        return new
+
+    def ends(self, step: TimeStep, placement: Placement | None = None) -> None:
+        """Refuse to go on from a surface that cannot, above a moving grain's placement if there is one.
+
+        Raises:
+            ConvergenceError: it is too steep, or touches what is below it; why, and a remedy.
+        """
+        why = self.part.ends()
+        if not why and placement is not None and self._room_above(placement) <= 0.0:
+            why = "the grain touches the free surface: end before it does, or use a heavier grain or deeper water"
+        if why:
+            raise ConvergenceError(f"at t = {step.time:.6g} {why}")
+
+    def require_below(self, placement: Placement) -> None:
+        """Refuse a new mesh, which is drawn with its top at the still level, around a grain that reaches up to there.
+
+        Raises:
+            MeshError: it does.
+        """
+        up, grain = self.fluid.space.gdim - 1, self._scene.grain
+        assert grain is not None
+        half = 0.5 * grain.size
+        if up == 1:
+            half = float(placement.to_scene(grain.chain.points(OUTLINE))[:, 1].max()) - placement.centre[1]
+        if placement.centre[up] + half > self._scene.domain.ceiling - TOUCHING * grain.size:
+            raise MeshError(
+                "the grain has risen to the still level of the free surface, where no new mesh can be made: end "
+                "before it does, or use a heavier grain or deeper water"
+            )
+
+    def _room_above(self, placement: Placement) -> float:
+        """How far the grain is from the nodes of the surface, less what counts as touching."""
+        grain, nodes = self._scene.grain, self.part.mesh.nodes
+        assert grain is not None
+        gdim, points = self.fluid.space.gdim, self._places[:, : self.fluid.space.gdim].copy()
+        points[:, gdim - 1] += self.part.elevation[nodes]
+        if gdim == 2:
+            outline = placement.to_scene(grain.chain.points(OUTLINE))
+            distances = np.linalg.norm(points[:, None] - outline, axis=2)
+        else:
+            distances = np.linalg.norm(points - np.asarray(placement.centre), axis=1) - 0.5 * grain.size
+        nearest = self.fluid.domain.comm.allreduce(float(distances.min(initial=np.inf)), op=MPI.MIN)
+        return float(nearest - TOUCHING * grain.size)
 
     def columns(self, step: TimeStep) -> dict[str, float]:
         """What the history tells of the surface after a step."""

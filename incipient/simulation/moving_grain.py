@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -32,6 +32,9 @@ from ..progress import Silent
 from ..results.loads import apart, named, named_couple
 from ..scene import Scene
 from ..scene.tolerance import of_steps
+
+if TYPE_CHECKING:
+    from .free_surface import MovingSurface
 
 Stage = Callable[[str], AbstractContextManager[Any]]
 
@@ -68,9 +71,10 @@ class Trajectory:
         self.surroundings = surroundings(scene)
         self._is_free, self._is_repelled = scene.body.motion == "free", scene.body.on_contact == "repel"
         self.body = rigid_body(scene)
+        self.surface: MovingSurface | None = None
         self.remeshings: list[Remeshing] = []
         self.interface_iterations: list[int] = []
-        self.part, self.coupling = self._coupled(fluid, state or initial_state(scene))
+        self.part, self.coupling, self.surface = self._coupled(fluid, state or initial_state(scene))
         self.energy = EnergyBudget(fluid)
         order = 2 if self.time.scheme == "bdf2" else 1
         tolerance = of_steps(scene.numerics.tolerance)
@@ -128,6 +132,7 @@ class Trajectory:
             "interface": step.report.corrected,
             "interface_residual": residuals[-1],
             "mesh_quality": self.coupling.quality.worst,
+            **(self.surface.columns(step) if self.surface is not None else {}),
             "meshes": 1 + len(self.remeshings),
             "energy_fluid": kinetic,
             "energy_body": self.body.kinetic_energy(state),
@@ -169,11 +174,12 @@ class Trajectory:
 
     def _coupled(
         self, fluid: Fluid, state: BodyState, drawn: Placement | None = None
-    ) -> tuple[RigidPart, Coupling]:
+    ) -> tuple[RigidPart, Coupling, MovingSurface | None]:
         """The grain in the fluid, whose mesh, drawn for a placement, is moved to where the state is."""
-        numerics = self.scene.numerics
+        numerics, surface = self.scene.numerics, self._above(fluid)
         turning = not isinstance(self.grain, Disc | Sphere)
-        displacement = RigidDisplacement(fluid.domain, "body", drawn or state.placement, turning)
+        free = () if surface is None else (surface.part.mesh.boundary,)
+        displacement = RigidDisplacement(fluid.domain, "body", drawn or state.placement, turning, free)
         motion = MeshMotion(fluid.domain)
         if drawn is not None:
             motion.move(displacement.at(state.placement))
@@ -183,8 +189,20 @@ class Trajectory:
         part = RigidPart(
             fluid, self.body, state, displacement, self._other_load, room, self._stage, added_mass=exact
         )
+        if surface is not None:
+            return part, surface.coupled(motion, part), surface
         tolerance = None if numerics.interface_tolerance == "auto" else numerics.interface_tolerance
-        return part, Coupling(fluid, [part], motion, tolerance, stage=self._stage)
+        return part, Coupling(fluid, [part], motion, tolerance, stage=self._stage), None
+
+    def _above(self, fluid: Fluid) -> MovingSurface | None:
+        """The free surface above a fluid, carried over to it if there is one already; None without one."""
+        if not self.scene.has_surface:
+            return None
+        from .free_surface import MovingSurface
+
+        if self.surface is not None:
+            return self.surface.carried_to(fluid)
+        return MovingSurface(self.scene, fluid, self._stage)
 
     def _room(self, state: BodyState) -> float:
         """How far the grain may still go before the gap to something is that which counts as contact."""
@@ -242,12 +260,14 @@ class Trajectory:
             old = self.fluid
             assert self.scene.placement is not None
             drawn = rounded(self.state.placement, self.scene.placement, ROUNDING * self.grain.size)
+            if self.surface is not None:
+                self.surface.require_below(drawn)
             laid_out = drawing.lay_out(self.scene, self.plan, drawn)
             made = domain.build(old.domain.comm, laid_out.drawing, self.scene.gdim)
             fluid = Fluid(made, old.model, old.conditions, old.reynolds)
             fluid.watch = old.watch
             try:
-                part, coupling = self._coupled(fluid, self.state, drawn)
+                part, coupling, surface = self._coupled(fluid, self.state, drawn)
                 now = Past(old.time, old.state.x.array, np.empty(0))
                 (_, *past), told = carry_over(
                     (self.coupling, self.part), (coupling, part), [now, *self.transient.past]
@@ -256,6 +276,7 @@ class Trajectory:
                 fluid.destroy()
                 raise
             self.fluid, self.part, self.coupling, self.energy = fluid, part, coupling, EnergyBudget(fluid)
+            self.surface = surface
             self.transient.continue_on(fluid, coupling, past)
             self.remeshings.append(told)
             old.destroy()

@@ -104,7 +104,7 @@ class Run:
     @property
     def surface(self) -> MovingSurface | None:
         """The free surface; None without one, and before the first step."""
-        return self._surface
+        return self._surface if self._trajectory is None else self._trajectory.surface
 
     @property
     def first_motion(self) -> float | None:

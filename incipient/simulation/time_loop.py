@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import ConvergenceError, IncipientError, Interrupted, OutputError
+from ..errors import IncipientError, Interrupted, OutputError
 from ..planning.effects import EffectName, moves
 from ..results.loads import named, named_couple
 from .build import flow_model
@@ -112,16 +112,19 @@ class TimeLoop:
         for step in self._timed(transient.march(time.end, time.step, time.first_step)):
             last = step.time >= time.end * (1 - 1e-9)
             self._record(step, self._row(step), last)
-            if surface is not None and not last and (why := surface.part.ends()):
-                raise ConvergenceError(f"at t = {step.time:.6g} {why}")
+            if surface is not None and not last:
+                surface.ends(step)
 
     def _surface(self) -> MovingSurface:
         """The free surface at the start, above a mesh as it was made."""
+        from ..mesh.motion import MeshMotion
         from .free_surface import MovingSurface
 
         run = self._run
         with run.stage("free surface"):
-            return MovingSurface(run.scene, run.fluid, run.accounts.ledger.stage)
+            surface = MovingSurface(run.scene, run.fluid, run.accounts.ledger.stage)
+            surface.coupled(MeshMotion(run.domain))
+        return surface
 
     def _travel(self) -> None:
         """March with a grain that moves."""
@@ -134,6 +137,8 @@ class TimeLoop:
                 self._recorder.remeshed(domain)
             met, over = travel.coupling.met, step.time >= time.end * (1 - 1e-9)
             self._record(step, travel.row(step), met or over, kept=met and not over)
+            if travel.surface is not None and not (met or over):
+                travel.surface.ends(step, travel.state.placement)
 
     def _trajectory(self) -> Trajectory:
         """The grain and its surroundings, at the start or as the checkpoint has them."""
@@ -203,6 +208,9 @@ class TimeLoop:
         row |= {"drag": found.drag, "lift": found.lift, "moment": found.moment}
         verdict = judged(run, force, couple)
         row["mode"] = verdict["mode"] if verdict else ""
+        if verdict:
+            factor = verdict["safety_factor"]
+            row["safety_factor"] = np.nan if factor is None else factor
         if verdict and verdict["moves"]:
             run.would_move(step.time)
         return row

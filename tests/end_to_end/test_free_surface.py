@@ -7,7 +7,7 @@ import pytest
 from conftest import Session
 
 import incipient
-from incipient.errors import ConvergenceError, SceneError
+from incipient.errors import ConvergenceError, IncipientError, SceneError
 from incipient.planning.plan import make_plan
 from incipient.scene.file import loads
 
@@ -120,6 +120,7 @@ def test_a_grain_below_a_wave_is_judged_at_every_step(tmp_path):
     # The wave falls at the left end: the fluid above the middle goes to the right, and takes the grain along.
     assert (history["force_x"] > 0).all()
     assert set(history["mode"]) <= {"rolling", "sliding", "rest"}
+    assert history["safety_factor"][-1] == result.verdict["safety_factor"]
     assert result.verdict is not None
 
 
@@ -155,6 +156,93 @@ def test_a_surface_that_has_come_down_to_the_bed_stops_by_name(tmp_path):
     low = WAVE.replace("0.01*cos(pi*x)", "-0.985")
     with pytest.raises(ConvergenceError, match="the free surface touches the bottom: end before it does"):
         incipient.run(loads(low), tmp_path)
+
+
+FLOATING = """\
+title = "A light disc rising below a free surface"
+[domain]
+kind = "box"
+length = 4.0
+height = 3.0
+top = "free-surface"
+[fluid]
+reynolds = 20.0
+scale = "grain"
+[flow]
+kind = "still"
+[gravity]
+acceleration = 4.0
+[surface]
+elevation = "0.05*cos(pi*x/4)"
+stations = [2.0]
+[body]
+shape = "disc"
+diameter = 1.0
+centre = [1.9, 1.2]
+density = 0.5
+motion = "free"
+[time]
+end = 0.6
+step = 0.05
+[numerics]
+mesh_size = 5.0
+error_bars = false
+remesh_below = 0.95
+[output]
+checkpoint = 8
+fields = false
+"""
+
+
+@pytest.fixture(scope="module")
+def floating(tmp_path_factory):
+    """The directory of a run of a disc that rises below a wave, on three meshes or more."""
+    directory = tmp_path_factory.mktemp("floating")
+    incipient.run(loads(FLOATING), directory)
+    return directory
+
+
+def test_a_free_grain_and_the_surface_keep_volume_and_energy(floating):
+    history, result = history_of(floating), json.loads((floating / "result.json").read_text())
+    assert len(result["trajectory"]["remeshings"]) >= 1
+    assert np.ptp(history["volume_above_level"]) < 1e-15
+    assert history["interface"][0] <= 4 and history["interface"][1:].max() <= 3
+    # What the grain's weight less that of the fluid in its place loses in height, and waves and both motions get.
+    lift = (0.5 - 1.0) * np.pi / 4 * 4.0 * history["y"]
+    energy = lift + history["energy_body"] + history["energy_fluid"] + history["energy_potential"]
+    spent = (history["dissipation"][1:] + history["dissipation"][:-1]) / 2 * np.diff(history["time"])
+    scale = np.ptp(history["energy_fluid"])
+    assert np.diff(energy).sum() == pytest.approx(-spent.sum(), abs=0.05 * scale)
+
+
+def test_a_resumed_float_is_the_whole_one(floating, tmp_path):
+    incipient.run(changed(FLOATING, time=loads(FLOATING).time.model_copy(update={"end": 0.4})), tmp_path)
+    incipient.resume(tmp_path, ["time.end=0.6"])
+    whole, resumed = history_of(floating), history_of(tmp_path)
+    for name in ("y", "velocity_y", "elevation_1", "energy_fluid", "meshes"):
+        assert resumed[name] == pytest.approx(whole[name], rel=1e-6, abs=1e-9), name
+
+
+def test_a_grain_without_mass_moves_with_the_surface(tmp_path):
+    light = FLOATING.replace("density = 0.5", "mass = 0.0\ninertia = 0.0").replace(
+        "remesh_below = 0.95\n", ""
+    )
+    incipient.run(loads(light.replace("end = 0.6", "end = 0.2")), tmp_path)
+    history = history_of(tmp_path)
+    # The first step must find the speed to which the grain jumps.
+    assert history["interface"][0] <= 4 and history["interface"][1:].max() <= 3
+    # Against the added mass of as much fluid as is displaced alone the acceleration would be g; walls take some of it.
+    assert 0.5 < history["velocity_y"][0] / (4.0 * 0.05) < 1.0
+
+
+@pytest.mark.slow
+def test_a_grain_that_rises_to_the_surface_stops_by_name(tmp_path):
+    up = FLOATING.replace("remesh_below = 0.95\n", "").replace("end = 0.6", "end = 9.0")
+    with pytest.raises(
+        IncipientError, match=r"the grain .* the free surface.*; t = .* is kept: incipient resume"
+    ):
+        incipient.run(loads(up), tmp_path)
+    assert (tmp_path / "checkpoint.h5").exists()
 
 
 @pytest.mark.parametrize(

@@ -428,7 +428,7 @@ def test_refusals_are_one_line(whole_pothole: Path, tmp_path: Path, session: Ses
     for name in names:
         shutil.copytree(whole_pothole, tmp_path / name)
     with h5py.File(tmp_path / "version/checkpoint.h5", "r+") as file:
-        file.attrs["version"] = 3
+        file.attrs["version"] = 4
     with h5py.File(tmp_path / "damaged/checkpoint.h5", "r+") as file:
         del file["body/weights"]
     os.truncate(tmp_path / "half/checkpoint.h5", 20_000)
@@ -437,7 +437,7 @@ def test_refusals_are_one_line(whole_pothole: Path, tmp_path: Path, session: Ses
     outcomes = session(ranks, [*(["resume", name] for name in ("absent", *names[:-1])), other])
     told = [
         (2, "absent: there is no such directory; give the directory that a run was written to"),
-        (5, "version/checkpoint.h5: is a checkpoint of version 3, this program reads version 2; resume with"),
+        (5, "version/checkpoint.h5: is a checkpoint of version 4, this program reads version 3; resume with"),
         (5, "damaged/checkpoint.h5: is damaged, its content is not what was written; start anew"),
         (5, "half/checkpoint.h5: cannot be read: it is damaged or incomplete; start anew"),
         (5, "history/history.csv: has lost some of its 10 rows; put the file back, or start anew"),
