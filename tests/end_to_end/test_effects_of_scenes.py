@@ -24,6 +24,7 @@ from incipient.scene import (
     Gravity,
     Lid,
     Numerics,
+    OpenChannel,
     Output,
     Poiseuille,
     Scene,
@@ -267,3 +268,22 @@ def test_a_grain_held_in_time_that_would_have_moved():
     result = incipient.run(Scene(**{**GRAIN_ON_BED, **fast}))
     assert result.verdict["moves"]
     assert "the grain moves from t = 0.1 on, but was held" in left_out(result, "free body").how
+
+
+# -- a free surface left out ---------------------------------------------------------------------------------
+
+
+def test_what_a_free_surface_would_have_changed():
+    """A parallel flow below a lid needs the pressure 3 nu V/H^2 for each unit of length: over gravity, a slope."""
+    length, height, gravity = 6.0, 2.0, 10.0
+    scene = Scene(
+        domain=Domain(length=length, height=height),
+        fluid=Fluid(reynolds=10.0, scale="flow"),
+        flow=OpenChannel(),
+        gravity=Gravity(acceleration=gravity),
+        numerics=COARSE,
+    )
+    found = left_out(incipient.run(scene), "free surface")
+    rise = 3.0 * scene.viscosity / height**2 * length / gravity
+    assert found.relative == pytest.approx(rise / height, rel=1e-6)
+    assert found.exceeds and "pressure under the lid" in found.how
