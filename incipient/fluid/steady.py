@@ -21,7 +21,7 @@ SMALLEST_STEP = 1e-3
 # Reynolds number below which a flow is as good as Stokes flow, whose pressure goes as 1/Re.
 STOKES = 1e-3
 # The same for the flow of order two that a flow of two levels stands on, whose loads tell of the error.
-TOLERANCE_BELOW = 1e-4
+TOLERANCE_BELOW = 1e-7
 
 Watch = Callable[[float, int, float], Any]
 

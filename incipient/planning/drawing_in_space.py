@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ..geometry.placement import Placement
@@ -14,6 +16,7 @@ from .cells import side_names
 from .clearance import surroundings
 from .effects import moves
 from .layout import Layout, Place, halved, placed, point
+from .linear import LOWEST_ORDER
 from .plan import Estimate, Plan
 
 # Cell sizes for mesh_size = 1 by order of the velocity (docs/space.md).
@@ -30,8 +33,9 @@ MESHED_BED, PASSAGE = 3.0, 2.0
 # A grain on much smaller forms sees many of them alike: from so many features on fewer grain sizes do; never fewer
 # features than the forms next to the grain.
 MANY_FEATURES, FEWEST_SIZES, FEWEST_FEATURES = 30.0, 1.5, 3.0
-# Bytes per n^(4/3) of n unknowns of sparse factors, and per unknown of an iterative method; fitted (docs/space.md).
-OF_FACTORS, OF_BLOCKS = 450.0, 3500.0
+# Bytes per n^(4/3) of n unknowns of sparse factors; per unknown of the solver by blocks, of a higher order that is
+# corrected by two levels without a matrix, and, of order two, of a flow on the mesh moved; fitted (docs/space.md).
+OF_FACTORS, OF_BLOCKS, OF_CORRECTIONS, OF_MOVED = 450.0, 3000.0, 900.0, 1600.0
 
 
 def lay_out_in_space(scene: Scene, plan: Plan, moved: Placement | None = None) -> Layout:
@@ -120,8 +124,8 @@ def _gap_points(scene: Scene, ends: tuple[Place, Place]) -> tuple[Place, ...]:
 def count_in_space(layout: Layout, order: int, dual: bool = False, solver: str = "direct") -> Estimate:
     """Cells, unknowns and memory of the flow on the layout's mesh, by making it. Not collective.
 
-    dual:   whether the errors of a steady flow are estimated as well, with elements of one order more
-    solver: of the linear systems, a name in `fluid.solvers.SOLVERS`
+    dual:   whether the errors of a steady flow are estimated as well
+    solver: of the linear systems, a name of a `linear.Method`
     """
     assert isinstance(layout.shape, SolidRegion)
     with layout.drawing() as model:
@@ -137,8 +141,11 @@ def count_in_space(layout: Layout, order: int, dual: bool = False, solver: str =
     cavities = 0 if layout.shape.symmetric else len(layout.shape.holes)
     edges = vertices + faces - cells - 1 - cavities
     numbers = vertices, edges, faces, cells
-    unknowns = [3 * lagrange(k, *numbers) + lagrange(k - 1, *numbers) for k in range(order, order + 1 + dual)]
-    return Estimate(cells, unknowns[0], memory_in_space(solver, *unknowns))
+
+    def unknowns(k: int) -> int:
+        return 3 * lagrange(k, *numbers) + lagrange(k - 1, *numbers)
+
+    return Estimate(cells, unknowns(order), memory_in_space(solver, unknowns, order, dual))
 
 
 def lagrange(order: int, vertices: int, edges: int, faces: int, cells: int) -> int:
@@ -147,11 +154,17 @@ def lagrange(order: int, vertices: int, edges: int, faces: int, cells: int) -> i
     return vertices + (order - 1) * edges + inner // 2 * faces + inner * (order - 3) // 6 * cells
 
 
-def memory_in_space(solver: str, *unknowns: int) -> float:
-    """MiB for systems of so many unknowns that are there at once, by a solver. Not collective.
+def memory_in_space(solver: str, unknowns: Callable[[int], int], order: int, dual: bool) -> float:
+    """MiB that a flow of an order takes by a solver, and its error bars if `dual`. Not collective.
 
     Sparse factors of a mesh in space of n unknowns have about c n^(4/3) entries (George 1973), an iterative method
-    takes memory in proportion to n; both were fitted to measured peaks.
+    takes memory in proportion to n; both were fitted to measured peaks. `unknowns` counts those of any order.
     """
-    growth, power = (OF_FACTORS, 4.0 / 3.0) if solver == "direct" else (OF_BLOCKS, 1.0)
-    return memory_of_libraries() + growth * sum(n**power for n in unknowns) / 2**20
+    if solver == "direct":
+        size = OF_FACTORS * sum(unknowns(k) ** (4.0 / 3.0) for k in range(order, order + 1 + dual))
+    elif solver == "two-level":
+        of_two = OF_BLOCKS + OF_MOVED * dual
+        size = of_two * unknowns(LOWEST_ORDER) + OF_CORRECTIONS * unknowns(order)
+    else:
+        size = OF_BLOCKS * unknowns(order) + (OF_CORRECTIONS * unknowns(order + 1) if dual else 0.0)
+    return memory_of_libraries() + size / 2**20

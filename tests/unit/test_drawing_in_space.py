@@ -13,7 +13,7 @@ from incipient.geometry import Hemispheres
 from incipient.meshes import Resolved, SolidRegion
 from incipient.meshes.exact import Ground
 from incipient.meshes.solid_region import SolidFrame
-from incipient.planning.drawing_in_space import BED_LARGEST, lay_out_in_space
+from incipient.planning.drawing_in_space import BED_LARGEST, lay_out_in_space, memory_in_space
 from incipient.planning.layout import Layout
 
 pytestmark = pytest.mark.quick
@@ -77,3 +77,21 @@ def test_only_the_nearest_balls_are_asked(spacing: float) -> None:
     found = Ground(region, frame).distance(local) * frame.length
     assert as_it_is.sum() > 1000
     assert np.abs(found - expected)[as_it_is].max() < 1e-13
+
+
+# Peaks of whole runs of spheres on a plane and in a pocket: unknowns by order, order, method, error bars, MiB.
+PEAKS = (
+    ({2: 45_077, 3: 150_000}, 2, "block", False, 312),
+    ({2: 45_077, 3: 150_000}, 2, "block", True, 428),
+    ({2: 91_592, 3: 306_000}, 2, "block", True, 676),
+    ({2: 162_468}, 2, "block", False, 636),
+    ({2: 35_300, 3: 116_779}, 3, "two-level", True, 442),
+    ({2: 147_900, 3: 488_873}, 3, "two-level", False, 1036),
+)
+
+
+@pytest.mark.parametrize(("unknowns", "order", "solver", "bars", "peak"), PEAKS)
+def test_memory_is_what_was_measured(
+    unknowns: dict[int, int], order: int, solver: str, bars: bool, peak: float
+) -> None:
+    assert memory_in_space(solver, unknowns.__getitem__, order, bars) == pytest.approx(peak, rel=0.1)
