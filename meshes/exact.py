@@ -10,6 +10,7 @@ import numpy as np
 
 from incipient.arrays import Floats
 from incipient.geometry.space.cloud import NearestOf
+from incipient.geometry.space.cylinder import Cylinder
 from incipient.geometry.space.halving import halved
 from incipient.geometry.space.marching import in_blocks, level_surface
 from incipient.geometry.space.pieces import HalfSpacesAndBalls
@@ -59,6 +60,10 @@ class Body(Exact):
             surface = halved(surface)
             held = np.zeros(surface.points.shape, dtype=bool)
             held[:, 1] = surface.points[:, 1] == 0.0
+        if isinstance(self.placed.solid, Cylinder):
+            # Its ends, of which the plane of symmetry may be one, stay in the sides of the domain.
+            across = surface.points[:, 1]
+            held[:, 1] = (across == across.min()) | (across == across.max())
         return Draft(surface, held, self.sharp)
 
     def _whole(self) -> Surface:

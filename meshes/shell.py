@@ -65,9 +65,11 @@ def closed_shell(walls: Walls, bed: Surface, bodies: dict[str, Surface]) -> Shel
         [*sides[3], upright[3], upper[2], upright[2]],
         upper,
     ]
-    holes = [drawing.loops(body) for body in bodies.values()]
-    cut = [loop for loops in holes for loop in loops]
-    plates = [drawing.plate([rim, *(cut if number == 2 else [])]) for number, rim in enumerate(rims)]
+    cut = [loop for body in bodies.values() for loop in drawing.loops(walls, body)]
+    plates = [
+        drawing.plate([rim, *(loop for side, loop in cut if side == number)])
+        for number, rim in enumerate(rims)
+    ]
     gmsh.model.geo.synchronize()
     gmsh.model.mesh.generate(2)
     found = [_triangles_of(plate) for plate in plates]
@@ -118,13 +120,18 @@ class _Drawing:
             gmsh.model.geo.mesh.setTransfiniteCurve(line, 2)
         return found
 
-    def loops(self, surface: Surface) -> list[list[int]]:
-        """The closed lines along the edge of a surface."""
+    def loops(self, walls: Walls, surface: Surface) -> list[tuple[int, list[int]]]:
+        """The closed lines along the edge of a surface, each with the number of the upright side that it lies in."""
         rim = _rim(surface)
         if not len(rim):
             return []
-        label = connected(len(surface.points), rim)[rim[:, 0]]
-        return [self.lines(surface.points, rim[label == one]) for one in np.unique(label)]
+        label = connected(len(surface.points), rim)
+        sides = enumerate(walls.of_edges(surface.points, rim))
+        return [
+            (number, self.lines(surface.points, edges[label[edges[:, 0]] == one]))
+            for number, edges in sides
+            for one in np.unique(label[edges[:, 0]])
+        ]
 
     def plate(self, loops: list[list[int]]) -> int:
         """A plane surface between its outer line and those within it, whose pieces may be in any order."""

@@ -362,7 +362,8 @@ def farther(scene: Scene, factor: float = FARTHER) -> Scene:
     origin = [*domain.origin]
     origin[0] -= before
     changes: dict[str, Any] = {"length": domain.length + 2.0 * before}
-    if domain.width is not None and scene.sides != "wall":
+    across = scene.body is not None and scene.body.shape == "cylinder"  # from side to side
+    if domain.width is not None and scene.sides != "wall" and not across:
         changes["width"] = factor * domain.width
         origin[1] -= 0.5 * (factor - 1.0) * domain.width
     if scene.top == "stream":

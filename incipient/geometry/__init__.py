@@ -9,6 +9,7 @@ from incipient.geometry.plane.polygon import Polygon
 from incipient.geometry.plane.smooth import Harmonics, Star, Superellipse
 from incipient.geometry.rest import clearance, lifted, rest
 from incipient.geometry.settle import Outcome, Settled, settle
+from incipient.geometry.space.cylinder import Cylinder
 from incipient.geometry.space.heightmap import HeightMap
 from incipient.geometry.space.polyhedra import Box, Polyhedron, Triangulated
 from incipient.geometry.space.solid import Ellipsoid, Solid, Sphere, StarSolid, Superquadric
@@ -20,6 +21,7 @@ __all__ = [
     "Bed",
     "Box",
     "Curve",
+    "Cylinder",
     "Disc",
     "Discs",
     "EggCrate",

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..geometry.placement import Placement
+from ..geometry.space.cylinder import Cylinder
 from ..geometry.space.polyhedra import Box
 from ..geometry.space.terrain import Plane, Terrain
 from ..installed import memory_of_libraries
@@ -137,15 +138,19 @@ def count_in_space(layout: Layout, order: int, dual: bool = False, solver: str =
         outside = sum(len(t) for t in tags)
     vertices = len(np.unique(corners))
     faces = (4 * cells + outside) // 2
-    # Euler's formula; a whole grain is a cavity, half a grain a dent in the boundary.
-    cavities = 0 if layout.shape.symmetric else len(layout.shape.holes)
-    edges = vertices + faces - cells - 1 - cavities
+    edges = vertices + faces - cells - euler_number(layout.shape)
     numbers = vertices, edges, faces, cells
 
     def unknowns(k: int) -> int:
         return 3 * lagrange(k, *numbers) + lagrange(k - 1, *numbers)
 
     return Estimate(cells, unknowns(order), memory_in_space(solver, unknowns, order, dual))
+
+
+def euler_number(region: SolidRegion) -> int:
+    """Euler's number of a region: a whole grain is a cavity, half a grain a dent, a cylinder a tunnel."""
+    across = sum(isinstance(hole.solid, Cylinder) for hole in region.holes.values())
+    return 1 - across + (0 if region.symmetric else len(region.holes) - across)
 
 
 def lagrange(order: int, vertices: int, edges: int, faces: int, cells: int) -> int:

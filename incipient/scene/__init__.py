@@ -21,7 +21,7 @@ from .shapes import (
     Star,
     Superellipse,
 )
-from .solids import Box, Ellipsoid, Mesh, Polyhedron, Sphere, Spheres, Superquadric
+from .solids import Box, Cylinder, Ellipsoid, Mesh, Polyhedron, Sphere, Spheres, Superquadric
 from .surface import Surface
 from .terrains import HeightMapBed, MeshBed, RidgeBed, SphereBed
 
@@ -30,6 +30,7 @@ __all__ = [
     "Body",
     "Box",
     "Contact",
+    "Cylinder",
     "Disc",
     "Discs",
     "Domain",

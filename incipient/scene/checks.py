@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 # Distances in grain sizes: from the bed, where cells get as small as the gap; from a side, where they do not.
 TOUCHING, NEARLY_TOUCHING = 1e-6, 1e-3
 FINEST_PLACE = 1e-6  # of the smallest size in the scene: how well places must be known at the least
+_SAME = 1e-9  # of the width: a cylinder reaches from side to side
 _SPACING, _PLACES = 0.02, 201  # of points on a solid grain, in its size; in each direction on a bed in space
 CELLS_OF_A_FORM = 20  # at the least
 _IN_SPACE = {"body": '"sphere"', "bed": '"spheres"'}
@@ -277,6 +278,8 @@ def _body_place(scene: Scene) -> Iterator[Problem]:
     except SceneError as error:
         yield Problem(key, *split(str(error)))
         return
+    for why in _not_across(scene):
+        yield Problem(("body", "length"), why, "give domain.width, and the middle in centre")
     for why in outside:
         yield Problem(key, why, "move the grain, make it smaller or enlarge the domain")
     for why in into_bed:
@@ -309,7 +312,7 @@ def _beyond(scene: Scene) -> Iterator[str]:
         ("x", low[0], low[0] - domain.left, "left side", domain.left),
         ("x", high[0], domain.right - high[0], "right side", domain.right),
     ]
-    if scene.gdim == 3:
+    if scene.gdim == 3 and scene.body is not None and scene.body.shape != "cylinder":
         near, far = domain.across
         sides += [
             ("y", low[1], low[1] - near, "side at least y", near),
@@ -323,6 +326,17 @@ def _beyond(scene: Scene) -> Iterator[str]:
             yield f"the grain reaches {axis} = {reach:g}, the domain's {side} is at {place:g}"
         elif distance < NEARLY_TOUCHING * grain.size:
             yield f"the grain nearly touches the domain's {side}, from which it is {distance:.3g}"
+
+
+def _not_across(scene: Scene) -> Iterator[str]:
+    """How a cylinder does not reach from side to side."""
+    body, domain = scene.body, scene.domain
+    if body is None or body.shape != "cylinder" or body.centre is None:
+        return
+    low, high = (body.centre[1] + end * body.length for end in (-0.5, 0.5))
+    near, far = domain.across
+    if max(abs(low - near), abs(high - far)) > _SAME * (far - near):
+        yield f"the cylinder reaches from y = {low:g} to {high:g}, the domain from {near:g} to {far:g}"
 
 
 def _into_bed(scene: Scene) -> Iterator[str]:

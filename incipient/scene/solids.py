@@ -147,6 +147,30 @@ class Sphere(SolidSection):
         return solid.Sphere(self.diameter)
 
 
+class Cylinder(SolidSection):
+    """A cylinder across the stream from one side of the domain to the other, held."""
+
+    shape: Literal["cylinder"] = Field("cylinder", description="Shape of the grain")
+    diameter: Positive = Field(description="Diameter [length]")
+    length: Positive = Field(description="Length, the width of the domain [length]")
+
+    @model_validator(mode="after")
+    def _is_held(self) -> Cylinder:
+        if self.centre is None:
+            raise self.refused("x", "a cylinder is held and does not rest", "give centre instead")
+        if self.motion != "fixed":
+            raise self.refused("motion", "a cylinder across the stream is held", 'give "fixed"')
+        if any(self.orientation):
+            raise self.refused("orientation", "a cylinder lies across the stream", "leave it out")
+        return self
+
+    def new_grain(self) -> Solid:
+        """The grain's shape in its body frame, lengths in scene units."""
+        from ..geometry.space import cylinder
+
+        return cylinder.Cylinder(self.diameter, self.length)
+
+
 class Ellipsoid(SolidSection):
     """An ellipsoid."""
 
@@ -289,4 +313,4 @@ class Mesh(SolidSection):
         return found if self.size is None else Triangulated(self.size / found.size * points, triangles)
 
 
-SolidBody = Sphere | Ellipsoid | Superquadric | Box | Polyhedron | Spheres | Mesh
+SolidBody = Sphere | Cylinder | Ellipsoid | Superquadric | Box | Polyhedron | Spheres | Mesh

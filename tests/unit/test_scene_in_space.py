@@ -16,6 +16,7 @@ from incipient.results.verdict import find_contacts, judge, mass_and_inertia
 from incipient.scene import (
     Box,
     Contact,
+    Cylinder,
     Disc,
     Domain,
     Ellipsoid,
@@ -265,6 +266,8 @@ def test_a_larger_domain_is_wider_too_unless_walls_are_at_its_sides():
     assert larger.origin == (-3.0, -2.0, 0.0)
     walled = Domain(length=12.0, width=8.0, height=6.0, sides="wall")
     assert farther(scene(domain=walled)).domain.width == 8.0
+    across = Cylinder(diameter=1, length=8, centre=(5, 4, 3))
+    assert farther(scene(body=across)).domain.width == 8.0
     assert len(coarse_scenes(scene(contact=Contact(friction=0.5)))) == 4  # three gaps; a larger domain
 
 
@@ -289,6 +292,10 @@ WRONG = [
     (
         {"body": Sphere(diameter=1, centre=(5, 4, 5.8))},
         "body.centre: the grain reaches z = 6.3, the domain's top",
+    ),
+    (
+        {"body": Cylinder(diameter=1, length=7, centre=(5, 4, 3))},
+        "body.length: the cylinder reaches from y = 0.5 to 7.5, the domain from 0 to 8; give domain.width",
     ),
     ({"bed": SphereBed(radius=7, spacing=14)}, "bed: rises to z = 7, the top is at 6; enlarge domain.height"),
     (
@@ -318,6 +325,15 @@ WRONG_KEYS = [
     ),
     (lambda: Sphere(diameter=1), "Sphere: x: neither x nor centre is given; give x to rest on the bed"),
     (lambda: Sphere(diameter=1, y=1, centre=(1, 1, 1)), "Sphere: y: goes with x, but centre is given; leave"),
+    (lambda: Cylinder(diameter=1, length=1, x=1), "Cylinder: x: a cylinder is held and does not rest; give"),
+    (
+        lambda: Cylinder(diameter=1, length=1, centre=(1, 1, 1), motion="free", density=1),
+        "Cylinder: motion: a cylinder across the stream is held",
+    ),
+    (
+        lambda: Cylinder(diameter=1, length=1, centre=(1, 1, 1), orientation=(90, 0, 0)),
+        "Cylinder: orientation: a cylinder lies across the stream; leave it out",
+    ),
     (lambda: Sphere(diameter=1, centre=(1, 1)), "Sphere: centre: has 2 items; give three, as in [x, y, z]"),
     (lambda: Box(sides=(1, 1, 1), edge_radius=0.6, x=1), "Box: edge_radius: edge_radius 0.6 is not between"),
     (lambda: Polyhedron(vertices=((0, 0, 0),) * 4, x=1), "Polyhedron: vertices: "),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from functools import partial
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -27,11 +28,22 @@ from tetrahedra import (
 from incipient import compat
 from incipient.compat import dolfinx  # after the libraries that it needs
 from incipient.errors import MeshError
-from incipient.geometry import Box, Ellipsoid, Hemispheres, Placement, Plane, Ridges, Sphere, Spheres
+from incipient.geometry import (
+    Box,
+    Cylinder,
+    Ellipsoid,
+    Hemispheres,
+    Placement,
+    Plane,
+    Ridges,
+    Sphere,
+    Spheres,
+)
 from incipient.mesh.domain import build
 from incipient.meshes import Near, PlacedSolid, Sizes, SolidRegion
 from incipient.meshes.expected import expected_cells
 from incipient.meshes.solid_model import solid_model
+from incipient.planning.drawing_in_space import euler_number
 
 NAMES = {"inflow", "outflow", "right", "left", "top", "bed", "body"}
 
@@ -121,6 +133,26 @@ def test_half_is_half(solid: Any, gap: float) -> None:
     assert 64.0 - halves[0][0] == pytest.approx(solid.volume, rel=5e-3)
     assert 2.0 * halves[1][0] == pytest.approx(halves[0][0], abs=2e-3 * solid.volume)
     assert 2.0 * halves[1][1] == pytest.approx(halves[0][1], rel=2e-3)
+
+
+@pytest.mark.parametrize("symmetric", [False, True])
+def test_a_cylinder_from_side_to_side(symmetric: bool) -> None:
+    """A tunnel through the domain: volume and areas are the exact ones, Euler's number is that of a ring."""
+    tube = PlacedSolid(Cylinder(1.0, 2.0), Placement((0.0, 0.0, 0.0)))
+    region = SolidRegion(
+        (-1.5, 1.5), (-1.0, 1.0), 1.5, Plane(origin_z=-1.5), {"body": tube}, symmetric=symmetric
+    )
+    share = 0.5 if symmetric else 1.0
+    with solid_model(region, Sizes(0.6, (Near(0.2, 0.3, boundary="body"),)), 2) as model:
+        assert volume(model) == pytest.approx(share * (18.0 - 0.5 * np.pi), rel=1e-4)
+        assert area(faces(model, "body")) == pytest.approx(share * 2.0 * np.pi, rel=1e-4)
+        assert area(faces(model, "left")) == pytest.approx(9.0 - 0.25 * np.pi, rel=1e-4)
+        tetrahedra = np.sort(model.mesh.getElements(3)[2][0].reshape(-1, 10)[:, :4])
+    parts = [tetrahedra[:, list(kept)] for k in (1, 2, 3) for kept in combinations(range(4), k)]
+    vertices, edges, triangles = (
+        len(np.unique(np.vstack(parts[a:b]), axis=0)) for a, b in ((0, 4), (4, 10), (10, 14))
+    )
+    assert euler_number(region) == vertices - edges + triangles - len(tetrahedra)
 
 
 def test_nodes_lie_on_the_surfaces() -> None:
