@@ -2,7 +2,7 @@
 
 Scaling: millimetres and seconds, the fluid's density 1: sphere of 15 mm and 1120 kg/m3; oil of 970 kg/m3 and 0.373 Pa s
          (case 1, Re 1.5), or of 960 kg/m3 and 0.058 Pa s (case 4, Re 32).
-Cost:    case 1 takes 20 s on one core; its cells are coarse, numerics.mesh_size=1.4 changes 0.8%. Case 4: two minutes.
+Cost:    case 1 takes 20 s on one core; its cells are coarse, numerics.mesh_size=1.4 changes 0.8%. Case 4: a minute.
 Run:     mpirun -n 2 python demos/settling_sphere.py [4] [KEY=VALUE ...]
 Results: results/settling_sphere: history.csv, fields.xdmf for ParaView; `incipient show results/settling_sphere`
 """
@@ -39,7 +39,7 @@ CASES = {
             "fluid.reynolds=31.876",
             "flow.velocity=128.39",
             "body.density=1.166667",
-            "time.end=0.9",
+            "time.end=1.0",
             "time.step=0.05",
             "numerics.mesh_size=1.0",
         ),
