@@ -52,7 +52,7 @@ class Section(BaseModel):
         SceneError: one line that names the key, why and the remedy, when built from Python with wrong values.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False, defer_build=True)
 
     def __init__(self, /, **data: Any) -> None:
         try:
