@@ -99,8 +99,15 @@ def ended(run):
     return Outcome([run.returncode], said.splitlines())
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize(
+    ("ranks", "number"),
+    [
+        (1, signal.SIGINT),
+        (2, signal.SIGTERM),
+        pytest.param(1, signal.SIGTERM, marks=pytest.mark.slow),
+        pytest.param(2, signal.SIGINT, marks=pytest.mark.slow),
+    ],
+)
 def test_an_interrupted_run_ends_at_once_and_keeps_everything(started, tmp_path, ranks, number):
     run = started(ranks, *LONG, "--out", tmp_path)
     wait_until(has_rows(tmp_path, 5), run)
@@ -201,7 +208,7 @@ def is_provisional(directory):
 @pytest.mark.parametrize(
     ("options", "ranks", "number"),
     [
-        (FINE, 1, signal.SIGINT),
+        pytest.param(FINE, 1, signal.SIGINT, marks=pytest.mark.slow),
         (FINE, 2, signal.SIGINT),
         (DECIDING, 1, signal.SIGTERM),
         pytest.param(FINE, 1, signal.SIGTERM, marks=pytest.mark.slow),
@@ -254,7 +261,7 @@ def test_a_budget_spent_before_the_error_bars_keeps_the_verdict(tmp_path):
 # -- no convergence ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("ranks", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_newton_that_does_not_converge(session: Session, tmp_path, ranks):
     hard = settings(fluid_reynolds=1000.0, numerics_order=2, numerics_mesh_size=8, numerics_max_iterations=1)
     (outcome,) = session(ranks, [["run", CAVITY, *hard, "--out", "x"]])
@@ -291,7 +298,7 @@ def test_a_run_without_a_mesh_leaves_the_earlier_one(tmp_path):
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("ranks", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_a_mesh_that_cannot_be_made(session: Session, tmp_path, ranks):
     scene, bowl = _hugged(0.02)
     (tmp_path / "hugged.toml").write_text(scene)
@@ -315,7 +322,7 @@ def test_a_mesh_that_cannot_be_made(session: Session, tmp_path, ranks):
 # -- no space ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("ranks", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_a_full_disk_keeps_the_steps_before(session: Session, tmp_path, ranks):
     steps = settings(
         numerics_order=2, numerics_mesh_size=6, time_end=60 * STEP, time_step=STEP, output_every=1

@@ -78,7 +78,7 @@ def test_a_module_that_one_rank_misses_ends_both(tmp_path: Path) -> None:
     assert_one_line(done, "gmsh is not installed", "pip install 'incipient[dolfinx]'")
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("ranks", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_a_missing_compiler_is_named(ranks: int, tmp_path: Path) -> None:
     elsewhere = {"CC": "no-such-compiler", "XDG_CACHE_HOME": str(tmp_path)}
     done = without("", "run", CAVITY, *COARSE, "--out", tmp_path / "x", ranks=ranks, **elsewhere)
