@@ -15,7 +15,6 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import brentq
 
 from ..arrays import Floats
 from ..errors import ConvergenceError
@@ -336,6 +335,8 @@ class Integrator:
 
     def _root(self, event: Event, after: float) -> float:
         """The time in the last step at which the event's function vanishes, to round-off."""
+        from scipy.optimize import brentq  # which takes time to import, and most paths meet nothing
+
         start, end = self._start[0], self.t
         if after == 0.0:
             return end

@@ -217,14 +217,14 @@ class RigidBody:
 
     def _rate(self, start: float, end: float, drive: Floats) -> Callable[[float, Floats], Floats]:
         d, n, free = self.gdim, self.size, self.mask
-        imposed = self.freedom.imposed
+        imposed, whole = self.freedom.imposed, bool(free.all())
         slope = (imposed(end) - imposed(start))[~free] / (end - start)
 
         def rate(t: float, y: Floats) -> Floats:
             """The derivative of place, orientation and velocities, packed as in `BodyState`."""
             turned, u = y[d:-n], y[-n:]
             frame = self._frame(turned)
-            if free.all():
+            if whole:
                 acceleration = self._acceleration(t, u, frame, drive)
             else:
                 u = np.where(free, u, imposed(t))
@@ -243,6 +243,9 @@ class RigidBody:
         free_acceleration = self._acceleration(start.time, start.velocities, frame, drive)
         drive[f] = sizes @ ((last - start.velocities) / dt - free_acceleration)[f]
         slope, evaluations, residual, change = sizes @ inverse / dt, 0, None, np.empty(0)
+        # But for turns of the frame the body ends with the velocities of the last iterate: what that misses is known.
+        ahead = replace(start, velocity=last[: self.gdim], spin=last[self.gdim :])
+        drive[f] -= slope @ self._residual(start, ahead, dt, drive, impulse, added, last)[f]
         for corrections in range(MOST_CORRECTIONS):
             state, path = self.driven(start, end, end, drive)
             evaluations += path.statistics.evaluations

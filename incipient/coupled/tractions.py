@@ -20,7 +20,7 @@ import ufl
 from petsc4py import PETSc
 
 from .. import compat
-from ..arrays import spatial
+from ..arrays import cross, spatial
 from ..compat import petsc
 from ..fluid import Fluid
 from ..fluid.solvers.mass import solve_mass_matrix
@@ -156,7 +156,7 @@ class TractionProbe:
     def _sum(self, forces: np.ndarray) -> Resultant:
         forces = spatial(forces)
         arms = spatial(self._places()) - self.about
-        mine = np.array([forces.sum(axis=0), np.cross(arms, forces).sum(axis=0)])
+        mine = np.array([forces.sum(axis=0), cross(arms, forces).sum(axis=0)])
         force, couple = self.fluid.domain.comm.allreduce(mine)
         if self.fluid.domain.halved:
             force, couple = (

@@ -68,7 +68,7 @@ class RigidDisplacement:
         others: tuple[str, ...] = (),
     ):
         self.boundary, self.placement, self.turning, self._gdim = boundary, placement, turning, domain.gdim
-        self._straight, self._corners = _straight_cells(domain.mesh)
+        self._between = _between_vertices(domain.mesh) if turning else None
         self._arms: Floats = domain.mesh.geometry.x[:, : self._gdim] - np.asarray(placement.centre)
         potentials = Potentials(domain)
         # A turn of a body that is its own mirror image leaves the plane of symmetry in its place.
@@ -85,10 +85,11 @@ class RigidDisplacement:
         along, about = self.weights[:, : self._gdim], self.weights[:, self._gdim :]
         way = np.asarray(placement.centre) - np.asarray(self.placement.centre)
         moved = along * way
-        if self.turning:
+        if self._between is not None:
             moved += _turned(self._arms, about * placement.turn_since(self.placement)) - self._arms
-        vertices = moved[self._straight[:, : self._gdim + 1]]
-        moved[self._straight] = np.einsum("nc,kcd->knd", self._corners, vertices)
+            # Shifts are linear in each cell already, as the weights are; turns are not.
+            nodes, vertices, shares = self._between
+            moved[nodes] = np.einsum("nc,ncd->nd", shares, moved[vertices])
         return spatial(moved)
 
 
@@ -137,9 +138,17 @@ def _determinant(a: Floats) -> Floats:
     return np.asarray((a[0] * np.cross(a[1], a[2], axis=0)).sum(axis=0))
 
 
-def _straight_cells(mesh: Any) -> tuple[NDArray[np.int32], Floats]:
-    """(k, nodes) rows of the straight cells' nodes in `mesh.geometry.x`; how their places follow from the vertices'."""
-    return compat.geometry_dofs(mesh)[straight_cells(mesh)], barycentric_nodes(mesh)
+def _between_vertices(mesh: Any) -> tuple[NDArray[np.int32], NDArray[np.int32], Floats]:
+    """The other nodes (m,) of straight cells in `mesh.geometry.x`, their cell's vertices, and the shares of these.
+
+    Vertices and shares, barycentric coordinates, are (m, dimension + 1).
+    """
+    cells, corners = compat.geometry_dofs(mesh)[straight_cells(mesh)], barycentric_nodes(mesh)
+    count = corners.shape[1]
+    # Several cells share a node, and agree on it.
+    nodes, first = np.unique(cells[:, count:], return_index=True)
+    row, column = np.divmod(first, corners.shape[0] - count)
+    return nodes, cells[row, :count], corners[count + column]
 
 
 def _sliding(domain: Domain, boundary: str) -> list[tuple[str, ...]]:
