@@ -47,7 +47,7 @@ class Beside:
     Args:
         run: solved; its mesh is as it was whenever a call ends.
         by_itself: runs a scene on a mesh of its own, at a speed.
-        speed: in units of which the velocities are, over the scene's.
+        speed: of the flow whose loads are asked for, over the scene's.
     """
 
     def __init__(self, run: Run, by_itself: Callable[[Scene, MPI.Comm, float], Loads], speed: float = 1.0):
@@ -113,7 +113,8 @@ class Beside:
                 found = TractionProbe(fluid, "body", moved.centre.tolist()).resultant()
         finally:
             places[:] = before
-        unit = self._speed**2
+        # The fluid's unit of speed is its own; what is left of the way to `speed` is short, or in Stokes flow.
+        unit = self._speed * run.fluid.reynolds / run.plan.reynolds
         return Loads(unit * found.force, unit * found.couple)
 
     def _solve(self, fluid: Fluid) -> None:

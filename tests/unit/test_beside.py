@@ -48,8 +48,10 @@ def test_the_mesh_of_a_run_serves_for_other_gaps_and_domains() -> None:
         before, own = run.domain.mesh.geometry.x.copy(), run.probe.resultant()
         found = [Beside(run, never)(each) for each in (one, two, four, farther)]
         assert np.array_equal(run.domain.mesh.geometry.x, before)
+        faster = Beside(run, never, speed=3.0)(one)
         assert np.array_equal(run.probe.resultant().force, own.force)
     assert found[0].force == pytest.approx(own.force) and found[0].couple == pytest.approx(own.couple)
+    assert faster.force == pytest.approx(3.0 * own.force)  # creeping: in proportion to the speed
     units = 6 * pi * scene.viscosity * 0.5 * 0.55, 4 * pi * scene.viscosity * 0.125
     assert found[2].force[0] / units[0] == pytest.approx(AT_FIVE_PERCENT[0], rel=0.015)
     assert found[2].couple[1] / units[1] == pytest.approx(AT_FIVE_PERCENT[1], rel=0.015)
