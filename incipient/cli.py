@@ -1,4 +1,4 @@
-"""The command `incipient`: run, resume, threshold, plan, cost, calibrate, show, judge, new, schema."""
+"""The command `incipient`: run, resume, threshold, plan, cost, calibrate, show, sweep, table, judge, new, schema."""
 
 from __future__ import annotations
 
@@ -15,6 +15,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from .commands import judge as judge_command
+from .commands import sweep as sweep_command
+from .commands.common import alone, named, overrides, tell_of_pictures
 from .errors import IncipientError, OutputError, SceneError
 from .installed import required
 from .interrupt import forget_unfinished_form, nobody_reads
@@ -23,12 +26,10 @@ from .parallel import ranks_there_are, start_alone_quickly
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from .pictures.apart import Drawn
     from .results.result import Result
 
 DEFECT, INTERRUPTED = 70, 130
 UNREAD = 128 + signal.SIGPIPE  # as of programs that the system ends because nobody reads what they print
-BESIDE = object()  # a directory that is asked for and not named: that of the case
 # What one of the commands leaves in a directory of results.
 RECORDS = ("result.json", "threshold.json", "judgement.json", "cost.json", "scene.toml")
 TO_SPEAK = 0.5  # seconds that other ranks leave the first to say why, before they end all
@@ -96,10 +97,20 @@ def _commands() -> dict[str, tuple[Callable[..., int], str, Callable[[argparse.A
             _no_options,
         ),
         "show": (_show, "draw the pictures of a finished run, or animate its flow", _options_of_show),
+        "sweep": (
+            sweep_command.sweep,
+            "run, search the threshold of, or judge many cases, kept in one file",
+            sweep_command.options_of_sweep,
+        ),
+        "table": (
+            sweep_command.table,
+            "print what a sweep has found, a row a case",
+            sweep_command.options_of_table,
+        ),
         "judge": (
-            _judge,
+            judge_command.judge,
             "judge forces and contacts given in a case file, without a flow",
-            _options_of_judge,
+            judge_command.options_of_judge,
         ),
         "new": (_new, "write a commented example scene", _options_of_new),
         "schema": (_schema, "print the JSON schema of scenes, for editors", _no_options),
@@ -112,25 +123,13 @@ def _no_options(parser: argparse.ArgumentParser) -> None:
 
 def _scene(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scene", type=Path, help="scene file (TOML)")
-    _overrides(parser, "fluid.reynolds=40")
-
-
-def _overrides(parser: argparse.ArgumentParser, example: str) -> None:
-    repeated: dict[str, Any] = {"dest": "overrides", "action": "append", "default": []}
-    parser.add_argument("--set", metavar="KEY=VALUE", help=f"such as {example}", **repeated)
-
-
-def _named(text: str) -> Path:
-    """A path that is not empty: an empty one would mean the working directory."""
-    if not text.strip():
-        raise argparse.ArgumentTypeError("the name is empty; give the name of a directory or file")
-    return Path(text)
+    overrides(parser, "fluid.reynolds=40")
 
 
 def _options_of_run(parser: argparse.ArgumentParser) -> None:
     _scene(parser)
     parser.add_argument(
-        "--out", type=_named, help="directory for the results (default: results/NAME OF THE SCENE)"
+        "--out", type=named, help="directory for the results (default: results/NAME OF THE SCENE)"
     )
     parser.add_argument(
         "--overwrite",
@@ -141,13 +140,13 @@ def _options_of_run(parser: argparse.ArgumentParser) -> None:
 
 def _options_of_resume(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("directory", type=Path, help="directory of the run")
-    _overrides(parser, "time.end=20")
+    overrides(parser, "time.end=20")
 
 
 def _options_of_threshold(parser: argparse.ArgumentParser) -> None:
     _scene(parser)
     parser.add_argument(
-        "--out", type=_named, help="directory for the results (default: results/NAME OF THE SCENE_threshold)"
+        "--out", type=named, help="directory for the results (default: results/NAME OF THE SCENE_threshold)"
     )
 
 
@@ -156,7 +155,7 @@ def _options_of_plan(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="as JSON")
     parser.add_argument(
         "--study",
-        type=_named,
+        type=named,
         metavar="DIRECTORY",
         help="of incipient cost, to go by (default: the last of this scene on this machine, else those of others)",
     )
@@ -165,7 +164,7 @@ def _options_of_plan(parser: argparse.ArgumentParser) -> None:
 def _options_of_cost(parser: argparse.ArgumentParser) -> None:
     _scene(parser)
     parser.add_argument(
-        "--out", type=_named, help="directory for the study (default: results/NAME OF THE SCENE_cost)"
+        "--out", type=named, help="directory for the study (default: results/NAME OF THE SCENE_cost)"
     )
     parser.add_argument("--quick", action="store_true", help="a few coarse runs only")
     parser.add_argument(
@@ -184,26 +183,14 @@ def _options_of_cost(parser: argparse.ArgumentParser) -> None:
 
 
 def _options_of_show(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("directory", type=Path, help="directory of the results")
+    parser.add_argument("directory", type=Path, help="directory of the results, or the file of a sweep")
+    sweep_command.options_of_show(parser)
     films = parser.add_mutually_exclusive_group()
     films.add_argument("--animate", action="store_true", help="show the flow in motion instead")
     films.add_argument("--turntable", action="store_true", help="go once round a grain in space instead")
-    parser.add_argument("--out", type=_named, metavar="FILE", help="the film, .gif or .mp4")
+    parser.add_argument("--out", type=named, metavar="FILE", help="the film, .gif or .mp4")
     fields = ("velocity", "pressure", "vorticity")
     parser.add_argument("--field", choices=fields, help="what to animate (default: velocity)")
-
-
-def _options_of_judge(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("case", type=Path, help="case file (TOML)")
-    _overrides(parser, "contacts.friction=0.4")
-    parser.add_argument(
-        "--out",
-        nargs="?",
-        type=_named,
-        const=BESIDE,
-        metavar="DIRECTORY",
-        help="write judgement.json and its picture there; without a DIRECTORY next to the case",
-    )
 
 
 def _options_of_new(parser: argparse.ArgumentParser) -> None:
@@ -246,29 +233,7 @@ def _tell(result: Result, directory: Path, comm: MPI.Comm) -> None:
     if comm.rank == 0:
         print(result.text())
         print(_whereabouts(directory, output["fields"], result.cost), flush=True)
-    _tell_of_pictures(directory, output["pictures"], comm)
-
-
-def _tell_of_pictures(directory: Path, wanted: bool, comm: MPI.Comm) -> None:
-    """Draw pictures if they are wanted, and say where they are; one that fails takes nothing else with it."""
-    from .parallel import collectively
-
-    with collectively(comm):
-        if comm.rank == 0 and not wanted:
-            print(f"pictures            incipient show {directory}", flush=True)
-        elif comm.rank == 0:
-            from .pictures.apart import draw_apart
-
-            _say_drawn(draw_apart(directory), directory)
-
-
-def _say_drawn(drawn: Drawn, directory: Path) -> None:
-    names = ", ".join(path.name for path in drawn.paths)
-    print(f"pictures            {directory}/: {names}" if names else "pictures            none", flush=True)
-    if drawn.complaint:
-        raise OutputError(
-            f"{drawn.complaint}; the rest is there, draw again with: incipient show {directory}"
-        )
+    tell_of_pictures(directory, output["pictures"], comm)
 
 
 def _threshold(options: argparse.Namespace, comm: MPI.Comm) -> int:
@@ -283,7 +248,7 @@ def _threshold(options: argparse.Namespace, comm: MPI.Comm) -> int:
     if comm.rank == 0:
         print(threshold.text())
         print(f"numbers             {directory / 'threshold.json'}", flush=True)
-    _tell_of_pictures(directory, scene.output.pictures, comm)
+    tell_of_pictures(directory, scene.output.pictures, comm)
     return 0
 
 
@@ -318,7 +283,7 @@ def _cost(options: argparse.Namespace, comm: MPI.Comm) -> int:
     from .cost import command as cost_command
     from .output.lock import locked
 
-    _alone("cost", comm)
+    alone("cost", comm)
     scene = incipient.load(options.scene, options.overrides, comm)
     directory = options.out or Path("results") / f"{options.scene.stem}_cost"
     lists = {name: getattr(options, name) for name in ("orders", "sizes", "steps", "solvers")}
@@ -326,22 +291,16 @@ def _cost(options: argparse.Namespace, comm: MPI.Comm) -> int:
     with locked(directory, comm, make=True):
         found = cost_command.study(scene, directory, spread, logging.getLogger("incipient").info)
     print(cost_command.told(found, directory), flush=True)
-    _tell_of_pictures(directory, True, comm)
+    tell_of_pictures(directory, True, comm)
     return 0
 
 
 def _calibrate(options: argparse.Namespace, comm: MPI.Comm) -> int:
     from .cost.command import calibrate
 
-    _alone("calibrate", comm)
+    alone("calibrate", comm)
     print(calibrate(logging.getLogger("incipient").info))
     return 0
-
-
-def _alone(name: str, comm: MPI.Comm) -> None:
-    """Refuse ranks for a command that starts processes of its own."""
-    if comm.size > 1:
-        raise SceneError(f"{name} starts runs of its own; call it without mpirun")
 
 
 def _require_left_by(directory: Path, names: Sequence[str], comm: MPI.Comm) -> None:
@@ -357,6 +316,9 @@ def _require_left_by(directory: Path, names: Sequence[str], comm: MPI.Comm) -> N
 def _show(options: argparse.Namespace, comm: MPI.Comm) -> int:
     from .parallel import collectively
 
+    if options.directory.is_file():
+        return sweep_command.show(options, comm)
+    sweep_command.refuse_options_of_show(options)
     _require_left_by(options.directory, RECORDS, comm)
     if options.field is not None and not options.animate:
         raise SceneError("--field says what to animate; add --animate")
@@ -387,30 +349,6 @@ def _show_pictures(directory: Path) -> None:
         print(path)
     if drawn.complaint:
         raise OutputError(drawn.complaint)
-
-
-def _judge(options: argparse.Namespace, comm: MPI.Comm) -> int:
-    from .parallel import collectively
-    from .simulation.judge_case import judge_case, load_case, text
-
-    with collectively(comm):
-        if comm.rank == 0:
-            case = load_case(options.case, options.overrides)
-            judgement = judge_case(case)
-            print(text(case, judgement))
-            if options.out is not None:
-                _keep(judgement, options.case.parent if options.out is BESIDE else options.out)
-    return 0
-
-
-def _keep(judgement: dict[str, Any], directory: Path) -> None:
-    """Write a judgement and its picture, and say where they are."""
-    from .pictures.apart import draw_apart
-    from .simulation.judge_case import save
-
-    save(judgement, directory)
-    print(f"numbers             {directory / 'judgement.json'}", flush=True)
-    _say_drawn(draw_apart(directory), directory)
 
 
 def _new(options: argparse.Namespace, comm: MPI.Comm) -> int:

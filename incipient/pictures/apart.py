@@ -33,6 +33,12 @@ def draw_apart(directory: Path) -> Drawn:
     return _apart("not drawn", str(directory))
 
 
+def draw_sweep_apart(file: Path, **options: str | None) -> Drawn:
+    """Draw the pictures of a sweep in another process; options as of `sweep.draw`. Not collective."""
+    given = [f"--{name}={value}" for name, value in options.items() if value is not None]
+    return _apart("not drawn", str(file), *given)
+
+
 def animate_apart(directory: Path, target: Path | None, field: str) -> Path:
     """Make the film that `animation.animate` makes in another process; return its path. Not collective.
 

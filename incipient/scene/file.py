@@ -72,6 +72,7 @@ def read(model: type[S], path: Path | str, overrides: Sequence[str] = ()) -> S:
 def parse(model: type[S], text: str, base: Path | str, overrides: Sequence[str], name: str) -> S:
     """What TOML text describes, a scene or another model; as `loads`."""
     data = _parsed(text, name)
+    data.pop("sweep", None)  # what `incipient sweep` varies is not part of the scene
     places = {_override(data, override): override for override in overrides}
     _retitle(data, places)
     try:

@@ -32,7 +32,16 @@ FLOORS = (
         ("adaptive",),
         ("critical",),
     ),
-    *(("output",), ("cost",), ("pictures",), ("__init__",), ("cli",), ("__main__",)),
+    *(
+        ("output",),
+        ("cost",),
+        ("sweep",),
+        ("pictures",),
+        ("__init__",),
+        ("commands",),
+        ("cli",),
+        ("__main__",),
+    ),
 )
 FLOOR_OF = {room: number for number, rooms in enumerate(FLOORS) for room in rooms}
 

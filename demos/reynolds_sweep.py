@@ -1,0 +1,45 @@
+"""The stability curve of a bead in its pocket: the flow that begins to move it, against its Reynolds number.
+
+Scaling: half discs of the bed of diameter 1, the bead 0.6 to 1.3 times that; the viscosity follows from the Reynolds
+         number, gravity stays the same. In space: a sphere in a pocket of spheres, at five Reynolds numbers.
+Cost:    60 thresholds with error bars, three to five minutes on two cores; in space about ten minutes a case.
+Run:     python demos/reynolds_sweep.py [plane | space] [--set KEY=VALUE] [--wall 8h]; on a cluster
+         mpirun -n 2 python demos/reynolds_sweep.py or more ranks: one gives out the cases, others compute them
+Results: results/reynolds_sweep_plane.sqlite; `incipient table FILE`, `incipient show FILE`; all: docs/sweeps.md
+"""
+
+import argparse
+from pathlib import Path
+
+from mpi4py import MPI
+
+import incipient
+import incipient.sweep
+
+SCENES = Path(__file__).parent / "scenes"
+STUDIES = {
+    "plane": ("reynolds_sweep", None),  # as its section [sweep] says
+    "space": ("sphere_in_pocket", {"fluid.inertia": [True], "fluid.reynolds": "log:0.1:100:5"}),
+}
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    parser.add_argument("study", nargs="?", choices=STUDIES, default="plane")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
+    parser.add_argument("--wall", help="end in time; call again to go on")
+    given = parser.parse_args()
+    name, over = STUDIES[given.study]
+    file = Path(f"results/reynolds_sweep_{given.study}.sqlite")
+    with incipient.sweep.watching() as watcher:
+        done = incipient.sweep.run(
+            SCENES / f"{name}.toml",
+            file,
+            over,
+            do="threshold",
+            settings=given.set,
+            wall=given.wall,
+            watcher=watcher,
+        )
+    if MPI.COMM_WORLD.rank == 0:
+        print(f"{done.done} thresholds computed, {done.failed} failed, {done.known} known before: {file}")

@@ -1,0 +1,53 @@
+"""`incipient judge`: forces and contacts from elsewhere."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .common import named, overrides, say_drawn
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+BESIDE = object()  # a directory that is asked for and not named: that of the case
+
+
+def options_of_judge(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
+    parser.add_argument("case", type=Path, help="case file (TOML)")
+    overrides(parser, "contacts.friction=0.4")
+    parser.add_argument(
+        "--out",
+        nargs="?",
+        type=named,
+        const=BESIDE,
+        metavar="DIRECTORY",
+        help="write judgement.json and its picture there; without a DIRECTORY next to the case",
+    )
+
+
+def judge(options: argparse.Namespace, comm: MPI.Comm) -> int:
+    """Judge a case and say what came out; keep it if that is asked for."""
+    from ..parallel import collectively
+    from ..simulation.judge_case import judge_case, load_case, text
+
+    with collectively(comm):
+        if comm.rank == 0:
+            case = load_case(options.case, options.overrides)
+            judgement = judge_case(case)
+            print(text(case, judgement))
+            if options.out is not None:
+                _keep(judgement, options.case.parent if options.out is BESIDE else options.out)
+    return 0
+
+
+def _keep(judgement: dict[str, Any], directory: Path) -> None:
+    """Write a judgement and its picture, and say where they are."""
+    from ..pictures.apart import draw_apart
+    from ..simulation.judge_case import save
+
+    save(judgement, directory)
+    print(f"numbers             {directory / 'judgement.json'}", flush=True)
+    say_drawn(draw_apart(directory), directory)

@@ -1,0 +1,281 @@
+"""Pictures of a sweep: a quantity against a parameter, maps over two parameters, and the critical Shields number.
+
+The curve of Soulsby and Whitehouse (1997) stands beside the critical Shields numbers for comparison: it fits
+measurements of beds of many grains in turbulent flow, ours are of one grain in laminar flow.
+"""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ..arrays import Floats
+from ..errors import OutputError, SceneError
+from ..files import reported
+from ..sweep.store import Store
+from ..sweep.table import HIGH, LOW, columns, rows
+from . import style
+
+Rows = list[dict[str, Any]]
+
+LAMINAR_AND_TURBULENT = (
+    "Not the same thing: points are of one grain in laminar flow, the dashed curve fits beds of many grains in "
+    "turbulent flow. Compare shapes, not digits."
+)
+_NAMES = {"shields": "critical Shields number", "reynolds": "critical Reynolds number"}
+_MARKERS = ("o", "s", "D", "^", "v", "P", "X", "*")
+_COLOURS = ("#2166ac", "#d95f0e", "#1b7837", "#6a3d9a", "#b2182b", "#858585", "#c51b7d", "#7a5c2e")
+_WIDE, _HIGH = 7.2, 5.0  # inches
+_DECADE = 8.0  # ratio of largest to smallest value from which a scale is logarithmic
+_DIMENSIONLESS = np.geomspace(1.0, 400.0, 200)  # diameters D* of the curve
+
+
+def draw(
+    file: Path,
+    announce: Callable[[Path], object] = lambda path: None,
+    quantity: str | None = None,
+    against: str | None = None,
+    by: str | None = None,
+) -> list[Path]:
+    """Draw the pictures of a sweep beside its file, under its name. Not collective.
+
+    Args:
+        quantity: column to draw; default: the critical Shields number, else the safety factor.
+        against:  column to draw it against; default: what the sweep varies first.
+        by:       a curve for each value of this column; default: what it varies next.
+
+    Raises:
+        OutputError: nothing has been computed yet, or a picture cannot be written.
+        SceneError: there is no such column.
+    """
+    with Store(file) as store:
+        keys = store.keys()
+    found = [row for row in rows(file) if row["status"] == "done"]
+    if not found:
+        raise OutputError(f"{file}: no case has been computed; go on with incipient sweep")
+    figures: dict[str, Figure] = {}
+    with style.applied():
+        varied = [key for key in keys if len({str(row.get(key)) for row in found}) > 1]
+        against = against or next((key for key in varied if key != by), "source")
+        by = by or next((key for key in varied if key != against), None)
+        chosen = quantity or ("shields" if "shields" in found[0] else "safety_factor")
+        figures[chosen] = _curves(found, chosen, against, by, file)
+        if not quantity and any("shields" in row for row in found):
+            figures["threshold"] = _shields(found, by, file)
+        if by is not None and len(varied) > 1 and _numbers(found, against) and _numbers(found, by):
+            figures["map"] = _map(found, against, by, file)
+        return [_saved(figure, file, name, announce) for name, figure in figures.items()]
+
+
+def _saved(figure: Figure, file: Path, name: str, announce: Callable[[Path], object]) -> Path:
+    path = file.with_name(f"{file.stem}_{name}.png")
+    with reported(path):
+        figure.savefig(path, dpi=style.DOTS_PER_INCH, pil_kwargs={"compress_level": 3})
+    announce(path)
+    return path
+
+
+# -- a quantity against a parameter -------------------------------------------------------------------------
+
+
+def _curves(found: Rows, quantity: str, against: str, by: str | None, file: Path) -> Figure:
+    for name in filter(None, (quantity, against, by)):
+        if not any(name in row for row in found):
+            raise SceneError(f"{file}: has no column {name}; there are {', '.join(columns(found))}")
+    figure, axes = _figure(found, f"{_name(quantity)} against {_name(against)}")
+    shown = [row for row in found if quantity in row and against in row]
+    if not _numbers(shown, quantity):
+        raise SceneError(f"{file}: {quantity} is not a number in every case; draw another column")
+    worded = not _numbers(shown, against)
+    places = {value: float(n) for n, value in enumerate(dict.fromkeys(row[against] for row in shown))}
+    for label, mine, looks in _families(shown, by):
+        x = np.array([places[row[against]] if worded else float(row[against]) for row in mine])
+        _plot(axes, x, mine, quantity, label, looks, joined=not worded)
+    if worded:
+        axes.set_xticks(list(places.values()), [str(value) for value in places])
+    else:
+        _scale(axes.set_xscale, [row[against] for row in shown])
+    _scale(axes.set_yscale, [row[quantity] for row in shown])
+    if quantity == "safety_factor":
+        axes.axhline(1.0, color=style.INK, lw=0.8, ls=":")
+    axes.set(xlabel=_name(against), ylabel=_name(quantity))
+    _legend(axes, by)
+    return figure
+
+
+def _plot(
+    axes: Axes,
+    x: Floats,
+    mine: Rows,
+    quantity: str,
+    label: str,
+    looks: Mapping[str, Any],
+    joined: bool = True,
+) -> None:
+    """Values with their error bars, joined in the order of x; infinite ones are left out."""
+    order = np.argsort(x, kind="stable")
+    y = np.array([float(mine[number][quantity]) for number in order])
+    low, high = (np.array([_end(mine[number], quantity, end) for number in order]) for end in (LOW, HIGH))
+    with np.errstate(invalid="ignore"):
+        bars = np.nan_to_num(np.array([y - low, high - y]), nan=0.0, posinf=0.0, neginf=0.0)
+    finite = np.isfinite(y)
+    axes.errorbar(
+        x[order][finite],
+        y[finite],
+        yerr=np.maximum(bars[:, finite], 0.0),
+        ms=4.5,
+        lw=1.1 if joined else 0.0,
+        elinewidth=0.9,
+        capsize=2.0,
+        label=label or None,
+        **looks,
+    )
+
+
+def _end(row: Mapping[str, Any], quantity: str, end: str) -> float:
+    return float(row.get(quantity + end, row[quantity]))
+
+
+def _families(found: Rows, by: str | None) -> list[tuple[str, Rows, dict[str, Any]]]:
+    """The rows of each value of a column, with label and looks."""
+    values = [None] if by is None else list(dict.fromkeys(row.get(by) for row in found))
+    if by is not None and _numbers(found, by):
+        values = sorted(values, key=lambda value: float(value or 0.0))
+    return [
+        (
+            "" if by is None else _value(value),
+            [row for row in found if by is None or row.get(by) == value],
+            {"marker": _MARKERS[number % len(_MARKERS)], "color": _COLOURS[number % len(_COLOURS)]},
+        )
+        for number, value in enumerate(values)
+    ]
+
+
+# -- the critical Shields number ----------------------------------------------------------------------------
+
+
+def soulsby_whitehouse(diameters: Floats) -> tuple[Floats, Floats]:
+    """Grain Reynolds numbers u* d/nu and critical Shields numbers of beds of grains of dimensionless diameters D* (n,).
+
+    theta = 0.30/(1 + 1.2 D*) + 0.055 (1 - exp(-0.020 D*)), D* = d (g (s - 1)/nu^2)^(1/3), of Soulsby and Whitehouse
+    (1997); the Reynolds number follows from (u* d/nu)^2 = theta D*^3.
+    """
+    shields = 0.30 / (1.0 + 1.2 * diameters) + 0.055 * (1.0 - np.exp(-0.020 * diameters))
+    return np.sqrt(shields * diameters**3), shields
+
+
+def _shields(found: Rows, by: str | None, file: Path) -> Figure:
+    """Critical Shields number against grain Reynolds number beside the curve of Soulsby and Whitehouse."""
+    critical = [row for row in found if 0.0 < row.get("shields", 0.0) < math.inf]
+    if not critical:
+        raise OutputError(f"{file}: no case has a critical flow; see incipient table {file}")
+    figure, axes = _figure(found, "Critical Shields number", note=LAMINAR_AND_TURBULENT)
+    families = _families(critical, by) if by not in (None, "fluid.reynolds") else _families(critical, None)
+    for label, mine, looks in families:
+        x = np.array([float(row["shear_reynolds"]) for row in mine])
+        _plot(axes, x, mine, "shields", label or "one grain, laminar flow", looks)
+    reynolds, shields = soulsby_whitehouse(_DIMENSIONLESS)
+    label = "Soulsby & Whitehouse (1997): many grains, turbulent flow"
+    axes.plot(reynolds, shields, "--", color="#858585", lw=1.2, label=label, zorder=1)
+    axes.set(
+        xscale="log", yscale="log", xlabel="grain Reynolds number  u* d/ν", ylabel="critical Shields number"
+    )
+    _legend(axes, by if len(families) > 1 else None)
+    return figure
+
+
+# -- maps over two parameters -------------------------------------------------------------------------------
+
+
+def _map(found: Rows, across: str, up: str, file: Path) -> Figure:
+    """Modes as marks, and the safety factor in colour with the line S = 1; without it the critical Shields number."""
+    shown = [row for row in found if across in row and up in row]
+    value = "safety_factor" if any("safety_factor" in row for row in shown) else "shields"
+    figure, axes = _figure(found, f"Mode and {_name(value)}")
+    x, y = (np.array([float(row[name]) for row in shown]) for name in (across, up))
+    _scale(axes.set_xscale, x.tolist())
+    _scale(axes.set_yscale, y.tolist())
+    axes.set(xlabel=_name(across), ylabel=_name(up))
+    _colour(figure, axes, x, y, shown, value)
+    for number, mode in enumerate(sorted({str(row.get("mode", "")) for row in shown})):
+        mine = [n for n, row in enumerate(shown) if str(row.get("mode", "")) == mode]
+        marker, colour = (looks[number % len(looks)] for looks in (_MARKERS, _COLOURS))
+        label = mode or "no verdict"
+        axes.plot(
+            x[mine], y[mine], marker, color=colour, mec="white", mew=0.6, ms=7.0, label=label, clip_on=False
+        )
+    _legend(axes, None)
+    return figure
+
+
+def _colour(figure: Figure, axes: Axes, x: Floats, y: Floats, shown: Rows, value: str) -> None:
+    """The values between the cases, interpolated on triangles on the scales of the axes."""
+    from matplotlib.tri import Triangulation
+
+    values = np.array([float(row.get(value, math.nan)) for row in shown])
+    good = np.isfinite(values) & (values > 0.0)
+    if good.sum() < 3 or np.ptp(x[good]) == 0.0 or np.ptp(y[good]) == 0.0:
+        return
+    scaled = [
+        np.log(part[good]) if scale == "log" else part[good]
+        for part, scale in ((x, axes.get_xscale()), (y, axes.get_yscale()))
+    ]
+    scaled = [(part - part.min()) / np.ptp(part) for part in scaled]
+    triangles = Triangulation(*scaled).triangles
+    shape = Triangulation(x[good], y[good], triangles)
+    logs = np.log10(values[good])
+    filled = axes.tricontourf(shape, logs, levels=12, cmap="Greys", alpha=0.5)
+    bar = figure.colorbar(filled, ax=axes, pad=0.02)
+    bar.set_label(f"log10 of the {_name(value)}")
+    if value == "safety_factor" and logs.min() < 0.0 < logs.max():
+        line = axes.tricontour(shape, logs, levels=[0.0], colors=[style.PUSH], linewidths=1.6)
+        axes.clabel(line, fmt={0.0: "S = 1"}, fontsize=8)
+
+
+# -- what all share -----------------------------------------------------------------------------------------
+
+
+def _figure(found: Rows, title: str, note: str = "") -> tuple[Figure, Axes]:
+    figure = Figure(figsize=(_WIDE, _HIGH), layout="constrained")
+    axes = figure.subplots()
+    axes.set_title(f"{title}  ({', '.join(dict.fromkeys(row['source'] for row in found))})")
+    axes.grid(color="#e2e2e2", lw=0.5)
+    axes.set_axisbelow(True)
+    if note:
+        figure.supxlabel(textwrap.fill(note, 105), fontsize=8, x=0.02, ha="left")
+    return figure, axes
+
+
+def _legend(axes: Axes, by: str | None) -> None:
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(title=by and _name(by), fontsize=8, title_fontsize=8)
+
+
+def _numbers(found: Rows, name: str) -> bool:
+    """Whether a column holds numbers alone."""
+    values = [row[name] for row in found if name in row]
+    return bool(values) and all(
+        isinstance(value, int | float) and not isinstance(value, bool) for value in values
+    )
+
+
+def _scale(set_scale: Callable[[str], object], values: Sequence[float]) -> None:
+    """Choose a logarithmic scale for positive values that span much."""
+    known = [value for value in values if math.isfinite(value)]
+    if known and min(known) > 0.0 and max(known) > _DECADE * min(known):
+        set_scale("log")
+
+
+def _name(column: str) -> str:
+    return _NAMES.get(column, column.replace("_", " "))
+
+
+def _value(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,154 @@
+"""What a sweep varies: axes of values, taken as a grid or together, and tables of cases."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+import json
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import SceneError
+from ..files import plain
+
+# The overrides of one case, as of `--set`.
+Settings = tuple[str, ...]
+
+_RANGE = re.compile(r"(log|lin):([^:,]+):([^:,]+):([^:,]+)")
+_DIGITS = 12  # of values between two ends, so that they are the same numbers whatever computes them
+_MOST = 1_000_000  # cases
+_REMEDY = "write KEY=1,2,5 or KEY=log:FIRST:LAST:NUMBER or KEY=lin:FIRST:LAST:NUMBER"
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A key of scenes and the values that it takes, as text that `--set` understands."""
+
+    key: str
+    values: tuple[str, ...]
+
+    @property
+    def settings(self) -> list[Settings]:
+        """One override for each value."""
+        return [(f"{self.key}={value}",) for value in self.values]
+
+
+def parsed(text: str) -> Axis:
+    """The axis that an option such as ``fluid.reynolds=log:0.1:200:17`` describes.
+
+    Raises:
+        SceneError: it cannot be understood.
+    """
+    key, equals, values = (part.strip() for part in text.partition("="))
+    if not (equals and values and re.fullmatch(r"\w+(\.\w+)+|title", key)):
+        raise SceneError(f"--over {text}: is not a key with values; {_REMEDY}")
+    return Axis(key, _values(values, text))
+
+
+def of_mapping(given: Mapping[str, Any]) -> list[Axis]:
+    """Axes by their keys: values are a text as of `parsed`, a list, or one value; sections may be nested as in TOML.
+
+    Raises:
+        SceneError: one of them cannot be understood.
+    """
+    axes: list[Axis] = []
+    for key, values in given.items():
+        if isinstance(values, Mapping):
+            axes += of_mapping({f"{key}.{name}": part for name, part in values.items()})
+            continue
+        if isinstance(values, str):
+            axes.append(parsed(f"{key}={values}"))
+            continue
+        listed = plain(values)
+        listed = listed if isinstance(listed, list) else [listed]
+        texts = tuple(value if isinstance(value, str) else json.dumps(value) for value in listed)
+        if not texts:
+            raise SceneError(f"over {key}: has no values; give a list, or text as in log:0.1:200:17")
+        axes.append(Axis(str(key), texts))
+    return axes
+
+
+def _values(text: str, option: str) -> tuple[str, ...]:
+    """Comma-separated values and ranges."""
+    found: list[str] = []
+    for part in _split(text):
+        given = _RANGE.fullmatch(part)
+        found += _range(part.split(":"), option) if given else [part]
+    if not all(found):
+        raise SceneError(f"--over {option}: has an empty value; {_REMEDY}")
+    return tuple(found)
+
+
+def _range(parts: Sequence[str], option: str) -> list[str]:
+    kind, first, last, number = parts
+    try:
+        ends, count = (float(first), float(last)), int(number)
+    except ValueError:
+        raise SceneError(f"--over {option}: is not a range of numbers; {_REMEDY}") from None
+    if not 1 <= count <= _MOST or not np.isfinite(ends).all():
+        raise SceneError(f"--over {option}: gives {number} values; give a number from 1 to {_MOST}")
+    if kind == "log" and min(ends) <= 0.0:
+        raise SceneError(f"--over {option}: a logarithmic range needs ends above zero; use lin")
+    between = np.geomspace(*ends, count) if kind == "log" else np.linspace(*ends, count)
+    return [repr(float(f"{value:.{_DIGITS}g}")) for value in between]
+
+
+def _split(text: str) -> list[str]:
+    """Parts between commas, but for those within brackets or quotes."""
+    parts, depth, quoted = [""], 0, False
+    for sign in text:
+        quoted ^= sign == '"'
+        depth += 0 if quoted else (sign == "[") - (sign == "]")
+        if sign == "," and not depth and not quoted:
+            parts.append("")
+        else:
+            parts[-1] += sign
+    return [part.strip() for part in parts]
+
+
+def table_of_cases(path: Path) -> list[Settings]:
+    """The cases of a CSV file, a row each, under the keys of its first row; an empty cell leaves the scene's value.
+
+    Raises:
+        SceneError: it cannot be read or has no cases.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as stream:
+            rows = list(csv.DictReader(stream))
+    except OSError as error:
+        raise SceneError(f"{path}: cannot be read ({error.strerror}); give a CSV file of cases") from None
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise SceneError(f"{path}: is not a CSV file ({error}); save it as CSV in UTF-8") from None
+    if not rows:
+        raise SceneError(f"{path}: has no cases; write keys in the first row and a case in each one after it")
+    for number, row in enumerate(rows, 2):
+        if None in row or None in row.values():
+            raise SceneError(f"{path}: row {number} has not as many cells as the first; add or remove some")
+    return [tuple(f"{key}={value.strip()}" for key, value in row.items() if value.strip()) for row in rows]
+
+
+def combined(axes: Sequence[Axis], together: bool, table: Iterable[Settings] = ()) -> list[Settings]:
+    """The overrides of all cases: every combination of axes and rows; `together`, axes go along side by side.
+
+    Raises:
+        SceneError: axes that go together have different lengths, a key comes twice, or there are too many cases.
+    """
+    keys = [axis.key for axis in axes]
+    if twice := next((key for key in keys if keys.count(key) > 1), None):
+        raise SceneError(f"--over {twice}: is given twice; put all its values into one list")
+    if together and len({len(axis.values) for axis in axes}) > 1:
+        lengths = ", ".join(f"{axis.key} {len(axis.values)}" for axis in axes)
+        raise SceneError(f"--zip: the numbers of values differ ({lengths}); give as many for each key")
+    number = int(np.prod([len(axis.values) for axis in axes[: 1 if together else None]], dtype=float))
+    if number > _MOST:
+        raise SceneError(f"the sweep has {number} cases; give at most {_MOST}")
+    columns = [axis.settings for axis in axes]
+    tuples = zip(*columns, strict=True) if together and columns else itertools.product(*columns)
+    varied = [tuple(itertools.chain.from_iterable(one)) for one in tuples]
+    listed = list(table) or [()]
+    return [(*row, *settings) for row in listed for settings in varied]

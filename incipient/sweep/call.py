@@ -1,0 +1,181 @@
+"""A sweep from start to end: what the command line and Python call."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..cost.frontier import seconds as in_words
+from ..errors import SceneError
+from ..parallel import collectively, ranks_there_are
+from .cases import Case
+from .expectation import Expected, cores, expectations, free_memory_mib, total
+from .procedure import Limits, Progress, Sweep, Watcher
+from .request import of_python, seconds
+from .store import DONE, FAILED, Store
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from ..scene import Scene
+    from .crowd import Crowd
+
+
+@dataclass(frozen=True)
+class Means:
+    """What a sweep may use.
+
+    jobs:  cases at a time, None: as many as there are cores for; ranks: of each case
+    memory_mib: at a time, None: what is free; wall: seconds
+    retry: whether failed cases are computed again
+    """
+
+    jobs: int | None = None
+    ranks: int = 1
+    memory_mib: float | None = None
+    wall: float = float("inf")
+    retry: bool = False
+
+    def __post_init__(self) -> None:
+        for name, value in (("jobs", self.jobs), ("ranks", self.ranks), ("memory", self.memory_mib)):
+            if value is not None and value <= 0:
+                raise SceneError(f"--{name} {value}: is not above zero; give a positive number")
+
+    @property
+    def limits(self) -> Limits:
+        """Memory and time."""
+        return Limits(free_memory_mib() if self.memory_mib is None else self.memory_mib, self.wall)
+
+    def places(self, comm: MPI.Comm) -> int:
+        """How many cases are computed at a time."""
+        if comm.size > 1:
+            from .crowd import groups
+
+            return groups(comm, self.ranks)
+        return self.jobs or max(1, cores() // self.ranks)
+
+
+def run(
+    scenes: Scene | Path | str | list[Any] | tuple[Any, ...],
+    file: Path | str,
+    over: Mapping[str, Any] | None = None,
+    *,
+    do: str | None = None,
+    zip: bool = False,
+    cases: Path | str | None = None,
+    settings: Sequence[str] = (),
+    jobs: int | None = None,
+    ranks: int = 1,
+    memory_mib: float | None = None,
+    wall: str | float | None = None,
+    retry: bool = False,
+    watcher: Watcher | None = None,
+    comm: MPI.Comm | None = None,
+) -> Progress:
+    """Compute the cases of a sweep that its file does not hold yet. Collective over `comm` (default: all ranks).
+
+    On one rank processes of this machine compute the cases, on several these ranks, of which the first gives them out.
+
+    Args:
+        scenes: a scene or several, or names of files; of cases to be judged names of files.
+        file: the SQLite file of the sweep.
+        over: values by key, as a list or as text such as ``"log:0.1:200:17"``; None: as the section [sweep] says.
+        do: "run", "threshold" or "judge".
+        zip: values of several keys go along side by side instead of in every combination.
+        cases: a CSV file of cases.
+        settings: overrides of all cases, such as ``"numerics.mesh_size=2"``.
+        jobs: cases at a time.
+        ranks: of each case.
+        memory_mib: what cases may take at a time; default: what is free.
+        wall: seconds, or text such as "8h", after which the sweep ends.
+        retry: whether cases that have failed are computed again.
+        watcher: told of progress.
+
+    Raises:
+        IncipientError: on all ranks; what was computed before it is in the file.
+    """
+    comm = comm or ranks_there_are()
+    limit = seconds(wall) if isinstance(wall, str) else wall or float("inf")
+    means = Means(jobs, ranks, memory_mib, limit, retry)
+    table = None if cases is None else Path(cases)
+    prepared: list[tuple[list[Case], list[str]]] = []
+    with collectively(comm):
+        if comm.rank == 0:
+            prepared = [of_python(scenes, over, together=zip, table=table, task=do, common=settings).cases()]
+    return computed(prepared[0] if prepared else ([], []), Path(file), means, watcher, comm)
+
+
+def computed(
+    prepared: tuple[list[Case], list[str]], file: Path, means: Means, watcher: Watcher | None, comm: MPI.Comm
+) -> Progress:
+    """Compute cases, which the first rank alone needs to know, into a file. Collective; raises as `run`."""
+    places = means.places(comm)
+    stores: list[Store] = []
+    with collectively(comm):
+        if comm.rank == 0:
+            stores = [_opened(prepared, file, means)]
+    if comm.rank:
+        from .crowd import serve
+
+        serve(comm, means.ranks)
+        return Progress(0, 0, places)
+    with stores[0] as store:
+        waiting = [case for case in prepared[0] if store.states([case.identity]).get(case.identity) != DONE]
+        expected = expectations(waiting)
+        return Sweep(prepared[0], store, _crowd(comm, means, places), expected, means.limits, watcher).run()
+
+
+def _opened(prepared: tuple[list[Case], list[str]], file: Path, means: Means) -> Store:
+    store, (cases, keys) = Store(file, make=True), prepared
+    store.add(cases, keys)
+    store.free_abandoned()
+    if means.retry:
+        store.free_failed([case.identity for case in cases])
+    return store
+
+
+def _crowd(comm: MPI.Comm, means: Means, places: int) -> Crowd:
+    from .crowd import Processes, Ranks
+
+    return Ranks(comm, means.ranks) if comm.size > 1 else Processes(places, means.ranks)
+
+
+def foretold(cases: list[Case], file: Path, means: Means, places: int) -> str:
+    """How many cases there are to compute, and what they will take, without computing any."""
+    states: dict[str, str] = {}
+    if file.is_file():
+        with Store(file) as store:
+            states = store.states([case.identity for case in cases])
+    over = (DONE,) if means.retry else (DONE, FAILED)
+    left = [case for case in cases if states.get(case.identity) not in over]
+    expected = expectations(left)
+    known = len(cases) - len(left)
+    lines = [
+        f"{'cases':<20}{len(cases)}: {known} known to {file}, {len(left)} to compute, {places} at a time"
+    ]
+    return "\n".join([*lines, _time(expected, places), _memory(expected, means, places)])
+
+
+def _time(expected: Mapping[str, Expected], places: int) -> str:
+    sum_of_all = total(expected)
+    told = "not known; it is after `incipient calibrate`, or `incipient cost` of the scene"
+    if sum_of_all is not None:
+        told = f"about {in_words(sum_of_all / places)}, {in_words(sum_of_all)} of processor time"
+    return f"{'time':<20}{told}"
+
+
+def _memory(expected: Mapping[str, Expected], means: Means, places: int) -> str:
+    sizes = sorted((one.memory_mib or 0.0 for one in expected.values()), reverse=True)
+    most, limit = sizes[:1] or [0.0], means.limits.memory_mib
+    together = sum(sizes[:places])
+    told = f"up to {most[0]:.0f} MiB a case, {together:.0f} MiB at a time; {limit:.0f} MiB may be taken"
+    if any(one.memory_mib is None for one in expected.values()):
+        told += "; that of some cases is not known"
+    too_large = sum(size > limit for size in sizes)
+    if too_large:
+        told += f"; {too_large} cases are too large"
+    elif together > limit:
+        told += ": fewer go at a time"
+    return f"{'memory':<20}{told}"

@@ -1,0 +1,126 @@
+"""The cases of a sweep: scenes resolved and checked, each with an identity that hangs on its content alone."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import SceneError
+from ..scene import Scene
+from ..scene.file import dumps, parse
+from ..scene.points import file_text
+
+if TYPE_CHECKING:
+    from ..simulation.judge_case import Case as JudgedCase
+    from .axes import Settings
+
+TASKS = ("run", "threshold", "judge")
+SECTION = "sweep"
+_DIGITS = 20  # of an identity
+
+
+@dataclass(frozen=True)
+class Source:
+    """A scene or case as it is before a sweep changes it: its name, TOML text, and where its files are."""
+
+    name: str
+    text: str
+    base: Path = Path()
+
+    @classmethod
+    def of(cls, given: Scene | Path | str) -> Source:
+        """A scene of Python, or a file.
+
+        Raises:
+            SceneError: the file cannot be read.
+        """
+        if isinstance(given, Scene):
+            return cls(given.title or "scene", dumps(given))
+        path = Path(given)
+        try:
+            return cls(path.stem, file_text(path), path.parent)
+        except OSError as error:
+            raise SceneError(
+                f"{path}: cannot be read ({error.strerror}); give the name of a scene file"
+            ) from None
+        except UnicodeDecodeError as error:
+            raise SceneError(f"{path}: is not UTF-8 text at byte {error.start}; save it as UTF-8") from None
+
+    @property
+    def section(self) -> dict[str, Any]:
+        """What its section [sweep] says; empty without one, and where the file is not TOML, which is told later."""
+        try:
+            found = tomllib.loads(self.text).get(SECTION, {})
+        except (ValueError, RecursionError):
+            return {}
+        if not isinstance(found, dict):
+            raise SceneError(f"{self.name}: sweep: is not a section; write [sweep]")
+        return found
+
+
+@dataclass(frozen=True)
+class Case:
+    """One case of a sweep.
+
+    identity: the same for the same task and content, whatever the title, the files written and the order of keys
+    settings: the overrides that made it; text: the resolved scene as TOML, of a case to be judged as JSON
+    forms:    what decides which forms are compiled: cases that share it find them in the cache
+    """
+
+    identity: str
+    task: str
+    source: str
+    settings: Settings
+    text: str
+    forms: str
+    scene: Scene | None = field(default=None, repr=False, compare=False)
+
+
+def resolved(source: Source, settings: Settings, task: str, common: Sequence[str] = ()) -> Case:
+    """The case that settings make of a source; `common` are settings of all cases.
+
+    Raises:
+        SceneError: it contradicts itself, or has an unknown key.
+    """
+    overrides = (*common, *settings)
+    if task == "judge":
+        return _judged(source, settings, overrides)
+    scene = parse(Scene, source.text, source.base, overrides, source.name)
+    told = scene.model_dump(mode="json", exclude={"title", "output"})
+    return Case(_identity(task, told), task, source.name, settings, dumps(scene), _forms(scene, task), scene)
+
+
+def _judged(source: Source, settings: Settings, overrides: Sequence[str]) -> Case:
+    from ..simulation.judge_case import Case as Judged
+
+    case: JudgedCase = parse(Judged, source.text, source.base, overrides, source.name)
+    told = case.model_dump(mode="json", exclude_none=True, warnings=False)
+    content = {name: part for name, part in told.items() if name not in ("title", "source")}
+    return Case(_identity("judge", content), "judge", source.name, settings, json.dumps(told), "")
+
+
+def _identity(task: str, content: dict[str, Any]) -> str:
+    text = json.dumps([task, content], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]
+
+
+def _forms(scene: Scene, task: str) -> str:
+    """Dimension, elements, effects and what is computed beside the flow."""
+    from ..planning.plan import make_plan
+
+    plan = make_plan(scene)
+    present = sorted(effect.name for effect in plan.effects if effect.present)
+    elements = (scene.gdim, plan.order, plan.geometry_order, plan.convection, plan.scheme, plan.solver.name)
+    numerics = (scene.numerics.form, scene.numerics.error_bars, scene.numerics.accuracy is not None)
+    steadied = (plan.stabilisation.present, plan.stabilisation.upwind)
+    return " ".join(map(str, (task, *elements, *numerics, *steadied, *present)))
+
+
+def keys_of(settings: Sequence[Settings]) -> list[str]:
+    """The keys that settings set, in the order in which they come."""
+    return list(dict.fromkeys(one.partition("=")[0].strip() for each in settings for one in each))

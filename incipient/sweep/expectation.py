@@ -1,0 +1,119 @@
+"""What cases will take before they are computed: time by the laws of studies, memory by their meshes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..errors import IncipientError
+from ..installed import memory_of_libraries
+
+if TYPE_CHECKING:
+    from ..scene import Scene
+    from .cases import Case
+
+SHARE = 0.8  # of the memory that is free
+OF_JUDGE = 150.0  # MiB of a process that judges, measured
+# The run of a scene over the search of its threshold: 1.3 with error bars to 2.5 without were measured.
+SEARCH = 2.0
+
+
+@dataclass(frozen=True)
+class Expected:
+    """Processor time [s] and memory [MiB] of a case; None where they are not known."""
+
+    seconds: float | None = None
+    memory_mib: float | None = None
+
+
+def expectations(cases: Sequence[Case]) -> dict[str, Expected]:
+    """What cases will take, by identity. Not collective.
+
+    One case of those with the same forms is predicted by making its mesh; the others by how many more cells than that
+    one's are expected of theirs.
+    """
+    found: dict[str, Expected] = {}
+    first: dict[str, tuple[Expected, float | None]] = {}
+    cells: dict[str, float | None] = {}
+    for case in cases:
+        if case.scene is None:
+            found[case.identity] = Expected(None, OF_JUDGE)
+            continue
+        drawn = _drawn(case.scene)
+        if drawn not in cells:
+            cells[drawn] = _cells(case.scene)
+        if case.forms not in first:
+            first[case.forms] = (_predicted(case.scene, case.task), cells[drawn])
+        known, of_known = first[case.forms]
+        found[case.identity] = _scaled(known, of_known, cells[drawn])
+    return found
+
+
+def _drawn(scene: Scene) -> str:
+    """What the mesh hangs on, and more."""
+    told = scene.model_dump(mode="json", exclude={"title", "output", "gravity", "fluid", "effects"})
+    return str(told)
+
+
+def _cells(scene: Scene) -> float | None:
+    """About how many cells the mesh will have."""
+    from ..planning import drawing
+    from ..planning.plan import make_plan
+
+    with suppress(IncipientError, ImportError, OSError):
+        layout = drawing.lay_out(scene, make_plan(scene))
+        from ..meshes.expected import expected_cells
+
+        return sum(expected_cells(layout.shape, layout.sizes).values())
+    return None
+
+
+def _predicted(scene: Scene, task: str) -> Expected:
+    from ..cost.command import predicted_plan
+
+    try:
+        found = predicted_plan(scene)
+    except IncipientError:  # the case itself will say what is wrong
+        return Expected()
+    estimate = found.plan.estimate
+    if isinstance(found.prediction, str):
+        return Expected(None, None if estimate is None else estimate.memory_mib)
+    times = SEARCH if task == "threshold" else 1.0
+    return Expected(times * found.prediction.cpu, found.prediction.peak_mib)
+
+
+def _scaled(known: Expected, of_known: float | None, cells: float | None) -> Expected:
+    ratio = cells / of_known if cells and of_known else 1.0
+    memory, least = known.memory_mib, memory_of_libraries()
+    return Expected(
+        None if known.seconds is None else known.seconds * ratio,
+        None if memory is None else least + max(memory - least, 0.0) * ratio,
+    )
+
+
+def free_memory_mib() -> float:
+    """The share of this machine's, or this container's, free memory that a sweep may take."""
+    free = [float("inf")]
+    with suppress(OSError, StopIteration):
+        lines = Path("/proc/meminfo").read_text().splitlines()
+        free.append(next(float(line.split()[1]) / 1024 for line in lines if line.startswith("MemAvailable")))
+    with suppress(OSError, ValueError):
+        groups = Path("/sys/fs/cgroup")
+        most, used = (int((groups / name).read_text()) for name in ("memory.max", "memory.current"))
+        free.append((most - used) / 2**20)
+    return SHARE * min(free)
+
+
+def cores() -> int:
+    """The cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def total(expected: Mapping[str, Expected]) -> float | None:
+    """Processor time [s] of cases together; None where that of one is not known."""
+    times = [one.seconds for one in expected.values()]
+    return None if None in times else sum(time for time in times if time is not None)

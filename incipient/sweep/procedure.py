@@ -1,0 +1,197 @@
+"""The procedure of a sweep: which case comes when, within memory and time, and what is written when."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from ..errors import Interrupted
+from .cases import Case
+from .crowd import Crowd
+from .expectation import Expected
+from .store import DONE, FAILED, WAITING, Outcome, Store
+
+LOOK = 0.5  # seconds after which the state is looked at again, at the latest
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a sweep may take: MiB at a time, and seconds of wall time."""
+
+    memory_mib: float = float("inf")
+    wall: float = float("inf")
+
+
+@dataclass
+class Progress:
+    """Where a sweep stands.
+
+    total: cases; known: finished before it began; done, failed: by this sweep; elsewhere: at another sweep
+    running: cases with the time when they began; spent: seconds that finished ones took; places: at a time
+    """
+
+    total: int
+    known: int
+    places: int
+    done: int = 0
+    failed: int = 0
+    elsewhere: int = 0
+    running: dict[str, tuple[Case, float]] = field(default_factory=dict)
+    spent: float = 0.0
+
+    @property
+    def finished(self) -> int:
+        """Cases that need not be computed any more."""
+        return self.known + self.done + self.failed
+
+    @property
+    def mean(self) -> float | None:
+        """Seconds that a case takes; None before one is done."""
+        return self.spent / self.done if self.done else None
+
+    @property
+    def left(self) -> float | None:
+        """Seconds that are left, by what cases have taken so far."""
+        if self.mean is None:
+            return None
+        return self.mean * (self.total - self.finished - self.elsewhere) / self.places
+
+
+class Watcher:
+    """Is told of a sweep's progress; says nothing."""
+
+    def look(self, progress: Progress) -> None:
+        """Some time has passed."""
+
+    def finished(self, case: Case, outcome: Outcome, progress: Progress) -> None:
+        """A case has been finished."""
+
+
+class Sweep:
+    """One sweep over cases: those that the file knows already are left alone."""
+
+    def __init__(
+        self,
+        cases: Sequence[Case],
+        store: Store,
+        crowd: Crowd,
+        expected: Mapping[str, Expected],
+        limits: Limits = Limits(),
+        watcher: Watcher | None = None,
+    ):
+        self._store, self._crowd, self._limits = store, crowd, limits
+        self._expected, self._watcher = expected, watcher or Watcher()
+        self._cases = {case.identity: case for case in cases}
+        self._began = time.monotonic()
+        self._compiled: set[str] = set()
+        self._waiting: list[Case] = []
+        self._progress = Progress(len(self._cases), 0, crowd.places)
+
+    def run(self) -> Progress:
+        """Compute what waits, and wait for what other sweeps compute.
+
+        Raises:
+            Interrupted: the time is up, or the sweep was asked to end; what runs then waits again.
+            OutputError: the file cannot be written.
+        """
+        at_once = True
+        try:
+            self._sort_out()
+            while self._waiting or self._progress.running or self._progress.elsewhere:
+                self._go_on()
+            at_once = False
+        except KeyboardInterrupt as interrupt:
+            raise Interrupted(self._left("interrupted")) from interrupt
+        finally:
+            self._store.give_back()
+            self._crowd.close(at_once)
+        return self._progress
+
+    def _go_on(self) -> None:
+        """Give out what may begin, and take what has been finished."""
+        if self._waiting and self._crowd.idle():
+            self._give()
+        if not self._progress.running and self._waiting and self._is_late():
+            raise Interrupted(self._left("the time is up"))
+        for case, outcome in self._crowd.answers(LOOK):
+            self._take(case, outcome)
+        if time.monotonic() - self._began > self._limits.wall:
+            raise Interrupted(self._left("the time is up"))
+        if self._progress.elsewhere and not self._waiting:
+            self._store.free_abandoned()
+            self._sort_out()
+        self._watcher.look(self._progress)
+
+    def _sort_out(self) -> None:
+        """Which cases wait, and which are at another sweep."""
+        states = self._store.states(list(self._cases))
+        self._waiting = [case for name, case in self._cases.items() if states[name] == WAITING]
+        progress, finished = self._progress, sum(state in (DONE, FAILED) for state in states.values())
+        progress.known = finished - progress.done - progress.failed
+        progress.elsewhere = len(states) - finished - len(self._waiting) - len(progress.running)
+
+    def _give(self) -> None:
+        """Give cases to all who are idle, as far as memory, compiled forms and time allow."""
+        for case in list(self._waiting):
+            if not self._crowd.idle() or self._is_late():
+                return
+            if not self._may_begin(case):
+                continue
+            self._waiting.remove(case)
+            if not self._store.claim(case.identity):
+                self._progress.elsewhere += 1
+                continue
+            reason = self._too_large(case)
+            if reason:
+                self._finish(case, Outcome(reason=reason))
+                continue
+            self._progress.running[case.identity] = case, time.monotonic()
+            self._crowd.give(case)
+
+    def _may_begin(self, case: Case) -> bool:
+        """Whether there is memory for it, and no other case compiles its forms or others it may share just now."""
+        running = [other for other, _ in self._progress.running.values()]
+        compiling = any(other.forms not in self._compiled for other in running)
+        if compiling and case.forms not in self._compiled:
+            return False
+        taken = sum(self._memory(other) for other in running)
+        return not running or taken + self._memory(case) <= self._limits.memory_mib
+
+    def _memory(self, case: Case) -> float:
+        return self._expected.get(case.identity, Expected()).memory_mib or 0.0
+
+    def _too_large(self, case: Case) -> str:
+        memory = self._memory(case)
+        if memory <= self._limits.memory_mib:
+            return ""
+        return (
+            f"needs about {memory:.0f} MiB of memory, and {self._limits.memory_mib:.0f} are free; "
+            "free some, or allow it with --memory, and call again with --retry"
+        )
+
+    def _is_late(self) -> bool:
+        """Whether a case that begins now would not be finished in time."""
+        left = self._limits.wall - (time.monotonic() - self._began)
+        return left < (self._progress.mean or 0.0)
+
+    def _take(self, case: Case, outcome: Outcome) -> None:
+        del self._progress.running[case.identity]
+        self._finish(case, outcome)
+
+    def _finish(self, case: Case, outcome: Outcome) -> None:
+        self._store.finish(case.identity, outcome)
+        if outcome.result is None:
+            self._progress.failed += 1
+        else:
+            self._progress.done += 1
+            self._progress.spent += outcome.wall
+            self._compiled.add(case.forms)
+        self._watcher.finished(case, outcome, self._progress)
+
+    def _left(self, why: str) -> str:
+        progress = self._progress
+        return (
+            f"{why}: {progress.finished} of {progress.total} cases are finished and kept in {self._store.path}; "
+            "call again to go on"
+        )

@@ -1,0 +1,181 @@
+"""The cases of a sweep as a table: what was varied, what came out with its error bars, what it took."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import MissingError
+from ..files import reported
+from .store import Store
+
+if TYPE_CHECKING:
+    import pandas
+
+LOW, HIGH = "_low", "_high"  # of the columns that hold the ends of a quantity's error bar
+_THRESHOLD = ("factor", "shields", "reynolds", "shear_reynolds")
+_AXES = ("x", "y", "z")
+
+
+def rows(path: Path | str) -> list[dict[str, Any]]:
+    """One dictionary a case, in the order in which cases came; columns as in docs/sweeps.md. Not collective.
+
+    A number that a case does not have is missing, an infinite one is infinite.
+
+    Raises:
+        OutputError: the file is not there, damaged, or not that of a sweep.
+    """
+    with Store(Path(path)) as store:
+        keys = store.keys()
+        return [_row(stored, keys) for stored in store.rows()]
+
+
+def frame(path: Path | str) -> pandas.DataFrame:
+    """The same as a frame of pandas. Not collective.
+
+    Raises:
+        MissingError: pandas is not installed.
+        OutputError: as `rows`.
+    """
+    try:
+        import pandas
+    except ModuleNotFoundError:
+        raise MissingError("pandas is not installed: pip install 'incipient[tables]'") from None
+    found = rows(path)
+    return pandas.DataFrame(found, columns=columns(found))
+
+
+def columns(found: Sequence[Mapping[str, Any]]) -> list[str]:
+    """The columns that any of the rows has, in their order."""
+    names: dict[str, None] = {}
+    for row in found:
+        names |= dict.fromkeys(row)
+    last = ("reason", "wall", "cpu", "peak_mib", "tries", "finished", "versions", "id")
+    return [name for name in names if name not in last] + [name for name in last if name in names]
+
+
+def as_csv(found: Sequence[Mapping[str, Any]]) -> str:
+    """Rows as the text of a CSV file; what is not known is empty."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns(found), restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(found)
+    return text.getvalue()
+
+
+def write_parquet(source: Path, target: Path) -> None:
+    """Write the table as a Parquet file.
+
+    Raises:
+        MissingError: pandas or pyarrow is not installed.
+        OutputError: it cannot be written.
+    """
+    try:
+        import pyarrow  # noqa: F401
+    except ModuleNotFoundError:
+        raise MissingError("pyarrow is not installed: pip install 'incipient[tables]'") from None
+    made = frame(source)
+    with reported(target):
+        made.to_parquet(target)
+
+
+def _row(stored: Mapping[str, Any], keys: Sequence[str]) -> dict[str, Any]:
+    scene = _scene(stored)
+    row: dict[str, Any] = {"source": stored["source"], "task": stored["task"], "status": stored["status"]}
+    row |= {key: _shown(value) for key in keys if (value := _at(scene, key)) is not None}
+    if stored["result"]:
+        row |= quantities(stored["task"], json.loads(stored["result"]))
+    row |= {name: stored[name] for name in ("reason", "wall", "cpu", "peak_mib", "tries", "finished")}
+    versions = json.loads(stored["versions"] or "{}")
+    return {
+        **row,
+        "versions": " ".join(f"{name} {number}" for name, number in versions.items()),
+        "id": stored["id"],
+    }
+
+
+def _scene(stored: Mapping[str, Any]) -> dict[str, Any]:
+    text = stored["scene"]
+    return json.loads(text) if stored["task"] == "judge" else tomllib.loads(text)
+
+
+def _at(scene: Mapping[str, Any], key: str) -> Any:
+    """The value at a key such as ``fluid.reynolds``; None where there is none."""
+    value: Any = scene
+    for part in key.split("."):
+        value = value.get(part) if isinstance(value, Mapping) else None
+    return value
+
+
+def _shown(value: Any) -> Any:
+    return value if isinstance(value, str | int | float | bool) else json.dumps(value)
+
+
+def quantities(task: str, result: Mapping[str, Any]) -> dict[str, Any]:
+    """What the result of a case says in numbers and words, error bars under NAME_low and NAME_high."""
+    return _of_threshold(result) if task == "threshold" else _of_verdict(result)
+
+
+def _of_threshold(result: Mapping[str, Any]) -> dict[str, Any]:
+    found: dict[str, Any] = {"mode": result["mode"]}
+    for name in _THRESHOLD:
+        value, error = result[name], result["errors"][name]
+        found[name] = math.inf if value is None else value
+        if value is not None and error is not None:
+            found |= {name + LOW: value - error, name + HIGH: value + error}
+    if result["reason"]:
+        found["note"] = result["reason"]
+    return found
+
+
+def _of_verdict(result: Mapping[str, Any]) -> dict[str, Any]:
+    verdict = result["verdict"]
+    found: dict[str, Any] = {}
+    if verdict is not None:
+        factor = verdict["safety_factor"]
+        found = {"mode": verdict["mode"], "moves": verdict["moves"]}
+        found["safety_factor"] = math.inf if factor is None else factor
+        paper = verdict["judges"]["criteria"]
+        found["paper"] = paper["wording"] if paper["moves"] else "no incipient motion"
+    bars = result.get("error_bars")
+    if bars is not None and bars["safety_factor"] is not None:
+        bar = bars["safety_factor"]
+        ends = (math.inf if bar[end] is None else bar[end] for end in ("low", "high"))
+        found |= dict(zip((f"safety_factor{LOW}", f"safety_factor{HIGH}"), ends, strict=True))
+        found["certain"] = bar["certain"]
+    for name in ("force", "couple"):
+        if result.get(name) is not None:
+            found |= _vector(name, result[name]["flow"], bars and bars[name])
+    for name, value in (result.get("coefficients") or {}).items():
+        if name in ("drag", "lift", "moment"):
+            found[name] = value
+    return found
+
+
+def _vector(name: str, values: Sequence[float], errors: Sequence[float] | None) -> dict[str, float]:
+    """The components that are not zero."""
+    found: dict[str, float] = {}
+    for number, axis in enumerate(_AXES):
+        value, error = values[number], None if errors is None else errors[number]
+        if value:
+            found[f"{name}_{axis}"] = value
+            if error is not None:
+                found |= {f"{name}_{axis}{LOW}": value - error, f"{name}_{axis}{HIGH}": value + error}
+    return found
+
+
+def in_words(row: Mapping[str, Any]) -> str:
+    """What came out of a case, in a few words."""
+    if row["status"] == "failed":
+        return str(row["reason"])
+    if row["task"] == "threshold":
+        bar = row.get(f"shields{HIGH}")
+        error = "" if bar is None else f" +- {bar - row['shields']:.1g}"
+        return f"{row['mode']} at Shields number {row['shields']:.4g}{error}"
+    return f"{row['mode']}, safety factor {row['safety_factor']:.4g}" if "mode" in row else "no verdict"

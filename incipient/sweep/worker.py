@@ -1,0 +1,137 @@
+"""A process, or ranks, that compute one case after the other: `python -m incipient.sweep.worker`.
+
+Orders come as lines of JSON on the standard input of the first rank, answers go to its standard output; what the
+libraries print goes to the standard error. The process ends when there are no more orders.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import os
+import signal
+import sys
+import time
+import traceback
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import IncipientError
+from ..files import plain
+from ..parallel import ranks_there_are, start_alone_quickly
+from .store import Outcome
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+END_WITH_PARENT = 1  # PR_SET_PDEATHSIG of Linux
+
+
+def end_with_parent() -> None:
+    """Let the kernel kill this process when the one that started it ends, however that ends; on Linux only."""
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(END_WITH_PARENT, signal.SIGKILL)
+
+
+def computed(task: str, text: str, comm: MPI.Comm) -> Outcome:
+    """Compute a case; one that fails with an error for users has its line as the reason. Collective."""
+    began, processor = time.perf_counter(), _processor_time()
+    _forget_peak()
+    result, reason, versions = None, "", _versions(task)
+    try:
+        result = plain(_TASKS[task](text, comm))
+        versions = result.get("cost", {}).get("versions") or versions
+    except IncipientError as error:
+        reason = str(error)
+    except Exception as error:
+        if comm.size > 1:  # the other ranks may wait for this one
+            raise
+        traceback.print_exc()
+        reason = f"a defect of the program: {' '.join(f'{type(error).__name__}: {error}'.split())}"
+    spent, peak = (sum(comm.allgather(one)) for one in (_processor_time() - processor, _peak_memory()))
+    return Outcome(result, reason, time.perf_counter() - began, spent, peak, versions)
+
+
+def _run(text: str, comm: MPI.Comm) -> dict[str, Any]:
+    from ..scene import loads
+    from ..simulation.simulate import simulate
+
+    scene = loads(text)
+    if scene.numerics.accuracy is None:
+        return simulate(scene, comm).to_dict()
+    from ..adaptive.run import run_to_accuracy
+
+    return run_to_accuracy(scene, comm).to_dict()
+
+
+def _threshold(text: str, comm: MPI.Comm) -> dict[str, Any]:
+    from ..critical.threshold import find_threshold
+    from ..scene import loads
+
+    return find_threshold(loads(text), comm).to_dict()
+
+
+def _judge(text: str, comm: MPI.Comm) -> dict[str, Any]:
+    from ..simulation.judge_case import Case, judge_case
+
+    return judge_case(Case.model_validate(json.loads(text)))
+
+
+_TASKS = {"run": _run, "threshold": _threshold, "judge": _judge}
+
+
+def _versions(task: str) -> dict[str, str]:
+    names = ("incipient", "numpy", "scipy", "clarabel") if task == "judge" else ("incipient", "numpy")
+    return {name: version(name) for name in names}
+
+
+def _processor_time() -> float:
+    """Processor time [s] of this process and of compilers that it has started."""
+    used = os.times()
+    return used.user + used.system + used.children_user + used.children_system
+
+
+def _forget_peak() -> None:
+    """Let the kernel count the largest memory anew from here; where it does not, it is that of all cases so far."""
+    with suppress(OSError):
+        Path("/proc/self/clear_refs").write_text("5")
+
+
+def _peak_memory() -> float:
+    from ..results.timing import peak_memory_mib
+
+    return peak_memory_mib()
+
+
+def _orders(comm: MPI.Comm) -> Iterator[dict[str, str]]:
+    """The orders, on all ranks. Collective."""
+    while True:
+        line = sys.stdin.readline() if comm.rank == 0 else ""
+        if comm.size > 1:
+            line = comm.bcast(line)
+        if not line.strip():
+            return
+        yield json.loads(line)
+
+
+def main() -> int:
+    """Compute what is ordered; the exit code."""
+    end_with_parent()
+    start_alone_quickly()
+    comm = ranks_there_are()
+    answers = os.dup(1)
+    os.dup2(2, 1)
+    with os.fdopen(answers, "w") as stream:
+        for order in _orders(comm):
+            outcome = computed(order["task"], order["text"], comm)
+            if comm.rank == 0:
+                print(json.dumps(asdict(outcome)), file=stream, flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
