@@ -22,7 +22,6 @@ STUDIES = {
     "space": ("sphere_in_pocket", {"fluid.inertia": [True], "fluid.reynolds": "log:0.1:100:5"}),
 }
 
-
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("study", nargs="?", choices=STUDIES, default="plane")
@@ -30,16 +29,9 @@ if __name__ == "__main__":
     parser.add_argument("--wall", help="end in time; call again to go on")
     given = parser.parse_args()
     name, over = STUDIES[given.study]
-    file = Path(f"results/reynolds_sweep_{given.study}.sqlite")
+    scene, file = SCENES / f"{name}.toml", f"results/reynolds_sweep_{given.study}.sqlite"
+    chosen = {"do": "threshold", "settings": given.set, "wall": given.wall}
     with incipient.sweep.watching() as watcher:
-        done = incipient.sweep.run(
-            SCENES / f"{name}.toml",
-            file,
-            over,
-            do="threshold",
-            settings=given.set,
-            wall=given.wall,
-            watcher=watcher,
-        )
+        done = incipient.sweep.run(scene, file, over, watcher=watcher, **chosen)
     if MPI.COMM_WORLD.rank == 0:
         print(f"{done.done} thresholds computed, {done.failed} failed, {done.known} known before: {file}")

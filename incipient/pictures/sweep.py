@@ -182,7 +182,7 @@ def _shields(found: Rows, by: str | None, file: Path) -> Figure:
         x = np.array([float(row["shear_reynolds"]) for row in mine])
         _plot(axes, x, mine, "shields", label or "one grain, laminar flow", looks)
     reynolds, shields = soulsby_whitehouse(_DIMENSIONLESS)
-    label = "Soulsby & Whitehouse (1997): many grains, turbulent flow"
+    label = "Soulsby & Whitehouse (1997)"
     axes.plot(reynolds, shields, "--", color="#858585", lw=1.2, label=label, zorder=1)
     axes.set(
         xscale="log", yscale="log", xlabel="grain Reynolds number  u* d/ν", ylabel="critical Shields number"
