@@ -154,11 +154,12 @@ def digest(scene: Scene) -> str:
 
 
 def kind(scene: Scene) -> str:
-    """Steady, unsteady, or with a grain that moves; in the plane or in space."""
+    """Steady, unsteady, or with a mesh that follows a grain or a free surface; in the plane or in space."""
     space = "" if scene.gdim == 2 else IN_SPACE
     if scene.time is None:
         return STEADY + space
-    return (MOVING if scene.body is not None and scene.body.moves else UNSTEADY) + space
+    moving = scene.has_surface or (scene.body is not None and scene.body.moves)
+    return (MOVING if moving else UNSTEADY) + space
 
 
 def step_of_flow(scene: Scene, step: float | None) -> float:

@@ -78,7 +78,7 @@ class Solver:
 
     def _tolerances(self, scene: Scene) -> dict[str, float]:
         """The tolerances that end the iterations, enlarged, by key."""
-        moves = scene.body is not None and scene.body.moves
+        moves = scene.has_surface or (scene.body is not None and scene.body.moves)
         names = ("tolerance", "interface_tolerance") if moves else ("tolerance",)
         given = {name: of_steady(getattr(scene.numerics, name)) for name in names}
         return {name: max(value, min(self.looser * value, LOOSEST)) for name, value in given.items()}
