@@ -13,7 +13,7 @@ export OMP_NUM_THREADS := 1
 export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 
-.PHONY: help setup demo test test-quick test-slow test-debian13 test-wheel lint types bench cost effects scaling stress clean
+.PHONY: help setup demo test test-quick test-slow test-debian13 test-wheel lint types bench cost effects scaling stress surface clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -60,6 +60,10 @@ scaling: setup ## the solver in space from 35,000 to 240,000 unknowns: the table
 
 stress: setup ## hard cases: docs/stress.md and the map of what can be solved
 	PYTHONPATH=tests:tests/stability $(PYTHON) benchmarks/stress.py
+
+surface: setup ## free surfaces against exact solutions, and the demos: the numbers of docs/surface.md
+	$(PYTHON) -m pytest tests/convergence/test_waves.py tests/stability/test_surface.py tests/end_to_end/test_free_surface.py -m "slow or not slow"
+	for demo in standing_wave sloshing grain_under_waves floating_body; do .venv/bin/python demos/$$demo.py; done
 
 clean: ## remove caches, build leftovers and the demo's results, not .venv
 	rm -rf results/$(DEMO) build dist incipient.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
