@@ -105,7 +105,11 @@ class GoalErrors:
         hats = compat.space(self.fluid.domain.mesh, ("Lagrange", 1))
         weight = dolfinx.fem.Function(self.finer.space.mixed)
         hat, (w, q) = ufl.TestFunction(hats), ufl.split(weight)
-        return hats, weight, compat.form(self.finer.residual_form(hat * w, hat * q))
+        return (
+            hats,
+            weight,
+            compat.form(self.finer.residual_form(hat * w, hat * q, upwind=not self.finer.model.exact)),
+        )
 
     def _weigh(self, goal: Floats, weight: Any) -> None:
         """Make the weight the dual solution with the goal's boundary values, less its part in the flow's elements."""

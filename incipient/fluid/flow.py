@@ -66,7 +66,8 @@ class Fluid:
         self._shifts = tuple(geometry_function(mesh) for _ in range(2 * model.moving_mesh))
         self._rows = geometry_rows(self._shifts[0]) if self._shifts else None
         self.surface: Any = self._surface_load() if self.constraints.surface else None
-        self._residual = compat.form(self.residual_form(*ufl.TestFunctions(self.space.mixed)))
+        w, q = ufl.TestFunctions(self.space.mixed)
+        self._residual = compat.form(self.residual_form(w, q, upwind=not model.exact))
         self._jacobian = None if coarse else self._compiled_jacobian()
         self.coarse, self._held = coarse, list[Any]()
         with ExitStack() as on_failure:
@@ -103,23 +104,22 @@ class Fluid:
         action = Action(self.state, partial(self.residual_form, measure=measure), equations.owned_held())
         return TwoLevel(self.holding(action).times, equations, (coarse.solver, coarse._equations()))
 
-    def residual_form(self, w: Any, q: Any, cells: np.ndarray | None = None, measure: Any = None) -> Any:
+    def residual_form(
+        self, w: Any, q: Any, cells: np.ndarray | None = None, measure: Any = None, upwind: bool = True
+    ) -> Any:
         """The residual of the present state as a UFL form, tested with velocity w and pressure q.
 
-        Integrated over all cells, or over some of the local ones only, or by another measure of all cells.
+        Integrated over all cells, or over some of the local ones only, or by another measure; `upwind` or not.
         """
         v, p = ufl.split(self.state)
-        return residual(v, p, w, q, self._terms(v), measure or self.quadrature(cells))
+        return residual(v, p, w, q, self._terms(v, upwind), measure or self.quadrature(cells))
 
     def quadrature(self, cells: np.ndarray | None = None) -> Any:
         """The measure of all cells, or of some of the local ones, for the terms of this flow. Collective."""
         return self.space.quadrature(cells, self.model.polynomial and self.surface is None)
 
     def kept(self, name: str, make: Callable[[], Any]) -> Any:
-        """What has been made under a name for this fluid: forms that are assembled again and again. Collective.
-
-        UFL analyses a form whenever it is compiled, whether or not its code is there.
-        """
+        """What has been made under a name for this fluid: forms, whose analysis by UFL takes time. Collective."""
         if name not in self._kept:
             self._kept[name] = make()
         return self._kept[name]
@@ -128,15 +128,15 @@ class Fluid:
         whole = self.residual_form(*ufl.TestFunctions(self.space.mixed))
         return compat.form(ufl.derivative(whole, self.state, ufl.TrialFunction(self.space.mixed)))
 
-    def _terms(self, v: Any) -> FlowTerms:
+    def _terms(self, v: Any, upwind: bool = True) -> FlowTerms:
         model = self.model
         force = None if model.body_force is None else model.body_force(self.place(), self._time)
         boundary = self.domain.measure(*self.constraints.open) if self.constraints.open else None
         skew = self.constraints.crossed() if model.energy_stable else None
         rate, carrier = self._rate_of_change(v), self._carrier(v)
-        upwind = self._upwind_size() if model.upwind and model.inertia else None
+        size = self._upwind_size() if upwind and model.upwind and model.inertia else None
         return FlowTerms(
-            *(self.viscosity, rate, carrier, skew, self._cell_size(), upwind),
+            *(self.viscosity, rate, carrier, skew, self._cell_size(), size),
             *(force, boundary, model.reference_map),
             None if self.surface is None else partial(self.surface.integral, v),
         )

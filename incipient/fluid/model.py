@@ -25,6 +25,7 @@ class FlowModel:
     energy_stable: convection and rate in the form that cannot create kinetic energy, instead of as printed
     stabilisation: whether convection is stabilised on cells too coarse for it (`forms.terms.grad_div`)
     upwind:        whether it is by upwinding along the streams (`forms.terms.streamline_upwind`), as `Block` needs
+    exact:         whether the residual is that without upwinding, which then is in the Jacobian alone
     upwind_order:  order of the elements that the upwinding is that of; 0: of the flow's own
     solver:        method for the linear systems, a name in `solvers.SOLVERS`, or "two-level" (`raised.made`)
     viscosity:     function of 1/Re (UFL) giving the kinematic viscosity, or None: it is 1/Re
@@ -40,6 +41,7 @@ class FlowModel:
     energy_stable: bool = False
     stabilisation: bool = False
     upwind: bool = False
+    exact: bool = False
     upwind_order: int = 0
     solver: str = "direct"
     viscosity: Callable[[Any], Any] | None = None

@@ -48,11 +48,11 @@ def lowered(fluid: Fluid) -> Iterator[Fluid]:
 def enriched(fluid: Fluid) -> Fluid:
     """A copy of a solved flow in elements of one order more; the caller destroys it before that. Collective.
 
-    Where the flow's solver iterates, it helps that of the copy. The copy then is upwinded as the flow is, so that what
-    is left of the residual is what the flow's elements cannot see.
+    Where the flow's solver iterates, it helps that of the copy. The copy's Jacobian then is upwinded as the flow is,
+    its residual not at all: what is left of it is what the flow's elements cannot see, and what upwinding changed.
     """
     order, model = fluid.model.order, fluid.model
     if isinstance(fluid.solver, Direct):
         return fluid.at_order(order + 1)
-    model = replace(model, order=order + 1, upwind_order=model.upwind_order or order)
+    model = replace(model, order=order + 1, upwind_order=model.upwind_order or order, exact=True)
     return Fluid(fluid.domain, model, fluid.conditions, fluid.reynolds, fluid.coarse or fluid)
