@@ -5,6 +5,7 @@ from __future__ import annotations
 from ..scene import Scene
 
 FAR_CELL = {2: 0.10, 3: 0.15, 4: 0.20}  # of the domain's height
+FAR_CELL_IN_SPACE = {2: 0.25, 3: 0.45, 4: 0.5}  # likewise
 
 
 GRID_CELLS = {2: 48, 3: 32, 4: 24}  # along the shorter side of an empty box
@@ -33,6 +34,12 @@ def largest_cell(scene: Scene) -> float:
     # Boundary layers thin as Re^-1/2, the grading makes up for half of that.
     crowd = max(1.0, (scene.fluid.reynolds / 1000.0) ** 0.25)
     return min(domain.length, domain.height) / (GRID_CELLS[order] * crowd)
+
+
+def largest_cell_in_space(scene: Scene, order: int) -> float:
+    """Size of the cells away from everything in space for mesh_size = 1 and an order of the velocity [length]."""
+    domain = scene.domain
+    return min(FAR_CELL_IN_SPACE[order] * domain.height, 0.5 * min(domain.extents))
 
 
 def is_grid(scene: Scene) -> bool:

@@ -13,7 +13,7 @@ from ..geometry.space.terrain import Plane, Terrain
 from ..installed import memory_of_libraries
 from ..meshes import Away, Near, PlacedSolid, Resolved, Sizes, SolidRegion
 from ..scene import Scene
-from .cells import side_names
+from .cells import largest_cell_in_space, side_names
 from .clearance import surroundings
 from .effects import moves
 from .layout import Layout, Place, halved, placed, point
@@ -21,7 +21,6 @@ from .linear import LOWEST_ORDER
 from .plan import Estimate, Plan
 
 # Cell sizes for mesh_size = 1 by order of the velocity (docs/space.md).
-FAR_CELL = {2: 0.25, 3: 0.45, 4: 0.5}  # of the domain's height
 GRAIN_CELL = {2: 0.15, 3: 0.22, 4: 0.3}  # of the grain's size, at its surface
 BED_CELL = {2: 0.35, 3: 0.5, 4: 0.7}  # of the bed's smallest feature
 GAP_CELL = {2: 0.8, 3: 1.5, 4: 1.8}  # of the gap between grain and bed, and of narrow passages
@@ -47,7 +46,7 @@ def lay_out_in_space(scene: Scene, plan: Plan, moved: Placement | None = None) -
         near = surroundings(scene).clearance(placement)
         gap, ends = near.distance, (halved(scene, near.on_grain), halved(scene, near.on_other))
     region = _region(scene, placement, moving)
-    far = min(FAR_CELL[plan.order] * scene.domain.height, 0.5 * min(scene.domain.extents))
+    far = largest_cell_in_space(scene, plan.order)
     sizes = Sizes(far, tuple(_near(scene, plan, placement, gap, ends)), gap_part=GAP_CELL[plan.order])
     most = scene.numerics.max_cells
     sizes = sizes.scaled(plan.mesh_size)

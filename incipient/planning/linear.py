@@ -5,9 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..scene import Scene
-from .stabilisation import upwinds
+from .stabilisation import largest_peclet, upwinds
 
 LOWEST_ORDER = 2
+
+
+# Peclet number |c| h/(2 k nu) of the largest cells up to which blocks do without upwinding (docs/scaling.md).
+RESOLVED = 25.0
 
 
 @dataclass(frozen=True)
@@ -47,4 +51,6 @@ def method_of(scene: Scene, slow: bool, unsteady: bool) -> Method:
         return Method("block", f"{dear}; steps in time need none")
     if upwinds(scene):
         return Method("block", f"{dear}; upwinding makes them needless")
+    if scene.time is None and largest_peclet(scene) <= RESOLVED:
+        return Method("block", f"{dear}; cells are fine enough for the flow's convection")
     return Method("direct", "the flow is not upwinded; in space its factors take much time and memory")

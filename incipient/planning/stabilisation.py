@@ -3,7 +3,7 @@
 The Reynolds number of a cell is P = V h/(k nu): V the scene's reference velocity, h the size of the largest cells, away
 from everything, k the order of the velocity, nu the viscosity. Below the bound plain Taylor-Hood elements err
 less, above it those stabilised by `forms.terms.grad_div`, if the plain ones have a solution at all (docs/numerics.md).
-Steady flow in space is upwinded instead, `forms.terms.streamline_upwind`: the solver by blocks needs that.
+Steady flow in space is upwinded instead, `forms.terms.streamline_upwind`: where cells are coarse blocks need that.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 # Reynolds number of cells from which on convection is stabilised.
 COARSE = 50.0
+PLACES = 9  # in each direction, at which the undisturbed stream is looked at
 
 
 @dataclass(frozen=True)
@@ -68,6 +69,20 @@ def cell_reynolds(scene: Scene) -> float:
 
     size = scene.numerics.mesh_size * largest_cell(scene)
     return float(scene.reference_velocity * size / (scene.order * scene.viscosity))
+
+
+def largest_peclet(scene: Scene) -> float:
+    """|c| h/(2 k nu) of the largest cells of a scene in space in its fastest undisturbed stream. Not collective."""
+    from .cells import largest_cell_in_space
+    from .stream import undisturbed
+
+    domain = scene.domain
+    sides = ((domain.left, domain.right), domain.across, (domain.bottom, domain.ceiling))
+    axes = [np.linspace(low, high, PLACES) for low, high in sides]
+    points = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 3).T
+    fastest = float(np.linalg.norm(undisturbed(scene)(points, 0.0), axis=0).max())
+    size = scene.numerics.mesh_size * largest_cell_in_space(scene, scene.order) / scene.order
+    return 0.5 * fastest * size / float(scene.viscosity)
 
 
 def measured_cell_reynolds(fluid: Fluid) -> float:

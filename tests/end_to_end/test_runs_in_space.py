@@ -1,6 +1,7 @@
 """Scenes in space from file to verdict: against exact numbers, half against whole, on one and two ranks."""
 
 from math import pi
+from pathlib import Path
 
 import dolfinx
 import numpy as np
@@ -156,3 +157,13 @@ def test_a_free_sphere_at_a_reynolds_number_of_a_hundred():
     assert result.force.flow[0] / (pi / 8) == pytest.approx(1.087, rel=0.01)
     # Symmetric about the stream's axis at this number: no lift; measured 4e-5 of the drag.
     assert abs(result.force.flow[2]) < 1e-3 * result.force.flow[0]
+
+
+@pytest.mark.slow
+def test_a_cylinder_across_a_channel(tmp_path):
+    """DFG 3D-1Z: drag coefficient 6.18533 (Bayraktar, Mierka & Turek 2012); without upwinding, on 31,430 unknowns."""
+    path = Path(__file__).parents[2] / "demos/scenes/cylinder_in_space.toml"
+    force = incipient.run(incipient.load(path), tmp_path).force.flow
+    mean, diameter, height = 0.2, 0.1, 0.41
+    assert 2.0 * force[0] / (mean**2 * diameter * height) == pytest.approx(6.18533, rel=1e-3)
+    assert force[1] == 0.0
