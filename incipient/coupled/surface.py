@@ -68,7 +68,7 @@ class SurfacePart:
         stage: Stage = lambda name: nullcontext(),
     ):
         self.fluid, self.mesh, self._load, self._stage = fluid, displacement, fluid.surface, stage
-        self.met = False
+        self.met, self._whole = False, 2.0 if fluid.domain.halved else 1.0
         self.past, self.times = [elevation], [fluid.time]
         gravity = float(np.linalg.norm(self._load.gravity.value))
         self._depths, self._below = depths, below
@@ -170,15 +170,15 @@ class SurfacePart:
         return self.past[0]
 
     def volume(self) -> float:
-        """Of the fluid above the still level less what is missing below it."""
-        return self.mesh.mean(self.past[0])
+        """Of the fluid above the still level less what is missing below it; of the whole where half is meshed."""
+        return self._whole * self.mesh.mean(self.past[0])
 
     def energy(self) -> float:
         """Potential energy above that of the still level, and with surface tension that of the surface's area."""
         found = self._sum(self._potential)
         if self._load.tension is not None:
             found += float(self._load.tension.value) * self._sum(self._area)
-        return found
+        return self._whole * found
 
     def crossed(self) -> float:
         """(v - v_mesh) . n on the surface, root mean square: it should be small beside the velocity."""

@@ -21,7 +21,11 @@ class FilmInPlane(Film):
     _upwards = "y"
 
     def _box(self) -> View:
-        return self.run(0).box
+        first = self.run(0)
+        if first.setting("domain", "top") != "free-surface":
+            return first.box
+        # A surface rises above where it began.
+        return (*first.box[:3], max(self.run(number).box[3] for number in range(self.count)))
 
     def _shown(self, run: Run, time: float) -> list[Artist]:
         drawn = [self._painted(run), *self._solids(run), *self.way(time), *self._spoke(run, time)]
