@@ -7,7 +7,8 @@ Each source of error is a term of its own:
   the step's, and the mesh's;
 - gap: a grain at rest on a bed is computed with a gap. Coarse runs with one, two and four times the gap show
   how force and couple go with it, and what closing it would change;
-- domain: a coarse run with inflow, outflow and sides that move as the stream does farther away shows what they change.
+- domain: a coarse run with inflow, outflow and sides that move as the stream does farther away shows what they change;
+- level ground: a run of steady flow in space with a larger part of its bed meshed as it is shows what the rest changes.
 
 For flow in time the coarse runs go to the same end, in longer steps. Terms are added in absolute value: an error bar
 is not a standard deviation.
@@ -46,6 +47,7 @@ MODEL_TOLERANCE, LARGEST_TOLERANCE = 8.0, 0.1
 MODEL_ITERATION = 1e-6  # tolerance of their iterations in time, where differences of a thousandth matter
 FARTHER = 1.5  # how much larger the domain of the domain's term is
 DECAY = 2.0  # the influence of sides is taken to fall off like their distance to this power
+WIDER, DECAY_OF_GROUND = 1.5, 1.0  # the same of the part of the bed that is meshed as it is (docs/space.md)
 # The runs that tell of the discretisation in time: between which factors how much longer the steps are, so that there
 # are FEWEST_STEPS if possible; and how much coarser the mesh, where there is no higher order than that of the run.
 LONGER_STEP, LONGEST_STEP = 2.0, 4.0
@@ -54,6 +56,7 @@ LARGER, SMALLER = (1.0, 2.0, 4.0), (0.25, 0.5, 1.0)  # gaps of three runs, relat
 ORDERS = (0.3, 2.0)  # between which the order in the gap is believed
 # Three loads change too little to tell an order: below this share of the largest.
 TOO_LITTLE = 1e-6
+GROUND = "level ground"
 OF_MESH = "mesh"  # name of the part of the discretisation's term that outlasts a change of steps
 NO_CONTACT = "does not apply: no grain rests on a bed"
 MOVES = "does not apply: the grain moves, and contact.gap says where it stops"
@@ -89,6 +92,8 @@ def error_terms(run: Run, force: Forces, couple: Couples, solve: Solve, speed: f
             found.leave_out(name, reason)
         else:
             found.add(name, partial(estimate, scene))
+    if has_level_ground(scene):
+        found.add(GROUND, partial(of_level_ground, scene, _computed(run, force, couple)))
     return found.bars()
 
 
@@ -209,6 +214,8 @@ def coarse_scenes(scene: Scene) -> list[Scene]:
     for _, why_not, estimate in MODEL_TERMS:
         if not why_not(scene):
             estimate(scene, note)
+    if has_level_ground(scene):
+        of_level_ground(scene, Loads(np.zeros(3), np.zeros(3)), note)
     return list(wanted.values())
 
 
@@ -311,6 +318,23 @@ def has_no_far_sides(scene: Scene) -> str:
     if scene.bed is not None and scene.bed.kind in ("polyline", "height-map", "mesh"):
         return "not estimated: the bed is known only as far as its points reach"
     return ""
+
+
+def of_level_ground(scene: Scene, computed: Loads, solve: Solve) -> Term:
+    """What a bed that is meshed as it is everywhere would change, from a run with more of it meshed so."""
+    wider = changed(scene, numerics={"meshed_bed": WIDER * scene.numerics.meshed_bed, "error_bars": False})
+    how = f"a run with the bed meshed {WIDER:g} times as far, decay with distance to the power {DECAY_OF_GROUND:g}"
+    share = 1.0 / (1.0 - WIDER**-DECAY_OF_GROUND)
+    return Term.of_difference(GROUND, solve(wider), computed, share, how)
+
+
+def has_level_ground(scene: Scene) -> bool:
+    """Whether a bed goes over to level ground away from the grain, in a steady flow on a mesh of default sizes."""
+    if scene.gdim != 3 or scene.time is not None or scene.numerics.accuracy is not None:
+        return False
+    from ..planning.drawing_in_space import resolved_bed
+
+    return resolved_bed(scene, scene.placement) is not None
 
 
 # Terms of the model: name, why a scene has none, and how it is estimated.

@@ -75,7 +75,7 @@ def resolved_bed(scene: Scene, placement: Placement | None) -> Resolved | None:
     bed, grain = scene.bed_shape, scene.grain
     if bed is None or grain is None or placement is None or not np.isfinite(bed.feature):
         return None
-    radius = _meshed_radius(grain.size, bed.feature)
+    radius = scene.numerics.meshed_bed * _meshed_radius(grain.size, bed.feature)
     passage = PASSAGE * bed.feature
     reach = radius + passage
     x, y = placement.centre[:2]

@@ -48,6 +48,10 @@ class Numerics(Section):
         "exact",
         description="Coupling of fluid and moving grain; naive: for comparison only, diverges for light grains",
     )
+    meshed_bed: Positive = Field(
+        1.0,
+        description="Factor on the radius about the grain within which a bed in space is meshed as it is [-]",
+    )
     error_bars: bool = Field(
         True, description="Estimate errors of force, couple and safety factor; takes about as long as the run"
     )

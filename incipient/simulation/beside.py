@@ -74,6 +74,8 @@ class Beside:
         motion, lifting = MeshMotion(run.domain), Lifting(run.domain, "body")
         found: dict[str, _Moved] = {}
         for scene in coarse_scenes(run.scene):
+            if scene.numerics.meshed_bed != run.scene.numerics.meshed_bed:
+                continue  # another bed
             centre = self._centre(scene)
             places = _in_domain(run, scene)
             if places is None:

@@ -12,14 +12,23 @@ from scenes import CARRIED
 
 import incipient
 from incipient.accuracy import errorbars
-from incipient.accuracy.errorbars import by_coarser_runs, changed, coarse_scenes, comparisons, farther
+from incipient.accuracy.errorbars import (
+    by_coarser_runs,
+    changed,
+    coarse_scenes,
+    comparisons,
+    farther,
+    has_level_ground,
+    of_level_ground,
+)
 from incipient.accuracy.safetybar import bar_of_safety
 from incipient.contact import Contacts, Load
 from incipient.errors import ConvergenceError
+from incipient.planning.drawing_in_space import resolved_bed
 from incipient.results.errorbars import Loads, Term
 from incipient.results.safetybar import SafetyBar
 from incipient.scene import Scene, Time, loads
-from incipient.scene.example import commented, grain_on_bed
+from incipient.scene.example import commented, grain_in_pocket, grain_on_bed
 from incipient.simulation import simulate as simulation
 from incipient.simulation.simulate import loads_of, simulate
 from incipient.simulation.state import Accounts
@@ -429,3 +438,27 @@ def test_held_by_the_flow_alone() -> None:
     assert "0.08 to 1.467 times the flow's load may hold it" in found.sentence()
     del errors["gap"]
     assert bar_of_safety(load, contacts, 0.5, (1.0, np.eye(3)), errors).modes == ("rest",)
+
+
+# -- beds in space --------------------------------------------------------------------------------------------------
+
+
+def test_level_ground_is_estimated_from_more_of_the_bed() -> None:
+    """An influence that goes as one over the distance: of the difference 1 - 1/1.5 the whole is three times that."""
+    scene = grain_in_pocket()
+    assert has_level_ground(scene)
+    asked = []
+
+    def solve(one: Scene) -> Loads:
+        asked.append(one)
+        away = one.numerics.meshed_bed
+        return Loads(np.array([7.0 - 0.2 / away, 0.0, 0.1]), np.array([0.0, 1.4 - 0.03 / away, 0.0]))
+
+    term = of_level_ground(scene, solve(scene), solve)
+    assert term.force == pytest.approx([0.2, 0.0, 0.0]) and term.couple == pytest.approx([0.0, 0.03, 0.0])
+    assert asked[1].numerics.meshed_bed == 1.5 and not asked[1].numerics.error_bars
+    near, far = (resolved_bed(one, scene.placement) for one in asked)
+    assert near is not None and far is not None and far.radius == 1.5 * near.radius
+    assert [one.numerics.meshed_bed for one in coarse_scenes(scene)] == [1.0, 1.0, 1.0, 1.0, 1.5]
+    wide = changed(scene, numerics={"meshed_bed": 4.0})  # up to the sides
+    assert not has_level_ground(wide) and not has_level_ground(grain_on_bed())
