@@ -13,8 +13,9 @@ element library is loaded when something is computed.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from .errors import (
     ConvergenceError,
@@ -25,15 +26,15 @@ from .errors import (
     OutputError,
     SceneError,
 )
-from .planning.plan import Plan, make_plan
-from .scene import Scene, load
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
     from .critical.threshold import Threshold
+    from .planning.plan import Plan, make_plan
     from .progress import Silent
     from .results.result import Result
+    from .scene import Scene, load
     from .simulation.recorder import Recorder
 
 __all__ = [
@@ -52,6 +53,17 @@ __all__ = [
     "run",
     "threshold",
 ]
+
+# Loaded when they are asked for: the judge of forces from elsewhere needs no scenes, and nothing that these need.
+_LATER = {"Plan": "planning.plan", "make_plan": "planning.plan", "Scene": "scene", "load": "scene"}
+
+
+def __getattr__(name: str) -> Any:
+    if name in _LATER:
+        return getattr(import_module(f".{_LATER[name]}", __name__), name)
+    if name in ("scene", "planning"):
+        return import_module(f".{name}", __name__)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def run(

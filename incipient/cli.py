@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 DEFECT, INTERRUPTED = 70, 130
 UNREAD = 128 + signal.SIGPIPE  # as of programs that the system ends because nobody reads what they print
 # What one of the commands leaves in a directory of results.
-RECORDS = ("result.json", "threshold.json", "judgement.json", "cost.json", "scene.toml")
+RECORDS = ("result.json", "threshold.json", "judgement.json", "cost.json", "series.json", "scene.toml")
 TO_SPEAK = 0.5  # seconds that other ranks leave the first to say why, before they end all
 
 

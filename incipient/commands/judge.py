@@ -11,6 +11,8 @@ from .common import named, overrides, say_drawn
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from ..simulation.judge_case import Case
+
 BESIDE = object()  # a directory that is asked for and not named: that of the case
 
 
@@ -18,6 +20,12 @@ def options_of_judge(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
     parser.add_argument("case", type=Path, help="case file (TOML)")
     overrides(parser, "contacts.friction=0.4")
+    parser.add_argument(
+        "--series",
+        type=named,
+        metavar="FILE",
+        help="judge a series of loads: .csv or .parquet with time, force_x, force_y, couple (docs/contact.md)",
+    )
     parser.add_argument(
         "--out",
         nargs="?",
@@ -36,11 +44,28 @@ def judge(options: argparse.Namespace, comm: MPI.Comm) -> int:
     with collectively(comm):
         if comm.rank == 0:
             case = load_case(options.case, options.overrides)
+            if options.series is not None:
+                _judge_series(case, options)
+                return 0
             judgement = judge_case(case)
             print(text(case, judgement))
             if options.out is not None:
                 _keep(judgement, options.case.parent if options.out is BESIDE else options.out)
     return 0
+
+
+def _judge_series(case: Case, options: argparse.Namespace) -> None:
+    from ..simulation.judge_series import judge_series, read_columns, save_series
+
+    found = judge_series(case, read_columns(options.series))
+    print(found.text())
+    if options.out is not None:
+        directory = options.series.parent if options.out is BESIDE else options.out
+        save_series(found, directory)
+        print(f"numbers             {directory}/: series.csv, series.json", flush=True)
+        from ..pictures.apart import draw_apart
+
+        say_drawn(draw_apart(directory), directory)
 
 
 def _keep(judgement: dict[str, Any], directory: Path) -> None:

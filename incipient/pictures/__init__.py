@@ -27,8 +27,8 @@ def draw(directory: Path, announce: Callable[[Path], object] = lambda path: None
 
     A run (result.json): always flow, pressure, vorticity and mesh; with a grain the traction on it and the verdict,
     with one that moves its trajectory and the verdict if there is any; for a box in which nothing moves the velocity
-    profiles on both centrelines. A threshold (threshold.json), a judged case (judgement.json), and
-    a study of what accuracy costs (cost.json): one picture each.
+    profiles on both centrelines. A threshold (threshold.json), a judged case (judgement.json), a
+    judged series (series.json) and a study of what accuracy costs (cost.json): one picture each.
 
     Args:
         announce: called with the path of every picture as soon as it is there.
@@ -38,9 +38,9 @@ def draw(directory: Path, announce: Callable[[Path], object] = lambda path: None
             written; all others have been drawn then.
     """
     drawing = _Drawing(announce)
-    names = ("judgement.json", "threshold.json", "cost.json")
-    judged, found, studied = ((directory / name).exists() for name in names)
-    if (directory / "result.json").exists() or not (judged or found or studied):
+    names = ("judgement.json", "threshold.json", "cost.json", "series.json")
+    judged, found, studied, series = ((directory / name).exists() for name in names)
+    if (directory / "result.json").exists() or not (judged or found or studied or series):
         with drawing.attempt(directory / "result.json"):
             _draw_run(directory, drawing)
     if found:
@@ -51,6 +51,10 @@ def draw(directory: Path, announce: Callable[[Path], object] = lambda path: None
         from . import cost
 
         drawing.add(directory / "cost.json", cost.draw)
+    if series:
+        from . import series as of_series
+
+        drawing.add(directory / "series.json", of_series.draw)
     if judged:
         from . import judgement
 

@@ -1,0 +1,237 @@
+"""A series of loads in time, measured or from another program, on the grain and contacts of a case."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Floats
+from ..contact.batch import Batch, Loads, judge_batch
+from ..errors import MissingError, SceneError
+from ..files import reported, write_json
+from .judge_case import Case
+
+AXES = "xyz"
+SAMPLES, SUMMARY = "series.csv", "series.json"
+MOST_EVENTS = 10  # told in words, the longest first
+
+
+@dataclass(frozen=True)
+class Event:
+    """A time in which the grain is not held.
+
+    start, length: in the series' units of time; impulse: integral of the flow's force less what could be held of it
+    least: the smallest safety factor; mode: that which takes most of the time
+    """
+
+    start: float
+    length: float
+    impulse: float
+    least: float
+    mode: str
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """What comes of a series: times (n,), the judge's answers, shares of time by mode, and events."""
+
+    times: Floats
+    batch: Batch
+    shares: dict[str, float]
+    events: tuple[Event, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """All but the samples as plain data."""
+        return {
+            "samples": len(self.times),
+            "start": float(self.times[0]),
+            "end": float(self.times[-1]),
+            "least_safety_factor": float(self.batch.factors.min()),
+            "shares": self.shares,
+            "events": [asdict(event) for event in self.events],
+            "judged_alone": self.batch.alone,
+        }
+
+    def text(self) -> str:
+        """The outcome in a few lines for a reader."""
+        lines = [f"{'samples':<20}{len(self.times)} from {self.times[0]:g} to {self.times[-1]:g}"]
+        lines.append(f"{'safety factor':<20}{self.batch.factors.min():.4g} at the least")
+        lines += [f"{mode:<20}{share:.3%} of the time" for mode, share in self.shares.items()]
+        longest = sorted(self.events, key=lambda event: -event.length)[:MOST_EVENTS]
+        lines.append(f"{'events':<20}{len(self.events)}{', the longest:' if longest else ''}")
+        lines += [
+            f"  at {event.start:<15.6g}for {event.length:.4g}, {event.mode}, impulse {event.impulse:.4g}, "
+            f"safety factor down to {event.least:.4g}"
+            for event in longest
+        ]
+        return "\n".join(lines)
+
+
+def judge_series(case: Case, columns: Mapping[str, Floats]) -> Series:
+    """Judge the loads of a series on a case, of which everything else is taken.
+
+    Args:
+        columns: arrays (n,) by name: time, force_x, force_y, couple, in space force_z and couple_x, couple_y, couple_z
+            for couple; couples are about the case's point; weight_x ... and friction where they vary.
+
+    Raises:
+        SceneError: a column is missing, not known, or has numbers that are not finite; time does not grow.
+    """
+    _check(case, columns)
+    times = np.asarray(columns["time"], dtype=float)
+    loads, friction = _loads(case, columns), columns.get("friction")
+    contacts, inert = case.to_contacts(), case.mass_and_inertia()
+    if friction is None:
+        batch = judge_batch(loads, contacts, case.contacts.friction, inert)
+    else:
+        batch = _by_friction(loads, np.asarray(friction, dtype=float), contacts, inert)
+    steps = _steps(times)
+    total = float(steps.sum())
+    shares = {
+        label: float(steps[batch.modes == number].sum() / total)
+        for number, label in enumerate(batch.labels)
+        if (batch.modes == number).any()
+    }
+    return Series(times, batch, shares, tuple(_events(times, steps, loads, batch)))
+
+
+def _names(case: Case) -> tuple[list[str], list[str], list[str]]:
+    """The columns of force, couple and weight."""
+    axes = AXES[: case.gdim]
+    couple = ["couple"] if case.gdim == 2 else [f"couple_{axis}" for axis in axes]
+    return [f"force_{axis}" for axis in axes], couple, [f"weight_{axis}" for axis in axes]
+
+
+def _check(case: Case, columns: Mapping[str, Floats]) -> None:
+    force, couple, weight = _names(case)
+    needed = ["time", *force, *couple]
+    known = [*needed, *weight, "friction"]
+    for name in needed:
+        if name not in columns:
+            raise SceneError(f"series: has no column {name}; give {', '.join(needed)}")
+    for name, values in columns.items():
+        if name not in known:
+            raise SceneError(f"series: column {name} is not known; known are {', '.join(known)}")
+        bad = np.flatnonzero(~np.isfinite(values))
+        if len(bad):
+            raise SceneError(f"series: {name} is not finite in sample {bad[0] + 1}; leave such samples out")
+    if 0 < sum(name in columns for name in weight) < len(weight):
+        raise SceneError(f"series: some of the weight's columns are missing; give {', '.join(weight)}")
+    if not len(columns["time"]) or (np.diff(columns["time"]) <= 0.0).any():
+        raise SceneError(
+            "series: time does not grow from sample to sample; sort the samples and leave none twice"
+        )
+    if "friction" in columns and np.min(columns["friction"]) < 0.0:
+        raise SceneError("series: friction is negative; give numbers of at least 0")
+
+
+def _loads(case: Case, columns: Mapping[str, Floats]) -> Loads:
+    force, couple, weight = _names(case)
+    count = len(columns["time"])
+    vectors = np.zeros((3, count, 3))
+    for number, names in enumerate((force, couple, weight)):
+        first = 2 if names == ["couple"] else 0
+        for axis, name in enumerate(names, first):
+            if name in columns:
+                vectors[number, :, axis] = columns[name]
+    if weight[0] not in columns:
+        vectors[2] = case.to_load().weight
+    # tau_c = tau_a + (a - c) ^ F
+    about = vectors[1] + np.cross(case.about - case.centre, vectors[0])
+    return Loads(vectors[0], about, vectors[2], case.centre)
+
+
+def _by_friction(loads: Loads, friction: Floats, contacts: Any, inert: Any) -> Batch:
+    """Each value of friction by itself."""
+    factors, held = np.empty(len(loads)), np.empty(len(loads), dtype=bool)
+    modes, alone = np.empty(len(loads), dtype=np.int64), 0
+    labels: tuple[str, ...] = ()
+    for value in np.unique(friction):
+        rows = np.flatnonzero(friction == value)
+        part = Loads(loads.force[rows], loads.couple[rows], loads.weight[rows], loads.centre)
+        batch = judge_batch(part, contacts, float(value), inert)
+        factors[rows], held[rows], modes[rows] = batch.factors, batch.held, batch.modes
+        alone, labels = alone + batch.alone, batch.labels
+    return Batch(factors, held, modes, labels, alone)
+
+
+def _steps(times: Floats) -> Floats:
+    """The time that each sample stands for, (n,): half of that to its neighbours."""
+    if len(times) == 1:
+        return np.ones(1)
+    gaps = 0.5 * np.diff(times)
+    return np.append(gaps, 0.0) + np.append(0.0, gaps)
+
+
+def _events(times: Floats, steps: Floats, loads: Loads, batch: Batch) -> list[Event]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], ~batch.held, [False]]).astype(np.int8)))
+    excess = np.linalg.norm(loads.force, axis=1) * (1.0 - np.minimum(batch.factors, 1.0)) * steps
+    found = []
+    for first, last in edges.reshape(-1, 2):
+        rows = slice(first, last)
+        often = np.bincount(batch.modes[rows], steps[rows])
+        mode, least = batch.labels[int(often.argmax())], float(batch.factors[rows].min())
+        length = float(steps[rows].sum())
+        found.append(Event(float(times[first]), length, float(excess[rows].sum()), least, mode))
+    return found
+
+
+def read_columns(path: Path) -> dict[str, Floats]:
+    """The columns of a CSV file with a row of names, or of a Parquet file.
+
+    Raises:
+        SceneError: it cannot be read or is not made of numbers.
+        MissingError: it is a Parquet file, and pyarrow is not installed.
+    """
+    if path.suffix == ".parquet":
+        return _parquet(path)
+    try:
+        with path.open(encoding="utf-8-sig") as stream:
+            names = [name.strip() for name in next(csv.reader([stream.readline()]), [])]
+            table = np.loadtxt(stream, delimiter=",", ndmin=2)
+    except OSError as error:
+        raise SceneError(f"{path}: cannot be read ({error.strerror}); give the name of a CSV file") from None
+    except ValueError as error:  # of undecodable text, too
+        raise SceneError(
+            f"{path}: is not a table of numbers ({error}); give CSV with a row of names"
+        ) from None
+    if table.size == 0 or table.shape[1] != len(names):
+        raise SceneError(
+            f"{path}: has {len(names)} names and {table.shape[1]} columns; give a name to each column"
+        )
+    return dict(zip(names, table.T, strict=True))
+
+
+def _parquet(path: Path) -> dict[str, Floats]:
+    try:
+        from pyarrow import ArrowException, parquet
+    except ModuleNotFoundError:
+        raise MissingError("pyarrow is not installed: pip install 'incipient[tables]'") from None
+    try:
+        table = parquet.read_table(path)
+        return {name: np.asarray(table[name].to_numpy(), dtype=float) for name in table.column_names}
+    except (OSError, ArrowException, ValueError) as error:
+        raise SceneError(f"{path}: cannot be read ({error}); give a Parquet file of numbers") from None
+
+
+def save_series(found: Series, directory: Path) -> None:
+    """Write series.csv (time, safety factor, mode) and series.json into a directory, which is made if need be.
+
+    Raises:
+        OutputError: they cannot be written.
+    """
+    path, labels = directory / SAMPLES, found.batch.labels
+    with reported(path):
+        directory.mkdir(parents=True, exist_ok=True)
+        with path.open("w", newline="", encoding="utf-8") as stream:
+            stream.write("time,safety_factor,mode\n")
+            rows = zip(
+                found.times.tolist(), found.batch.factors.tolist(), found.batch.modes.tolist(), strict=True
+            )
+            stream.writelines(f"{time!r},{factor!r},{labels[mode]}\n" for time, factor, mode in rows)
+    write_json(directory / SUMMARY, found.to_dict())
