@@ -84,7 +84,7 @@ class Absent:
     def find_spec(self, name, path=None, target=None):
         if name.partition(".")[0] in OTHERS:
             raise ModuleNotFoundError(name, name=name)
-OTHERS = {"pydantic", "tomli_w", "trimesh", "rich", "matplotlib", "pyvista", "PIL", "numba", "mpi4py", "dolfinx", "gmsh"}
+OTHERS = {"pydantic", "tomli_w", "trimesh", "rich", "matplotlib", "PIL", "numba", "mpi4py", "dolfinx", "gmsh"}
 sys.meta_path.insert(0, Absent())
 import numpy as np
 from incipient.contact import Contacts
