@@ -122,8 +122,7 @@ def test_a_spheroid_in_shear_and_resumed(tmp_path: Path) -> None:
     incipient.resume(tmp_path / "resumed", ["time.end=1.0"])
     assert_same_path(tmp_path / "whole", tmp_path / "resumed", 1e-7)
     assert trajectory.draw(tmp_path / "whole")[0].stat().st_size > 10_000
-    for field in ("velocity", "vorticity"):
-        assert_shows(animate_apart(tmp_path / "whole", None, field), frames=4)
+    assert_shows(animate_apart(tmp_path / "whole", None, "vorticity"), frames=4)
     assert_shows(turned(tmp_path / "whole"), frames=3)
 
 

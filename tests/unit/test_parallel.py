@@ -108,7 +108,15 @@ def test_one_rank_reads_a_scene_and_its_files_for_all(mpirun: Any, tmp_path: Pat
     assert "; absent.toml: cannot be read" in first and "absent.csv cannot be read" in first
 
 
-@pytest.mark.parametrize("name", sorted(path.stem for path in SCENES.glob("*.toml")))
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(
+            name, marks=pytest.mark.slow if name == "pebble" else ()
+        )  # which takes seconds to settle
+        for name in sorted(path.stem for path in SCENES.glob("*.toml"))
+    ],
+)
 def test_scenes_can_be_sent_to_other_ranks(name: str) -> None:
     scene = load(SCENES / f"{name}.toml")
     assert pickle.loads(pickle.dumps(scene)) == scene
