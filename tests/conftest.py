@@ -56,6 +56,7 @@ NOT_QUICK = (
         "petsc4py",
         "gmsh",
         "subprocess",
+        "environment",  # of processes that tests start
         "incipient.fluid",
         "incipient.coupled",
         "incipient.mesh",

@@ -209,7 +209,7 @@ def jacobi(inertia: Inertia, spin, times):
     [
         (0.5, 0.0, 1.0),
         # Within 1e-3 of turning about the intermediate axis: it flips over and over (Dzhanibekov).
-        (np.sqrt(5 / 4) * 0.999, 0.0, 1.0),
+        pytest.param((np.sqrt(5 / 4) * 0.999, 0.0, 1.0), marks=pytest.mark.slow),
     ],
 )
 def test_free_asymmetric_top(spin) -> None:
