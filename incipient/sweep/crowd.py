@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import selectors
 import signal
 import subprocess
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 RENEWED = 50  # cases with a flow after which a process is replaced, whatever memory it has lost by then
+LEAVE = 5.0  # seconds that a process has to end
 OFTEN = 0.02  # seconds between looks at messages of other ranks
 ORDER, ANSWER = 1, 2  # tags of messages
 
@@ -90,6 +92,13 @@ class _Process:
             self.popen.stdin.write(order)
             self.popen.stdin.flush()
 
+    def dismiss(self) -> None:
+        """Let it end by itself, which `mpirun` needs to clean up, but not for long."""
+        assert self.popen.stdin is not None
+        with suppress(BrokenPipeError, subprocess.TimeoutExpired):
+            self.popen.stdin.close()
+            self.popen.wait(LEAVE)
+
     def end(self) -> int:
         """Kill it with all that it has started; its exit code."""
         with suppress(ProcessLookupError):
@@ -108,7 +117,7 @@ class _Process:
         code = self.popen.poll()
         self.end()
         self.complaints.seek(0)
-        lines = [line for line in self.complaints.read().splitlines() if line.strip()]
+        lines = [line for line in self.complaints.read().splitlines() if re.search(r"\w", line)]
         if code is not None and code < 0:
             return f"its process was ended by signal {-code}" + (": not enough memory?" if code == -9 else "")
         last = f": {' '.join(lines[-1].split())}" if lines else ""
@@ -183,6 +192,9 @@ class Processes:
 
     def close(self, at_once: bool) -> None:
         """End all processes; none is at work unless `at_once`."""
+        if not at_once:
+            for process in self._waiting:
+                process.dismiss()
         for process in (*self._working, *self._waiting):
             self._forget(process)
         self._working, self._waiting = [], []
