@@ -210,8 +210,8 @@ def read_columns(path: Path) -> dict[str, Floats]:
 def _parquet(path: Path) -> dict[str, Floats]:
     try:
         from pyarrow import ArrowException, parquet
-    except ModuleNotFoundError:
-        raise MissingError("pyarrow is not installed: pip install 'incipient[tables]'") from None
+    except ImportError as error:
+        raise MissingError(f"pyarrow cannot be used ({error}): pip install 'incipient[tables]'") from None
     try:
         table = parquet.read_table(path)
         return {name: np.asarray(table[name].to_numpy(), dtype=float) for name in table.column_names}

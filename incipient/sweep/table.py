@@ -45,8 +45,8 @@ def frame(path: Path | str) -> pandas.DataFrame:
     """
     try:
         import pandas
-    except ModuleNotFoundError:
-        raise MissingError("pandas is not installed: pip install 'incipient[tables]'") from None
+    except ImportError as error:
+        raise MissingError(f"pandas cannot be used ({error}): pip install 'incipient[tables]'") from None
     found = rows(path)
     return pandas.DataFrame(found, columns=columns(found))
 
@@ -78,8 +78,8 @@ def write_parquet(source: Path, target: Path) -> None:
     """
     try:
         import pyarrow  # noqa: F401
-    except ModuleNotFoundError:
-        raise MissingError("pyarrow is not installed: pip install 'incipient[tables]'") from None
+    except ImportError as error:
+        raise MissingError(f"pyarrow cannot be used ({error}): pip install 'incipient[tables]'") from None
     made = frame(source)
     with reported(target):
         made.to_parquet(target)

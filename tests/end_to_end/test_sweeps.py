@@ -19,7 +19,7 @@ from incipient.sweep.procedure import Progress, Watcher
 CASE = Path(__file__).parents[2] / "demos" / "cases" / "disc_in_pocket.toml"
 # A few hundredths of a second a case, or, with many samples, some tenths.
 QUICK = CASE.read_text().partition("[errors]")[0]
-LONG = QUICK + "[errors]\nflow_force = [0.06, 0.05]\nfriction = 0.05\nsamples = 100\n"
+LONG = QUICK + "[errors]\nflow_force = [0.06, 0.05]\nfriction = 0.05\nsamples = 40\n"
 COARSE = """
 [domain]
 length = 12.0
@@ -156,6 +156,7 @@ def test_failed_cases_keep_their_reason(tmp_path: Path) -> None:
     assert done["status"] == "done" and done["reason"] == ""
 
 
+@pytest.mark.slow
 def test_two_sweeps_on_one_file_share_the_cases(tmp_path: Path, started: Any) -> None:
     scene, file = written(tmp_path, LONG), tmp_path / "sweep.sqlite"
     order = ("sweep", scene, "--do", "judge", "--over", FRICTION.format(5), "--out", file, "--jobs", 1)
@@ -189,6 +190,7 @@ class Crowded(Watcher):
         self.most = max(self.most, len(progress.running) + 1)
 
 
+@pytest.mark.slow
 def test_memory_limits_how_many_cases_go_at_a_time(tmp_path: Path) -> None:
     scene, over = written(tmp_path, QUICK), {"contacts.friction": "lin:0.1:0.9:6"}
     most = {}
@@ -204,7 +206,10 @@ def test_memory_limits_how_many_cases_go_at_a_time(tmp_path: Path) -> None:
 
 
 def test_the_time_is_kept(tmp_path: Path, command: Any) -> None:
-    scene, file = written(tmp_path, LONG.replace("100", "1000000")), tmp_path / "sweep.sqlite"
+    scene, file = (
+        written(tmp_path, LONG.replace("samples = 40", "samples = 1000000")),
+        tmp_path / "sweep.sqlite",
+    )
     order = ("sweep", scene, "--do", "judge", "--over", FRICTION.format(2), "--out", file, "--jobs", 1)
     ended = command(*order, "--wall", "2s")
     assert ended.returncode == 130 and "the time is up: 0 of 2 cases are finished" in ended.stderr
