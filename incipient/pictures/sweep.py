@@ -274,7 +274,8 @@ def _scale(set_scale: Callable[[str], object], values: Sequence[float]) -> None:
 
 
 def _name(column: str) -> str:
-    return _NAMES.get(column, column.replace("_", " "))
+    """A column in words; a key of scenes as it is."""
+    return column if "." in column else _NAMES.get(column, column.replace("_", " "))
 
 
 def _value(value: Any) -> str:
