@@ -24,7 +24,7 @@ import incipient
 ROOT = Path(__file__).parents[1]
 STORE, PAGE, FIGURES = ROOT / "docs/beads.csv", ROOT / "docs/beads.md", ROOT / "docs/figures"
 MARKS = "<!-- {}: begin -->", "<!-- {}: end -->"
-TERMS = ("discretisation", "gap", "domain")
+TERMS = ("discretisation", "gap", "domain", "level ground")
 KEY = ("arrangement", "spacing", "size", "reynolds")
 NAMES = (*KEY, "contacts", "angle", "shields", "error", *TERMS)
 NAMES += ("mode", "drag", "lift", "couple", "cells")
@@ -218,7 +218,7 @@ def _with_errors(row: Row) -> tuple[str, list[str]]:
     """The Shields number with its error, and the terms of it in per cent."""
     if not np.isfinite(row["error"]):
         return f"{row['shields']:.4f}", ["-" for _ in TERMS]
-    errors = [f"{100.0 * row[name] / row['shields']:.1f}%" for name in TERMS]
+    errors = [f"{100.0 * row[name] / row['shields']:.1f}%" if np.isfinite(row[name]) else "-" for name in TERMS]
     return f"{row['shields']:.4f} ± {row['error']:.4f}", errors
 
 
