@@ -218,7 +218,9 @@ def _with_errors(row: Row) -> tuple[str, list[str]]:
     """The Shields number with its error, and the terms of it in per cent."""
     if not np.isfinite(row["error"]):
         return f"{row['shields']:.4f}", ["-" for _ in TERMS]
-    errors = [f"{100.0 * row[name] / row['shields']:.1f}%" if np.isfinite(row[name]) else "-" for name in TERMS]
+    errors = [
+        f"{100.0 * row[name] / row['shields']:.1f}%" if np.isfinite(row[name]) else "-" for name in TERMS
+    ]
     return f"{row['shields']:.4f} ± {row['error']:.4f}", errors
 
 

@@ -276,6 +276,9 @@ def _with_bars(threshold: Threshold, run: Run, search: Search, found: Found) -> 
     with run.stage("error bars"):
         try:
             force, couple = search.at_nearest(found.factor)
+            # The flow solved nearest may be far away where the load is in proportion.
+            force = replace(force, flow=found.load.flow_force)
+            couple = replace(couple, flow=found.load.flow_couple)
             bars = critical_bars(
                 found,
                 error_terms(run, force, couple, Beside(run, loads_of, found.factor), found.factor),
