@@ -1,7 +1,7 @@
 """Sloshing in a tank at Reynolds numbers 2 to 2000, released from rest: beside the exact linear solution.
 
 Scaling: depth 1, the tank from -1 to 1, gravity 1, first elevation 0.01 cos(pi x); bottom and ends without friction.
-Cost:    two minutes on one core for each Reynolds number.
+Cost:    two to four minutes on one core for each Reynolds number.
 Run:     mpirun -n 2 python demos/sloshing.py [RE ...] [KEY=VALUE ...]
 Results: results/sloshing_RE: history.csv; the tank is that of Lethe's example "sloshing in a rectangular tank"
 """
