@@ -31,6 +31,7 @@ from incipient.mesh.domain import build
 SIZES = (0.15, 0.05, 0.035, 0.0245)
 GAPS = (0.1, 0.01, 0.003)
 GAP = 0.01
+OF_MPI = ("PMIX_", "OMPI_MCA_", "OMPI_COMM_", "OMPI_UNIVERSE", "OMPI_FILE", "ORTE_")
 
 
 def solve(mesh: Path, reynolds: float, gap: float) -> dict[str, Any]:
@@ -61,7 +62,10 @@ def run(mesh: Path, reynolds: float, gap: float, ranks: int = 1) -> dict[str, An
     """`solve` in processes of its own."""
     arguments = [str(Path(__file__)), "--mesh", str(mesh), "--reynolds", str(reynolds), "--gap", str(gap)]
     start = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
-    done = subprocess.run([*start, sys.executable, *arguments], capture_output=True, text=True, check=True)
+    # This process has begun MPI, and mpirun refuses to start within what that leaves in the environment.
+    free = {name: value for name, value in os.environ.items() if not name.startswith(OF_MPI)}
+    command = [*start, sys.executable, *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env=free)
     found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
     return found
 
