@@ -1,7 +1,7 @@
 """Beads on substrates of spheres: what demos/bead_on_substrate.py has found, as docs/beads.csv, figures and tables.
 
-Cost:    seconds; the beads before, a minute each.
-Run:     python demos/bead_on_substrate.py; python benchmarks/beads.py [RESULTS]
+Cost:    seconds; with `--study` all beads are computed before, one or two minutes each.
+Run:     python benchmarks/beads.py [--study] [RESULTS]
 Results: docs/beads.csv, docs/figures/beads_spacing.png, beads_size.png and beads_reynolds.png, the tables in
          docs/beads.md; without RESULTS figures and tables are made anew from docs/beads.csv
 """
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import csv
 import json
+import subprocess
 import sys
 from math import atan2, degrees, nan, sqrt
 from pathlib import Path
@@ -28,6 +29,9 @@ TERMS = ("discretisation", "gap", "domain", "level ground")
 KEY = ("arrangement", "spacing", "size", "reynolds")
 NAMES = (*KEY, "contacts", "angle", "shields", "error", *TERMS)
 NAMES += ("mode", "drag", "lift", "couple", "cells")
+STUDY = [(kind, spacing, 1.0) for kind in ("square", "triangular") for spacing in (1.0, 1.1, 1.2, 1.3, 1.4)]
+STUDY += [(kind, 1.0, size) for kind in ("square", "triangular") for size in (0.5, 0.7, 1.4, 2.0)]
+STUDY += [("triangular", 1.0, 1.0, reynolds) for reynolds in (2.0, 5.0, 10.0, 20.0, 50.0)]
 COLOURS = {"square": "#2166ac", "triangular": "#b2182b"}
 AROUND = {
     "square": 1 / 2,
@@ -226,8 +230,17 @@ def _with_errors(row: Row) -> tuple[str, list[str]]:
 
 def main() -> None:
     """Gather what there is, draw it, and write the tables between their marks in the page."""
-    if len(sys.argv) > 1:
-        store(gather(Path(sys.argv[1])))
+    if "--study" in sys.argv:
+        for bead in STUDY:
+            command = [
+                sys.executable,
+                str(ROOT / "demos/bead_on_substrate.py"),
+                *(f"{one:g}" if isinstance(one, float) else one for one in bead),
+            ]
+            subprocess.run(command, check=True)
+    results = [argument for argument in sys.argv[1:] if argument != "--study"]
+    if results:
+        store(gather(Path(results[0])))
     rows = stored()
     figures(rows)
     text = PAGE.read_text()

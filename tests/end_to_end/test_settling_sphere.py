@@ -23,6 +23,12 @@ def peak(said):
     return float(re.search(r"^fastest +([\d.]+) of it", said, re.M).group(1))
 
 
+def still_faster(said):
+    """Whether it gains velocity up to the end."""
+    when, end = re.search(r"at t = ([\d.]+) s of ([\d.]+)", said).groups()
+    return float(when) >= round(float(end), 2)
+
+
 @pytest.mark.slow
 def test_the_start_on_two_ranks(tmp_path):
     coarse = (
@@ -35,7 +41,7 @@ def test_the_start_on_two_ranks(tmp_path):
     said = said_by_demo(tmp_path, 2, *coarse)
     # Abraham's drag: Re 1.49, which ten Cate et al. round to 1.5.
     assert "unbounded          38.287 mm/s" in said
-    assert "it still gains velocity" in said
+    assert still_faster(said)
     # Without drag, with added mass alone, it would be (s - 1) g t / (s + 1/2); drag leaves some of it (found: 0.44).
     without_drag = 0.154639 * 9810.0 * 0.0225 / 1.654639 / 38.287
     assert 0.3 * without_drag < peak(said) < without_drag
@@ -46,6 +52,6 @@ def test_the_start_on_two_ranks(tmp_path):
 def test_the_largest_velocity(tmp_path, case, computed, difference):
     """Ten Cate et al. computed 0.894 and 0.947 (and measured 0.947 and 0.955); on such coarse cells 0.892 and 0.932."""
     said = said_by_demo(tmp_path, 1, case, "output.fields=false", "numerics.mesh_size=2")
-    assert "it still gains velocity" not in said
+    assert not still_faster(said)
     assert peak(said) == pytest.approx(computed, rel=difference)
     assert re.search(rf"^computed by them +{computed} ", said, re.M)

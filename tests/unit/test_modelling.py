@@ -46,16 +46,16 @@ def relative(one: np.ndarray, other: np.ndarray) -> float:
 
 def test_all_errors_are_brought_below_the_accuracy() -> None:
     """The force is that of a domain far larger and a gap far smaller, to the accuracy that was asked for."""
-    asked = 0.05
+    asked = 0.03
     result = incipient.run(narrow(accuracy=asked, accuracy_includes="all"), comm=MPI.COMM_SELF)
     found, chosen = result.adaptation, result.scene
     assert found is not None and found.met and found.reason == "reached" and found.reached < asked
     assert found.includes == ("discretisation", "gap", "domain")
     assert chosen["domain"]["height"] > 8.0 and chosen["contact"]["gap"] < 0.01
     assert [line.split()[0] for line in found.changes] == ["contact.gap", "domain"]
-    assert "(of discretisation, gap and domain), asked for 0.05: reached" in result.text()
+    assert "(of discretisation, gap and domain), asked for 0.03: reached" in result.text()
     much_larger = {"origin": [-60.0, 0.0], "length": 120.0, "height": 60.0}
-    large = changed(narrow(), domain=much_larger, contact={"gap": 2e-4}, numerics={"mesh_size": 1.5})
+    large = changed(narrow(), domain=much_larger, contact={"gap": 2e-4}, numerics={"mesh_size": 1.0})
     true = loads_of(changed(large, numerics={"error_bars": False}), MPI.COMM_SELF)
     assert result.force is not None
     assert relative(result.force.flow, true.force) < asked
