@@ -243,9 +243,6 @@ class RigidBody:
         free_acceleration = self._acceleration(start.time, start.velocities, frame, drive)
         drive[f] = sizes @ ((last - start.velocities) / dt - free_acceleration)[f]
         slope, evaluations, residual, change = sizes @ inverse / dt, 0, None, np.empty(0)
-        # But for turns of the frame the body ends with the velocities of the last iterate: what that misses is known.
-        ahead = replace(start, velocity=last[: self.gdim], spin=last[self.gdim :])
-        drive[f] -= slope @ self._residual(start, ahead, dt, drive, impulse, added, last)[f]
         for corrections in range(MOST_CORRECTIONS):
             state, path = self.driven(start, end, end, drive)
             evaluations += path.statistics.evaluations

@@ -99,7 +99,7 @@ class Coupling:
             try:
                 residuals.append(max(part.residual(length, order) for part in self.parts))
             except ConvergenceError as error:
-                self._complaint = str(error) or self._folded()
+                self._complaint = self._folded() if self._is_folded() else str(error)
                 break
             if residuals[-1] <= self.tolerance:
                 if self._is_folded():

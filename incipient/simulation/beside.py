@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..accuracy.errorbars import coarse_scenes
 from ..arrays import Floats
 from ..errors import ConvergenceError
 from ..geometry.rest import lifted
@@ -68,6 +67,7 @@ class Beside:
         run = self._run
         if run.scene.gdim != 3 or run.scene.time is not None or run.layout.placement is None:
             return {}
+        from ..accuracy.errorbars import coarse_scenes
         from ..mesh.motion import MeshMotion
         from ..mesh.stretching import Lifting, serves
 
