@@ -79,6 +79,15 @@ def children(process: int) -> list[int]:
     return [int(one) for one in Path(f"/proc/{process}/task/{process}/children").read_text().split()]
 
 
+def child(process: int) -> int:
+    """The one child of a process, waited for: a case is said to run just before its process begins."""
+    end = time.monotonic() + 30.0
+    while not (found := children(process)) and time.monotonic() < end:
+        time.sleep(0.01)
+    (one,) = found
+    return one
+
+
 def test_thresholds_in_one_table_and_nothing_computed_twice(tmp_path: Path, capfd: Any) -> None:
     """In Stokes flow the threshold does not hang on viscosity but through the Reynolds number: Shields' is the same."""
     scene, file = written(tmp_path, COARSE), tmp_path / "sweep.sqlite"
@@ -134,7 +143,7 @@ def test_a_killed_case_is_kept_with_its_reason_and_retried(
     order = ("sweep", scene, "--do", "judge", "--over", FRICTION.format(3), "--out", file, "--jobs", 1)
     process = started(1, *order)
     wait_for(file, "status = 'running'")
-    (working,) = children(process.pid)
+    working = child(process.pid)
     os.kill(working, signal.SIGKILL)
     said, _ = process.communicate(timeout=60)
     assert process.returncode == 4 and "2 computed, 1 failed" in said
