@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from .commands import judge as judge_command
 from .commands import sweep as sweep_command
-from .commands.common import alone, named, overrides, tell_of_pictures
+from .commands.drawing import tell_of_pictures
+from .commands.options import alone, named, overrides
 from .errors import IncipientError, OutputError, SceneError
 from .installed import required
 from .interrupt import forget_unfinished_form, nobody_reads

@@ -6,7 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .common import named, overrides, say_drawn
+from .drawing import say_drawn
+from .options import named, overrides
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import ConvergenceError, OutputError, SceneError
-from .common import named, overrides
+from .options import named, overrides
 
 if TYPE_CHECKING:
     from mpi4py import MPI

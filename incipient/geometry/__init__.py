@@ -1,11 +1,12 @@
 """Grains, beds, the curves they are made of, and how one rests on the other, in the plane and in space."""
 
 from incipient.geometry.placement import Placement
-from incipient.geometry.plane.bed import Bed, Flat, HalfDiscs, Polyline, Sinusoidal
+from incipient.geometry.plane.bed import Bed, Flat, HalfDiscs, Sinusoidal
 from incipient.geometry.plane.curves import Arc, Curve, Line, Spline
 from incipient.geometry.plane.discs import Discs
 from incipient.geometry.plane.grain import Disc, Ellipse, Grain, Rectangle
 from incipient.geometry.plane.polygon import Polygon
+from incipient.geometry.plane.polyline import Polyline
 from incipient.geometry.plane.smooth import Harmonics, Star, Superellipse
 from incipient.geometry.rest import clearance, lifted, rest
 from incipient.geometry.settle import Outcome, Settled, settle

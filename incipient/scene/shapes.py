@@ -386,9 +386,9 @@ class Polyline(BedSection):
 
     def surface(self, origin_y: float, origin_x: float = 0.0) -> bed_geometry.Bed:
         """The bed's shape above its base line y = origin_y, abscissae counted from origin_x."""
-        from ..geometry.plane import bed
+        from ..geometry.plane import polyline
 
-        return bed.Polyline([(x - origin_x, y) for x, y in self.points], origin_y)
+        return polyline.Polyline([(x - origin_x, y) for x, y in self.points], origin_y)
 
 
 def _limit(section: Section, key: str, most: int) -> None:

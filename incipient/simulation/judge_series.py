@@ -204,6 +204,9 @@ def read_columns(path: Path) -> dict[str, Floats]:
         raise SceneError(
             f"{path}: has {len(names)} names and {table.shape[1]} columns; give a name to each column"
         )
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise SceneError(f"{path}: has two columns {twice}; leave one of them out")
     return dict(zip(names, table.T, strict=True))
 
 

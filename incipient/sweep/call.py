@@ -122,7 +122,8 @@ def computed(
         serve(comm, means.ranks)
         return Progress(0, 0, places)
     with stores[0] as store:
-        waiting = [case for case in prepared[0] if store.states([case.identity]).get(case.identity) != DONE]
+        states = store.states([case.identity for case in prepared[0]])
+        waiting = [case for case in prepared[0] if states.get(case.identity) != DONE]
         expected = expectations(waiting)
         return Sweep(prepared[0], store, _crowd(comm, means, places), expected, means.limits, watcher).run()
 

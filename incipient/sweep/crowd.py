@@ -18,6 +18,7 @@ import time
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from typing import IO, TYPE_CHECKING, Protocol
 
 from ..cost.measurement import surroundings
@@ -79,7 +80,7 @@ class _Process:
             stderr=complaints,
             env={**surroundings(), "OMPI_MCA_mpi_yield_when_idle": "1"},
             start_new_session=True,  # an interrupt is the sweep's to deal with
-            preexec_fn=end_with_parent,
+            preexec_fn=partial(end_with_parent, os.getpid()),
         )
         return cls(popen, complaints)
 

@@ -104,8 +104,10 @@ class Sweep:
         except KeyboardInterrupt as interrupt:
             raise Interrupted(self._left("interrupted")) from interrupt
         finally:
-            self._store.give_back()
-            self._crowd.close(at_once)
+            try:
+                self._store.give_back()
+            finally:
+                self._crowd.close(at_once)
         return self._progress
 
     def _go_on(self) -> None:

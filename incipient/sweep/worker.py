@@ -31,10 +31,15 @@ if TYPE_CHECKING:
 END_WITH_PARENT = 1  # PR_SET_PDEATHSIG of Linux
 
 
-def end_with_parent() -> None:
-    """Let the kernel kill this process when the one that started it ends, however that ends; on Linux only."""
+def end_with_parent(parent: int | None = None) -> None:
+    """Let the kernel kill this process when the one that started it ends, however that ends; on Linux only.
+
+    A process whose `parent` is known, and has ended before the kernel was told, ends at once.
+    """
     with suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(END_WITH_PARENT, signal.SIGKILL)
+    if parent is not None and os.getppid() != parent:
+        os._exit(1)
 
 
 def computed(task: str, text: str, comm: MPI.Comm) -> Outcome:

@@ -12,6 +12,17 @@ def test_the_modes_are_those_of_the_table():
         assert s == pytest.approx(row["re_s"] + 1j * row["im_s"], rel=1e-8)
 
 
+def started(mode, amplitude):
+    """The velocity of a mode at the beginning, of places (n, 2)."""
+
+    def velocity(x):
+        along, upwards = mode.velocity(x[:, 0], x[:, 1])
+        parts = along.real * np.sin(mode.k * x[:, 0]), upwards.real * np.cos(mode.k * x[:, 0])
+        return amplitude * np.column_stack(parts)
+
+    return velocity
+
+
 def error_of_a_mode(mode, amplitude=1e-7, n=8, order=2, steps=40, periods=1.0, **options):
     """The largest error of the elevation over its amplitude, started as the mode is; and the number of iterations."""
     with tank(
@@ -23,13 +34,7 @@ def error_of_a_mode(mode, amplitude=1e-7, n=8, order=2, steps=40, periods=1.0, *
         tension=mode.gamma,
         **options,
     ) as made:
-
-        def velocity(x):
-            along, upwards = mode.velocity(x[:, 0], x[:, 1])
-            parts = along.real * np.sin(mode.k * x[:, 0]), upwards.real * np.cos(mode.k * x[:, 0])
-            return amplitude * np.column_stack(parts)
-
-        made.flow(velocity)
+        made.flow(started(mode, amplitude))
         end, errors, iterations = periods * mode.period, [], []
         for step in made.transient.march(end, end / steps):
             exact = np.real(np.exp(mode.s * step.time)) * np.cos(mode.k * made.points[:, 0])
@@ -75,13 +80,7 @@ def test_frequency_and_decay_within_a_thousandth(viscosity, order, n):
         lambda x: amplitude * np.cos(np.pi * x[:, 0]),
         order=order,
     ) as made:
-
-        def velocity(x):
-            along, upwards = mode.velocity(x[:, 0], x[:, 1])
-            parts = along.real * np.sin(np.pi * x[:, 0]), upwards.real * np.cos(np.pi * x[:, 0])
-            return amplitude * np.column_stack(parts)
-
-        made.flow(velocity)
+        made.flow(started(mode, amplitude))
         left, told = int(np.argmin(made.points[:, 0])), []
         # The decay by the scheme itself is (w dt)^3 w/4: a three-thousandth of that of the smallest viscosity.
         for step in made.transient.march(4 * mode.period, 0.006 if viscosity < 0.001 else 0.01):

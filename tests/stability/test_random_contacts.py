@@ -62,8 +62,11 @@ def test_a_hundred_thousand_cases(start, count):
     assert failures(start, count) == []
 
 
-def test_unheld_has_no_interval():
-    for seed in range(500):
+@pytest.mark.parametrize(
+    "seeds", [range(500), pytest.param(range(500, 2000), marks=pytest.mark.slow)], ids=["some", "more"]
+)
+def test_unheld_has_no_interval(seeds):
+    for seed in seeds:
         case = random_case(seed)
         safety = safety_factor(case.load, case.contacts, case.friction)
         assert (safety.status is SafetyStatus.UNHELD) is (safety.interval is None)

@@ -204,5 +204,7 @@ def test_the_command_judges_a_series(tmp_path: Path, capsys: Any) -> None:
     assert len(samples) == 4002 and samples[1501].endswith("sliding")
     path.write_text("time,force_x\n1,x\n")
     assert cli.main(order) == 2 and "is not a table of numbers" in capsys.readouterr().err
+    path.write_text("time,force_x,force_x\n1,2,3\n")
+    assert cli.main(order) == 2 and "two columns force_x" in capsys.readouterr().err
     assert cli.main([*order[:3], str(tmp_path / "absent.csv")]) == 2
     assert "cannot be read" in capsys.readouterr().err

@@ -61,7 +61,7 @@ class TestRestInSpace:
         expected = np.sqrt(1.0 - spacing**2 / third)
         assert self.height(Sphere(1.0), bed, middle) == pytest.approx(expected, abs=1e-13)
 
-    @settings(max_examples=20, deadline=None)
+    @settings(max_examples=40, deadline=None)
     @given(vectors)
     def test_ellipsoid_on_a_plane_by_its_support_function(self, turn):
         # Downwards it reaches |diag(a, b, c) R^T e_z|.
@@ -70,7 +70,7 @@ class TestRestInSpace:
         height = self.height(Ellipsoid((0.7, 0.5, 0.3)), Plane(), (0.0, 0.0), placement.quaternion)
         assert height == pytest.approx(expected, abs=1e-12)
 
-    @settings(max_examples=20, deadline=None)
+    @settings(max_examples=40, deadline=None)
     @given(vectors)
     def test_rounded_box_on_a_plane_by_its_support_function(self, turn):
         # The core reaches sum of half sides times |R_zi| down, the ball r more.
@@ -79,7 +79,7 @@ class TestRestInSpace:
         height = self.height(Box((1.0, 0.6, 0.4), 0.1), Plane(), (0.0, 0.0), placement.quaternion)
         assert height == pytest.approx(expected, abs=1e-13)
 
-    @settings(max_examples=20, deadline=None)
+    @settings(max_examples=40, deadline=None)
     @given(
         name=st.sampled_from(list(SOLIDS)),
         bed=st.sampled_from(list(TERRAINS.values())),

@@ -14,6 +14,7 @@ from incipient.geometry.plane import discs as disc_geometry
 from incipient.geometry.plane import grain as grain_geometry
 from incipient.geometry.plane import polygon as polygon_geometry
 from incipient.geometry.plane import smooth as smooth_geometry
+from incipient.geometry.plane.polyline import Polyline as PolylineBed
 from incipient.scene import (
     Contact,
     Disc,
@@ -134,7 +135,7 @@ def test_beds_become_geometry_on_the_lower_side_of_the_domain():
             0.1, 2.0, math.pi / 2, 2.0
         ),
         HalfDiscs(radius=0.5, spacing=1, offset=0.2): bed_geometry.HalfDiscs(0.5, 1.0, 0.2, 2.0),
-        Polyline(points=[(0, 0), (12, 1)]): bed_geometry.Polyline([(0, 0), (12, 1)], 2.0),
+        Polyline(points=[(0, 0), (12, 1)]): PolylineBed([(0, 0), (12, 1)], 2.0),
     }
     for bed, geometry in beds.items():
         assert scene(domain=domain, bed=bed).bed_shape == geometry

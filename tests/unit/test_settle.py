@@ -8,115 +8,30 @@ import itertools
 
 import numpy as np
 import pytest
-import trimesh
-from scipy.optimize import nnls
+from settling import after_a_period, down, flaws, turned
 
 from incipient.errors import SceneError
 from incipient.geometry import (
-    Box,
     Disc,
     Discs,
-    EggCrate,
     Ellipse,
     Ellipsoid,
     Flat,
     HalfDiscs,
     Harmonics,
-    HeightMap,
     Hemispheres,
     Outcome,
     Placement,
     Plane,
     Polygon,
-    Polyhedron,
     Polyline,
     Rectangle,
-    Relief,
-    Ridges,
     Sinusoidal,
     Sphere,
-    Spheres,
     Star,
-    StarSolid,
     Superellipse,
-    Superquadric,
-    Triangulated,
     settle,
 )
-from incipient.geometry.placement import rotation_by
-
-TILT = rotation_by((0.3, 0.2, 0.1))
-TETRAHEDRON = Polyhedron([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)])
-CUBE = Polyhedron([(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)])
-
-
-def above(x, y, tilt=TILT):
-    """A start high above the bed in space."""
-    return Placement((x, y, 5.0), 0.0, tilt)
-
-
-def turned(x, angle):
-    """A start high above the bed in the plane."""
-    return Placement((x, 5.0), angle)
-
-
-def down(slope, dimension=2):
-    """Gravity as on a plane that falls towards positive x."""
-    return (np.sin(slope), -np.cos(slope)) if dimension == 2 else (np.sin(slope), 0.0, -np.cos(slope))
-
-
-def surface_points(grain):
-    """Points all over the grain's surface, in the body frame."""
-    if grain.gdim == 2:
-        return np.vstack([curve.point(np.linspace(0.0, 1.0, 801)) for curve in grain.outline()])
-    points = grain.surface(grain.size / 40.0).points
-    return points[np.abs(grain.level(points)) < 1e-12 * grain.size]
-
-
-def flaws(found, grain, bed, gravity=None, friction=1.0):
-    """What contradicts an equilibrium, from the outside, by name; `friction` as it was given to settle."""
-    if not (found.outcome is Outcome.RESTS and found.stable):
-        return {"outcome": found}
-    d, size, placement = grain.gdim, grain.size, found.placement
-    points, normals = found.contacts.points[:, :d], found.contacts.normals[:, :d]
-    x = placement.to_scene(surface_points(grain))
-    gravity = np.array(([0.0] * (d - 1) + [-1.0]) if gravity is None else gravity, dtype=float)
-    measured = {
-        "gap": (found.gap, 1e-9),
-        "imbalance": (found.imbalance, 1e-9),
-        "off the grain": (np.abs(grain.level(placement.to_body(points))).max() / size, 1e-9),
-        "off the bed": (np.abs(bed.distance(points)).max() / size, 1e-9),
-        # Beds and outlines are evaluated to round-off; a corner of the bed may be met between the points.
-        "in the bed": ((bed.height(x[:, 0] if d == 2 else x[:, :2]) - x[:, -1]).max() / size, 1e-9),
-        "unbalanced": (unbalanced(points - placement.centre, -normals, gravity, friction, size), 1e-8),
-    }
-    return {name: value for name, (value, limit) in measured.items() if not value <= limit}
-
-
-def unbalanced(arms, inward, gravity, friction, size):
-    """What is left of the weight and its couple by the best forces within the friction cones."""
-    arms, inward = (np.pad(a, ((0, 0), (0, 3 - a.shape[1]))) for a in (arms, inward))
-    rows = []
-    for arm, normal in zip(arms, inward, strict=True):
-        rim = [np.eye(3)[2]] if len(gravity) == 2 else np.linalg.svd(normal[None])[2][1:]
-        first = np.cross(normal, rim[0])
-        around = [first, -first]
-        if len(gravity) == 3:
-            angles = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
-            around = [np.cos(a) * rim[0] + np.sin(a) * rim[1] for a in angles]
-        forces = [normal, *(normal + min(friction, 1e3) * side for side in around)]
-        rows += [np.concatenate([force, np.cross(arm, force) / size]) for force in forces]
-    load = np.zeros(6)
-    load[: len(gravity)] = gravity
-    return nnls(np.array(rows).T, -load)[1]
-
-
-def after_a_period(found, grain, bed, start, period, **how):
-    """By how much the rest moves, and turns, if the grain starts one period of the bed further on."""
-    moved = Placement(np.add(start.centre, period), start.angle, start.quaternion)
-    other = settle(grain, bed, moved, **how).placement
-    turn = np.abs(other.rotation - found.placement.rotation).max()
-    return np.subtract(other.centre, found.placement.centre), turn
 
 
 class TestDiscs:
@@ -279,172 +194,6 @@ class TestOtherGrainsInThePlane:
         assert found.placement.centre[1] == pytest.approx(0.4)
         assert len(found.contacts) == 2
         assert not flaws(found, grain, Flat())
-
-
-class TestSpheres:
-    def test_on_a_plane(self):
-        found = settle(Sphere(1.0), Plane(), above(0.1, 0.2))
-        assert found.placement.centre == pytest.approx((0.1, 0.2, 0.5), abs=1e-12)
-        assert not flaws(found, Sphere(1.0), Plane())
-
-    @pytest.mark.parametrize("friction", [0.0, 0.5])
-    @pytest.mark.parametrize(
-        "x", [(0.3, 0.1), (0.45, 0.3), pytest.param((0.6, 0.02), marks=pytest.mark.slow)]
-    )
-    @pytest.mark.parametrize("spacing", [0.9, 1.0, 1.3])
-    def test_in_a_pocket_of_three(self, spacing, x, friction):
-        # The centre is above that of an equilateral triangle, s/sqrt(3) from its corners.
-        grain, bed = Sphere(1.0), Hemispheres(0.5, spacing, "triangular")
-        found = settle(grain, bed, above(x[0] * spacing, x[1] * spacing), friction=friction)
-        expected = (0.5 * spacing, spacing / np.sqrt(12.0), np.sqrt(1.0 - spacing**2 / 3.0))
-        assert found.placement.centre == pytest.approx(expected, abs=1e-10)
-        assert len(found.contacts) == 3
-        assert not flaws(found, grain, bed, friction=friction)
-
-    @pytest.mark.parametrize("x", [(0.3, 0.1), (0.5, 0.4), pytest.param((0.9, 0.8), marks=pytest.mark.slow)])
-    @pytest.mark.parametrize("spacing", [0.9, 1.0, 1.2])
-    def test_in_a_pocket_of_four(self, spacing, x):
-        # Half a diagonal, s/sqrt(2), from the corners of the square.
-        grain, bed = Sphere(1.0), Hemispheres(0.5, spacing, "square")
-        found = settle(grain, bed, above(x[0] * spacing, x[1] * spacing))
-        expected = (0.5 * spacing, 0.5 * spacing, np.sqrt(1.0 - 0.5 * spacing**2))
-        assert found.placement.centre == pytest.approx(expected, abs=1e-10)
-        assert len(found.contacts) == 4
-        assert not flaws(found, grain, bed)
-
-    @pytest.mark.parametrize(
-        ("arrangement", "period"),
-        [("square", (1.2, 2.4, 0.0)), ("triangular", (0.6, 1.2 * np.sqrt(0.75), 0.0))],
-    )
-    def test_in_a_pocket_of_another_period(self, arrangement, period):
-        bed, start = Hemispheres(0.5, 1.2, arrangement), above(0.3, 0.25)
-        shift, turn = after_a_period(settle(Sphere(1.0), bed, start), Sphere(1.0), bed, start, period)
-        assert (*shift, turn) == pytest.approx((*period, 0.0), abs=1e-9)
-
-    def test_on_the_base_plane_of_sparse_half_balls(self):
-        found = settle(Sphere(1.0), Hemispheres(0.2, 4.0), above(2.0, 2.0))
-        assert found.placement.centre == pytest.approx((2.0, 2.0, 0.5))
-
-
-class TestSolidsOnPlanes:
-    @pytest.mark.parametrize("friction", [0.0, 1.0])
-    def test_ellipsoid_lies_on_its_shortest_axis(self, friction):
-        grain = Ellipsoid((0.7, 0.5, 0.3))
-        found = settle(
-            grain, Plane(), Placement((0, 0, 3), 0.0, rotation_by((0.4, 0.7, 0.2))), friction=friction
-        )
-        assert found.placement.centre[2] == pytest.approx(0.3, abs=1e-12)
-        assert np.abs(found.placement.rotation[2]) == pytest.approx([0, 0, 1], abs=1e-8)
-        assert not flaws(found, grain, Plane(), friction=friction)
-
-    @pytest.mark.parametrize(
-        ("grain", "height", "contacts"),
-        [
-            (Box((1.0, 0.6, 0.4)), 0.2, 4),
-            (Box((1.0, 0.6, 0.4), 0.1), 0.2, 4),
-            # Side 2 sqrt(2): a quarter of the height sqrt(2/3) s.
-            (TETRAHEDRON, 1.0 / np.sqrt(3.0), 3),
-            (CUBE, 0.5, 4),
-            (Spheres([(0, 0, 0), (0.8, 0, 0), (0.4, 0.7, 0)], [0.5, 0.5, 0.5]), 0.5, 3),
-        ],
-        ids=["box", "rounded box", "tetrahedron", "cube", "triad"],
-    )
-    def test_falls_onto_a_face(self, grain, height, contacts):
-        found = settle(grain, Plane(), above(0.0, 0.0))
-        assert found.placement.centre[2] == pytest.approx(height, abs=1e-11)
-        assert len(found.contacts) == contacts
-        assert not flaws(found, grain, Plane())
-
-    @pytest.mark.parametrize("subdivisions", [0, 1, pytest.param(2, marks=pytest.mark.slow)])
-    def test_a_ball_of_triangles_rests_on_one_of_them(self, subdivisions):
-        ball = trimesh.creation.icosphere(subdivisions, 0.5)
-        grain = Triangulated(ball.vertices, ball.faces)
-        found = settle(grain, Plane(), above(0.0, 0.0))
-        # It comes as low as one of its triangles is near the centre.
-        distances = (ball.face_normals * ball.triangles[:, 0]).sum(axis=1)
-        assert np.abs(distances - found.placement.centre[2]).min() < 1e-9
-        assert len(found.contacts) == 3
-        assert not flaws(found, grain, Plane())
-
-    def test_a_box_of_triangles_is_a_box(self):
-        mesh = trimesh.creation.box((1.0, 0.6, 0.4))
-        one, other = Triangulated(mesh.vertices, mesh.faces), Box((1.0, 0.6, 0.4))
-        places = [settle(grain, Plane(), above(0.0, 0.0)).placement for grain in (one, other)]
-        assert places[0].centre == pytest.approx(places[1].centre, abs=1e-9)
-        assert places[0].rotation == pytest.approx(places[1].rotation, abs=1e-9)
-
-    @pytest.mark.parametrize(("slope", "stays"), [(0.3, True), (0.45, True), (0.48, False)])
-    def test_box_on_a_slope(self, slope, stays):
-        grain, how = Box((1.0, 0.6, 0.4)), {"gravity": down(slope, 3), "friction": 0.5}
-        found = settle(grain, Plane(), above(0.0, 0.0, rotation_by((0, 0, 0.5))), **how)
-        if stays:
-            assert not flaws(found, grain, Plane(), **how)
-        else:
-            assert (found.outcome, found.contacts) == (Outcome.ROLLS_OFF, None)
-
-    @pytest.mark.slow
-    def test_superquadric_lies_on_a_pole_without_curvature(self):
-        start = above(0.6, 0.3, rotation_by((0.1, 0.2, 0.1)))
-        found = settle(Superquadric((0.5, 0.4, 0.3), (4.0, 2.0)), Plane(), start)
-        assert found.stable
-        assert found.placement.centre[2] == pytest.approx(0.3, abs=1e-11)
-
-    def test_box_on_a_sloping_plane(self):
-        bed = Plane((0.2, 0.1), 0.3)
-        found = settle(Box((1.0, 0.6, 0.4)), bed, above(0.0, 0.0), friction=0.5)
-        assert found.placement.rotation @ [0, 0, 1] == pytest.approx(bed.normal([[0, 0]])[0], abs=1e-9)
-        assert not flaws(found, Box((1.0, 0.6, 0.4)), bed, friction=0.5)
-
-
-X, Y = np.meshgrid(np.linspace(-2.0, 2.0, 81), np.linspace(-2.0, 2.0, 81))
-BOWL = HeightMap(0.3 * (X**2 + Y**2), (0.05, 0.05), (-2.0, -2.0, 0.1))
-
-
-def trough(x):
-    """A bowl twice as steep along y as along x."""
-    return 0.3 * (x[:, 0] ** 2 + 2.0 * x[:, 1] ** 2)
-
-
-class TestSolidsOnRoughBeds:
-    @pytest.mark.parametrize(
-        "bed",
-        [
-            pytest.param(BOWL, id="height map"),
-            pytest.param(Relief(trough, 0.5, 0.1), id="callable", marks=pytest.mark.slow),
-        ],
-    )
-    def test_a_sphere_finds_the_bottom_of_a_bowl(self, bed):
-        # Curvatures 0.6 and 1.2 there, less than 1/r: cubics reproduce the parabola.
-        found = settle(Sphere(0.6), bed, above(0.6, 0.3))
-        assert found.placement.centre == pytest.approx((0.0, 0.0, 0.4), abs=1e-7)
-        assert not flaws(found, Sphere(0.6), bed)
-
-    @pytest.mark.parametrize(
-        ("grain", "bed", "friction"),
-        [
-            (Ellipsoid((0.7, 0.5, 0.4)), Hemispheres(0.5, 1.0, "triangular"), 1.0),
-            pytest.param(
-                *(Ellipsoid((0.7, 0.5, 0.4)), Hemispheres(0.5, 1.0, "triangular"), 0.0),
-                marks=pytest.mark.slow,
-            ),
-            (CUBE, Hemispheres(0.5, 1.0), 1.0),
-            (Spheres([(0, 0, 0), (0.7, 0, 0), (0.4, 0.5, 0)], [0.5, 0.4, 0.3]), Hemispheres(0.5, 1.0), 1.0),
-            (Box((0.6, 0.4, 0.3)), Relief(trough, 0.5), 1.0),
-            (Box((1.0, 0.6, 0.4), 0.1), Ridges(0.1, 1.0), 1.0),
-            pytest.param(Ellipsoid((0.5, 0.4, 0.3)), Ridges(0.1, 1.0), 1.0, marks=pytest.mark.slow),
-            (Sphere(0.6), EggCrate(0.2, (1.0, 1.2)), 1.0),
-            (
-                StarSolid(lambda d: 0.5 + 0.1 * d[:, 0] * d[:, 1] + 0.1 * d[:, 2] ** 3),
-                Hemispheres(0.5, 1.0),
-                1.0,
-            ),
-            (Superquadric((0.5, 0.4, 0.3), (3.0, 3.0)), Hemispheres(0.5, 1.0), 1.0),
-        ],
-        ids=lambda value: type(value).__name__,
-    )
-    def test_equilibrium(self, grain, bed, friction):
-        found = settle(grain, bed, above(0.3, 0.15), friction=friction)
-        assert not flaws(found, grain, bed, friction=friction)
 
 
 class TestOutcomes:

@@ -5,13 +5,11 @@ Every bed takes `origin_y`, the height of its base line in the scene. Lengths ar
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from incipient.arrays import Floats, Point, rows
+from incipient.arrays import Floats, rows
 from incipient.errors import SceneError
 from incipient.geometry.plane.curves import Arc, Curve, Line, Spline
 
@@ -107,11 +105,11 @@ class Flat(Bed):
 
     def height(self, x: ArrayLike) -> Floats:
         """`origin_y` everywhere, (n,)."""
-        return np.full(_abscissae(x).shape, float(self.origin_y))
+        return np.full(abscissae(x).shape, float(self.origin_y))
 
     def slopes(self, x: ArrayLike) -> tuple[Floats, Floats]:
         """Zero slopes on both sides."""
-        zero = np.zeros(_abscissae(x).shape)
+        zero = np.zeros(abscissae(x).shape)
         return zero, zero
 
     def corners(self, x0: float, x1: float) -> Floats:
@@ -125,7 +123,7 @@ class Flat(Bed):
 
     def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
         """One line."""
-        _require_order(x0, x1)
+        require_order(x0, x1)
         return (Line((float(x0), float(self.origin_y)), (float(x1), float(self.origin_y))),)
 
 
@@ -162,13 +160,13 @@ class Sinusoidal(Bed):
 
     def height(self, x: ArrayLike) -> Floats:
         """b at abscissae (n,), (n,)."""
-        angle = self._wavenumber * _abscissae(x) + self.phase
+        angle = self._wavenumber * abscissae(x) + self.phase
         return np.asarray(self.origin_y + self.amplitude * np.sin(angle))
 
     def slopes(self, x: ArrayLike) -> tuple[Floats, Floats]:
         """The derivative, the same on both sides."""
         k = self._wavenumber
-        slope = k * self.amplitude * np.cos(k * _abscissae(x) + self.phase)
+        slope = k * self.amplitude * np.cos(k * abscissae(x) + self.phase)
         return slope, slope
 
     def corners(self, x0: float, x1: float) -> Floats:
@@ -218,7 +216,7 @@ class Sinusoidal(Bed):
 
     def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
         """One spline, closer to the bed than 1e-6 of the wavelength also in kernels with crude end slopes."""
-        _require_order(x0, x1)
+        require_order(x0, x1)
         # With central differences for slopes a cubic is wrong by 0.016 h^3 b''', at the ends, where mesh
         # generators take the slope of the first chord, by 0.074 h^2 b'': both are held at 2.5e-7 wavelengths.
         steepness = max(self.amplitude / self.wavelength, 1e-3)
@@ -277,13 +275,13 @@ class HalfDiscs(Bed):
 
     def height(self, x: ArrayLike) -> Floats:
         """b at abscissae (n,), (n,)."""
-        x = _abscissae(x)
+        x = abscissae(x)
         off_centre = np.minimum(np.abs(x - self._centre(x)), self.radius)
         return np.asarray(self.origin_y + np.sqrt((self.radius - off_centre) * (self.radius + off_centre)))
 
     def slopes(self, x: ArrayLike) -> tuple[Floats, Floats]:
         """db/dx left and right; infinite where a half-disc stands on the base line."""
-        x = _abscissae(x)
+        x = abscissae(x)
         away = x - self._centre(x)
         # A foot of a half-disc found to round-off is that foot.
         away = np.where(
@@ -330,10 +328,10 @@ class HalfDiscs(Bed):
 
     def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
         """Quarter arcs, joined by lines where the half-discs leave room; cut at x0 and x1."""
-        _require_order(x0, x1)
+        require_order(x0, x1)
         crests = self._centres(x0, x1)
         sliver = 1e-9 * self.radius
-        stations = _stations(x0, x1, np.concatenate([self.corners(x0, x1), crests]), sliver)
+        stations = abscissae_between(x0, x1, np.concatenate([self.corners(x0, x1), crests]), sliver)
         # The height is so steep at a foot that a cut there must be set on the base line, not computed.
         at_foot = np.abs(np.abs(stations - self._centre(stations)) - self.radius) <= sliver
         heights = np.where(at_foot, self.origin_y, self.height(stations)).tolist()
@@ -347,128 +345,8 @@ class HalfDiscs(Bed):
         return tuple(curves)
 
 
-@dataclass(frozen=True, init=False)
-class Polyline(Bed):
-    """Straight lines through `points` (n, 2) with ascending x; y counts from origin_y.
-
-    Beyond the first and last point the height continues unchanged, but curves are given only between them.
-    """
-
-    points: tuple[Point, ...]
-    origin_y: float = 0.0
-
-    def __init__(self, points: ArrayLike, origin_y: float = 0.0) -> None:
-        array = np.array(points, dtype=float)
-        if array.ndim != 2 or array.shape[1] != 2 or len(array) < 2 or not np.isfinite(array).all():
-            raise SceneError("a polyline bed needs at least two points of two finite coordinates; add them")
-        falling = np.diff(array[:, 0]) <= 0.0
-        if falling.any():
-            k = int(np.argmax(falling)) + 1
-            raise SceneError(f"polyline point {k} does not lie to the right of the one before; sort by x")
-        object.__setattr__(self, "points", tuple((float(x), float(y)) for x, y in array))
-        object.__setattr__(self, "origin_y", float(origin_y))
-
-    @cached_property
-    def _vertices(self) -> Floats:
-        return np.array(self.points) + np.array([0.0, self.origin_y])
-
-    @property
-    def extent(self) -> tuple[float, float]:
-        """The abscissae of the first and the last point."""
-        return self.points[0][0], self.points[-1][0]
-
-    @cached_property
-    def feature(self) -> float:
-        """The shortest horizontal extent of a line."""
-        return float(np.diff(self._vertices[:, 0]).min())
-
-    @cached_property
-    def crest(self) -> float:
-        """The height of the highest point."""
-        return float(self._vertices[:, 1].max())
-
-    def crest_level(self, x0: float, x1: float) -> float:
-        """The height that is reached in every third from x0 to x1 and at x0: a lone obstacle does not count."""
-        cuts = np.linspace(x0, x1, 4)
-        thirds = [self._between(*cut)[:, 1].max() for cut in pairwise(cuts)]
-        return float(max(min(thirds), self.height([x0])[0]))
-
-    def mean(self, x0: float, x1: float) -> float:
-        """The mean height from x0 to x1."""
-        x, y = self._between(x0, x1).T
-        return float(0.5 * (y[1:] + y[:-1]) @ np.diff(x) / (x1 - x0))
-
-    def _between(self, x0: float, x1: float) -> Floats:
-        """The points (n, 2) of the bed at x0, at its corners, and at x1."""
-        stations = _stations(x0, x1, self._vertices[:, 0], 0.0)
-        return np.column_stack([stations, self.height(stations)])
-
-    def height(self, x: ArrayLike) -> Floats:
-        """b at abscissae (n,), (n,)."""
-        vertices = self._vertices
-        return np.asarray(np.interp(_abscissae(x), vertices[:, 0], vertices[:, 1]))
-
-    def slopes(self, x: ArrayLike) -> tuple[Floats, Floats]:
-        """The slopes of the lines left and right; zero beyond the ends."""
-        vertices, x = self._vertices, _abscissae(x)
-        dx, dy = np.diff(vertices, axis=0).T
-        slope = np.concatenate([[0.0], dy / dx, [0.0]])
-        # A vertex found to round-off is that vertex.
-        slack = 1e-12 * np.ptp(vertices[:, 0])
-        left = slope[np.searchsorted(vertices[:, 0], x - slack, side="left")]
-        right = slope[np.searchsorted(vertices[:, 0], x + slack, side="right")]
-        return left, right
-
-    def corners(self, x0: float, x1: float) -> Floats:
-        """The points between x0 and x1, also those that are not real corners."""
-        x = self._vertices[:, 0]
-        return np.asarray(x[(x >= x0) & (x <= x1)])
-
-    def nearest(self, points: Floats) -> Floats:
-        """The nearest point of all lines, and of the level continuations beyond the ends."""
-        points = rows(points)
-        order = np.argsort(points[:, 0])
-        feet = np.empty_like(points)
-        # In blocks of neighbours, so that each block meets few lines and the tables stay small.
-        for block in np.array_split(order, 1 + len(points) // 64):
-            feet[block] = self._nearest(points[block])
-        return feet
-
-    def _nearest(self, points: Floats) -> Floats:
-        """The nearest points (n, 2) of the bed for a few points (n, 2), by all lines no farther than the bed below."""
-        if len(points) == 0:
-            return points
-        vertices = self._vertices
-        reach = float(np.abs(points[:, 1] - self.height(points[:, 0])).max()) + 1e-9 * np.ptp(vertices[:, 0])
-        x0, x1 = points[:, 0].min() - reach, points[:, 0].max() + reach
-        left = np.array([[min(x0, vertices[0, 0]) - reach, vertices[0, 1]]])
-        right = np.array([[max(x1, vertices[-1, 0]) + reach, vertices[-1, 1]]])
-        vertices = np.vstack([left, vertices, right])
-        first = max(int(np.searchsorted(vertices[:, 0], x0)) - 1, 0)
-        vertices = vertices[first : int(np.searchsorted(vertices[:, 0], x1)) + 1]
-        side = np.diff(vertices, axis=0)
-        from_start = points[:, None] - vertices[:-1]
-        s = np.clip((from_start * side).sum(-1) / (side * side).sum(-1), 0.0, 1.0)
-        # Weighted ends: a foot at an end of a line is that end exactly.
-        feet = (1.0 - s[..., None]) * vertices[:-1] + s[..., None] * vertices[1:]
-        best = np.argmin(((feet - points[:, None]) ** 2).sum(axis=2), axis=1)
-        return np.asarray(feet[np.arange(len(points)), best])
-
-    def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
-        """One line from point to point, cut at x0 and x1."""
-        _require_order(x0, x1)
-        x = self._vertices[:, 0]
-        if x0 < x[0] or x1 > x[-1]:
-            raise SceneError(
-                f"the polyline bed reaches from x = {x[0]:g} to {x[-1]:g}, the domain from {x0:g} to {x1:g}; "
-                "add points or shorten the domain"
-            )
-        stations = _stations(x0, x1, x, 1e-9 * (x1 - x0))
-        ends = [(float(a), float(b)) for a, b in zip(stations, self.height(stations), strict=True)]
-        return tuple(Line(start, end) for start, end in pairwise(ends))
-
-
-def _abscissae(x: ArrayLike) -> Floats:
+def abscissae(x: ArrayLike) -> Floats:
+    """Abscissae as an array of floats."""
     return np.asarray(x, dtype=float)
 
 
@@ -478,7 +356,7 @@ def _upward(angle: Floats) -> Floats:
     return np.column_stack([-np.sin(angle), np.cos(angle)])
 
 
-def _stations(x0: float, x1: float, between: Floats, sliver: float) -> Floats:
+def abscissae_between(x0: float, x1: float, between: Floats, sliver: float) -> Floats:
     """x0, the abscissae `between` that keep `sliver` away from both ends, and x1; ascending."""
     inner = between[(between > x0 + sliver) & (between < x1 - sliver)]
     return np.concatenate([[x0], np.unique(inner), [x1]])
@@ -495,7 +373,8 @@ def _graded(x0: float, x1: float, step: float, end_step: float) -> Floats:
     return np.asarray(x)
 
 
-def _require_order(x0: float, x1: float) -> None:
+def require_order(x0: float, x1: float) -> None:
+    """Refuse a piece of bed that does not go from left to right. Raises SceneError."""
     if not x0 < x1:
         raise SceneError(f"a piece of bed from x = {x0} to {x1} is empty; give x0 < x1")
 
