@@ -92,8 +92,8 @@ def error_terms(run: Run, force: Forces, couple: Couples, solve: Solve, speed: f
             found.leave_out(name, reason)
         else:
             found.add(name, partial(estimate, scene))
-    if has_level_ground(scene):
-        found.add(GROUND, partial(of_level_ground, scene, _computed(run, force, couple)))
+    if (wider := on_more_bed(scene)) is not None:
+        found.add(GROUND, partial(of_level_ground, wider, _computed(run, force, couple)))
     return found.bars()
 
 
@@ -214,8 +214,8 @@ def coarse_scenes(scene: Scene) -> list[Scene]:
     for _, why_not, estimate in MODEL_TERMS:
         if not why_not(scene):
             estimate(scene, note)
-    if has_level_ground(scene):
-        of_level_ground(scene, Loads(np.zeros(3), np.zeros(3)), note)
+    if (wider := on_more_bed(scene)) is not None:
+        note(wider)
     return list(wanted.values())
 
 
@@ -320,21 +320,25 @@ def has_no_far_sides(scene: Scene) -> str:
     return ""
 
 
-def of_level_ground(scene: Scene, computed: Loads, solve: Solve) -> Term:
+def of_level_ground(wider: Scene, computed: Loads, solve: Solve) -> Term:
     """What a bed that is meshed as it is everywhere would change, from a run with more of it meshed so."""
-    wider = changed(scene, numerics={"meshed_bed": WIDER * scene.numerics.meshed_bed, "error_bars": False})
     how = f"a run with the bed meshed {WIDER:g} times as far, decay with distance to the power {DECAY_OF_GROUND:g}"
     share = 1.0 / (1.0 - WIDER**-DECAY_OF_GROUND)
     return Term.of_difference(GROUND, solve(wider), computed, share, how)
 
 
-def has_level_ground(scene: Scene) -> bool:
-    """Whether a bed goes over to level ground away from the grain, in a steady flow on a mesh of default sizes."""
+def on_more_bed(scene: Scene) -> Scene | None:
+    """The scene with more of its bed meshed as it is; None where there is no more, or its influence is not asked for.
+
+    A steady flow in space on a mesh of default sizes has such a bed: away from the grain it goes over to level ground.
+    """
     if scene.gdim != 3 or scene.time is not None or scene.numerics.accuracy is not None:
-        return False
+        return None
     from ..planning.drawing_in_space import resolved_bed
 
-    return resolved_bed(scene, scene.placement) is not None
+    if resolved_bed(scene, scene.placement) is None:
+        return None
+    return changed(scene, numerics={"meshed_bed": WIDER * scene.numerics.meshed_bed, "error_bars": False})
 
 
 # Terms of the model: name, why a scene has none, and how it is estimated.

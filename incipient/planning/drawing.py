@@ -118,14 +118,17 @@ def _grid(scene: Scene, plan: Plan) -> Grid:
     )
 
 
-def count(layout: Layout, order: int, dual: bool = False, solver: str = "direct") -> Estimate:
+def count(
+    layout: Layout, order: int, dual: bool = False, solver: str = "direct", wider: Layout | None = None
+) -> Estimate:
     """Cells, unknowns and memory of the flow on the layout's mesh, by making it. Not collective.
 
     dual:   whether the errors of a steady flow are estimated as well, with elements of one order more (see `has_dual`)
     solver: of the linear systems, a name in `fluid.solvers.SOLVERS`
+    wider:  of a run for the error bars that is made while the flow is kept; in space
     """
     if isinstance(layout.shape, SolidRegion):
-        return count_in_space(layout, order, dual, solver)
+        return count_in_space(layout, order, dual, solver, wider)
     with layout.drawing() as model:
         _, tags, nodes = model.mesh.getElements(2)
         cells = sum(len(t) for t in tags)

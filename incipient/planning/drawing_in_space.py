@@ -121,12 +121,25 @@ def _gap_points(scene: Scene, ends: tuple[Place, Place]) -> tuple[Place, ...]:
     return tuple(dict.fromkeys([ends[0], *(point(x) for x in contacts.points)]))
 
 
-def count_in_space(layout: Layout, order: int, dual: bool = False, solver: str = "direct") -> Estimate:
+def count_in_space(
+    layout: Layout, order: int, dual: bool = False, solver: str = "direct", wider: Layout | None = None
+) -> Estimate:
     """Cells, unknowns and memory of the flow on the layout's mesh, by making it. Not collective.
 
     dual:   whether the errors of a steady flow are estimated as well
     solver: of the linear systems, a name of a `linear.Method`
+    wider:  of a run for the error bars that is made while the flow is kept
     """
+    cells, unknowns = _counted(layout)
+    memory = memory_in_space(solver, unknowns, order, dual)
+    if wider is not None:
+        beside = memory_in_space(solver, _counted(wider)[1], order, False) - memory_of_libraries()
+        memory = max(memory, memory_in_space(solver, unknowns, order, False) + beside)
+    return Estimate(cells, unknowns(order), memory)
+
+
+def _counted(layout: Layout) -> tuple[int, Callable[[int], int]]:
+    """Cells of the layout's mesh, and unknowns on it by order of the velocity, by making it."""
     assert isinstance(layout.shape, SolidRegion)
     with layout.drawing() as model:
         _, tags, nodes = model.mesh.getElements(3)
@@ -139,11 +152,7 @@ def count_in_space(layout: Layout, order: int, dual: bool = False, solver: str =
     faces = (4 * cells + outside) // 2
     edges = vertices + faces - cells - euler_number(layout.shape)
     numbers = vertices, edges, faces, cells
-
-    def unknowns(k: int) -> int:
-        return 3 * lagrange(k, *numbers) + lagrange(k - 1, *numbers)
-
-    return Estimate(cells, unknowns(order), memory_in_space(solver, unknowns, order, dual))
+    return cells, lambda k: 3 * lagrange(k, *numbers) + lagrange(k - 1, *numbers)
 
 
 def euler_number(region: SolidRegion) -> int:

@@ -116,10 +116,20 @@ def flow_model(scene: Scene, plan: Plan, unsteady: bool, inertia: bool = True) -
 
 
 def estimate(scene: Scene) -> Plan:
-    """The plan with its expense, counted by making the mesh on this process. Not collective."""
+    """The plan with its expense, counted by making the mesh on this process. Not collective.
+
+    The run with more of the bed, which error bars may need, has a mesh of its own; the scene's flow is kept.
+    """
+    from ..accuracy.errorbars import on_more_bed
+
     plan = make_plan(scene)
+    wider = on_more_bed(scene) if drawing.has_dual(scene) else None
     expense: Estimate = drawing.count(
-        drawing.lay_out(scene, plan), plan.order, drawing.has_dual(scene), plan.solver.name
+        drawing.lay_out(scene, plan),
+        plan.order,
+        drawing.has_dual(scene),
+        plan.solver.name,
+        None if wider is None else drawing.lay_out(wider, plan),
     )
     return plan.with_estimate(expense)
 

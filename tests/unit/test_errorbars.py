@@ -18,8 +18,8 @@ from incipient.accuracy.errorbars import (
     coarse_scenes,
     comparisons,
     farther,
-    has_level_ground,
     of_level_ground,
+    on_more_bed,
 )
 from incipient.accuracy.safetybar import bar_of_safety
 from incipient.contact import Contacts, Load
@@ -446,7 +446,8 @@ def test_held_by_the_flow_alone() -> None:
 def test_level_ground_is_estimated_from_more_of_the_bed() -> None:
     """An influence that goes as one over the distance: of the difference 1 - 1/1.5 the whole is three times that."""
     scene = grain_in_pocket()
-    assert has_level_ground(scene)
+    wider = on_more_bed(scene)
+    assert wider is not None
     asked = []
 
     def solve(one: Scene) -> Loads:
@@ -454,11 +455,11 @@ def test_level_ground_is_estimated_from_more_of_the_bed() -> None:
         away = one.numerics.meshed_bed
         return Loads(np.array([7.0 - 0.2 / away, 0.0, 0.1]), np.array([0.0, 1.4 - 0.03 / away, 0.0]))
 
-    term = of_level_ground(scene, solve(scene), solve)
+    term = of_level_ground(wider, solve(scene), solve)
     assert term.force == pytest.approx([0.2, 0.0, 0.0]) and term.couple == pytest.approx([0.0, 0.03, 0.0])
     assert asked[1].numerics.meshed_bed == 1.5 and not asked[1].numerics.error_bars
     near, far = (resolved_bed(one, scene.placement) for one in asked)
     assert near is not None and far is not None and far.radius == 1.5 * near.radius
     assert [one.numerics.meshed_bed for one in coarse_scenes(scene)] == [1.0, 1.0, 1.0, 1.0, 1.5]
     wide = changed(scene, numerics={"meshed_bed": 4.0})  # up to the sides
-    assert not has_level_ground(wide) and not has_level_ground(grain_on_bed())
+    assert on_more_bed(wide) is None and on_more_bed(grain_on_bed()) is None
