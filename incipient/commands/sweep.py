@@ -13,7 +13,6 @@ from .options import named, overrides
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from ..sweep.cases import Case
     from ..sweep.procedure import Progress
     from ..sweep.request import Request
 
@@ -40,6 +39,20 @@ def options_of_sweep(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--cases", type=Path, metavar="FILE.csv", help="a case a row, under the keys of the first row"
     )
+    parser.add_argument(
+        "--refine",
+        type=_share,
+        nargs="?",
+        const=True,
+        metavar="SHARE",
+        help="add cases where the mode changes or the curve bends, to this share of the range (default: 0.02)",
+    )
+    parser.add_argument("--most", type=int, metavar="N", help="with --refine: cases in all (default: 1000)")
+    parser.add_argument(
+        "--quantity",
+        metavar="COLUMN",
+        help="with --refine: the column whose curve is to be known (see table)",
+    )
     overrides(parser, "numerics.mesh_size=2")
     parser.add_argument("--do", choices=("run", "threshold", "judge"), help="(default: run)")
     parser.add_argument(
@@ -57,6 +70,13 @@ def options_of_sweep(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--dry-run", action="store_true", help="say how many cases there are, and what they take"
     )
+
+
+def _share(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text} is not a number; give 0.01, or put --refine last") from None
 
 
 def options_of_table(parser: argparse.ArgumentParser) -> None:
@@ -86,21 +106,21 @@ def refuse_options_of_show(options: argparse.Namespace) -> None:
 def sweep(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Compute the cases that the file does not hold, and say what came out."""
     from ..parallel import collectively
-    from ..sweep.call import Means, computed, foretold
+    from ..sweep.call import Means, Prepared, computed, foretold
     from ..sweep.live import watching
     from ..sweep.request import seconds, usual_file
 
     wall = float("inf") if options.wall is None else seconds(options.wall)
     means = Means(options.jobs, options.ranks, options.memory, wall, options.retry)
     places, files = means.places(comm), [Path()]
-    prepared: tuple[list[Case], list[str]] = ([], [])
+    prepared = Prepared()
     with collectively(comm):
         if comm.rank == 0:
             request = _request(options)
             files = [options.out or usual_file(request)]
-            prepared = request.cases()
+            prepared = Prepared.of(request)
             if options.dry_run:
-                print(foretold(prepared[0], files[0], means, places))
+                print(foretold(prepared, files[0], means, places))
     if options.dry_run:
         return 0
     with watching(comm) as watcher:
@@ -113,7 +133,7 @@ def sweep(options: argparse.Namespace, comm: MPI.Comm) -> int:
 def _request(options: argparse.Namespace) -> Request:
     from ..sweep.axes import parsed
     from ..sweep.cases import Source
-    from ..sweep.request import requested
+    from ..sweep.request import Refined, requested
 
     return requested(
         [Source.of(path) for path in options.scenes],
@@ -122,6 +142,7 @@ def _request(options: argparse.Namespace) -> Request:
         options.cases,
         options.do,
         options.overrides,
+        Refined(options.refine, options.most, options.quantity),
     )
 
 
@@ -130,6 +151,7 @@ def _tell(progress: Progress, file: Path) -> None:
     print(
         f"cases               {progress.total}: {progress.done} computed{failed}, {progress.known} known before"
     )
+    print("".join(f"{line}\n" for line in progress.refined), end="")
     print(f"numbers             {file}; incipient table {file}")
     print(f"pictures            incipient show {file}", flush=True)
 

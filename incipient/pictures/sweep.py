@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import textwrap
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,7 @@ LAMINAR_AND_TURBULENT = (
 _NAMES = {"shields": "critical Shields number", "reynolds": "critical Reynolds number"}
 _MARKERS = ("o", "s", "D", "^", "v", "P", "X", "*")
 _COLOURS = ("#2166ac", "#d95f0e", "#1b7837", "#6a3d9a", "#b2182b", "#858585", "#c51b7d", "#7a5c2e")
+_MANY = 20  # curves, above which only as many are drawn as there are colours
 _WIDE, _HIGH = 7.2, 5.0  # inches
 _DECADE = 8.0  # ratio of largest to smallest value from which a scale is logarithmic
 _DIMENSIONLESS = np.geomspace(1.0, 400.0, 200)  # diameters D* of the curve
@@ -144,8 +146,11 @@ def _end(row: Mapping[str, Any], quantity: str, end: str) -> float:
 
 
 def _families(found: Rows, by: str | None) -> list[tuple[str, Rows, dict[str, Any]]]:
-    """The rows of each value of a column, with label and looks."""
-    values = [None] if by is None else list(dict.fromkeys(row.get(by) for row in found))
+    """The rows of each value of a column, with label and looks; of many values those that most rows have."""
+    counted = Counter(None if by is None else row.get(by) for row in found)
+    values = list(counted)
+    if len(values) > _MANY:  # a refined sweep has cases at values of their own
+        values = [value for value, _ in counted.most_common(len(_COLOURS))]
     if by is not None and _numbers(found, by):
         values = sorted(values, key=lambda value: float(value or 0.0))
     return [

@@ -95,7 +95,12 @@ def _range(parts: Sequence[str], option: str) -> list[str]:
     if kind == "log" and min(ends) <= 0.0:
         raise SceneError(f"--over {option}: a logarithmic range needs ends above zero; use lin")
     between = np.geomspace(*ends, count) if kind == "log" else np.linspace(*ends, count)
-    return [repr(float(f"{value:.{_DIGITS}g}")) for value in between]
+    return [rounded(value) for value in between]
+
+
+def rounded(value: float) -> str:
+    """A number between others as text, the same whatever computes it."""
+    return repr(float(f"{value:.{_DIGITS}g}"))
 
 
 def _split(text: str) -> list[str]:

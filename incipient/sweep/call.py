@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,9 +12,10 @@ from ..cost.frontier import seconds as in_words
 from ..errors import SceneError
 from ..parallel import collectively, ranks_there_are
 from .cases import Case
-from .expectation import Expected, cores, expectations, free_memory_mib, total
+from .expectation import Expected, Foresight, cores, free_memory_mib, total
 from .procedure import Limits, Progress, Sweep, Watcher
-from .request import of_python, seconds
+from .refinement import Refinement
+from .request import Refined, Request, of_python, seconds
 from .store import DONE, FAILED, Store
 
 if TYPE_CHECKING:
@@ -71,6 +73,9 @@ def run(
     memory_mib: float | None = None,
     wall: str | float | None = None,
     retry: bool = False,
+    refine: float | bool | None = None,
+    most: int | None = None,
+    quantity: str | None = None,
     watcher: Watcher | None = None,
     comm: MPI.Comm | None = None,
 ) -> Progress:
@@ -91,6 +96,9 @@ def run(
         memory_mib: what cases may take at a time; default: what is free.
         wall: seconds, or text such as "8h", after which the sweep ends.
         retry: whether cases that have failed are computed again.
+        refine: cases are added where the mode changes or a quantity bends, to this share of the range; True: 0.02.
+        most: cases in all, those added too.
+        quantity: the column that is to be straight between cases; default: the Shields or the safety factor.
         watcher: told of progress.
 
     Raises:
@@ -100,15 +108,33 @@ def run(
     limit = seconds(wall) if isinstance(wall, str) else wall or float("inf")
     means = Means(jobs, ranks, memory_mib, limit, retry)
     table = None if cases is None else Path(cases)
-    prepared: list[tuple[list[Case], list[str]]] = []
+    refined, prepared = Refined(refine, most, quantity), Prepared()
     with collectively(comm):
         if comm.rank == 0:
-            prepared = [of_python(scenes, over, together=zip, table=table, task=do, common=settings).cases()]
-    return computed(prepared[0] if prepared else ([], []), Path(file), means, watcher, comm)
+            request = of_python(
+                scenes, over, together=zip, table=table, task=do, common=settings, refined=refined
+            )
+            prepared = Prepared.of(request)
+    return computed(prepared, Path(file), means, watcher, comm)
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """The cases of a request, the keys that they vary, and what finds cases in between."""
+
+    cases: Sequence[Case] = ()
+    keys: Sequence[str] = ()
+    refinement: Refinement | None = None
+
+    @classmethod
+    def of(cls, request: Request) -> Prepared:
+        """Those of a request, checked; raises SceneError."""
+        cases, keys = request.cases()
+        return cls(cases, keys, request.refinement(cases))
 
 
 def computed(
-    prepared: tuple[list[Case], list[str]], file: Path, means: Means, watcher: Watcher | None, comm: MPI.Comm
+    prepared: Prepared, file: Path, means: Means, watcher: Watcher | None, comm: MPI.Comm
 ) -> Progress:
     """Compute cases, which the first rank alone needs to know, into a file. Collective; raises as `run`."""
     places = means.places(comm)
@@ -122,19 +148,34 @@ def computed(
         serve(comm, means.ranks)
         return Progress(0, 0, places)
     with stores[0] as store:
-        states = store.states([case.identity for case in prepared[0]])
-        waiting = [case for case in prepared[0] if states.get(case.identity) != DONE]
-        expected = expectations(waiting)
-        return Sweep(prepared[0], store, _crowd(comm, means, places), expected, means.limits, watcher).run()
+        further = partial(_further, prepared, store, means)
+        crowd, foresight = _crowd(comm, means, places), Foresight()
+        progress = Sweep(prepared.cases, store, crowd, foresight.of, means.limits, watcher, further).run()
+    if prepared.refinement is not None:
+        progress.refined = prepared.refinement.lines()
+    return progress
 
 
-def _opened(prepared: tuple[list[Case], list[str]], file: Path, means: Means) -> Store:
-    store, (cases, keys) = Store(file, make=True), prepared
-    store.add(cases, keys)
+def _further(prepared: Prepared, store: Store, means: Means) -> list[Case]:
+    """The cases that a refinement asks for by what the store holds, put there."""
+    if prepared.refinement is None:
+        return []
+    cases = prepared.refinement.following(store.results)
+    _put(store, cases, prepared.keys, means)
+    return cases
+
+
+def _opened(prepared: Prepared, file: Path, means: Means) -> Store:
+    store = Store(file, make=True)
+    _put(store, prepared.cases, prepared.keys, means)
     store.free_abandoned()
+    return store
+
+
+def _put(store: Store, cases: Sequence[Case], keys: Sequence[str], means: Means) -> None:
+    store.add(cases, keys)
     if means.retry:
         store.free_failed([case.identity for case in cases])
-    return store
 
 
 def _crowd(comm: MPI.Comm, means: Means, places: int) -> Crowd:
@@ -143,19 +184,23 @@ def _crowd(comm: MPI.Comm, means: Means, places: int) -> Crowd:
     return Ranks(comm, means.ranks) if comm.size > 1 else Processes(places, means.ranks)
 
 
-def foretold(cases: list[Case], file: Path, means: Means, places: int) -> str:
+def foretold(prepared: Prepared, file: Path, means: Means, places: int) -> str:
     """How many cases there are to compute, and what they will take, without computing any."""
-    states: dict[str, str] = {}
+    cases, states = prepared.cases, dict[str, str]()
     if file.is_file():
         with Store(file) as store:
             states = store.states([case.identity for case in cases])
     over = (DONE,) if means.retry else (DONE, FAILED)
     left = [case for case in cases if states.get(case.identity) not in over]
-    expected = expectations(left)
+    expected = Foresight().of(left)
     known = len(cases) - len(left)
     lines = [
         f"{'cases':<20}{len(cases)}: {known} known to {file}, {len(left)} to compute, {places} at a time"
     ]
+    if prepared.refinement is not None:
+        lines.append(
+            f"{'refinement':<20}up to {prepared.refinement.most} cases in all; what follows is without it"
+        )
     return "\n".join([*lines, _time(expected, places), _memory(expected, means, places)])
 
 

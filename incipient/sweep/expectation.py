@@ -30,27 +30,31 @@ class Expected:
     memory_mib: float | None = None
 
 
-def expectations(cases: Sequence[Case]) -> dict[str, Expected]:
-    """What cases will take, by identity. Not collective.
+class Foresight:
+    """What cases will take, and what is known from cases before them.
 
     One case of those with the same forms is predicted by making its mesh; the others by how many more cells than that
     one's are expected of theirs.
     """
-    found: dict[str, Expected] = {}
-    first: dict[str, tuple[Expected, float | None]] = {}
-    cells: dict[str, float | None] = {}
-    for case in cases:
+
+    def __init__(self) -> None:
+        self._first: dict[str, tuple[Expected, float | None]] = {}
+        self._cells: dict[str, float | None] = {}
+
+    def of(self, cases: Sequence[Case]) -> dict[str, Expected]:
+        """What cases will take, by identity. Not collective."""
+        return {case.identity: self._expected(case) for case in cases}
+
+    def _expected(self, case: Case) -> Expected:
         if case.scene is None:
-            found[case.identity] = Expected(None, OF_JUDGE)
-            continue
+            return Expected(None, OF_JUDGE)
         drawn = _drawn(case.scene)
-        if drawn not in cells:
-            cells[drawn] = _cells(case.scene)
-        if case.forms not in first:
-            first[case.forms] = (_predicted(case.scene, case.task), cells[drawn])
-        known, of_known = first[case.forms]
-        found[case.identity] = _scaled(known, of_known, cells[drawn])
-    return found
+        if drawn not in self._cells:
+            self._cells[drawn] = _cells(case.scene)
+        if case.forms not in self._first:
+            self._first[case.forms] = (_predicted(case.scene, case.task), self._cells[drawn])
+        known, of_known = self._first[case.forms]
+        return _scaled(known, of_known, self._cells[drawn])
 
 
 def _drawn(scene: Scene) -> str:

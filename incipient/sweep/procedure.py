@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ..errors import Interrupted
@@ -29,6 +29,7 @@ class Progress:
 
     total: cases; known: finished before it began; done, failed: by this sweep; elsewhere: at another sweep
     running: cases with the time when they began; spent: seconds that finished ones took; places: at a time
+    refined: what a refinement came to, lines for a reader
     """
 
     total: int
@@ -39,6 +40,7 @@ class Progress:
     elsewhere: int = 0
     running: dict[str, tuple[Case, float]] = field(default_factory=dict)
     spent: float = 0.0
+    refined: Sequence[str] = ()
 
     @property
     def finished(self) -> int:
@@ -69,19 +71,26 @@ class Watcher:
 
 
 class Sweep:
-    """One sweep over cases: those that the file knows already are left alone."""
+    """One sweep over cases: those that the file knows already are left alone.
+
+    Args:
+        expect:  what cases will take.
+        further: cases, in the store by then, that what has been found asks for; none: the sweep is at its end.
+    """
 
     def __init__(
         self,
         cases: Sequence[Case],
         store: Store,
         crowd: Crowd,
-        expected: Mapping[str, Expected],
+        expect: Callable[[Sequence[Case]], Mapping[str, Expected]],
         limits: Limits = Limits(),
         watcher: Watcher | None = None,
+        further: Callable[[], Sequence[Case]] = tuple,
     ):
         self._store, self._crowd, self._limits = store, crowd, limits
-        self._expected, self._watcher = expected, watcher or Watcher()
+        self._expect, self._watcher, self._further = expect, watcher or Watcher(), further
+        self._expected: dict[str, Expected] = {}
         self._cases = {case.identity: case for case in cases}
         self._began = time.monotonic()
         self._compiled: set[str] = set()
@@ -98,7 +107,7 @@ class Sweep:
         at_once = True
         try:
             self._sort_out()
-            while self._waiting or self._progress.running or self._progress.elsewhere:
+            while self._is_at_work() or self._grows():
                 self._go_on()
             at_once = False
         except KeyboardInterrupt as interrupt:
@@ -109,6 +118,19 @@ class Sweep:
             finally:
                 self._crowd.close(at_once)
         return self._progress
+
+    def _is_at_work(self) -> bool:
+        return bool(self._waiting or self._progress.running or self._progress.elsewhere)
+
+    def _grows(self) -> bool:
+        """Whether what has been found asks for cases that are not known yet; these then wait."""
+        while cases := self._further():
+            self._cases |= {case.identity: case for case in cases}
+            self._progress.total = len(self._cases)
+            self._sort_out()
+            if self._is_at_work():
+                return True
+        return False
 
     def _go_on(self) -> None:
         """Give out what may begin, and take what has been finished."""
@@ -132,6 +154,9 @@ class Sweep:
         progress, finished = self._progress, sum(state in (DONE, FAILED) for state in states.values())
         progress.known = finished - progress.done - progress.failed
         progress.elsewhere = len(states) - finished - len(self._waiting) - len(progress.running)
+        self._expected |= self._expect(
+            [case for case in self._waiting if case.identity not in self._expected]
+        )
 
     def _give(self) -> None:
         """Give cases to all who are idle, as far as memory, compiled forms and time allow."""

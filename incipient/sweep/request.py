@@ -12,11 +12,48 @@ from ..errors import SceneError
 from . import axes
 from .axes import Axis
 from .cases import TASKS, Case, Source, keys_of, resolved
+from .lattice import directions
+from .refinement import MOST, USUAL, Aim, Family, Refinement
 
 ENDING = ".sqlite"
-_KEYS = ("over", "zip", "cases", "do")
+_KEYS = ("over", "zip", "cases", "do", "refine", "most", "quantity")
+_FITS = {
+    "refine": "give a share of the range such as 0.01, or true",
+    "most": "give a number of cases",
+    "quantity": "give the name of a column",
+}
 _TIME = re.compile(r"(?:([\d.]+)d)?(?:([\d.]+)h)?(?:([\d.]+)m)?(?:([\d.]+)s?)?")
 _UNITS = (86400.0, 3600.0, 60.0, 1.0)
+
+
+@dataclass(frozen=True)
+class Refined:
+    """What is said of a refinement: its tolerance, True for the usual one; how many cases; a column; None: not said."""
+
+    refine: float | bool | None = None
+    most: int | None = None
+    quantity: str | None = None
+
+    def aim(self, section: Mapping[str, Any], name: str) -> Aim | None:
+        """What it is for; what is not said here is taken from the section [sweep] of the scene of a name.
+
+        Raises:
+            SceneError: it cannot be understood, or there is no refinement to which it belongs.
+        """
+        said = {one: self._said(one, section) for one in ("refine", "most", "quantity")}
+        for key, kinds in (("refine", (int, float)), ("most", (int,)), ("quantity", (str,))):
+            if said[key] is not None and not isinstance(said[key], kinds):
+                raise SceneError(f"{name}: sweep.{key}: {said[key]!r} does not fit; {_FITS[key]}")
+        if said["refine"] is None or said["refine"] is False:
+            extra = next((key for key in ("most", "quantity") if getattr(self, key) is not None), None)
+            if extra is not None:
+                raise SceneError(f"--{extra}: is for a refinement; give --refine too, or leave it out")
+            return None
+        tolerance = USUAL if said["refine"] is True else float(said["refine"])
+        return Aim(tolerance, MOST if said["most"] is None else said["most"], said["quantity"])
+
+    def _said(self, key: str, section: Mapping[str, Any]) -> Any:
+        return section.get(key) if getattr(self, key) is None else getattr(self, key)
 
 
 @dataclass(frozen=True)
@@ -24,7 +61,7 @@ class Request:
     """Sources and how they are varied.
 
     over: axes; together: they go along side by side; table: a CSV file of cases; task: run, threshold or judge
-    common: overrides of all cases
+    common: overrides of all cases; aim: what cases in between are for, None: there are none
     """
 
     sources: tuple[Source, ...]
@@ -33,6 +70,7 @@ class Request:
     table: Path | None = None
     task: str = "run"
     common: tuple[str, ...] = field(default=())
+    aim: Aim | None = None
 
     def cases(self) -> tuple[list[Case], list[str]]:
         """The cases, each once, and the keys that they vary.
@@ -40,8 +78,7 @@ class Request:
         Raises:
             SceneError: one of them contradicts itself; it says which.
         """
-        listed = [] if self.table is None else axes.table_of_cases(self.table)
-        settings = axes.combined(self.over, self.together, listed)
+        settings = axes.combined(self.over, self.together, self._rows())
         found: dict[str, Case] = {}
         for source in self.sources:
             for number, one in enumerate(settings, 1):
@@ -49,9 +86,30 @@ class Request:
                 found.setdefault(case.identity, case)
         return list(found.values()), keys_of(settings)
 
+    def refinement(self, cases: Sequence[Case]) -> Refinement | None:
+        """The refinement between these cases, which are all of the request; None where none is asked for.
+
+        Raises:
+            SceneError: it is not one or two keys with numbers that are varied.
+        """
+        if self.aim is None:
+            return None
+        ways = directions(self.over, self.together)
+        moving = {key.key for way in ways for key in way.keys}
+        others = axes.combined([axis for axis in self.over if axis.key not in moving], False, self._rows())
+        families = [Family(source, fixed, tuple(ways)) for source in self.sources for fixed in others]
+        told_apart = len({source.name for source in self.sources}) == len(self.sources)
+        return Refinement(families, self.aim, self._case, cases if told_apart else ())
+
+    def _rows(self) -> list[axes.Settings]:
+        return [] if self.table is None else axes.table_of_cases(self.table)
+
+    def _case(self, source: Source, settings: axes.Settings) -> Case:
+        return resolved(source, settings, self.task, self.common)
+
     def _resolved(self, source: Source, settings: axes.Settings, which: str) -> Case:
         try:
-            return resolved(source, settings, self.task, self.common)
+            return self._case(source, settings)
         except SceneError as error:
             raise SceneError(f"{which} ({', '.join(settings) or source.name}): {error}") from None
 
@@ -63,6 +121,7 @@ def requested(
     table: Path | None = None,
     task: str | None = None,
     common: Sequence[str] = (),
+    refined: Refined = Refined(),
 ) -> Request:
     """The request; what is not said is taken from the section [sweep] of the first source, as relative to its file.
 
@@ -86,7 +145,8 @@ def requested(
         raise SceneError(
             "nothing is varied; give --over fluid.reynolds=log:0.1:200:17, --cases FILE.csv or a section [sweep]"
         )
-    return Request(tuple(sources), tuple(over), together, table, task, tuple(common))
+    aim = refined.aim(section, sources[0].name)
+    return Request(tuple(sources), tuple(over), together, table, task, tuple(common), aim)
 
 
 def seconds(text: str) -> float:

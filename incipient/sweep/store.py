@@ -167,6 +167,18 @@ class Store:
                 if row[0] in wanted
             }
 
+    def results(self, identities: Sequence[str]) -> dict[str, tuple[str, Any]]:
+        """Task and result of those of the cases that are done, by identity."""
+        found = {}
+        with self._told():
+            for identity in identities:
+                row = self._base.execute(
+                    "SELECT task, result FROM cases WHERE id = ? AND status = ?", (identity, DONE)
+                ).fetchone()
+                if row is not None:
+                    found[identity] = row[0], json.loads(row[1])
+        return found
+
     def claim(self, identity: str) -> bool:
         """Take a case that waits; False if another sweep has."""
         with self._told():

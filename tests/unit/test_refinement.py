@@ -1,0 +1,203 @@
+"""Cases that a sweep adds: on the boundary of closed formulas, as many as asked for, the same ones each time."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scenes import message
+
+import incipient.sweep
+from incipient import cli
+from incipient.sweep.axes import parsed
+from incipient.sweep.cases import Case, Source
+from incipient.sweep.lattice import Numbers, directions
+from incipient.sweep.refinement import Refinement
+from incipient.sweep.request import Refined, requested
+from incipient.sweep.worker import computed
+
+# A block on a slope of tangent t, with its weight turned instead: its force along the slope is t + 0.1 with the flow's.
+# It slides where that is above friction, and tips over its lower edge where it is above width over height, 0.5.
+BLOCK = """
+[load]
+weight = [0.0, -1.0]
+flow_force = [0.1, 0.0]
+flow_couple = 0.0
+centre = [0.0, 0.5]
+[contacts]
+points = [[-0.25, 0.0], [0.25, 0.0]]
+normals = [[0.0, -1.0], [0.0, -1.0]]
+friction = 0.3
+"""
+SLOPE = "load.weight=[0.0, -1.0],[0.5, -1.0],[1.0, -1.0]"
+PUSH = 0.1
+
+
+class Judged:
+    """Judges the cases that are asked for, as a sweep's processes do, and keeps what came out."""
+
+    def __init__(self, tolerance: float, *over: str, most: int | None = None):
+        request = requested(
+            [Source("block", BLOCK)],
+            [parsed(one) for one in over],
+            task="judge",
+            refined=Refined(tolerance, most),
+        )
+        self.results: dict[str, tuple[str, Any]] = {}
+        self.rounds = [request.cases()[0]]
+        found = request.refinement(self.rounds[0])
+        assert isinstance(found, Refinement)
+        self.refinement = found
+        while self.rounds[-1]:
+            self.results |= {case.identity: ("judge", judged(case)) for case in self.rounds[-1]}
+            self.rounds.append(found.following(lambda wanted: {one: self.results[one] for one in wanted}))
+
+    @property
+    def cases(self) -> list[Case]:
+        return [case for one in self.rounds for case in one]
+
+    def at(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Tangent, friction and whether it rests, of all cases."""
+        told = [json.loads(case.text) for case in self.cases]
+        slope = np.array([case["load"]["weight"][0] for case in told])
+        friction = np.array([case["contacts"]["friction"] for case in told])
+        return slope, friction, np.array([not self.moves(case) for case in self.cases])
+
+    def moves(self, case: Case) -> bool:
+        return bool(self.results[case.identity][1]["verdict"]["moves"])
+
+
+def judged(case: Case) -> dict[str, Any]:
+    from mpi4py import MPI
+
+    outcome = computed("judge", case.text, MPI.COMM_SELF)
+    assert outcome.result is not None, outcome.reason
+    return dict(outcome.result)
+
+
+def test_the_slope_at_which_a_block_slides_is_found_to_the_tolerance() -> None:
+    """It slides from t = 0.3 - 0.1 on."""
+    found = Judged(0.002, SLOPE)
+    slope, _, rests = found.at()
+    low, high = slope[rests].max(), slope[~rests].min()
+    assert low <= 0.3 - PUSH <= high and high - low <= 0.002
+    assert f"rest at load.weight=[{low!r}, -1.0], moves at load.weight=[{high!r}, -1.0]" in "\n".join(
+        found.refinement.lines()
+    )
+    assert len(found.cases) < 40  # 501 are as near to each other everywhere
+    again = Judged(0.002, SLOPE)
+    assert [case.identity for case in again.cases] == [case.identity for case in found.cases]
+
+
+def test_the_curve_is_straight_between_cases() -> None:
+    """S = (friction - t) / 0.1: interpolated, S/(1 + S) is nowhere farther off than the tolerance of its range."""
+    found = Judged(0.02, SLOPE)
+    slope, _, _ = found.at()
+    slope = np.unique(slope)
+    dense = np.linspace(0.0, 1.0, 5001)
+
+    def share(t: np.ndarray) -> np.ndarray:
+        factor = np.maximum((0.3 - t) / PUSH, 0.0)
+        return np.asarray(factor / (1.0 + factor))
+
+    missed = np.abs(np.interp(dense, slope, share(slope)) - share(dense))
+    kinks = (dense > 0.3 - 0.02) & (
+        dense < 0.3 + 0.02
+    )  # where the tolerance of the slope says how near cases are
+    assert missed[~kinks].max() <= 0.02 * 0.75
+
+
+def test_the_boundary_of_two_parameters_is_followed() -> None:
+    """It rests where t + 0.1 <= min(friction, 0.5): a line that bends at friction 0.5."""
+    found = Judged(1.0 / 16.0, "contacts.friction=0.1,0.4,0.7", SLOPE)
+    slope, friction, rests = found.at()
+    beyond = slope + PUSH - np.minimum(friction, 0.5)
+    assert (rests == (beyond <= 1e-9)).all()
+    for one in np.linspace(0.12, 0.68, 57):  # across the boundary there are cases on both sides, near it
+        near = np.abs(friction - one) <= 0.6 / 16.0
+        edge = min(one, 0.5) - PUSH
+        assert (near & rests & (np.abs(slope - edge) <= 3.0 / 16.0)).any()
+        assert (near & ~rests & (np.abs(slope - edge) <= 3.0 / 16.0)).any()
+    assert len(found.cases) < 17 * 17 * 0.6
+
+
+def test_the_budget_is_kept_and_said() -> None:
+    found = Judged(0.001, SLOPE, most=9)
+    assert len(found.cases) <= 9
+    assert "9 cases are spent before the tolerance is reached" in "\n".join(found.refinement.lines())
+
+
+def test_a_sweep_goes_on_to_the_same_cases(tmp_path: Path, capfd: Any) -> None:
+    scene, file, other = (tmp_path / name for name in ("block.toml", "one.sqlite", "other.sqlite"))
+    scene.write_text(
+        BLOCK + '[sweep]\ndo = "judge"\nrefine = 0.05\n[sweep.over]\nload.weight = [[0, -1], [1, -1]]\n'
+    )
+    assert cli.main(["sweep", str(scene), "--out", str(file), "--jobs", "1", "--most", "5"]) == 0
+    assert "raise --most" in capfd.readouterr().out
+    assert cli.main(["sweep", str(scene), "--out", str(file), "--jobs", "1"]) == 0
+    said = capfd.readouterr().out
+    assert "changes of mode     to 0.031 of the range" in said
+    progress = incipient.sweep.run(scene, other, jobs=1)
+    assert progress.known == 0 and progress.refined[0] in said
+    one, two = (
+        {row["id"]: row["safety_factor"] for row in incipient.sweep.rows(path)} for path in (file, other)
+    )
+    assert one == two
+
+
+def test_between_values_are_equal_ratios_or_differences() -> None:
+    def middle(text: str) -> str:
+        (way,) = directions([parsed(text)], False)
+        return way.settings(0.5)[0]
+
+    assert middle("a.b=log:1:100:3") == "a.b=3.16227766017"
+    assert middle("a.b=lin:1:100:3") == "a.b=25.75"
+    assert middle("a.b=1,100") == "a.b=10.0"
+    assert middle("a.b=3,2,1") == "a.b=1.5"
+    assert middle("a.b=[0, 1],[1, 3]") == "a.b=[0.5, 2.0]"
+    (together,) = directions([parsed("a.b=1,2"), parsed("a.c=9,5")], True)
+    assert together.settings(0.25) == ("a.b=1.25", "a.c=8.0")
+    assert Numbers.of(parsed("a.b=1,1.0")) is None
+
+
+@pytest.mark.parametrize(
+    ("over", "together", "refined", "said"),
+    [
+        (["a.b=x,y"], False, Refined(True), "no key is varied over numbers"),
+        (["a.b=1,2", "a.c=1,2", "a.d=1,2"], False, Refined(True), "are 3 keys with numbers"),
+        (["a.b=1,2", "a.c=x,y"], True, Refined(True), "a.c goes along with others"),
+        (["a.b=1,2"], False, Refined(2.0), "--refine 2: is not a share of the range"),
+        (["a.b=1,2"], False, Refined(True, 0), "--most 0: is not a number of cases"),
+        (["a.b=1,2"], False, Refined(None, 5), "--most: is for a refinement"),
+    ],
+)
+def test_wrong_refinements_are_refused(
+    over: Sequence[str], together: bool, refined: Refined, said: str
+) -> None:
+    def refused() -> None:
+        axes = [parsed(one) for one in over]
+        requested([Source("mine", BLOCK)], axes, together, task="judge", refined=refined).refinement([])
+
+    assert said in message(refused)
+
+
+def test_wrong_sections_and_columns_are_refused(tmp_path: Path, capsys: Any) -> None:
+    scene = tmp_path / "block.toml"
+    order = ["sweep", str(scene), "--out", str(tmp_path / "x.sqlite"), "--jobs", "1"]
+    head = '[sweep]\ndo = "judge"\n'
+    for extra, said in (
+        ('refine = "much"\n', "sweep.refine: 'much' does not fit"),
+        ("refine = true\nmost = 1.5\n", "sweep.most: 1.5 does not fit"),
+        (
+            'refine = true\nquantity = "colour"\n',
+            "--quantity colour: no case has this column; there are mode",
+        ),
+    ):
+        scene.write_text(BLOCK + head + extra + "[sweep.over]\ncontacts.friction = [0.1, 0.2]\n")
+        assert cli.main(order) == 2
+        complaint = capsys.readouterr().err
+        assert said in complaint and complaint.count("incipient: ") == 1
