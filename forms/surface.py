@@ -23,6 +23,7 @@ class SurfaceTerms:
     elevation: that of the mesh as it is now
     pressure:  of what is above the fluid, per density of the fluid; None: none
     tension:   surface tension per density of the fluid; None: none
+    unfelt:    what of a pinned surface's elevation has no weight; None: the surface is not pinned
     """
 
     gravity: Any
@@ -32,6 +33,7 @@ class SurfaceTerms:
     elevation: Any
     pressure: Any = None
     tension: Any = None
+    unfelt: Any = None
 
 
 def load(v: Any, w: Any, place: Any, n: Any, surface: SurfaceTerms) -> Any:
@@ -43,7 +45,7 @@ def load(v: Any, w: Any, place: Any, n: Any, surface: SurfaceTerms) -> Any:
     """
     up = len(v) - 1
     rise = surface.known + ufl.dot(v, n) / (surface.rate * n[up])
-    head = -surface.gravity[up] * rise
+    head = -surface.gravity[up] * (rise if surface.unfelt is None else rise - surface.unfelt)
     for axis in range(up):
         head -= surface.gravity[axis] * (place[axis] - surface.origin[axis])
     if surface.pressure is not None:

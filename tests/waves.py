@@ -15,8 +15,8 @@ from incipient.arrays import Floats
 from incipient.coupled.coupling import Coupling
 from incipient.coupled.energy import EnergyBudget
 from incipient.coupled.surface import SurfacePart
-from incipient.fluid import FlowModel, Fluid, Slip, Transient
-from incipient.fluid.conditions import FreeSurface
+from incipient.fluid import FlowModel, Fluid, Slip, Transient, no_slip
+from incipient.fluid.conditions import Condition, FreeSurface
 from incipient.mesh.domain import Domain
 from incipient.mesh.elevation import RisingDisplacement
 from incipient.mesh.motion import MeshMotion
@@ -75,7 +75,10 @@ class Mode:
 
 
 class Tank:
-    """A box with a free surface on top, free-slip elsewhere, and its integration in time."""
+    """A box with a free surface on top, free-slip elsewhere, and its integration in time.
+
+    If `pinned` the fluid sticks to the sides left and right, where the elevation stays.
+    """
 
     def __init__(
         self,
@@ -89,9 +92,11 @@ class Tank:
         energy_stable: bool = False,
         tolerance: float = 1e-10,
         interface: float | None = None,
+        pinned: bool = False,
     ):
         gdim = domain.gdim
-        walls = [Slip(name, axis) for axis, name in zip((0, 0, 1, 1), ("left", "right"), strict=False)]
+        ends = ("left", "right")
+        walls: list[Condition] = [no_slip(name) if pinned else Slip(name, 0) for name in ends]
         if gdim == 2:
             walls.append(Slip("bottom", 1))
         else:  # as `domains.SIDES` names them: bottom and top are at least and largest y
@@ -99,11 +104,12 @@ class Tank:
         self.boundary = "top" if gdim == 2 else "back"
         held = ("bottom",) if gdim == 2 else ("front",)
         origin = tuple(1.0 for _ in range(gdim))
-        surface = FreeSurface(self.boundary, gravity, origin, tension=tension)
+        stays = ends if pinned else ()
+        surface = FreeSurface(self.boundary, gravity, origin, tension=tension, pinned=stays)
         model = FlowModel(order=order, unsteady=True, moving_mesh=True, energy_stable=energy_stable)
         self.fluid = Fluid(domain, model, [surface, *walls], 1.0 / viscosity)
         load = self.fluid.surface
-        rising = RisingDisplacement(domain, load.space, self.boundary, held)
+        rising = RisingDisplacement(domain, load.space, self.boundary, held, stays)
         self.nodes = rising.nodes
         self.points = load.space.tabulate_dof_coordinates()[rising.nodes].copy()
         first, depths = np.zeros((2, len(load.known.x.array)))

@@ -105,6 +105,8 @@ class SurfacePart:
         for a, h in zip(others, [*self.past[:2], self.past[-1]], strict=False):
             known -= a / a0 * h
         self._load.known.x.array[:] = known
+        if self._load.unfelt is not None:
+            self._load.unfelt.x.array[:] = self.mesh.unfelt(self.past[0])
 
     def displacement(self) -> Floats:
         """(n, 3) displacements of the mesh's nodes by the elevation tried."""
@@ -211,9 +213,7 @@ class SurfacePart:
         petsc.assemble_vector(self._vector, self._flux)
         self._vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         found = self.mesh.elevation_of(self._vector)
-        if not self.fluid.constraints.open:
-            found[self.mesh.nodes] -= self.mesh.mean(found) / self.mesh.extent
-        return found
+        return found if self.fluid.constraints.open else self.mesh.with_volume(found, 0.0)
 
     def _size(self, elevation: Floats) -> float:
         """Root mean square over the nodes of the surface."""

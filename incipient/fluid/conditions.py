@@ -55,6 +55,7 @@ class FreeSurface:
     origin:   a place (gdim,) of the still level, at which the flow's pressure is that above the surface
     pressure: of what is above, over the fluid's density: a function of x (3, n) and t that returns (n,); None: zero
     tension:  surface tension over the fluid's density
+    pinned:   names of the boundaries at which its elevation stays; the fluid sticks to them
     """
 
     boundary: str
@@ -62,6 +63,7 @@ class FreeSurface:
     origin: tuple[float, ...]
     pressure: Callable[[np.ndarray, float], np.ndarray] | None = None
     tension: float = 0.0
+    pinned: tuple[str, ...] = ()
 
 
 Condition = Prescribed | Slip | Open | Carried | FreeSurface

@@ -23,7 +23,7 @@ class SurfaceLoad:
 
     Attributes:
         space: scalar functions on the mesh's own nodes.
-        known, elevation: see `forms.surface.SurfaceTerms`.
+        known, elevation, unfelt: see `forms.surface.SurfaceTerms`.
         measure: of the surface, exact for convection through straight facets.
     """
 
@@ -32,6 +32,7 @@ class SurfaceLoad:
         self.condition, self.rate = condition, rate
         self.space = compat.function_space(mesh, compat.scalar_part(compat.coordinate_element(mesh)))
         self.known, self.elevation = (dolfinx.fem.Function(self.space) for _ in range(2))
+        self.unfelt = dolfinx.fem.Function(self.space) if condition.pinned else None
         self._pressure = None if condition.pressure is None else dolfinx.fem.Function(self.space)
         self.gravity, self.origin, tension = (
             dolfinx.fem.Constant(mesh, PETSc.ScalarType(one))
@@ -45,7 +46,7 @@ class SurfaceLoad:
         """The surface's part in the residual of momentum, tested with w, in UFL. Not collective."""
         terms = SurfaceTerms(
             *(self.gravity, self.origin, self.rate, self.known, self.elevation),
-            *(self._pressure, self.tension),
+            *(self._pressure, self.tension, self.unfelt),
         )
         return load(v, w, self.place, self.normal, terms) * self.measure
 

@@ -33,13 +33,15 @@ class RisingDisplacement:
         space: scalar functions on the mesh's own nodes.
         boundary: name of the surface.
         held: names of the boundaries whose nodes stay.
+        pinned: names of the boundaries at which the surface's nodes stay.
 
     Attributes:
         nodes: local nodes of `space` on the surface, in ascending order; of them the first `owned` are this rank's.
-        extent: the area below the surface, in the plane its length.
     """
 
-    def __init__(self, domain: Domain, space: Any, boundary: str, held: tuple[str, ...]):
+    def __init__(
+        self, domain: Domain, space: Any, boundary: str, held: tuple[str, ...], pinned: tuple[str, ...] = ()
+    ):
         self.domain, self.space, self.boundary = domain, space, boundary
         facets = domain.facets_of(boundary)
         self.nodes = np.sort(compat.nodes_on(space, facets))
@@ -59,13 +61,16 @@ class RisingDisplacement:
         measure = ufl.Measure("ds", domain=domain.mesh, subdomain_data=domain.facets)(domain.names[boundary])
         area = below(u, q, ufl.FacetNormal(domain.mesh)) * measure
         self.area = _assembled(area + ufl.inner(dolfinx.fem.Constant(domain.mesh, 0.0) * u, q) * ufl.dx)
-        off = np.setdiff1d(np.arange(space.dofmap.index_map.size_local, dtype=np.int32), self.nodes)
+        ends = [compat.nodes_on(space, domain.facets_of(name)) for name in pinned]
+        self._free = np.setdiff1d(self.nodes, np.concatenate([np.empty(0, dtype=np.int32), *ends]))
+        off = np.setdiff1d(np.arange(space.dofmap.index_map.size_local, dtype=np.int32), self._free)
         whole = self.area.copy()
         whole.zeroRowsColumns(self._numbers(off), diag=1.0)
         self._averaged = _factorised(whole)
         level = np.zeros_like(self._values.x.array)
         level[self.nodes] = 1.0
-        self.extent = self.mean(level)
+        self._level = self._nearest(level) if pinned else level
+        self._extent = self.mean(self._level)
 
     def at(self, elevation: Floats) -> Floats:
         """(n, 3) displacements of the mesh's nodes under elevations (local nodes of the space,)."""
@@ -82,12 +87,31 @@ class RisingDisplacement:
         return moved
 
     def elevation_of(self, tested: Any) -> Floats:
-        """(local nodes,) the elevation h with int q h (n . up) ds given for every test function (PETSc vector)."""
+        """(local nodes,) the elevation h with int q h (n . up) ds given for every test function (PETSc vector).
+
+        Of elevations that vanish where the surface is pinned, and of test functions that do.
+        """
         self._averaged.solve(tested, self._views[1])
         self._values.x.scatter_forward()
         found = np.zeros_like(self._values.x.array)
-        found[self.nodes] = self._values.x.array[self.nodes]
+        found[self._free] = self._values.x.array[self._free]
         return found
+
+    def with_volume(self, elevation: Floats, volume: float) -> Floats:
+        """(local nodes,) the nearest elevation of a volume that is the same where the surface is pinned.
+
+        Nearest in the mean square over the area below the surface: where nothing is pinned, one shifted by a constant.
+        """
+        return elevation + (volume - self.mean(elevation)) / self._extent * self._level
+
+    def unfelt(self, elevation: Floats) -> Floats:
+        """(local nodes,) an elevation less the nearest of those without volume that vanish where it is pinned."""
+        return elevation - self.with_volume(self._nearest(elevation), 0.0)
+
+    def _nearest(self, elevation: Floats) -> Floats:
+        """The nearest of the elevations that vanish where the surface is pinned."""
+        self.tested(elevation)
+        return self.elevation_of(self._views[0])
 
     def tested(self, elevation: Floats) -> Floats:
         """(owned nodes,) int q h (n . up) ds for an elevation (local nodes,)."""

@@ -8,6 +8,7 @@ from ..meshes.solid_region import SYMMETRY
 from ..scene import Scene
 from .cells import side_names, sides_across
 from .stream import Velocity, inflow, undisturbed
+from .surface import free_surface, surface_of
 
 if TYPE_CHECKING:
     from ..fluid import Condition
@@ -28,7 +29,7 @@ def conditions(scene: Scene, held: bool = False) -> list[Condition]:
     if scene.domain.kind == "channel":
         moving.append((left, inflow(scene)))
         free.append(Open(right))
-    elif scene.has_surface:
+    elif scene.has_surface and surface_of(scene).ends == "wall":
         free.extend((Slip(left, axis=0), Slip(right, axis=0)))
     else:
         walls.extend((left, right))
@@ -39,8 +40,6 @@ def conditions(scene: Scene, held: bool = False) -> list[Condition]:
     else:
         moving.append((bottom, stream))
     if scene.has_surface:
-        from .surface import free_surface
-
         free.append(free_surface(scene))
     elif scene.top == "slip":
         free.append(Slip(top, axis=scene.up))

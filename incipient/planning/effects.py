@@ -270,10 +270,13 @@ def _free_surface(scene: Scene, numbers: Numbers) -> Effect:
     """A rigid lid in place of a surface: by Bernoulli's equation it hides a rise of Fr^2/2 of the depth."""
     reason = f'the top is "{scene.top}"'
     if scene.has_surface:
+        from .surface import sticking
+
         speed = math.sqrt(float(abs(scene.gravity_vector).max()) * scene.domain.height)
-        return Effect(
-            EffectName.FREE_SURFACE, True, f'domain.top = "{scene.top}"; long waves travel at {speed:.3g}'
-        )
+        reason = f'domain.top = "{scene.top}"; long waves travel at {speed:.3g}'
+        if sticking(scene):
+            reason += f"; the fluid sticks to {' and '.join(sticking(scene))}, where its elevation stays"
+        return Effect(EffectName.FREE_SURFACE, True, reason)
     if scene.top != "slip" or numbers.froude is None:
         return Effect(EffectName.FREE_SURFACE, False, reason)
     expected = 0.5 * numbers.froude**2

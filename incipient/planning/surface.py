@@ -8,7 +8,7 @@ import numpy as np
 
 from ..scene import Scene
 from ..scene.surface import Surface
-from .cells import side_names
+from .cells import side_names, sides_across
 
 if TYPE_CHECKING:
     from ..fluid.conditions import FreeSurface
@@ -30,9 +30,15 @@ def free_surface(scene: Scene) -> FreeSurface:
     # Where the still level meets the right end, the pressure without the hydrostatic part is zero.
     origin = (domain.right, *((domain.middle,) if scene.gdim == 3 else ()), domain.ceiling)
     pressure = None if asked.pressure == "0" else Expression(asked.pressure)
-    return FreeSurface(
-        side_names(scene)[2], tuple(scene.gravity_vector.tolist()), origin, pressure, asked.tension
-    )
+    top, gravity = side_names(scene)[2], tuple(scene.gravity_vector.tolist())
+    return FreeSurface(top, gravity, origin, pressure, asked.tension, sticking(scene))
+
+
+def sticking(scene: Scene) -> tuple[str, ...]:
+    """Names of the sides to which the fluid below a free surface sticks; the surface is pinned there. Not collective."""
+    _, right, _, left = side_names(scene)
+    ends = (left, right) if surface_of(scene).ends == "no-slip" else ()
+    return ends if scene.sides == "slip" else (*ends, *sides_across(scene))
 
 
 def depths(scene: Scene, places: np.ndarray) -> tuple[np.ndarray, str]:

@@ -41,6 +41,10 @@ class Surface(Section):
         (), description="Places x, in space [x, y], whose elevations are columns of the history [length]"
     )
     bottom: Literal["no-slip", "slip"] = Field("no-slip", description="A level bottom without [bed]")
+    ends: Literal["wall", "no-slip"] = Field(
+        "wall",
+        description="wall: the fluid slides along both ends; no-slip: it sticks, the surface is pinned",
+    )
     pressure: str = Field(
         "0", description="Formula in x, y and t: pressure above, over the fluid's density [length^2/time^2]"
     )

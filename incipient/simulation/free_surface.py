@@ -47,8 +47,9 @@ class MovingSurface:
     def __init__(self, scene: Scene, fluid: Fluid, stage: Stage):
         assert fluid.surface is not None
         self.fluid, self._scene, self._stage, space = fluid, scene, stage, fluid.surface.space
-        boundary = fluid.surface.condition.boundary
-        rising = RisingDisplacement(fluid.domain, space, boundary, stays_below(scene))
+        condition = fluid.surface.condition
+        held, pinned = stays_below(scene), condition.pinned
+        rising = RisingDisplacement(fluid.domain, space, condition.boundary, held, pinned)
         self._stations = _Stations(rising, scene)
         elevation, room = np.zeros((2, len(fluid.surface.elevation.x.array)))
         self._places: Floats = space.tabulate_dof_coordinates()[rising.nodes]
@@ -80,8 +81,7 @@ class MovingSurface:
             mine = np.split(values, np.cumsum([len(one) for one in everywhere])[:-1])[comm.rank]
             found = np.zeros_like(fluid.surface.elevation.x.array)
             found[part.mesh.nodes] = mine
-            found[part.mesh.nodes] += (old.mesh.mean(elevation) - part.mesh.mean(found)) / part.mesh.extent
-            part.past.append(found)
+            part.past.append(part.mesh.with_volume(found, old.mesh.mean(elevation)))
         part.restore()
         mesh.geometry.x[:] = now
         return new
