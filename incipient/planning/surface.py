@@ -35,7 +35,7 @@ def free_surface(scene: Scene) -> FreeSurface:
 
 
 def sticking(scene: Scene) -> tuple[str, ...]:
-    """Names of the sides to which the fluid below a free surface sticks; the surface is pinned there. Not collective."""
+    """Names of the sides to which fluid below a free surface sticks, and the surface is pinned. Not collective."""
     _, right, _, left = side_names(scene)
     ends = (left, right) if surface_of(scene).ends == "no-slip" else ()
     return ends if scene.sides == "slip" else (*ends, *sides_across(scene))
