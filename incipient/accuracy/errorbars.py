@@ -442,6 +442,9 @@ def changed(scene: Scene, **sections: dict[str, Any]) -> Scene:
     Raises SceneError if the changed scene contradicts itself.
     """
     plain = scene.model_dump()
+    following = {"body", "fluid", "flow", "gravity"} | ({"domain"} if scene.fluid.scale == "flow" else set())
+    if following & sections.keys():
+        plain["units"] = None  # what followed from them is as changed now
     for name, keys in sections.items():
         plain[name] = {**(plain[name] or {}), **keys}
     return Scene(**plain)

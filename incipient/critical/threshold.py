@@ -16,8 +16,11 @@ import numpy as np
 
 from ..errors import IncipientError, SceneError
 from ..interrupt import told_where_kept
+from ..planning.stream import bed_stress
 from ..progress import Silent
+from ..results.si import in_si, si_lines
 from ..scene import Scene
+from ..scene.units import nominal_diameter
 from ..simulation.assemble import TO_COME, cost
 
 if TYPE_CHECKING:
@@ -31,9 +34,12 @@ if TYPE_CHECKING:
     from .search import Found, Search, Trial
 
 SCHEMA_VERSION = 2
+SAME_SIZE = 1e-9  # relative
 BEYOND = 1e-4  # how much faster than critical a flow is that shows the motion
 # What shields is, and what it is not, beside the number.
-SHIELDS = "tau_b/((rho_s - rho_f) g d), d = {size:g}: the largest diameter of the grain"
+SHIELDS = "tau_b/((rho_s - rho_f) g d), d = {size:g}: the largest diameter of the grain; "
+NOMINAL = "{shields:.4g} with its nominal diameter {size:.4g}, that of the {what}"
+ROUND = "the nominal one is the same"
 LAMINAR = "in laminar {flow} over one grain{plane}: not a point of Shields' curve, which is of turbulent flow"
 
 
@@ -49,6 +55,8 @@ class Threshold:
     reynolds:        the scene's Reynolds number, critical
     shear_reynolds:  u* d / nu with u*^2 = tau_b / rho_f
     size:            d, the largest diameter of the grain
+    nominal:         its nominal diameter, of the sphere of equal volume, in the plane the disc of equal area
+    shields_nominal: the Shields number with that
     notes:           what to know of the critical flow
     mode:            how the grain begins to move, by the exact judge
     load:            the load at the threshold, which the contact forces balance; where any flow moves the grain
@@ -57,6 +65,7 @@ class Threshold:
     trials:          the flows solved on the way; unsolved: factors at which no steady flow was found
     bars:            error bars of the factor, None: `without_bars` says why, or there is no threshold
     adaptation:      how the mesh was found, None without `numerics.accuracy`
+    si:              the critical flow and its load in SI units (`results.si`), None without [units]
     """
 
     factor: float
@@ -66,6 +75,8 @@ class Threshold:
     reynolds: float
     shear_reynolds: float
     size: float
+    nominal: float
+    shields_nominal: float
     notes: tuple[str, ...]
     mode: str
     load: Load
@@ -78,6 +89,7 @@ class Threshold:
     bars: CriticalBars | None = None
     without_bars: str = ""
     adaptation: Adaptation | None = field(default=None)
+    si: dict[str, Any] | None = None
 
     @property
     def is_critical(self) -> bool:
@@ -101,12 +113,15 @@ class Threshold:
             "held_to",
             "reason",
             "size",
+            "nominal",
+            "shields_nominal",
             "notes",
             "errors",
             "mode",
             "verdict",
             "unsolved",
             "cost",
+            "si",
         ]
         return {
             **{name: getattr(self, name) for name in names},
@@ -155,6 +170,7 @@ class Threshold:
             f"Shields number      {told['shields']}",
             *(f"                    {note}" for note in self.notes),
             f"Reynolds number     {told['reynolds']}   shear Reynolds number {told['shear_reynolds']}",
+            *si_lines(self.si),
         ]
 
 
@@ -243,7 +259,7 @@ def _require(scene: Scene) -> None:
 
 def _threshold(run: Run, found: Found) -> Threshold:
     """The threshold without error bars. Collective."""
-    scene, load = run.scene, found.load
+    scene, load, nominal = run.scene, found.load, nominal_diameter(run.scene.grain)
     critical = _judged(run, load)
     stress = found.factor * bed_stress(scene)
     return Threshold(
@@ -254,6 +270,8 @@ def _threshold(run: Run, found: Found) -> Threshold:
         reynolds=found.factor * scene.fluid.reynolds,
         shear_reynolds=float(np.sqrt(stress) * _size(scene) / scene.viscosity),
         size=_size(scene),
+        nominal=nominal,
+        shields_nominal=stress / _stress_unit(scene) * _size(scene) / nominal,
         notes=_notes(scene, found),
         mode=_mode(run, found),
         load=load,
@@ -263,6 +281,7 @@ def _threshold(run: Run, found: Found) -> Threshold:
         trials=found.trials,
         unsolved=found.unsolved,
         cost=cost(run),
+        si=in_si(scene, found.factor, load.flow_force, load.flow_couple) if found.is_critical else None,
     )
 
 
@@ -295,7 +314,7 @@ def _notes(scene: Scene, found: Found) -> tuple[str, ...]:
     if not found.is_critical:
         return ()
     plane = " in the plane" if scene.gdim == 2 else ""
-    notes = [SHIELDS.format(size=_size(scene)), LAMINAR.format(flow=f"{scene.flow.kind} flow", plane=plane)]
+    notes = [_shields_note(scene, found), LAMINAR.format(flow=f"{scene.flow.kind} flow", plane=plane)]
     numbers = numbers_of(scene)
     there = found.factor * numbers.flow_reynolds
     if may_be_turbulent(scene, replace(numbers, flow_reynolds=there)):
@@ -305,6 +324,17 @@ def _notes(scene: Scene, found: Found) -> tuple[str, ...]:
         low, high = found.between
         notes.append(f"interpolated between {low:.4g} and {high:.4g} times the flow: {found.reason}")
     return tuple(notes)
+
+
+def _shields_note(scene: Scene, found: Found) -> str:
+    """What the Shields number is, and what it is with the nominal diameter."""
+    size, nominal = _size(scene), nominal_diameter(scene.grain)
+    told = SHIELDS.format(size=size)
+    if abs(nominal - size) <= SAME_SIZE * size:
+        return told + ROUND
+    shields = found.factor * bed_stress(scene) / _stress_unit(scene) * size / nominal
+    what = "disc of equal area" if scene.gdim == 2 else "sphere of equal volume"
+    return told + NOMINAL.format(shields=shields, size=nominal, what=what)
 
 
 def _mode(run: Run, found: Found) -> str:
@@ -322,20 +352,6 @@ def _judged(run: Run, load: Load) -> Verdict:
     scene, contacts = run.scene, run.contacts
     assert scene.body is not None and scene.contact is not None and contacts is not None
     return judge(load, contacts, scene.contact.friction, mass_and_inertia(scene.body, scene.placement))
-
-
-def bed_stress(scene: Scene) -> float:
-    """Shear stress of the undisturbed flow at its datum, scene units with fluid density one. Not collective.
-
-    It is that of the flow's profile, the same over the whole bed; of a flow given by formulas, at the inflow.
-    """
-    from ..planning.stream import column, undisturbed
-
-    step = 1e-6 * scene.domain.height
-    heights = scene.datum + step * np.array([0.0, 1.0, 2.0])
-    speed = undisturbed(scene)(column(scene, scene.domain.origin, heights), 0.0)[0]
-    gradient = (-3 * speed[0] + 4 * speed[1] - speed[2]) / (2 * step)
-    return float(scene.viscosity * abs(gradient))
 
 
 def _stress_unit(scene: Scene) -> float:

@@ -30,7 +30,11 @@ LAMINAR_AND_TURBULENT = (
     "Not the same thing: points are of one grain in laminar flow, the dashed curve fits beds of many grains in "
     "turbulent flow. Compare shapes, not digits."
 )
-_NAMES = {"shields": "critical Shields number", "reynolds": "critical Reynolds number"}
+_NAMES = {
+    "shields": "critical Shields number (largest diameter)",
+    "shields_nominal": "critical Shields number (nominal diameter)",
+    "reynolds": "critical Reynolds number",
+}
 _MARKERS = ("o", "s", "D", "^", "v", "P", "X", "*")
 _COLOURS = ("#2166ac", "#d95f0e", "#1b7837", "#6a3d9a", "#b2182b", "#858585", "#c51b7d", "#7a5c2e")
 _MANY = 20  # curves, above which only as many are drawn as there are colours
@@ -190,7 +194,10 @@ def _shields(found: Rows, by: str | None, file: Path) -> Figure:
     label = "Soulsby & Whitehouse (1997)"
     axes.plot(reynolds, shields, "--", color="#858585", lw=1.2, label=label, zorder=1)
     axes.set(
-        xscale="log", yscale="log", xlabel="grain Reynolds number  u* d/ν", ylabel="critical Shields number"
+        xscale="log",
+        yscale="log",
+        xlabel="grain Reynolds number  u* d/ν",
+        ylabel="critical Shields number (largest diameter)",
     )
     _legend(axes, by if len(families) > 1 else None)
     return figure

@@ -154,7 +154,7 @@ def _critical_rows(stored: dict[str, Any], friction: float) -> Group:
     rows: Group = [("Threshold", stored["mode"], INK)]
     for name, key in (
         ("Flow over that of the scene", "factor"),
-        ("Shields number", "shields"),
+        ("Shields number, largest diameter", "shields"),
         ("Reynolds number of the scene", "reynolds"),
         ("Shear Reynolds number", "shear_reynolds"),
     ):

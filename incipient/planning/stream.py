@@ -43,6 +43,18 @@ def column(scene: Scene, place: Sequence[float], heights: np.ndarray) -> np.ndar
     return points
 
 
+def bed_stress(scene: Scene) -> float:
+    """Shear stress of the undisturbed flow at its datum, scene units with fluid density one. Not collective.
+
+    It is that of the flow's profile, the same over the whole bed; of a flow given by formulas, at the inflow.
+    """
+    step = 1e-6 * scene.domain.height
+    heights = scene.datum + step * np.array([0.0, 1.0, 2.0])
+    speed = undisturbed(scene)(column(scene, scene.domain.origin, heights), 0.0)[0]
+    gradient = (-3 * speed[0] + 4 * speed[1] - speed[2]) / (2 * step)
+    return float(scene.viscosity * abs(gradient))
+
+
 def _stream(scene: Scene, foot: float | Callable[[np.ndarray], np.ndarray]) -> Velocity:
     """The flow of the scene, at rest below `foot`, which is the datum or higher, or a function of places (3, n)."""
     if isinstance(scene.flow, ExpressionFlow):

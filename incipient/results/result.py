@@ -11,6 +11,7 @@ from ..geometry.placement import Placement
 from ..planning.plan import Plan
 from .cost_of_effects import cost_lines
 from .loads import Coefficients, Couples, Forces, Gap, loads_words
+from .si import si_lines
 
 if TYPE_CHECKING:
     from ..mesh.sampling import Extremum
@@ -22,7 +23,7 @@ SCHEMA_VERSION = 1
 # What result.json has under the name and in the form that the result has it.
 AS_THEY_ARE = (
     *("title", "status", "error", "scene", "grain", "contacts", "verdict", "trajectory", "cost"),
-    *("without_error_bars", "measured_cell_reynolds"),
+    *("without_error_bars", "measured_cell_reynolds", "si"),
 )
 
 
@@ -32,6 +33,7 @@ class Result:
 
     without_error_bars:     why error bars that are wanted are not there
     measured_cell_reynolds: largest |v| h/(k nu) of a cell (`stabilisation`), None where there is no convection
+    si:                     flow and loads in SI units (`results.si`), None without [units]
     """
 
     title: str
@@ -50,6 +52,7 @@ class Result:
     error_bars: ErrorBars | None = None
     without_error_bars: str = ""
     measured_cell_reynolds: float | None = None
+    si: dict[str, Any] | None = None
     adaptation: Adaptation | None = None
     omitted: tuple[Omission, ...] = ()
     status: str = "complete"
@@ -100,6 +103,7 @@ def _lines(result: Result) -> list[str]:
         if result.force.repulsion.any():
             repulsion = loads_words(result.force.repulsion, result.couple.repulsion, gdim)
             lines.append(f"force of repulsion  {repulsion}")
+    lines += si_lines(result.si)
     if result.error_bars is not None:
         lines += result.error_bars.lines(gdim)
     elif result.without_error_bars:

@@ -24,6 +24,7 @@ from .shapes import (
 from .solids import Box, Cylinder, Ellipsoid, Mesh, Polyhedron, Sphere, Spheres, Superquadric
 from .surface import Surface
 from .terrains import HeightMapBed, MeshBed, RidgeBed, SphereBed
+from .units import Units
 
 __all__ = [
     "Bed",
@@ -70,6 +71,7 @@ __all__ = [
     "Surface",
     "Time",
     "Uniform",
+    "Units",
     "dumps",
     "example",
     "load",

@@ -8,10 +8,10 @@ either way it is complete and free of contradictions once it exists.
 from __future__ import annotations
 
 import math
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from .checks import contradictions
 from .domain import Domain, Sides, Top
@@ -24,6 +24,7 @@ from .numerics import Numerics
 from .order import order_of
 from .section import NotNegative, Positive, Section, contradiction
 from .surface import Surface, has_surface
+from .units import Scales, Units, scales_of, with_units
 
 if TYPE_CHECKING:
     import numpy as np
@@ -146,12 +147,22 @@ class Scene(Section):
     )
     surface: Surface | None = Field(None, description='The free surface, with domain.top = "free-surface"')
     contact: Contact | None = Field(None, description="The contact of grain and bed")
+    units: Units | None = Field(
+        None, description="SI units: then fluid.reynolds, gravity and body.density follow, and are left out"
+    )
     time: Time | None = Field(None, description="Time dependence; without this section the flow is steady")
     effects: Annotated[Effects, BeforeValidator(section_of)] = Field(
         Effects(), description="What to simulate; auto: decided from the scene and its dimensionless numbers"
     )
     numerics: Numerics = Field(Numerics(), description="How the equations are solved")
     output: Output = Field(Output(), description="What is written besides the result")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _in_units(cls, data: Any, info: ValidationInfo) -> Any:
+        if not isinstance(data, dict) or data.get("units") is None:
+            return data
+        return with_units(data, partial(cls.model_validate, context=info.context))
 
     @model_validator(mode="after")
     def _free_of_contradictions(self) -> Scene:
@@ -309,6 +320,11 @@ class Scene(Section):
         direction = np.zeros(self.gdim)
         direction[0], direction[self.up] = math.sin(slope), -math.cos(slope)
         return direction
+
+    @property
+    def scales(self) -> Scales | None:
+        """What the scene's units are in SI; None where it does not say."""
+        return None if self.units is None else scales_of(self, self.units)
 
     @property
     def contact_gap(self) -> float:

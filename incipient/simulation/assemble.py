@@ -15,6 +15,7 @@ from ..errors import IncipientError
 from ..planning.effects import EffectName
 from ..results.loads import Gap
 from ..results.result import Result
+from ..results.si import in_si
 from ..results.timing import peak_memory_mib
 from .loads import coefficients, judged, loads
 
@@ -66,6 +67,7 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
         trajectory=trajectory,
         centrelines=lines,
         measured_cell_reynolds=cells,
+        si=in_si(scene, 1.0, *(None if one is None else one.flow for one in (force, couple))),
         cost=cost(run),
         status=status,
         error=error,

@@ -91,7 +91,8 @@ def resolved(source: Source, settings: Settings, task: str, common: Sequence[str
     if task == "judge":
         return _judged(source, settings, overrides)
     scene = parse(Scene, source.text, source.base, overrides, source.name)
-    told = scene.model_dump(mode="json", exclude={"title", "output"})
+    left_out = {"title", "output"} | ({"units"} if scene.units is None else set())
+    told = scene.model_dump(mode="json", exclude=left_out)
     return Case(_identity(task, told), task, source.name, settings, dumps(scene), _forms(scene, task), scene)
 
 

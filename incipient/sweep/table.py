@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 LOW, HIGH = "_low", "_high"  # of the columns that hold the ends of a quantity's error bar
 _THRESHOLD = ("factor", "shields", "reynolds", "shear_reynolds")
+_SI = ("shear_rate", "velocity", "bed_stress", "shear_velocity")
 _AXES = ("x", "y", "z")
 
 
@@ -119,7 +120,9 @@ def _shown(value: Any) -> Any:
 
 def quantities(task: str, result: Mapping[str, Any]) -> dict[str, Any]:
     """What the result of a case says in numbers and words, error bars under NAME_low and NAME_high."""
-    return _of_threshold(result) if task == "threshold" else _of_verdict(result)
+    found = _of_threshold(result) if task == "threshold" else _of_verdict(result)
+    si = result.get("si") or {}
+    return found | {f"{name}_si": si[name] for name in _SI if name in si}
 
 
 def _of_threshold(result: Mapping[str, Any]) -> dict[str, Any]:
@@ -129,6 +132,9 @@ def _of_threshold(result: Mapping[str, Any]) -> dict[str, Any]:
         found[name] = math.inf if value is None else value
         if value is not None and error is not None:
             found |= {name + LOW: value - error, name + HIGH: value + error}
+    if "shields_nominal" in result:  # files of before do not have it
+        value = result["shields_nominal"]
+        found["shields_nominal"] = math.inf if value is None else value
     if result["reason"]:
         found["note"] = result["reason"]
     return found

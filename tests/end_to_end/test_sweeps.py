@@ -97,16 +97,23 @@ def child(process: int) -> int:
 
 
 def test_thresholds_in_one_table_and_nothing_computed_twice(tmp_path: Path, capfd: Any) -> None:
-    """In Stokes flow the threshold does not hang on viscosity but through the Reynolds number: Shields' is the same."""
-    scene, file = written(tmp_path, COARSE), tmp_path / "sweep.sqlite"
-    order = ["sweep", str(scene), "--over", "fluid.reynolds=1,2", "--do", "threshold", "--jobs", "1"]
+    """In Stokes flow the critical Shields number does not hang on the shear rate that the scene begins with."""
+    text = COARSE.replace("reynolds = 4.0\n", "").replace("density = 2.65\n", "")
+    text = text.replace("[gravity]\nacceleration = 10.0\n", "[units]\ndiameter = 1e-4\n")
+    scene, file = written(tmp_path, text), tmp_path / "sweep.sqlite"
+    order = ["sweep", str(scene), "--over", "units.shear_rate=100,200", "--do", "threshold", "--jobs", "1"]
     assert cli.main([*order, "--out", str(file), "--dry-run"]) == 0
     said = capfd.readouterr().out
     assert "2: 0 known" in said and "MiB a case" in said and not file.exists()
     assert cli.main([*order, "--out", str(file)]) == 0
     found = incipient.sweep.rows(file)
-    assert [row["fluid.reynolds"] for row in found] == [1.0, 2.0]
+    assert [row["units.shear_rate"] for row in found] == [100.0, 200.0]
     assert found[0]["shields"] == pytest.approx(found[1]["shields"], rel=1e-6)
+    for (
+        row
+    ) in found:  # tau = rho nu times the critical shear rate, over (rho_s - rho_f) g d = 1650 x 9.81 x 1e-4
+        assert row["bed_stress_si"] == pytest.approx(1e-3 * row["shear_rate_si"])
+        assert row["shields_nominal"] == pytest.approx(row["bed_stress_si"] / 1.61865)
     assert all("dolfinx" in row["versions"] and row["cpu"] > 0.0 for row in found)
     before = rows(file)
     assert cli.main([*order, "--out", str(file)]) == 0
