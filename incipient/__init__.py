@@ -49,6 +49,7 @@ __all__ = [
     "SceneError",
     "load",
     "make_plan",
+    "report",
     "resume",
     "run",
     "threshold",
@@ -179,3 +180,22 @@ def threshold(
         found = find_threshold(scene, comm, voice, keep)
         keep(found)
     return found
+
+
+def report(path: Path | str, target: Path | str | None = None) -> Path:
+    """Write one HTML page of what a directory of results or the file of a sweep holds; its path. Not collective.
+
+    The page holds everything itself: verdict and certainty, pictures (drawn where they are missing), loads, errors and
+    what would shrink them, plan, cost, scene, versions, how to cite. Runs in space are turned by hand.
+
+    Args:
+        path: a directory that a command has written results to, or the file of a sweep.
+        target: the page; default: report.html in the directory, SWEEP_report.html beside the file.
+
+    Raises:
+        SceneError: there are no results.
+        OutputError: a result is damaged, or the page cannot be written.
+    """
+    from .reporting import write
+
+    return write(Path(path), None if target is None else Path(target))

@@ -1,4 +1,4 @@
-"""The command `incipient`: run, resume, threshold, plan, cost, calibrate, show, sweep, table, judge, new, schema."""
+"""The command `incipient`; `_commands` lists what it can do."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from .commands import judge as judge_command
+from .commands import report as report_command
 from .commands import sweep as sweep_command
 from .commands.drawing import tell_of_pictures
 from .commands.options import alone, named, overrides
@@ -98,6 +99,11 @@ def _commands() -> dict[str, tuple[Callable[..., int], str, Callable[[argparse.A
             _no_options,
         ),
         "show": (_show, "draw the pictures of a finished run, or animate its flow", _options_of_show),
+        "report": (
+            report_command.report,
+            "write one HTML page of results, to be read anywhere",
+            report_command.options_of_report,
+        ),
         "sweep": (
             sweep_command.sweep,
             "run, search the threshold of, or judge many cases, kept in one file",

@@ -21,6 +21,7 @@ DRAWN = ("flow", "pressure", "vorticity", "traction", "verdict", "profiles", "me
 PICTURES = (
     *(f"{name}.png" for name in DRAWN),
     *(f"{name}.gif" for name in ("velocity", "pressure", "vorticity")),
+    "report.html",
 )
 FILES = {*DATA, *PICTURES, "threshold.png", CHECKPOINT}
 

@@ -173,7 +173,7 @@ def _states(forces: np.ndarray, contacts: Contacts, friction: float) -> tuple[st
     """Where forces (n, 3) are in their cones."""
     normal, tangential = pressed(forces, contacts.normals)
     sizes = np.linalg.norm(forces, axis=1)
-    states = np.where(tangential >= (1.0 - _ON_EDGE) * friction * normal, "EDGE", "INSIDE")
+    states = np.where(tangential >= (1.0 - _ON_EDGE) * friction * normal, "EDGE", "INSIDE").astype(object)
     states[sizes <= _NO_FORCE * sizes.max()] = "UNLOADED"
     return tuple(states.tolist())
 

@@ -38,13 +38,13 @@ def draw(directory: Path) -> list[Path]:
     if "verdict" not in stored:
         raise OutputError(f"{source}: holds no verdict; judge the case again")
     with style.applied():
-        figure = _figure(stored, judged(stored["verdict"], source), _shaped(stored, source))
+        figure = _figure(stored, judged(stored["verdict"], source), shaped_case(stored, source))
         with reported(path):
             figure.savefig(path, dpi=style.DOTS_PER_INCH, pil_kwargs={"compress_level": 3})
     return [path]
 
 
-def _shaped(stored: dict[str, Any], source: Path) -> Case | None:
+def shaped_case(stored: dict[str, Any], source: Path) -> Case | None:
     """The case, if the judgement holds it and it gives the grain's shape."""
     given = stored.get("case")
     try:
@@ -100,13 +100,13 @@ def _outline(case: Judged, shaped: Case | None) -> Outline:
 
 
 def _show_space(axes: Axes, case: Judged, shaped: Case | None) -> Marks:
-    return show_judged(axes, case, *_surface(case, shaped))
+    return show_judged(axes, case, *surface_of_case(case, shaped))
 
 
-def _surface(case: Judged, shaped: Case | None) -> Solid:
-    """The grain's surface at its place: points (n, 3) and triangles (m, 3)."""
+def surface_of_case(case: Judged, shaped: Case | None, coarser: int = 1) -> Solid:
+    """The grain's surface at its place, points (n, 3) and triangles (m, 3), coarser than usual by a factor."""
     if shaped is None or shaped.body is None:
-        return sketched_solid(case)
+        return sketched_solid(case, coarser)
     grain: Any = shaped.body.grain()
-    surface = grain.surface(SPACING * grain.size)
+    surface = grain.surface(coarser * SPACING * grain.size)
     return shaped.placement.to_scene(surface.points), surface.triangles

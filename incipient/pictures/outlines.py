@@ -56,11 +56,11 @@ def sketched_outline(case: Judged) -> Outline:
         return points
 
 
-def sketched_solid(case: Judged) -> Solid:
+def sketched_solid(case: Judged, coarser: int = 1) -> Solid:
     """A surface through the contacts: a sphere if they could be a sphere's, else a polyhedron.
 
     The polyhedron is the convex hull of the contacts and their mirror images in the centre of mass; where it
-    has no volume there are only its points, without triangles.
+    has no volume there are only its points, without triangles. A sphere's triangles may be coarser than usual.
     """
     from scipy.spatial import ConvexHull, QhullError
 
@@ -68,7 +68,7 @@ def sketched_solid(case: Judged) -> Solid:
 
     radius = round_radius(case)
     if radius is not None:
-        ball = sphere(_FINE)
+        ball = sphere(_FINE // coarser)
         return case.load.centre + radius * ball.points, ball.triangles
     points = mirrored(case)
     try:

@@ -69,7 +69,7 @@ def _scene(path: Path) -> Scene:
 
 def _figure(stored: dict[str, Any], scene: Scene, source: Path) -> Figure:
     try:
-        case = judged(_with_motion(stored, scene), source)
+        case = judged(with_motion(stored, scene), source)
         up = {2: _UP_IN_PLANE, 3: UP}[scene.gdim]
         figure, axes = sheet(critical_sentence(stored), case.sentences[1], scene.title, up)
         explain(axes, _draw_place(axes, case, scene))
@@ -99,7 +99,7 @@ def _draw_place(axes: Axes, case: Judged, scene: Scene) -> Marks:
     return draw_case(axes, case, outline, grain.size)
 
 
-def _with_motion(stored: dict[str, Any], scene: Scene) -> dict[str, Any]:
+def with_motion(stored: dict[str, Any], scene: Scene) -> dict[str, Any]:
     """The verdict at the threshold with the motion in which the grain leaves it, if there is a threshold."""
     verdict = stored["verdict"]
     if not stored["factor"]:

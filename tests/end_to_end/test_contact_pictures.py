@@ -24,6 +24,7 @@ from incipient.pictures.outlines import (
     sketched_outline,
     sketched_solid,
 )
+from incipient.pictures.style import STATES
 from incipient.scene import load, save
 
 DEMOS = Path(__file__).parents[2] / "demos"
@@ -88,6 +89,12 @@ def test_a_threshold_in_a_pocket_is_drawn(tmp_path):
     written = draw(found(tmp_path, POCKET))
     assert [path.name for path in written] == ["threshold.png"]
     assert_is_a_picture(written[0])
+
+
+def test_a_contact_that_is_left_has_a_state_of_the_pictures(tmp_path):
+    """At the threshold the grain is held by one of its two contacts alone."""
+    case = judged(json.loads((found(tmp_path, POCKET) / "threshold.json").read_text())["verdict"], tmp_path)
+    assert case.states[0] == "UNLOADED" and set(case.states) <= STATES.keys()
 
 
 @pytest.mark.parametrize(

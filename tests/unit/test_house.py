@@ -37,6 +37,7 @@ FLOORS = (
         ("cost",),
         ("sweep",),
         ("pictures",),
+        ("reporting",),
         ("__init__",),
         ("commands",),
         ("cli",),

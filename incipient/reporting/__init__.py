@@ -1,0 +1,117 @@
+"""One HTML page of what a directory or the file of a sweep holds, to be read anywhere, without a network.
+
+`page` says what a page is made of and makes HTML of it; a module for each kind of result says what stands on it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+from ..errors import OutputError, SceneError
+from ..files import write_text_atomically
+from .page import Page, Part, html
+
+# What commands leave in a directory, with the picture that is drawn last of it.
+RECORDS = {
+    "result.json": "mesh.png",
+    "threshold.json": "threshold.png",
+    "judgement.json": "judgement.png",
+    "series.json": "series.png",
+    "cost.json": "cost.png",
+}
+NAME = "report.html"
+
+
+def write(path: Path, target: Path | None = None) -> Path:
+    """Write the page of a directory of results, or of the file of a sweep; return its path. Not collective.
+
+    Pictures that are missing, or older than the numbers, are drawn, in a process of their own. One that fails is
+    named on the page.
+
+    Args:
+        target: the page; default: DIRECTORY/report.html, and SWEEP_report.html beside the file of a sweep.
+
+    Raises:
+        SceneError: there is no such directory or file, or no result in it.
+        OutputError: a result is damaged or incomplete, or the page cannot be written.
+    """
+    if path.is_file():
+        page, usual = of_sweep(path), path.with_name(f"{path.stem}_{NAME}")
+    else:
+        page, usual = of_directory(path), path / NAME
+    target = target or usual
+    write_text_atomically(target, html(page))
+    return target
+
+
+def of_directory(directory: Path) -> Page:
+    """The page of all results that a directory holds; pictures are drawn where they are missing. Not collective.
+
+    Raises:
+        SceneError, OutputError: as `write`.
+    """
+    records = [directory / name for name in RECORDS if (directory / name).is_file()]
+    if not records:
+        why = "holds no result yet" if directory.is_dir() else "there is no such file or directory"
+        raise SceneError(
+            f"{directory}: {why}; give the directory that a run was written to, or a sweep's file"
+        )
+    from .citation import closing
+
+    parts = [_part(record) for record in records]  # what is damaged is found before anything is drawn
+    complaint = ""
+    if not all(_newer(directory / RECORDS[record.name], record) for record in records):
+        from ..pictures.apart import draw_apart
+
+        complaint = draw_apart(directory).complaint
+        parts = [_part(record) for record in records]
+    if complaint:
+        missing = f"Pictures that are missing here: {complaint}."
+        parts[0] = replace(parts[0], notes=(*parts[0].notes, missing))
+    return Page(parts[0].title or directory.resolve().name, tuple(parts), closing(directory, parts))
+
+
+def of_sweep(file: Path) -> Page:
+    """The page of the file of a sweep; its pictures are drawn anew. Not collective.
+
+    Raises:
+        OutputError: it is not the file of a sweep.
+    """
+    from .citation import closing
+    from .sweep import part
+
+    made = part(file)
+    return Page(made.title, (made,), closing(None, [made]))
+
+
+def _newer(picture: Path, record: Path) -> bool:
+    return picture.is_file() and picture.stat().st_mtime_ns >= record.stat().st_mtime_ns
+
+
+def _part(record: Path) -> Part:
+    """What the page says of a record."""
+    from . import judgement, run, study, threshold
+
+    makers: dict[str, Callable[[Path], Part]] = {
+        "result.json": run.part,
+        "threshold.json": threshold.part,
+        "judgement.json": judgement.part,
+        "series.json": judgement.part_of_series,
+        "cost.json": study.part,
+    }
+    with _understood(record):
+        return makers[record.name](record)
+
+
+@contextmanager
+def _understood(record: Path) -> Iterator[None]:
+    """Name the file that lacks something or holds something else than is expected."""
+    try:
+        yield
+    except KeyError as error:
+        raise OutputError(f"{record}: holds no {error.args[0]}; compute it again") from error
+    except (AttributeError, TypeError, ValueError) as error:
+        raise OutputError(f"{record}: cannot be understood: {error}; compute it again") from error

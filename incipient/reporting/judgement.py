@@ -1,0 +1,85 @@
+"""What a page says of a judged case, and of a judged series of loads."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from ..pictures.judged import judged, sentence
+from ..pictures.judgement import shaped_case, surface_of_case
+from ..pictures.record import parsed_json
+from .page import Cell, Part, Picture, Section, section, table
+from .verdict import of_contacts, of_judges, of_load, statements
+from .view import COARSER, of_case
+
+MOST_EVENTS = 50  # of a series, listed
+
+
+def part(record: Path) -> Part:
+    """What a page says of a judgement.json."""
+    stored, picture = parsed_json(record), record.with_suffix(".png")
+    case, chances = judged(stored["verdict"], record), stored["probabilities"]
+    drawn = Picture(picture, "The load, and the forces at the contacts") if picture.is_file() else None
+    surface = None if case.planar else surface_of_case(case, shaped_case(stored, record), COARSER)
+    return Part(
+        kind="Judged case",
+        title=stored["title"] or "A case",
+        statements=statements(case, stored["verdict"]),
+        certainty="" if chances is None else sentence(chances["sentence"]),
+        notes=(),
+        sections=(
+            *section("Picture", drawn),
+            *(() if surface is None else of_case(case, *surface)),
+            *of_load(case),
+            *of_contacts(case),
+            *of_judges(stored["verdict"], case),
+            *_probabilities(chances),
+        ),
+        versions="",
+        scene=tomli_w.dumps(stored["case"]) if stored.get("case") else "",
+    )
+
+
+def _probabilities(chances: dict[str, Any] | None) -> tuple[Section, ...]:
+    if chances is None:
+        return ()
+    likely = sorted(chances["equilibrium"].items(), key=lambda item: -item[1]["value"])
+    rows = [(mode, chance["value"], sentence(chance["words"])) for mode, chance in likely]
+    return section(
+        f"Probabilities, by {chances['samples']} samples", table(("mode", "probability", ""), rows)
+    )
+
+
+def part_of_series(record: Path) -> Part:
+    """What a page says of a series.json."""
+    stored, picture = parsed_json(record), record.with_suffix(".png")
+    shares, events = stored["shares"], stored["events"]
+    longest = sorted(events, key=lambda event: -event["length"])[:MOST_EVENTS]
+    rows: list[tuple[Cell, ...]] = [
+        (one["start"], one["length"], one["mode"], one["impulse"], one["least"]) for one in longest
+    ]
+    numbers: list[tuple[Cell, ...]] = [
+        ("samples", stored["samples"]),
+        ("from", stored["start"]),
+        ("to", stored["end"]),
+        ("least safety factor", stored["least_safety_factor"]),
+        ("events", len(events)),
+    ]
+    moving = sum(share for mode, share in shares.items() if mode != "rest")
+    drawn = Picture(picture, "The safety factor in time") if picture.is_file() else None
+    listed = "Events" if len(events) <= MOST_EVENTS else f"The {MOST_EVENTS} longest of {len(events)} events"
+    return Part(
+        kind="Judged series",
+        title="A series of loads",
+        statements=(f"The grain is set in motion {len(events)} times, {100 * moving:.3g} % of the time.",),
+        certainty="",
+        notes=(),
+        sections=(
+            *section("Series", table(("", "value"), numbers), drawn),
+            *section("Shares of time", table(("mode", "share"), list(shares.items()))),
+            *section(listed, table(("begins at", "lasts", "mode", "impulse", "least safety factor"), rows)),
+        ),
+        versions="",
+    )

@@ -1,0 +1,171 @@
+"""What a page says of a run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from ..output.earlier import DRAWN
+from ..pictures.judged import Judged, judged, sentence
+from ..pictures.record import parsed_json
+from .errors import certainty, of_errors
+from .expense import of_adaptation, of_cost, of_omissions, of_plan, versions
+from .page import Cell, Erring, Part, Picture, Section, section, table, words
+from .verdict import components, of_contacts, of_judges, statements, turning
+from .view import of_run as turned_of_run
+
+CAPTIONS = {
+    "verdict": "The verdict: forces on the grain and at its contacts",
+    "flow": "Speed and streamlines",
+    "pressure": "Pressure",
+    "vorticity": "Vorticity",
+    "traction": "Traction of the fluid on the grain",
+    "profiles": "Velocity on the centrelines",
+    "trajectory": "The way of the grain",
+    "mesh": "The mesh",
+}
+FORCES = (
+    ("flow", "the flow, without buoyancy"),
+    ("surface_integral", "the same as an integral over the surface, a check"),
+    ("buoyancy", "buoyancy"),
+    ("weight", "weight"),
+    ("repulsion", "repulsion by walls and bed"),
+    ("total", "in all"),
+)
+
+
+def part(record: Path) -> Part:
+    """What a page says of the result.json of a run."""
+    directory, stored = record.parent, parsed_json(record)
+    planar = stored["scene"]["domain"].get("width") is None
+    verdict = stored["verdict"]
+    case = None if verdict is None else judged(verdict, record)
+    told = () if case is None else (*of_contacts(case), *of_judges(verdict, case))
+    sections = (
+        *_pictures(directory, [name for name in CAPTIONS if name in DRAWN]),
+        *turned_of_run(directory, stored, case),
+        *_loads(stored, planar),
+        *told,
+        *_path(stored),
+        *of_errors(stored["error_bars"], planar),
+        *of_plan(stored["plan"]),
+        *of_omissions(stored["omitted"]),
+        *of_adaptation(stored["adaptation"]),
+        *of_cost(stored["cost"]),
+    )
+    return Part(
+        kind="Run",
+        title=stored["title"],
+        statements=_statements(stored, case),
+        certainty=""
+        if stored["force"] is None
+        else certainty(stored["error_bars"], stored["without_error_bars"]),
+        notes=_notes(stored),
+        sections=sections,
+        versions=versions(stored["cost"]),
+    )
+
+
+def _pictures(directory: Path, names: list[str]) -> tuple[Section, ...]:
+    found = [(directory / f"{name}.png", CAPTIONS[name]) for name in names]
+    return section("Pictures", *(Picture(path, caption) for path, caption in found if path.is_file()))
+
+
+def _statements(stored: dict[str, Any], case: Judged | None) -> tuple[str, ...]:
+    if case is not None:
+        return statements(case, stored["verdict"])
+    missing = (stored["trajectory"] or {}).get("ended", {}).get("without_verdict", "")
+    return (sentence(f"there is no verdict: {missing or 'the scene asks for none'}"),)
+
+
+def _notes(stored: dict[str, Any]) -> tuple[str, ...]:
+    """What is to be known before anything else."""
+    notes = []
+    if stored["status"] != "complete":
+        notes.append(
+            sentence(f"the run is {stored['status']}: {stored['error'] or 'its numbers are preliminary'}")
+        )
+    gap = stored["gap"]
+    if gap is not None and not gap["resolved"]:
+        notes.append("The gap between grain and bed is not resolved: give a smaller numerics.mesh_size.")
+    return tuple(notes)
+
+
+def _loads(stored: dict[str, Any], planar: bool) -> tuple[Section, ...]:
+    """Forces, couples, coefficients, gap and extremes."""
+    return section(
+        "Forces and couples on the grain",
+        _forces(stored, planar),
+        _couples(stored, planar),
+        table(("other numbers", ""), _others(stored, planar)),
+    )
+
+
+def _forces(stored: dict[str, Any], planar: bool) -> Any:
+    force, bars = stored["force"], stored["error_bars"]
+    if force is None:
+        return words("There is no grain.")
+    rows: list[tuple[Cell, ...]] = []
+    for key, name in FORCES:
+        if key == "repulsion" and not any(force[key]):
+            continue
+        values = components(force[key], planar)
+        errors = None if key != "flow" or bars is None else bars["force"]
+        rows.append((name, *(_erring(value, errors and errors[at]) for at, value in enumerate(values))))
+    return table(("force [scene units]", "x", "y", "z")[: 3 if planar else 4], rows)
+
+
+def _erring(value: float, error: float | None) -> Cell:
+    return value if error is None else Erring(value, error)
+
+
+def _couples(stored: dict[str, Any], planar: bool) -> Any:
+    couple, bars = stored["couple"], stored["error_bars"]
+    if couple is None:
+        return None
+    axes = (2,) if planar else (0, 1, 2)
+    rows: list[tuple[Cell, ...]] = []
+    for key, name in FORCES:
+        if key not in couple or (key == "repulsion" and not any(couple[key])):
+            continue
+        errors = None if key != "flow" or bars is None else bars["couple"]
+        rows.append((name, *(_erring(couple[key][at], errors and errors[at]) for at in axes)))
+    head = ("couple about the centre of mass", *("xyz"[at] for at in axes))
+    return table(head, rows)
+
+
+def _others(stored: dict[str, Any], planar: bool) -> list[tuple[Cell, ...]]:
+    rows: list[tuple[Cell, ...]] = [
+        (name.replace("_", " "), value) for name, value in (stored["coefficients"] or {}).items()
+    ]
+    gap, grain = stored["gap"], stored["grain"]
+    if gap is not None:
+        rows += [("gap between grain and bed", gap["width"]), ("cells across the gap", gap["cells"])]
+    if grain is not None:
+        rows += [("size of the grain", grain["size"]), ("centre", components(grain["centre"], planar))]
+    rows += [
+        (f"{name.replace('_', ' ')} on the centreline", extreme["value"])
+        for name, extreme in (stored["centrelines"] or {}).items()
+    ]
+    rows.append(("largest Reynolds number of a cell", stored["measured_cell_reynolds"]))
+    return [row for row in rows if row[1] is not None]
+
+
+def _path(stored: dict[str, Any]) -> tuple[Section, ...]:
+    """Where a grain that moves has come to."""
+    path = stored["trajectory"]
+    if path is None:
+        return ()
+    planar = "angle" in path
+    ended = path["ended"]
+    rows: list[tuple[Cell, ...]] = [
+        ("time", ended["time"]),
+        ("ended by", ended["by"]),
+        ("place", components(path["place"], planar)),
+        ("velocity", components(path["velocity"], planar)),
+        ("spin", path["spin"] if planar else turning(path["spin"], planar)),
+        ("turned by", path["angle"]) if planar else ("orientation (quaternion)", tuple(path["quaternion"])),
+        ("new meshes", len(path["remeshings"])),
+        ("iterations of fluid and grain a step", path["interface_iterations"]["mean"]),
+    ]
+    return section("The way of the grain", table(("at the end", ""), rows))

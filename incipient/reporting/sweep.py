@@ -1,0 +1,124 @@
+"""What a page says of the file of a sweep."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from ..errors import OutputError
+from ..pictures.apart import draw_sweep_apart
+from ..sweep.store import DONE, FAILED, Store
+from ..sweep.table import HIGH, LOW, rows
+from .page import Bounded, Cell, Part, Picture, Settings, section, table
+
+# Columns that say what came out, where there are any.
+FOUND = (
+    "mode",
+    "safety_factor",
+    "certain",
+    "factor",
+    "shields",
+    "reynolds",
+    "shear_reynolds",
+    "paper",
+    "note",
+)
+LAST = ("wall", "cpu", "peak_mib")
+HEADS = {"wall": "wall time [s]", "cpu": "processor [s]", "peak_mib": "memory [MiB]"}
+Row = Mapping[str, Any]
+
+
+def part(file: Path) -> Part:
+    """What a page says of a sweep; its pictures are drawn. Not collective.
+
+    Raises:
+        OutputError: it is not the file of a sweep, or holds no case.
+    """
+    found = rows(file)
+    if not found:
+        raise OutputError(f"{file}: holds no case; fill it with incipient sweep")
+    with Store(file) as store:
+        keys, scenes = store.keys(), _scenes(store)
+    drawn = draw_sweep_apart(file)
+    done, failed = ([row for row in found if row["status"] == status] for status in (DONE, FAILED))
+    named = [key for key in ("source", *keys) if len({str(row.get(key)) for row in found}) > 1]
+    sources = ", ".join(dict.fromkeys(str(row["source"]) for row in found))
+    rest = len(found) - len(done) - len(failed)
+    return Part(
+        kind="Sweep",
+        title=f"Sweep of {sources}",
+        statements=(
+            f"{len(found)} cases: {len(done)} computed, {len(failed)} failed"
+            + (f", {rest} not computed yet." if rest else "."),
+        ),
+        certainty="",
+        notes=(f"Pictures that are missing here: {drawn.complaint}.",) if drawn.complaint else (),
+        sections=(
+            *section("Curves", *(Picture(path, _caption(path, file)) for path in drawn.paths)),
+            *section(
+                "What varies", table(("key", "values", "how many"), [_varied(key, found) for key in named])
+            ),
+            *section("Cases", _cases(done, named)),
+            *section("Failed cases", _failed(failed, named)),
+            *(
+                one
+                for name, text in scenes.items()
+                for one in section(f"First case of {name}", Settings(text))
+            ),
+        ),
+        versions="; ".join(dict.fromkeys(row["versions"] for row in done if row["versions"])),
+    )
+
+
+def _scenes(store: Store) -> dict[str, str]:
+    """The scene of the first case of each source, as TOML."""
+    first: dict[str, str] = {}
+    for stored in store.rows():
+        text = stored["scene"]
+        if stored["source"] not in first:
+            first[stored["source"]] = tomli_w.dumps(json.loads(text)) if stored["task"] == "judge" else text
+    return first
+
+
+def _caption(path: Path, file: Path) -> str:
+    name = path.stem.removeprefix(f"{file.stem}_").replace("_", " ")
+    return {"map": "Modes over two parameters", "threshold": "Critical Shields numbers"}.get(
+        name, name.capitalize()
+    )
+
+
+def _varied(key: str, found: Sequence[Row]) -> tuple[Cell, ...]:
+    values = list(dict.fromkeys(row.get(key) for row in found))
+    shown = [f"{one:.6g}" if isinstance(one, float) else str(one) for one in values]
+    listed = ", ".join(shown) if len(shown) <= 8 else f"{', '.join(shown[:4])} … {shown[-1]}"
+    return key, listed, len(values)
+
+
+def _cases(done: Sequence[Row], named: Sequence[str]) -> Any:
+    """A row a case; columns that none of them has are left out."""
+    columns = [name for name in (*FOUND, *LAST) if any(name in row for row in done)]
+    heads = [HEADS.get(name, name.replace("_", " ")) for name in columns]
+    cells = [
+        (str(number), *(row.get(key) for key in named), *(_cell(row, name) for name in columns))
+        for number, row in enumerate(done, start=1)
+    ]
+    return table(("case", *named, *heads), cells)
+
+
+def _cell(row: Row, name: str) -> Cell:
+    value = row.get(name)
+    if value is None or row.get(name + LOW) is None:
+        return value
+    return Bounded(value, row[name + LOW], row[name + HIGH])
+
+
+def _failed(failed: Sequence[Row], named: Sequence[str]) -> Any:
+    cells = [
+        (str(number), *(row.get(key) for key in named), str(row["reason"]), int(row["tries"]))
+        for number, row in enumerate(failed, start=1)
+    ]
+    return table(("case", *named, "why", "tries"), cells)
