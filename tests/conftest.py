@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -72,16 +73,23 @@ NOT_QUICK = (
 )
 
 
+@cache
+def is_quick(path: Path) -> bool:
+    """Whether the tests of a file need neither flow nor ranks, by what it imports, or because it says so."""
+    text, solving = path.read_text(), "|".join(map(re.escape, NOT_QUICK))
+    solves = re.search(rf"^(?:from|import) (?:{solving})\b", text, re.M)
+    return path.parent.name == "unit" and (not solves or "pytestmark = pytest.mark.quick" in text)
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Read no other files where only quick tests are asked for: to import all takes as long as a sixth of those."""
+    asked = str(config.option.markexpr).split(" and ")
+    is_left_out = collection_path.name.startswith("test_") and not is_quick(collection_path)
+    return True if "quick" in asked and is_left_out else None
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark the unit tests that need neither flow nor ranks as quick: `pytest -m quick` takes less than a minute."""
-    quick: dict[Path, bool] = {}
     for item in items:
-        path = Path(item.path)
-        if path not in quick:
-            text = path.read_text()
-            solves = any(
-                re.search(rf"^(?:from|import) {re.escape(name)}\b", text, re.M) for name in NOT_QUICK
-            )
-            quick[path] = path.parent.name == "unit" and not solves
-        if quick[path] and "mpirun" not in getattr(item, "fixturenames", ()):
+        if is_quick(item.path) and "mpirun" not in getattr(item, "fixturenames", ()):
             item.add_marker("quick")

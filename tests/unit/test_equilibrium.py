@@ -432,10 +432,10 @@ def pyramid_factor(acting, contacts, friction, sides, wider):
         one = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
         one /= np.linalg.norm(one)
         two = np.cross(normal, one)
-        for angle in 2.0 * np.pi * np.arange(sides) / sides:
-            force = -normal + wider * friction * (np.cos(angle) * one + np.sin(angle) * two)
-            columns.append([*force, *np.cross(point - acting.centre, force)])
-    system = np.column_stack([np.array(columns).T, [*acting.flow_force, *acting.flow_couple]])
+        angle = 2.0 * np.pi * np.arange(sides)[:, None] / sides
+        forces = -normal + wider * friction * (np.cos(angle) * one + np.sin(angle) * two)
+        columns.append(np.vstack([forces.T, np.cross(point - acting.centre, forces).T]))
+    system = np.column_stack([*columns, [*acting.flow_force, *acting.flow_couple]])
     cost = np.zeros(system.shape[1])
     cost[-1] = -1.0
     answer = linprog(cost, A_eq=system, b_eq=-np.array([*acting.weight, 0, 0, 0]), method="highs")

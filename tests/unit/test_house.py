@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -68,7 +69,7 @@ def imported(name: str) -> set[str]:
     path = MODULES[name]
     package = name if path.name == "__init__.py" else name.rpartition(".")[0]
     found = set()
-    for node in _imports(ast.parse(path.read_text())):
+    for node in _imports(path):
         if isinstance(node, ast.Import):
             found |= {one.name for one in node.names}
             continue
@@ -78,13 +79,21 @@ def imported(name: str) -> set[str]:
     return {one for one in found if one in MODULES}
 
 
-def _imports(node: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
+@cache
+def _imports(path: Path) -> list[ast.Import | ast.ImportFrom]:
+    """What a file imports anywhere, but for hints."""
+    return list(_imports_in(ast.parse(path.read_text())))
+
+
+def _imports_in(node: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
     for child in ast.iter_child_nodes(node):
-        if isinstance(child, ast.If) and ast.unparse(child.test) == "TYPE_CHECKING":
+        if isinstance(child, ast.expr) or (
+            isinstance(child, ast.If) and ast.unparse(child.test) == "TYPE_CHECKING"
+        ):
             continue
         if isinstance(child, ast.Import | ast.ImportFrom):
             yield child
-        yield from _imports(child)
+        yield from _imports_in(child)
 
 
 def room_of(module: str) -> str:
@@ -137,7 +146,7 @@ def test_forms_and_meshes_keep_to_their_libraries() -> None:
 
 def _libraries(path: Path) -> set[str]:
     named = set()
-    for node in _imports(ast.parse(path.read_text())):
+    for node in _imports(path):
         if isinstance(node, ast.Import):
             named |= {one.name.partition(".")[0] for one in node.names}
         elif not node.level:
