@@ -251,6 +251,10 @@ def _require(scene: Scene) -> None:
         (scene.contact is not None, "friction ([contact] friction)"),
         (scene.time is None, "a steady flow (no [time] section)"),
         (scene.flow.kind != "still", "a flow (flow.kind other than still)"),
+        (
+            scene.flow.kind != "log-law",
+            "a profile that keeps its shape as the flow grows, unlike a log-law; sweep fluid.reynolds instead",
+        ),
     )
     for met, need in needs:
         if not met:
@@ -309,17 +313,15 @@ def _with_bars(threshold: Threshold, run: Run, search: Search, found: Found) -> 
 
 def _notes(scene: Scene, found: Found) -> tuple[str, ...]:
     """What the Shields number is, and whether the flow can be laminar there. Not collective."""
-    from ..planning.effects import may_be_turbulent, numbers_of, turbulent_from
+    from ..planning.effects import numbers_of
+    from ..planning.transition import transition
 
     if not found.is_critical:
         return ()
     plane = " in the plane" if scene.gdim == 2 else ""
     notes = [_shields_note(scene, found), LAMINAR.format(flow=f"{scene.flow.kind} flow", plane=plane)]
-    numbers = numbers_of(scene)
-    there = found.factor * numbers.flow_reynolds
-    if may_be_turbulent(scene, replace(numbers, flow_reynolds=there)):
-        least = turbulent_from(scene)
-        notes.append(f"flow Re {there:.3g} at the threshold: channels may be turbulent from {least:g} on")
+    if turbulent := transition(scene, numbers_of(scene), found.factor):
+        notes.append(turbulent.text(" at the threshold"))
     if found.between is not None:
         low, high = found.between
         notes.append(f"interpolated between {low:.4g} and {high:.4g} times the flow: {found.reason}")

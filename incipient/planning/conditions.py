@@ -76,5 +76,7 @@ def _velocity_at_first(scene: Scene) -> Velocity:
 
 def _is_wall(scene: Scene) -> bool:
     """Whether the bottom is a wall at rest rather than part of the stream."""
-    bounded = scene.domain.kind == "box" or scene.top == "wall" or scene.flow.kind == "open-channel"
+    bounded = (
+        scene.domain.kind == "box" or scene.top == "wall" or scene.flow.kind in ("open-channel", "log-law")
+    )
     return bounded or scene.bed is not None

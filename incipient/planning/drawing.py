@@ -28,6 +28,8 @@ GROWTH, GAP_GROWTH = 0.25, 0.18  # of cell sizes with distance
 # Along a bed away from the grain: how fast cells grow with the distance from it, and up to which part of the bed's
 # smallest feature. There only the drag of the bed as a whole matters (docs/numerics.md).
 BED_GROWTH, BED_LARGEST = 0.05, 0.6
+# Along the bed below the mean profile of a turbulent stream, in thicknesses of its layer next to the bed.
+PROFILE_CELL = {2: 0.5, 3: 1.0, 4: 1.5}
 MEMORY_GROWTH = 194.0  # bytes per n log2 n of n unknowns; fitted, see docs/performance.md
 
 
@@ -81,6 +83,11 @@ def _near(
         if placement is not None:
             away = Away(point(placement.centre), BED_GROWTH, BED_LARGEST * bed.feature)
         near.append(Near(size, GROWTH, boundary="bed", away=away))
+    if scene.flow.kind == "log-law":
+        from .mean_profile import mean_profile
+
+        layer = mean_profile(scene).layer
+        near.append(Near(PROFILE_CELL[plan.order] * layer, GROWTH, boundary=side_names(scene)[0]))
     if scene.flow.kind == "lid":
         domain = scene.domain
         corners = ((domain.left, domain.ceiling), (domain.right, domain.ceiling))

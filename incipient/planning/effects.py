@@ -25,6 +25,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
+from .transition import REMEDY, transition, turbulent_from
+
 if TYPE_CHECKING:
     import numpy as np
 
@@ -40,12 +42,6 @@ USUAL_ACCURACY = 0.01
 # within 0.35: Bosch, Kappler & Rodi 1996, Exp. Therm. Fluid Sci. 13).
 SHEDDING, SHEDDING_CLEARANCE = 46.0, 0.3
 SHEDDING_OF_SPHERE = 270.0  # Johnson & Patel 1999, J. Fluid Mech. 378, 19
-# From about this Reynolds number on the turbulence of a channel sustains itself. Between walls, of mean
-# velocity and height: 4/3 of 965, of half the height and the greatest velocity (Gomé, Tuckerman & Barkley
-# 2020, Phys. Rev. Fluids 5, 083905; experiments: about 1000, Orszag & Kells 1980, J. Fluid Mech. 96, 159). In
-# shear, of the velocity on top and the height: 4 times 324, of half of each (Duguet, Schlatter & Henningson
-# 2010, J. Fluid Mech. 650, 119).
-TURBULENT = 1300.0
 _DIMENSIONS = {2: "two-dimensional", 3: "three-dimensional"}
 SAMPLES = 33  # of times and of heights at which a given flow is looked at
 
@@ -93,6 +89,7 @@ class Numbers:
     density_ratio:  density of a free or weighing grain over the fluid's
     stokes:         density ratio times grain Reynolds number / 18: how sluggishly the grain follows the flow
     froude:         reference velocity over sqrt(g height)
+    shear_reynolds: shear velocity of a turbulent stream times the grain's largest diameter over the viscosity
     """
 
     grain_reynolds: float | None
@@ -103,6 +100,7 @@ class Numbers:
     density_ratio: float | None
     stokes: float | None
     froude: float | None
+    shear_reynolds: float | None = None
 
     def text(self) -> str:
         """The numbers that the scene has, on one line."""
@@ -114,6 +112,7 @@ class Numbers:
             "density ratio": self.density_ratio,
             "Stokes": self.stokes,
             "Froude": self.froude,
+            "Re*": self.shear_reynolds,
         }
         return ", ".join(f"{name} {value:.3g}" for name, value in named.items() if value is not None)
 
@@ -219,6 +218,8 @@ def _contact(scene: Scene) -> Effect:
 
 
 def _flow(scene: Scene) -> str:
+    if scene.flow.kind == "log-law":
+        return "mean profile of a turbulent stream, kept by the force that its turbulence would exert"
     if scene.flow.kind != "still":
         return f"{scene.flow.kind} flow"
     return "the fluid starts from rest" if scene.has_surface else "the fluid is at rest"
@@ -288,25 +289,15 @@ def _free_surface(scene: Scene, numbers: Numbers) -> Effect:
 
 def _turbulence(scene: Scene, numbers: Numbers) -> Effect:
     reason = "not part of this version"
-    if may_be_turbulent(scene, numbers):
-        least = turbulent_from(scene)
-        told = f"flow Re {numbers.flow_reynolds:.4g}: channels may be turbulent from {least:g} on"
-        return Effect(EffectName.TURBULENCE, False, f"{reason}; {told}")
+    if scene.flow.kind == "log-law":
+        from .mean_profile import mean_profile
+
+        reason += f"; mean profile only, the bed is {mean_profile(scene).regime()}"
+        if numbers.flow_reynolds < turbulent_from(scene):
+            reason += f"; flow Re {numbers.flow_reynolds:.3g}, but channels are laminar to {turbulent_from(scene):g}"
+    elif found := transition(scene, numbers):
+        reason += f"; {found.text()}; {REMEDY}"
     return Effect(EffectName.TURBULENCE, False, reason)
-
-
-def may_be_turbulent(scene: Scene, numbers: Numbers) -> bool:
-    """Whether the flow's Reynolds number is one of turbulence.
-
-    A top that moves as the stream does stands for an endless flow, whose depth the height of the domain does not tell.
-    """
-    deep = scene.domain.kind == "channel" and scene.top != "stream"
-    return deep and numbers.flow_reynolds > turbulent_from(scene)
-
-
-def turbulent_from(scene: Scene) -> float:
-    """Flow Reynolds number from which a channel may be turbulent; an open one is half a closed one."""
-    return 0.5 * TURBULENT if scene.flow.kind == "open-channel" else TURBULENT
 
 
 # -- estimates --------------------------------------------------------------------------------------
@@ -355,15 +346,19 @@ def time_of_change(scene: Scene) -> float | None:
 
 def numbers_of(scene: Scene) -> Numbers:
     """The scene's dimensionless numbers. Not collective."""
+    from .stream import mean_speed
+
     grain, viscosity, height = scene.grain, scene.viscosity, scene.domain.height
-    reynolds = strouhal = ratio = stokes = froude = None
-    velocity, period = scene.reference_velocity, time_of_change(scene)
+    reynolds = strouhal = ratio = stokes = froude = of_shear = None
+    velocity, period = mean_speed(scene), time_of_change(scene)
     if grain is not None:
         placement = scene.placement
         assert placement is not None
         speed = _speed_past_grain(scene, placement)
         reynolds, ratio = speed * grain.size / viscosity, scene.density
         stokes = None if ratio is None else ratio * reynolds / 18.0
+        if scene.flow.kind == "log-law":
+            of_shear = scene.reference_velocity * grain.size / viscosity
         strouhal = grain.size / (speed * period) if period is not None and speed > 0.0 else None
     if acceleration := float(abs(scene.gravity_vector).max()):
         froude = velocity / math.sqrt(acceleration * height)
@@ -373,7 +368,7 @@ def numbers_of(scene: Scene) -> Numbers:
         velocity = 0.0
     flow = velocity * height / viscosity
     reach = _wall_distance(scene) + 0.5 if grain is not None else 0.0
-    return Numbers(reynolds, flow, _bed_reynolds(scene), reach, strouhal, ratio, stokes, froude)
+    return Numbers(reynolds, flow, _bed_reynolds(scene), reach, strouhal, ratio, stokes, froude, of_shear)
 
 
 def _heights(scene: Scene) -> np.ndarray:
@@ -456,7 +451,7 @@ def _wall_distance(scene: Scene) -> float:
     if scene.rests:
         return 0.0
     y, distances = placement.centre[scene.up], [domain.height]
-    bounded = domain.kind == "box" or scene.top == "wall" or scene.flow.kind == "open-channel"
+    bounded = domain.kind == "box" or scene.top == "wall" or scene.flow.kind in ("open-channel", "log-law")
     if scene.bed is not None or bounded:
         distances.append(y - scene.datum)
     if scene.top == "wall":

@@ -66,9 +66,10 @@ def upwinds(scene: Scene) -> bool:
 def cell_reynolds(scene: Scene) -> float:
     """V h/(k nu) of the largest cells, estimated without a mesh. Not collective."""
     from .cells import largest_cell
+    from .stream import mean_speed
 
     size = scene.numerics.mesh_size * largest_cell(scene)
-    return float(scene.reference_velocity * size / (scene.order * scene.viscosity))
+    return float(mean_speed(scene) * size / (scene.order * scene.viscosity))
 
 
 def largest_peclet(scene: Scene) -> float:

@@ -6,11 +6,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ..scene import ExpressionFlow, Scene, Shear
+from ..scene import ExpressionFlow, LogLaw, Scene, Shear
 
 Velocity = Callable[[np.ndarray, float], np.ndarray]
 
 
+SAMPLES = 1000  # of heights for a mean
 STEEPER = 3.0  # than the profile is its rise from a bed that is above the datum at the inflow
 
 
@@ -33,6 +34,17 @@ def inflow(scene: Scene) -> Velocity:
     if scene.gdim == 2:
         return _stream(scene, max(scene.datum, float(bed.height([scene.domain.left])[0])))
     return _stream(scene, lambda x: np.maximum(scene.datum, bed.height(x[:2].T)))
+
+
+def mean_speed(scene: Scene) -> float:
+    """The scene's reference velocity; of a log-law stream, whose reference is the shear velocity, the mean one.
+
+    Not collective.
+    """
+    if not isinstance(scene.flow, LogLaw):
+        return scene.reference_velocity
+    depth = scene.domain.ceiling - scene.datum
+    return float(np.mean(_profile(scene)(depth * (np.arange(SAMPLES) + 0.5) / SAMPLES)))
 
 
 def column(scene: Scene, place: Sequence[float], heights: np.ndarray) -> np.ndarray:
@@ -76,6 +88,11 @@ def _profile(scene: Scene) -> Callable[[np.ndarray], np.ndarray]:
     flow, depth = scene.flow, scene.domain.ceiling - scene.datum
     if isinstance(flow, Shear):
         return lambda y: flow.rate * np.clip(y, 0.0, depth)
+    if isinstance(flow, LogLaw):
+        from .mean_profile import mean_profile
+
+        law = mean_profile(scene)
+        return lambda y: law.speed(np.clip(y, 0.0, depth))
     mean = flow.velocity
     profiles: dict[str, Callable[[np.ndarray], np.ndarray]] = {
         "poiseuille": lambda y: 6 * mean * y * (depth - y) / depth**2,

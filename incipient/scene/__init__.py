@@ -3,7 +3,7 @@
 from .domain import Domain
 from .effects import Effects
 from .file import dumps, example, load, loads, save, schema
-from .flows import ExpressionFlow, Flow, Lid, OpenChannel, Poiseuille, Shear, Still, Uniform
+from .flows import ExpressionFlow, Flow, Lid, LogLaw, OpenChannel, Poiseuille, Shear, Still, Uniform
 from .kinds import Bed, Body
 from .model import Contact, Fluid, Gravity, Output, Scene, Time
 from .numerics import Numerics
@@ -47,6 +47,7 @@ __all__ = [
     "HeightMapBed",
     "Inclined",
     "Lid",
+    "LogLaw",
     "Mesh",
     "MeshBed",
     "Numerics",

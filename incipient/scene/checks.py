@@ -23,10 +23,12 @@ _SAME = 1e-9  # of the width: a cylinder reaches from side to side
 _SPACING, _PLACES = 0.02, 201  # of points on a solid grain, in its size; in each direction on a bed in space
 CELLS_OF_A_FORM = 20  # at the least
 _IN_SPACE = {"body": '"sphere"', "bed": '"spheres"'}
-_CHANNEL_FLOWS = ("shear", "poiseuille", "uniform", "open-channel")
+_CHANNEL_FLOWS = ("shear", "poiseuille", "uniform", "open-channel", "log-law")
+_ROUGHEST = 500.0  # u* k_s/nu up to which the mean profile follows the measured one (docs/numerics.md)
 _TOPS_OF_FLOWS = {
     "poiseuille": ("auto", "wall"),
     "open-channel": ("auto", "slip", "stream"),
+    "log-law": ("auto", "slip", "stream"),
     "lid": ("auto", "wall"),
 }
 
@@ -93,6 +95,18 @@ def _flow(scene: Scene) -> Iterator[Problem]:
     if domain.top not in allowed:
         choices = " or ".join(f'"{top}"' for top in allowed)
         yield Problem(("domain", "top"), f'"{domain.top}" contradicts the flow "{kind}"', f"use {choices}")
+    yield from _roughness(scene)
+
+
+def _roughness(scene: Scene) -> Iterator[Problem]:
+    flow = scene.flow
+    needs_grain = scene.fluid.scale == "grain" and scene.body is None
+    if flow.kind != "log-law" or needs_grain:
+        return
+    rough = flow.shear_velocity * flow.roughness / scene.viscosity
+    if rough > _ROUGHEST:
+        why = f"is {rough:.3g} times nu/u*; the mean profile is known up to {_ROUGHEST:g} times that"
+        yield Problem(("flow", "roughness"), why, "reduce it, or fluid.reynolds")
 
 
 def _scale(scene: Scene) -> Iterator[Problem]:

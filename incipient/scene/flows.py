@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Field, field_validator
 
 from ..errors import SceneError
 from .messages import counted, split
-from .section import Positive, Section, contradiction
+from .section import NotNegative, Positive, Section, contradiction
 
 
 def _components(value: Any) -> Any:
@@ -68,6 +68,18 @@ class Uniform(Profile):
     velocity: Positive = Field(1.0, description="Velocity V of the stream [length/time]")
 
 
+class LogLaw(Profile):
+    """The mean profile of a turbulent stream, in a flow that is computed as a laminar one."""
+
+    kind: Literal["log-law"] = Field("log-law", description="Kind of flow")
+    shear_velocity: Positive = Field(
+        1.0, description="V = u*, the root of the bed's shear stress over the density [length/time]"
+    )
+    roughness: NotNegative = Field(
+        0.0, description="Equivalent sand roughness k_s of the bed that the mean profile is over [length]"
+    )
+
+
 class Lid(Section):
     """A box whose top slides."""
 
@@ -116,5 +128,6 @@ class Still(Section):
 
 
 Flow = Annotated[
-    Shear | Poiseuille | OpenChannel | Uniform | Lid | ExpressionFlow | Still, Field(discriminator="kind")
+    Shear | Poiseuille | OpenChannel | Uniform | LogLaw | Lid | ExpressionFlow | Still,
+    Field(discriminator="kind"),
 ]

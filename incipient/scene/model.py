@@ -16,7 +16,7 @@ from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, mo
 from .checks import contradictions
 from .domain import Domain, Sides, Top
 from .effects import Effects, section_of
-from .flows import Flow, Shear
+from .flows import Flow, LogLaw, Shear
 from .kinds import Bed, Body
 from .messages import refusal
 from .motion import mass, mean_density
@@ -37,6 +37,7 @@ _TOPS: dict[str, Top] = {
     "expression": "stream",
     "poiseuille": "wall",
     "open-channel": "slip",
+    "log-law": "stream",
     "lid": "wall",
     "still": "wall",
 }
@@ -296,7 +297,9 @@ class Scene(Section):
 
     @property
     def reference_velocity(self) -> float:
-        """V of the Reynolds number: of shear rate times L, else the velocity that the flow states."""
+        """V of the Reynolds number: of shear rate times L, of a log-law u*, else the velocity that the flow states."""
+        if isinstance(self.flow, LogLaw):
+            return self.flow.shear_velocity
         return self.flow.rate * self.reference_length if isinstance(self.flow, Shear) else self.flow.velocity
 
     @property

@@ -100,6 +100,11 @@ def flow_model(scene: Scene, plan: Plan, unsteady: bool, inertia: bool = True) -
     """
     from ..fluid import FlowModel
 
+    force = None
+    if scene.flow.kind == "log-law":
+        from ..planning.mean_profile import force_of_turbulence
+
+        force = force_of_turbulence(scene)
     start = plan.has(EffectName.UNSTEADINESS) and not unsteady
     upwind = plan.stabilisation.upwind or (start and plan.solver.name == "block")
     return FlowModel(
@@ -107,6 +112,7 @@ def flow_model(scene: Scene, plan: Plan, unsteady: bool, inertia: bool = True) -
         inertia=inertia and plan.has(EffectName.INERTIA),
         unsteady=unsteady,
         convection=plan.convection if unsteady else "implicit",
+        body_force=force,
         moving_mesh=unsteady and plan.has(EffectName.MOVING_MESH),
         energy_stable=unsteady and scene.numerics.form == "energy-stable",
         stabilisation=plan.stabilisation.present and not upwind,

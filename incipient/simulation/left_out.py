@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..arrays import Floats, spatial
-from ..planning.effects import EffectName, accuracy_asked, may_be_turbulent, turbulent_from
+from ..planning.effects import EffectName, accuracy_asked
+from ..planning.transition import REMEDY, transition
 from ..results.left_out import Omission
 
 if TYPE_CHECKING:
@@ -144,9 +145,12 @@ def _rise_under_lid(run: Run) -> float:
 
 def _turbulence(run: Run, effect: Effect, *loads: Any) -> Iterator[Omission]:
     numbers, scene = run.plan.numbers, run.scene
-    if numbers is not None and may_be_turbulent(scene, numbers):
-        how = f"flow Re {numbers.flow_reynolds:.4g} is above {turbulent_from(scene):g}"
-        yield Omission(effect.name, None, how, True, "the flow computed is the laminar one")
+    if scene.flow.kind == "log-law":
+        how = "gusts, and mixing in the wake; the stream is the mean of a turbulent one"
+        yield Omission(effect.name, None, how, True, "loads are those of the mean stream, gusts exceed them")
+    elif numbers is not None and (found := transition(scene, numbers)):
+        how = f"{found.number} {found.value:.4g} is above {found.least:g}"
+        yield Omission(effect.name, None, how, True, f"the flow computed is the laminar one; {REMEDY}")
 
 
 _ESTIMATES: dict[EffectName, Callable[..., Iterator[Omission]]] = {

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from ..planning.effects import EffectName
 from ..planning.stabilisation import stabilisation_of
+from ..planning.stream import mean_speed
 from ..scene.tolerance import of_steady
 from .build import probe_of
 from .loads import loads
@@ -79,5 +80,5 @@ def stabilise(run: Run, factor: float) -> None:
 
 def _first_share(run: Run, fluid: Fluid) -> float:
     """Where the continuation starts: at once, unless the Reynolds number of the whole flow is large."""
-    whole = fluid.reynolds * run.scene.reference_velocity * run.scene.domain.height
+    whole = fluid.reynolds * mean_speed(run.scene) * run.scene.domain.height
     return min(1.0, LARGE / whole) if run.plan.has(EffectName.INERTIA) else 1.0

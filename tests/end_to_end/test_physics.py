@@ -11,6 +11,7 @@ from processes import CAVITY, CYLINDER, GRAIN_ON_BED, VORTEX_STREET, result_of, 
 import incipient
 from incipient.cli import main
 from incipient.mesh.sampling import sample
+from incipient.planning.stream import undisturbed
 from incipient.scene import (
     Contact,
     Disc,
@@ -20,6 +21,7 @@ from incipient.scene import (
     Fluid,
     Gravity,
     Inclined,
+    LogLaw,
     Numerics,
     OpenChannel,
     Poiseuille,
@@ -165,6 +167,30 @@ def test_channels_without_a_grain_keep_their_parabola(flow, profile, fall):
     assert velocity[:, 0] == pytest.approx(profile(points[:, 1]), abs=1e-12)
     assert velocity[:, 1] == pytest.approx(0, abs=1e-12)
     assert pressure == pytest.approx(fall * scene.viscosity * (2 - points[:, 0]), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("extents", "bound"),
+    [({"length": 6.0, "height": 3.0}, 5e-3), ({"length": 3.0, "width": 2.0, "height": 1.0}, 2e-2)],
+)
+def test_a_turbulent_stream_keeps_its_mean_profile(extents, bound):
+    """By the force of its turbulence it is the exact flow, in the plane and in space; the mesh's error is left."""
+    scene = Scene(
+        domain=Domain(**extents),
+        fluid=Fluid(reynolds=60.0, scale="flow"),
+        flow=LogLaw(),
+        bed=Flat(),
+        numerics=Numerics(error_bars=False),
+    )
+    result = incipient.run(scene)
+    low = (
+        [0.0, 0.0] if scene.gdim == 2 else [0.0, scene.domain.middle, 0.0]
+    )  # half of a domain in space is computed
+    high = list(scene.domain.extents)
+    points = np.random.default_rng(1).uniform(low, high, (60, scene.gdim))
+    expected = undisturbed(scene)(np.vstack([points.T, np.zeros((3 - scene.gdim, 60))]), 0.0)
+    assert sample(result.velocity, points) == pytest.approx(expected.T, abs=bound * expected.max())
+    assert any("gusts" in one.how for one in result.omitted)
 
 
 def in_still_water(**changed):

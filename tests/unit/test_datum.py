@@ -16,6 +16,7 @@ from incipient.scene import (
     Gravity,
     HalfDiscs,
     Inclined,
+    LogLaw,
     OpenChannel,
     Poiseuille,
     Polyline,
@@ -34,6 +35,7 @@ FLOWS = {
     "poiseuille": Poiseuille,
     "open-channel": OpenChannel,
     "uniform": Uniform,
+    "log-law": LogLaw,
 }
 
 
@@ -120,7 +122,10 @@ def test_the_phase_of_the_bed_changes_nothing_about_the_stream(kind):
 @pytest.mark.parametrize("kind", FLOWS)
 @pytest.mark.parametrize("datum", ["crest", "mean", 0.1])
 def test_the_inflow_is_at_rest_on_the_bed_and_carries_the_same_flux(kind, datum):
-    """Nothing flows backwards; a bed above the datum takes less than 2% of the flux, and only there."""
+    """Nothing flows backwards; a bed above the datum takes little of the flux, and only there.
+
+    Less than 2% of it, of the fuller profile of a turbulent stream 3%.
+    """
     for phase in PHASES:
         moved = rough(phase, kind=kind, datum=datum)
         there, everywhere = speeds(inflow(moved)), speeds(undisturbed(moved))
@@ -129,7 +134,8 @@ def test_the_inflow_is_at_rest_on_the_bed_and_carries_the_same_flux(kind, datum)
         assert np.array_equal(there[y > 1.0], everywhere[y > 1.0])
         if kind != "uniform":
             assert there[y <= bed].max(initial=0.0) == 0.0
-            assert there.sum() == pytest.approx(everywhere.sum(), rel=0.02)
+            missing = 0.03 if kind == "log-law" else 0.02
+            assert there.sum() == pytest.approx(everywhere.sum(), rel=missing)
 
 
 @pytest.mark.parametrize(

@@ -218,6 +218,11 @@ def test_channels_that_may_be_turbulent():
     # Half of a channel between walls, with half its height.
     found = effect("turbulence", flow=OpenChannel(), fluid=Fluid(reynolds=700, scale="flow"))
     assert "may be turbulent from 650 on" in found.reason
+    assert found.reason.endswith('for the mean of a turbulent stream use flow.kind = "log-law"')
+    # Along a plate twice as long as the domain is high.
+    layers = [effect("turbulence", flow=Uniform(), fluid=Fluid(reynolds=r, scale="flow")) for r in (2e5, 3e5)]
+    assert layers[0].reason == "not part of this version"
+    assert "Re of the length 6e+05: boundary layers may be turbulent from 500000 on" in layers[1].reason
     # Endless shear: the domain's height says nothing of its depth.
     assert effect("turbulence", fluid=fast).reason == "not part of this version"
 

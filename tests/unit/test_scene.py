@@ -28,6 +28,7 @@ from incipient.scene import (
     HalfDiscs,
     Inclined,
     Lid,
+    LogLaw,
     OpenChannel,
     Poiseuille,
     Polygon,
@@ -60,6 +61,7 @@ def test_a_cavity_in_three_words():
     [
         (Shear(rate=3), 6.0),
         (Uniform(velocity=4), 4.0),
+        (LogLaw(shear_velocity=4), 4.0),
         (Poiseuille(velocity=4), 4.0),
         (OpenChannel(velocity=4), 4.0),
         (ExpressionFlow(components=("y", "0"), velocity=4), 4.0),
@@ -85,6 +87,7 @@ def test_scaling_on_the_flow():
     [
         (Shear(), "stream"),
         (Uniform(), "stream"),
+        (LogLaw(), "stream"),
         (ExpressionFlow(components=("y", "0")), "stream"),
         (Poiseuille(), "wall"),
         (OpenChannel(), "slip"),
@@ -220,7 +223,7 @@ def test_every_key_is_described():
         for name, field in section.model_fields.items():
             assert field.description, f"{section.__name__}.{name}"
             pending += [option for option in variants(field.annotation) if option not in seen]
-    assert len(seen) == 1 + 10 + 7 + (7 + 8) + (5 + 4)  # scene, sections, flows, shapes, beds; plane + space
+    assert len(seen) == 1 + 10 + 8 + (7 + 8) + (5 + 4)  # scene, sections, flows, shapes, beds; plane + space
 
 
 def test_import_loads_no_finite_elements():

@@ -82,7 +82,7 @@ def test_the_example_explains_every_key():
         if re.match(r"(# )?(\[|\w+ = )", line) and not line.startswith("title"):
             assert re.search(r"\S +# \w.*", line), line
     assert "(channel | box)" in example()
-    assert "(shear | poiseuille | open-channel | uniform | lid | expression | still)" in example()
+    assert "(shear | poiseuille | open-channel | uniform | log-law | lid | expression | still)" in example()
 
 
 def test_what_the_example_comments_out_may_be_set():
