@@ -80,6 +80,24 @@ def below(h: Any, q: Any, n: Any) -> Any:
     return q * h * n[len(n) - 1]
 
 
+def _slope(h: Any, axis: int, n: Any) -> Any:
+    """n . up times the slope of a function on the surface along a horizontal axis, in which only the surface counts."""
+    up = len(n) - 1
+    return n[up] * h.dx(axis) - n[axis] * h.dx(up)
+
+
+def carried(h: Any, q: Any, u: Any, n: Any) -> Any:
+    """q u . grad h (n . up): how the flow u carries an elevation along."""
+    return q * sum(u[axis] * _slope(h, axis, n) for axis in range(len(n) - 1))
+
+
+def levelled(h: Any, q: Any, u: Any, n: Any, zone: Any) -> Any:
+    """k grad h . grad q (n . up), k = |u| `zone` u along the level: a zone makes an elevation level."""
+    horizontal = range(len(n) - 1)
+    speed = ufl.sqrt(sum(u[axis] ** 2 for axis in horizontal))
+    return zone * speed / n[len(n) - 1] * sum(_slope(h, axis, n) * _slope(q, axis, n) for axis in horizontal)
+
+
 def crossing(v: Any, known: Any, elevation: Any, rate: Any, n: Any) -> Any:
     """((v - v_mesh) . n)^2: what crosses the surface per unit of its area, squared."""
     return (ufl.dot(v, n) - rate * (elevation - known) * n[len(v) - 1]) ** 2

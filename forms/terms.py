@@ -136,6 +136,22 @@ def open_boundary(v: Any, w: Any, n: Any, viscosity: Any, reference_map: Referen
     return -viscosity * ufl.inner(shear, w)
 
 
+def entering_boundary(v: Any, carrier: Any, w: Any, n: Any) -> Any:
+    """-min(c . n, 0) v . w on an end through which fluid enters, its velocity along n being given.
+
+    Across n the natural condition, with `open_boundary`, then is (c . n) v = nu dv/dn: what enters brings no momentum
+    across the stream with it. Else kinetic energy would enter with every motion across the stream there, as it does
+    through an open boundary where fluid comes back (Braack & Mucha 2014, J. Comput. Math. 32, 507).
+    """
+    inwards = ufl.conditional(ufl.lt(ufl.dot(carrier, n), 0), ufl.dot(carrier, n), 0)
+    return -inwards * ufl.inner(v, w)
+
+
+def relaxation(v: Any, stream: Any, rate: Any, w: Any) -> Any:
+    """s (v - u) . w: the flow is relaxed to a stream u at a rate s, zero outside of a sponge."""
+    return rate * ufl.inner(v - stream, w)
+
+
 def surface_traction(
     v: Any, p: Any, n: Any, viscosity: Any, reference_map: ReferenceMap | None = None
 ) -> Any:

@@ -24,6 +24,7 @@ from ..errors import ConvergenceError
 from ..fluid import Fluid
 from ..forms.surface import crossing, flux, potential
 from ..mesh.elevation import RisingDisplacement
+from .drift import Drift
 
 Stage = Callable[[str], AbstractContextManager[Any]]
 
@@ -87,6 +88,7 @@ class SurfacePart:
         )
         self._area = compat.form(dolfinx.fem.Constant(fluid.domain.mesh, 1.0) * measure)
         self._steepness = _Steepness(displacement)
+        self._drift = Drift(fluid, displacement) if fluid.constraints.crossings else None
 
     # -- the step, as the coupling sees it --------------------------------------------------------
 
@@ -107,6 +109,8 @@ class SurfacePart:
         self._load.known.x.array[:] = known
         if self._load.unfelt is not None:
             self._load.unfelt.x.array[:] = self.mesh.unfelt(self.past[0])
+        if self._drift is not None:
+            self._drift.prepare(a0)
 
     def displacement(self) -> Floats:
         """(n, 3) displacements of the mesh's nodes by the elevation tried."""
@@ -120,6 +124,8 @@ class SurfacePart:
     def destroy(self) -> None:
         """Free PETSc's memory."""
         self._vector.destroy()
+        if self._drift is not None:
+            self._drift.destroy()
         self.mesh.destroy()
 
     def residual(self, length: float, order: int) -> float:
@@ -140,7 +146,10 @@ class SurfacePart:
 
     def correct(self) -> None:
         """Try the elevation to which the flow has taken the surface."""
-        self._tried = self._improved
+        if self._drift is None:
+            self._tried = self._improved
+        else:
+            self._tried = self._tried + self._drift.correction(self._improved - self._tried)
 
     def allowed(self, length: float) -> float:
         """The whole length: a surface that meets something does so in `residual`."""
@@ -206,14 +215,18 @@ class SurfacePart:
     def _raised(self) -> Floats:
         """(local nodes,) the rate of the elevation that the flow makes, in its space.
 
-        Out of a closed domain nothing flows: what unfinished iterations have left of that is taken out.
+        Without an open end the volume grows by what enters: what unfinished iterations have left of that is taken out.
         """
         with self._vector.localForm() as local:
             local.set(0.0)
         petsc.assemble_vector(self._vector, self._flux)
         self._vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        found = self.mesh.elevation_of(self._vector)
-        return found if self.fluid.constraints.open else self.mesh.with_volume(found, 0.0)
+        if self._drift is None:
+            found = self.mesh.elevation_of(self._vector)
+        else:
+            found = self._drift.raised(self._vector, self._load.known.x.array)
+        held = self.fluid.constraints
+        return found if held.open else self.mesh.with_volume(found, held.influx)
 
     def _size(self, elevation: Floats) -> float:
         """Root mean square over the nodes of the surface."""

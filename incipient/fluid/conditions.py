@@ -12,6 +12,7 @@ from mpi4py import MPI
 
 from .. import compat
 from ..mesh.domain import Domain
+from .entry import Entry
 from .space import TaylorHood, boundary_blocks
 
 Velocity = Callable[[np.ndarray, float], np.ndarray]
@@ -41,10 +42,41 @@ class Open:
 
 
 @dataclass(frozen=True)
+class Entering:
+    """An end below a free surface through which fluid enters, or leaves, at a given rate (see `entry.Entry`).
+
+    axis:     that of its normal
+    velocity: along the axis; a function of x (3, n), places as the mesh was made, and t that returns (n,)
+    level:    length of the zone next to the end in which the surface is made level
+    """
+
+    boundary: str
+    axis: int
+    velocity: Callable[[np.ndarray, float], np.ndarray]
+    level: float
+
+
+@dataclass(frozen=True)
 class Carried:
     """The surface of a moving body; `Constraints.carry` sets its velocity in every coupling iteration."""
 
     boundary: str
+
+
+@dataclass(frozen=True)
+class Sponge:
+    """A zone before the end of a channel in which the flow is relaxed to a stream, so that waves die out there.
+
+    start:  x at which it begins
+    length: from there to the end
+    rate:   at the end; it rises with the square of the distance from the start
+    stream: a function of x (3, n) and t, which is zero here, that returns (gdim, n)
+    """
+
+    start: float
+    length: float
+    rate: float
+    stream: Velocity
 
 
 @dataclass(frozen=True)
@@ -56,6 +88,7 @@ class FreeSurface:
     pressure: of what is above, over the fluid's density: a function of x (3, n) and t that returns (n,); None: zero
     tension:  surface tension over the fluid's density
     pinned:   names of the boundaries at which its elevation stays; the fluid sticks to them
+    sponge:   zone before the end of a channel in which waves die out; None: there is none
     """
 
     boundary: str
@@ -64,9 +97,10 @@ class FreeSurface:
     pressure: Callable[[np.ndarray, float], np.ndarray] | None = None
     tension: float = 0.0
     pinned: tuple[str, ...] = ()
+    sponge: Sponge | None = None
 
 
-Condition = Prescribed | Slip | Open | Carried | FreeSurface
+Condition = Prescribed | Slip | Open | Entering | Carried | FreeSurface
 
 
 def no_slip(boundary: str) -> Prescribed:
@@ -97,6 +131,11 @@ class Constraints:
         carried = [c.boundary for c in conditions if isinstance(c, Carried)]
         self._carried = {name: boundary_blocks(space.velocity, domain.facets_of(name)) for name in carried}
         given = [c.boundary for c in prescribed]
+        self.entries = tuple(
+            Entry(domain, space, c.boundary, c.axis, c.velocity, tuple(given), c.level)
+            for c in conditions
+            if isinstance(c, Entering)
+        )
         self.dirichlet = self._velocity_conditions(domain, [*given, *carried])
         if level and self.closed:
             self.dirichlet.append(self._pressure_pin())
@@ -105,6 +144,16 @@ class Constraints:
     def closed(self) -> bool:
         """Whether no boundary gives the pressure a level, so that it is known up to a constant only."""
         return not self.open and self.surface is None
+
+    @property
+    def crossings(self) -> tuple[str, ...]:
+        """Names of the ends across which the flow is not held: open ones, and those at which it is given along only."""
+        return (*self.open, *(entry.boundary for entry in self.entries))
+
+    @property
+    def influx(self) -> float:
+        """What enters per time through all entries, at the last `update`."""
+        return sum(entry.influx for entry in self.entries)
 
     def crossed(self) -> Any:
         """The measure of the boundary that fluid may cross: nothing crosses a free surface."""
@@ -119,12 +168,14 @@ class Constraints:
         return np.unique(np.concatenate([*nodes, np.empty(0, dtype=np.int32)])).astype(np.int32)
 
     def update(self, t: float) -> None:
-        """Evaluate the prescribed velocities at time t."""
+        """Evaluate the prescribed velocities at time t. Collective."""
         gdim = self.space.gdim
         values = self._values.x.array.reshape(-1, gdim)
         for velocity, blocks in self._prescribed:
             if len(blocks):
                 values[blocks] = np.asarray(velocity(self.points[blocks].T, t))[:gdim].T
+        for entry in self.entries:
+            entry.update(t)
 
     def carry(self, boundary: str, velocity: Callable[[np.ndarray], np.ndarray]) -> None:
         """Give a carried boundary its velocity, a function of its nodes' places (n, gdim)."""
@@ -148,6 +199,9 @@ class Constraints:
             zero = dolfinx.fem.Function(component)
             facets = domain.facets_of(slip.boundary)
             conditions.append(_on_facets(zero, (whole.sub(slip.axis), component), facets))
+        for entry in self.entries:
+            facets = domain.facets_of(entry.boundary)
+            conditions.append(_on_facets(entry.values, (whole.sub(entry.axis), entry.space), facets))
         if prescribed:
             facets = np.unique(np.concatenate([domain.facets_of(name) for name in prescribed]))
             conditions.append(_on_facets(self._values, (whole, self.space.velocity), facets))

@@ -89,8 +89,7 @@ class Fluid:
     def _surface_load(self) -> Any:
         from .surface import SurfaceLoad
 
-        assert self.constraints.surface is not None
-        return SurfaceLoad(self.domain, self.space, self.constraints.surface, self.rate[0])
+        return SurfaceLoad(self.domain, self.space, self.constraints, self.rate[0])
 
     def _one_level(self) -> LinearSolver:
         """The solver that the model names, for a matrix that is held."""
@@ -131,14 +130,14 @@ class Fluid:
     def _terms(self, v: Any, upwind: bool = True) -> FlowTerms:
         model = self.model
         force = None if model.body_force is None else model.body_force(self.place(), self._time)
-        boundary = self.domain.measure(*self.constraints.open) if self.constraints.open else None
+        boundary = self.domain.measure(*self.constraints.crossings) if self.constraints.crossings else None
         skew = self.constraints.crossed() if model.energy_stable else None
         rate, carrier = self._rate_of_change(v), self._carrier(v)
         size = self._upwind_size() if upwind and model.upwind and model.inertia else None
         return FlowTerms(
             *(self.viscosity, rate, carrier, skew, self._cell_size(), size),
             *(force, boundary, model.reference_map),
-            None if self.surface is None else partial(self.surface.integral, v),
+            None if self.surface is None else partial(self.surface.integral, v, carrier),
         )
 
     def _equations(self) -> Equations:

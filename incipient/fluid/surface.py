@@ -1,4 +1,4 @@
-"""What a free surface exerts on the flow within a time step; imported only where there is one."""
+"""What acts on the flow below a free surface within a time step; imported only where there is one."""
 
 from __future__ import annotations
 
@@ -9,14 +9,17 @@ import ufl
 from petsc4py import PETSc
 
 from .. import compat
+from ..forms import terms
 from ..forms.surface import SurfaceTerms, load
 from ..mesh.domain import Domain
-from .conditions import FreeSurface
+from .conditions import Constraints, Sponge
 from .space import TaylorHood
 
 
 class SurfaceLoad:
     """The load of a free surface, by functions on the mesh's own nodes that a step sets. Making it is collective.
+
+    With it comes what acts where a stream enters, and in a sponge.
 
     Args:
         rate: coefficient a0 of the present elevation in its backward difference, UFL.
@@ -27,8 +30,9 @@ class SurfaceLoad:
         measure: of the surface, exact for convection through straight facets.
     """
 
-    def __init__(self, domain: Domain, flow: TaylorHood, condition: FreeSurface, rate: Any):
-        mesh = domain.mesh
+    def __init__(self, domain: Domain, flow: TaylorHood, held: Constraints, rate: Any):
+        mesh, condition = domain.mesh, held.surface
+        assert condition is not None
         self.condition, self.rate = condition, rate
         self.space = compat.function_space(mesh, compat.scalar_part(compat.coordinate_element(mesh)))
         self.known, self.elevation = (dolfinx.fem.Function(self.space) for _ in range(2))
@@ -41,17 +45,37 @@ class SurfaceLoad:
         self.tension = tension if condition.tension > 0.0 else None
         self.measure = flow.boundary_quadrature(domain.facets)(domain.names[condition.boundary])
         self.place, self.normal = ufl.SpatialCoordinate(mesh), ufl.FacetNormal(mesh)
+        self._entering = [domain.measure(entry.boundary) for entry in held.entries]
+        self._sponge = None if condition.sponge is None else _Sponge(flow, condition.sponge)
 
-    def integral(self, v: Any, w: Any) -> Any:
-        """The surface's part in the residual of momentum, tested with w, in UFL. Not collective."""
-        terms = SurfaceTerms(
+    def integral(self, v: Any, carrier: Any, w: Any) -> Any:
+        """The part in the residual of momentum, tested with w, in UFL. Not collective."""
+        acting = SurfaceTerms(
             *(self.gravity, self.origin, self.rate, self.known, self.elevation),
             *(self._pressure, self.tension, self.unfelt),
         )
-        return load(v, w, self.place, self.normal, terms) * self.measure
+        found = load(v, w, self.place, self.normal, acting) * self.measure
+        if carrier is not None:
+            for measure in self._entering:
+                found += terms.entering_boundary(v, carrier, w, self.normal) * measure
+        return found if self._sponge is None else found + self._sponge.integral(v, w, self.place)
 
     def update(self, time: float) -> None:
         """Evaluate the pressure above the surface at a time, where the mesh is now. Not collective."""
         if self._pressure is not None and self.condition.pressure is not None:
             points = self.space.tabulate_dof_coordinates()
             self._pressure.x.array[:] = self.condition.pressure(points.T, time)
+
+
+class _Sponge:
+    """A sponge and the stream in it, at the nodes of the mesh as it was made."""
+
+    def __init__(self, flow: TaylorHood, sponge: Sponge):
+        self._given, self._stream = sponge, dolfinx.fem.Function(flow.velocity)
+        values = sponge.stream(flow.velocity_points().T, 0.0)
+        self._stream.x.array.reshape(-1, flow.gdim)[:] = values.T
+
+    def integral(self, v: Any, w: Any, place: Any) -> Any:
+        within = (place[0] - self._given.start) / self._given.length
+        rate = self._given.rate * ufl.conditional(ufl.gt(within, 0), within**2, 0)
+        return terms.relaxation(v, self._stream, rate, w) * ufl.dx

@@ -57,16 +57,13 @@ class RisingDisplacement:
         self._stiffness = _assembled((LEVELLING * sum(slopes[:-1]) + slopes[-1]) * ufl.dx)
         spread = self._stiffness.copy()
         spread.zeroRowsColumns(self._numbers(self._fixed), diag=1.0)
-        self._spread = _factorised(spread)
+        self._spread = factorised(spread)
         measure = ufl.Measure("ds", domain=domain.mesh, subdomain_data=domain.facets)(domain.names[boundary])
         area = below(u, q, ufl.FacetNormal(domain.mesh)) * measure
         self.area = _assembled(area + ufl.inner(dolfinx.fem.Constant(domain.mesh, 0.0) * u, q) * ufl.dx)
         ends = [compat.nodes_on(space, domain.facets_of(name)) for name in pinned]
         self._free = np.setdiff1d(self.nodes, np.concatenate([np.empty(0, dtype=np.int32), *ends]))
-        off = np.setdiff1d(np.arange(space.dofmap.index_map.size_local, dtype=np.int32), self._free)
-        whole = self.area.copy()
-        whole.zeroRowsColumns(self._numbers(off), diag=1.0)
-        self._averaged = _factorised(whole)
+        self._averaged = factorised(self.on_surface(self.area.copy()))
         level = np.zeros_like(self._values.x.array)
         level[self.nodes] = 1.0
         self._level = self._nearest(level) if pinned else level
@@ -91,7 +88,23 @@ class RisingDisplacement:
 
         Of elevations that vanish where the surface is pinned, and of test functions that do.
         """
-        self._averaged.solve(tested, self._views[1])
+        return self.solved(self._averaged, tested)
+
+    def on_surface(self, matrix: Any) -> Any:
+        """The matrix, in place, of which rows and columns off the surface become those of the identity."""
+        off = np.setdiff1d(np.arange(self.space.dofmap.index_map.size_local, dtype=np.int32), self._free)
+        matrix.zeroRowsColumns(self._numbers(off), diag=1.0)
+        return matrix
+
+    def times(self, matrix: Any, elevation: Floats) -> Any:
+        """A matrix of the space times an elevation (local nodes,), as a PETSc vector that the next call overwrites."""
+        self._values.x.array[:] = elevation
+        matrix.mult(self._views[1], self._views[0])
+        return self._views[0]
+
+    def solved(self, factors: Any, tested: Any) -> Floats:
+        """(local nodes,) the elevation that a solver for the surface's nodes makes of a PETSc vector."""
+        factors.solve(tested, self._views[1])
         self._values.x.scatter_forward()
         found = np.zeros_like(self._values.x.array)
         found[self._free] = self._values.x.array[self._free]
@@ -115,8 +128,7 @@ class RisingDisplacement:
 
     def tested(self, elevation: Floats) -> Floats:
         """(owned nodes,) int q h (n . up) ds for an elevation (local nodes,)."""
-        self._values.x.array[:] = elevation
-        self.area.mult(self._views[1], self._views[0])
+        self.times(self.area, elevation)
         return self._work.x.array[: self.space.dofmap.index_map.size_local].copy()
 
     def mean(self, elevation: Floats, other: Floats | None = None) -> float:
@@ -153,8 +165,8 @@ def _assembled(integral: Any) -> Any:
     return matrix
 
 
-def _factorised(matrix: Any) -> Any:
-    """A solver by the factors of a matrix."""
+def factorised(matrix: Any) -> Any:
+    """A solver by the factors of a matrix. Collective."""
     solver = PETSc.KSP().create(matrix.comm)
     solver.setOperators(matrix)
     solver.setType("preonly")

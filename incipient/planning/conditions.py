@@ -7,16 +7,18 @@ from typing import TYPE_CHECKING
 from ..meshes.solid_region import SYMMETRY
 from ..scene import Scene
 from .cells import side_names, sides_across
+from .open_channel import ends, surface_of
 from .stream import Velocity, inflow, undisturbed
-from .surface import free_surface, surface_of
+from .surface import free_surface
 
 if TYPE_CHECKING:
     from ..fluid import Condition
 
 
-def conditions(scene: Scene, held: bool = False) -> list[Condition]:
+def conditions(scene: Scene, held: bool = False, lid: bool = False) -> list[Condition]:
     """Boundary conditions in the order in which they override each other: walls last, so corners are watertight.
 
+    With `lid` a rigid lid takes the place of a free surface.
     The velocity of a moving grain's surface is given within each step, or is that of time zero if it is `held`.
     """
     from ..fluid import Carried, Open, Prescribed, Slip, no_slip
@@ -26,7 +28,10 @@ def conditions(scene: Scene, held: bool = False) -> list[Condition]:
     walls: list[str] = []
     moving: list[tuple[str, Velocity]] = []
     free: list[Condition] = []
-    if scene.domain.kind == "channel":
+    surface = scene.has_surface and not lid
+    if scene.domain.kind == "channel" and surface:
+        free.extend(ends(scene))
+    elif scene.domain.kind == "channel":
         moving.append((left, inflow(scene)))
         free.append(Open(right))
     elif scene.has_surface and surface_of(scene).ends == "wall":
@@ -39,9 +44,9 @@ def conditions(scene: Scene, held: bool = False) -> list[Condition]:
         walls.append(bottom)
     else:
         moving.append((bottom, stream))
-    if scene.has_surface:
+    if surface:
         free.append(free_surface(scene))
-    elif scene.top == "slip":
+    elif scene.top in ("slip", "free-surface"):
         free.append(Slip(top, axis=scene.up))
     elif scene.top == "wall" and scene.flow.kind != "lid":
         walls.append(top)
@@ -76,7 +81,6 @@ def _velocity_at_first(scene: Scene) -> Velocity:
 
 def _is_wall(scene: Scene) -> bool:
     """Whether the bottom is a wall at rest rather than part of the stream."""
-    bounded = (
-        scene.domain.kind == "box" or scene.top == "wall" or scene.flow.kind in ("open-channel", "log-law")
-    )
+    bounded = scene.domain.kind == "box" or scene.top in ("wall", "free-surface")
+    bounded = bounded or scene.flow.kind in ("open-channel", "log-law")
     return bounded or scene.bed is not None

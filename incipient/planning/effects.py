@@ -161,7 +161,7 @@ def _inertia(scene: Scene, numbers: Numbers) -> Effect:
     told = f"Re = {scene.fluid.reynolds:g} on {scene.fluid.scale} scale"
     if scene.effects.inertia is True:
         return Effect(EffectName.INERTIA, True, f"effects.inertia = true; {told}", True)
-    if scene.flow.kind == "still" and scene.has_surface:
+    if scene.has_surface:
         return Effect(EffectName.INERTIA, True, f"the free surface moves the fluid; {told}")
     if scene.flow.kind == "still" and not moves(scene):
         return Effect(EffectName.INERTIA, False, "the fluid is at rest", expected=0.0)
@@ -277,7 +277,7 @@ def _free_surface(scene: Scene, numbers: Numbers) -> Effect:
         reason = f'domain.top = "{scene.top}"; long waves travel at {speed:.3g}'
         if sticking(scene):
             reason += f"; the fluid sticks to {' and '.join(sticking(scene))}, where its elevation stays"
-        return Effect(EffectName.FREE_SURFACE, True, reason)
+        return Effect(EffectName.FREE_SURFACE, True, reason + _ends(scene))
     if scene.top != "slip" or numbers.froude is None:
         return Effect(EffectName.FREE_SURFACE, False, reason)
     expected = 0.5 * numbers.froude**2
@@ -285,6 +285,24 @@ def _free_surface(scene: Scene, numbers: Numbers) -> Effect:
         f"; Froude number {numbers.froude:.2g}: a surface would rise by {percent(expected)} of the depth"
     )
     return Effect(EffectName.FREE_SURFACE, False, reason, expected=expected)
+
+
+def _ends(scene: Scene) -> str:
+    """What a channel with a free surface has at its ends; empty for a box."""
+    if scene.domain.kind == "box":
+        return ""
+    from ..scene.open_channel import froude
+    from .open_channel import surface_of
+
+    asked, speed = surface_of(scene), froude(scene)
+    told = f"; Froude number {speed:.2g}" if speed else ""
+    told += "; the level is free at the inflow, "
+    told += (
+        "that of the still fluid beyond the outflow"
+        if asked.outflow == "open"
+        else "and a wall at the right end"
+    )
+    return told + (f"; waves die out over the last {asked.sponge:g}" if asked.sponge else "")
 
 
 def _turbulence(scene: Scene, numbers: Numbers) -> Effect:

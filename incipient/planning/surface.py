@@ -7,18 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..scene import Scene
-from ..scene.surface import Surface
 from .cells import side_names, sides_across
+from .open_channel import sponge_of, surface_of
 
 if TYPE_CHECKING:
     from ..fluid.conditions import FreeSurface
 
 OUTLINE = 65  # points on each curve of a grain's outline
-
-
-def surface_of(scene: Scene) -> Surface:
-    """The section [surface] of a scene whose top is free, or what it is by default. Not collective."""
-    return scene.surface or Surface()
 
 
 def free_surface(scene: Scene) -> FreeSurface:
@@ -31,11 +26,13 @@ def free_surface(scene: Scene) -> FreeSurface:
     origin = (domain.right, *((domain.middle,) if scene.gdim == 3 else ()), domain.ceiling)
     pressure = None if asked.pressure == "0" else Expression(asked.pressure)
     top, gravity = side_names(scene)[2], tuple(scene.gravity_vector.tolist())
-    return FreeSurface(top, gravity, origin, pressure, asked.tension, sticking(scene))
+    return FreeSurface(top, gravity, origin, pressure, asked.tension, sticking(scene), sponge_of(scene))
 
 
 def sticking(scene: Scene) -> tuple[str, ...]:
     """Names of the sides to which fluid below a free surface sticks, and the surface is pinned. Not collective."""
+    if scene.domain.kind == "channel":
+        return ()
     _, right, _, left = side_names(scene)
     ends = (left, right) if surface_of(scene).ends == "no-slip" else ()
     return ends if scene.sides == "slip" else (*ends, *sides_across(scene))

@@ -27,7 +27,7 @@ _CHANNEL_FLOWS = ("shear", "poiseuille", "uniform", "open-channel", "log-law")
 _ROUGHEST = 500.0  # u* k_s/nu up to which the mean profile follows the measured one (docs/numerics.md)
 _TOPS_OF_FLOWS = {
     "poiseuille": ("auto", "wall"),
-    "open-channel": ("auto", "slip", "stream"),
+    "open-channel": ("auto", "slip", "stream", "free-surface"),
     "log-law": ("auto", "slip", "stream"),
     "lid": ("auto", "wall"),
 }

@@ -10,6 +10,7 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from ..errors import SceneError
 from .messages import Key, Problem, counted, split
+from .open_channel import of_box, of_channel
 from .points import read_points
 from .section import NotNegative, Pair, Section, contradiction
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from .model import Scene
 
 Station = float | Annotated[tuple[float, float], Field(strict=False)]
+_VARIABLES = {"elevation": "xy", "pressure": "xyt", "inflow": "yzt"}
 _SAMPLES = 201  # along each side of the surface, where its first elevation is looked at
 FREE = "free-surface"
 
@@ -45,6 +47,16 @@ class Surface(Section):
         "wall",
         description="wall: the fluid slides along both ends; no-slip: it sticks, the surface is pinned",
     )
+    inflow: str = Field(
+        "0",
+        description="Formula in t and y, in space y and z: speed at the inflow beside the stream's [length/time]",
+    )
+    outflow: Literal["open", "wall"] = Field(
+        "open", description="Right end of a channel; open: the still level lies beyond it; wall: it is closed"
+    )
+    sponge: NotNegative = Field(
+        0.0, description="Length before the right end of a channel in which waves die out [length]"
+    )
     pressure: str = Field(
         "0", description="Formula in x, y and t: pressure above, over the fluid's density [length^2/time^2]"
     )
@@ -61,7 +73,7 @@ class Surface(Section):
         path = Path((info.context or {}).get("directory", "."), data["file"])
         return {k: v for k, v in data.items() if k != "file"} | {"points": read_points(path, 2, "Surface")}
 
-    @field_validator("elevation", "pressure")
+    @field_validator("elevation", "pressure", "inflow")
     @classmethod
     def _is_a_formula(cls, text: str, info: ValidationInfo) -> str:
         from .expression import Expression
@@ -70,7 +82,7 @@ class Surface(Section):
             variables = Expression(text).variables
         except SceneError as error:
             raise contradiction(*split(str(error))) from None
-        known = {"x", "y", "t"} if info.field_name == "pressure" else {"x", "y"}
+        known = set(_VARIABLES[str(info.field_name)])
         if unknown := variables - known:
             raise contradiction(f'"{text}" depends on {min(unknown)}', f"use {', '.join(sorted(known))} only")
         return text
@@ -133,8 +145,8 @@ def _of_time(scene: Scene) -> Iterator[tuple[Key, str, str]]:
     top = ("domain", "top")
     if scene.time is None:
         yield top, "a free surface moves in time", "add a section [time]"
-    elif scene.time.start != "rest":
-        yield ("time", "start"), "with a free surface the fluid starts from rest", 'use "rest"'
+    elif scene.time.start != "rest" and scene.domain.kind == "box":
+        yield ("time", "start"), "below a free surface the fluid of a box starts from rest", 'use "rest"'
     if scene.effects.unsteadiness is False:
         yield ("effects", "unsteadiness"), "is false but a free surface moves in time", 'use "auto"'
 
@@ -149,10 +161,13 @@ def _of_forces(scene: Scene) -> Iterator[tuple[Key, str, str]]:
 
 def _of_sides(scene: Scene) -> Iterator[tuple[Key, str, str]]:
     surface, domain = scene.surface or Surface(), scene.domain
-    if domain.kind != "box" or scene.flow.kind != "still":
-        key = ("domain", "kind") if domain.kind != "box" else ("flow", "kind")
-        why = "a free surface is simulated in a box whose fluid starts from rest by this version"
-        yield key, why, 'use domain.kind = "box" and flow.kind = "still", or domain.top = "slip"'
+    if domain.kind == "channel":
+        yield from of_channel(scene, surface)
+    elif scene.flow.kind != "still":
+        why = "a free surface is simulated in a box whose fluid starts from rest"
+        yield ("flow", "kind"), why, 'use "still", or domain.kind = "channel"'
+    else:
+        yield from of_box(surface)
     if surface.bottom == "slip" and scene.bed is not None:
         yield ("surface", "bottom"), "is that of a domain without [bed]", "leave one of them out"
     if surface.points and scene.gdim == 3:

@@ -23,7 +23,8 @@ from ..mesh.elevation import RisingDisplacement
 from ..mesh.locator import Locator
 from ..mesh.motion import MeshMotion
 from ..mesh.sampling import sample
-from ..planning.surface import OUTLINE, depths, stays_below, surface_of
+from ..planning.open_channel import surface_of
+from ..planning.surface import OUTLINE, depths, stays_below
 from ..scene import Scene
 
 Stage = Callable[[str], AbstractContextManager[Any]]
@@ -136,6 +137,7 @@ class MovingSurface:
             told = self._stations.values(self.part.elevation)
             found = {f"elevation_{number}": value for number, value in enumerate(told, 1)}
             return found | {
+                **self._discharge(),
                 "volume_above_level": self.part.volume(),
                 "through_surface": self.part.crossed(),
                 "interface": step.report.corrected,
@@ -145,6 +147,11 @@ class MovingSurface:
                 "energy_potential": self.part.energy(),
                 "dissipation": self._energy.dissipation(),
             }
+
+    def _discharge(self) -> dict[str, float]:
+        """What enters a channel per time, of the whole where half is meshed; nothing of a box."""
+        held, whole = self.fluid.constraints, 2.0 if self.fluid.domain.halved else 1.0
+        return {"inflow": whole * held.influx} if held.entries else {}
 
     def unknowns(self) -> int:
         """Number of nodes of the surface over all ranks."""

@@ -84,7 +84,7 @@ class TimeLoop:
 
         run = self._run
         model = flow_model(run.scene, run.plan, unsteady=False, inertia=inertia)
-        held = conditions(run.scene, held=True)
+        held = conditions(run.scene, held=True, lid=True)
         with Fluid(run.domain, model, held, run.plan.reynolds) as initial:
             solve_steadily(run, initial)
             run.fluid.state.x.array[:] = initial.state.x.array

@@ -275,13 +275,16 @@ def test_a_grain_that_rises_to_the_surface_stops_by_name(tmp_path):
         ("0.01*cos(pi*x)", "-2*x", "surface.elevation: brings the surface down to the bed at x = "),
         ("0.01*cos(pi*x)", "1/x", 'surface.elevation: "1/x" is inf at'),
         ("0.01*cos(pi*x)", "0.1*y", "surface.elevation: depends on y but the scene lies in the plane"),
-        ('kind = "box"', 'kind = "channel"', "domain.kind: a free surface is simulated in a box"),
         (
             'bottom = "slip"',
             'ends = "pinned"',
             'surface.ends: "pinned" is not known; use "wall" or "no-slip"',
         ),
-        ("end = 0.4", 'end = 0.4\nstart = "steady"', "time.start: with a free surface the fluid starts from"),
+        (
+            "end = 0.4",
+            'end = 0.4\nstart = "steady"',
+            "time.start: below a free surface the fluid of a box starts",
+        ),
         ("[numerics]", "[effects]\nfree_surface = false\n[numerics]", "effects.free_surface: is false but"),
         ("[numerics]", "[effects]\nmoving_mesh = false\n[numerics]", "effects.moving_mesh: is false but the"),
     ],

@@ -1,0 +1,79 @@
+"""How a stream carries the elevation of a surface along, and what keeps it level where the stream comes in.
+
+With u the horizontal velocity on the surface, v . n ds is (v3 - u . grad h) over the area below it. The flow is solved
+on the mesh as it is tried, that is with the slopes of the elevation tried: without regard to that the iteration on the
+place of the mesh would fail where the stream crosses more than a node in a step. So a correction d of the elevation
+solves int q (a0 d + u . grad d) = int q a0 (found - tried), as if the velocities at the nodes stayed.
+
+Where fluid enters, the elevation needs a condition of its own: short waves can only go with the stream, and nothing
+would keep them from growing at the end. It is that the surface comes in level, by a diffusion over a short zone,
+int k(x) grad h . grad q with k(x) = |u| times the zone's length, falling to zero along it. Its level is free, and since
+constants have no gradient, volume is kept.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import ufl
+
+from .. import compat
+from ..arrays import Floats
+from ..compat import petsc
+from ..fluid import Fluid
+from ..forms.surface import carried, levelled
+from ..mesh.elevation import RisingDisplacement, factorised
+
+
+class Drift:
+    """The surface's matrices with the stream of the last state. Holds PETSc objects; every method is collective.
+
+    Args:
+        fluid: with a surface below which fluid enters or leaves.
+        rising: how its surface displaces the mesh.
+    """
+
+    def __init__(self, fluid: Fluid, rising: RisingDisplacement):
+        self._rising, space, load = rising, rising.space, fluid.surface
+        h, q = ufl.TrialFunction(space), ufl.TestFunction(space)
+        u, _ = ufl.split(fluid.history[0])
+        zone: Any = sum(entry.zone(load.place) for entry in fluid.constraints.entries)
+        forms = levelled(h, q, u, load.normal, zone), carried(h, q, u, load.normal)
+        self._forms = [compat.form(one * load.measure) for one in forms]
+        self._levelling, self._carried = (rising.area.copy() for _ in range(2))
+        self._matrices: list[Any] = []
+        self._solvers: list[Any] = []
+
+    def prepare(self, rate: float) -> None:
+        """Take the stream from the last state, and the rate a0 of the elevation's backward difference."""
+        for matrix, form in zip((self._levelling, self._carried), self._forms, strict=True):
+            matrix.zeroEntries()
+            petsc.assemble_matrix(matrix, form)
+            matrix.assemble()
+        self._forget()
+        self._kinematic = self._rising.area.copy()
+        self._kinematic.axpy(1.0 / rate, self._levelling)
+        moving = self._kinematic.copy()
+        moving.axpy(1.0 / rate, self._carried)
+        self._matrices = [self._kinematic, self._kinematic.copy(), moving]
+        self._solvers = [factorised(self._rising.on_surface(one)) for one in self._matrices[1:]]
+
+    def raised(self, flux: Any, known: Floats) -> Floats:
+        """(local nodes,) the rate of the elevation by the fluxes against every test function (PETSc vector)."""
+        flux.axpy(-1.0, self._rising.times(self._levelling, known))
+        return self._rising.solved(self._solvers[0], flux)
+
+    def correction(self, missed: Floats) -> Floats:
+        """(local nodes,) the correction of an elevation that the flow has missed by `missed` (local nodes,)."""
+        return self._rising.solved(self._solvers[1], self._rising.times(self._kinematic, missed))
+
+    def destroy(self) -> None:
+        """Free PETSc's memory."""
+        self._forget()
+        self._levelling.destroy()
+        self._carried.destroy()
+
+    def _forget(self) -> None:
+        for held in (self._solvers, self._matrices):
+            while held:
+                held.pop().destroy()

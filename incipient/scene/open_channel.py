@@ -1,0 +1,67 @@
+"""What contradicts a channel whose top is a free surface, and the Froude number of its stream."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from .messages import Key
+
+if TYPE_CHECKING:
+    from .model import Scene
+    from .surface import Surface
+
+# What streams below a free surface: profiles without shear on it, or none.
+STREAMS = ("open-channel", "uniform", "still")
+_OF_CHANNELS = {"inflow": "0", "outflow": "open", "sponge": 0.0}
+
+
+def froude(scene: Scene) -> float:
+    """V/sqrt(g H) of the stream, g across the bed and H from the datum to the still level; zero at rest."""
+    gravity = float(abs(scene.gravity_vector[scene.up]))
+    if scene.flow.kind == "still" or gravity == 0.0:
+        return 0.0
+    return scene.reference_velocity / math.sqrt(gravity * (scene.domain.ceiling - scene.datum))
+
+
+def of_box(surface: Surface) -> Iterator[tuple[Key, str, str]]:
+    """Keys of [surface] that a box has not."""
+    for name, usual in _OF_CHANNELS.items():
+        if getattr(surface, name) != usual:
+            remedy = 'leave it out or use domain.kind = "channel"'
+            yield ("surface", name), "is that of a channel but the domain is a box", remedy
+
+
+def of_channel(scene: Scene, surface: Surface) -> Iterator[tuple[Key, str, str]]:
+    """What keeps a channel from having a free surface."""
+    kind, closed = scene.flow.kind, surface.outflow == "wall"
+    if kind not in STREAMS:
+        choices = " or ".join(f'"{one}"' for one in STREAMS)
+        why = f'"{kind}" is no stream below a free surface, on which there is no shear'
+        yield ("flow", "kind"), why, f"use {choices}, and surface.inflow for what changes in time"
+        return
+    if surface.ends != "wall":
+        yield ("surface", "ends"), "is that of a box but the domain is a channel", "leave it out"
+    if scene.gdim == 3 and scene.sides != "slip":
+        why = f'is "{scene.sides}": a channel with a free surface slides along its sides in this version'
+        yield ("domain", "sides"), why, 'use "slip"'
+    if scene.gdim == 2 and "z" in _variables(surface.inflow):
+        yield ("surface", "inflow"), "depends on z but the scene lies in the plane", "use y and t only"
+    if closed and kind != "still":
+        why = f'"{kind}" flows through but surface.outflow is "wall"'
+        yield ("flow", "kind"), why, 'use "still", and surface.inflow for what enters'
+    if surface.sponge > 0.5 * scene.domain.length:
+        why = f"is {surface.sponge:g}, more than half of the channel"
+        yield ("surface", "sponge"), why, f"give at most {0.5 * scene.domain.length:g}"
+    if scene.time is not None and scene.time.start != "rest" and closed:
+        yield ("time", "start"), "is a flow through but the channel has an end", 'use "rest"'
+    if scene.gravity is not None and froude(scene) >= 1.0:
+        why = f"is faster than long waves, Froude number {froude(scene):.3g}: its inflow would need a level, too"
+        yield ("flow", "velocity"), why, "use a slower stream, a deeper channel or more gravity"
+
+
+def _variables(text: str) -> frozenset[str]:
+    from .expression import Expression
+
+    return Expression(text).variables

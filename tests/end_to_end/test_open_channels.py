@@ -1,0 +1,157 @@
+"""Channels with a free surface: the Nusselt film, filling and draining, what is refused, resumed runs, two ranks."""
+
+import numpy as np
+import pytest
+from conftest import Session
+from test_free_surface import changed, history_of
+
+import incipient
+from incipient.errors import SceneError
+from incipient.planning.plan import make_plan
+from incipient.scene.file import loads
+
+SPEED, LENGTH = 0.25, 3.0
+# The slope at which the depth one is that of a film of this mean velocity at Re 1: g sin(a) H^2/(3 nu) = V.
+SLOPE = np.degrees(np.arcsin(3.0 * SPEED**2))
+FILM = f"""\
+title = "A film"
+[domain]
+kind = "channel"
+length = {LENGTH}
+height = 1.0
+top = "free-surface"
+[fluid]
+reynolds = 1.0
+scale = "flow"
+[flow]
+kind = "open-channel"
+velocity = {SPEED}
+[bed]
+kind = "inclined"
+slope = {SLOPE!r}
+[gravity]
+acceleration = 1.0
+[surface]
+elevation = "0"
+stations = [0.0, 1.5, 3.0]
+[time]
+end = 5.0
+step = 0.5
+start = "steady"
+[numerics]
+mesh_size = 3.0
+tolerance = 1e-13
+interface_tolerance = 1e-11
+[output]
+fields = false
+"""
+FILLING = (
+    FILM.replace(f'kind = "open-channel"\nvelocity = {SPEED}', 'kind = "still"')
+    .replace(f'[bed]\nkind = "inclined"\nslope = {SLOPE!r}\n', "")
+    .replace('elevation = "0"', 'inflow = "0.2"\noutflow = "wall"\nbottom = "slip"')
+    .replace('start = "steady"', "")
+    .replace("end = 5.0\nstep = 0.5", "end = 1.0\nstep = 0.1")
+)
+SHORT = FILM.replace(
+    'elevation = "0"', 'elevation = "0.1*exp(-4*(x - 1)**2)"\nsponge = 1.0\ninflow = "0.1*y*sin(t)"'
+)
+SHORT = SHORT.replace("end = 5.0\nstep = 0.5", "end = 0.8\nstep = 0.1").replace(
+    "[output]", "[output]\ncheckpoint = 4"
+)
+
+
+def furthest_from_film(result):
+    """The largest difference from the film's velocity, over the mean velocity; Nusselt: u = 1.5 V y (2 H - y)/H^2."""
+    space = result.velocity.function_space
+    x, v = space.tabulate_dof_coordinates(), result.velocity.x.array.reshape(-1, 2)
+    exact = np.column_stack([1.5 * SPEED * x[:, 1] * (2.0 - x[:, 1]), 0.0 * x[:, 0]])
+    return np.abs(v - exact).max() / SPEED
+
+
+def test_a_nusselt_film_stays(tmp_path):
+    result = incipient.run(loads(FILM), tmp_path)
+    history = history_of(tmp_path)
+    assert furthest_from_film(result) < 1e-12
+    assert max(np.abs(history[f"elevation_{n}"]).max() for n in (1, 2, 3)) < 1e-12
+    assert history["inflow"] == pytest.approx(SPEED, rel=1e-14)
+
+
+def test_a_film_that_begins_too_deep_becomes_nusselts(tmp_path):
+    deep = FILM.replace('elevation = "0"', 'elevation = "0.1"').replace("end = 5.0", "end = 40.0")
+    result = incipient.run(loads(deep), tmp_path)
+    history = history_of(tmp_path)
+    assert np.abs(history["elevation_1"][:3]).min() > 0.01
+    assert furthest_from_film(result) < 1e-6
+    assert abs(history["elevation_1"][-1]) < 1e-6
+
+
+@pytest.mark.parametrize("sign", ["", "-"])
+def test_a_channel_with_a_closed_end_fills_and_drains_by_what_is_given(tmp_path, sign):
+    scene = FILLING.replace('inflow = "0.2"', f'inflow = "{sign}0.2"')
+    incipient.run(loads(scene), tmp_path)
+    history, rate = history_of(tmp_path), float(f"{sign}0.2")
+    assert history["inflow"] == pytest.approx(rate, rel=1e-13)
+    assert history["volume_above_level"] == pytest.approx(rate * history["time"], abs=1e-14)
+    assert history["elevation_2"][-1] == pytest.approx(rate / LENGTH, rel=0.5)
+
+
+def test_a_resumed_channel_is_the_whole_one_and_two_ranks_are_as_one(tmp_path, session: Session):
+    incipient.run(loads(SHORT), tmp_path / "whole")
+    half = changed(SHORT, time=loads(SHORT).time.model_copy(update={"end": 0.4}))
+    incipient.run(half, tmp_path / "half")
+    incipient.resume(tmp_path / "half", ["time.end=0.8"])
+    (tmp_path / "short.toml").write_text(SHORT)
+    (done,) = session(2, [["run", tmp_path / "short.toml", "--out", tmp_path / "ranks"]])
+    assert done.codes == [0, 0], done.lines
+    whole = history_of(tmp_path / "whole")
+    for name in ("elevation_1", "elevation_2", "inflow", "volume_above_level", "energy_fluid"):
+        for other in ("half", "ranks"):
+            assert history_of(tmp_path / other)[name] == pytest.approx(whole[name], rel=1e-8, abs=1e-12), name
+
+
+def test_the_plan_tells_of_the_ends():
+    told = make_plan(loads(SHORT)).text()
+    assert "Froude number 0.2" in told
+    assert "the level is free at the inflow, that of the still fluid beyond the outflow" in told
+    assert "waves die out over the last 1" in told
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize(
+    ("old", "new", "why"),
+    [
+        (
+            f"velocity = {SPEED}",
+            "velocity = 1.5",
+            "flow.velocity: is faster than long waves, Froude number 1.",
+        ),
+        ('kind = "open-channel"', 'kind = "shear"', 'flow.kind: "shear" is no stream below a free surface'),
+        ('elevation = "0"', 'inflow = "x"', 'surface.inflow: "x" depends on x; use t, y, z only'),
+        ('elevation = "0"', 'inflow = "z"', "surface.inflow: depends on z but the scene lies in the plane"),
+        (
+            'elevation = "0"',
+            'outflow = "wall"',
+            'flow.kind: "open-channel" flows through but surface.outflow is',
+        ),
+        (
+            'elevation = "0"',
+            "sponge = 2.0",
+            "surface.sponge: is 2, more than half of the channel; give at most 1.5",
+        ),
+        ('elevation = "0"', 'ends = "no-slip"', "surface.ends: is that of a box but the domain is a channel"),
+    ],
+)
+def test_what_contradicts_a_channel_with_a_surface_is_refused(old, new, why):
+    scene = (
+        FILM.replace(old, new).replace("velocity = 0.25", "") if "shear" in new else FILM.replace(old, new)
+    )
+    with pytest.raises(SceneError) as refused:
+        loads(scene)
+    assert why in str(refused.value)
+
+
+@pytest.mark.quick
+def test_a_box_has_no_inflow():
+    box = FILLING.replace('kind = "channel"', 'kind = "box"')
+    with pytest.raises(SceneError, match=r"surface.inflow: is that of a channel but the domain is a box"):
+        loads(box)
