@@ -2,17 +2,16 @@
 
 In the plane the loads that contact forces balance are a polyhedral cone, whose facets are found once: a safety
 factor is then the least of a few ratios. The loads of each way to begin to move are cones
-as well, and signs tell which one a load is in.
-What lies too near to a boundary for that, and all cases in space, are judged one by one.
+as well, and signs tell which one a load is in. In space what hangs on the contacts alone is made once
+(`spatial_batch`). What lies too near to a boundary for that is judged one by one.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from incipient.arrays import Floats, Integers, cross
+from incipient.arrays import Booleans, Floats, Integers, cross
 from incipient.contact import fans
 from incipient.contact.exact import MassAndInertia, judged
 from incipient.contact.grasp import Grasp, grasp
@@ -27,14 +26,13 @@ from incipient.contact.planar_motion import (
     plane_problem,
 )
 from incipient.contact.release import LARGEST, release
+from incipient.contact.spatial_batch import Spatial
 from incipient.errors import SceneError
 from incipient.geometry.contacts import Contacts
 
 FLAT = 1e-9  # a generator so near to a plane lies in it
 CLEAR = 1e-7  # of unit vectors: what is nearer to a boundary than that is judged by itself
 CHUNK = 100_000  # loads at a time
-
-Booleans = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +77,11 @@ class Loads:
     def __len__(self) -> int:
         return len(self.force)
 
+    @property
+    def table(self) -> Floats:
+        """All of a load in one row, (n, 9)."""
+        return np.hstack([self.force, self.couple, self.weight])
+
     def load(self, number: int) -> Load:
         """One of them."""
         return Load(self.force[number], self.couple[number], self.weight[number], self.centre)
@@ -95,7 +98,9 @@ def judge_batch(
 
     Raises SceneError as `exact.judged` does.
     """
-    case = _planar(loads, contacts, friction, mass_and_inertia)
+    case = _planar(loads, contacts, friction, mass_and_inertia) or Spatial.of(
+        loads, contacts, friction, mass_and_inertia
+    )
     labels = ("rest", "moves", *(one.label for one in Mode if one is not Mode.REST))
     factors, held = np.empty(len(loads)), np.empty(len(loads), dtype=bool)
     modes, alone = np.empty(len(loads), dtype=np.int64), 0
@@ -104,11 +109,18 @@ def judge_batch(
         part, doubtful = loads.part(rows), np.ones(rows.stop - rows.start, dtype=bool)
         if case is not None:
             factors[rows], held[rows], modes[rows], doubtful = case.judged(part)
-        for number in np.flatnonzero(doubtful):
-            exact = judged(part.load(int(number)), contacts, friction, mass_and_inertia)
-            at = start + int(number)
-            factors[at], held[at], modes[at] = exact.safety.value, not exact.moves, labels.index(exact.label)
-        alone += int(doubtful.sum())
+        left = np.flatnonzero(doubtful)
+        if len(left):  # what comes several times is judged once
+            _, first, place = np.unique(part.table[left], axis=0, return_index=True, return_inverse=True)
+            one_by_one = [
+                judged(part.load(number), contacts, friction, mass_and_inertia)
+                for number in left[first].tolist()
+            ]
+            at, place = start + left, place.ravel()
+            factors[at] = np.array([exact.safety.value for exact in one_by_one])[place]
+            held[at] = np.array([not exact.moves for exact in one_by_one])[place]
+            modes[at] = np.array([labels.index(exact.label) for exact in one_by_one])[place]
+        alone += len(left)
     return Batch(factors, held, modes, labels, alone)
 
 

@@ -172,7 +172,7 @@ def _frames(inward: Floats, across: Floats | None) -> Floats:
 
 def _plane(arms: Floats, inward: Floats, load: Load, inertia: Floats | None) -> Floats | None:
     """(3, 3): two axes in the plane of the case and its normal; None if there is no such plane."""
-    if len(inward) > 2 and _determinant(inward.T @ inward) > SOLID:
+    if _is_solid(inward):
         return None
     inside = [part / _length(part) for part in (load.flow_force, load.weight) if part.any()]
     vectors = np.vstack([arms, inward, *inside])
@@ -181,6 +181,15 @@ def _plane(arms: Floats, inward: Floats, load: Load, inertia: Floats | None) -> 
     if np.abs(vectors @ axes[2]).max() > PLANAR or np.abs(couple - couple @ axes[2] * axes[2]).max() > PLANAR:
         return None
     return axes if inertia is None or _keeps(inertia, axes[2]) else None
+
+
+def certainly_solid(held_by: Grasp) -> bool:
+    """Whether the normals alone keep a case from being planar, whatever the load."""
+    return _is_solid(held_by.frames[:, 0])
+
+
+def _is_solid(inward: Floats) -> bool:
+    return len(inward) > 2 and _determinant(inward.T @ inward) > SOLID
 
 
 def _axes(vectors: Floats, couple: Floats) -> Floats:

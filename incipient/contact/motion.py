@@ -162,14 +162,31 @@ def _uniqueness(found: list[Candidate], complete: bool) -> Uniqueness:
     return Uniqueness.ONLY if complete else Uniqueness.NOT_EXCLUDED
 
 
-def _solution(case: Release, law: Law, carried: Support, candidate: Candidate) -> Solution:
-    """A candidate with its states, its smallest forces and its units."""
-    held_by, zero = case.grasp, ZERO * case.scale
-    acceleration = candidate.acceleration.copy()
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """What an acceleration (6,) is, without what counts as zero: at the contacts (k, 3), their states, the mode."""
+
+    acceleration: Floats
+    at_contacts: Floats
+    states: list[ContactState]
+    mode: Mode
+
+
+def reading(case: Release, acceleration: Floats) -> Reading:
+    """Read an acceleration (6,)."""
+    zero, acceleration = ZERO * case.scale, acceleration.copy()
     if np.abs(acceleration[3:]).max() <= zero:
         acceleration[3 * (np.abs(acceleration).max() > zero) :] = 0.0
     at_contacts = case.at_contacts(acceleration)
     states = contact_states(at_contacts, bool(acceleration[3:].any()), zero)
+    named = mode(states, case.grasp.frames[:, 0], acceleration[3:], zero)
+    return Reading(acceleration, at_contacts, states, named)
+
+
+def _solution(case: Release, law: Law, carried: Support, candidate: Candidate) -> Solution:
+    """A candidate with its states, its smallest forces and its units."""
+    held_by, read = case.grasp, reading(case, candidate.acceleration)
+    acceleration, at_contacts, states = read.acceleration, read.at_contacts, read.states
     local, unique = _smallest_forces(case, candidate, at_contacts, states)
     residual = math.inf if local is None else _residual(case, law, acceleration, local)
     if (
@@ -187,7 +204,7 @@ def _solution(case: Release, law: Law, carried: Support, candidate: Candidate) -
         contact_forces=case.force_unit * held_by.forces(local),
         contact_accelerations=unit * (at_contacts[:, None] @ held_by.frames)[held_by.copy, 0],
         contact_states=tuple(states[i] for i in held_by.copy.tolist()),
-        mode=mode(states, held_by.frames[:, 0], acceleration[3:], zero),
+        mode=read.mode,
         forces_unique=unique,
         residual=residual,
     )

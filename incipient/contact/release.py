@@ -1,7 +1,7 @@
 """A grain at the instant of its release, in numbers of order one: what the searches for its motion start from."""
 
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import nnls
@@ -39,6 +39,18 @@ class Release:
     free_at_contacts: Floats
     force_unit: float
     mass_unit: float
+
+    def under(self, wrench: Floats) -> "Release":
+        """The same grain and contacts under a load whose wrench (6,) is of length one."""
+        free = self.inverse @ wrench
+        return replace(
+            self,
+            wrench=wrench,
+            free=free,
+            scale=float(np.sqrt(free @ free)),
+            free_at_contacts=free @ self.grasp.columns,
+            force_unit=1.0,
+        )
 
     def acceleration(self, local: Floats) -> Floats:
         """Accelerations (6,) of the grain under its load and local forces (k, 3)."""
