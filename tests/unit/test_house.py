@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from collections import Counter
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -128,6 +129,12 @@ def test_no_files_in_a_circle() -> None:
 def test_few_modules_at_the_top() -> None:
     at_the_top = [path.stem for path in PACKAGE.glob("*.py") if not path.stem.startswith("__")]
     assert len(at_the_top) <= 10
+
+
+def test_files_of_tests_have_names_of_their_own() -> None:
+    """Files without a package are modules by their bare names: of two alike only one could be collected."""
+    names = Counter(path.name for path in Path(__file__).parents[1].glob("*/*.py"))
+    assert not [name for name, number in names.items() if number > 1]
 
 
 def test_forms_and_meshes_keep_to_their_libraries() -> None:
