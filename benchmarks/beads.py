@@ -12,7 +12,7 @@ import csv
 import json
 import subprocess
 import sys
-from math import atan2, degrees, nan, sqrt
+from math import atan2, ceil, degrees, nan, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +31,7 @@ NAMES = (*KEY, "contacts", "angle", "shields", "error", *TERMS)
 NAMES += ("mode", "drag", "lift", "couple", "cells")
 STUDY = [(kind, spacing, 1.0) for kind in ("square", "triangular") for spacing in (1.0, 1.1, 1.2, 1.3, 1.4)]
 STUDY += [(kind, 1.0, size) for kind in ("square", "triangular") for size in (0.5, 0.7, 1.4, 2.0)]
-STUDY += [("triangular", 1.0, 1.0, reynolds) for reynolds in (2.0, 5.0, 10.0, 20.0, 50.0)]
+STUDY += [("triangular", 1.0, 1.0, reynolds) for reynolds in (2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 240.0)]
 COLOURS = {"square": "#2166ac", "triangular": "#b2182b"}
 AROUND = {
     "square": 1 / 2,
@@ -225,7 +225,8 @@ def _with_errors(row: Row) -> tuple[str, list[str]]:
     errors = [
         f"{100.0 * row[name] / row['shields']:.1f}%" if np.isfinite(row[name]) else "-" for name in TERMS
     ]
-    return f"{row['shields']:.4f} ± {row['error']:.4f}", errors
+    error = ceil(1e4 * row["error"]) / 1e4  # never less than it is
+    return f"{row['shields']:.4f} ± {error:.4f}", errors
 
 
 def main() -> None:
