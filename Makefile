@@ -13,7 +13,7 @@ export OMP_NUM_THREADS := 1
 export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 
-.PHONY: help setup demo test test-quick test-slow test-debian13 test-wheel lint types bench cost effects scaling stress surface clean
+.PHONY: help setup demo test test-quick test-slow test-debian13 test-wheel lint types docs gallery bench cost effects scaling stress surface clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -46,6 +46,14 @@ lint: setup ## ruff: rules and format
 types: setup ## mypy
 	$(PYTHON) -m mypy
 
+# MkDocs says that Material will be replaced one day; that is no warning of these pages.
+docs: setup ## the documentation: site/index.html, without warnings, links checked
+	@$(PYTHON) -c "import material" 2>/dev/null || $(PYTHON) -m pip install --quiet --disable-pip-version-check --no-build-isolation --editable '.[docs]'
+	NO_MKDOCS_2_WARNING=1 $(PYTHON) -m mkdocs build --quiet --strict
+
+gallery: setup ## the pictures of docs/gallery.md, from runs of the demos
+	$(PYTHON) benchmarks/gallery.py $(ARGS)
+
 bench: setup ## speed and accuracy beside other programs
 	$(PYTHON) benchmarks/run.py
 
@@ -66,5 +74,5 @@ surface: setup ## free surfaces against exact solutions, and the demos: the numb
 	for demo in standing_wave sloshing grain_under_waves floating_body; do .venv/bin/python demos/$$demo.py; done
 
 clean: ## remove caches, build leftovers and the demo's results, not .venv
-	rm -rf results/$(DEMO) build dist incipient.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf results/$(DEMO) site build dist incipient.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -not -path './.venv/*' -prune -exec rm -rf {} +

@@ -12,9 +12,10 @@ from incipient import cli
 from incipient.scene import Scene
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 NOT_KEYS = {"toml", "json", "csv", "txt", "xdmf", "h5", "md", "py", "png", "svg", "log"}  # endings of files
-pytestmark = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+MADE = {"reference/scene.md", "reference/commands.md", "reference/python.md"}  # by docs/reference.py
+of_every_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 
 
 def models(hint: object) -> Iterator[type[BaseModel]]:
@@ -31,11 +32,13 @@ KEYS = {
 }
 
 
+@of_every_page
 def test_commands_exist(page: Path) -> None:
     named = re.findall(r"(?:`|^ *|bin/)incipient ([a-z]+)", page.read_text(), re.MULTILINE)
     assert set(named) <= set(cli._commands())
 
 
+@of_every_page
 def test_keys_exist(page: Path) -> None:
     """Whatever is written in code as section.key is a key of that section, or a module."""
     code = re.findall(r"`([^`\n]+)`", page.read_text())
@@ -46,14 +49,33 @@ def test_keys_exist(page: Path) -> None:
     }
 
 
+@of_every_page
 def test_linked_files_exist(page: Path) -> None:
     linked = re.findall(r"\]\((?!https?:)([^)#\s]+)[^)]*\)", page.read_text())
-    assert not [name for name in linked if not (page.parent / name).exists()]
+    made = {(ROOT / "docs" / name).resolve() for name in MADE}
+    found = [(page.parent / name).resolve() for name in linked]
+    assert not [path for path in found if not (path.exists() or path in made)]
 
 
+@of_every_page
 def test_named_files_exist(page: Path) -> None:
     """Paths in code that begin with a directory of the repository."""
     named = re.findall(
         r"`((?:demos|docs|benchmarks|tests|forms|meshes|incipient)/[\w./-]+)`", page.read_text()
     )
     assert not [name for name in named if not (ROOT / name).exists()]
+
+
+def test_every_page_is_in_the_navigation() -> None:
+    named = set(re.findall(r"^ *- (?:[^:\n]+: )?([\w/]+\.md)$", (ROOT / "mkdocs.yml").read_text(), re.M))
+    assert named == {str(page.relative_to(ROOT / "docs")) for page in PAGES[1:]} | MADE
+
+
+def test_the_gallery_has_every_demo() -> None:
+    """The scripts, the scenes and the cases, as far as they are not shown by another."""
+    said = (ROOT / "docs" / "gallery.md").read_text()
+    demos = [
+        path for folder in ("", "scenes", "cases") for path in (ROOT / "demos" / folder).glob("*.[pt][yo]*")
+    ]
+    assert len(demos) > 30
+    assert not [path for path in demos if path.stem.rstrip("_1234") not in said]
