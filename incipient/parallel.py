@@ -25,6 +25,10 @@ class Alone:
         """The values of all ranks."""
         return [value]
 
+    def bcast(self, value: Any) -> Any:
+        """The value of rank 0."""
+        return value
+
 
 def world() -> MPI.Comm:
     """The communicator of all ranks.
@@ -38,7 +42,7 @@ def world() -> MPI.Comm:
 
 
 @contextmanager
-def collectively(comm: MPI.Comm) -> Iterator[None]:
+def collectively(comm: MPI.Comm | Alone) -> Iterator[None]:
     """Run the block on every rank; if any rank raised, every rank raises the first rank's error.
 
     Collective. For work that one rank does for all (building a mesh, writing a file): a rank that
@@ -61,7 +65,7 @@ def collectively(comm: MPI.Comm) -> Iterator[None]:
     raise kind(message) from error
 
 
-def from_first(comm: MPI.Comm, compute: Callable[[], T]) -> T:
+def from_first(comm: MPI.Comm | Alone, compute: Callable[[], T]) -> T:
     """What a function returns on the first rank, which alone calls it, on every rank. Collective.
 
     For files above all, which need not be there on the machines of other ranks. The value must be picklable.

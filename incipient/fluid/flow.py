@@ -313,7 +313,8 @@ class Fluid:
         if self.model.unsteady or keep_factors:
             return self._solve_step(tolerance, max_iterations, watch, remember)
         if not self.model.linear or self.coarse is not None:
-            return newton.solve(self, tolerance, max_iterations, watch)
+            iterative = not self.solver.regular and self.coarse is None
+            return newton.solve(self, tolerance, max_iterations, watch, iterative)
         size = self.correction(rtol=float(np.clip(0.1 * tolerance, 1e-12, 1e-6)))
         watch(0, size)
         return newton.NewtonReport(bool(np.isfinite(size)), (size,), 0.0)

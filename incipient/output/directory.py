@@ -112,13 +112,13 @@ class ResultDirectory:
         """Write the checkpoint, with how long the history is; the directory."""
         from ..restart import checkpoint as checkpoints
 
+        recorded = checkpoints.Recorded()
         with collectively(self.comm):
             if self.comm.rank == 0:
                 history = self.path / "history.csv"
-                length = history.stat().st_size if self._rows else 0
-                recorded = checkpoints.Recorded(self._rows, length)
+                recorded = checkpoints.Recorded(self._rows, history.stat().st_size if self._rows else 0)
                 sync(history)  # the checkpoint counts on these rows
-                checkpoints.write(self.path / CHECKPOINT, replace(checkpoint, recorded=recorded))
+        checkpoints.write(self.path / CHECKPOINT, replace(checkpoint, recorded=recorded), self.comm)
         return self.path
 
     def provisional(self, result: Result) -> Path:

@@ -1,4 +1,4 @@
-"""The quadratic nodes of a distributed mesh, or of part of its boundary, brought together on rank 0.
+"""The quadratic nodes of a distributed mesh, or of part of its boundary, numbered without gaps over all ranks.
 
 Every field leaves the program on these nodes: they carry P2 velocity exactly and quadratic geometry, and
 VTK draws them as Triangle_6 (2D), Tetrahedron_10 (3D) and Edge_3 (boundary in 2D).
@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
 
 from .. import compat
+from ..rows import Numbered, Rows, compact
 
 # Degrees of freedom of a P2 cell in VTK's order (basix numbers a triangle's edge after the vertex it lacks).
 _CELL_NODES = {2: (0, 1, 2, 5, 3, 4), 3: (0, 1, 2, 3, 9, 6, 8, 7, 5, 4)}
@@ -25,8 +25,8 @@ _XDMF_NAMES = {3: "Edge_3", 6: "Triangle_6", 10: "Tetrahedron_10"}
 class QuadraticNodes:
     """P2 nodes of all cells of a mesh, or of the given facets only. Making it is collective.
 
-    What is gathered stands on rank 0; the other ranks get empty arrays. `topology` is (cells or facets,
-    nodes each), the gathered nodes in VTK's order. `facets` are local facet indices; those owned by
+    Each rank has some rows of what is given, in the order of the nodes' global numbers. `topology` is (cells or
+    facets, nodes each), the numbers of their nodes in VTK's order. `facets` are local facet indices; those owned by
     another rank are ignored.
     """
 
@@ -36,16 +36,21 @@ class QuadraticNodes:
         self._dofs = compat.cell_dofs(self._space)
         self._targets: dict[tuple[int, ...], tuple[Any, np.ndarray]] = {}
         local = _cells(mesh, self._dofs) if facets is None else _facets(mesh, self._dofs, facets)
-        self._local = np.unique(local)
+        self._local, places = np.unique(local, return_inverse=True)
         self.cell_type = _XDMF_NAMES[local.shape[1]]
-        self.topology = self._number(local)
+        index_map = self._space.dofmap.index_map
+        known = index_map.local_to_global(self._local.astype(np.int32)).astype(np.int64)
+        numbers, total = compact(self._comm, known)
+        self._nodes = Numbered(self._comm, numbers, total)
+        cells = self._comm.allgather(len(local))
+        self.topology = Rows(numbers[places.reshape(local.shape)], sum(cells[: self._comm.rank]), sum(cells))
 
-    def coordinates(self) -> np.ndarray:
-        """Gathered (nodes, 3) coordinates, pushed through the mesh's geometry of any order. Collective."""
-        return self._gathered(self._space.tabulate_dof_coordinates())
+    def coordinates(self) -> Rows:
+        """Coordinates (nodes, 3), pushed through the mesh's geometry of any order. Collective."""
+        return self._nodes.dealt(self._space.tabulate_dof_coordinates()[self._local])
 
-    def values(self, function: Any) -> np.ndarray:
-        """Gathered nodal values of a Lagrange function, (nodes,) or (nodes, 3). Collective.
+    def values(self, function: Any) -> Rows:
+        """Nodal values of a Lagrange function, (nodes,) or (nodes, 3). Collective.
 
         The function is interpolated; vectors of the plane get a third component of zero. Of a function
         that jumps between cells one side is taken.
@@ -62,7 +67,7 @@ class QuadraticNodes:
         values = np.zeros((nodes, 3) if shape else nodes)
         # The target's own numbering need not be that of the scalar space: go through the cells.
         values[(self._dofs.ravel(), slice(*shape)) if shape else self._dofs.ravel()] = nodal
-        return self._gathered(values)
+        return self._nodes.dealt(values[self._local])
 
     def _target(self, shape: tuple[int, ...]) -> tuple[Any, np.ndarray]:
         """A P2 function of a shape to interpolate into, and its space's cell-wise degrees of freedom."""
@@ -72,18 +77,6 @@ class QuadraticNodes:
             space = compat.space(self.mesh, ("Lagrange", 2), shape)
             self._targets[shape] = Function(space), compat.cell_dofs(space)
         return self._targets[shape]
-
-    def _number(self, local: np.ndarray) -> np.ndarray:
-        """Gather the connectivity and number its nodes, each once, in ascending global index."""
-        index_map = self._space.dofmap.index_map
-        own = index_map.local_to_global(self._local.astype(np.int32)).astype(np.int64)
-        everywhere = index_map.local_to_global(local.ravel().astype(np.int32)).astype(np.int64)
-        nodes, cells = _gather(self._comm, own), _gather(self._comm, everywhere.reshape(local.shape))
-        unique, self._first = np.unique(nodes, return_index=True)
-        return np.searchsorted(unique, cells)
-
-    def _gathered(self, values: np.ndarray) -> np.ndarray:
-        return _gather(self._comm, values[self._local])[self._first]
 
 
 def _cells(mesh: Any, dofs: np.ndarray) -> np.ndarray:
@@ -106,12 +99,3 @@ def _facets(mesh: Any, dofs: np.ndarray, facets: np.ndarray) -> np.ndarray:
         cell = to_cell.links(facet)[0]
         rows.append(dofs[cell, nodes[np.flatnonzero(to_facet.links(cell) == facet)[0]]])
     return np.array(rows, dtype=dofs.dtype).reshape(-1, nodes.shape[1])
-
-
-def _gather(comm: MPI.Comm, rows: np.ndarray) -> np.ndarray:
-    """Rows of all ranks one after the other on rank 0; no rows elsewhere. Collective."""
-    rows = np.ascontiguousarray(rows)
-    counts = comm.gather(rows.size)
-    gathered = np.empty(sum(counts or ()), dtype=rows.dtype)
-    comm.Gatherv(rows, (gathered, counts) if comm.rank == 0 else None)
-    return gathered.reshape(-1, *rows.shape[1:])

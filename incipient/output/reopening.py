@@ -35,24 +35,26 @@ MAY_BECOME = {"body.on_contact": "repel"}
 
 
 def reopened(directory: Path, overrides: Sequence[str], comm: MPI.Comm) -> tuple[Scene, Checkpoint]:
-    """The scene and the checkpoint of a run that was cut short, on every rank. Collective.
+    """The scene and the checkpoint of a run that was cut short, on every rank, of tables its share. Collective.
 
     Raises:
         OutputError: the checkpoint is missing, damaged, incomplete or of another version.
         SceneError: the scene differs from that of the checkpoint, or there is nothing left to compute.
     """
 
-    def read_both() -> tuple[Scene, Checkpoint]:
-        """Scene and checkpoint, from files that the first rank reads; refused if they do not go together."""
-        kept = checkpoints.read(directory / CHECKPOINT)
+    kept = checkpoints.read(directory / CHECKPOINT, comm)
+
+    def loaded() -> tuple[Scene, Scene]:
+        """The scenes of the directory and of the checkpoint; refused if they do not go together."""
         scene, before = load(directory / SCENE, overrides), loads(kept.scene)
         if scene.numerics.order == "auto" and scene.order != before.order:
             scene = with_order(scene, before.order)  # that of the flow that is stored
         _require_same(directory / SCENE, scene, before)
         _require_work(scene, before, kept)
-        return scene, _adapted(scene, before, kept)
+        return scene, before
 
-    return from_first(comm, read_both)
+    scene, before = from_first(comm, loaded)
+    return scene, _adapted(scene, before, kept)
 
 
 def _require_same(path: Path, scene: Scene, of_checkpoint: Scene) -> None:

@@ -1,4 +1,4 @@
-"""A pair of files, XDMF beside HDF5, that holds fields on a mesh at successive times; no dolfinx, no MPI.
+"""A pair of files, XDMF beside HDF5, that holds fields on a mesh at successive times; no dolfinx.
 
 Layout of the HDF5 file (version 1): `mesh0/topology` (cells, nodes per cell) node numbers in VTK's order,
 `mesh0/geometry0` (nodes, 3), `mesh0/geometry1` after the mesh has moved, `mesh1/topology` after a remeshing,
@@ -14,14 +14,25 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import OutputError
 from ..files import cause_of, ends_with, insert_before_end, reported, write_text_atomically
+from ..hdf5 import reserve, write_rows
+from ..parallel import Alone, collectively, from_first
+from ..rows import Rows
 from .earlier import put_aside
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+# The whole of a table, or this rank's rows of it.
+Table = Rows | NDArray[Any]
+ALONE = Alone()
 
 _METADATA_BYTES = 1 << 16
 _HEAD = '<?xml version="1.0"?>\n<Xdmf Version="3.0">\n  <Domain>\n'
@@ -63,7 +74,7 @@ class _Mesh:
     topology: _Dataset = _Dataset("", ())
     geometry: _Dataset = _Dataset("", ())
 
-    def changed(self, waiting: Mapping[str, np.ndarray]) -> _Mesh:
+    def changed(self, waiting: Mapping[str, Rows]) -> _Mesh:
         """The mesh when the topology and geometry that wait have been stored."""
         mesh = self
         if "topology" in waiting:
@@ -80,7 +91,8 @@ class SeriesFile:
     """Writes the pair; the files are closed, complete and readable after every call.
 
     A mesh or a geometry is written with the first step on it; one that no step is on is not written. What a step
-    costs does not grow with the number of those before it.
+    costs does not grow with the number of those before it. Of tables each rank gives its rows, or an array that is
+    the whole, and writes them at the same time as the others; all else is done by rank 0.
 
     Args:
         stem: the path without ending.
@@ -93,7 +105,7 @@ class SeriesFile:
         self._cell_type, self._name, self._steady = cell_type, stem.name, steady
         self._steps = 0  # written
         self._mesh = _Mesh()  # of the last step written
-        self._waiting: dict[str, np.ndarray] = {}  # to be written with the next step, by what they are
+        self._waiting: dict[str, Rows] = {}  # to be written with the next step, by what they are
 
     def create(self) -> None:
         """Start the HDF5 file anew and remove an old XDMF file, which would point into it."""
@@ -125,44 +137,68 @@ class SeriesFile:
         """Give the HDF5 file another name; which, None if there is none."""
         return put_aside(self._hdf5) if self._hdf5.exists() else None
 
-    def add_mesh(self, topology: np.ndarray) -> None:
-        """Cells (cells, nodes per cell) for the steps to come; a geometry must follow."""
-        self._waiting = {"topology": topology.astype(np.int64)}
+    def add_mesh(self, topology: Table) -> None:
+        """Cells (cells, nodes per cell) for the steps to come; a geometry must follow. On every rank."""
+        self._waiting = {"topology": _rows(topology, np.int64)}
 
-    def add_geometry(self, points: np.ndarray) -> None:
-        """Node coordinates (nodes, 3) of the newest mesh for the steps to come."""
-        self._waiting["geometry"] = points.astype(np.float64)
+    def add_geometry(self, points: Table) -> None:
+        """Node coordinates (nodes, 3) of the newest mesh for the steps to come. On every rank."""
+        self._waiting["geometry"] = _rows(points, np.float64)
 
-    def add_step(self, time: float, fields: Mapping[str, np.ndarray]) -> None:
-        """Store fields, (nodes,) or (nodes, 3) each, at a time; the HDF5 file first, then the XDMF file."""
-        step, values = f"step{self._steps}", {k: v.astype(np.float64) for k, v in fields.items()}
-        stored = {name: _Dataset(f"{step}/{name}", array.shape) for name, array in values.items()}
-        arrays = {stored[name].name: array for name, array in values.items()}
+    def add_step(self, time: float, fields: Mapping[str, Table], comm: MPI.Comm | Alone = ALONE) -> None:
+        """Store fields, (nodes,) or (nodes, 3) each, at a time; the HDF5 file first, then the XDMF file. Collective."""
+        values = {name: _rows(table, np.float64) for name, table in fields.items()}
+        tables = self._waiting | values
+        places = from_first(comm, lambda: self._made(self._datasets(values)))
+        with collectively(comm), reported(self._hdf5):
+            write_rows(self._hdf5, places, tables)
+        with collectively(comm):
+            if comm.rank == 0:
+                self._complete(time, values)
+        self._waiting = {}
+
+    def _datasets(self, values: Mapping[str, Rows]) -> dict[str, tuple[str, Rows]]:
+        """The names in the file of what is to be written with the next step, and its tables."""
         mesh = self._mesh.changed(self._waiting)
-        for part, array in self._waiting.items():
-            arrays[getattr(mesh, part).name] = array
+        waiting = {part: (getattr(mesh, part).name, table) for part, table in self._waiting.items()}
+        return waiting | {name: (f"step{self._steps}/{name}", table) for name, table in values.items()}
+
+    def _made(self, datasets: Mapping[str, tuple[str, Rows]]) -> dict[str, int]:
+        """Make datasets without content at the end of the HDF5 file, on rank 0; their places in it.
+
+        What does not fit is refused before the file is touched.
+        """
+        import h5py
+
+        step = f"step{self._steps}"
+        with reported(self._hdf5, (RuntimeError, ValueError)):
+            _reserve(self._hdf5, sum(table.nbytes for _, table in datasets.values()) + _METADATA_BYTES)
+            with h5py.File(self._hdf5, "r+", locking=False) as file:
+                for name in (step, *(name for name, _ in datasets.values())):
+                    if name in file:  # what an earlier, failed attempt at this step has left
+                        del file[name]
+                places = {key: reserve(file, name, table) for key, (name, table) in datasets.items()}
+                file.require_group(step)
+            _reserve(self._hdf5, 0)
+        return places
+
+    def _complete(self, time: float, values: Mapping[str, Rows]) -> None:
+        """Make a step whose tables are written one of the series, on rank 0."""
+        import h5py
+
+        step, mesh = f"step{self._steps}", self._mesh.changed(self._waiting)
+        stored = {name: _Dataset(f"{step}/{name}", table.shape) for name, table in values.items()}
         about = {"time": float(time), "topology": mesh.topology.name, "geometry": mesh.geometry.name}
-        self._write(step, arrays, about)
+        with reported(self._hdf5, (RuntimeError, ValueError)):
+            _reserve(self._hdf5, _METADATA_BYTES)
+            with h5py.File(self._hdf5, "r+", locking=False) as file:
+                file[step].attrs.update(about)
         if self._steps and not self._steady and ends_with(self._xdmf, _END_OF_SERIES):
             grid = self._grid(time, mesh.topology, mesh.geometry, stored)
             insert_before_end(self._xdmf, grid, _END_OF_SERIES)
         else:
             self._write_xdmf(self._steps + 1)
-        self._steps, self._waiting, self._mesh = self._steps + 1, {}, mesh
-
-    def _write(self, step: str, arrays: Mapping[str, np.ndarray], about: Mapping[str, object]) -> None:
-        """Append arrays to the HDF5 file; what does not fit is refused before the file is touched."""
-        import h5py
-
-        with reported(self._hdf5, (RuntimeError, ValueError)):
-            _reserve(self._hdf5, sum(array.nbytes for array in arrays.values()) + _METADATA_BYTES)
-            with h5py.File(self._hdf5, "r+", locking=False) as file:
-                for name in (step, *arrays):  # what an earlier, failed attempt at this step has left
-                    if name in file:
-                        del file[name]
-                for name, array in arrays.items():
-                    file.create_dataset(name, data=array)
-                file.require_group(step).attrs.update(about)
+        self._steps, self._mesh = self._steps + 1, mesh
 
     def _write_xdmf(self, steps: int | None = None) -> None:
         """Write the whole XDMF file anew, for so many steps of the HDF5 file (default: those written)."""
@@ -283,14 +319,19 @@ def _pair(stem: Path) -> tuple[Path, Path]:
     return stem.with_name(stem.name + ".xdmf"), stem.with_name(stem.name + ".h5")
 
 
+def _rows(table: Table, kind: type) -> Rows:
+    """Rows with numbers of a kind; an array is a table that is all here."""
+    rows = table if isinstance(table, Rows) else Rows.whole(table)
+    return replace(rows, values=rows.values.astype(kind))
+
+
 def _reserve(path: Path, size: int) -> None:
-    """Make sure `size` bytes fit behind the file: HDF5 that runs out of space half-way damages its file.
+    """Make sure the file is all on the disk and `size` bytes fit behind it: HDF5 without space damages its file.
 
     HDF5 writes into the reserved bytes and cuts off what it did not need when it closes the file.
     """
     descriptor = os.open(path, os.O_RDWR)
     try:
-        end = os.fstat(descriptor).st_size
-        os.posix_fallocate(descriptor, end, size)
+        os.posix_fallocate(descriptor, 0, os.fstat(descriptor).st_size + size)
     finally:
         os.close(descriptor)

@@ -20,9 +20,9 @@ log = logging.getLogger("incipient")
 class Series:
     """Writes Lagrange functions of any degree on quadratic nodes, step by step; see the two kinds below.
 
-    Every method is collective. Rank 0 alone touches the files. They are closed between writes, so every step
-    written stays readable, whatever happens to the program later. A topology is written once for each mesh, the
-    nodes' coordinates once for each step before which the mesh has moved.
+    Every method is collective. Ranks write their rows of tables at once, rank 0 all else (`SeriesFile`). The files are
+    closed between writes, so every step written stays readable, whatever happens to the program later. A topology is
+    written once for each mesh, the nodes' coordinates once for each step before which the mesh has moved.
 
     Raises:
         OutputError: on all ranks, when the files cannot be written; steps written before stay readable.
@@ -50,20 +50,16 @@ class Series:
         # A communicator that an earlier mesh lent is gone with that mesh.
         self._comm = nodes.mesh.comm
         self._nodes, self._written = nodes, None
-        if self._comm.rank == 0:
-            self._file.add_mesh(nodes.topology)
+        self._file.add_mesh(nodes.topology)
 
     def write(self, time: float, fields: Mapping[str, Any]) -> None:
         """Append named dolfinx functions (scalars or vectors, in scene units) at a time. Collective."""
         places = self._nodes.mesh.geometry.x
         moved = self._moved(places)
-        points = self._nodes.coordinates() if moved else None
+        if moved:
+            self._file.add_geometry(self._nodes.coordinates())
         values = {name: self._nodes.values(function) for name, function in fields.items()}
-        with collectively(self._comm):
-            if self._comm.rank == 0:
-                if points is not None:
-                    self._file.add_geometry(points)
-                self._file.add_step(time, values)
+        self._file.add_step(time, values, self._comm)
         self._written = places.copy() if moved else self._written
 
     def _moved(self, places: np.ndarray) -> bool:

@@ -1,30 +1,39 @@
 """All that a run needs to go on, in one file: what it holds, written whole or not at all, read whole or refused.
 
 An HDF5 file: every array a dataset, every other value a dataset of JSON text, parts as groups. The attributes of
-the file are its `format`, `version`, the `program` that wrote it, and a `digest` of all it holds.
+the file are its `format`, `version`, the `program` that wrote it, and a `digest` of all it holds. Ranks write and
+read their rows of the large arrays at once, so that none has the whole of one; the file is in reach of all of them.
 """
 
 from __future__ import annotations
 
 import hashlib
-import io
 import json
+import os
 from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields, is_dataclass
 from importlib import metadata
 from pathlib import Path
-from typing import Any, TypeVar, get_args, get_type_hints
+from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_type_hints
 
 import numpy as np
 
 from ..arrays import Floats, Integers
 from ..errors import OutputError
-from ..files import cause_of, write_bytes_atomically
+from ..files import cause_of, reported
+from ..hdf5 import reserve, write_rows
+from ..parallel import collectively, from_first
+from ..rows import Rows, block
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 T = TypeVar("T")
 
-FORMAT, VERSION = "incipient checkpoint", 3
+FORMAT, VERSION = "incipient checkpoint", 4
 ANEW = "start anew with: incipient run"
+METADATA_BYTES = 1 << 16
 
 
 @dataclass(frozen=True)
@@ -56,8 +65,8 @@ class Progress:
 
 
 @dataclass(frozen=True, eq=False)
-class WholeMesh:
-    """A mesh with its named boundaries.
+class StoredMesh:
+    """A mesh with its named boundaries, of nodes and cells this rank's rows.
 
     nodes:  (n, gdim) places
     cells:  (cells, nodes per cell) rows of `nodes`, in the library's order within a cell
@@ -66,21 +75,21 @@ class WholeMesh:
     """
 
     degree: int
-    nodes: Floats
-    cells: Integers
+    nodes: Rows
+    cells: Rows
     facets: Integers
     tags: Integers
     names: dict[str, int]
 
 
 @dataclass(frozen=True, eq=False)
-class WholeFlow:
-    """States of a flow: velocities (states, n, gdim) and pressures (states, m) at their nodes (n, 3), (m, 3)."""
+class StoredFlow:
+    """States of a flow: velocities (n, states, gdim) and pressures (m, states) at their nodes (n, 3), (m, 3)."""
 
-    velocity_points: Floats
-    pressure_points: Floats
-    velocities: Floats
-    pressures: Floats
+    velocity_points: Rows
+    pressure_points: Rows
+    velocities: Rows
+    pressures: Rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,18 +99,18 @@ class Body:
     made, weights:   places (nodes, 3) of the mesh when made, and how each node follows the grain (nodes, gdim + 1)
     made_for:        state for which it was made
     states, times:   of the grain, now and a step before (n, 6 or 13), (n,)
-    places:          places of the mesh's nodes then (n, nodes, 3)
+    places:          places of the mesh's nodes then (nodes, n, 3)
     mean_load:       load in the last step (k,), None before the first; with the order and length of that step
     load, flow_load: at the end of the last step (k,)
     velocities:      velocities of the grain as they limit the steps' length, one row for each past state of the flow
     """
 
-    made: Floats
-    weights: Floats
+    made: Rows
+    weights: Rows
     made_for: Floats
     states: Floats
     times: Floats
-    places: Floats
+    places: Rows
     mean_load: Floats | None
     mean_load_order: int
     mean_load_step: float | None
@@ -119,14 +128,14 @@ class Surface:
     """A free surface and its mesh, the present state first.
 
     made:       places (nodes, 3) of the mesh when made
-    elevations: at the mesh's nodes, zero off the surface (states, nodes), at `times` (states,)
-    places:     of the mesh's nodes now and a step before (n, nodes, 3)
+    elevations: at the mesh's nodes, zero off the surface (nodes, states), at `times` (states,)
+    places:     of the mesh's nodes now and a step before (nodes, n, 3)
     """
 
-    made: Floats
-    elevations: Floats
+    made: Rows
+    elevations: Rows
     times: Floats
-    places: Floats
+    places: Rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,9 +144,9 @@ class Checkpoint:
 
     scene: str
     progress: Progress
-    mesh: WholeMesh
+    mesh: StoredMesh
     times: Floats
-    flow: WholeFlow
+    flow: StoredFlow
     body: Body | None
     recorded: Recorded = Recorded()
     surface: Surface | None = None
@@ -148,37 +157,78 @@ class Checkpoint:
         return float(self.times[0])
 
 
-def write(path: Path, checkpoint: Checkpoint) -> None:
-    """Write a file so that at any moment there is the old one or the new one. Not collective.
+def write(path: Path, checkpoint: Checkpoint, comm: MPI.Comm) -> None:
+    """Write a file so that at any moment there is the old one or the new one. Collective; all but rows is rank 0's.
 
     Raises:
-        OutputError: it cannot be written; the old one is as it was.
+        OutputError: on all ranks, it cannot be written; the old one is as it was.
+    """
+    part, tables = path.with_name(path.name + ".part"), dict(_tables(checkpoint))
+    checksums = _checksums(comm, tables)
+
+    def made() -> dict[str, int]:
+        with reported(path, (RuntimeError,)):
+            return _made(part, checkpoint, checksums)
+
+    try:
+        places = from_first(comm, made)
+        with collectively(comm), reported(path):
+            write_rows(part, places, tables)
+        with collectively(comm), reported(path):
+            if comm.rank == 0:
+                part.replace(path)
+    except OutputError:
+        if comm.rank == 0:
+            with suppress(OSError):
+                part.unlink(missing_ok=True)
+        raise
+
+
+def _made(path: Path, checkpoint: Checkpoint, checksums: dict[str, str]) -> dict[str, int]:
+    """Make the file with all but the rows of tables; the place of each table in it, by its name.
+
+    HDF5 that runs out of space takes the program with it: whether there is enough is asked beforehand, and it is kept.
     """
     import h5py
 
-    # Made in memory: a disk that is full then is noticed before the file takes the old one's place.
-    image = io.BytesIO()
-    with h5py.File(image, "w") as file:
-        _put(file, checkpoint)
-        about = {"version": VERSION, "program": f"incipient {metadata.version('incipient')}"}
-        file.attrs.update({"format": FORMAT, "digest": _digest(file), **about})
-    write_bytes_atomically(path, image.getvalue())
+    with path.open("wb") as file:
+        os.posix_fallocate(file.fileno(), 0, METADATA_BYTES + sum(_sizes(checkpoint)))
+    with h5py.File(path, "w", locking=False) as file:
+        places = dict(_put(file, checkpoint))
+        file.attrs.update({"format": FORMAT, "digest": _digest(file, checksums), "version": VERSION})
+        file.attrs["program"] = f"incipient {metadata.version('incipient')}"
+    with path.open("r+b") as file:
+        os.posix_fallocate(file.fileno(), 0, path.stat().st_size)
+    return places
 
 
-def read(path: Path) -> Checkpoint:
-    """Read a file written by `write`. Not collective.
+def read(path: Path, comm: MPI.Comm) -> Checkpoint:
+    """Read a file written by `write`, on any number of ranks, each an equal share of its rows. Collective.
 
     Raises:
-        OutputError: there is none, it is damaged, of another version, or something is missing in it.
+        OutputError: on all ranks, there is none, it is damaged, of another version, or something is missing in it.
     """
+    with collectively(comm):
+        if not path.is_file():
+            raise OutputError(f"{path}: no such checkpoint; {ANEW}, with output.checkpoint set to have one")
+        with _opened(path) as file:
+            _require_readable(path, file)
+            found = _got(Checkpoint, file, path, comm)
+    checksums = _checksums(comm, dict(_tables(found)))
+    with collectively(comm), _opened(path) as file:
+        if file.attrs.get("digest") != _digest(file, checksums):
+            raise OutputError(f"{path}: is damaged, its content is not what was written; {ANEW}")
+    return found
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """The file, to be read."""
     import h5py
 
-    if not path.is_file():
-        raise OutputError(f"{path}: no such checkpoint; {ANEW}, with output.checkpoint set to have one")
     try:
         with h5py.File(path, "r", locking=False) as file:
-            _require_readable(path, file)
-            return _got(Checkpoint, file, path)
+            yield file
     except (OSError, KeyError, RuntimeError, ValueError, TypeError) as error:
         raise OutputError(f"{path}: cannot be read: {cause_of(error)}; {ANEW}") from error
 
@@ -192,28 +242,50 @@ def _require_readable(path: Path, file: Any) -> None:
             f"{path}: is a checkpoint of version {about.get('version')}, this program reads version {VERSION}; "
             f"resume with the program that wrote it ({about.get('program')})"
         )
-    if about.get("digest") != _digest(file):
-        raise OutputError(f"{path}: is damaged, its content is not what was written; {ANEW}")
 
 
 # -- as datasets ------------------------------------------------------------------------------------
 
 
-def _put(group: Any, part: Any) -> None:
-    """Store the fields of a dataclass."""
+def _tables(part: Any, within: str = "") -> Iterator[tuple[str, Rows]]:
+    """The tables of which ranks have rows, with their full names."""
     for field in fields(part):
         value = getattr(part, field.name)
-        if is_dataclass(value):
-            _put(group.create_group(field.name), value)
+        if isinstance(value, Rows):
+            yield f"{within}/{field.name}", value
+        elif is_dataclass(value):
+            yield from _tables(value, f"{within}/{field.name}")
+
+
+def _sizes(part: Any) -> Iterator[int]:
+    """Bytes of what a dataclass holds, tables whole."""
+    for field in fields(part):
+        value = getattr(part, field.name)
+        if isinstance(value, Rows):
+            yield value.nbytes
+        elif is_dataclass(value):
+            yield from _sizes(value)
+        else:
+            yield value.nbytes if isinstance(value, np.ndarray) else 4 * len(json.dumps(value))
+
+
+def _put(group: Any, part: Any) -> Iterator[tuple[str, int]]:
+    """Store the fields of a dataclass, of tables their shape; yields names and places of these."""
+    for field in fields(part):
+        value = getattr(part, field.name)
+        if isinstance(value, Rows):
+            yield f"{group.name.rstrip('/')}/{field.name}", reserve(group, field.name, value)
+        elif is_dataclass(value):
+            yield from _put(group.create_group(field.name), value)
         elif isinstance(value, np.ndarray):
             group[field.name] = value
         else:
             group[field.name] = json.dumps(value)
 
 
-def _got(kind: type[T], group: Any, path: Path) -> T:
-    """A dataclass from its stored fields, of which none may be missing."""
-    found = {}
+def _got(kind: type[T], group: Any, path: Path, comm: MPI.Comm) -> T:
+    """A dataclass from its stored fields, of which none may be missing, of tables this rank's share. Not collective."""
+    found: dict[str, Any] = {}
     for name, hint in get_type_hints(kind).items():
         if name not in group:
             raise OutputError(
@@ -221,7 +293,10 @@ def _got(kind: type[T], group: Any, path: Path) -> T:
             )
         stored = group[name]
         if hasattr(stored, "keys"):
-            found[name] = _got(_dataclass_of(hint), stored, path)
+            found[name] = _got(_dataclass_of(hint), stored, path, comm)
+        elif hint is Rows:
+            mine = block(len(stored), comm.rank, comm.size)
+            found[name] = Rows(stored[mine], mine.start, len(stored))
         else:
             found[name] = json.loads(stored.asstr()[()]) if stored.dtype.kind == "O" else stored[()]
     return kind(**found)
@@ -232,10 +307,22 @@ def _dataclass_of(hint: Any) -> Any:
     return next(kind for kind in (hint, *get_args(hint)) if is_dataclass(kind))
 
 
-def _digest(file: Any) -> str:
-    """Checksum over the names, shapes and contents of all datasets."""
+def _checksums(comm: MPI.Comm, tables: dict[str, Rows]) -> dict[str, str]:
+    """What tables are and the checksums of their contents, by their names, the same on all ranks. Collective."""
+    sums = np.sum(comm.allgather([rows.checksum() for rows in tables.values()]), axis=0, dtype=np.uint64)
+    return {
+        name: f"{name} {rows.values.dtype} {rows.shape} {found}"
+        for (name, rows), found in zip(tables.items(), sums.tolist(), strict=True)
+    }
+
+
+def _digest(file: Any, checksums: dict[str, str]) -> str:
+    """Checksum over the names, shapes and contents of all datasets, given those of tables."""
     whole = hashlib.sha256()
     for name, dataset in _datasets(file):
+        if name in checksums:
+            whole.update(checksums[name].encode())
+            continue
         value = dataset[()]
         about = f"{name} {dataset.dtype} {dataset.shape} ".encode()
         whole.update(about + (value if isinstance(value, bytes) else np.ascontiguousarray(value).tobytes()))

@@ -1,8 +1,8 @@
-"""A mesh and the values on its nodes: gathered whole on rank 0, and spread again over any number of ranks.
+"""A mesh and the values on its nodes: dealt out in blocks that a file can take, and spread again over any ranks.
 
-Nothing of what is gathered depends on how the library numbers or distributes: the mesh comes in the order in
+Nothing of what is dealt out depends on how the library numbers or distributes: the mesh comes in the order in
 which it was first given, values with the places of their nodes. On a mesh made anew values find their nodes
-by place.
+by place. No rank has the whole of anything but the boundary's facets.
 """
 
 from __future__ import annotations
@@ -22,65 +22,50 @@ from ..errors import OutputError
 from ..fluid import Fluid
 from ..mesh.domain import Domain
 from ..parallel import collectively
-from .checkpoint import WholeFlow, WholeMesh
+from ..rows import Numbered, Rows, compact, exchanged
+from .checkpoint import StoredFlow, StoredMesh
 
 # How far, relative to the mesh's size, a node may be from where its value was stored.
 SAME_PLACE = 1e-10
+# Of how many of its nodes each rank tells the places, by which nodes are dealt out evenly.
+SAMPLES = 64
 
 
-class Gatherer:
-    """Brings values of what ranks number together to rank 0, each once, by ascending number. Collective.
-
-    Args:
-        numbers: (n,) global numbers of this rank's values; several ranks may have the same.
-    """
-
-    def __init__(self, comm: MPI.Comm, numbers: np.ndarray):
-        self.comm = comm
-        everywhere = comm.gather(np.asarray(numbers, dtype=np.int64))
-        self.numbers, self._first = np.unique(np.concatenate(everywhere or [[]]), return_index=True)
-
-    def gathered(self, values: np.ndarray) -> np.ndarray:
-        """Values (n, ...) of all numbers on rank 0, none elsewhere. Collective."""
-        everywhere = self.comm.gather(np.ascontiguousarray(values))
-        return values[:0] if everywhere is None else np.concatenate(everywhere)[self._first]
+# -- dealing out ------------------------------------------------------------------------------------
 
 
-# -- gathering --------------------------------------------------------------------------------------
+def numbered_nodes(mesh: Any) -> Numbered:
+    """The rows of `mesh.geometry.x`, numbered in the order in which the mesh's nodes were given. Collective."""
+    return Numbered(mesh.comm, *compact(mesh.comm, _given(mesh)))
 
 
-def node_gatherer(mesh: Any) -> Gatherer:
-    """For values at the rows of `mesh.geometry.x`: in the order in which the mesh's nodes were given. Collective."""
-    return Gatherer(mesh.comm, mesh.geometry.input_global_indices)
-
-
-def whole_mesh(domain: Domain) -> WholeMesh:
-    """The mesh as it is now, on rank 0; arrays are empty elsewhere. Collective."""
+def stored_mesh(domain: Domain) -> StoredMesh:
+    """The mesh as it is now, this rank's blocks of it; facets on rank 0, none elsewhere. Collective."""
     mesh = domain.mesh
-    nodes, given = node_gatherer(mesh), _given(mesh)
+    numbers, total = compact(mesh.comm, _given(mesh))
     owned = mesh.topology.index_map(mesh.topology.dim).size_local
-    cells = Gatherer(mesh.comm, mesh.topology.original_cell_index[:owned])
+    cells = Numbered(mesh.comm, *compact(mesh.comm, mesh.topology.original_cell_index[:owned]))
     facets, tags = _tagged(domain, owned)
-    return WholeMesh(
+    return StoredMesh(
         degree=compat.geometry_degree(mesh),
-        nodes=nodes.gathered(mesh.geometry.x[:, : domain.gdim]),
-        cells=np.searchsorted(nodes.numbers, cells.gathered(given[compat.geometry_dofs(mesh)[:owned]])),
-        facets=np.searchsorted(nodes.numbers, _joined(mesh.comm, given[facets])),
+        nodes=Numbered(mesh.comm, numbers, total).dealt(mesh.geometry.x[:, : domain.gdim]),
+        cells=cells.dealt(numbers[compat.geometry_dofs(mesh)[:owned]]),
+        facets=_joined(mesh.comm, numbers[facets]),
         tags=_joined(mesh.comm, tags),
         names=dict(domain.names),
     )
 
 
-def whole_flow(fluid: Fluid, states: Sequence[Floats]) -> WholeFlow:
-    """States (local unknowns,) of a fluid, and where its nodes are now, on rank 0. Collective."""
+def stored_flow(fluid: Fluid, states: Sequence[Floats]) -> StoredFlow:
+    """States (local unknowns,) of a fluid, and where its nodes are now, this rank's blocks of them. Collective."""
     space = fluid.space
-    velocities, pressures = (_dof_gatherer(part) for part in (space.velocity, space.pressure))
-    blocks = [state[space.velocity_map].reshape(-1, space.gdim) for state in states]
-    return WholeFlow(
-        velocities.gathered(_owned(space.velocity, space.velocity_points())),
-        pressures.gathered(_owned(space.pressure, space.pressure.tabulate_dof_coordinates())),
-        np.array([velocities.gathered(_owned(space.velocity, block)) for block in blocks]),
-        np.array([pressures.gathered(_owned(space.pressure, state[space.pressure_map])) for state in states]),
+    velocities = [state[space.velocity_map].reshape(-1, space.gdim) for state in states]
+    pressures = [state[space.pressure_map] for state in states]
+    return StoredFlow(
+        _owned(space.velocity, space.velocity_points()),
+        _owned(space.pressure, space.pressure.tabulate_dof_coordinates()),
+        _owned(space.velocity, np.stack(velocities, axis=1)),
+        _owned(space.pressure, np.stack(pressures, axis=1)),
     )
 
 
@@ -89,12 +74,9 @@ def _given(mesh: Any) -> Integers:
     return np.asarray(mesh.geometry.input_global_indices, dtype=np.int64)
 
 
-def _dof_gatherer(space: Any) -> Gatherer:
-    return Gatherer(space.mesh.comm, np.arange(*space.dofmap.index_map.local_range))
-
-
-def _owned(space: Any, values: np.ndarray) -> np.ndarray:
-    return values[: space.dofmap.index_map.size_local]
+def _owned(space: Any, values: np.ndarray) -> Rows:
+    index_map = space.dofmap.index_map
+    return Rows(values[: index_map.size_local], index_map.local_range[0], index_map.size_global)
 
 
 def _tagged(domain: Domain, owned: int) -> tuple[NDArray[np.int32], Integers]:
@@ -125,66 +107,123 @@ def _joined(comm: MPI.Comm, rows: np.ndarray) -> np.ndarray:
 # -- spreading --------------------------------------------------------------------------------------
 
 
-def spread_mesh(comm: MPI.Comm, whole: WholeMesh) -> Domain:
-    """The mesh and its named boundaries over all ranks, each of which knows the whole. Collective.
+def spread_mesh(comm: MPI.Comm, stored: StoredMesh) -> Domain:
+    """The mesh and its named boundaries over all ranks; each gives its blocks and knows all facets. Collective.
 
     Raises:
         OutputError: on all ranks, when a named facet is not one of the mesh.
     """
-    gdim = whole.nodes.shape[1]
-    part = slice(None) if comm.rank == 0 else slice(0, 0)
-    mesh = compat.create_mesh(comm, whole.cells[part], whole.nodes[part], whole.degree)
+    gdim = stored.nodes.shape[1]
+    mesh = compat.create_mesh(comm, stored.cells.values, stored.nodes.values, stored.degree)
     topology, cells = mesh.topology, mesh.topology.index_map(gdim)
     facets, corners = _cell_facets(mesh, cells.size_local + cells.num_ghosts)
-    stored = {tuple(row): tag for row, tag in zip(_rows(whole.facets), whole.tags.tolist(), strict=True)}
+    known = {
+        tuple(row): tag for row, tag in zip(_ascending(stored.facets), stored.tags.tolist(), strict=True)
+    }
     tags = {
-        f: stored.get(tuple(row), -1)
-        for f, row in zip(facets.tolist(), _rows(_given(mesh)[corners]), strict=True)
+        f: known.get(tuple(row), -1)
+        for f, row in zip(facets.tolist(), _ascending(_given(mesh)[corners]), strict=True)
     }
     named = np.array(sorted(f for f, tag in tags.items() if tag >= 0), dtype=np.int32)
     values = np.array([tags[f] for f in named.tolist()], dtype=np.int32)
     found = comm.allreduce(int(np.sum(named < topology.index_map(gdim - 1).size_local)))
-    if found != len(stored):
+    if found != len(known):
         raise OutputError(
-            f"{len(stored)} boundary facets are stored, {found} of them are facets of the stored mesh"
+            f"{len(known)} boundary facets are stored, {found} of them are facets of the stored mesh"
         )
-    return Domain(mesh, dolfinx.mesh.meshtags(mesh, gdim - 1, named, values), dict(whole.names))
+    return Domain(mesh, dolfinx.mesh.meshtags(mesh, gdim - 1, named, values), dict(stored.names))
 
 
-def spread_nodes(mesh: Any, whole: Floats) -> Floats:
-    """The values at the rows of `mesh.geometry.x` of those (nodes, ...) of the whole mesh. Not collective."""
-    return np.asarray(whole[_given(mesh)])
+def spread_nodes(mesh: Any, stored: Rows) -> Floats:
+    """The values at the rows of `mesh.geometry.x` of those (nodes, ...) of the stored mesh. Collective."""
+    return np.asarray(Numbered(mesh.comm, _given(mesh), stored.total).fetched(stored))
 
 
-def spread_flow(fluid: Fluid, whole: WholeFlow) -> list[Floats]:
-    """The states (local unknowns,) on a fluid whose mesh is where it was when they were gathered. Collective.
+def spread_flow(fluid: Fluid, stored: StoredFlow) -> list[Floats]:
+    """The states (local unknowns,) on a fluid whose mesh is where it was when they were stored. Collective.
 
     Raises:
         OutputError: on all ranks, when a node of the fluid is not where a stored one is.
     """
-    space = fluid.space
-    with collectively(fluid.domain.comm):
-        velocity_rows = _matched(whole.velocity_points, space.velocity_points())
-        pressure_rows = _matched(whole.pressure_points, space.pressure.tabulate_dof_coordinates())
+    space, comm = fluid.space, fluid.domain.comm
+    pressure_points = space.pressure.tabulate_dof_coordinates()
+    velocities, pressures = (
+        Numbered(comm, _matched(comm, places, points), places.total).fetched(values)
+        for places, points, values in (
+            (stored.velocity_points, space.velocity_points(), stored.velocities),
+            (stored.pressure_points, pressure_points, stored.pressures),
+        )
+    )
     states = []
-    for velocities, pressures in zip(whole.velocities, whole.pressures, strict=True):
+    for number in range(velocities.shape[1]):
         state = np.zeros_like(fluid.state.x.array)
-        state[space.velocity_map] = velocities[velocity_rows].ravel()
-        state[space.pressure_map] = pressures[pressure_rows]
+        state[space.velocity_map] = velocities[:, number].ravel()
+        state[space.pressure_map] = pressures[:, number]
         states.append(state)
     return states
 
 
-def _rows(array: np.ndarray) -> list[list[int]]:
+def _ascending(array: np.ndarray) -> list[list[int]]:
     """Rows with ascending entries."""
     rows: list[list[int]] = np.sort(array, axis=1).tolist()
     return rows
 
 
-def _matched(stored: Floats, points: Floats) -> Integers:
-    """For each point (n, 3) the row of the stored one at the same place."""
-    distances, rows = KDTree(stored).query(points)
-    size = float(np.ptp(stored, axis=0).max())
-    if distances.max(initial=0.0) > SAME_PLACE * size or len(np.unique(rows)) < len(rows):
-        raise OutputError("the stored flow has other nodes than the stored mesh")
-    return np.asarray(rows)
+def _matched(comm: MPI.Comm, stored: Rows, points: Floats) -> Integers:
+    """For each point (n, 3) the number of the stored one (rows of three) at the same place. Collective.
+
+    Stored points are dealt out by their first coordinate, so that a rank that has a point knows whom to ask for it.
+
+    Raises:
+        OutputError: on all ranks, when there is none, or the same one for several points.
+    """
+    tolerance = SAME_PLACE * _extent(comm, stored.values)
+    borders = _borders(comm, stored.values[:, 0])
+    numbers = np.arange(stored.first, stored.first + len(stored.values))
+    owners = np.searchsorted(borders, stored.values[:, 0], side="right")
+    here = _sent_to(comm, owners, np.column_stack([stored.values, numbers]))
+    # A point so near to a border that rounding may have taken it across asks on both sides.
+    first, last = (np.searchsorted(borders, points[:, 0] + d, side="right") for d in (-tolerance, tolerance))
+    times = last - first + 1
+    asking = np.repeat(np.arange(len(points)), times)
+    asked = np.repeat(first, times) + np.arange(len(asking)) - np.repeat(np.cumsum(times) - times, times)
+    order = np.argsort(asked, kind="stable")
+    sent = np.bincount(asked, minlength=comm.size)
+    received = np.array(comm.alltoall(sent.tolist()))
+    questions = exchanged(comm, points[asking[order]], sent, received)
+    answers = exchanged(comm, _nearest(here, questions), received, sent)
+    best = np.lexsort((answers[:, 0], asking[order]))
+    _, best_of_each = np.unique(asking[order][best], return_index=True)
+    distances, found = answers[best][best_of_each].T
+    with collectively(comm):
+        if distances.max(initial=0.0) > tolerance or len(np.unique(found)) < len(points):
+            raise OutputError("the stored flow has other nodes than the stored mesh")
+    return found.astype(np.int64)
+
+
+def _sent_to(comm: MPI.Comm, owners: Integers, values: np.ndarray) -> np.ndarray:
+    """The rows of all ranks that go to this one. Collective."""
+    order = np.argsort(owners, kind="stable")
+    return exchanged(comm, values[order], np.bincount(owners, minlength=comm.size))
+
+
+def _extent(comm: MPI.Comm, places: Floats) -> float:
+    """The largest side of the box that has all ranks' places in it. Collective."""
+    sides = np.concatenate([places.max(axis=0, initial=-np.inf), -places.min(axis=0, initial=np.inf)])
+    comm.Allreduce(MPI.IN_PLACE, sides, op=MPI.MAX)
+    return float((sides[:3] + sides[3:]).max())
+
+
+def _borders(comm: MPI.Comm, values: Floats) -> Floats:
+    """Numbers (ranks - 1,) between which there are about as many of all ranks' values each. Collective."""
+    mine = np.quantile(values, np.linspace(0, 1, SAMPLES)) if len(values) else values
+    samples = np.sort(np.concatenate(comm.allgather(mine)))
+    return samples[len(samples) * np.arange(1, comm.size) // comm.size]
+
+
+def _nearest(stored: Floats, points: Floats) -> Floats:
+    """For each point (n, 3) how far the nearest of the stored ones (m, 4) is, and its last column, a number: (n, 2)."""
+    if not len(stored):
+        return np.column_stack([np.full(len(points), np.inf), np.zeros(len(points))])
+    distances, rows = KDTree(stored[:, :3]).query(points)
+    return np.column_stack([distances, stored[rows, 3]])

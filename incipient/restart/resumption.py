@@ -17,7 +17,7 @@ from ..mesh.domain import Domain
 from ..scene.file import dumps
 from ..scene.order import with_order
 from .checkpoint import Body, Checkpoint, Progress, Surface
-from .redistribution import node_gatherer, spread_flow, spread_mesh, spread_nodes, whole_flow, whole_mesh
+from .redistribution import numbered_nodes, spread_flow, spread_mesh, spread_nodes, stored_flow, stored_mesh
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 def collected(run: Run) -> Checkpoint:
-    """All that the run needs to go on; arrays are empty but on rank 0. Collective.
+    """All that the run needs to go on, of tables this rank's rows. Collective.
 
     To be called between steps, when the last one has been recorded.
     """
@@ -43,9 +43,9 @@ def collected(run: Run) -> Checkpoint:
         # With the order that the flow has, whatever a later version would choose.
         scene=dumps(with_order(run.scene, run.plan.order)),
         progress=_progress(run, transient),
-        mesh=whole_mesh(fluid.domain),
+        mesh=stored_mesh(fluid.domain),
         times=np.array([fluid.time, *(one.time for one in transient.past)]),
-        flow=whole_flow(fluid, states),
+        flow=stored_flow(fluid, states),
         body=None if run.trajectory is None else _body(run.trajectory),
         surface=None if run.surface is None else _surface(run.surface),
     )
@@ -67,26 +67,26 @@ def _progress(run: Run, transient: Transient) -> Progress:
 
 def _surface(surface: MovingSurface) -> Surface:
     part, coupling = surface.part, surface.coupling
-    nodes = node_gatherer(surface.fluid.domain.mesh)
+    nodes = numbered_nodes(surface.fluid.domain.mesh)
     return Surface(
-        made=nodes.gathered(coupling.motion.reference),
-        elevations=np.array([nodes.gathered(part.mesh.on_nodes(one)) for one in part.past]),
+        made=nodes.dealt(coupling.motion.reference),
+        elevations=nodes.dealt(np.stack([part.mesh.on_nodes(one) for one in part.past], axis=1)),
         times=np.array(part.times),
-        places=np.array([nodes.gathered(one) for one in coupling.places]),
+        places=nodes.dealt(np.stack(coupling.places, axis=1)),
     )
 
 
 def _body(travel: Trajectory) -> Body:
     part, transient, coupling = travel.part, travel.transient, travel.coupling
-    nodes, mean = node_gatherer(travel.domain.mesh), part.mean_load
+    nodes, mean = numbered_nodes(travel.domain.mesh), part.mean_load
     size = travel.body.size
     return Body(
-        made=nodes.gathered(coupling.motion.reference),
-        weights=nodes.gathered(part.mesh.weights),
+        made=nodes.dealt(coupling.motion.reference),
+        weights=nodes.dealt(part.mesh.weights),
         made_for=BodyState.at(part.mesh.placement).packed(),
         states=np.array([one.packed() for one in part.past]),
         times=np.array([one.time for one in part.past]),
-        places=np.array([nodes.gathered(one) for one in coupling.places]),
+        places=nodes.dealt(np.stack(coupling.places, axis=1)),
         mean_load=mean.previous,
         mean_load_order=mean.order,
         mean_load_step=mean.last_step,
@@ -149,7 +149,7 @@ def put_back_body(kept: Checkpoint, travel: Trajectory) -> None:
     travel.part.mesh.weights[:] = spread_nodes(mesh, body.weights)
     travel.remeshings = [Remeshing(**one) for one in body.remeshings]
     travel.interface_iterations = body.interface_iterations.astype(int).tolist()
-    coupling.places = [spread_nodes(mesh, places) for places in body.places]
+    coupling.places = list(np.moveaxis(spread_nodes(mesh, body.places), 1, 0).copy())
     _put_back_part(body, travel.part)
     if travel.surface is not None:
         put_back_surface(kept, travel.surface)
@@ -163,10 +163,10 @@ def put_back_surface(kept: Checkpoint, surface: MovingSurface) -> None:
     stored, part, coupling = kept.surface, surface.part, surface.coupling
     assert stored is not None
     mesh = surface.fluid.domain.mesh
-    part.past = [part.mesh.from_nodes(spread_nodes(mesh, one)) for one in stored.elevations]
+    part.past = [part.mesh.from_nodes(one) for one in spread_nodes(mesh, stored.elevations).T.copy()]
     part.times = stored.times.tolist()
     part.restore()
-    coupling.places = [spread_nodes(mesh, places) for places in stored.places]
+    coupling.places = list(np.moveaxis(spread_nodes(mesh, stored.places), 1, 0).copy())
     mesh.geometry.x[:] = coupling.places[0]
     coupling.fluid.constraints.boundary_points_moved()
 

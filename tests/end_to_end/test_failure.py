@@ -124,7 +124,9 @@ def test_an_interrupted_run_ends_at_once_and_keeps_everything(started, tmp_path,
     assert assert_all_kept(tmp_path) >= 5
     assert not list(tmp_path.glob("*.part"))
     # mpirun kills its ranks a second after it has passed the signal on, whatever they are doing.
-    assert ranks == 2 or read(tmp_path / "checkpoint.h5").progress.number == assert_all_kept(tmp_path)
+    assert ranks == 2 or read(tmp_path / "checkpoint.h5", MPI.COMM_SELF).progress.number == assert_all_kept(
+        tmp_path
+    )
 
 
 def test_a_signal_to_one_rank_ends_both(started, tmp_path):
@@ -134,7 +136,7 @@ def test_a_signal_to_one_rank_ends_both(started, tmp_path):
     _, said = run.communicate(timeout=HANGING)
     assert run.returncode == 130 and "Traceback" not in said
     assert f"; to go on: incipient resume {tmp_path}\n" in said
-    assert read(tmp_path / "checkpoint.h5").progress.number == assert_all_kept(tmp_path)
+    assert read(tmp_path / "checkpoint.h5", MPI.COMM_SELF).progress.number == assert_all_kept(tmp_path)
 
 
 def test_a_second_run_into_a_directory_is_refused(started, tmp_path, capsys):

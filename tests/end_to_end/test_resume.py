@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import errno
 import json
 import os
 import shutil
@@ -16,10 +17,11 @@ import h5py
 import numpy as np
 import pytest
 from conftest import Command, Session, Started
+from mpi4py import MPI
 from processes import VORTEX_STREET, result_of, settings
 
 import incipient
-from incipient import files
+from incipient import hdf5
 from incipient.errors import ConvergenceError, Interrupted, MeshError, OutputError, SceneError
 from incipient.fluid import Fluid
 from incipient.fluid.newton import NewtonReport
@@ -28,6 +30,7 @@ from incipient.output.series_file import read_step, times
 from incipient.restart.checkpoint import read
 from incipient.scene.file import loads
 
+COMM = MPI.COMM_SELF
 # The pebble of the pothole on a coarse mesh, which it wears out at t = 0.8 and 1.1, with a checkpoint at 1.0.
 POTHOLE = """\
 title = "pothole"
@@ -165,7 +168,7 @@ def copy_of(directory: Path, tmp_path: Path) -> Path:
 def test_a_grain_goes_on_through_a_new_mesh(whole_pothole: Path, tmp_path: Path) -> None:
     """What came after the checkpoint is dropped and computed again; a mesh is behind, a mesh ahead."""
     directory = copy_of(whole_pothole, tmp_path)
-    assert read(directory / "checkpoint.h5").time == pytest.approx(1.0)
+    assert read(directory / "checkpoint.h5", COMM).time == pytest.approx(1.0)
     result = incipient.resume(directory)
     assert [one["time"] for one in result.trajectory["remeshings"]] == pytest.approx([0.8, 1.1])
     assert_same_run(directory, whole_pothole)
@@ -176,7 +179,7 @@ def test_steps_solved_to_a_share_of_their_error_are_taken_again(tmp_path: Path) 
     settings_of_both = {"numerics_tolerance": "auto", "time_end": 1.2}
     incipient.run(pothole(**settings_of_both), tmp_path / "whole")
     directory = Path(shutil.copytree(tmp_path / "whole", tmp_path / "copy"))
-    assert read(directory / "checkpoint.h5").progress.error > 1e-5
+    assert read(directory / "checkpoint.h5", COMM).progress.error > 1e-5
     incipient.resume(directory)
     assert_same_run(directory, tmp_path / "whole")
 
@@ -300,7 +303,7 @@ def test_a_step_that_does_not_converge_leaves_a_checkpoint(
     assert str(told.value).endswith(f" is kept: incipient resume {tmp_path}") and "\n" not in str(told.value)
     failed = result_of(tmp_path)
     assert failed["status"] == "failed" and failed["error"] == str(told.value)
-    kept = read(tmp_path / "checkpoint.h5")
+    kept = read(tmp_path / "checkpoint.h5", COMM)
     assert kept.time == pytest.approx(float(history(tmp_path)["time"][-1]), rel=1e-12)
     result = incipient.resume(tmp_path)
     assert result.status == "complete"
@@ -341,17 +344,17 @@ def test_the_first_step_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 def test_a_checkpoint_that_cannot_be_written_keeps_the_one_before(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    written = files.write_bytes_atomically
+    written = hdf5.write_rows
 
-    def full(path: Path, data: bytes) -> None:
-        if path.exists():
-            raise OutputError(f"{path}: cannot be written: no space left on device; free some space")
-        written(path, data)
+    def full(path: Path, *what: Any) -> None:
+        if path.with_suffix("").exists():
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        written(path, *what)
 
-    monkeypatch.setattr("incipient.restart.checkpoint.write_bytes_atomically", full)
+    monkeypatch.setattr("incipient.restart.checkpoint.write_rows", full)
     with pytest.raises(OutputError, match=r"checkpoint\.h5: cannot be written: no space left"):
         incipient.run(vortices(output_checkpoint=2), tmp_path)
-    assert read(tmp_path / "checkpoint.h5").progress.number == 2
+    assert read(tmp_path / "checkpoint.h5", COMM).progress.number == 2
     monkeypatch.undo()
     assert incipient.resume(tmp_path).status == "complete"
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from mpi4py import MPI
 from scenes import CARRIED
 
 import incipient
@@ -101,7 +102,7 @@ def resumed(name: str, directory: Path) -> Resumed:
     """Let a case stop, resume it with the remedy, and compare with the run that had that from the start."""
     case, cut = CASES[name], directory / "cut"
     stopped = _stopped(case, cut)
-    kept = read(cut / "checkpoint.h5").time
+    kept = read(cut / "checkpoint.h5", MPI.COMM_SELF).time
     end = incipient.resume(cut, case.remedy)
     assert end.status == "complete"
     whole = incipient.run(_scene(case, case.remedy), directory / "whole")

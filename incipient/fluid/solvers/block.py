@@ -67,10 +67,8 @@ class Block:
         preconditioner.setType("python")
         preconditioner.setPythonContext(self._preconditioner)
         solver.setTolerances(atol=1e-50, max_it=MOST_ITERATIONS if equations.rate is None else MOST_IN_TIME)
-        # Smoothing by GMRES is not linear.
-        kind = "gmres" if equations.block_carrier is None else "fgmres"
         side = "right" if equations.rate is None else "left"
-        chosen = {"ksp_type": kind, "ksp_pc_side": side, "ksp_gmres_restart": RESTART}
+        chosen = {"ksp_type": "gmres", "ksp_pc_side": side, "ksp_gmres_restart": RESTART}
         with defaults(PREFIX, chosen):
             solver.setFromOptions()
         return solver

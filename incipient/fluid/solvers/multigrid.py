@@ -24,8 +24,8 @@ SMOOTHING = {
     "mg_levels_ksp_chebyshev_esteig": "0,0.1,0,1.1",
     "mg_levels_pc_type": "jacobi",
 }
-# Where something convects neither Chebyshev's iteration nor incomplete factors smooth.
-CONVECTED = {"mg_levels_ksp_type": "gmres", "mg_levels_ksp_max_it": 2, "mg_levels_pc_type": "sor"}
+# Where something convects neither Chebyshev's iteration nor incomplete factors nor Jacobi's smooth.
+CONVECTED = {"mg_levels_ksp_type": "richardson", "mg_levels_ksp_max_it": 1, "mg_levels_pc_type": "sor"}
 # In place of a cycle, where a smoother is all that is asked for: symmetric relaxation, each rank by itself.
 RELAXATION = {"pc_type": "sor", "pc_sor_its": 2, "pc_sor_local_symmetric": None}
 RELAXED = "fluid_finer_velocity_"

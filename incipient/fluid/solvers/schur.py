@@ -139,54 +139,72 @@ class CahouetChabard:
 
 
 class LeastSquaresCommutator:
-    """S^-1 = L^-1 (B D^-1 F D^-1 B^T) L^-1, L = B D^-1 B^T: for steady flow with inertia.
+    """S^-1 = L^-1 (B D^-1 F D^-1 G) L^-1, L = B D^-1 G: for steady flow with inertia.
 
-    F are the operators of the velocity's components, stabilised along the streams, and D their diagonals. Rows
-    where conditions hold are not in B. Source: Elman, Howle, Shadid, Shuttleworth & Tuminaro (2006), SIAM J. Sci.
-    Comput. 27, 1651; the scaling is measured (docs/scaling.md).
+    F are the operators of the velocity's components, stabilised along the streams, and D their diagonals. G is the
+    pressure's block in momentum, which is B^T and what upwinding adds to it: both it and F have the upwinded tests,
+    so that these cancel in S = B F^-1 G. Rows where conditions hold are in none of them. Source: Elman, Howle, Shadid,
+    Shuttleworth & Tuminaro (2006), SIAM J. Sci. Comput. 27, 1651; scaling and G are measured (docs/scaling.md).
     """
 
     def __init__(self, equations: Equations, split: Split, velocity: Components):
         self._split, self._velocity, self._closed = split, velocity, equations.closed
         self._divergence: Any = None
-        self._poisson: _Poisson | None = None
+        self._gradient: Any = None
+        self._scale = np.empty(0)
+        self._poisson: dict[bool, _Poisson] = {}  # of L, and when first asked for of its transpose
         self._vectors: tuple[Any, ...] = ()
 
     def assemble(self) -> None:
         """Take the operators of the velocity's components, which are assembled before, as they are. Collective."""
         self._divergence = self._split.divergence(self._divergence)
-        self._vectors = self._vectors or (*self._divergence.createVecs(), self._divergence.createVecRight())
-        scale, _, _ = self._vectors
-        scale.setArray(1.0 / np.abs(self._velocity.diagonal()[self._split.velocities]))
-        gradient = self._divergence.transpose(PETSc.Mat())
-        gradient.diagonalScale(L=scale)
-        if self._poisson is not None:
-            self._poisson.destroy()
-        self._poisson = _Poisson(self._divergence.matMult(gradient), self._closed)
-        self._poisson.prepare()
-        gradient.destroy()
+        self._gradient = self._split.gradient(self._gradient)
+        self._vectors = self._vectors or self._divergence.createVecs()
+        self._scale = 1.0 / np.abs(self._velocity.diagonal()[self._split.velocities])
+        scale, scaled = self._vectors[0], self._gradient.copy()
+        scale.setArray(self._scale)
+        scaled.diagonalScale(L=scale)
+        self._forget()
+        self._poisson[False] = self._prepared(self._divergence.matMult(scaled))
+        scaled.destroy()
+
+    def _prepared(self, matrix: Any) -> _Poisson:
+        made = _Poisson(matrix, self._closed)
+        made.prepare()
+        return made
 
     def solve(self, right: np.ndarray, transposed: bool) -> np.ndarray:
         """(owned pressures,) approximately S^-1, or S^-T, times the right-hand side. Collective."""
-        assert self._poisson is not None
-        (scale, pressure, velocity), order = self._vectors, self._split.order
-        pressure.setArray(self._poisson.solve(right[order]))
-        self._divergence.multTranspose(pressure, velocity)
-        velocity.pointwiseMult(velocity, scale)
+        if transposed not in self._poisson:
+            self._poisson[True] = self._prepared(self._poisson[False].matrix.transpose(PETSc.Mat()))
+        poisson, order = self._poisson[transposed], self._split.order
+        velocity, pressure = self._vectors
+        pressure.setArray(poisson.solve(right[order]))
+        if transposed:
+            self._divergence.multTranspose(pressure, velocity)
+        else:
+            self._gradient.mult(pressure, velocity)
         whole = np.zeros(self._split.owned)
-        whole[self._split.velocities] = velocity.array_r
-        velocity.setArray(self._velocity.multiply(whole, transposed)[self._split.velocities])
-        velocity.pointwiseMult(velocity, scale)
-        self._divergence.mult(velocity, pressure)
+        whole[self._split.velocities] = self._scale * velocity.array_r
+        carried = self._velocity.multiply(whole, transposed)[self._split.velocities]
+        velocity.setArray(self._scale * carried)
+        if transposed:
+            self._gradient.multTranspose(velocity, pressure)
+        else:
+            self._divergence.mult(velocity, pressure)
         found = np.empty_like(right)
-        found[order] = self._poisson.solve(pressure.array_r)
+        found[order] = poisson.solve(pressure.array_r)
         return found
+
+    def _forget(self) -> None:
+        for poisson in self._poisson.values():
+            poisson.destroy()
+        self._poisson = {}
 
     def destroy(self) -> None:
         """Free PETSc's memory."""
-        if self._poisson is not None:
-            self._poisson.destroy()
-        for held in (self._divergence, *self._vectors):
+        self._forget()
+        for held in (self._divergence, self._gradient, *self._vectors):
             if held is not None:
                 held.destroy()
 
