@@ -309,7 +309,8 @@ def _dataclass_of(hint: Any) -> Any:
 
 def _checksums(comm: MPI.Comm, tables: dict[str, Rows]) -> dict[str, str]:
     """What tables are and the checksums of their contents, by their names, the same on all ranks. Collective."""
-    sums = np.sum(comm.allgather([rows.checksum() for rows in tables.values()]), axis=0, dtype=np.uint64)
+    mine = np.array([rows.checksum() for rows in tables.values()], dtype=np.uint64)
+    sums = np.sum(comm.allgather(mine), axis=0, dtype=np.uint64)
     return {
         name: f"{name} {rows.values.dtype} {rows.shape} {found}"
         for (name, rows), found in zip(tables.items(), sums.tolist(), strict=True)
