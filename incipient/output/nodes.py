@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from .. import compat
-from ..rows import Numbered, Rows, compact
+from ..tables.rows import Numbered, Rows, compact
 
 # Degrees of freedom of a P2 cell in VTK's order (basix numbers a triangle's edge after the vertex it lacks).
 _CELL_NODES = {2: (0, 1, 2, 5, 3, 4), 3: (0, 1, 2, 3, 9, 6, 8, 7, 5, 4)}

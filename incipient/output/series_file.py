@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 
 from ..errors import OutputError
 from ..files import cause_of, ends_with, insert_before_end, reported, write_text_atomically
-from ..hdf5 import reserve, write_rows
 from ..parallel import Alone, collectively, from_first
-from ..rows import Rows
+from ..tables.hdf5 import reserve, write_rows
+from ..tables.rows import Rows
 from .earlier import put_aside
 
 if TYPE_CHECKING:

@@ -22,9 +22,9 @@ import numpy as np
 from ..arrays import Floats, Integers
 from ..errors import OutputError
 from ..files import cause_of, reported
-from ..hdf5 import reserve, write_rows
 from ..parallel import collectively, from_first
-from ..rows import Rows, block
+from ..tables.hdf5 import reserve, write_rows
+from ..tables.rows import Rows, block
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -22,7 +22,7 @@ from ..errors import OutputError
 from ..fluid import Fluid
 from ..mesh.domain import Domain
 from ..parallel import collectively
-from ..rows import Numbered, Rows, compact, exchanged
+from ..tables.rows import Numbered, Rows, compact, exchanged
 from .checkpoint import StoredFlow, StoredMesh
 
 # How far, relative to the mesh's size, a node may be from where its value was stored.

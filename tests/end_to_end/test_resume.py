@@ -21,7 +21,6 @@ from mpi4py import MPI
 from processes import VORTEX_STREET, result_of, settings
 
 import incipient
-from incipient import hdf5
 from incipient.errors import ConvergenceError, Interrupted, MeshError, OutputError, SceneError
 from incipient.fluid import Fluid
 from incipient.fluid.newton import NewtonReport
@@ -29,6 +28,7 @@ from incipient.interrupt import Interruption
 from incipient.output.series_file import read_step, times
 from incipient.restart.checkpoint import read
 from incipient.scene.file import loads
+from incipient.tables import hdf5
 
 COMM = MPI.COMM_SELF
 # The pebble of the pothole on a coarse mesh, which it wears out at t = 0.8 and 1.1, with a checkpoint at 1.0.

@@ -34,8 +34,8 @@ from incipient.restart.checkpoint import (
     write,
 )
 from incipient.restart.redistribution import spread_flow, spread_mesh, stored_flow, stored_mesh
-from incipient.rows import Rows
 from incipient.scene.file import dumps, loads
+from incipient.tables.rows import Rows
 
 COMM = MPI.COMM_SELF
 SCENE = """

@@ -10,14 +10,14 @@ import numpy as np
 from environment import environment, finished, on_ranks
 from mpi4py import MPI
 
-from incipient.hdf5 import reserve, write_rows
-from incipient.rows import Numbered, Rows, block, compact
+from incipient.tables.hdf5 import reserve, write_rows
+from incipient.tables.rows import Numbered, Rows, block, compact
 
 SCRIPT = """
 import sys
 from mpi4py import MPI
 import numpy as np
-from incipient.rows import Numbered, compact
+from incipient.tables.rows import Numbered, compact
 
 comm = MPI.COMM_WORLD
 everything = np.sort(np.random.default_rng(1).choice(1000, 300, replace=False))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .arrays import Integers
+from ..arrays import Integers
 
 if TYPE_CHECKING:
     from mpi4py import MPI
