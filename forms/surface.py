@@ -11,6 +11,10 @@ from typing import Any
 
 import ufl
 
+LAYER = (
+    0.1  # thickness of the layer of cells at the surface that a pressure there moves, in the size of a cell
+)
+
 
 @dataclass(frozen=True)
 class SurfaceTerms:
@@ -68,6 +72,26 @@ def _tension(v: Any, w: Any, n: Any, surface: SurfaceTerms) -> Any:
     tested = ufl.dot(ufl.grad(w).T, n)
     bent = ufl.dot(rising, tested) - ufl.dot(rising, n) * ufl.dot(tested, n)
     return surface.tension * (stretched + bent)
+
+
+def component(u: Any, w: Any, way: Any, n: Any, surface: SurfaceTerms) -> Any:
+    """What of `load` resists a velocity component u along the unit vector `way`, tested with w: for preconditioners."""
+    up, along = n[len(n) - 1], ufl.dot(n, way)
+    found = -surface.gravity[len(n) - 1] / up * u * w
+    if surface.tension is not None:
+        across = ufl.dot(ufl.grad(u), n) * ufl.dot(ufl.grad(w), n)
+        found += surface.tension * (ufl.inner(ufl.grad(u), ufl.grad(w)) - across)
+    return along**2 / surface.rate * found
+
+
+def pressure(p: Any, q: Any, n: Any, size: Any, surface: SurfaceTerms) -> Any:
+    """What the surface adds to the Laplacian that stands for a0 times the pressure's Schur complement, a0 p q/m.
+
+    A pressure p on the surface raises it at the rate p/m: m has the added mass g/a0 and what a layer of cells, of a
+    `size` each, resists, a0 size, without which the pressure would vanish there. For preconditioners.
+    """
+    up = len(n) - 1
+    return surface.rate**2 * n[up] / (-surface.gravity[up] + LAYER * surface.rate**2 * size) * p * q
 
 
 def flux(v: Any, q: Any, n: Any) -> Any:

@@ -93,6 +93,7 @@ class Tank:
         tolerance: float = 1e-10,
         interface: float | None = None,
         pinned: bool = False,
+        solver: str = "direct",
     ):
         gdim = domain.gdim
         ends = ("left", "right")
@@ -106,7 +107,9 @@ class Tank:
         origin = tuple(1.0 for _ in range(gdim))
         stays = ends if pinned else ()
         surface = FreeSurface(self.boundary, gravity, origin, tension=tension, pinned=stays)
-        model = FlowModel(order=order, unsteady=True, moving_mesh=True, energy_stable=energy_stable)
+        model = FlowModel(
+            order=order, unsteady=True, moving_mesh=True, energy_stable=energy_stable, solver=solver
+        )
         self.fluid = Fluid(domain, model, [surface, *walls], 1.0 / viscosity)
         load = self.fluid.surface
         rising = RisingDisplacement(domain, load.space, self.boundary, held, stays)

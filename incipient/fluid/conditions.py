@@ -162,9 +162,10 @@ class Constraints:
             return whole
         return whole(tuple(tag for name, tag in names.items() if name != self.surface.boundary))
 
-    def open_pressures(self) -> np.ndarray:
-        """Local pressure nodes on the boundaries through which fluid leaves freely. Collective."""
-        nodes = [boundary_blocks(self.space.pressure, self._domain.facets_of(name)) for name in self.open]
+    def open_pressures(self, surface: FreeSurface | None = None) -> np.ndarray:
+        """Local pressure nodes on the boundaries through which fluid leaves freely, and on a surface. Collective."""
+        names = self.open if surface is None else (*self.open, surface.boundary)
+        nodes = [boundary_blocks(self.space.pressure, self._domain.facets_of(name)) for name in names]
         return np.unique(np.concatenate([*nodes, np.empty(0, dtype=np.int32)])).astype(np.int32)
 
     def update(self, t: float) -> None:

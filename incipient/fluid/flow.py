@@ -147,7 +147,7 @@ class Fluid:
         carrier = self._carrier(ufl.split(self.state)[0])
         return Equations(
             *(self.space, held.dirichlet, held.open_pressures(), self.viscosity),
-            *(rate, carrier, model.reference_map, self._upwind_size()),
+            *(rate, carrier, model.reference_map, self._upwind_size(), self.surface),
         )
 
     def _upwind_size(self) -> Any:
@@ -156,7 +156,10 @@ class Fluid:
     def another_solver(self, matrix: Any) -> LinearSolver:
         """A solver of the fluid's kind for the projection onto velocities free of divergence. Collective."""
         one = _constant(self.domain.mesh, 1.0)
-        projection = replace(self._equations(), viscosity=None, rate=one, carrier=None)
+        free = self.constraints.open_pressures(self.constraints.surface)
+        projection = replace(
+            self._equations(), viscosity=None, rate=one, carrier=None, surface=None, open=free
+        )
         return SOLVERS[self.model.solver](matrix, projection)
 
     def _cell_size(self) -> Any:

@@ -10,10 +10,10 @@ from petsc4py import PETSc
 
 from .. import compat
 from ..forms import terms
-from ..forms.surface import SurfaceTerms, load
+from ..forms.surface import SurfaceTerms, component, load, pressure
 from ..mesh.domain import Domain
 from .conditions import Constraints, Sponge
-from .space import TaylorHood
+from .space import TaylorHood, cell_size
 
 
 class SurfaceLoad:
@@ -50,15 +50,25 @@ class SurfaceLoad:
 
     def integral(self, v: Any, carrier: Any, w: Any) -> Any:
         """The part in the residual of momentum, tested with w, in UFL. Not collective."""
-        acting = SurfaceTerms(
-            *(self.gravity, self.origin, self.rate, self.known, self.elevation),
-            *(self._pressure, self.tension, self.unfelt),
-        )
-        found = load(v, w, self.place, self.normal, acting) * self.measure
+        found = load(v, w, self.place, self.normal, self._acting()) * self.measure
         if carrier is not None:
             for measure in self._entering:
                 found += terms.entering_boundary(v, carrier, w, self.normal) * measure
         return found if self._sponge is None else found + self._sponge.integral(v, w, self.place)
+
+    def of_component(self, u: Any, w: Any, way: Any) -> Any:
+        """What it adds to the operator of the velocity's component along a unit vector, in UFL. Not collective."""
+        return component(u, w, way, self.normal, self._acting()) * self.measure
+
+    def of_pressure(self, p: Any, q: Any) -> Any:
+        """What it adds to the Laplacian of the pressure's Schur complement, in UFL. Not collective."""
+        return pressure(p, q, self.normal, cell_size(self.space.mesh), self._acting()) * self.measure
+
+    def _acting(self) -> SurfaceTerms:
+        return SurfaceTerms(
+            *(self.gravity, self.origin, self.rate, self.known, self.elevation),
+            *(self._pressure, self.tension, self.unfelt),
+        )
 
     def update(self, time: float) -> None:
         """Evaluate the pressure above the surface at a time, where the mesh is now. Not collective."""

@@ -42,8 +42,6 @@ def method_of(scene: Scene, slow: bool, unsteady: bool) -> Method:
             "two-level",
             "order 2 by blocks, and from there the higher one without a matrix: Stokes flow needs no more",
         )
-    if scene.has_surface:
-        return Method("direct", "what a free surface adds is not in the blocks; in space factors are dear")
     dear = "in space factors would take much time and memory"
     if slow:
         return Method("block", f"{dear}; Stokes flow needs none")

@@ -146,6 +146,19 @@ def test_still_water_over_a_bed_with_a_grain_stays(tmp_path):
     assert history_of(tmp_path)["energy_fluid"].max() == 0.0
 
 
+def test_a_tank_that_is_accelerated_ends_in_the_plane_of_its_acceleration(tmp_path):
+    """Seen from a tank that is accelerated by -a gravity is inclined: the surface at rest has the slope a/g."""
+    slope, angle = 0.1, np.degrees(np.arctan(0.1))
+    tank = WAVE.replace('bottom = "slip"\n', f'[bed]\nkind = "inclined"\nslope = {angle!r}\n')
+    tank = tank.replace("0.01*cos(pi*x)", "0").replace("reynolds = 100.0", "reynolds = 20.0")
+    tank = tank.replace("end = 0.4\nstep = 0.05", 'end = 200.0\nstep = 5.0\nscheme = "bdf1"')
+    incipient.run(loads(tank), tmp_path)
+    history = history_of(tmp_path)
+    for name, x in (("elevation_1", 0.0), ("elevation_2", 0.3), ("elevation_3", 1.0)):
+        assert history[name][-1] == pytest.approx(slope * (x - 0.5), abs=1e-8)
+    assert np.abs(history["volume_above_level"]).max() < 1e-14
+
+
 @pytest.mark.slow
 def test_still_water_on_a_slope_stays_for_a_thousand_steps(tmp_path):
     """With gravity turned by a slope of 0.1 the surface at rest is a plane that descends as fast."""

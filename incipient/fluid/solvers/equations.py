@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...forms import ReferenceMap
 from ..space import TaylorHood
+
+if TYPE_CHECKING:
+    from ..surface import SurfaceLoad
 
 
 @dataclass(frozen=True)
@@ -24,6 +27,7 @@ class Equations:
     carrier:       velocity that convects, less that of the mesh; None: nothing convects
     reference_map: None for the identity
     size:          of cells over the order of the elements that upwinding is that of; None: that of the space
+    surface:       what a free surface adds; None: there is none
     """
 
     space: TaylorHood
@@ -34,6 +38,7 @@ class Equations:
     carrier: Any = None
     reference_map: ReferenceMap | None = None
     size: Any = None
+    surface: SurfaceLoad | None = None
 
     def held(self) -> np.ndarray:
         """(local unknowns of the mixed space,) whether a condition holds there."""
@@ -58,5 +63,5 @@ class Equations:
 
     @property
     def closed(self) -> bool:
-        """Whether no fluid leaves freely, so that the pressure is known up to a constant only. Collective."""
-        return self.space.mixed.mesh.comm.allreduce(len(self.open)) == 0
+        """Whether neither fluid leaves freely nor a surface is free: pressure is known up to a constant. Collective."""
+        return self.surface is None and self.space.mixed.mesh.comm.allreduce(len(self.open)) == 0

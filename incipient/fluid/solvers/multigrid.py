@@ -57,7 +57,8 @@ def component_rows(space: TaylorHood) -> tuple[Any, np.ndarray]:
 class Levels:
     """The two spaces of one velocity component, that of the velocity and linear elements, and its operator in both.
 
-    For smoothing only the first one is there.
+    For smoothing only the first one is there. Below a free surface each component has an operator of its own, that of
+    the unit vector `way`.
 
     rows: (gdim, owned nodes) which rows of the mixed system, by their local numbers, each component has
     held: (gdim, local nodes) where conditions hold
@@ -73,21 +74,26 @@ class Levels:
         self.held = equations.held()[places]
         self.convected = equations.block_carrier is not None
         self.upwind = self.convected and equations.viscosity is not None
+        self.alike = equations.surface is None
+        self.way = dolfinx.fem.Constant(mesh, np.zeros(mesh.geometry.dim))
         self.forms = [self._form(one, equations) for one in self.spaces]
 
     def _form(self, space: Any, equations: Equations) -> Any:
         mesh, order = space.mesh, equations.space.order
         size = cell_size(mesh) / order if equations.size is None else equations.size
+        u, w = ufl.TrialFunction(space), ufl.TestFunction(space)
         integrand = preconditioning.component(
-            ufl.TrialFunction(space),
-            ufl.TestFunction(space),
+            *(u, w),
             equations.viscosity,
             equations.rate,
             equations.block_carrier,
             size if self.upwind else None,
             equations.reference_map,
         )
-        return compat.form(integrand * ufl.dx(domain=mesh, metadata={"quadrature_degree": 2 * order}))
+        found = integrand * ufl.dx(domain=mesh, metadata={"quadrature_degree": 2 * order})
+        if equations.surface is not None:
+            found += equations.surface.of_component(u, w, self.way)
+        return compat.form(found)
 
     def held_in(self, held: np.ndarray) -> list[np.ndarray]:
         """Where conditions hold in the fine nodes, and from that in the coarse ones, which are corners of cells."""
@@ -105,14 +111,15 @@ class Levels:
 
 
 class Cycle:
-    """One V-cycle of the scalar operator with conditions at some nodes, or relaxation alone. Collective.
+    """One V-cycle of the scalar operator of a component and those alike, or relaxation alone. Collective.
 
-    `held` (local nodes,) says where; their rows are those of the identity.
+    Where conditions hold at the component's nodes their rows are those of the identity.
     """
 
-    def __init__(self, levels: Levels, held: np.ndarray, transposed: bool):
+    def __init__(self, levels: Levels, component: int, transposed: bool):
         self._transposed, self._smoothing = transposed, CONVECTED if levels.convected else SMOOTHING
-        self._forms, places = levels.forms, levels.held_in(held)
+        self._levels, self._component = levels, component
+        self._forms, places = levels.forms, levels.held_in(levels.held[component])
         self.matrices = [petsc.create_matrix(form) for form in self._forms]
         self._conditions = [
             [dolfinx.fem.dirichletbc(dolfinx.fem.Function(space), np.flatnonzero(where).astype(np.int32))]
@@ -134,6 +141,7 @@ class Cycle:
 
     def assemble(self) -> None:
         """Take the operators of the state as it is."""
+        self._levels.way.value[:] = np.eye(len(self._levels.rows))[self._component]
         for matrix, form, conditions in zip(self.matrices, self._forms, self._conditions, strict=True):
             matrix.zeroEntries()
             petsc.assemble_matrix(matrix, form, conditions)
@@ -207,13 +215,15 @@ class Components:
     def __init__(self, equations: Equations, smoothing_only: bool = False):
         self._levels = Levels(equations, smoothing_only)
         self.rows = self._levels.rows
-        self._shared = _alike(self._levels.held, equations.space.mixed.mesh.comm)
+        self._shared = tuple(range(len(self.rows)))
+        if self._levels.alike:
+            self._shared = _alike(self._levels.held, equations.space.mixed.mesh.comm)
         self._symmetric = equations.block_carrier is None
         self._cycles = self._made(transposed=False)
         self._transposed: dict[int, Cycle] = {}
 
     def _made(self, transposed: bool) -> dict[int, Cycle]:
-        return {k: Cycle(self._levels, self._levels.held[k], transposed) for k in sorted(set(self._shared))}
+        return {k: Cycle(self._levels, k, transposed) for k in sorted(set(self._shared))}
 
     def assemble(self) -> None:
         """Take the operators of the state as it is. Collective."""

@@ -97,7 +97,7 @@ class CahouetChabard:
     """S^-1 = M^-1 + a0 A^-1, a0 the coefficient of the velocity in its rate, A the Laplacian: for flow in time.
 
     Where fluid leaves freely the pressure vanishes weakly: the diagonal of A is doubled there, which unlike a condition
-    leaves the preconditioner regular. Without viscosity M^-1 is absent.
+    leaves the preconditioner regular. A free surface adds what a pressure on it moves. Without viscosity there is no M.
     Source: Cahouet & Chabard (1988), Int. J. Numer. Methods Fluids 8, 869.
     """
 
@@ -106,7 +106,8 @@ class CahouetChabard:
         self._mass = None if equations.viscosity is None else ScaledMass(equations)
         p, q = ufl.TrialFunction(space), ufl.TestFunction(space)
         integrand = preconditioning.pressure_laplacian(p, q, equations.reference_map)
-        self._form = compat.form(integrand * _measure(equations))
+        added = 0 if equations.surface is None else equations.surface.of_pressure(p, q)
+        self._form = compat.form(integrand * _measure(equations) + added)
         self._open = equations.open[equations.open < space.dofmap.index_map.size_local]
         self._poisson = _Poisson(petsc.create_matrix(self._form), equations.closed)
 
