@@ -22,10 +22,10 @@ from functools import partial
 from typing import IO, TYPE_CHECKING, Protocol
 
 from ..cost.measurement import surroundings
-from ..errors import Interrupted, SceneError
+from ..errors import Interrupted, OutputError, SceneError
 from .cases import Case
 from .store import Outcome
-from .worker import computed, end_with_parent
+from .worker import READY, computed, end_with_parent
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 RENEWED = 50  # cases with a flow after which a process is replaced, whatever memory it has lost by then
 LEAVE = 5.0  # seconds that a process has to end
 OFTEN = 0.02  # seconds between looks at messages of other ranks
+_READY = f"{READY}\n".encode()
 ORDER, ANSWER = 1, 2  # tags of messages
 
 
@@ -67,6 +68,7 @@ class _Process:
     given: float = 0.0
     cases: int = 0
     said: bytearray = field(default_factory=bytearray)
+    ready: bool = False
 
     @classmethod
     def started(cls, ranks: int) -> _Process:
@@ -92,6 +94,13 @@ class _Process:
         with suppress(BrokenPipeError):
             self.popen.stdin.write(order)
             self.popen.stdin.flush()
+
+    def hear(self, piece: bytes) -> None:
+        """Take what it says; its first line says that it is there."""
+        self.said += piece
+        if not self.ready and self.said.startswith(_READY):
+            self.ready = True
+            del self.said[: len(_READY)]
 
     def dismiss(self) -> None:
         """Let it end by itself, which `mpirun` needs to clean up, but not for long."""
@@ -152,12 +161,16 @@ class Processes:
         return process
 
     def answers(self, seconds: float) -> list[tuple[Case, Outcome]]:
-        """What has been finished; a process that has died leaves its case with the reason."""
+        """What has been finished; a process that has died leaves its case with the reason.
+
+        Raises:
+            OutputError: one has ended by itself before it began: that is not the case's fault, and all would.
+        """
         found = []
         for key, _ in self._selector.select(seconds):
             process: _Process = key.data
             piece = process.popen.stdout.read(1 << 20) if process.popen.stdout else b""
-            process.said += piece or b""
+            process.hear(piece or b"")
             if piece == b"":
                 found += self._died(process)
             elif process.said.endswith(b"\n"):
@@ -184,6 +197,8 @@ class Processes:
         self._selector.unregister(process.popen.stdout)  # type: ignore[arg-type]
         reason = process.epitaph()
         process.complaints.close()
+        if not process.ready and process.popen.returncode >= 0:
+            raise OutputError(f"no process can compute cases: {reason}; see to that, and call again to go on")
         return [] if case is None else [(case, Outcome(reason=reason, wall=wall))]
 
     def _forget(self, process: _Process) -> None:

@@ -1,7 +1,8 @@
 """A process, or ranks, that compute one case after the other: `python -m incipient.sweep.worker`.
 
-Orders come as lines of JSON on the standard input of the first rank, answers go to its standard output; what the
-libraries print goes to the standard error. The process ends when there are no more orders.
+Orders come as lines of JSON on the standard input of the first rank, answers go to its standard output, after a line
+that says that it is there; what the libraries print goes to the standard error. The process ends when there are no more
+orders.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from .store import Outcome
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+READY = "ready"
 END_WITH_PARENT = 1  # PR_SET_PDEATHSIG of Linux
 
 
@@ -131,6 +133,8 @@ def main() -> int:
     answers = os.dup(1)
     os.dup2(2, 1)
     with os.fdopen(answers, "w") as stream:
+        if comm.rank == 0:
+            print(READY, file=stream, flush=True)
         for order in _orders(comm):
             outcome = computed(order["task"], order["text"], comm)
             if comm.rank == 0:

@@ -1,0 +1,203 @@
+"""What may happen to long work: killed at any moment, asked to end, two at once, no room left on the disk."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from environment import environment, finished
+from processes import VORTEX_STREET, result_of, settings
+from test_sweeps import COARSE, FRICTION, LONG, QUICK, child, gone, rows, wait_for, written
+
+import incipient.sweep
+from incipient.errors import OutputError
+
+TIMES = 20
+SAME = 1e-12
+
+
+def killed(start: Callable[[], subprocess.Popen[str]], moment: float) -> bool:
+    """Whether a process is killed at a moment [s] after its start; False: it had ended by then, as it should."""
+    process = start()
+    try:
+        _, complaint = process.communicate(timeout=moment)
+    except subprocess.TimeoutExpired:
+        os.kill(process.pid, signal.SIGKILL)
+        process.communicate()
+        return True
+    assert process.returncode == 0, complaint
+    return False
+
+
+def numbers(stored: Any, path: str = "") -> dict[str, float]:
+    """All numbers of a result by their place, but for what it cost."""
+    if isinstance(stored, dict):
+        parts = [(name, part) for name, part in stored.items() if name not in ("cost", "versions")]
+    else:
+        parts = list(enumerate(stored)) if isinstance(stored, list) else []
+    found = {path: float(stored)} if isinstance(stored, int | float) else {}
+    for name, part in parts:
+        found |= numbers(part, f"{path}.{name}")
+    return found
+
+
+def assert_same_numbers(one: Any, other: Any) -> None:
+    mine, theirs = numbers(one), numbers(other)
+    assert mine.keys() == theirs.keys()
+    size = max(map(abs, theirs.values()))
+    assert {key: value for key, value in mine.items() if abs(value - theirs[key]) > SAME * size} == {}
+
+
+def assert_same_sweep(file: Path, whole: Path) -> None:
+    """The same cases, all done, with the same results."""
+    one, other = ({row[0]: row[1:] for row in rows(path, "id, status, result")} for path in (file, whole))
+    assert one.keys() == other.keys()
+    for identity, (status, result) in one.items():
+        assert status == "done"
+        assert_same_numbers(json.loads(result), json.loads(other[identity][1]))
+
+
+@pytest.mark.slow
+def test_a_refined_sweep_killed_at_random_goes_on_to_the_same_cases(
+    tmp_path: Path, started: Any, command: Any
+) -> None:
+    scene, whole, file = written(tmp_path, LONG), tmp_path / "whole.sqlite", tmp_path / "sweep.sqlite"
+    order = ("sweep", scene, "--do", "judge", "--over", FRICTION.format(4), "--refine", 0.02, "--jobs", 2)
+    began = time.monotonic()
+    assert command(*order, "--out", whole, timeout=120).returncode == 0
+    length, rng = time.monotonic() - began, np.random.default_rng(7)
+    cut = sum(
+        killed(lambda: started(1, *order, "--out", file), rng.uniform(0.0, length)) for _ in range(TIMES)
+    )
+    assert cut > 0
+    assert command(*order, "--out", file, timeout=120).returncode == 0
+    assert_same_sweep(file, whole)
+
+
+@pytest.mark.slow
+def test_two_sweeps_on_one_file_killed_at_random(tmp_path: Path, started: Any, command: Any) -> None:
+    scene, whole, file = written(tmp_path, LONG), tmp_path / "whole.sqlite", tmp_path / "sweep.sqlite"
+    order = ("sweep", scene, "--do", "judge", "--over", FRICTION.format(12), "--jobs", 1)
+    began = time.monotonic()
+    assert command(*order, "--out", whole, timeout=120).returncode == 0
+    length, rng = time.monotonic() - began, np.random.default_rng(8)
+    for _ in range(TIMES // 2):
+        both = [started(1, *order, "--out", file) for _ in range(2)]
+        for moment, process in zip(np.diff([0.0, *np.sort(rng.uniform(0.0, length, 2))]), both, strict=True):
+            killed(lambda process=process: process, moment)  # type: ignore[misc]
+    assert command(*order, "--out", file, timeout=120).returncode == 0
+    assert_same_sweep(file, whole)
+    assert len(rows(file)) == 12
+
+
+@pytest.mark.slow
+def test_a_sweep_of_flows_killed_at_random(tmp_path: Path, started: Any, command: Any) -> None:
+    scene, whole, file = written(tmp_path, COARSE), tmp_path / "whole.sqlite", tmp_path / "sweep.sqlite"
+    order = ("sweep", scene, "--over", "body.diameter=0.8,1.0,1.2", "--do", "threshold", "--jobs", 1)
+    began = time.monotonic()
+    assert command(*order, "--out", whole, timeout=120).returncode == 0
+    length, rng = time.monotonic() - began, np.random.default_rng(9)
+    for _ in range(TIMES // 4):
+        killed(lambda: started(1, *order, "--out", file), rng.uniform(0.0, length))
+    assert command(*order, "--out", file, timeout=120).returncode == 0
+    assert_same_sweep(file, whole)
+
+
+@pytest.mark.slow
+def test_a_run_killed_at_random_and_resumed(tmp_path: Path, started: Any, command: Any) -> None:
+    """Steps of fixed length, solved to round-off, with a checkpoint after each."""
+    steps = settings(
+        numerics_order=2, numerics_mesh_size=4, time_end=0.6, time_step=0.01, output_checkpoint=1
+    )
+    exact = settings(numerics_error_bars=False, numerics_tolerance=1e-13)
+    whole, target = tmp_path / "whole", tmp_path / "run"
+    order = ("run", VORTEX_STREET, *steps, *exact)
+    began = time.monotonic()
+    assert command(*order, "--out", whole, timeout=120).returncode == 0
+    length, rng = time.monotonic() - began, np.random.default_rng(10)
+    resumed = 0
+    for _ in range(TIMES):
+        further = ("resume", target) if (target / "checkpoint.h5").exists() else (*order, "--out", target)
+        resumed += further[0] == "resume"
+        if not killed(lambda further=further: started(1, *further), rng.uniform(0.0, 0.7 * length)):  # type: ignore[misc]
+            shutil.rmtree(target)  # it came to its end: once more from the start
+    assert resumed > 0
+    for _ in range(2):
+        further = ("resume", target) if (target / "checkpoint.h5").exists() else (*order, "--out", target)
+        assert command(*further, timeout=120).returncode == 0
+        if not (target / "checkpoint.h5").exists():
+            break
+    one, other = (result_of(directory) for directory in (target, whole))
+    assert one["status"] == "complete"
+    for name in ("force", "couple", "coefficients"):
+        assert_same_numbers(one[name], other[name])
+
+
+FULL = """
+import resource, sys
+resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000))
+from incipient.cli import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def test_a_full_disk_ends_a_sweep_in_one_line_and_keeps_what_there_is(tmp_path: Path, command: Any) -> None:
+    """A limit on the size of files stands for the disk; the file has room for some of the results."""
+    scene, file = written(tmp_path, QUICK), tmp_path / "sweep.sqlite"
+    order = ["sweep", scene, "--do", "judge", "--over", FRICTION.format(12), "--out", file, "--jobs", 1]
+    full = finished([sys.executable, "-c", FULL, *order], 120, env=environment(), cwd=tmp_path)
+    assert full.returncode == 5 and full.stderr.count("incipient: ") == 1
+    assert f"{file}: " in full.stderr and "free some space" in full.stderr and "Traceback" not in full.stderr
+    done = rows(file, "id, result", "status = 'done'")
+    assert 0 < len(done) < 12
+    again = command(*order)
+    assert again.returncode == 0, again.stderr
+    assert set(done) <= set(rows(file, "id, result")) and len(rows(file, where="status = 'done'")) == 12
+
+
+def test_processes_that_cannot_begin_end_the_sweep_and_fail_no_case(tmp_path: Path, monkeypatch: Any) -> None:
+    """What cannot even load its libraries, for which a script stands here, says nothing of a case."""
+    scene, file, broken = written(tmp_path, QUICK), tmp_path / "sweep.sqlite", tmp_path / "python"
+    broken.write_text("#!/bin/sh\necho no room left >&2\nexit 1\n")
+    broken.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(broken))
+    with pytest.raises(
+        OutputError, match=r"no process can compute cases: .* with code 1: no room left; see to that"
+    ):
+        incipient.sweep.run(scene, file, {"contacts.friction": [0.1, 0.2]}, do="judge", jobs=1)
+    assert rows(file, "status, tries") == [("waiting", 0)] * 2
+
+
+def test_a_sweep_asked_to_end_does_so_orderly(tmp_path: Path, started: Any) -> None:
+    text, file = LONG.replace("samples = 40", "samples = 1000000"), tmp_path / "sweep.sqlite"
+    order = (
+        "sweep",
+        written(tmp_path, text),
+        "--do",
+        "judge",
+        "--over",
+        FRICTION.format(2),
+        "--out",
+        file,
+        "--jobs",
+        1,
+    )
+    process = started(1, *order)
+    wait_for(file, "status = 'running'")
+    working = child(process.pid)
+    process.send_signal(signal.SIGTERM)
+    _, complaint = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert complaint.count("incipient: ") == 1 and "0 of 2 cases are finished and kept" in complaint
+    assert "Traceback" not in complaint and gone(working)
+    assert rows(file, "status, tries") == [("waiting", 0)] * 2
