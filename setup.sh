@@ -89,7 +89,7 @@ install_project() {
         "$python" -m venv --clear --system-site-packages .venv
     fi
     pin_versions
-    say "Installing the project and its Python packages into .venv (about 400 MB the first time)"
+    say "Installing the project and its Python packages into .venv (about 600 MB the first time)"
     .venv/bin/python -m pip install --quiet --disable-pip-version-check \
         --constraint .venv/constraints.txt --editable '.[test]'
 }
