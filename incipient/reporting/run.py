@@ -11,6 +11,7 @@ from ..pictures.record import parsed_json
 from .errors import certainty, of_errors
 from .expense import of_adaptation, of_cost, of_omissions, of_plan, versions
 from .page import Cell, Erring, Part, Picture, Section, section, table, words
+from .units import of_si
 from .verdict import components, of_contacts, of_judges, statements, turning
 from .view import of_run as turned_of_run
 
@@ -45,6 +46,7 @@ def part(record: Path) -> Part:
         *_pictures(directory, [name for name in CAPTIONS if name in DRAWN]),
         *turned_of_run(directory, stored, case),
         *_loads(stored, planar),
+        *of_si(stored.get("si")),
         *told,
         *_path(stored),
         *of_errors(stored["error_bars"], planar),

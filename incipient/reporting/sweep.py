@@ -11,6 +11,7 @@ import tomli_w
 
 from ..errors import OutputError
 from ..pictures.apart import draw_sweep_apart
+from ..results.si import FLOW
 from ..sweep.store import DONE, FAILED, Store
 from ..sweep.table import HIGH, LOW, rows
 from .page import Bounded, Cell, Part, Picture, Settings, section, table
@@ -22,13 +23,20 @@ FOUND = (
     "certain",
     "factor",
     "shields",
+    "shields_nominal",
     "reynolds",
     "shear_reynolds",
+    *(f"{name}_si" for name in FLOW),
     "paper",
     "note",
 )
 LAST = ("wall", "cpu", "peak_mib")
-HEADS = {"wall": "wall time [s]", "cpu": "processor [s]", "peak_mib": "memory [MiB]"}
+HEADS = {
+    "wall": "wall time [s]",
+    "cpu": "processor [s]",
+    "peak_mib": "memory [MiB]",
+    **{f"{name}_si": f"{words} [{unit}]" for name, (unit, words) in FLOW.items()},
+}
 Row = Mapping[str, Any]
 
 

@@ -12,12 +12,14 @@ from ..scene import load
 from .errors import REMEDIES, of_errors
 from .expense import of_adaptation, of_cost, versions
 from .page import Cell, Erring, Part, Picture, Section, section, table, words
+from .units import of_si
 from .verdict import of_contacts, of_judges, of_load
 from .view import of_scene
 
 NAMES = {
     "factor": "critical flow over that of the scene",
     "shields": "critical Shields number",
+    "shields_nominal": "the same with the nominal diameter",
     "reynolds": "critical Reynolds number of the scene",
     "shear_reynolds": "shear Reynolds number u* d/ν",
 }
@@ -41,6 +43,7 @@ def part(record: Path) -> Part:
         notes=(),
         sections=(
             *section("Critical numbers", table(("", "value"), _numbers(stored)), drawn),
+            *of_si(stored.get("si")),
             *of_scene(scene, case),
             *of_load(case),
             *of_contacts(case),
@@ -56,9 +59,11 @@ def part(record: Path) -> Part:
 
 
 def _numbers(stored: dict[str, Any]) -> list[tuple[Cell, ...]]:
+    errors = stored["errors"]
     return [
-        (name, stored[key] if stored["errors"][key] is None else Erring(stored[key], stored["errors"][key]))
+        (name, stored[key] if errors.get(key) is None else Erring(stored[key], errors[key]))
         for key, name in NAMES.items()
+        if key in stored
     ]
 
 
