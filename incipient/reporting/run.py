@@ -59,9 +59,7 @@ def part(record: Path) -> Part:
         kind="Run",
         title=stored["title"],
         statements=_statements(stored, case),
-        certainty=""
-        if stored["force"] is None
-        else certainty(stored["error_bars"], stored["without_error_bars"]),
+        certainty="" if case is None else certainty(stored["error_bars"], stored["without_error_bars"]),
         notes=_notes(stored),
         sections=sections,
         versions=versions(stored["cost"]),
@@ -76,8 +74,15 @@ def _pictures(directory: Path, names: list[str]) -> tuple[Section, ...]:
 def _statements(stored: dict[str, Any], case: Judged | None) -> tuple[str, ...]:
     if case is not None:
         return statements(case, stored["verdict"])
-    missing = (stored["trajectory"] or {}).get("ended", {}).get("without_verdict", "")
-    return (sentence(f"there is no verdict: {missing or 'the scene asks for none'}"),)
+    path = stored["trajectory"]
+    if path is None:
+        return ("There is no verdict: the scene asks for none.",)
+    ended = path["ended"]
+    place = ", ".join(f"{one:.4g}" for one in path["place"])
+    met = f", where it has met the {ended['nearest']}" if ended["by"] == "contact" else ""
+    moved = f"The grain moves; at t = {ended['time']:.4g} it is at ({place}){met}."
+    missing = ended["without_verdict"]
+    return (moved, sentence(f"there is no verdict: {missing}")) if missing else (moved,)
 
 
 def _notes(stored: dict[str, Any]) -> tuple[str, ...]:
