@@ -15,7 +15,7 @@ from .verdict import components, turning
 # What makes an error smaller, by the name of its term.
 REMEDIES = {
     "discretisation": "a smaller numerics.mesh_size or a higher numerics.order; numerics.accuracy chooses them",
-    "step": "a smaller time.step, or a smaller time.tolerance",
+    "time step": "a smaller time.step, or a smaller time.tolerance",
     "mesh": "a smaller numerics.mesh_size or a higher numerics.order",
     "gap": "a smaller contact.gap",
     "domain": "larger domain.length and domain.height",
