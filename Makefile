@@ -13,7 +13,7 @@ export OMP_NUM_THREADS := 1
 export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 
-.PHONY: help setup demo test test-quick test-slow test-debian13 test-wheel lint types docs gallery bench cost effects scaling stress surface clean
+.PHONY: help setup demo test test-quick test-slow test-debian13 test-wheel lint types docs gallery bench cost effects scaling stress surface channels clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -72,6 +72,10 @@ stress: setup ## hard cases: docs/stress.md and the map of what can be solved
 surface: setup ## free surfaces against exact solutions, and the demos: the numbers of docs/surface.md
 	$(PYTHON) -m pytest tests/convergence/test_waves.py tests/stability/test_surface.py tests/end_to_end/test_free_surface.py -m "slow or not slow"
 	for demo in standing_wave sloshing grain_under_waves floating_body; do .venv/bin/python demos/$$demo.py; done
+
+channels: setup ## channels with a free surface: the numbers of docs/channels.md
+	$(PYTHON) -m pytest tests/convergence/test_channels.py tests/end_to_end/test_open_channels.py -m "slow or not slow"
+	.venv/bin/python demos/grain_in_channel.py
 
 clean: ## remove caches, build leftovers and the demo's results, not .venv
 	rm -rf results/$(DEMO) site build dist incipient.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -23,7 +23,7 @@ SCHEMA_VERSION = 1
 # What result.json has under the name and in the form that the result has it.
 AS_THEY_ARE = (
     *("title", "status", "error", "scene", "grain", "contacts", "verdict", "trajectory", "cost"),
-    *("without_error_bars", "measured_cell_reynolds", "si"),
+    *("without_error_bars", "measured_cell_reynolds", "surface", "si"),
 )
 
 
@@ -33,6 +33,7 @@ class Result:
 
     without_error_bars:     why error bars that are wanted are not there
     measured_cell_reynolds: largest |v| h/(k nu) of a cell (`stabilisation`), None where there is no convection
+    surface:                of a free surface its elevations at the stations at the end, and a channel's inflow
     si:                     flow and loads in SI units (`results.si`), None without [units]
     """
 
@@ -52,6 +53,7 @@ class Result:
     error_bars: ErrorBars | None = None
     without_error_bars: str = ""
     measured_cell_reynolds: float | None = None
+    surface: dict[str, Any] | None = None
     si: dict[str, Any] | None = None
     adaptation: Adaptation | None = None
     omitted: tuple[Omission, ...] = ()
@@ -121,6 +123,8 @@ def _lines(result: Result) -> list[str]:
     lines += [f"warning             {warning}" for warning in result.plan.warnings]
     if result.trajectory is not None:
         lines += _path(result.trajectory)
+    if result.surface is not None:
+        lines += _levels(result.surface)
     for name, extreme in (result.centrelines or {}).items():
         lines.append(f"{name:<20}{extreme.value:.6f} at {extreme.position:.4f}")
     if result.verdict is not None:
@@ -160,6 +164,13 @@ def _path(trajectory: dict[str, Any]) -> list[str]:
         f"{len(trajectory['remeshings'])} new meshes",
         *([f"verdict             none: {missing}"] if missing else []),
     ]
+
+
+def _levels(surface: dict[str, Any]) -> list[str]:
+    """Elevations of a free surface, and what enters below it."""
+    at = zip(surface["stations"], surface["elevations"], strict=True)
+    lines = [f"elevation           {value:+.6g} at {_words(place)}" for place, value in at]
+    return lines + ([f"inflow              {surface['inflow']:.6g}"] if "inflow" in surface else [])
 
 
 def _motion_of(trajectory: dict[str, Any]) -> tuple[Any, Any, Any, Any]:

@@ -67,6 +67,7 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
         trajectory=trajectory,
         centrelines=lines,
         measured_cell_reynolds=cells,
+        surface=None if run.surface is None else run.surface.told(),
         si=in_si(scene, 1.0, *(None if one is None else one.flow for one in (force, couple))),
         cost=cost(run),
         status=status,

@@ -148,6 +148,12 @@ class MovingSurface:
                 "dissipation": self._energy.dissipation(),
             }
 
+    def told(self) -> dict[str, Any]:
+        """What a result tells of the surface at the end."""
+        stations = list(surface_of(self._scene).stations)
+        found = {"stations": stations, "elevations": self._stations.values(self.part.elevation)}
+        return found | self._discharge()
+
     def _discharge(self) -> dict[str, float]:
         """What enters a channel per time, of the whole where half is meshed; nothing of a box."""
         held, whole = self.fluid.constraints, 2.0 if self.fluid.domain.halved else 1.0

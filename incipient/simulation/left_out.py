@@ -18,6 +18,7 @@ from ..arrays import Floats, spatial
 from ..planning.effects import EffectName, accuracy_asked
 from ..planning.transition import REMEDY, transition
 from ..results.left_out import Omission
+from ..scene.open_channel import STREAMS
 
 if TYPE_CHECKING:
     from ..fluid import Fluid
@@ -119,7 +120,8 @@ def _free_surface(run: Run, effect: Effect, *loads: Any) -> Iterator[Omission]:
     if effect.expected is not None:
         rise = _rise_under_lid(run) / (run.scene.domain.ceiling - run.scene.datum)
         how = "of the depth, by the pressure under the lid over gravity"
-        remedy = "a deeper channel" if run.scene.domain.kind == "channel" else 'domain.top = "free-surface"'
+        may_be = run.scene.domain.kind == "box" or run.scene.flow.kind in STREAMS
+        remedy = 'domain.top = "free-surface"' if may_be else "a deeper channel"
         yield Omission(effect.name, rise, how, False, remedy)
 
 

@@ -1,0 +1,179 @@
+"""Waves in channels: what a sponge reflects, and the growth of long waves on a film; each run takes 10 to 60 s."""
+
+import numpy as np
+import pytest
+from numpy.polynomial import Chebyshev
+from scipy.linalg import eig
+from scipy.optimize import fsolve, least_squares
+
+import incipient
+from incipient.scene.file import loads
+
+CHANNEL = """\
+[domain]
+kind = "channel"
+length = {length}
+height = 1.0
+top = "free-surface"
+[fluid]
+reynolds = {reynolds}
+scale = "flow"
+[flow]
+{flow}
+{bed}
+[gravity]
+acceleration = {gravity!r}
+[surface]
+inflow = "{inflow}"
+sponge = {sponge}
+bottom = "{bottom}"
+stations = {stations}
+[time]
+end = {end}
+step = {step}
+start = "{start}"
+[numerics]
+mesh_size = {mesh}
+[output]
+fields = false
+"""
+
+
+def amplitudes(directory, frequency, stations, last):
+    """Complex amplitudes (n,) at the stations of what oscillates with exp(i w t), from the last few periods."""
+    history = np.genfromtxt(directory / "history.csv", delimiter=",", names=True)
+    late = history["time"] > history["time"][-1] - last * 2 * np.pi / frequency + 1e-9
+    w, t = frequency, history["time"][late]
+    waves = [f(n * w * t) for n in (1, 2) for f in (np.cos, np.sin)]
+    columns = np.column_stack([np.ones_like(t), *waves])
+    told = np.column_stack([history[f"elevation_{n}"][late] for n in range(1, len(stations) + 1)])
+    found = np.linalg.lstsq(columns, told, rcond=None)[0]
+    return found[1] - 1j * found[2]
+
+
+def two_waves(measured, stations, wave_number):
+    """Amplitudes of the waves that run to the right and to the left, fitted to all stations with the wave number.
+
+    The method of Goda & Suzuki (1976) and Mansard & Funke (1980), with more gauges than unknowns.
+    """
+
+    def fitted(k):
+        columns = np.column_stack([np.exp(-1j * complex(*k) * stations), np.exp(1j * k[0] * stations)])
+        both = np.linalg.lstsq(columns, measured, rcond=None)[0]
+        return both, columns @ both - measured
+
+    def missed(k):
+        rest = fitted(k)[1]
+        return np.concatenate([rest.real, rest.imag]) / np.abs(measured).max()
+
+    k = least_squares(missed, [wave_number, 0.0]).x
+    return fitted(k)[0], k[0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("k", "mesh"), [(1.0, 3.0), (2.0, 2.0)])
+def test_a_wave_maker_and_a_sponge(tmp_path, k, mesh):
+    """Linear waves, u = a w cosh(k y)/sinh(k H) cos(w t), w^2 = g k tanh(k H), a sponge of 1.5 lengths."""
+    a, w, sponge = 0.005, np.sqrt(k * np.tanh(k)), 1.5 * 2 * np.pi / k
+    period, length = 2 * np.pi / w, max(6.0 + sponge, 2 * sponge)
+    stations = np.round(np.arange(1.5, 5.5, 0.2), 3)
+    crests = f"(exp({k}*y) + exp(-{k}*y))/{2 * np.sinh(k)}*cos({w}*t)"
+    scene = CHANNEL.format(
+        length=length,
+        reynolds=1e4,
+        flow='kind = "still"',
+        bed="",
+        gravity=1.0,
+        inflow=f"{a * w}*{crests}*(1 - exp(-(t/{period})**2))",
+        sponge=sponge,
+        bottom="slip",
+        stations=stations.tolist(),
+        start="rest",
+        mesh=mesh,
+        end=12 * period,
+        step=period / 40,
+    )
+    incipient.run(loads(scene), tmp_path)
+    (onwards, back), found = two_waves(amplitudes(tmp_path, w, stations, 4), stations, k)
+    assert abs(back / onwards) < 0.005
+    assert abs(onwards) == pytest.approx(a, rel=0.01)
+    # A backward difference of second order lowers the frequency by (w dt)^2/3, 0.8% here: the waves are shorter.
+    speed = 0.5 * (1.0 + 2 * k / np.sinh(2 * k))  # of energy over that of crests
+    assert found / k - 1.0 == pytest.approx((2 * np.pi / 40) ** 2 / 3 / speed, rel=0.2)
+
+
+def film_speeds(k, reynolds, weight, n=24):
+    """Complex speeds of the waves exp(i k (x - c t)) on a film of depth and mean velocity one, by collocation.
+
+    The Orr-Sommerfeld equation psi'''' - 2 k^2 psi'' + k^4 psi = i k Re ((U - c) (psi'' - k^2 psi) - U'' psi) with
+    U = 1.5 y (2 - y); psi = psi' = 0 on the bed. On the surface, weight being g cos a and eta the elevation:
+    (c - U) eta = psi, psi'' + k^2 psi + U'' eta = 0, psi''' - 3 k^2 psi' - i k Re ((U - c) psi' + weight eta) = 0
+    (Yih 1963, Phys. Fluids 6, 321).
+    """
+    y = 0.5 * (1 - np.cos(np.pi * np.arange(n) / (n - 1)))
+    columns = [Chebyshev.basis(j, domain=[0, 1]) for j in range(n)]
+    P, D, D2, D3, D4 = (np.column_stack([c.deriv(m)(y) if m else c(y) for c in columns]) for m in range(5))
+    A, B = np.zeros((2, n + 1, n + 1), complex)
+    strength, vorticity = 1j * k * reynolds, D2 - k**2 * P
+    flow = (1.5 * y * (2 - y))[:, None]
+    A[:n, :n] = D4 - 2 * k**2 * D2 + k**4 * P - strength * (flow * vorticity + 3 * P)
+    B[:n, :n] = -strength * vorticity
+    for row, condition in (
+        (0, P[0]),
+        (1, D[0]),
+        (n - 1, D2[-1] + k**2 * P[-1]),
+        (n - 2, D3[-1] - 3 * k**2 * D[-1]),
+    ):
+        A[row, :n], B[row] = condition, 0
+    A[n - 1, n] = -3
+    A[n - 2, :n] -= 1.5 * strength * D[-1]
+    A[n - 2, n], B[n - 2, :n] = -strength * weight, -strength * D[-1]
+    A[n, :n], A[n, n], B[n, n] = P[-1], 1.5, 1
+    speeds = eig(A, B, right=False)
+    return speeds[np.isfinite(speeds)]
+
+
+def wave_on_film(frequency, reynolds, weight):
+    """The complex wave number of the wave of a frequency whose speed is nearest to that of long ones, three."""
+
+    def missed(parts):
+        speeds = film_speeds(complex(*parts), reynolds, weight)
+        rest = speeds[np.argmin(np.abs(speeds - 3))] * complex(*parts) - frequency
+        return rest.real, rest.imag
+
+    return complex(*fsolve(missed, [frequency / 3, 0.0]))
+
+
+def test_long_waves_on_a_film_grow_from_the_critical_reynolds_number_on():
+    """The reference: growth with the way (2/5) k^2 (Re - (5/6) cot a) for k to zero (Benjamin 1957, Yih 1963)."""
+    for reynolds in (2.0, 6.0):
+        found = -wave_on_film(0.015, reynolds, 15.0 / reynolds).imag
+        assert found == pytest.approx(0.4 * 0.005**2 * (reynolds - 25 / 6), rel=0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("reynolds", [8.0, 2.0])
+def test_waves_on_a_film_grow_above_the_critical_reynolds_number_and_decay_below_it(tmp_path, reynolds):
+    """From a discharge that oscillates a little, on a slope of 0.2, where (5/6) cot a is 4.17."""
+    slope, w = np.arctan(0.2), 0.6
+    exact, period = wave_on_film(w, reynolds, 15.0 / reynolds), 2 * np.pi / w
+    stations = np.arange(10.0, 40.0)
+    scene = CHANNEL.format(
+        length=60.0,
+        reynolds=reynolds,
+        flow='kind = "open-channel"',
+        bed=f'[bed]\nkind = "inclined"\nslope = {np.degrees(slope)!r}',
+        gravity=float(3.0 / reynolds / np.sin(slope)),
+        inflow=f"0.003*y*(2 - y)*sin({w}*t)",
+        sponge=15.0,
+        bottom="no-slip",
+        stations=stations.tolist(),
+        start="stokes",
+        mesh=5.0,
+        end=6 * period,
+        step=period / 40,
+    )
+    incipient.run(loads(scene), tmp_path)
+    measured = amplitudes(tmp_path, w, stations, 2)
+    assert np.polyfit(stations, np.log(np.abs(measured)), 1)[0] == pytest.approx(-exact.imag, rel=0.05)
+    assert -np.polyfit(stations, np.unwrap(np.angle(measured)), 1)[0] == pytest.approx(exact.real, rel=0.02)
