@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -105,6 +105,7 @@ class SeriesFile:
         self._cell_type, self._name, self._steady = cell_type, stem.name, steady
         self._steps = 0  # written
         self._mesh = _Mesh()  # of the last step written
+        self._open: Any = None  # the HDF5 file while a step is written
         self._waiting: dict[str, Rows] = {}  # to be written with the next step, by what they are
 
     def create(self) -> None:
@@ -148,23 +149,25 @@ class SeriesFile:
     def add_step(self, time: float, fields: Mapping[str, Table], comm: MPI.Comm | Alone = ALONE) -> None:
         """Store fields, (nodes,) or (nodes, 3) each, at a time; the HDF5 file first, then the XDMF file. Collective."""
         values = {name: _rows(table, np.float64) for name, table in fields.items()}
-        tables = self._waiting | values
-        places = from_first(comm, lambda: self._made(self._datasets(values)))
-        with collectively(comm), reported(self._hdf5):
-            write_rows(self._hdf5, places, tables)
+        tables, mesh = self._waiting | values, self._mesh.changed(self._waiting)
+        names = {part: getattr(mesh, part).name for part in self._waiting}
+        names |= {name: f"step{self._steps}/{name}" for name in values}
+        # HDF5 writes what it knows of the step when the file is closed, which is when the step's tables are there.
+        with ExitStack() as held:
+            places = from_first(comm, lambda: self._begun(held, names, tables))
+            with collectively(comm), reported(self._hdf5):
+                write_rows(self._hdf5, places, tables)
+            with collectively(comm):
+                if comm.rank == 0:
+                    self._end(held, time, mesh)
         with collectively(comm):
             if comm.rank == 0:
-                self._complete(time, values)
+                stored = {name: _Dataset(names[name], table.shape) for name, table in values.items()}
+                self._tell(time, mesh, stored)
         self._waiting = {}
 
-    def _datasets(self, values: Mapping[str, Rows]) -> dict[str, tuple[str, Rows]]:
-        """The names in the file of what is to be written with the next step, and its tables."""
-        mesh = self._mesh.changed(self._waiting)
-        waiting = {part: (getattr(mesh, part).name, table) for part, table in self._waiting.items()}
-        return waiting | {name: (f"step{self._steps}/{name}", table) for name, table in values.items()}
-
-    def _made(self, datasets: Mapping[str, tuple[str, Rows]]) -> dict[str, int]:
-        """Make datasets without content at the end of the HDF5 file, on rank 0; their places in it.
+    def _begun(self, held: ExitStack, names: Mapping[str, str], tables: Mapping[str, Rows]) -> dict[str, int]:
+        """Open the HDF5 file and make datasets without content at its end; their places. On rank 0.
 
         What does not fit is refused before the file is touched.
         """
@@ -172,27 +175,23 @@ class SeriesFile:
 
         step = f"step{self._steps}"
         with reported(self._hdf5, (RuntimeError, ValueError)):
-            _reserve(self._hdf5, sum(table.nbytes for _, table in datasets.values()) + _METADATA_BYTES)
-            with h5py.File(self._hdf5, "r+", locking=False) as file:
-                for name in (step, *(name for name, _ in datasets.values())):
-                    if name in file:  # what an earlier, failed attempt at this step has left
-                        del file[name]
-                places = {key: reserve(file, name, table) for key, (name, table) in datasets.items()}
-                file.require_group(step)
-            _reserve(self._hdf5, 0)
-        return places
+            _reserve(self._hdf5, sum(table.nbytes for table in tables.values()) + _METADATA_BYTES)
+            self._open = held.enter_context(h5py.File(self._hdf5, "r+", locking=False))
+            for name in (step, *names.values()):  # what an earlier, failed attempt at this step has left
+                if name in self._open:
+                    del self._open[name]
+            self._open.require_group(step)
+            return {key: reserve(self._open, names[key], table) for key, table in tables.items()}
 
-    def _complete(self, time: float, values: Mapping[str, Rows]) -> None:
-        """Make a step whose tables are written one of the series, on rank 0."""
-        import h5py
-
-        step, mesh = f"step{self._steps}", self._mesh.changed(self._waiting)
-        stored = {name: _Dataset(f"{step}/{name}", table.shape) for name, table in values.items()}
+    def _end(self, held: ExitStack, time: float, mesh: _Mesh) -> None:
+        """Make a step whose tables are written one of the series, and close the HDF5 file. On rank 0."""
         about = {"time": float(time), "topology": mesh.topology.name, "geometry": mesh.geometry.name}
         with reported(self._hdf5, (RuntimeError, ValueError)):
-            _reserve(self._hdf5, _METADATA_BYTES)
-            with h5py.File(self._hdf5, "r+", locking=False) as file:
-                file[step].attrs.update(about)
+            self._open[f"step{self._steps}"].attrs.update(about)
+            held.close()
+
+    def _tell(self, time: float, mesh: _Mesh, stored: Mapping[str, _Dataset]) -> None:
+        """Put a step that the HDF5 file has into the XDMF file. On rank 0."""
         if self._steps and not self._steady and ends_with(self._xdmf, _END_OF_SERIES):
             grid = self._grid(time, mesh.topology, mesh.geometry, stored)
             insert_before_end(self._xdmf, grid, _END_OF_SERIES)
@@ -326,7 +325,7 @@ def _rows(table: Table, kind: type) -> Rows:
 
 
 def _reserve(path: Path, size: int) -> None:
-    """Make sure the file is all on the disk and `size` bytes fit behind it: HDF5 without space damages its file.
+    """Make sure `size` bytes fit behind the file: HDF5 that runs out of space half-way damages its file.
 
     HDF5 writes into the reserved bytes and cuts off what it did not need when it closes the file.
     """

@@ -21,7 +21,7 @@ import numpy as np
 
 from ..arrays import Floats, Integers
 from ..errors import OutputError
-from ..files import cause_of, reported
+from ..files import cause_of, reported, sync
 from ..parallel import collectively, from_first
 from ..tables.hdf5 import reserve, write_rows
 from ..tables.rows import Rows, block
@@ -174,6 +174,7 @@ def write(path: Path, checkpoint: Checkpoint, comm: MPI.Comm) -> None:
         places = from_first(comm, made)
         with collectively(comm), reported(path):
             write_rows(part, places, tables)
+            sync(part)
         with collectively(comm), reported(path):
             if comm.rank == 0:
                 part.replace(path)

@@ -33,10 +33,7 @@ def reserve(group: Any, name: str, rows: Rows) -> int:
 
 
 def write_rows(path: Path, places: Mapping[str, int], tables: Mapping[str, Rows]) -> None:
-    """Write this rank's rows of tables to the places that `reserve` gave, and see that the disk has them.
-
-    To be called by every rank after the file has been closed. Raises OSError.
-    """
+    """Write this rank's rows of tables to the places that `reserve` gave. On every rank. Raises OSError."""
     descriptor = os.open(path, os.O_WRONLY)
     try:
         for name, rows in tables.items():
@@ -45,6 +42,5 @@ def write_rows(path: Path, places: Mapping[str, int], tables: Mapping[str, Rows]
             while data:
                 written = os.pwrite(descriptor, data, place)
                 data, place = data[written:], place + written
-        os.fsync(descriptor)
     finally:
         os.close(descriptor)
