@@ -70,6 +70,11 @@ def numbered(path: Path) -> Path:
     return next(name for name in names if not name.exists())
 
 
+def part_of(path: Path) -> Path:
+    """Where a file is written before it takes its place."""
+    return path.with_name(path.name + ".part")
+
+
 def write_text_atomically(path: Path, text: str) -> None:
     """Write a text file (UTF-8) so that a reader finds the old content or the new, never a part.
 
@@ -83,7 +88,7 @@ def write_text_atomically(path: Path, text: str) -> None:
 
 def write_bytes_atomically(path: Path, data: bytes) -> None:
     """Write content of any kind as `write_text_atomically` writes text."""
-    part = path.with_name(path.name + ".part")
+    part = part_of(path)
     with reported(path):
         try:
             with part.open("wb") as stream:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..files import append_row, cut, reported, sync, write_json
+from ..files import append_row, cut, part_of, reported, sync, write_json
 from ..parallel import collectively
 from ..planning.plan import Plan
 from ..results.result import Result
@@ -74,6 +74,8 @@ class ResultDirectory:
 
     def _make_ready(self) -> None:
         """Let an earlier run make room; of one that is resumed, drop the rows that came after the checkpoint."""
+        with reported(self.path):
+            part_of(self.path / CHECKPOINT).unlink(missing_ok=True)  # of a run that was killed as it wrote
         if self._resumed is not None:
             recorded = self._resumed.recorded
             cut(self.path / "history.csv", recorded.rows, recorded.bytes)

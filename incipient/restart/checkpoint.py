@@ -21,7 +21,7 @@ import numpy as np
 
 from ..arrays import Floats, Integers
 from ..errors import OutputError
-from ..files import cause_of, reported, sync
+from ..files import cause_of, part_of, reported, sync
 from ..parallel import collectively, from_first
 from ..tables.hdf5 import reserve, write_rows
 from ..tables.rows import Rows, block
@@ -163,7 +163,7 @@ def write(path: Path, checkpoint: Checkpoint, comm: MPI.Comm) -> None:
     Raises:
         OutputError: on all ranks, it cannot be written; the old one is as it was.
     """
-    part, tables = path.with_name(path.name + ".part"), dict(_tables(checkpoint))
+    part, tables = part_of(path), dict(_tables(checkpoint))
     checksums = _checksums(comm, tables)
 
     def made() -> dict[str, int]:

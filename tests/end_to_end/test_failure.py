@@ -122,8 +122,8 @@ def test_an_interrupted_run_ends_at_once_and_keeps_everything(started, tmp_path,
     by_itself = ranks == 2 and "Open MPI" in MPI.Get_library_version()
     assert outcome.codes == [1 if by_itself else 130]
     assert assert_all_kept(tmp_path) >= 5
-    assert not list(tmp_path.glob("*.part"))
     # mpirun kills its ranks a second after it has passed the signal on, whatever they are doing.
+    assert ranks == 2 or not list(tmp_path.glob("*.part"))
     assert ranks == 2 or read(tmp_path / "checkpoint.h5", MPI.COMM_SELF).progress.number == assert_all_kept(
         tmp_path
     )
