@@ -1,4 +1,4 @@
-"""A vertical plane through a run in space: its fields on a regular grid, by VTK's interpolation in quadratic cells."""
+"""A vertical plane through a run in space: its fields on a regular grid, from straight parts of the quadratic cells."""
 
 from __future__ import annotations
 
@@ -17,7 +17,19 @@ from .streamlines import Sampled
 from .style import View
 
 BESIDE = 1e-5  # of the width: how far beside a plane of symmetry fields are cut
-TETRAHEDRON = 24  # VTK's number of the quadratic one
+TETRAHEDRON, STRAIGHT = 24, 10  # VTK's numbers of the quadratic one and of the straight one
+# Nodes of the eight straight tetrahedra that a quadratic one is cut into: VTK takes points far outside of curved cells
+# for points within.
+PARTS = (
+    (0, 4, 6, 7),
+    (4, 1, 5, 8),
+    (6, 5, 2, 9),
+    (7, 8, 9, 3),
+    (4, 5, 6, 8),
+    (4, 6, 7, 8),
+    (6, 7, 8, 9),
+    (5, 6, 8, 9),
+)
 COLUMNS = 500  # points along the longer side
 _NEAR = 0.15  # of the grain's size: where its shape tells what is fluid
 
@@ -76,8 +88,8 @@ def section_of(run: Run, view: View, names: Sequence[str], columns: int = COLUMN
     across, up = np.meshgrid(x, z)
     level = np.clip(level_of(run), low + inwards, high - inwards)
     points = np.column_stack([across.ravel(), np.full(across.size, level), up.ravel()])
-    found = pyvista.PolyData(points).sample(tetrahedra(run, view, names))
-    # VTK misses points next to curved boundaries: where there is fluid the shapes tell, and how fast the next point.
+    found = pyvista.PolyData(points).sample(straight(tetrahedra(run, view, names)))
+    # Points next to curved boundaries are missed: where there is fluid the shapes tell, and how fast the next point.
     known = np.asarray(found["vtkValidPointMask"], dtype=bool)
     inside = _in_fluid(run, points, known)
     if known.any():
@@ -104,6 +116,15 @@ def _in_fluid(run: Run, points: np.ndarray, known: np.ndarray) -> np.ndarray:
     away = scene.grain.level(placement.to_body(points))
     beside = (away < _NEAR * scene.grain.size) & (points[:, 2] > low)
     return np.asarray((known | beside) & (away > 0.0))
+
+
+def straight(grid: Any) -> Any:
+    """Quadratic tetrahedra cut into straight ones on the same nodes, with the same fields."""
+    cells = grid.cells_dict[TETRAHEDRON][:, np.array(PARTS)].reshape(-1, 4)
+    cut = pyvista_off_screen().UnstructuredGrid({STRAIGHT: cells}, grid.points)
+    for name in grid.point_data:
+        cut[name] = grid[name]
+    return cut
 
 
 def tetrahedra(run: Run, view: View | None, names: Sequence[str]) -> Any:
