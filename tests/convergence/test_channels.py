@@ -177,3 +177,27 @@ def test_waves_on_a_film_grow_above_the_critical_reynolds_number_and_decay_below
     measured = amplitudes(tmp_path, w, stations, 2)
     assert np.polyfit(stations, np.log(np.abs(measured)), 1)[0] == pytest.approx(-exact.imag, rel=0.05)
     assert -np.polyfit(stations, np.unwrap(np.angle(measured)), 1)[0] == pytest.approx(exact.real, rel=0.02)
+
+
+@pytest.mark.slow
+def test_a_hump_is_washed_out_of_a_fast_stream_of_low_viscosity(tmp_path):
+    """Froude number 0.6. Where nothing is asked of what enters, the elevation at the inflow passes 0.16 at t = 10."""
+    scene = CHANNEL.format(
+        length=6.0,
+        reynolds=600.0,
+        flow='kind = "uniform"\nvelocity = 0.6',
+        bed="",
+        gravity=1.0,
+        inflow="0",
+        sponge=0.0,
+        bottom="slip",
+        stations=[0.0, 1.5, 3.0, 4.5, 6.0],
+        start="stokes",
+        mesh=2.0,
+        end=16.0,
+        step=0.1,
+    ).replace("stations =", 'elevation = "0.05*exp(-(x - 3)**2/0.3)"\nstations =')
+    incipient.run(loads(scene), tmp_path)
+    history = np.genfromtxt(tmp_path / "history.csv", delimiter=",", names=True)
+    late = [history[f"elevation_{n}"][history["time"] > 8.0] for n in range(1, 6)]
+    assert np.abs(late).max() < 0.3 * 0.05
