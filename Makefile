@@ -2,13 +2,15 @@
 .DEFAULT_GOAL := help
 PYTHON := .venv/bin/python
 DEMO := grain_on_bed
-# Two files of tests at a time, in the order of their folders: long files with few tests come first, short ones last.
+# Two files of tests at a time, in the order of their folders, those without a flow last (tests/conftest.py).
 BESIDE := -n 2 --dist loadfile --no-loadscope-reorder
 # Passed on to pytest, as in: make test ARGS="-k contact -x"
 ARGS ?=
 
 # Parallelism is MPI's: threads of the linear algebra would only compete with its ranks.
 export OMP_NUM_THREADS := 1
+# Bytecode of tests is kept whatever the environment says: each process takes seconds to make it.
+unexport PYTHONDONTWRITEBYTECODE
 # Open MPI refuses to run as root, which is what one is in most containers.
 export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1

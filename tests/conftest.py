@@ -89,7 +89,11 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the unit tests that need neither flow nor ranks as quick: `pytest -m quick` takes less than a minute."""
+    """Mark the unit tests that need neither flow nor ranks as quick: `pytest -m quick` takes less than a minute.
+
+    They come last: where files are shared out among processes, the last long one would keep the others waiting.
+    """
+    items.sort(key=lambda item: is_quick(item.path))
     for item in items:
         if is_quick(item.path) and "mpirun" not in getattr(item, "fixturenames", ()):
             item.add_marker("quick")

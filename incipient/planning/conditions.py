@@ -9,7 +9,6 @@ from ..scene import Scene
 from .cells import side_names, sides_across
 from .open_channel import ends, surface_of
 from .stream import Velocity, inflow, undisturbed
-from .surface import free_surface
 
 if TYPE_CHECKING:
     from ..fluid import Condition
@@ -45,6 +44,8 @@ def conditions(scene: Scene, held: bool = False, lid: bool = False) -> list[Cond
     else:
         moving.append((bottom, stream))
     if surface:
+        from .surface import free_surface
+
         free.append(free_surface(scene))
     elif scene.top in ("slip", "free-surface"):
         free.append(Slip(top, axis=scene.up))

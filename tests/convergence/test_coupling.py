@@ -33,11 +33,11 @@ MASS_RATIOS = [
 ]
 # What each is free to do, and the ratio of its mass to the fluid's.
 PARTLY_FREE = [
-    (DISC, 0.0, (True, True, False)),
+    pytest.param(DISC, 0.0, (True, True, False), marks=pytest.mark.slow),
     (DISC, 1.0, (True, False, True)),
     (ELLIPSE, 0.0, (True, True, True)),
-    (ELLIPSE, 1.0, (True, True, True)),
-    (ELLIPSE, 0.0, (False, False, True)),
+    pytest.param(ELLIPSE, 1.0, (True, True, True), marks=pytest.mark.slow),
+    pytest.param(ELLIPSE, 0.0, (False, False, True), marks=pytest.mark.slow),
 ]
 
 
@@ -160,7 +160,7 @@ def test_no_ringing(ratio: float) -> None:
         assert np.abs(third).max() < 40.0 * (END / count) ** 3
 
 
-@pytest.mark.parametrize("ratio", [0.0, 1.0])
+@pytest.mark.parametrize("ratio", [0.0, pytest.param(1.0, marks=pytest.mark.slow)])
 def test_velocities_after_a_sudden_release_are_of_second_order(ratio: float) -> None:
     """Let go under a weight, the disc slips at first like t and t^(3/2); the path keeps what the first step errs.
 

@@ -130,14 +130,16 @@ def test_without_inertia_a_spin_is_gone_at_once() -> None:
     assert np.abs(readings(0.0, 1.0, at_rest, 0.1)[1:, 2]).max() < 1e-12
 
 
-@pytest.mark.parametrize("inertia", [0.0, pytest.param(0.02, marks=pytest.mark.slow), 1.0])
+@pytest.mark.parametrize(
+    "inertia", [0.0, *(pytest.param(one, marks=pytest.mark.slow) for one in (0.02, 1.0))]
+)
 def test_carried_along_by_the_outer_circle(inertia: float) -> None:
     found = errors(inertia, 0.0, ramp)
     assert found[-1] < 5e-4
     assert np.log2(found[:-1] / found[1:]) == pytest.approx([2.0, 2.0], abs=0.25)
 
 
-@pytest.mark.parametrize("inertia", [0.0, 1.0])
+@pytest.mark.parametrize("inertia", [pytest.param(0.0, marks=pytest.mark.slow), 1.0])
 def test_turns_with_the_outer_circle_in_the_end(inertia: float) -> None:
     """As one with it, as a rigid body; free in all its motions it stays in the middle, on a mesh that is not even."""
     values = readings(inertia, 0.0, ramp, 1.0, end=200.0, free=FREE, around=24)

@@ -144,17 +144,22 @@ def expected(gdim: int, order: int) -> Any:
     return pytest.approx((order + 1, order), abs=SLACK[gdim])
 
 
-LEVELS = {(2, 2): [6, 12, 24], (2, 3): [6, 12, 24], (2, 4): [8, 12, 16], (3, 2): [2, 4, 6], (3, 3): [2, 3, 4]}
+LEVELS = {(2, 2): [12, 24], (2, 3): [12, 24], (2, 4): [12, 16], (3, 2): [4, 6], (3, 3): [3, 4]}
 
 
-@pytest.mark.parametrize(("gdim", "order"), LEVELS)
+def all_but(slow: tuple[int, int]) -> list[Any]:
+    """Dimensions and orders: by default each is looked at on one domain or on both."""
+    return [pytest.param(*one, marks=pytest.mark.slow if one == slow else ()) for one in LEVELS]
+
+
+@pytest.mark.parametrize(("gdim", "order"), all_but((3, 2)))
 def test_steady_flow_on_a_fixed_domain(gdim: int, order: int) -> None:
     flow, levels = {2: PLANE, 3: SPATIAL}[gdim], LEVELS[gdim, order]
     found = [steady_errors(flow, order, n) for n in levels]
     assert finest(levels, found) == expected(gdim, order)
 
 
-@pytest.mark.parametrize(("gdim", "order"), LEVELS)
+@pytest.mark.parametrize(("gdim", "order"), all_but((3, 3)))
 def test_steady_flow_on_a_mapped_domain(gdim: int, order: int) -> None:
     flow, levels = {2: PLANE, 3: SPATIAL}[gdim], LEVELS[gdim, order]
     found = [steady_errors(flow, order, n, CURVED[gdim]) for n in levels]

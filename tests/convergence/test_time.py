@@ -78,6 +78,10 @@ def alternating(n: int) -> list[float]:
     return [END / (1.5 * n), 2 * END / (1.5 * n)] * (n // 2)
 
 
+# Steps alike are a special case.
+lengths = pytest.mark.parametrize("steps", [pytest.param(constant, marks=pytest.mark.slow), alternating])
+
+
 def errors_after(
     steps: Sequence[float], order: int, convection: str, motion: Motion | None = None
 ) -> np.ndarray:
@@ -98,10 +102,10 @@ def errors_after(
 
 @pytest.mark.parametrize("motion", [None, STRETCHING], ids=["fixed", "moving"])
 @pytest.mark.parametrize("convection", ["implicit", "extrapolated"])
-@pytest.mark.parametrize("steps", [constant, alternating])
+@lengths
 @pytest.mark.parametrize("order", [1, 2])
 def test_order_in_time(order: int, steps: Any, convection: str, motion: Motion | None) -> None:
-    counts = [16, 32, 64]
+    counts = [32, 64]
     found = np.array([errors_after(steps(n), order, convection, motion) for n in counts])
     observed = [orders([1 / n for n in counts], column) for column in found.T]
     print(order, steps.__name__, convection, motion is not None, found[-1], observed)
@@ -123,7 +127,7 @@ def errors_on_a_moved_mesh(steps: Sequence[float], order: int, model: FlowModel)
 
 @pytest.mark.parametrize("energy_stable", [False, True], ids=["printed", "energy-stable"])
 @pytest.mark.parametrize("convection", ["implicit", "extrapolated"])
-@pytest.mark.parametrize("steps", [constant, alternating])
+@lengths
 @pytest.mark.parametrize("order", [1, 2])
 def test_order_in_time_on_a_moved_mesh(order: int, steps: Any, convection: str, energy_stable: bool) -> None:
     counts = [64, 128]

@@ -38,9 +38,10 @@ RUNS = {
 SAID = {"cavity.py": "Re = 100", "grain_on_bed.py": "verdict"}
 
 
-def run_demo(script, ranks, directory):
+def run_demo(script, ranks, directory, arguments=None):
     """Run a demo in a directory; its results by name, as they are pinned."""
-    command = [*(on_ranks(ranks) if ranks > 1 else ()), sys.executable, DEMOS / script, *RUNS[script]]
+    asked = arguments or RUNS[script]
+    command = [*(on_ranks(ranks) if ranks > 1 else ()), sys.executable, DEMOS / script, *asked]
     done = finished(command, 240, env=environment(), cwd=directory)
     assert done.returncode == 0, done.stderr
     names = sorted(path.name for path in (Path(directory) / "results").iterdir())
@@ -69,6 +70,8 @@ def versions():
     return {"dolfinx": dolfinx.__version__, "gmsh": gmsh.__version__}
 
 
+# By default one scene of those that differ by their gravity only.
+FEWER = {("grain_on_bed.py", 1): (["10"], ["grain_10"])}
 # On one rank, and a grain that moves on two as well; the rest is left to `make test-slow`.
 DEFAULT = [("cavity.py", 1), ("grain_on_bed.py", 1), ("pothole.py", 1), ("settling.py", 2)]
 
@@ -83,9 +86,11 @@ DEFAULT = [("cavity.py", 1), ("grain_on_bed.py", 1), ("pothole.py", 1), ("settli
 def test_demo_gives_its_numbers(script, ranks, tmp_path):
     expected = json.loads(EXPECTED.read_text())
     close = 1e-6 if versions() == expected["versions"] else 1e-3
-    done, found = run_demo(script, ranks, tmp_path)
-    assert found.keys() == expected[script].keys()
-    for name, numbers in expected[script].items():
+    arguments, names = FEWER.get((script, ranks), (None, expected[script]))
+    done, found = run_demo(script, ranks, tmp_path, arguments)
+    assert list(found) == sorted(names)
+    for name in found:
+        numbers = expected[script][name]
         if close > 1e-6:
             meshes = {key: found[name][key] for key in ("unknowns", "remeshings") if key in numbers}
             numbers = {**numbers, **meshes}

@@ -216,6 +216,7 @@ def assert_is_an_animation(path):
         assert np.mean((one != other).any(axis=2)) > 0.005  # the grain moves
 
 
+@pytest.mark.slow
 def test_a_gif_has_a_frame_for_each_step(run):
     path = animate_apart(run, None, "velocity")
     assert path == run / "velocity.gif"

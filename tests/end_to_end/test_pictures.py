@@ -12,6 +12,7 @@ import pytest
 import tomli_w
 from images import assert_is_a_picture, texts_of
 
+from incipient.cli import main
 from incipient.contact import Contacts, Load
 from incipient.contact.verdict import judge
 from incipient.errors import OutputError
@@ -140,9 +141,11 @@ def box_run(tmp_path):
     return write_run(tmp_path, mesh, rotation(mesh[0]), scene, result)
 
 
-def test_a_box_without_a_grain_has_flow_pictures_and_profiles(box_run):
-    written = draw_apart(box_run).paths
-    assert [path.name for path in written] == [*FLOW_PICTURES, "profiles.png", "mesh.png"]
+def test_a_box_without_a_grain_has_flow_pictures_and_profiles(box_run, capsys):
+    """By the command, which says what it has written."""
+    assert main(["show", str(box_run)]) == 0
+    written = [Path(line) for line in capsys.readouterr().out.splitlines()]
+    assert written == [box_run / name for name in (*FLOW_PICTURES, "profiles.png", "mesh.png")]
     for path in written:
         assert_is_a_picture(path, margin=path.stem != "mesh")
 

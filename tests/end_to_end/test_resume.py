@@ -241,23 +241,16 @@ def test_a_run_goes_on_with_other_steps(tmp_path: Path, stopped: Callable[[int],
     assert lengths[8] > 0.009
 
 
-@pytest.mark.parametrize("ranks", [(1, 2), (2, 1)])
-def test_the_number_of_ranks_may_change(
-    whole_pothole: Path, tmp_path: Path, session: Session, ranks: tuple[int, int]
-) -> None:
-    first, second = ranks
+def test_the_number_of_ranks_may_change(whole_pothole: Path, tmp_path: Path, session: Session) -> None:
+    """From one to two, and from two to one."""
     (tmp_path / "pothole.toml").write_text(POTHOLE)
-    if first == 1:
-        shutil.copytree(whole_pothole, tmp_path / "x")
-    else:
-        (outcome,) = session(first, [["run", "pothole.toml", "--out", "x"]], timeout=300)
-        assert outcome.codes == [0] * first, outcome.lines
-    if second == 1:
-        incipient.resume(tmp_path / "x")
-    else:
-        (outcome,) = session(second, [["resume", "x"]], timeout=300)
-        assert outcome.codes == [0] * second, outcome.lines
-    assert_same_run(tmp_path / "x", whole_pothole)
+    shutil.copytree(whole_pothole, tmp_path / "one_to_two")
+    cut = ["run", "pothole.toml", *settings(time_end=1.0), "--out", "two_to_one"]
+    for outcome in session(2, [["resume", "one_to_two"], cut], timeout=300):
+        assert outcome.codes == [0, 0], outcome.lines
+    incipient.resume(tmp_path / "two_to_one", ["time.end=1.3"])
+    for name in ("one_to_two", "two_to_one"):
+        assert_same_run(tmp_path / name, whole_pothole)
 
 
 # -- signals -----------------------------------------------------------------------------------------------------

@@ -118,7 +118,7 @@ def stays_below_its_start(values: np.ndarray) -> bool:
 @pytest.mark.parametrize("step", STEPS)
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("convection", ["implicit", "extrapolated"])
-@pytest.mark.parametrize("reynolds", [1.0, 100.0])
+@pytest.mark.parametrize("reynolds", [pytest.param(1.0, marks=pytest.mark.slow), 100.0])
 def test_energy_of_a_decaying_flow(reynolds: float, convection: str, order: int, step: float) -> None:
     """Convection as printed, which viscosity is strong enough for."""
     model = FlowModel(unsteady=True, convection=convection)

@@ -36,7 +36,7 @@ from incipient.geometry import (
 
 class TestDiscs:
     @pytest.mark.parametrize("friction", [0.0, 0.3, np.inf])
-    @pytest.mark.parametrize("x", [0.05, 0.7])
+    @pytest.mark.parametrize("x", [0.05, pytest.param(0.7, marks=pytest.mark.slow)])
     @pytest.mark.parametrize(("radius", "spacing", "diameter"), [(0.5, 1.0, 1.0), (0.3, 1.0, 1.0)])
     def test_in_the_pocket_of_two_half_discs(self, radius, spacing, diameter, x, friction):
         # Sides R + r, R + r and s of the triangle of centres.

@@ -172,18 +172,16 @@ if comm.rank == 0:
 
 
 def test_ranks_agree_with_one(mpirun: Any) -> None:
-    """Wherever the points are asked for and the cells are; not each mesh is cut the same way."""
+    """Wherever the points are asked for and the cells are: of three ranks two ask."""
     found = []
-    for n in (1, 2, 3):
+    for n in (1, 3):
         done = mpirun(n, RANKS)
         assert done.returncode == 0, done.stderr
         found.append(json.loads(done.stdout))
-    (one, outside, farthest, values), *others = found
-    assert one == 1
+    (one, outside, farthest, values), (three, *rest) = found
+    assert (one, three) == (1, 3)
     assert outside == 300
     assert farthest == pytest.approx(0.1, rel=0.02)
-    for number, (ranks, *rest) in enumerate(others, start=2):
-        assert ranks == number
-        assert rest[0] == outside
-        assert rest[1] == pytest.approx(farthest, rel=1e-9)
-        assert np.array(rest[2]) == pytest.approx(np.array(values), abs=1e-9)
+    assert rest[0] == outside
+    assert rest[1] == pytest.approx(farthest, rel=1e-9)
+    assert np.array(rest[2]) == pytest.approx(np.array(values), abs=1e-9)

@@ -9,6 +9,7 @@ import json
 import shutil
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -24,8 +25,25 @@ MAKE = {1: [sys.executable], 2: [*on_ranks(2), sys.executable]}
 QUADRATIC_EDGE, QUADRATIC_TRIANGLE, QUADRATIC_TETRAHEDRON = 21, 22, 24  # vtkCellType.h
 
 
-def spawn(ranks: int, task: str, directory: Path) -> subprocess.CompletedProcess:
-    return finished([*MAKE[ranks], WRITER, task, directory], 240, env=environment())
+TASKS = ("write_all", "write_moving", "write_and_resume", "write_until_full", "write_where_impossible")
+
+
+def spawn(ranks: int, directory: Path, *tasks: str) -> subprocess.CompletedProcess:
+    return finished([*MAKE[ranks], WRITER, directory, *tasks], 240, env=environment())
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    """`done(2, "write_all")`: the directory of a task that so many ranks have done; two do all in one launch."""
+
+    @cache
+    def launched(ranks, tasks):
+        directory = tmp_path_factory.mktemp(f"ranks{ranks}")
+        process = spawn(ranks, directory, *tasks)
+        assert process.returncode == 0, process.stderr
+        return directory
+
+    return lambda ranks, task: launched(ranks, TASKS if ranks == 2 else (task,)) / task
 
 
 def grids(stem: Path):
@@ -51,14 +69,9 @@ def sorted_rows(grid):
 
 
 @pytest.fixture(scope="module")
-def directories(tmp_path_factory):
+def directories(done):
     """What one rank and what two ranks have written."""
-    found = {}
-    for ranks in MAKE:
-        found[ranks] = tmp_path_factory.mktemp(f"ranks{ranks}")
-        process = spawn(ranks, "write_all", found[ranks])
-        assert process.returncode == 0, process.stderr
-    return found
+    return {ranks: done(ranks, "write_all") for ranks in MAKE}
 
 
 @pytest.fixture(params=MAKE)
@@ -144,11 +157,9 @@ def test_order_of_nodes_in_space(written, name, cell_type, edges):
 
 
 @pytest.fixture(scope="module", params=[pytest.param(1, marks=pytest.mark.slow), 2])
-def moving(request, tmp_path_factory):
+def moving(request, done):
     """Series of a body that moves, with what was written at each step."""
-    directory = tmp_path_factory.mktemp(f"moving{request.param}")
-    process = spawn(request.param, "write_moving", directory)
-    assert process.returncode == 0, process.stderr
+    directory = done(request.param, "write_moving")
     return directory, json.loads((directory / "steps.json").read_text())
 
 
@@ -233,15 +244,14 @@ def test_paraview_opens_it(moving, tmp_path):
 
 
 @pytest.mark.parametrize("ranks", [pytest.param(1, marks=pytest.mark.slow), 2])
-def test_a_series_is_resumed(ranks, tmp_path):
+def test_a_series_is_resumed(ranks, done):
     """What is later than the point from which it goes on is dropped."""
-    process = spawn(ranks, "write_and_resume", tmp_path)
-    assert process.returncode == 0, process.stderr
-    found = grids(tmp_path / "fields")
-    assert [time for time, _ in found] == times(tmp_path / "fields") == [0.0, 0.1, 0.15, 0.2]
+    directory = done(ranks, "write_and_resume")
+    found = grids(directory / "fields")
+    assert [time for time, _ in found] == times(directory / "fields") == [0.0, 0.1, 0.15, 0.2]
     assert np.allclose([grid.bounds[0] for _, grid in found], [-0.9, -0.8, -1.0, -1.0])
     assert found[1][1].n_cells < found[2][1].n_cells == found[3][1].n_cells
-    assert np.isclose(read_step(tmp_path / "fields", 1).points[:, 0].min(), -0.8)
+    assert np.isclose(read_step(directory / "fields", 1).points[:, 0].min(), -0.8)
     for _, grid in found:
         expected = np.column_stack([*velocity(grid.points.T), np.zeros(grid.n_points)])
         assert np.allclose(grid["velocity"], expected, atol=1e-13)
@@ -280,26 +290,23 @@ def test_a_step_is_read_back_without_vtk(written):
 
 @pytest.mark.parametrize("ranks", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_readable_after_a_crash(ranks, tmp_path):
-    assert spawn(ranks, "write_and_crash", tmp_path).returncode != 0
-    found = grids(tmp_path / "fields")
+    assert spawn(ranks, tmp_path, "write_and_crash").returncode != 0
+    found = grids(tmp_path / "write_and_crash/fields")
     assert [time for time, _ in found] == [0.0, 1.0]
     assert np.isfinite(found[-1][1]["velocity"]).all()
 
 
 @pytest.mark.parametrize("ranks", [pytest.param(1, marks=pytest.mark.slow), 2])
-def test_a_full_disk_is_one_error_on_all_ranks_and_loses_nothing(ranks, tmp_path):
-    (tmp_path / "go-on").touch()
-    process = spawn(ranks, "write_until_full", tmp_path)
-    assert process.returncode == 0, process.stderr
-    said = {(tmp_path / f"said{rank}").read_text() for rank in range(ranks)}
+def test_a_full_disk_is_one_error_on_all_ranks_and_loses_nothing(ranks, done):
+    directory = done(ranks, "write_until_full")
+    said = {(directory / f"said{rank}").read_text() for rank in range(ranks)}
     (message,) = said
     assert "fields.h5: cannot be written: file too large; raise the limit" in message
-    assert [time for time, _ in grids(tmp_path / "fields")] == [0.0, 2.0]
+    assert [time for time, _ in grids(directory / "fields")] == [0.0, 2.0]
 
 
 @pytest.mark.parametrize("ranks", [pytest.param(1, marks=pytest.mark.slow), 2])
-def test_a_missing_directory_is_one_error_on_all_ranks(ranks, tmp_path):
-    process = spawn(ranks, "write_where_impossible", tmp_path)
-    assert process.returncode == 0, process.stderr
+def test_a_missing_directory_is_one_error_on_all_ranks(ranks, done):
+    directory = done(ranks, "write_where_impossible")
     for rank in range(ranks):
-        assert "make the directory first" in (tmp_path / f"said{rank}").read_text()
+        assert "make the directory first" in (directory / f"said{rank}").read_text()

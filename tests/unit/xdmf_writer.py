@@ -170,8 +170,7 @@ def write_until_full(directory: Path) -> None:
     if MPI.COMM_WORLD.rank == 0:
         resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
     (directory / f"said{MPI.COMM_WORLD.rank}").write_text(said)
-    if (directory / "go-on").exists():
-        series.write(2.0, functions(mesh))
+    series.write(2.0, functions(mesh))
 
 
 def write_where_impossible(directory: Path) -> None:
@@ -183,4 +182,7 @@ def write_where_impossible(directory: Path) -> None:
 
 
 if __name__ == "__main__":
-    globals()[sys.argv[1]](Path(sys.argv[2]))
+    for task in sys.argv[2:]:
+        place = Path(sys.argv[1]) / task
+        place.mkdir(exist_ok=True)
+        globals()[task](place)
