@@ -88,7 +88,7 @@ def section_of(run: Run, view: View, names: Sequence[str], columns: int = COLUMN
     across, up = np.meshgrid(x, z)
     level = np.clip(level_of(run), low + inwards, high - inwards)
     points = np.column_stack([across.ravel(), np.full(across.size, level), up.ravel()])
-    found = pyvista.PolyData(points).sample(straight(tetrahedra(run, view, names)))
+    found = pyvista.PolyData(points).sample(straight(tetrahedra(run, view, names), level))
     # Points next to curved boundaries are missed: where there is fluid the shapes tell, and how fast the next point.
     known = np.asarray(found["vtkValidPointMask"], dtype=bool)
     inside = _in_fluid(run, points, known)
@@ -118,9 +118,11 @@ def _in_fluid(run: Run, points: np.ndarray, known: np.ndarray) -> np.ndarray:
     return np.asarray((known | beside) & (away > 0.0))
 
 
-def straight(grid: Any) -> Any:
-    """Quadratic tetrahedra cut into straight ones on the same nodes, with the same fields."""
+def straight(grid: Any, level: float) -> Any:
+    """The straight parts of quadratic tetrahedra that a plane of constant y goes through, on the same nodes."""
     cells = grid.cells_dict[TETRAHEDRON][:, np.array(PARTS)].reshape(-1, 4)
+    y = grid.points[:, 1][cells]
+    cells = cells[(y.min(axis=1) <= level) & (y.max(axis=1) >= level)]
     cut = pyvista_off_screen().UnstructuredGrid({STRAIGHT: cells}, grid.points)
     for name in grid.point_data:
         cut[name] = grid[name]

@@ -14,13 +14,13 @@ from ..errors import OutputError, SceneError
 from ..files import write_text_atomically
 from .page import Page, Part, html
 
-# What commands leave in a directory, with the picture that is drawn last of it.
+# What commands leave in a directory, with pictures that are always drawn of it.
 RECORDS = {
-    "result.json": "mesh.png",
-    "threshold.json": "threshold.png",
-    "judgement.json": "judgement.png",
-    "series.json": "series.png",
-    "cost.json": "cost.png",
+    "result.json": ("flow.png", "pressure.png", "mesh.png"),
+    "threshold.json": ("threshold.png",),
+    "judgement.json": ("judgement.png",),
+    "series.json": ("series.png",),
+    "cost.json": ("cost.png",),
 }
 NAME = "report.html"
 
@@ -63,7 +63,7 @@ def of_directory(directory: Path) -> Page:
 
     parts = [_part(record) for record in records]  # what is damaged is found before anything is drawn
     complaint = ""
-    if not all(_newer(directory / RECORDS[record.name], record) for record in records):
+    if not all(_newer(directory / name, record) for record in records for name in RECORDS[record.name]):
         from ..pictures.apart import draw_apart
 
         complaint = draw_apart(directory).complaint
