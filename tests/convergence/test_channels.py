@@ -162,7 +162,7 @@ def test_waves_on_a_film_grow_above_the_critical_reynolds_number_and_decay_below
         length=60.0,
         reynolds=reynolds,
         flow='kind = "open-channel"',
-        bed=f'[bed]\nkind = "inclined"\nslope = {np.degrees(slope)!r}',
+        bed=f'[bed]\nkind = "inclined"\nslope = {float(np.degrees(slope))!r}',
         gravity=float(3.0 / reynolds / np.sin(slope)),
         inflow=f"0.003*y*(2 - y)*sin({w}*t)",
         sponge=15.0,

@@ -148,7 +148,7 @@ def test_still_water_over_a_bed_with_a_grain_stays(tmp_path):
 
 def test_a_tank_that_is_accelerated_ends_in_the_plane_of_its_acceleration(tmp_path):
     """Seen from a tank that is accelerated by -a gravity is inclined: the surface at rest has the slope a/g."""
-    slope, angle = 0.1, np.degrees(np.arctan(0.1))
+    slope, angle = 0.1, float(np.degrees(np.arctan(0.1)))
     tank = WAVE.replace('bottom = "slip"\n', f'[bed]\nkind = "inclined"\nslope = {angle!r}\n')
     tank = tank.replace("0.01*cos(pi*x)", "0").replace("reynolds = 100.0", "reynolds = 20.0")
     tank = tank.replace("end = 0.4\nstep = 0.05", 'end = 200.0\nstep = 5.0\nscheme = "bdf1"')
@@ -162,7 +162,9 @@ def test_a_tank_that_is_accelerated_ends_in_the_plane_of_its_acceleration(tmp_pa
 @pytest.mark.slow
 def test_still_water_on_a_slope_stays_for_a_thousand_steps(tmp_path):
     """With gravity turned by a slope of 0.1 the surface at rest is a plane that descends as fast."""
-    slope = WITH_GRAIN.replace('kind = "flat"', f'kind = "inclined"\nslope = {np.degrees(np.arctan(0.1))!r}')
+    slope = WITH_GRAIN.replace(
+        'kind = "flat"', f'kind = "inclined"\nslope = {float(np.degrees(np.arctan(0.1)))!r}'
+    )
     slope = slope.replace("0.1*cos(pi*x/4)", "0.1*(x - 2)").replace("end = 0.4", "end = 50.0")
     result = incipient.run(loads(slope), tmp_path)
     assert len(history_of(tmp_path)) == 1000

@@ -13,7 +13,7 @@ from incipient.scene.file import loads
 
 SPEED, LENGTH = 0.25, 3.0
 # The slope at which the depth one is that of a film of this mean velocity at Re 1: g sin(a) H^2/(3 nu) = V.
-SLOPE = np.degrees(np.arcsin(3.0 * SPEED**2))
+SLOPE = float(np.degrees(np.arcsin(3.0 * SPEED**2)))
 FILM = f"""\
 title = "A film"
 [domain]
@@ -98,7 +98,7 @@ def test_a_film_whose_level_is_held_up_beyond_its_end_follows_the_backwater_curv
         FILM.replace(f"length = {LENGTH}", f"length = {length}")
         .replace(f"velocity = {SPEED}", "velocity = 1.0")
         .replace("reynolds = 1.0", f"reynolds = {reynolds}")
-        .replace(f"slope = {SLOPE!r}", f"slope = {np.degrees(slope)!r}")
+        .replace(f"slope = {SLOPE!r}", f"slope = {float(np.degrees(slope))!r}")
         .replace("acceleration = 1.0", f"acceleration = {float(6.0 / reynolds / np.sin(slope))!r}")
         .replace("1.5, 3.0]", "1.0, 2.0, 4.0, 6.0]")
         .replace("end = 5.0\nstep = 0.5", "end = 8.0\nstep = 0.4")

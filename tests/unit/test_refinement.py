@@ -83,7 +83,7 @@ def test_the_slope_at_which_a_block_slides_is_found_to_the_tolerance() -> None:
     """It slides from t = 0.3 - 0.1 on."""
     found = Judged(0.002, SLOPE)
     slope, _, rests = found.at()
-    low, high = slope[rests].max(), slope[~rests].min()
+    low, high = float(slope[rests].max()), float(slope[~rests].min())
     assert low <= 0.3 - PUSH <= high and high - low <= 0.002
     assert f"rest at load.weight=[{low!r}, -1.0], moves at load.weight=[{high!r}, -1.0]" in "\n".join(
         found.refinement.lines()
