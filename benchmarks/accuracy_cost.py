@@ -54,6 +54,11 @@ SCENES = (
         ),
         "Where the free bead is at the end, relative to the length of its path, and its turn.",
     ),
+    Scene(
+        "standing_wave",
+        ("--orders", "2", "3", "--steps", "8", "4", "2", "--solvers", "own"),
+        "Elevations at both ends and in the middle at sixteen times in three periods, relative to those together.",
+    ),
 )
 
 

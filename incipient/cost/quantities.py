@@ -1,7 +1,8 @@
 """What the accuracy of a run is measured by: numbers of its outcome, and which errors of them matter.
 
 A held grain: force, couple and safety factor, in time the largest and least of force and couple. A moving one:
-where it is at the end. Without a grain: the extreme velocities on a box's centrelines, else the kinetic energy.
+where it is at the end. Without a grain: the elevations of a free surface at its stations in time, the extreme
+velocities on a box's centrelines, else the kinetic energy.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ SMALLEST_COUPLE = 0.01  # of force times grain size: below it a couple's error i
 SMALLEST_TURN = 0.1  # the same for a turn, of the path in units of the grain's size
 SMALLEST_PART = 1e-3  # of the force: below it a component has no error of its own
 SETTLED = 0.75  # of the time after which flow from a steady inflow is taken to be what it tends to
+TIMES = 16  # in the time of a run, at which elevations are compared
 LINES = {"u_min": "minimum of v1", "v_max": "maximum of v2", "v_min": "minimum of v2"}
 
 
@@ -44,7 +46,8 @@ class Goal:
 def columns(scene: Scene) -> tuple[str, ...]:
     """Names of the numbers that a scene's runs are compared by."""
     if scene.body is None:
-        return (*LINES,) if _has_centrelines(scene) else ("kinetic_energy",)
+        lines = (*LINES,) if _has_centrelines(scene) else ("kinetic_energy",)
+        return _elevations(scene) or lines
     if scene.body.moves:
         return ("x", "y", "angle", "end_time", "path")
     if scene.time is None:
@@ -56,7 +59,7 @@ def columns(scene: Scene) -> tuple[str, ...]:
 def quantities(scene: Scene, result: Result, history: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     """The numbers of a finished run, by the names of `columns`; what a run does not tell is NaN. Collective."""
     if scene.body is None:
-        return _of_flow(scene, result)
+        return _of_surface(scene, history) if _elevations(scene) else _of_flow(scene, result)
     if result.trajectory is not None:
         return _of_path(scene, result, history)
     if scene.time is None:
@@ -67,7 +70,11 @@ def quantities(scene: Scene, result: Result, history: Sequence[Mapping[str, Any]
 def goals(scene: Scene, reference: Mapping[str, float]) -> tuple[Goal, ...]:
     """The errors to look at, relative to what the reference says the sizes are."""
     if scene.body is None:
-        return tuple(_single(name, reference) for name in columns(scene) if reference[name])
+        names = columns(scene)
+        size = _norm(reference, names)
+        if _elevations(scene):
+            return (Goal("elevation", names, size),) if size else ()
+        return tuple(_single(name, reference) for name in names if reference[name])
     if scene.body.moves:
         return _goals_of_path(scene, reference)
     return _goals_of_loads(scene, reference)
@@ -78,6 +85,27 @@ def goals(scene: Scene, reference: Mapping[str, float]) -> tuple[Goal, ...]:
 
 def _has_centrelines(scene: Scene) -> bool:
     return scene.flow.kind == "lid"
+
+
+def _elevations(scene: Scene) -> tuple[str, ...]:
+    """Names of the elevations at the stations, at equal intervals of time; none without stations."""
+    stations = () if scene.surface is None else scene.surface.stations
+    return tuple(f"elevation_{k}_{n}" for k in range(1, len(stations) + 1) for n in range(1, TIMES + 1))
+
+
+def _of_surface(scene: Scene, history: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """The elevations at the stations, between steps by a cubic spline from the first elevation on."""
+    from scipy.interpolate import CubicSpline
+
+    assert scene.surface is not None and scene.time is not None
+    times, found = np.array([0.0, *(row["time"] for row in history)]), {}
+    asked = scene.time.end * np.arange(1, TIMES + 1) / TIMES
+    for k, place in enumerate(scene.surface.places(), 1):
+        first = scene.surface.height(np.array([[*place, 0.0, 0.0][:3]]).T)
+        trace = [float(first[0]), *(row[f"elevation_{k}"] for row in history)]
+        for n, value in enumerate(CubicSpline(times, trace)(asked), 1):
+            found[f"elevation_{k}_{n}"] = float(value)
+    return found
 
 
 def _of_flow(scene: Scene, result: Result) -> dict[str, float]:
@@ -121,9 +149,10 @@ def _of_loads(result: Result) -> dict[str, float]:
 
 
 def _of_extremes(scene: Scene, history: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """Largest and least of each load: of all times if the inflow changes, else of the last quarter."""
+    """Largest and least of each load: of all times if the inflow changes or waves pass, else of the last quarter."""
     assert scene.time is not None
     changing = scene.flow.kind == "expression" and scene.flow.unsteady
+    changing = changing or (scene.has_surface and scene.flow.kind == "still")
     begin = 0.0 if changing else SETTLED * scene.time.end
     found = {}
     for part in ("force_x", "force_y", "couple"):

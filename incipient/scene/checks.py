@@ -195,7 +195,7 @@ def _accuracy(scene: Scene) -> Iterator[Problem]:
         why = "is that of the load on a grain but there is none"
         yield Problem(key, why, "add a section [body], or leave it out and choose numerics.mesh_size")
         return
-    if scene.flow.kind == "still" and not body.moves:
+    if scene.flow.kind == "still" and not body.moves and not scene.has_surface:
         yield Problem(key, "is relative but a fluid at rest exerts no force", "leave it out")
         return
     if not verdict and numerics.accuracy_of != "safety factor":

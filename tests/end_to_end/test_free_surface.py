@@ -137,6 +137,19 @@ def test_a_grain_below_a_wave_is_judged_at_every_step(tmp_path):
     assert result.verdict is not None
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("accuracy", [0.03, 0.0003])
+def test_an_accuracy_is_sought_below_a_wave(accuracy):
+    """Cells, order and steps are chosen; beside a run of order four in steps of half of the scene's."""
+    text = WITH_GRAIN.replace("mesh_size = 4.0\nerror_bars = false", f"accuracy = {accuracy}")
+    text = text.replace("end = 0.4\nstep = 0.05", "end = 0.8\nstep = 0.02")
+    found = incipient.run(loads(text))
+    fine = text.replace(f"accuracy = {accuracy}", "order = 4\nerror_bars = false").replace("0.02", "0.01")
+    exact = incipient.run(loads(fine)).force.flow
+    assert found.adaptation.met
+    assert np.linalg.norm(found.force.flow - exact) < accuracy * np.linalg.norm(exact)
+
+
 def test_still_water_over_a_bed_with_a_grain_stays(tmp_path):
     still = WITH_GRAIN.replace("0.1*cos(pi*x/4)", "0").replace(
         '[bed]\nkind = "flat"', '[bed]\nkind = "sinusoidal"\namplitude = 0.1\nwavelength = 1.3'
@@ -294,6 +307,11 @@ def test_a_grain_that_rises_to_the_surface_stops_by_name(tmp_path):
             'bottom = "slip"',
             'ends = "pinned"',
             'surface.ends: "pinned" is not known; use "wall" or "no-slip"',
+        ),
+        (
+            "[numerics]",
+            "[numerics]\naccuracy = 0.01",
+            "accuracy: is that of the load on a grain but there is none",
         ),
         (
             "end = 0.4",

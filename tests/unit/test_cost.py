@@ -23,7 +23,7 @@ from incipient.cost.ladder import STEADY as STEADY_SPREAD
 from incipient.cost.measurement import Measured, Variant
 from incipient.cost.records import known_runs
 from incipient.errors import ConvergenceError, OutputError, SceneError
-from incipient.scene import Scene, load
+from incipient.scene import Scene, load, loads
 
 SPACE = Path(__file__).parents[2] / "demos/scenes/sphere_on_plane.toml"
 
@@ -258,3 +258,40 @@ def test_the_page_says_it(tmp_path: Path) -> None:
 
 def test_builtin_scenes_are_of_every_kind() -> None:
     assert {calibration.kind(made) for made in builtin().values()} == {"steady", "unsteady", "moving"}
+
+
+def test_elevations_at_stations_are_compared_at_equal_times():
+    """Of a wave sampled at steps that do not meet these times; from the elevation at time zero on."""
+    waves = loads(
+        """
+[domain]
+kind = "box"
+length = 1.0
+height = 1.0
+top = "free-surface"
+[fluid]
+reynolds = 100.0
+scale = "flow"
+[flow]
+kind = "still"
+[gravity]
+acceleration = 1.0
+[surface]
+elevation = "0.1*cos(pi*x)"
+stations = [0.0, 0.25]
+[time]
+end = 3.0
+step = 0.07
+"""
+    )
+    times = np.append(np.arange(0.07, 3.0, 0.07), 3.0)
+    heights = {"elevation_1": 0.1, "elevation_2": 0.1 * np.cos(np.pi / 4.0)}
+    rows = [{"time": t} | {name: height * np.cos(t) for name, height in heights.items()} for t in times]
+    found = quantities.quantities(waves, None, rows)
+    at = 3.0 * np.arange(1, quantities.TIMES + 1) / quantities.TIMES
+    exact = [height * np.cos(at) for height in heights.values()]
+    assert [found[name] for name in quantities.columns(waves)] == pytest.approx(
+        np.concatenate(exact), abs=1e-6
+    )
+    (goal,) = quantities.goals(waves, found)
+    assert goal.error({name: 1.01 * value for name, value in found.items()}, found) == pytest.approx(0.01)
