@@ -14,6 +14,7 @@ from typing import Any
 import dolfinx
 import numpy as np
 import ufl
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from .. import compat
@@ -22,6 +23,7 @@ from ..compat import petsc
 from ..forms.surface import below
 from .domain import Domain
 
+LEVEL = 1e-9  # of heights: nodes whose heights differ by less are on one level
 LEVELLING = 0.04  # weight of the horizontal slopes of the rise against the vertical one
 
 
@@ -34,18 +36,27 @@ class RisingDisplacement:
         boundary: name of the surface.
         held: names of the boundaries whose nodes stay.
         pinned: names of the boundaries at which the surface's nodes stay.
+        still: height of the still level; None: that at which the surface was made.
 
     Attributes:
         nodes: local nodes of `space` on the surface, in ascending order; of them the first `owned` are this rank's.
+        raised: height at which the surface was made above the still level.
     """
 
     def __init__(
-        self, domain: Domain, space: Any, boundary: str, held: tuple[str, ...], pinned: tuple[str, ...] = ()
+        self,
+        domain: Domain,
+        space: Any,
+        boundary: str,
+        held: tuple[str, ...],
+        pinned: tuple[str, ...] = (),
+        still: float | None = None,
     ):
         self.domain, self.space, self.boundary = domain, space, boundary
         facets = domain.facets_of(boundary)
         self.nodes = np.sort(compat.nodes_on(space, facets))
         self.owned = int(np.searchsorted(self.nodes, space.dofmap.index_map.size_local))
+        self.raised = 0.0 if still is None else self._raised_above(still)
         self._rows = np.zeros(len(domain.mesh.geometry.x), dtype=np.int64)
         self._rows[compat.geometry_dofs(domain.mesh)] = compat.cell_dofs(space)
         fixed = [compat.nodes_on(space, domain.facets_of(name)) for name in held]
@@ -73,7 +84,7 @@ class RisingDisplacement:
         """(n, 3) displacements of the mesh's nodes under elevations (local nodes of the space,)."""
         work, values = self._work.x.array, self._values.x.array
         values[:] = 0.0
-        values[self._fixed] = np.where(np.isin(self._fixed, self.nodes), elevation[self._fixed], 0.0)
+        values[self.nodes] = elevation[self.nodes] - self.raised
         self._stiffness.mult(self._views[1], self._views[0])
         work *= -1.0
         work[self._fixed] = values[self._fixed]
@@ -151,6 +162,15 @@ class RisingDisplacement:
         """Free PETSc's memory."""
         for held in (self._spread, self._averaged, self._stiffness, self.area, *self._views):
             held.destroy()
+
+    def _raised_above(self, still: float) -> float:
+        heights = self.space.tabulate_dof_coordinates()[self.nodes, self.domain.gdim - 1]
+        made = self.domain.comm.allreduce(float(heights.max(initial=-np.inf)), op=MPI.MAX)
+        return (
+            0.0
+            if np.isclose(made, still, rtol=0.0, atol=LEVEL * max(abs(made), abs(still)))
+            else made - still
+        )
 
     def _numbers(self, nodes: Any) -> Any:
         """Global numbers of this rank's among local nodes."""

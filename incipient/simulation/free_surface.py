@@ -29,12 +29,15 @@ from ..scene import Scene
 
 Stage = Callable[[str], AbstractContextManager[Any]]
 
-# Distance of a moving grain from the surface, in its size, that counts as touching.
-TOUCHING = 0.05
+# Distance of a moving grain from the surface, in its size, that counts as touching; and distance from the still level
+# below which a new mesh has its top at the height of the surface above the grain.
+TOUCHING, NEAR = 0.05, 0.25
 
 
 class MovingSurface:
     """The free surface above a fluid whose mesh is as it was made, level on top. Every method is collective.
+
+    Where the mesh's top is not the still level, the mesh is moved by the elevation less the height in between.
 
     Args:
         stage: context managers by name that take the time.
@@ -50,10 +53,14 @@ class MovingSurface:
         self.fluid, self._scene, self._stage, space = fluid, scene, stage, fluid.surface.space
         condition = fluid.surface.condition
         held, pinned = stays_below(scene), condition.pinned
-        rising = RisingDisplacement(fluid.domain, space, condition.boundary, held, pinned)
+        self._up = fluid.domain.gdim - 1
+        rising = RisingDisplacement(
+            fluid.domain, space, condition.boundary, held, pinned, condition.origin[self._up]
+        )
         self._stations = _Stations(rising, scene)
         elevation, room = np.zeros((2, len(fluid.surface.elevation.x.array)))
         self._places: Floats = space.tabulate_dof_coordinates()[rising.nodes]
+        self._places[:, self._up] -= rising.raised
         elevation[rising.nodes] = surface_of(scene).height(self._places.T)
         room[rising.nodes], below = depths(scene, self._places)
         self.part = SurfacePart(fluid, rising, elevation, room, below, stage)
@@ -72,7 +79,7 @@ class MovingSurface:
         """The surface with its past above a new mesh, as that was made; its volume stays."""
         new, mesh, old = MovingSurface(self._scene, fluid, self._stage), self.fluid.domain.mesh, self.part
         comm, now = mesh.comm, mesh.geometry.x.copy()
-        everywhere = comm.allgather(new._places)
+        everywhere = comm.allgather(new._places + old.mesh.raised * np.eye(3)[self._up])
         mesh.geometry.x[:] = self.coupling.motion.reference
         part, function = new.part, dolfinx.fem.Function(old.mesh.space)
         part.times, part.past = list(old.times), []
@@ -99,28 +106,46 @@ class MovingSurface:
         if why:
             raise ConvergenceError(f"at t = {step.time:.6g} {why}")
 
-    def require_below(self, placement: Placement) -> None:
-        """Refuse a new mesh, which is drawn with its top at the still level, around a grain that reaches up to there.
+    def drawn(self, placement: Placement) -> Scene:
+        """The scene as a new mesh around a grain is drawn for it.
+
+        Its top is the still level, or where the grain comes near to that the mean height of the surface above it.
 
         Raises:
-            MeshError: it does.
+            MeshError: the grain reaches up to there.
         """
-        up, grain = self.fluid.space.gdim - 1, self._scene.grain
+        grain, domain = self._scene.grain, self._scene.domain
         assert grain is not None
         half = 0.5 * grain.size
-        if up == 1:
+        if self._up == 1:
             half = float(placement.to_scene(grain.chain.points(OUTLINE))[:, 1].max()) - placement.centre[1]
-        if placement.centre[up] + half > self._scene.domain.ceiling - TOUCHING * grain.size:
+        top, unit = placement.centre[self._up] + half, TOUCHING * grain.size
+        raised = 0.0
+        if top > domain.ceiling - NEAR * grain.size:
+            raised = unit * round(self._mean_above(placement, grain.size) / unit)
+        if top > domain.ceiling + raised - unit:
             raise MeshError(
-                "the grain has risen to the still level of the free surface, where no new mesh can be made: end "
-                "before it does, or use a heavier grain or deeper water"
+                "the grain has risen to the free surface, where no new mesh can be made: end before it does, or use "
+                "a heavier grain or deeper water"
             )
+        if raised == 0.0:
+            return self._scene
+        higher = domain.model_copy(update={"height": domain.height + raised})
+        return self._scene.model_copy(update={"domain": higher})
+
+    def _mean_above(self, placement: Placement, size: float) -> float:
+        """The mean elevation of the surface's nodes within half of a grain's size of its centre along the level."""
+        own = slice(0, self.part.mesh.owned)
+        away = self._places[own, : self._up] - np.asarray(placement.centre)[: self._up]
+        near = self.part.elevation[self.part.mesh.nodes[own]][np.linalg.norm(away, axis=1) <= 0.5 * size]
+        total, count = self.fluid.domain.comm.allreduce(np.array([near.sum(), len(near)]))
+        return float(total / max(count, 1.0))
 
     def _room_above(self, placement: Placement) -> float:
         """How far the grain is from the nodes of the surface, less what counts as touching."""
         grain, nodes = self._scene.grain, self.part.mesh.nodes
         assert grain is not None
-        gdim, points = self.fluid.space.gdim, self._places[:, : self.fluid.space.gdim].copy()
+        gdim, points = self._up + 1, self._places[:, : self._up + 1].copy()
         points[:, gdim - 1] += self.part.elevation[nodes]
         if gdim == 2:
             outline = placement.to_scene(grain.chain.points(OUTLINE))
@@ -170,7 +195,8 @@ class _Stations:
     def __init__(self, rising: RisingDisplacement, scene: Scene):
         comm, space = rising.domain.comm, rising.space
         across = surface_of(scene).places()
-        points = np.array([(*place, scene.domain.ceiling) for place in across]).reshape(-1, scene.gdim)
+        top = scene.domain.ceiling + rising.raised
+        points = np.array([(*place, top) for place in across]).reshape(-1, scene.gdim)
         places = Locator(rising.domain.mesh).inside(spatial(points))
         ranks = np.array(comm.allgather(np.where(places.found, comm.rank, comm.size)))
         self._mine = np.flatnonzero(ranks.min(axis=0, initial=comm.size) == comm.rank)

@@ -260,9 +260,8 @@ class Trajectory:
             old = self.fluid
             assert self.scene.placement is not None
             drawn = rounded(self.state.placement, self.scene.placement, ROUNDING * self.grain.size)
-            if self.surface is not None:
-                self.surface.require_below(drawn)
-            laid_out = drawing.lay_out(self.scene, self.plan, drawn)
+            scene = self.scene if self.surface is None else self.surface.drawn(drawn)
+            laid_out = drawing.lay_out(scene, self.plan, drawn)
             made = domain.build(old.domain.comm, laid_out.drawing, self.scene.gdim)
             fluid = Fluid(made, old.model, old.conditions, old.reynolds)
             fluid.watch = old.watch

@@ -277,6 +277,31 @@ def test_a_grain_without_mass_moves_with_the_surface(tmp_path):
 
 
 @pytest.mark.slow
+def test_new_meshes_above_the_still_level(tmp_path):
+    """A disc pushed up below a crest beyond the still level: new meshes have their tops above that; resumed, too."""
+    up = FLOATING.replace(
+        'density = 0.5\nmotion = "free"', 'motion = "prescribed"\ncourse = ["0", "2*t", "0"]'
+    )
+    up = up.replace("0.05*cos(pi*x/4)", "-0.4*cos(pi*x/2)").replace(
+        "acceleration = 4.0", "acceleration = 1.0"
+    )
+    up = up.replace("centre = [1.9, 1.2]", "centre = [2.0, 2.3]").replace(
+        "mesh_size = 5.0", "mesh_size = 3.0"
+    )
+    incipient.run(loads(up), tmp_path / "whole")
+    history, result = history_of(tmp_path / "whole"), json.loads((tmp_path / "whole/result.json").read_text())
+    made = [one["time"] for one in result["trajectory"]["remeshings"]]
+    assert np.interp(made, history["time"], history["y"]).max() + 0.5 > 3.05
+    assert np.ptp(history["volume_above_level"]) < 1e-14
+    assert history["interface"].max() <= 5
+    incipient.run(changed(up, time=loads(up).time.model_copy(update={"end": 0.4})), tmp_path / "part")
+    incipient.resume(tmp_path / "part", ["time.end=0.6"])
+    resumed = history_of(tmp_path / "part")
+    for name in ("elevation_1", "energy_fluid", "force_y", "meshes"):
+        assert resumed[name] == pytest.approx(history[name], rel=1e-6, abs=1e-9), name
+
+
+@pytest.mark.slow
 def test_a_grain_that_rises_to_the_surface_stops_by_name(tmp_path):
     up = FLOATING.replace("remesh_below = 0.95\n", "").replace("end = 0.6", "end = 9.0")
     with pytest.raises(
