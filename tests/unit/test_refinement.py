@@ -125,6 +125,13 @@ def test_the_boundary_of_two_parameters_is_followed() -> None:
     assert len(found.cases) < 17 * 17 * 0.6
 
 
+def test_what_is_no_number_makes_families_refined_by_themselves() -> None:
+    one, two = Judged(0.05, SLOPE), Judged(0.05, SLOPE, "contacts.convex=true,false")
+    assert len(two.cases) == 2 * len(one.cases)
+    changes = [line for line in two.refinement.lines() if "rest at" in line]
+    assert len(changes) == 2 and sum("contacts.convex=false" in line for line in changes) == 1
+
+
 def test_the_budget_is_kept_and_said() -> None:
     found = Judged(0.001, SLOPE, most=9)
     assert len(found.cases) <= 9
