@@ -2,7 +2,8 @@
 
 Scaling: half discs of the bed of diameter 1, the bead 0.6 to 1.3 times that; the viscosity follows from the Reynolds
          number, gravity stays the same. In space: a sphere in a pocket of spheres, at five Reynolds numbers.
-Cost:    60 thresholds with error bars, three to five minutes on two cores; in space some minutes a case (not measured).
+Cost:    60 thresholds with error bars, three to five minutes on two cores; in space, on coarse cells in a small domain and
+         without error bars, half a minute of processor time a case (finer by --set, see SMALL)
 Run:     python demos/reynolds_sweep.py [plane | space] [--set KEY=VALUE] [--wall 8h]; on a cluster
          mpirun -n 2 python demos/reynolds_sweep.py or more ranks: one gives out the cases, others compute them
 Results: results/reynolds_sweep_plane.sqlite; `incipient table FILE`, `incipient show FILE`; all: docs/sweeps.md
@@ -17,9 +18,13 @@ import incipient
 import incipient.sweep
 
 SCENES = Path(__file__).parent / "scenes"
-STUDIES = {
-    "plane": ("reynolds_sweep", None),  # as its section [sweep] says
-    "space": ("sphere_in_pocket", {"fluid.inertia": [True], "fluid.reynolds": "log:0.1:100:5"}),
+SMALL = [
+    *("numerics.mesh_size=5", "numerics.error_bars=false", "fluid.inertia=true"),
+    *("domain.length=12", "domain.width=10", "domain.height=5", "domain.origin=[4, 5, 0]"),
+]
+STUDIES: dict[str, tuple[str, dict[str, str] | None, list[str]]] = {
+    "plane": ("reynolds_sweep", None, []),  # as its section [sweep] says
+    "space": ("sphere_in_pocket", {"fluid.reynolds": "log:0.1:30:5"}, SMALL),
 }
 
 if __name__ == "__main__":
@@ -28,9 +33,9 @@ if __name__ == "__main__":
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
     parser.add_argument("--wall", help="end in time; call again to go on")
     given = parser.parse_args()
-    name, over = STUDIES[given.study]
+    name, over, settings = STUDIES[given.study]
     scene, file = SCENES / f"{name}.toml", f"results/reynolds_sweep_{given.study}.sqlite"
-    chosen = {"do": "threshold", "settings": given.set, "wall": given.wall}
+    chosen = {"do": "threshold", "settings": [*settings, *given.set], "wall": given.wall}
     with incipient.sweep.watching() as watcher:
         done = incipient.sweep.run(scene, file, over, watcher=watcher, **chosen)
     if MPI.COMM_WORLD.rank == 0:
