@@ -2,8 +2,8 @@
 
 Scaling: half discs of the bed of diameter 1, the bead 0.6 to 1.3 times that; the viscosity follows from the Reynolds
          number, gravity stays the same. In space: a sphere in a pocket of spheres, at five Reynolds numbers.
-Cost:    60 thresholds with error bars, three to five minutes on two cores; in space, on coarse cells in a small domain and
-         without error bars, half a minute of processor time a case (finer by --set, see SMALL)
+Cost:    60 thresholds with error bars, three to five minutes on two cores; in space, on coarse cells in a small domain
+         and without error bars, half a minute of processor time a case (finer by --set, see SMALL)
 Run:     python demos/reynolds_sweep.py [plane | space] [--set KEY=VALUE] [--wall 8h]; on a cluster
          mpirun -n 2 python demos/reynolds_sweep.py or more ranks: one gives out the cases, others compute them
 Results: results/reynolds_sweep_plane.sqlite; `incipient table FILE`, `incipient show FILE`; all: docs/sweeps.md

@@ -115,6 +115,8 @@ def schema() -> dict[str, Any]:
     """The JSON schema (draft 7, which TOML editors know) of scene files."""
     found = Scene.model_json_schema(ref_template="#/definitions/{model}")
     found["definitions"] = found.pop("$defs")
+    for section, key in (("Fluid", "reynolds"), ("Gravity", "acceleration")):  # which may follow from [units]
+        found["definitions"][section]["required"].remove(key)
     return {
         "$schema": "http://json-schema.org/draft-07/schema#",
         **_for_editors(found),
