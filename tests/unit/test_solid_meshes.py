@@ -222,7 +222,9 @@ def test_domains_of_dolfinx(order: int) -> None:
 
 
 def test_domains_on_two_ranks(mpirun: Any) -> None:
-    script = "import sys; sys.path.insert(0, sys.argv[1])\nfrom test_solid_meshes import measured\nprint(measured(2))"
+    # A line is written at once with its end: what two ranks print would else mix.
+    script = "import sys; sys.path.insert(0, sys.argv[1])\nfrom test_solid_meshes import measured\n"
+    script += "sys.stdout.write(f'{measured(2)}\\n')"
     done = mpirun(2, script, str(Path(__file__).parent), timeout=60)
     assert done.returncode == 0, done.stderr
     lines = [line for line in done.stdout.splitlines() if line.startswith("{")]
