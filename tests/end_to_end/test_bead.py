@@ -38,6 +38,7 @@ def test_threshold_of_a_bead_on_four_spheres(tmp_path):
     assert_is_a_picture(*pictures.draw(tmp_path))
 
 
+@pytest.mark.slow
 def test_threshold_of_a_bead_with_inertia_goes_straight_from_stokes_flow(tmp_path):
     """From Stokes flow at Re 1e-6 to the critical flow at about 12: its pressure is another by a factor of 1e7."""
     inertia = ("fluid.inertia=true", "fluid.reynolds=20.0", "gravity.acceleration=0.75")

@@ -11,7 +11,17 @@ from domains import SIDES, ball_in_box, unit_box
 from petsc4py import PETSc
 
 from incipient.errors import ConvergenceError
-from incipient.fluid import Condition, FlowModel, Fluid, Open, Prescribed, Slip, Transient, no_slip
+from incipient.fluid import (
+    Condition,
+    FlowModel,
+    Fluid,
+    Open,
+    Prescribed,
+    Slip,
+    Transient,
+    no_slip,
+    solve_steady,
+)
 from incipient.fluid.projection import restore_incompressibility
 from incipient.fluid.space import boundary_blocks
 from incipient.mesh.domain import Domain
@@ -215,3 +225,12 @@ def test_curved_cells_and_a_body() -> None:
             fluid.solve(RTOL)
             found.append(without_level(fluid, fluid.state.x.array))
     assert found[1] == pytest.approx(found[0], abs=1e-8 * np.abs(found[0]).max())
+
+
+def test_from_creeping_flow_to_inertia_at_once() -> None:
+    """Its pressure falls by a factor of 1e7 on the way: with the old one the linear system is not solved."""
+    with Fluid(unit_box(3, 3), FlowModel(solver="block"), box(3), 1e-6) as fluid:
+        solve_steady(fluid, 1e-6)
+        fluid.reynolds = 10.0
+        (step,) = solve_steady(fluid, 1e-6, reached=1e-7)
+    assert step.share == 1.0 and step.report.iterations <= 4
