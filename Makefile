@@ -15,7 +15,7 @@ unexport PYTHONDONTWRITEBYTECODE
 export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 
-.PHONY: help setup demo test test-quick test-slow test-debian13 test-wheel lint types docs gallery bench cost effects scaling stress surface channels clean
+.PHONY: help setup demo test test-quick test-slow test-debian13 test-wheel lint types docs gallery bench cost effects turbulence scaling stress surface channels clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -64,6 +64,9 @@ cost: setup ## what accuracy costs, on the demos: docs/cost.md
 
 effects: setup ## one scene with its effects switched on one after another: docs/effects.md
 	$(PYTHON) benchmarks/effects.py
+
+turbulence: setup ## turbulent channels against finite volumes and direct simulations: docs/turbulence.md
+	$(PYTHON) benchmarks/turbulence.py
 
 scaling: setup ## the solver in space from 35,000 to 240,000 unknowns: the table of docs/scaling.md
 	$(PYTHON) benchmarks/scaling.py $(ARGS)

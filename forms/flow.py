@@ -25,6 +25,7 @@ class FlowTerms:
     upwind:         the same size for `terms.streamline_upwind`; None: not stabilised that way
     open_boundary:  measure of the boundary through which fluid leaves freely
     surface:        function of w that gives the integral over a free surface (`surface.load`)
+    friction:       function of w that gives the integral over walls that resist the flow (`turbulence.friction`)
     reference_map:  None for the identity
     """
 
@@ -38,6 +39,7 @@ class FlowTerms:
     open_boundary: Any = None
     reference_map: ReferenceMap | None = None
     surface: Callable[[Any], Any] | None = None
+    friction: Callable[[Any], Any] | None = None
 
 
 def residual(v: Any, p: Any, w: Any, q: Any, present: FlowTerms, dx: Any) -> Any:
@@ -69,6 +71,8 @@ def residual(v: Any, p: Any, w: Any, q: Any, present: FlowTerms, dx: Any) -> Any
         form += terms.through_boundary(v, present.carrier, w, n) * present.skew
     if present.open_boundary is not None:
         form += terms.open_boundary(v, w, n, present.viscosity, x) * present.open_boundary
+    if present.friction is not None:
+        form += present.friction(w)
     return form if present.surface is None else form + present.surface(w)
 
 

@@ -32,11 +32,19 @@ OF_FREE_SURFACE = (
     "simulation.free_surface",
     "planning.surface",
 )
+OF_TURBULENCE = (
+    "forms.turbulence",
+    "fluid.friction",
+    "turbulence",
+    "simulation.turbulent",
+    "planning.turbulence",
+    "results.turbulence",
+)
 OF_CONTACT = ("results.verdict", "contact")
 OF_ESTIMATES = ("accuracy",)
 OF_CHECKPOINTS = ("restart",)
 MODULES = (
-    *(*OF_UNSTEADINESS, *OF_MOVING_MESH, *OF_FREE_BODY, *OF_FREE_SURFACE),
+    *(*OF_UNSTEADINESS, *OF_MOVING_MESH, *OF_FREE_BODY, *OF_FREE_SURFACE, *OF_TURBULENCE),
     *(*OF_CONTACT, *OF_ESTIMATES, *OF_CHECKPOINTS),
 )
 # Terms of the flow's equations that a steady flow without inertia does not have.

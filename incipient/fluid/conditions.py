@@ -35,6 +35,20 @@ class Slip:
 
 
 @dataclass(frozen=True)
+class Friction:
+    """A boundary that stands off from a wall that resists the flow; nothing crosses it, its normal is an axis.
+
+    distance:       of the wall from the boundary
+    shear_velocity: function of the speed on the boundary, of 1/Re and of the distance (UFL)
+    """
+
+    boundary: str
+    axis: int
+    distance: float
+    shear_velocity: Callable[[Any, Any, Any], Any]
+
+
+@dataclass(frozen=True)
 class Open:
     """A boundary through which fluid leaves freely: -p n + nu dv/dn = 0."""
 
@@ -100,7 +114,7 @@ class FreeSurface:
     sponge: Sponge | None = None
 
 
-Condition = Prescribed | Slip | Open | Entering | Carried | FreeSurface
+Condition = Prescribed | Slip | Friction | Open | Entering | Carried | FreeSurface
 
 
 def no_slip(boundary: str) -> Prescribed:
@@ -127,7 +141,8 @@ class Constraints:
         self._prescribed = [
             (c.velocity, boundary_blocks(space.velocity, domain.facets_of(c.boundary))) for c in prescribed
         ]
-        self._slip = [c for c in conditions if isinstance(c, Slip)]
+        self._slip = [c for c in conditions if isinstance(c, Slip | Friction)]
+        self._friction = tuple(c for c in conditions if isinstance(c, Friction))
         carried = [c.boundary for c in conditions if isinstance(c, Carried)]
         self._carried = {name: boundary_blocks(space.velocity, domain.facets_of(name)) for name in carried}
         given = [c.boundary for c in prescribed]
@@ -154,6 +169,14 @@ class Constraints:
     def influx(self) -> float:
         """What enters per time through all entries, at the last `update`."""
         return sum(entry.influx for entry in self.entries)
+
+    def walls(self, viscosity: Any) -> Any:
+        """The load of walls that the mesh stands off from, by the viscosity of the molecules (UFL); None without."""
+        if not self._friction:
+            return None
+        from .friction import WallLoad
+
+        return WallLoad(self._domain, self.space, self._friction, viscosity)
 
     def crossed(self) -> Any:
         """The measure of the boundary that fluid may cross: nothing crosses a free surface."""

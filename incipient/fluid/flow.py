@@ -66,6 +66,7 @@ class Fluid:
         self._shifts = tuple(geometry_function(mesh) for _ in range(2 * model.moving_mesh))
         self._rows = geometry_rows(self._shifts[0]) if self._shifts else None
         self.surface: Any = self._surface_load() if self.constraints.surface else None
+        self.walls: Any = self.constraints.walls(1 / self._reynolds)
         w, q = ufl.TestFunctions(self.space.mixed)
         self._residual = compat.form(self.residual_form(w, q, upwind=not model.exact))
         self._jacobian = None if coarse else self._compiled_jacobian()
@@ -138,6 +139,7 @@ class Fluid:
             *(self.viscosity, rate, carrier, skew, self._cell_size(), size),
             *(force, boundary, model.reference_map),
             None if self.surface is None else partial(self.surface.integral, v, carrier),
+            None if self.walls is None else partial(self.walls.integral, self.state),
         )
 
     def _equations(self) -> Equations:

@@ -20,6 +20,10 @@ def conditions(scene: Scene, held: bool = False, lid: bool = False) -> list[Cond
     With `lid` a rigid lid takes the place of a free surface.
     The velocity of a moving grain's surface is given within each step, or is that of time zero if it is `held`.
     """
+    if scene.is_turbulent:
+        from .turbulence import conditions as turbulent
+
+        return turbulent(scene)
     from ..fluid import Carried, Open, Prescribed, Slip, no_slip
 
     bottom, right, top, left = side_names(scene)

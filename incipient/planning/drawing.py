@@ -15,7 +15,7 @@ from ..scene import Scene
 from .cells import FAR_CELL, is_grid, largest_cell, side_names
 from .clearance import surroundings
 from .drawing_in_space import count_in_space, lay_out_in_space
-from .effects import moves
+from .effects import EffectName, moves
 from .layout import Layout, placed, point
 from .plan import Estimate, Plan
 
@@ -38,6 +38,11 @@ def lay_out(scene: Scene, plan: Plan, moved: Placement | None = None) -> Layout:
     most = scene.numerics.max_cells
     if scene.gdim == 3:
         return lay_out_in_space(scene, plan, moved)
+    if plan.has(EffectName.TURBULENCE):
+        from .turbulence import grid
+
+        turbulent = grid(scene, plan.order, plan.mesh_size)
+        return Layout(turbulent, Sizes(1.0), plan.geometry_order, max_cells=most)
     if is_grid(scene):
         return Layout(_grid(scene, plan), Sizes(1.0), plan.geometry_order, max_cells=most)
     resting, placement, gap, ends = placed(scene) if moved is None else (moved, moved, np.inf, None)

@@ -306,7 +306,14 @@ def _ends(scene: Scene) -> str:
 
 
 def _turbulence(scene: Scene, numbers: Numbers) -> Effect:
-    reason = "not part of this version"
+    if scene.is_turbulent:
+        from .turbulence import walls_of
+
+        told = f"k-epsilon model; {walls_of(scene).text(scene.viscosity)}"
+        return Effect(EffectName.TURBULENCE, True, f"effects.turbulence = true: {told}", True)
+    reason = (
+        "effects.turbulence = false" if scene.effects.turbulence is False else "only where it is asked for"
+    )
     if scene.flow.kind == "log-law":
         from .mean_profile import mean_profile
 
@@ -315,7 +322,7 @@ def _turbulence(scene: Scene, numbers: Numbers) -> Effect:
             reason += f"; flow Re {numbers.flow_reynolds:.3g}, but channels are laminar to {turbulent_from(scene):g}"
     elif found := transition(scene, numbers):
         reason += f"; {found.text()}; {REMEDY}"
-    return Effect(EffectName.TURBULENCE, False, reason)
+    return Effect(EffectName.TURBULENCE, False, reason, scene.effects.turbulence is False)
 
 
 # -- estimates --------------------------------------------------------------------------------------

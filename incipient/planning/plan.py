@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+from ..errors import SceneError
 from ..geometry.plane.curves import Line
 from ..scene import Scene
 from ..scene.model import WIDE_GAP
@@ -126,6 +127,13 @@ def make_plan(scene: Scene) -> Plan:
 
 
 def _warnings(scene: Scene) -> Iterator[str]:
+    if scene.is_turbulent:
+        from .turbulence import too_near
+
+        if why := too_near(scene):
+            raise SceneError(
+                f"turbulence: {why}; use a larger fluid.reynolds, a smaller wall_distance or no turbulence"
+            )
     gap = scene.contact.gap if scene.contact is not None else 0.0
     if gap > WIDE_GAP and scene.body is not None and (scene.rests or scene.body.moves):
         yield (

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from .adaptation import Adaptation
     from .errorbars import ErrorBars
     from .left_out import Omission
+    from .turbulence import WallReport
 
 SCHEMA_VERSION = 1
 # What result.json has under the name and in the form that the result has it.
@@ -34,6 +35,7 @@ class Result:
     without_error_bars:     why error bars that are wanted are not there
     measured_cell_reynolds: largest |v| h/(k nu) of a cell (`stabilisation`), None where there is no convection
     surface:                of a free surface its elevations at the stations at the end, and a channel's inflow
+    turbulence:             at the walls of a turbulent flow, None without turbulence
     si:                     flow and loads in SI units (`results.si`), None without [units]
     """
 
@@ -56,6 +58,7 @@ class Result:
     surface: dict[str, Any] | None = None
     si: dict[str, Any] | None = None
     adaptation: Adaptation | None = None
+    turbulence: WallReport | None = None
     omitted: tuple[Omission, ...] = ()
     status: str = "complete"
     error: str = ""
@@ -86,6 +89,7 @@ class Result:
             stored["force"]["total"] = self.force.total
         stored["error_bars"] = None if self.error_bars is None else self.error_bars.to_dict()
         stored["adaptation"] = None if self.adaptation is None else self.adaptation.to_dict()
+        stored["turbulence"] = None if self.turbulence is None else self.turbulence.to_dict()
         stored["omitted"] = [omission.to_dict() for omission in self.omitted]
         if self.gap is not None:
             stored["gap"]["resolved"] = self.gap.resolved
@@ -112,6 +116,8 @@ def _lines(result: Result) -> list[str]:
         lines.append(f"error bars          {result.without_error_bars}")
     if result.adaptation is not None:
         lines += result.adaptation.lines()
+    if result.turbulence is not None:
+        lines += result.turbulence.lines()
     if result.coefficients is not None:
         k = result.coefficients
         lines.append(f"coefficients        drag {k.drag:.6g}   lift {k.lift:.6g}   moment {k.moment:.6g}")

@@ -24,6 +24,7 @@ from .shapes import (
 from .solids import Box, Cylinder, Ellipsoid, Mesh, Polyhedron, Sphere, Spheres, Superquadric
 from .surface import Surface
 from .terrains import HeightMapBed, MeshBed, RidgeBed, SphereBed
+from .turbulence import Turbulence
 from .units import Units
 
 __all__ = [
@@ -71,6 +72,7 @@ __all__ = [
     "Superquadric",
     "Surface",
     "Time",
+    "Turbulence",
     "Uniform",
     "Units",
     "dumps",

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from ..errors import SceneError
-from . import surface
+from . import surface, turbulence
 from .effects import contradictory
 from .messages import Key, Problem, split
 
@@ -48,6 +48,7 @@ def contradictions(scene: Scene) -> list[Problem]:
         _accuracy,
         contradictory,
         surface.contradictory,
+        turbulence.contradictory,
     )
     found = [problem for check in checks for problem in check(scene)]
     if found:

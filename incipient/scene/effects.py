@@ -13,8 +13,6 @@ from .section import Section, contradiction
 if TYPE_CHECKING:
     from .model import Scene
 
-NOT_SIMULATED = ("turbulence",)
-
 
 def _one_of_three(value: Any) -> Any:
     """Refuse in one line what is neither "auto" nor a truth value."""
@@ -42,7 +40,9 @@ class Effects(Section):
     free_surface: Choice = Field(
         "auto", description='A top that moves with the fluid; auto: with domain.top = "free-surface"'
     )
-    turbulence: Choice = Field("auto", description="Not simulated by this version")
+    turbulence: Choice = Field(
+        "auto", description="The k-epsilon model of [turbulence]; auto: none, the plan says where it may be"
+    )
     third_dimension: Choice = Field("auto", description="Flow in space; auto: with domain.width")
 
 
@@ -53,15 +53,9 @@ def section_of(value: Any) -> Any:
 
 def contradictory(scene: Scene) -> Iterator[Problem]:
     """Effects forced on that the scene says nothing about, and forced off that it cannot do without."""
-    checks = (_not_simulated, _of_dimension, _of_flow, _of_time, _of_grain)
+    checks = (_of_dimension, _of_flow, _of_time, _of_grain)
     for name, why, remedy in (found for check in checks for found in check(scene)):
         yield Problem(("effects", name), why, remedy)
-
-
-def _not_simulated(scene: Scene) -> Iterator[tuple[str, str, str]]:
-    for name in NOT_SIMULATED:
-        if getattr(scene.effects, name) is True:
-            yield name, "is not simulated by this version", 'use "auto" or false'
 
 
 def _of_dimension(scene: Scene) -> Iterator[tuple[str, str, str]]:

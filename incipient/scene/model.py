@@ -24,6 +24,7 @@ from .numerics import Numerics
 from .order import order_of
 from .section import NotNegative, Positive, Section, contradiction
 from .surface import Surface, has_surface
+from .turbulence import Turbulence, is_turbulent
 from .units import Scales, Units, scales_of, with_units
 
 if TYPE_CHECKING:
@@ -147,6 +148,7 @@ class Scene(Section):
         None, description="Gravity, downwards, turned by the slope of an inclined bed"
     )
     surface: Surface | None = Field(None, description='The free surface, with domain.top = "free-surface"')
+    turbulence: Turbulence | None = Field(None, description="Turbulence, with effects.turbulence = true")
     contact: Contact | None = Field(None, description="The contact of grain and bed")
     units: Units | None = Field(
         None, description="SI units: then fluid.reynolds, gravity and body.density follow, and are left out"
@@ -202,6 +204,11 @@ class Scene(Section):
     def has_surface(self) -> bool:
         """Whether the top is a free surface."""
         return has_surface(self)
+
+    @property
+    def is_turbulent(self) -> bool:
+        """Whether turbulence is to be simulated."""
+        return is_turbulent(self)
 
     @cached_property
     def symmetric(self) -> bool:

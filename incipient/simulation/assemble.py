@@ -68,6 +68,7 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
         centrelines=lines,
         measured_cell_reynolds=cells,
         surface=None if run.surface is None else run.surface.told(),
+        turbulence=None if run.turbulence is None else run.turbulence.report(run.fluid),
         si=in_si(scene, 1.0, *(None if one is None else one.flow for one in (force, couple))),
         cost=cost(run),
         status=status,
@@ -213,6 +214,8 @@ def _unknowns(run: Run) -> dict[str, int]:
         counted[EffectName.FREE_SURFACE] = run.surface.unknowns()
     if run.trajectory is not None:
         counted[EffectName.FREE_BODY] = int(run.trajectory.body.mask.sum())
+    if run.turbulence is not None:
+        counted[EffectName.TURBULENCE] = run.turbulence.unknowns()
     if run.contacts is not None:
         counted[EffectName.CONTACT] = gdim * len(run.contacts.points)
     return counted

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ..installed import required
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from ..mesh.domain import Domain
     from ..planning.drawing import Layout
     from ..restart.checkpoint import Checkpoint
+    from .turbulent import TurbulentFlow
 
 
 @contextmanager
@@ -68,10 +70,16 @@ def prepared(
         voice.begin("forms")
         with accounts.ledger.stage("forms"):
             model = flow_model(scene, plan, unsteady=plan.has(EffectName.UNSTEADINESS))
+            turbulent = _turbulent(scene, plan, made)
+            if turbulent is not None:
+                model = replace(model, viscosity=turbulent.fields.viscosity)
             newest = [raised.made(made, model, conditions(scene), plan.reynolds)]
             # Another fluid may have taken its place by the end.
             stack.push(lambda *exception: newest[0].__exit__(*exception))
-            run = Run(scene, plan, layout, contacts, newest[0], probe_of(newest[0], layout), accounts, voice)
+            if turbulent is not None:
+                turbulent.joined(newest[0])
+            probe = probe_of(newest[0], layout)
+            run = Run(scene, plan, layout, contacts, newest[0], probe, accounts, voice, turbulent)
         if checkpoint is not None:
             from ..restart import resumption
 
@@ -80,6 +88,14 @@ def prepared(
             yield run
         finally:
             newest[0] = run.fluid
+
+
+def _turbulent(scene: Scene, plan: Plan, domain: Domain) -> TurbulentFlow | None:
+    if not plan.has(EffectName.TURBULENCE):
+        return None
+    from .turbulent import TurbulentFlow
+
+    return TurbulentFlow(scene, domain)
 
 
 def _load_libraries(comm: MPI.Comm, draws: bool) -> None:

@@ -46,7 +46,7 @@ def simulate(
     """
     recorder, interruption = recorder or Unrecorded(), Interruption(comm)
     with (
-        interruption if recorder.keeps else nullcontext(),
+        interruption if recorder.keeps and not scene.is_turbulent else nullcontext(),
         prepared(scene, comm, accounts, recorder, voice, checkpoint) as run,
     ):
         _solve(run, recorder, interruption, checkpoint)
@@ -94,7 +94,10 @@ def loads_of(scene: Scene, comm: MPI.Comm, speed: float = 1.0) -> Loads:
 def _solve(run: Run, recorder: Recorder, interruption: Interruption, checkpoint: Checkpoint | None) -> None:
     try:
         if run.scene.time is None:
-            solve_steadily(run, run.fluid)
+            if run.turbulence is not None:
+                run.turbulence.solve(run)
+            else:
+                solve_steadily(run, run.fluid)
             record_fields(recorder, run, 0, last=True)
         else:
             from .time_loop import TimeLoop

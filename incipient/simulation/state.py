@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from ..scene import Scene
     from .free_surface import MovingSurface
     from .moving_grain import Trajectory
+    from .turbulent import TurbulentFlow
 
 
 @dataclass
@@ -52,6 +53,7 @@ class Run:
         fluid: on the mesh that was made for the scene; it is replaced when a moving grain is meshed anew.
         probe: reads the traction on the grain; None without a grain.
         voice: told of the stages.
+        turbulence: of the fluid; None where there is none.
     """
 
     def __init__(
@@ -64,9 +66,10 @@ class Run:
         probe: TractionProbe | None,
         accounts: Accounts,
         voice: Silent,
+        turbulence: TurbulentFlow | None = None,
     ):
         self.scene, self.plan, self.layout, self.contacts = scene, plan, layout, contacts
-        self.accounts, self.voice = accounts, voice
+        self.accounts, self.voice, self.turbulence = accounts, voice, turbulence
         self.comm: MPI.Comm = fluid.domain.comm
         self.corrections = Corrections(accounts.ledger, plan)
         fluid.watch = self.corrections.record

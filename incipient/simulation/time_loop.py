@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from ..fluid import TimeStep
+    from ..fluid.transient import Interface
     from ..interrupt import Interruption
     from ..restart.checkpoint import Checkpoint
     from .free_surface import MovingSurface
@@ -100,7 +101,9 @@ class TimeLoop:
         asked = run.scene.numerics.tolerance
         tolerance = of_steps(asked) if kind is Transient else of_steady(asked)
         surface = self._surface() if run.plan.has(EffectName.FREE_SURFACE) else None
-        coupling = None if surface is None else surface.coupling
+        coupling: Interface | None = None if surface is None else surface.coupling
+        if run.turbulence is not None:
+            coupling = run.turbulence.in_time(run)
         transient = kind(run.fluid, order, tolerance, time.tolerance, coupling)
         run.march_with(transient, surface=surface)
         if self._checkpoint is not None:
@@ -183,7 +186,7 @@ class TimeLoop:
         run.voice.advance(step.time, self._time.end)
         record_fields(self._recorder, run, step.number, last)
         self._recorded = step.time
-        if not self._recorder.keeps:
+        if not self._recorder.keeps or run.turbulence is not None:
             return
         every, stop = run.scene.output.checkpoint, self._interruption.asked() and not last
         if stop or kept or (every > 0 and step.number % every == 0):
@@ -198,6 +201,8 @@ class TimeLoop:
         row["error"] = np.nan if step.error is None else step.error
         if run.surface is not None:
             row |= run.surface.columns(step)
+        if run.turbulence is not None:
+            row |= run.turbulence.report(run.fluid).columns()
         if run.probe is None:
             return row
         with run.stage("tractions"):
@@ -230,6 +235,8 @@ class TimeLoop:
         run = self._run
         # A failure while a step was recorded leaves a history that lacks its row: the checkpoint before it holds.
         if isinstance(error, OutputError) or run.time_stepper is None or not self._recorder.keeps:
+            return error
+        if run.turbulence is not None:
             return error
         if run.time_stepper.fluid.time != self._recorded:
             return error

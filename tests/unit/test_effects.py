@@ -214,17 +214,17 @@ def test_a_rigid_lid_in_place_of_a_surface():
 def test_channels_that_may_be_turbulent():
     fast = Fluid(reynolds=2000, scale="flow")
     assert "may be turbulent from 1300 on" in effect("turbulence", flow=Poiseuille(), fluid=fast).reason
-    assert effect("turbulence", flow=Poiseuille()).reason == "not part of this version"
+    assert effect("turbulence", flow=Poiseuille()).reason == "only where it is asked for"
     # Half of a channel between walls, with half its height.
     found = effect("turbulence", flow=OpenChannel(), fluid=Fluid(reynolds=700, scale="flow"))
     assert "may be turbulent from 650 on" in found.reason
-    assert found.reason.endswith('for the mean of a turbulent stream use flow.kind = "log-law"')
+    assert found.reason.endswith('else take a mean profile, flow.kind = "log-law"')
     # Along a plate twice as long as the domain is high.
     layers = [effect("turbulence", flow=Uniform(), fluid=Fluid(reynolds=r, scale="flow")) for r in (2e5, 3e5)]
-    assert layers[0].reason == "not part of this version"
+    assert layers[0].reason == "only where it is asked for"
     assert "Re of the length 6e+05: boundary layers may be turbulent from 500000 on" in layers[1].reason
     # Endless shear: the domain's height says nothing of its depth.
-    assert effect("turbulence", fluid=fast).reason == "not part of this version"
+    assert effect("turbulence", fluid=fast).reason == "only where it is asked for"
 
 
 def test_the_plan_tells_the_numbers():
@@ -249,7 +249,7 @@ def test_auto_is_the_default_and_one_word():
 @pytest.mark.parametrize(
     ("changes", "expected"),
     [
-        ({"turbulence": True}, 'turbulence: is not simulated by this version; use "auto" or false'),
+        ({"turbulence": True}, "turbulence: a grain in turbulence is not simulated by this version"),
         (
             {"unsteadiness": True},
             "unsteadiness: is true but without [time] the flow is steady; add a section",

@@ -23,7 +23,7 @@ FLOORS = (
         ("mesh",),
         ("fluid",),
         ("body",),
-        ("coupled",),
+        ("coupled", "turbulence"),
     ),
     *(
         ("planning",),

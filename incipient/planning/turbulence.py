@@ -1,0 +1,238 @@
+"""The turbulence of a scene: the law of the wall, where the mesh ends, what enters, and conditions on the walls."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..scene import Scene
+from ..scene.turbulence import Turbulence
+from .cells import side_names
+
+if TYPE_CHECKING:
+    from ..fluid.conditions import Condition
+    from ..meshes import Grid
+
+LOWEST, HIGHEST = 30.0, 300.0  # distances from the wall, in nu/u*, between which the law holds
+AIMED_AT = 50.0
+LARGEST_SHARE = 0.2  # of the depth over which a wall is felt, that the mesh may stand off from it
+ROUGH = 8.5  # u+ at the height of the sand on rough walls (Nikuradse 1933, VDI-Forschungsheft 361)
+CROSSING = 11.06  # distance at which the law of a smooth wall meets the viscous sublayer
+LEAST = 1.0  # u+ where sand is higher than the mesh stands off, on the way to a solution
+CORRECTIONS = 4  # of u* by Newton's method, which leave less than 1e-9 of it
+SAMPLES = 2000
+ROWS, COLUMN, GRADING = (
+    14,
+    1.0,
+    0.3,
+)  # over the depth of a wall; column over that depth; finest over largest row
+NUMPY = SimpleNamespace(log=np.log, larger=np.maximum)
+
+
+@dataclass(frozen=True)
+class WallLaw:
+    """u+ = ln(y+/(1 + c k+))/kappa + B, k+ of the equivalent sand roughness, c so that rough walls are Nikuradse's.
+
+    Its functions take numbers, arrays, or UFL expressions with the functions `log` and `larger` of UFL.
+
+    roughness: equivalent sand roughness, 0: smooth [length]
+    """
+
+    roughness: float = 0.0
+    kappa: float = 0.41
+    offset: float = 5.2
+
+    def velocity(self, shear_velocity: Any, viscosity: Any, distance: Any, functions: Any = NUMPY) -> Any:
+        """u+ at a distance from the wall for a shear velocity u*."""
+        away = functions.larger(distance * shear_velocity / viscosity, CROSSING)
+        sand = self._sand(shear_velocity, viscosity)
+        return functions.larger(functions.log(away / sand) / self.kappa + self.offset, LEAST)
+
+    def _sand(self, shear_velocity: Any, viscosity: Any) -> Any:
+        """1 + c k+."""
+        return 1 + math.exp(-self.kappa * (ROUGH - self.offset)) * self.roughness * shear_velocity / viscosity
+
+    def shear_velocity(self, speed: Any, viscosity: Any, distance: Any, functions: Any = NUMPY) -> Any:
+        """u* for a speed at a distance from the wall, by corrections of the law u+ = 8.3 (y+)^(1/7)."""
+        found = (speed / 8.3) ** (7 / 8) * (viscosity / distance) ** (1 / 8)
+        for _ in range(CORRECTIONS):
+            law = self.velocity(found, viscosity, distance, functions)
+            slope = 1 / (self.kappa * self._sand(found, viscosity))  # du+/d ln u*
+            found = (speed + slope * found) / (law + slope)
+        return found
+
+    def beyond(self, shear_velocity: float, viscosity: float, distance: float) -> float:
+        """The flux between the wall and a distance from it, over u*; within the viscous sublayer u+ = y+."""
+        y = distance * (np.arange(SAMPLES) + 0.5) / SAMPLES
+        within = y * shear_velocity / viscosity
+        law = self.velocity(shear_velocity, viscosity, y)
+        return float(distance * np.mean(np.where(within < CROSSING, np.minimum(within, law), law)))
+
+
+@dataclass(frozen=True)
+class Walls:
+    """The walls of a scene with turbulence, as estimated before it is computed.
+
+    depth:          over which a wall is felt: that of an open channel, half of that between two walls
+    distance:       of the mesh's boundary from the wall
+    shear_velocity: estimated
+    """
+
+    law: WallLaw
+    depth: float
+    distance: float
+    shear_velocity: float
+    number: int
+
+    def text(self, viscosity: float) -> str:
+        """What the walls are taken for, in words."""
+        y = self.distance * self.shear_velocity / viscosity
+        return (
+            f"law of the wall from {self.distance:.3g}, y+ about {y:.3g}, u* about {self.shear_velocity:.3g}"
+        )
+
+
+def section(scene: Scene) -> Turbulence:
+    """The section [turbulence] of a scene that has turbulence, or what it is by default. Not collective."""
+    return scene.turbulence or Turbulence()
+
+
+def walls_of(scene: Scene) -> Walls:
+    """Where walls are and how far from them the mesh ends. Not collective.
+
+    u* is that of the logarithmic law, whose mean over the depth h is u+(h) - 1/kappa.
+    """
+    asked, number = section(scene), 1 if scene.flow.kind == "open-channel" else 2
+    law, depth, viscosity = WallLaw(asked.roughness), scene.domain.height / number, scene.viscosity
+    shear_velocity = scene.reference_velocity / 20.0
+    for _ in range(50):
+        mean = float(law.velocity(shear_velocity, viscosity, depth)) - 1.0 / law.kappa
+        shear_velocity = scene.reference_velocity / max(mean, LEAST)
+    distance = asked.wall_distance or AIMED_AT * viscosity / shear_velocity
+    return Walls(law, depth, distance, shear_velocity, number)
+
+
+def too_near(scene: Scene) -> str:
+    """Why the law of the wall is not for a scene, or an empty string. Not collective."""
+    walls = walls_of(scene)
+    if walls.distance <= LARGEST_SHARE * walls.depth:
+        return ""
+    share = walls.distance / walls.depth
+    return f"the law of the wall would have to reach {percent(share)} of the depth, at most {percent(LARGEST_SHARE)}"
+
+
+def percent(share: float) -> str:
+    """0.25 as 25%."""
+    return f"{100 * share:.0f}%"
+
+
+def grid(scene: Scene, order: int, mesh_size: float) -> Grid:
+    """The mesh between the walls, less what the law of the wall covers. Not collective."""
+    from ..meshes import Grid
+
+    walls, domain = walls_of(scene), scene.domain
+    coarse = mesh_size * (1.0 if order > 2 else 0.75)
+    rows, columns = ROWS * walls.number / coarse, domain.length / (COLUMN * walls.depth * coarse)
+    height = domain.height - walls.number * walls.distance
+    corner = (domain.left, domain.bottom + walls.distance)
+    sizes = (max(4, round(columns)), max(6, round(rows)))
+    return Grid(corner, domain.length, height, *sizes, GRADING, side_names(scene))
+
+
+# -- what enters --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Entering:
+    """Speed, k and epsilon at heights (n,) above the wall at the bottom; functions that return (n,)."""
+
+    speed: Callable[[np.ndarray], np.ndarray]
+    energy: Callable[[np.ndarray], np.ndarray]
+    dissipation: Callable[[np.ndarray], np.ndarray]
+
+
+def entering(scene: Scene) -> Entering:
+    """What enters a scene, its mean velocity over the whole height being the flow's. Not collective.
+
+    "developed": the logarithmic law, k of Nezu & Nakagawa (1993, Turbulence in Open-Channel Flows), 4.78 u*^2
+    exp(-2 y/h), not above its equilibrium at the wall, and Nikuradse's mixing length (Schlichting & Gersten 2017,
+    Boundary-Layer Theory, section 17.1). "given": a uniform stream of given intensity and length.
+    """
+    asked, walls, viscosity = section(scene), walls_of(scene), scene.viscosity
+    c_mu, depth = asked.c_mu, walls.depth
+    law = partial(walls.law.velocity, walls.shear_velocity, viscosity)
+
+    def from_wall(y: np.ndarray) -> np.ndarray:
+        """Distances (n,) from the next wall."""
+        return np.minimum(y, walls.number * depth - y) if walls.number == 2 else y
+
+    mean, height = scene.reference_velocity, scene.domain.height
+    layers = walls.number * walls.shear_velocity
+    layers *= walls.law.beyond(walls.shear_velocity, viscosity, walls.distance)
+    if asked.inflow == "given":
+        assert asked.intensity is not None and asked.length is not None
+        uniform = (mean * height - layers) / (height - walls.number * walls.distance)
+        energy = 1.5 * (asked.intensity * mean) ** 2
+        loss = c_mu**0.75 * energy**1.5 / asked.length
+        return Entering(*(partial(_uniform, value) for value in (uniform, energy, loss)))
+
+    samples = walls.distance + (depth - walls.distance) * (np.arange(SAMPLES) + 0.5) / SAMPLES
+    whole = float(np.mean(law(samples))) * (depth - walls.distance) * walls.number
+    scale = (mean * height - layers) / whole
+
+    def energy_at(y: np.ndarray) -> np.ndarray:
+        most = 1.0 / math.sqrt(c_mu)
+        return walls.shear_velocity**2 * np.minimum(4.78 * np.exp(-2.0 * from_wall(y) / depth), most)
+
+    def dissipation_at(y: np.ndarray) -> np.ndarray:
+        inwards = 1.0 - from_wall(y) / depth
+        length = depth * (0.14 - 0.08 * inwards**2 - 0.06 * inwards**4)
+        return c_mu**0.75 * energy_at(y) ** 1.5 / length
+
+    return Entering(lambda y: scale * law(from_wall(y)), energy_at, dissipation_at)
+
+
+def _uniform(value: float, y: np.ndarray) -> np.ndarray:
+    return np.full_like(y, value)
+
+
+def logarithms(scene: Scene) -> Callable[[np.ndarray], np.ndarray]:
+    """ln k and ln epsilon (2, n) at places (3, n) of the inflow. Not collective."""
+    found, bottom, up = entering(scene), scene.domain.bottom, scene.up
+    return lambda x: np.log([found.energy(x[up] - bottom), found.dissipation(x[up] - bottom)])
+
+
+def velocity(scene: Scene) -> Callable[[np.ndarray, float], np.ndarray]:
+    """The velocity (gdim, n) that enters at places (3, n). Not collective."""
+    speed, bottom, up = entering(scene).speed, scene.domain.bottom, scene.up
+    return lambda x, t: np.vstack([speed(x[up] - bottom), *np.zeros((up, x.shape[1]))])
+
+
+# -- conditions ---------------------------------------------------------------------------------------
+
+
+def wall_names(scene: Scene) -> tuple[str, ...]:
+    """Names of the boundaries that stand off from a wall."""
+    bottom, _, top, _ = side_names(scene)
+    return (bottom, top) if walls_of(scene).number == 2 else (bottom,)
+
+
+def conditions(scene: Scene) -> list[Condition]:
+    """Boundary conditions of the flow of a scene with turbulence. Not collective."""
+    import ufl
+
+    from ..fluid.conditions import Friction, Open, Prescribed, Slip
+
+    walls, names = walls_of(scene), wall_names(scene)
+    _, right, top, left = side_names(scene)
+    functions = SimpleNamespace(log=ufl.ln, larger=ufl.max_value)
+    law = partial(walls.law.shear_velocity, functions=functions)
+    rubbing: list[Condition] = [Friction(name, scene.up, walls.distance, law) for name in names]
+    lids: list[Condition] = [] if top in names else [Slip(top, axis=scene.up)]
+    return [Open(right), *rubbing, *lids, Prescribed(left, velocity(scene))]

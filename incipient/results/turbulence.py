@@ -1,0 +1,58 @@
+"""What a run says of the turbulence at its walls, as data."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from ..planning.turbulence import AIMED_AT, HIGHEST, LOWEST
+
+
+@dataclass(frozen=True)
+class WallReport:
+    """The walls of a turbulent flow.
+
+    distance:       of the mesh's boundary from the walls
+    least, largest: of y+, that distance in nu/u*, along the walls
+    shear_velocity: u*, its mean along the walls; at_outflow: that at the downstream end
+    friction:       C_f = 2 (u*/V)^2 at the downstream end, V being the mean velocity
+    """
+
+    distance: float
+    least: float
+    largest: float
+    shear_velocity: float
+    at_outflow: float
+    friction: float
+    viscosity: float
+    c_mu: float
+
+    @property
+    def applicable(self) -> bool:
+        """Whether the law of the wall holds at all walls."""
+        return self.least >= LOWEST and self.largest <= HIGHEST
+
+    @property
+    def suitable(self) -> float:
+        """The distance that the mesh would have to stand off from the walls."""
+        return AIMED_AT * self.viscosity / self.shear_velocity
+
+    def columns(self) -> dict[str, float]:
+        """Columns of the history."""
+        return {"shear_velocity": self.at_outflow, "y_plus_min": self.least, "y_plus_max": self.largest}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for result.json."""
+        return asdict(self) | {"applicable": self.applicable, "suitable_distance": self.suitable}
+
+    def lines(self) -> list[str]:
+        """For a reader."""
+        told = f"y+ of the walls {self.least:.3g} to {self.largest:.3g}"
+        friction = f"u* {self.at_outflow:.5g} and C_f {self.friction:.5g} at the outflow"
+        if self.applicable:
+            return [f"turbulence          {told}: the law of the wall holds; {friction}"]
+        remedy = f"set turbulence.wall_distance = {self.suitable:.3g}"
+        if self.suitable > self.distance:
+            remedy += ", or use a larger fluid.reynolds"
+        bounds = f"the law of the wall holds from {LOWEST:g} to {HIGHEST:g}"
+        return [f"turbulence          NOT APPLICABLE: {told}, {bounds}; {remedy}", f"{'':<20}{friction}"]

@@ -1,0 +1,127 @@
+"""Turbulence by the k-epsilon model: what a user writes about it, and what contradicts it elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Literal
+
+from pydantic import Field, model_validator
+
+from .messages import Key, Problem
+from .section import NotNegative, Positive, Section
+
+if TYPE_CHECKING:
+    from .model import Scene
+
+FLOWS = ("poiseuille", "open-channel")
+LAMINAR = 'use flow.kind = "log-law", the laminar flow with the mean profile of a turbulent stream'
+
+
+class Turbulence(Section):
+    """Turbulence by the k-epsilon model, with effects.turbulence = true."""
+
+    model: Literal["k-epsilon"] = Field("k-epsilon", description="Model of the turbulence")
+    wall: Literal["equilibrium", "rough"] = Field("equilibrium", description="Law of the wall")
+    roughness: NotNegative = Field(
+        0.0, description='Equivalent sand roughness of walls that are "rough" [length]'
+    )
+    wall_distance: Positive | None = Field(
+        None,
+        description="Distance from the walls at which the mesh ends; without it 50 nu/u*, estimated [length]",
+        examples=[0.05],
+    )
+    inflow: Literal["developed", "given"] = Field(
+        "developed", description="Turbulence that enters: nearly developed, or by intensity and length"
+    )
+    intensity: Positive | None = Field(
+        None,
+        description="Root mean square of a velocity's fluctuation over the mean velocity [-]",
+        examples=[0.05],
+    )
+    length: Positive | None = Field(
+        None, description="Mixing length of the turbulence that enters [length]", examples=[0.1]
+    )
+    c_mu: Positive = Field(0.09, description="nu_t = c_mu k^2/epsilon [-]")
+    c_1: Positive = Field(1.44, description="Production of epsilon [-]")
+    c_2: Positive = Field(1.92, description="Loss of epsilon [-]")
+    sigma_k: Positive = Field(1.0, description="nu_t over the diffusivity of k [-]")
+    sigma_epsilon: Positive = Field(1.3, description="nu_t over the diffusivity of epsilon [-]")
+
+    @model_validator(mode="after")
+    def _is_consistent(self) -> Turbulence:
+        if (self.wall == "rough") != (self.roughness > 0.0):
+            remedy = "give the equivalent sand roughness" if self.wall == "rough" else 'set wall = "rough"'
+            raise self.refused("roughness", f'is {self.roughness:g} but wall is "{self.wall}"', remedy)
+        for key in ("intensity", "length"):
+            there = getattr(self, key) is not None
+            if there != (self.inflow == "given"):
+                why = f'is {"read" if there else "needed"} only with inflow = "given"'
+                if not there:
+                    why = 'is missing, which inflow = "given" needs'
+                raise self.refused(key, why, "leave it out" if there else "add it")
+        if not 1.0 < self.c_1 < self.c_2:
+            raise self.refused(
+                "c_2", f"is {self.c_2:g}", "give 1 < c_1 < c_2: else turbulence does not decay"
+            )
+        return self
+
+    @property
+    def constants(self) -> tuple[float, ...]:
+        """The five constants of the model, c_mu first."""
+        return self.c_mu, self.c_1, self.c_2, self.sigma_k, self.sigma_epsilon
+
+
+def is_turbulent(scene: Scene) -> bool:
+    """Whether a scene asks for turbulence to be simulated."""
+    return scene.effects.turbulence is True
+
+
+def contradictory(scene: Scene) -> Iterator[Problem]:
+    """What keeps a scene from having the turbulence that it asks for."""
+    if not is_turbulent(scene):
+        if scene.turbulence is not None:
+            remedy = "set effects.turbulence = true or leave the section out"
+            yield Problem(
+                ("turbulence",), "describes turbulence, which effects.turbulence does not ask for", remedy
+            )
+        return
+    for key, why, remedy in (*_of_place(scene), *_of_flow(scene), *_of_time(scene)):
+        yield Problem(key, why, remedy)
+
+
+def _of_place(scene: Scene) -> Iterator[tuple[Key, str, str]]:
+    key, by_this = ("effects", "turbulence"), "is not simulated by this version"
+    if scene.gdim == 3:
+        yield key, f"turbulence in space {by_this}", LAMINAR
+    if scene.body is not None:
+        yield key, f"a grain in turbulence {by_this}, and most sand is too small for wall functions", LAMINAR
+    if scene.bed is not None and scene.bed.kind != "flat":
+        yield key, f"turbulence over a bed that is not flat {by_this}", LAMINAR
+
+
+def _of_flow(scene: Scene) -> Iterator[tuple[Key, str, str]]:
+    if scene.flow.kind not in FLOWS:
+        why = f'"{scene.flow.kind}" with turbulence is not simulated by this version'
+        yield ("flow", "kind"), why, 'use "poiseuille" or "open-channel"'
+    elif scene.domain.top == "stream":
+        yield ("domain", "top"), '"stream" contradicts turbulence below it', 'use "auto"'
+    if not scene.fluid.inertia or scene.effects.inertia is False:
+        key = ("fluid", "inertia") if not scene.fluid.inertia else ("effects", "inertia")
+        yield key, "is false, but without inertia there is no turbulence", "leave it out"
+
+
+def _of_time(scene: Scene) -> Iterator[tuple[Key, str, str]]:
+    if scene.time is None:
+        return
+    if scene.time.start != "rest":
+        yield ("time", "start"), "with turbulence the fluid starts from rest", 'use "rest"'
+    if scene.effects.unsteadiness is False:
+        yield ("effects", "unsteadiness"), "is false but turbulence in time is unsteady", "leave [time] out"
+    if scene.numerics.convection == "extrapolated":
+        why = "with turbulence the walls' friction is implicit, and so is convection"
+        yield ("numerics", "convection"), why, 'use "implicit"'
+    if scene.numerics.form == "energy-stable":
+        yield ("numerics", "form"), "is not there with turbulence by this version", 'use "printed"'
+    if scene.output.checkpoint > 0:
+        why = "runs with turbulence cannot be resumed by this version"
+        yield ("output", "checkpoint"), why, "leave it out"

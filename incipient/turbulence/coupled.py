@@ -1,0 +1,144 @@
+"""The flow and its turbulence, solved in turn until both stay: steadily, and within the steps of a flow in time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..errors import ConvergenceError
+from ..fluid import Fluid
+from ..fluid.newton import NewtonReport
+from .fields import Turbulence
+
+MOST_ROUNDS = 200
+FIRST_STEP, GROWTH, CUT = (
+    1.0,
+    1.6,
+    0.25,
+)  # of pseudo-time: of that in which the flow passes its depth; factors
+# Within a step of pseudo-time, and of corrections of the flow over what is left in the end.
+STEP_TOLERANCE, SHARE_OF_FLOW = 1e-2, 1e-2
+MOST_TURNS = 15  # within a time step
+
+
+@dataclass(frozen=True)
+class Round:
+    """One solution of the flow and one step of pseudo-time of its turbulence, and how much they changed."""
+
+    number: int
+    step: float
+    of_flow: float
+    of_turbulence: float
+
+
+def solve_steadily(
+    fluid: Fluid,
+    turbulence: Turbulence,
+    time: float,
+    tolerance: float,
+    watch: Callable[[Round], None] = lambda found: None,
+    stage: Callable[[], AbstractContextManager[Any]] = nullcontext,
+) -> tuple[Round, ...]:
+    """Find the steady flow with its turbulence from their present states. Collective.
+
+    In turn the flow is solved with the eddy viscosity as it is, and k and epsilon take an implicit step of pseudo-time
+    in that flow, which becomes longer while it succeeds. `time` is that in which the flow passes its depth; within
+    `stage` k and epsilon are solved.
+
+    Raises:
+        ConvergenceError: the flow does not converge, or k and epsilon still change after 200 rounds.
+    """
+    rounds: list[Round] = []
+    step, flow = FIRST_STEP * time, fluid.state.x.array
+    for number in range(1, MOST_ROUNDS + 1):
+        past, past_flow = turbulence.state.x.array.copy(), flow.copy()
+        if not fluid.solve(SHARE_OF_FLOW * tolerance).converged:
+            raise ConvergenceError(
+                "the flow with the eddy viscosity as it is does not converge: use a smaller numerics.mesh_size"
+            )
+        with stage():
+            size = turbulence.step((1 / step, -1 / step, 0.0), (past, past), STEP_TOLERANCE)
+        if not np.isfinite(size):
+            turbulence.state.x.array[:] = past
+            step *= CUT
+            continue
+        change = turbulence.largest(turbulence.state.x.array - past)
+        rounds.append(Round(number, step, _moved(fluid, flow - past_flow), change))
+        watch(rounds[-1])
+        if max(change, rounds[-1].of_flow) <= tolerance:
+            return tuple(rounds)
+        step *= GROWTH
+    raise ConvergenceError(
+        f"k and epsilon are not steady after {MOST_ROUNDS} rounds: use a smaller numerics.mesh_size, or add [time]"
+    )
+
+
+def _moved(fluid: Fluid, change: np.ndarray) -> float:
+    """Size of a change of the flow, relative to it. Collective."""
+    whole = fluid.squared_velocities(fluid.state.x.array)
+    return float(np.sqrt(fluid.squared_velocities(change) / whole)) if whole else 0.0
+
+
+class InTime:
+    """Turbulence as what is solved together with a flow in time, see `fluid.transient.Interface`.
+
+    Flow, and k and epsilon, take the same backward difference, in turn until the flow stays.
+    """
+
+    def __init__(
+        self,
+        fluid: Fluid,
+        turbulence: Turbulence,
+        stage: Callable[[], AbstractContextManager[Any]] = nullcontext,
+    ):
+        self._fluid, self._turbulence, self._stage = fluid, turbulence, stage
+        self._past = [turbulence.state.x.array.copy()]
+        self._failed = False
+
+    def attempt(self, length: float, order: int, tolerance: float) -> NewtonReport:
+        """Solve for the end of a step from the last state, the fluid's state included."""
+        fluid, turbulence = self._fluid, self._turbulence
+        rate = [float(a.value) for a in fluid.rate]
+        sizes: list[float] = []
+        self._failed = False
+        for _ in range(MOST_TURNS):
+            before = fluid.state.x.array.copy()
+            report = fluid.solve(0.1 * tolerance)
+            if not report.converged:
+                return report
+            sizes.append(_moved(fluid, fluid.state.x.array - before))
+            if len(sizes) > 1 and sizes[-1] <= tolerance:
+                return NewtonReport(True, tuple(sizes), sizes[-1])
+            past = (self._past[0], self._past[-1])
+            with self._stage():
+                self._failed = not np.isfinite(turbulence.step(rate, past, tolerance))
+            if self._failed:
+                break
+        return NewtonReport(False, tuple(sizes), np.inf)
+
+    def allowed(self, length: float) -> float:
+        """All of the step: nothing is met on the way."""
+        return length
+
+    def accept(self) -> None:
+        """The attempt holds."""
+        self._past = [self._turbulence.state.x.array.copy(), self._past[0]]
+
+    def restore(self) -> None:
+        """Go back to the last state."""
+        self._turbulence.state.x.array[:] = self._past[0]
+
+    def forget(self) -> None:
+        """Nothing is kept from step to step."""
+
+    def velocities(self) -> np.ndarray:
+        """(0,): nothing moves."""
+        return np.empty(0)
+
+    def complaint(self) -> str:
+        """Why the last attempt failed, and a remedy; empty if the fluid is to blame."""
+        return "k and epsilon do not converge: use a smaller time.step" if self._failed else ""

@@ -1,0 +1,166 @@
+"""k and epsilon on a mesh: their unknowns, their equations, and one implicit step of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import dolfinx
+import numpy as np
+import ufl
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from .. import compat
+from ..compat import petsc
+from ..errors import ConvergenceError
+from ..fluid.solvers.direct import Direct
+from ..fluid.space import cell_size
+from ..forms import turbulence as forms
+from ..mesh.domain import Domain
+
+Values = Callable[[np.ndarray], np.ndarray]
+MOST_CORRECTIONS = 20
+LINEAR = 1e-8  # residual of a linear system
+LARGEST_CORRECTION = 2.0  # of a logarithm by Newton's method at once
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """Where k and epsilon are given, and where walls are.
+
+    inflow: names of boundaries at which K and E are given, with a function of places (3, n) that returns (2, n)
+    walls:  names of boundaries that stand off from a wall by a distance
+    """
+
+    inflow: tuple[str, ...]
+    values: Values
+    walls: tuple[str, ...] = ()
+    distance: float = 0.0
+
+
+class Turbulence:
+    """ln k and ln epsilon in Lagrange elements of an order on a domain. Every method is collective.
+
+    Holds PETSc objects: use it as a context manager, or call `destroy`.
+
+    Attributes:
+        state: function (2,) of ln k and ln epsilon.
+    """
+
+    def __init__(self, domain: Domain, surroundings: Surroundings, order: int, constants: Sequence[float]):
+        self.domain, self.surroundings, self.order = domain, surroundings, order
+        self.space = compat.space(domain.mesh, ("Lagrange", order), (2,))
+        self.state, self._before, self._older = (dolfinx.fem.Function(self.space) for _ in range(3))
+        self.closure = forms.Closure(*(self.constant(one) for one in constants))
+        self.rate = tuple(self.constant(0.0) for _ in range(3))
+        self._given = dolfinx.fem.Function(self.space)
+        self._conditions = self._at_inflow()
+        self._held: list[Any] = []
+        self.state.interpolate(surroundings.values)
+
+    def constant(self, value: float) -> Any:
+        """A number on the mesh that recompiles nothing."""
+        return dolfinx.fem.Constant(self.domain.mesh, PETSc.ScalarType(value))
+
+    def _at_inflow(self) -> list[Any]:
+        if not self.surroundings.inflow:
+            return []
+        self._given.interpolate(self.surroundings.values)
+        facets = np.concatenate([self.domain.facets_of(name) for name in self.surroundings.inflow])
+        return [dolfinx.fem.dirichletbc(self._given, compat.nodes_on(self.space, np.unique(facets)))]
+
+    # -- what the flow sees of it ------------------------------------------------------------------
+
+    def viscosity(self, of_molecules: Any) -> Any:
+        """The viscosity of molecules and eddies, for `FlowModel.viscosity`."""
+        return of_molecules + forms.eddy_viscosity(ufl.split(self.state), self.closure)
+
+    # -- its equations ------------------------------------------------------------------------------
+
+    def carried_by(self, velocity: Any, of_molecules: Any) -> None:
+        """Compile the equations of the turbulence that a velocity carries and makes; both arguments are UFL."""
+        mesh, unknowns, tests = self.domain.mesh, ufl.split(self.state), ufl.TestFunctions(self.space)
+        measure = ufl.dx(domain=mesh, metadata={"quadrature_degree": 3 * self.order + 1})
+        states = (unknowns, ufl.split(self._before), ufl.split(self._older))
+        stream = forms.Stream(velocity, of_molecules, measure, cell_size(mesh) / self.order, states[1])
+        rate = [sum(a * one[i] for a, one in zip(self.rate, states, strict=True)) for i in range(2)]
+        form = forms.residual(unknowns, rate, tests, stream, self.closure)
+        if self.surroundings.walls:
+            away = self.constant(self.surroundings.distance)
+            flux = forms.at_wall(unknowns, tests[1], away, of_molecules, self.closure)
+            names = self.domain.names
+            walls = ufl.ds(
+                tuple(names[name] for name in self.surroundings.walls),
+                domain=mesh,
+                subdomain_data=self.domain.facets,
+                metadata=measure.metadata(),
+            )
+            form += flux * walls
+        self._residual = compat.form(form)
+        self._jacobian = compat.form(ufl.derivative(form, self.state, ufl.TrialFunction(self.space)))
+        self._matrix = self._holding(petsc.create_matrix(self._jacobian))
+        self._vector = self._holding(petsc.assemble_vector(self._residual))
+        self._correction = self._holding(self._vector.duplicate())
+        self.solver = Direct(self._matrix)
+        self._view = self._holding(compat.vec_view(self.state))
+
+    def step(self, rate: Sequence[float], past: Sequence[np.ndarray], tolerance: float) -> float:
+        """Solve for the state with dK/dt = a0 K + a1 K(1) + a2 K(2) from its present values; the last correction.
+
+        It is infinite if Newton's method does not converge. The size of a correction is the largest of a logarithm.
+        """
+        for constant, value in zip(self.rate, rate, strict=True):
+            constant.value = value
+        for function, values in zip((self._before, self._older), past, strict=False):
+            function.x.array[:] = values
+        for _ in range(MOST_CORRECTIONS):
+            size = self._correct()
+            if not np.isfinite(size) or size <= tolerance:
+                return size
+        return float("inf")
+
+    def _correct(self) -> float:
+        conditions = self._conditions
+        with self._vector.localForm() as local:
+            local.set(0.0)
+        petsc.assemble_vector(self._vector, self._residual)
+        petsc.apply_lifting(self._vector, [self._jacobian], [conditions], [self._view], -1.0)
+        self._vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        petsc.set_bc(self._vector, conditions, self._view, -1.0)
+        self._matrix.zeroEntries()
+        petsc.assemble_matrix(self._matrix, self._jacobian, conditions)
+        self._matrix.assemble()
+        try:
+            self.solver.solve(self._vector, self._correction, LINEAR, fresh=True)
+        except ConvergenceError:  # a matrix that is singular, or not finite
+            return float("inf")
+        values = self._correction.array_r
+        size = self.largest(values)
+        part = min(1.0, LARGEST_CORRECTION / size) if np.isfinite(size) and size > 0.0 else 1.0
+        self.state.x.array[: len(values)] -= part * values
+        self.state.x.scatter_forward()
+        return size
+
+    # -- its values -----------------------------------------------------------------------------------
+
+    def largest(self, values: np.ndarray) -> float:
+        """The largest size of values over all ranks; infinite if one is no number."""
+        mine = float(np.abs(values).max(initial=0.0))
+        return float(self.domain.comm.allreduce(mine if np.isfinite(mine) else np.inf, op=MPI.MAX))
+
+    def _holding(self, made: Any) -> Any:
+        self._held.append(made)
+        return made
+
+    def destroy(self) -> None:
+        """Free PETSc's memory."""
+        while self._held:
+            self._held.pop().destroy()
+
+    def __enter__(self) -> Turbulence:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.destroy()

@@ -1,0 +1,145 @@
+"""Turbulent channels: against finite volumes in one dimension, direct simulations, and themselves in time."""
+
+import csv
+import json
+import textwrap
+
+import numpy as np
+import pytest
+from one_dimensional import developed_channel
+
+import incipient
+from incipient.scene import (
+    Domain,
+    Effects,
+    Fluid,
+    Numerics,
+    OpenChannel,
+    Output,
+    Poiseuille,
+    Scene,
+    Time,
+    Turbulence,
+)
+
+# U_b+ and C_f of channels between walls by direct simulation, at Re_tau (Hoyas & Jimenez 2006; Lee & Moser 2015).
+DIRECT = {546.74: (18.401, 0.00591), 1000.5: (19.990, 0.005005)}
+
+
+def channel(reynolds, length=60.0, mesh_size=2.0, **changes):
+    """An open channel of depth 1 and mean velocity 1: half of one between walls."""
+    sections = {
+        "domain": Domain(length=length, height=1.0),
+        "fluid": Fluid(reynolds=reynolds, scale="flow"),
+        "flow": OpenChannel(),
+        "effects": Effects(turbulence=True),
+        "numerics": Numerics(mesh_size=mesh_size, order=2),
+        "output": Output(fields=False),
+    }
+    return Scene(**{**sections, **changes})
+
+
+def compared(scene):
+    """Re_tau, and the mean velocity over u* here and by finite volumes at the same Re_tau."""
+    walls = incipient.run(scene).turbulence
+    assert walls.applicable
+    per_length = walls.at_outflow / scene.viscosity
+    return (
+        per_length,
+        1.0 / walls.at_outflow,
+        developed_channel(per_length, per_length * walls.distance),
+        walls,
+    )
+
+
+def test_a_developed_channel():
+    """By finite volumes within 0.5%; by direct simulation U_b+ within 1.5%, C_f within 3%."""
+    re_tau, (mean, friction) = 546.74, DIRECT[546.74]
+    found, over_shear, by_volumes, walls = compared(channel(mean * re_tau))
+    assert over_shear == pytest.approx(by_volumes, rel=5e-3)
+    assert found == pytest.approx(re_tau, rel=0.015)
+    assert over_shear == pytest.approx(mean, rel=0.015)
+    assert walls.friction == pytest.approx(friction, rel=0.03)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("y_plus", [30.5, 60.0, 100.0])
+@pytest.mark.parametrize("re_tau", DIRECT)
+def test_developed_channels_from_first_places_near_and_far(re_tau, y_plus):
+    mean, friction = DIRECT[re_tau]
+    asked = Turbulence(wall_distance=y_plus / re_tau)
+    _, over_shear, by_volumes, walls = compared(channel(mean * re_tau, 80.0, 1.0, turbulence=asked))
+    assert over_shear == pytest.approx(by_volumes, rel=5e-3)
+    assert over_shear == pytest.approx(mean, rel=0.015)
+    assert walls.friction == pytest.approx(friction, rel=0.03)
+
+
+@pytest.mark.slow
+def test_a_channel_between_walls_is_two_open_ones():
+    one = incipient.run(channel(11000.0, 20.0)).turbulence
+    between = channel(22000.0, 20.0, domain=Domain(length=20.0, height=2.0), flow=Poiseuille())
+    two = incipient.run(between).turbulence
+    assert two.at_outflow == pytest.approx(one.at_outflow, rel=2e-3)
+
+
+def test_a_channel_in_time_becomes_the_steady_one(tmp_path):
+    """From rest; the history has u* and y+, fields and result are written."""
+    steady = incipient.run(channel(11000.0, 3.0))
+    in_time = channel(11000.0, 3.0, time=Time(end=15.0, step=1.0), output=Output(fields=True))
+    found = incipient.run(in_time, tmp_path)
+    assert found.turbulence.at_outflow == pytest.approx(steady.turbulence.at_outflow, rel=5e-4)
+    with (tmp_path / "history.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert float(rows[-1]["y_plus_max"]) == pytest.approx(found.turbulence.largest)
+    stored = json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))["turbulence"]
+    assert stored["applicable"] and stored["friction"] == pytest.approx(2 * stored["at_outflow"] ** 2)
+    names = (tmp_path / "fields.xdmf").read_text(encoding="utf-8")
+    assert all(f'Name="{name}"' in names for name in ("k", "epsilon", "eddy_viscosity"))
+    effects = found.cost["effects"]["turbulence"]
+    assert effects["unknowns"] > 0 and effects["wall_time"] > 0.0
+
+
+def test_where_the_law_of_the_wall_does_not_hold_the_result_says_so_with_the_remedy():
+    """y+ of 15: not applicable, by the distance at which it would be 50."""
+    found = incipient.run(channel(22000.0, 4.0, turbulence=Turbulence(wall_distance=0.015)))
+    walls = found.turbulence
+    assert not walls.applicable and walls.largest < 30.0
+    assert walls.suitable == pytest.approx(50.0 / 22000.0 / walls.shear_velocity)
+    assert (
+        "NOT APPLICABLE: y+ of the walls" in found.text()
+        and "set turbulence.wall_distance = 0.0" in found.text()
+    )
+
+
+@pytest.mark.slow
+def test_a_rough_wall_and_turbulence_that_is_given():
+    """u_b/u* = ln(h/k_s)/0.41 + 8.5 - 1/0.41 over a rough wall far from the inflow, but for what the wake adds."""
+    asked = Turbulence(wall="rough", roughness=0.02, inflow="given", intensity=0.05, length=0.09)
+    walls = incipient.run(
+        channel(1e5, 60.0, turbulence=asked, numerics=Numerics(mesh_size=2.0, order=2))
+    ).turbulence
+    assert 1.0 / walls.at_outflow == pytest.approx(np.log(50.0) / 0.41 + 8.5 - 1 / 0.41, rel=0.05)
+
+
+@pytest.mark.slow
+def test_ranks_agree(mpirun):
+    """Steadily and in time, on one rank and on three."""
+    script = """
+        import incipient
+        from incipient.scene.file import loads
+
+        text = '[domain]\\nlength=4\\nheight=1\\n[fluid]\\nreynolds=11000\\nscale="flow"\\n'
+        text += '[flow]\\nkind="open-channel"\\n[effects]\\nturbulence=true\\n[numerics]\\nmesh_size=2\\norder=2\\n'
+        from mpi4py import MPI
+
+        for more in ("", "[time]\\nend=2\\nstep=0.5\\n"):
+            walls = incipient.run(loads(text + more)).turbulence
+            if MPI.COMM_WORLD.rank == 0:
+                print(repr(walls.at_outflow), repr(walls.largest))
+    """
+    found = []
+    for ranks in (1, 3):
+        done = mpirun(ranks, textwrap.dedent(script))
+        assert done.returncode == 0, done.stderr
+        found.append([float(word) for word in done.stdout.split()])
+    assert len(found[0]) == 4 and found[1] == pytest.approx(found[0], rel=1e-6)

@@ -1,0 +1,171 @@
+"""What a scene may say of turbulence, and what a plan makes of it: walls, mesh, what enters."""
+
+import numpy as np
+import pytest
+from scenes import message
+
+from incipient import make_plan
+from incipient.cost.command import chosen
+from incipient.errors import SceneError
+from incipient.planning.drawing import lay_out
+from incipient.planning.turbulence import WallLaw, entering, walls_of
+from incipient.scene import (
+    Disc,
+    Domain,
+    Effects,
+    Fluid,
+    LogLaw,
+    Numerics,
+    OpenChannel,
+    Output,
+    Poiseuille,
+    Scene,
+    Sinusoidal,
+    Time,
+    Turbulence,
+)
+
+CHANNEL = {
+    "domain": Domain(length=20, height=1),
+    "fluid": Fluid(reynolds=11000, scale="flow"),
+    "flow": OpenChannel(),
+    "effects": Effects(turbulence=True),
+}
+
+
+def channel(**changes):
+    return Scene(**{**CHANNEL, **changes})
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (
+            {"effects": Effects(), "turbulence": Turbulence()},
+            "turbulence: describes turbulence, which effects.",
+        ),
+        (
+            {"domain": Domain(length=20, width=2, height=1)},
+            "effects.turbulence: turbulence in space is not simulated",
+        ),
+        (
+            {"body": Disc(diameter=0.2, centre=(4, 0.5))},
+            "and most sand is too small for wall functions; "
+            'use flow.kind = "log-law", the laminar flow with the mean profile of a turbulent stream',
+        ),
+        (
+            {"bed": Sinusoidal(amplitude=0.1, wavelength=2)},
+            "effects.turbulence: turbulence over a bed that is not flat is not simulated",
+        ),
+        (
+            {"flow": LogLaw()},
+            'flow.kind: "log-law" with turbulence is not simulated by this version; use "poiseuille"',
+        ),
+        (
+            {"domain": Domain(length=20, height=1, top="stream")},
+            'domain.top: "stream" contradicts turbulence below it',
+        ),
+        (
+            {"fluid": Fluid(reynolds=11000, scale="flow", inertia=False)},
+            "fluid.inertia: is false, but without inertia",
+        ),
+        (
+            {"time": Time(end=1, step=0.1, start="steady")},
+            "time.start: with turbulence the fluid starts from rest",
+        ),
+        (
+            {"time": Time(end=1, step=0.1), "output": Output(checkpoint=1)},
+            "output.checkpoint: runs with turbulence cannot be resumed by this version",
+        ),
+        (
+            {"time": Time(end=1, step=0.1), "numerics": Numerics(convection="extrapolated")},
+            "numerics.convection: with turbulence the walls' friction is implicit",
+        ),
+        (
+            {"turbulence": {"wall": "rough"}},
+            'turbulence.roughness: is 0 but wall is "rough"; give the equivalent',
+        ),
+        (
+            {"turbulence": {"roughness": 0.01}},
+            'turbulence.roughness: is 0.01 but wall is "equilibrium"; set wall',
+        ),
+        (
+            {"turbulence": {"inflow": "given", "intensity": 0.1}},
+            'turbulence.length: is missing, which inflow = "given"',
+        ),
+        (
+            {"turbulence": {"length": 0.1}},
+            'turbulence.length: is read only with inflow = "given"; leave it out',
+        ),
+        ({"turbulence": {"c_2": 1.2}}, "turbulence.c_2: is 1.2; give 1 < c_1 < c_2"),
+        ({"turbulence": {"model": "k-omega"}}, 'turbulence.model: "k-omega" is not known; use "k-epsilon"'),
+    ],
+)
+def test_what_contradicts_turbulence_is_told_in_one_line(changes, words):
+    assert words in message(lambda: channel(**changes))
+
+
+def test_a_flow_too_slow_for_the_law_of_the_wall_is_refused_by_the_plan():
+    with pytest.raises(
+        SceneError, match=r"the law of the wall would have to reach 37% of the depth, at most 20%"
+    ):
+        make_plan(channel(fluid=Fluid(reynolds=2000, scale="flow")))
+
+
+def test_cost_is_not_studied_with_turbulence():
+    assert "cost: is not studied with turbulence" in message(lambda: chosen(channel(), quick=True))
+
+
+def test_the_plan_says_what_it_takes_the_walls_for():
+    text = make_plan(channel()).text()
+    assert "yes  turbulence: effects.turbulence = true: k-epsilon model; law of the wall from 0.08" in text
+    assert "y+ about 50" in text
+
+
+def test_turbulence_is_never_there_unless_asked_for():
+    plan = make_plan(channel(effects=Effects()))
+    (found,) = [one for one in plan.effects if one.name == "turbulence"]
+    assert not found.present and "set effects.turbulence = true" in found.reason
+
+
+def test_the_mesh_ends_where_the_law_of_the_wall_begins():
+    """50 nu/u* from one wall, or from two; the mean of the logarithmic law over the depth is u+(h) - 1/kappa."""
+    one, two = channel(), channel(flow=Poiseuille(), domain=Domain(length=20, height=2, origin=(0, 3)))
+    found = walls_of(one)
+    mean = np.log(found.shear_velocity * 11000) / 0.41 + 5.2 - 1 / 0.41
+    assert found.shear_velocity * mean == pytest.approx(1.0, rel=1e-6)
+    assert found.distance * found.shear_velocity * 11000 == pytest.approx(50.0)
+    grid = lay_out(one, make_plan(one)).shape
+    assert (grid.origin[1], grid.height) == pytest.approx((found.distance, 1 - found.distance))
+    grid, far = lay_out(two, make_plan(two)).shape, walls_of(two).distance
+    assert (grid.origin[1], grid.height) == pytest.approx((3 + far, 2 - 2 * far))
+    asked = channel(turbulence=Turbulence(wall_distance=0.1))
+    assert walls_of(asked).distance == 0.1
+
+
+def test_the_law_of_the_wall():
+    """u+ = ln(y+)/0.41 + 5.2; on rough walls ln(y/k_s)/0.41 + 8.5 (Nikuradse 1933); u* from the speed and back."""
+    smooth, rough = WallLaw(), WallLaw(roughness=0.2)
+    assert smooth.velocity(1.0, 0.01, 1.0) == pytest.approx(np.log(100) / 0.41 + 5.2)
+    assert rough.velocity(1.0, 1e-5, 1.0) == pytest.approx(np.log(5) / 0.41 + 8.5, rel=1e-3)
+    for law in (smooth, rough):
+        speeds = np.array([0.3, 1.0, 30.0])
+        found = law.shear_velocity(speeds, 1e-4, 0.3)
+        assert found * law.velocity(found, 1e-4, 0.3) == pytest.approx(speeds, rel=1e-8)
+
+
+@pytest.mark.parametrize("turbulence", [None, Turbulence(inflow="given", intensity=0.1, length=0.05)])
+@pytest.mark.parametrize("flow", [OpenChannel(velocity=3.0), Poiseuille(velocity=3.0)])
+def test_the_mean_velocity_that_enters_is_that_of_the_flow(flow, turbulence):
+    """With the law's share between mesh and walls."""
+    found = channel(flow=flow, turbulence=turbulence)
+    walls, enters = walls_of(found), entering(found)
+    inner = np.linspace(walls.distance, 1 - (walls.number - 1) * walls.distance, 20001)
+    below = walls.number * walls.shear_velocity
+    below *= walls.law.beyond(walls.shear_velocity, found.viscosity, walls.distance)
+    speeds = enters.speed(0.5 * (inner[1:] + inner[:-1]))
+    assert speeds.mean() * (inner[-1] - inner[0]) + below == pytest.approx(3.0, rel=1e-4)
+    k, epsilon = enters.energy(inner), enters.dissipation(inner)
+    assert (k > 0).all() and (epsilon > 0).all()
+    if turbulence is not None:
+        assert k == pytest.approx(1.5 * 0.3**2) and epsilon == pytest.approx(0.09**0.75 * k**1.5 / 0.05)
