@@ -61,7 +61,7 @@ class Series:
         """The outcome in a few lines for a reader."""
         lines = [f"{'samples':<20}{len(self.times)} from {self.times[0]:g} to {self.times[-1]:g}"]
         lines.append(f"{'safety factor':<20}{self.batch.factors.min():.4g} at the least")
-        lines += [f"{mode:<20}{share:.3%} of the time" for mode, share in self.shares.items()]
+        lines += [f"{mode:<19} {share:.3%} of the time" for mode, share in self.shares.items()]
         longest = sorted(self.events, key=lambda event: -event.length)[:MOST_EVENTS]
         lines.append(f"{'events':<20}{len(self.events)}{', the longest:' if longest else ''}")
         lines += [
