@@ -139,21 +139,17 @@ def test_the_budget_is_kept_and_said() -> None:
 
 
 def test_a_sweep_goes_on_to_the_same_cases(tmp_path: Path, capfd: Any) -> None:
-    scene, file, other = (tmp_path / name for name in ("block.toml", "one.sqlite", "other.sqlite"))
+    """In two parts, by processes, what is judged here at once."""
+    scene, file = tmp_path / "block.toml", tmp_path / "sweep.sqlite"
     scene.write_text(
         BLOCK + '[sweep]\ndo = "judge"\nrefine = 0.05\n[sweep.over]\nload.weight = [[0, -1], [1, -1]]\n'
     )
     assert cli.main(["sweep", str(scene), "--out", str(file), "--jobs", "1", "--most", "5"]) == 0
     assert "raise --most" in capfd.readouterr().out
-    assert cli.main(["sweep", str(scene), "--out", str(file), "--jobs", "1"]) == 0
-    said = capfd.readouterr().out
-    assert "changes of mode     to 0.031 of the range" in said
-    progress = incipient.sweep.run(scene, other, jobs=1)
-    assert progress.known == 0 and progress.refined[0] in said
-    one, two = (
-        {row["id"]: row["safety_factor"] for row in incipient.sweep.rows(path)} for path in (file, other)
-    )
-    assert one == two
+    assert incipient.sweep.run(scene, file, jobs=1).known == 5
+    whole = Judged(0.05, "load.weight=[0, -1],[1, -1]")
+    factors = {name: result["verdict"]["safety_factor"] for name, (_, result) in whole.results.items()}
+    assert {row["id"]: row["safety_factor"] for row in incipient.sweep.rows(file)} == factors
 
 
 def test_between_values_are_equal_ratios_or_differences() -> None:
