@@ -47,6 +47,7 @@ def part(record: Path) -> Part:
         *turned_of_run(directory, stored, case),
         *_loads(stored, planar),
         *of_si(stored.get("si")),
+        *_turbulence(stored.get("turbulence")),
         *told,
         *_path(stored),
         *of_errors(stored["error_bars"], planar),
@@ -156,6 +157,26 @@ def _others(stored: dict[str, Any], planar: bool) -> list[tuple[Cell, ...]]:
     ]
     rows.append(("largest Reynolds number of a cell", stored["measured_cell_reynolds"]))
     return [row for row in rows if row[1] is not None]
+
+
+def _turbulence(found: dict[str, Any] | None) -> tuple[Section, ...]:
+    """What the model of turbulence has found at the walls."""
+    if found is None:
+        return ()
+    holds = (
+        "The law of the wall holds" if found["applicable"] else "Warning: the law of the wall does NOT hold"
+    )
+    advice = (
+        "" if found["applicable"] else f"; give turbulence.wall_distance = {found['suitable_distance']:.3g}"
+    )
+    rows: list[tuple[Cell, ...]] = [
+        ("least y+ of the walls", found["least"]),
+        ("largest y+ of the walls", found["largest"]),
+        ("shear velocity u* along the walls, mean", found["shear_velocity"]),
+        ("shear velocity u* at the outflow", found["at_outflow"]),
+        ("friction C_f at the outflow", found["friction"]),
+    ]
+    return section("Turbulence", words(f"{holds}{advice}."), table(("at the walls", ""), rows))
 
 
 def _path(stored: dict[str, Any]) -> tuple[Section, ...]:

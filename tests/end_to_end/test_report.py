@@ -22,7 +22,9 @@ from incipient.errors import ConvergenceError, OutputError, SceneError
 from incipient.reporting.citation import CITED
 from incipient.reporting.errors import REMEDIES
 from incipient.reporting.judgement import part as part_of_case
-from incipient.reporting.page import Turned
+from incipient.reporting.page import Table, Turned
+from incipient.reporting.run import part as part_of_run
+from incipient.scene import Domain, Effects, Fluid, Numerics, OpenChannel, Output, Scene
 from incipient.simulation.judge_case import judge_case, load_case, save
 
 ROOT = Path(__file__).parents[2]
@@ -152,6 +154,25 @@ def test_a_run_says_all_that_is_asked_of_it(run: Path) -> None:
         assert said in page.text
     # Without fields there is nothing to draw: the page says so, and is there.
     assert "Pictures that are missing here: not drawn" in page.text and "output.fields" in page.text
+
+
+def test_a_channel_says_what_its_turbulence_is(tmp_path: Path) -> None:
+    scene = Scene(
+        domain=Domain(length=20.0, height=1.0),
+        fluid=Fluid(reynolds=10060.0, scale="flow"),
+        flow=OpenChannel(),
+        effects=Effects(turbulence=True),
+        numerics=Numerics(mesh_size=3.0),
+        output=Output(fields=False),
+    )
+    walls = incipient.run(scene, tmp_path).turbulence
+    assert walls is not None and walls.applicable
+    sections = part_of_run(tmp_path / "result.json").sections
+    (made,) = (one for one in sections if one.title == "Turbulence")
+    (table,) = (block for block in made.blocks if isinstance(block, Table))
+    assert [row[1] for row in table.rows] == [
+        walls.least, walls.largest, walls.shear_velocity, walls.at_outflow, walls.friction,
+    ]  # fmt: skip
 
 
 def test_every_term_has_a_remedy() -> None:
