@@ -118,8 +118,22 @@ def carried(h: Any, q: Any, u: Any, n: Any) -> Any:
 def levelled(h: Any, q: Any, u: Any, n: Any, zone: Any) -> Any:
     """k grad h . grad q (n . up), k = |u| `zone` u along the level: a zone makes an elevation level."""
     horizontal = range(len(n) - 1)
-    speed = ufl.sqrt(sum(u[axis] ** 2 for axis in horizontal))
-    return zone * speed / n[len(n) - 1] * sum(_slope(h, axis, n) * _slope(q, axis, n) for axis in horizontal)
+    return (
+        zone
+        * _speed(u, n)
+        / n[len(n) - 1]
+        * sum(_slope(h, axis, n) * _slope(q, axis, n) for axis in horizontal)
+    )
+
+
+def returned(h: Any, q: Any, u: Any, n: Any, zone: Any) -> Any:
+    """r h q (n . up), r = |u| `zone`: an elevation is brought back to the still level in a zone, at a rate."""
+    return zone * _speed(u, n) * below(h, q, n)
+
+
+def _speed(u: Any, n: Any) -> Any:
+    """The size of the velocity along the level."""
+    return ufl.sqrt(sum(u[axis] ** 2 for axis in range(len(n) - 1)))
 
 
 def crossing(v: Any, known: Any, elevation: Any, rate: Any, n: Any) -> Any:

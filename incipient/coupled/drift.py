@@ -8,7 +8,8 @@ solves int q (a0 d + u . grad d) = int q a0 (found - tried), as if the velocitie
 Where fluid enters, the elevation needs a condition of its own: short waves can only go with the stream, and nothing
 would keep them from growing at the end. It is that the surface comes in level, by a diffusion over a short zone,
 int k(x) grad h . grad q with k(x) = |u| times the zone's length, falling to zero along it. Its level is free, and since
-constants have no gradient, volume is kept.
+constants have no gradient, volume is kept. A stream faster than long waves needs its level given there, too: it is
+brought back to the still one in the same zone, int r(x) h q with r(x) = k(x) over the square of the zone's length.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from .. import compat
 from ..arrays import Floats
 from ..compat import petsc
 from ..fluid import Fluid
-from ..forms.surface import carried, levelled
+from ..forms.surface import carried, levelled, returned
 from ..mesh.elevation import RisingDisplacement, factorised
 
 
@@ -38,7 +39,11 @@ class Drift:
         h, q = ufl.TrialFunction(space), ufl.TestFunction(space)
         u, _ = ufl.split(fluid.history[0])
         zone: Any = sum(entry.zone(load.place) for entry in fluid.constraints.entries)
-        forms = levelled(h, q, u, load.normal, zone), carried(h, q, u, load.normal)
+        kept = levelled(h, q, u, load.normal, zone)
+        for entry in fluid.constraints.entries:
+            if entry.given:
+                kept += returned(h, q, u, load.normal, entry.rate(load.place))
+        forms = kept, carried(h, q, u, load.normal)
         self._forms = [compat.form(one * load.measure) for one in forms]
         self._levelling, self._carried = (rising.area.copy() for _ in range(2))
         self._matrices: list[Any] = []

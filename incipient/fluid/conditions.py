@@ -62,12 +62,14 @@ class Entering:
     axis:     that of its normal
     velocity: along the axis; a function of x (3, n), places as the mesh was made, and t that returns (n,)
     level:    length of the zone next to the end in which the surface is made level
+    given:    whether the level there is the still one: for streams faster than long waves
     """
 
     boundary: str
     axis: int
     velocity: Callable[[np.ndarray, float], np.ndarray]
     level: float
+    given: bool = False
 
 
 @dataclass(frozen=True)
@@ -147,7 +149,7 @@ class Constraints:
         self._carried = {name: boundary_blocks(space.velocity, domain.facets_of(name)) for name in carried}
         given = [c.boundary for c in prescribed]
         self.entries = tuple(
-            Entry(domain, space, c.boundary, c.axis, c.velocity, tuple(given), c.level)
+            Entry(domain, space, c.boundary, c.axis, c.velocity, tuple(given), c.level, c.given)
             for c in conditions
             if isinstance(c, Entering)
         )

@@ -26,6 +26,7 @@ class Entry:
         boundary, axis, velocity: see `conditions.Entering`.
         walls: names of boundaries at which the fluid sticks; it does so in the corners, too.
         level: length of the zone next to the end in which the surface is made level.
+        given: whether the level there is the still one.
 
     Attributes:
         space: of a component of the velocity.
@@ -42,6 +43,7 @@ class Entry:
         velocity: Callable[[np.ndarray, float], np.ndarray],
         walls: tuple[str, ...],
         level: float,
+        given: bool = False,
     ):
         self.boundary, self.axis, self._velocity, mesh = boundary, axis, velocity, domain.mesh
         self.space = compat.space(mesh, ("Lagrange", space.order))
@@ -54,7 +56,7 @@ class Entry:
         self._count, self._comm = len(self._own), domain.comm
         inwards = -ufl.FacetNormal(mesh)[axis]
         measure = space.boundary_quadrature(domain.facets)(domain.names[boundary])
-        self._level = level
+        self._level, self.given = level, given
         ends = domain.comm.allgather(self._places[axis, :1].tolist())
         self._end = next(one for some in ends for one in some)
         self._form = compat.form(ufl.inner(inwards, ufl.TestFunction(self.space)) * measure)
@@ -74,6 +76,10 @@ class Entry:
         """In UFL, the length of the level zone at the end, which falls to zero along it. Not collective."""
         rest = 1 - abs(place[self.axis] - self._end) / self._level
         return self._level * ufl.conditional(ufl.gt(rest, 0), rest**2, 0)
+
+    def rate(self, place: Any) -> Any:
+        """In UFL, the zone's length over its square at the end: by how much the level is given. Not collective."""
+        return self.zone(place) / self._level**2
 
     def _areas(self) -> np.ndarray:
         """(own nodes of the boundary,) the integral of each one's function over it, counted inwards."""

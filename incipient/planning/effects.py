@@ -296,7 +296,7 @@ def _ends(scene: Scene) -> str:
 
     asked, speed = surface_of(scene), froude(scene)
     told = f"; Froude number {speed:.2g}" if speed else ""
-    told += "; the level is free at the inflow, "
+    told += f"; the level is {'the still one' if speed >= 1.0 else 'free'} at the inflow, "
     told += (
         "that of the still fluid beyond the outflow"
         if asked.outflow == "open"

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from ..scene import Scene, Surface
+from ..scene.open_channel import froude
 from .cells import largest_cell, largest_cell_in_space, side_names
 from .stream import inflow, undisturbed
 
@@ -27,7 +28,7 @@ def ends(scene: Scene) -> list[Condition]:
     stream, beside = inflow(scene), Expression(asked.inflow)
     largest = largest_cell(scene) if scene.gdim == 2 else largest_cell_in_space(scene, scene.order)
     level = max(LEVEL * scene.domain.height, scene.numerics.mesh_size * largest)
-    entering = Entering(left, 0, lambda x, t: stream(x, t)[0] + beside(x, t), level)
+    entering = Entering(left, 0, lambda x, t: stream(x, t)[0] + beside(x, t), level, froude(scene) >= 1.0)
     return [entering, Open(right) if asked.outflow == "open" else Slip(right, axis=0)]
 
 

@@ -56,9 +56,6 @@ def of_channel(scene: Scene, surface: Surface) -> Iterator[tuple[Key, str, str]]
         yield ("surface", "sponge"), why, f"give at most {0.5 * scene.domain.length:g}"
     if scene.time is not None and scene.time.start != "rest" and closed:
         yield ("time", "start"), "is a flow through but the channel has an end", 'use "rest"'
-    if scene.gravity is not None and froude(scene) >= 1.0:
-        why = f"is faster than long waves, Froude number {froude(scene):.3g}: its inflow would need a level, too"
-        yield ("flow", "velocity"), why, "use a slower stream, a deeper channel or more gravity"
 
 
 def _variables(text: str) -> frozenset[str]:

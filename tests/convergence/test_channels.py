@@ -201,3 +201,27 @@ def test_a_hump_is_washed_out_of_a_fast_stream_of_low_viscosity(tmp_path):
     history = np.genfromtxt(tmp_path / "history.csv", delimiter=",", names=True)
     late = [history[f"elevation_{n}"][history["time"] > 8.0] for n in range(1, 6)]
     assert np.abs(late).max() < 0.3 * 0.05
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("friction", [True, False])
+def test_a_stream_faster_than_long_waves_comes_to_the_level_of_its_inflow(tmp_path, friction):
+    """Froude number 1.5, begun with a level a tenth too high: Nusselt's film, and a stream without friction."""
+    slope = np.arctan(9 / 8)  # of a film Fr^2 = Re tan(a)/3
+    scene = CHANNEL.format(
+        length=6.0,
+        reynolds=6.0 if friction else 150.0,
+        flow=f'kind = "{"open-channel" if friction else "uniform"}"\nvelocity = {1.0 if friction else 1.5}',
+        bed=f'[bed]\nkind = "inclined"\nslope = {np.degrees(slope)!r}' if friction else "",
+        gravity=float(0.5 / np.sin(slope)) if friction else 1.0,
+        inflow="0",
+        sponge=0.0,
+        bottom="no-slip" if friction else "slip",
+        stations=[0.0, 1.5, 3.0, 4.5, 6.0],
+        start="steady",
+        mesh=3.0,
+        end=20.0,
+        step=0.1,
+    ).replace("stations =", 'elevation = "0.1"\nstations =')
+    result = incipient.run(loads(scene), tmp_path)
+    assert np.abs(result.surface["elevations"]).max() < (1e-8 if friction else 1e-3)
