@@ -135,6 +135,9 @@ class ResultDirectory:
         with collectively(self.comm):
             if self.comm.rank == 0:
                 self._write(result)
+                for series in (self._series, self._surface):
+                    if series is not None:
+                        series.finish()
                 wanted = result.scene["output"]["checkpoint"] or result.met
                 if result.status == "complete" and not wanted:
                     with reported(self.path / CHECKPOINT):

@@ -16,7 +16,8 @@ from ..files import numbered, reported
 log = logging.getLogger("incipient")
 
 SCENE, RESULT, CHECKPOINT = "scene.toml", "result.json", "checkpoint.h5"
-DATA = (RESULT, "history.csv", "fields.xdmf", "fields.h5", "surface.xdmf", "surface.h5", "threshold.json")
+SERIES = tuple(f"{name}.{ending}" for name in ("fields", "surface") for ending in ("xdmf", "h5", "vtkhdf"))
+DATA = (RESULT, "history.csv", *SERIES, "threshold.json")
 DRAWN = ("flow", "pressure", "vorticity", "traction", "verdict", "profiles", "mesh", "trajectory")
 PICTURES = (
     *(f"{name}.png" for name in DRAWN),

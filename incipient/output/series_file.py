@@ -26,6 +26,7 @@ from ..parallel import Alone, collectively, from_first
 from ..tables.hdf5 import reserve, write_rows
 from ..tables.rows import Rows
 from .earlier import put_aside
+from .vtkhdf import write_vtkhdf
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -112,6 +113,7 @@ class SeriesFile:
         """Start the HDF5 file anew and remove an old XDMF file, which would point into it."""
         import h5py
 
+        self._forget_vtk()
         with reported(self._xdmf):
             self._xdmf.unlink(missing_ok=True)
         with reported(self._hdf5, (RuntimeError,)), h5py.File(self._hdf5, "w", locking=False) as file:
@@ -126,6 +128,7 @@ class SeriesFile:
             Unreadable: when there is no such pair, or its HDF5 file is damaged.
             OutputError: when the XDMF file cannot be written.
         """
+        self._forget_vtk()
         with _opened(self._hdf5, "r+") as file:
             for index in range(_count(file)):
                 if not _is_whole(step := file[f"step{index}"]) or _is_after(step, time):
@@ -165,6 +168,17 @@ class SeriesFile:
                 stored = {name: _Dataset(names[name], table.shape) for name, table in values.items()}
                 self._tell(time, mesh, stored)
         self._waiting = {}
+
+    def tell_vtk(self) -> None:
+        """Write the VTKHDF file beside the pair, of the steps that there are, if any. On rank 0."""
+        if self._steps:
+            write_vtkhdf(self._hdf5, self._cell_type, self._steady)
+
+    def _forget_vtk(self) -> None:
+        """Remove the VTKHDF file, which points to steps that may go."""
+        path = self._hdf5.with_suffix(".vtkhdf")
+        with reported(path):
+            path.unlink(missing_ok=True)
 
     def _begun(self, held: ExitStack, names: Mapping[str, str], tables: Mapping[str, Rows]) -> dict[str, int]:
         """Open the HDF5 file and make datasets without content at its end; their places. On rank 0.

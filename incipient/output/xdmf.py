@@ -62,6 +62,10 @@ class Series:
         self._file.add_step(time, values, self._comm)
         self._written = places.copy() if moved else self._written
 
+    def finish(self) -> None:
+        """Write the VTKHDF file of the steps that there are, if any. On rank 0."""
+        self._file.tell_vtk()
+
     def _moved(self, places: np.ndarray) -> bool:
         """Whether, on any rank, a node of the mesh is not where it was when coordinates were last written."""
         still = self._written is not None and np.array_equal(self._written, places)

@@ -163,6 +163,7 @@ def test_a_second_run_into_a_directory_is_refused(started, tmp_path, capsys):
         "result.json",
         "fields.xdmf",
         "fields.h5",
+        "fields.vtkhdf",
     }
 
 

@@ -13,7 +13,20 @@ from incipient.scene import Scene
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-NOT_KEYS = {"toml", "json", "csv", "txt", "xdmf", "h5", "md", "py", "png", "svg", "log"}  # endings of files
+NOT_KEYS = {
+    "toml",
+    "json",
+    "csv",
+    "txt",
+    "xdmf",
+    "h5",
+    "vtkhdf",
+    "md",
+    "py",
+    "png",
+    "svg",
+    "log",
+}  # endings of files
 MADE = {"reference/scene.md", "reference/commands.md", "reference/python.md"}  # by docs/reference.py
 of_every_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 
