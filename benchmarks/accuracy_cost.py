@@ -56,7 +56,10 @@ SCENES = (
     ),
     Scene(
         "standing_wave",
-        ("--orders", "2", "3", "--steps", "8", "4", "2", "--solvers", "own"),
+        (
+            *("--orders", "2", "3", "--sizes", "4", "2.82843", "2", "1.41421"),
+            *("--steps", "8", "4", "2", "1", "--solvers", "own"),
+        ),
         "Elevations at both ends and in the middle at sixteen times in three periods, relative to those together.",
     ),
 )
