@@ -303,15 +303,17 @@ class HalfDiscs(Bed):
         return np.asarray(feet[(feet >= x0) & (feet <= x1)])
 
     def nearest(self, points: Floats) -> Floats:
-        """The nearest of the feet on the closest half-discs and on the base line between them."""
+        """The foot on the half-disc whose centre is nearest, or that on the base line beside it if it is nearer."""
         points = rows(points)
-        centre = self._centre(points[:, 0])
-        candidates = [self._on_disc(points, centre + k * self.spacing) for k in (-1.0, 0.0, 1.0)]
-        if not self._touching:
-            candidates += [self._on_base(points, centre + k * self.spacing) for k in (-1.0, 0.0)]
-        feet = np.stack(candidates)
-        best = np.argmin(np.linalg.norm(feet - points, axis=2), axis=0)
-        return np.asarray(feet[best, np.arange(len(points))])
+        x = points[:, 0]
+        # Half-way between two it is the left one.
+        centre = self.offset + self.spacing * np.ceil((x - self.offset) / self.spacing - 0.5)
+        feet = self._on_disc(points, centre)
+        if self._touching:
+            return feet
+        base = self._on_base(points, np.where(x < centre, centre - self.spacing, centre))
+        is_nearer = np.square(base - points).sum(axis=1) < np.square(feet - points).sum(axis=1)
+        return np.where(is_nearer[:, None], base, feet)
 
     def _on_disc(self, points: Floats, centre: Floats) -> Floats:
         """Nearest points on the half-discs with the given centres."""
