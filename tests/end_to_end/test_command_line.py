@@ -111,15 +111,6 @@ def _read(terminal):
         return b""
 
 
-def test_two_ranks_speak_with_one_voice(command, tmp_path):
-    done = command("run", GRAIN_ON_BED, *COARSE, "--out", "x", ranks=2)
-    assert done.returncode == 0, done.stderr
-    assert "on 2 ranks" in done.stderr
-    assert done.stdout.count("force of the flow") == 1
-    assert not has_control_characters(done.stderr + done.stdout)
-    assert result_of(tmp_path / "x")["cost"]["ranks"] == 2
-
-
 # -- the other commands --------------------------------------------------------------------------------------
 
 

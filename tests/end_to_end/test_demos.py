@@ -72,8 +72,8 @@ def versions():
 
 # By default one scene of those that differ by their gravity only.
 FEWER = {("grain_on_bed.py", 1): (["10"], ["grain_10"])}
-# On one rank, and a grain that moves on two as well; the rest is left to `make test-slow`.
-DEFAULT = [("cavity.py", 1), ("grain_on_bed.py", 1), ("pothole.py", 1), ("settling.py", 2)]
+# Two ranks, and the other demos, are left to `make test-slow`.
+DEFAULT = [("cavity.py", 1), ("grain_on_bed.py", 1), ("pothole.py", 1), ("settling.py", 1)]
 
 
 @pytest.mark.parametrize(
