@@ -58,8 +58,11 @@ def column(scene: Scene, place: Sequence[float], heights: np.ndarray) -> np.ndar
 def bed_stress(scene: Scene) -> float:
     """Shear stress of the undisturbed flow at its datum, scene units with fluid density one. Not collective.
 
-    It is that of the flow's profile, the same over the whole bed; of a flow given by formulas, at the inflow.
+    It is that of the flow's profile, the same over the whole bed; of a flow given by formulas, at the inflow. Of the
+    mean of a turbulent stream it is u*^2, of which the viscosity is but a part where the bed is rough.
     """
+    if isinstance(scene.flow, LogLaw):
+        return scene.flow.shear_velocity**2
     step = 1e-6 * scene.domain.height
     heights = scene.datum + step * np.array([0.0, 1.0, 2.0])
     speed = undisturbed(scene)(column(scene, scene.domain.origin, heights), 0.0)[0]

@@ -11,7 +11,7 @@ from ..planning.stream import bed_stress
 from ..scene import Scene
 from ..scene.units import nominal_diameter
 
-_WITH_STRESS = ("shear", "poiseuille", "open-channel")
+_WITH_STRESS = ("shear", "poiseuille", "open-channel", "log-law")
 # Numbers of a flow, with their units and names for a reader.
 FLOW = {
     "shear_rate": ("1/s", "shear rate"),

@@ -42,7 +42,7 @@ class Units(Section):
     gravity: Positive = Field(9.81, description="Gravitational acceleration [m/s^2]")
     shear_rate: Positive | None = Field(None, description="What flow.rate is [1/s]", examples=[1.0])
     velocity: Positive | None = Field(
-        None, description="What flow.velocity is, of flows that have one [m/s]", examples=[0.01]
+        None, description="What flow.velocity is, of a log-law flow.shear_velocity [m/s]", examples=[0.01]
     )
 
 
@@ -99,7 +99,7 @@ def scales_of(scene: Scene, units: Units) -> Scales:
     if getattr(units, other) is not None:
         raise _refused(other, f'is not of the flow "{kind}"', f"give {needed} only")
     length = units.diameter / nominal_diameter(scene.grain)
-    stated = getattr(scene.flow, "rate" if shear else "velocity")
+    stated = scene.flow.rate if scene.flow.kind == "shear" else scene.reference_velocity
     time = stated / speed if shear else length * stated / speed
     return Scales(length, time, units.fluid_density, scene.gdim)
 

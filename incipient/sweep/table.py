@@ -158,6 +158,14 @@ def _of_verdict(result: Mapping[str, Any]) -> dict[str, Any]:
     for name in ("force", "couple"):
         if result.get(name) is not None:
             found |= _vector(name, result[name]["flow"], bars and bars[name])
+    walls = result.get("turbulence")
+    if walls is not None:
+        found |= {name: walls[name] for name in ("friction", "applicable")}
+        found |= {
+            "bed_shear_velocity": walls["at_outflow"],
+            "y_plus_min": walls["least"],
+            "y_plus_max": walls["largest"],
+        }
     for name, value in (result.get("coefficients") or {}).items():
         if name in ("drag", "lift", "moment"):
             found[name] = value
@@ -184,4 +192,8 @@ def in_words(row: Mapping[str, Any]) -> str:
         bar = row.get(f"shields{HIGH}")
         error = "" if bar is None else f" +- {bar - row['shields']:.1g}"
         return f"{row['mode']} at Shields number {row['shields']:.4g}{error}"
+    if "friction" in row:
+        return f"C_f {row['friction']:.5g}" + (
+            "" if row["applicable"] else ", law of the wall NOT APPLICABLE"
+        )
     return f"{row['mode']}, safety factor {row['safety_factor']:.4g}" if "mode" in row else "no verdict"

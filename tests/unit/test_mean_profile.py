@@ -12,7 +12,9 @@ from incipient.planning.drawing import lay_out
 from incipient.planning.effects import numbers_of
 from incipient.planning.mean_profile import KAPPA, MeanProfile, force_of_turbulence
 from incipient.planning.stream import mean_speed, undisturbed
+from incipient.results.si import in_si
 from incipient.scene import Domain, Fluid, HalfDiscs, LogLaw, Uniform
+from incipient.scene.file import loads
 
 DNS = Path(__file__).parents[1] / "reference" / "channel_dns.csv"
 
@@ -59,6 +61,17 @@ def test_the_profile_in_the_scene_s_units():
     speed = undisturbed(found)(points, 0.0)
     assert speed[0] == pytest.approx(expected, rel=1e-7) and not speed[1].any()
     assert found.top == "stream"
+
+
+def test_in_si_units_the_velocity_is_that_of_shear():
+    """Sand of 1 mm below u* = 2 cm/s in water: Re* = 20, and a stress of rho u*^2 = 0.4 Pa."""
+    units = {"diameter": 1e-3, "velocity": 0.02, "viscosity": 1e-6, "fluid_density": 1000.0}
+    text = '[domain]\nlength=12\nheight=6\n[flow]\nkind="log-law"\n[bed]\nkind="flat"\n[body]\nx=4\nshape="disc"\n'
+    text += 'diameter=1\n[fluid]\nscale="grain"\n[units]\n'
+    found = loads(text + "".join(f"{key}={value}\n" for key, value in units.items()))
+    assert found.fluid.reynolds == pytest.approx(20.0)
+    told = in_si(found)
+    assert told["bed_stress"] == pytest.approx(0.4) and told["shear_velocity"] == pytest.approx(0.02)
 
 
 def test_the_force_brings_down_what_the_bed_takes_more_than_viscosity_does():

@@ -9,6 +9,7 @@ from incipient.cost.command import chosen
 from incipient.errors import SceneError
 from incipient.planning.drawing import lay_out
 from incipient.planning.turbulence import WallLaw, entering, walls_of
+from incipient.results.turbulence import WallReport
 from incipient.scene import (
     Disc,
     Domain,
@@ -24,6 +25,7 @@ from incipient.scene import (
     Time,
     Turbulence,
 )
+from incipient.sweep.table import in_words, quantities
 
 CHANNEL = {
     "domain": Domain(length=20, height=1),
@@ -110,6 +112,15 @@ def test_a_flow_too_slow_for_the_law_of_the_wall_is_refused_by_the_plan():
         SceneError, match=r"the law of the wall would have to reach 37% of the depth, at most 20%"
     ):
         make_plan(channel(fluid=Fluid(reynolds=2000, scale="flow")))
+
+
+def test_a_sweep_s_table_has_the_friction_and_whether_it_holds():
+    walls = WallReport(0.08, 49.0, 51.0, 0.05, 0.05, 0.005, 1 / 11000, 0.09)
+    found = quantities("run", {"verdict": None, "turbulence": walls.to_dict()})
+    assert found["friction"] == 0.005 and found["applicable"] and found["y_plus_max"] == 51.0
+    row = {"status": "done", "task": "run", **found}
+    assert in_words(row) == "C_f 0.005"
+    assert in_words(row | {"applicable": False}) == "C_f 0.005, law of the wall NOT APPLICABLE"
 
 
 def test_cost_is_not_studied_with_turbulence():
