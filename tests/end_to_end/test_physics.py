@@ -201,6 +201,25 @@ def test_a_turbulent_stream_keeps_its_mean_profile(extents, bound):
     assert any("gusts" in one.how for one in result.omitted)
 
 
+def test_within_the_viscous_sublayer_a_turbulent_stream_is_shear():
+    """u = y u*^2/nu up to y+ = 1: a grain there feels shear of that rate, one thousandth less on top."""
+    loads = []
+    for flow, reynolds in ((LogLaw(), 0.5), (Shear(rate=0.5), 0.25)):
+        scene = Scene(
+            domain=Domain(length=6.0, height=2.0),
+            fluid=Fluid(reynolds=reynolds, scale="grain"),
+            flow=flow,
+            body=Disc(diameter=1.0, centre=(3.0, 0.7)),
+            bed=Flat(),
+            effects={"inertia": False},
+            numerics=Numerics(mesh_size=3.0, order=2, error_bars=False),
+        )
+        assert scene.viscosity == pytest.approx(2.0)
+        result = incipient.run(scene)
+        loads.append([result.force.flow[0], result.couple.flow[2]])
+    assert loads[0] == pytest.approx(loads[1], rel=2e-3)
+
+
 def in_still_water(**changed):
     sections = {
         "domain": Domain(length=6.0, height=3.0),
