@@ -165,8 +165,8 @@ def _geometry_order(scene: Scene) -> int:
     """Straight cells where every boundary is straight, else curved ones to match the velocity."""
     if scene.numerics.geometry_order is not None:
         return scene.numerics.geometry_order
-    if scene.has_surface:
-        return GEOMETRY_ORDER[scene.order]  # a wave is curved
+    if scene.has_surface:  # a wave is curved
+        return GEOMETRY_ORDER[scene.order if scene.gdim == 2 else 2]
     if scene.gdim == 3:
         return 1 if _has_flat_faces(scene) else GEOMETRY_ORDER[2]
     curves = list(scene.grain.drawn()) if scene.grain is not None else []

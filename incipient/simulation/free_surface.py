@@ -197,6 +197,8 @@ class _Stations:
         across = surface_of(scene).places()
         top = scene.domain.ceiling + rising.raised
         points = np.array([(*place, top) for place in across]).reshape(-1, scene.gdim)
+        if scene.symmetric:  # the half that is computed has the larger y
+            points[:, 1] = scene.domain.middle + np.abs(points[:, 1] - scene.domain.middle)
         places = Locator(rising.domain.mesh).inside(spatial(points))
         ranks = np.array(comm.allgather(np.where(places.found, comm.rank, comm.size)))
         self._mine = np.flatnonzero(ranks.min(axis=0, initial=comm.size) == comm.rank)

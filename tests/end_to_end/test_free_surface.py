@@ -390,3 +390,65 @@ def test_a_wave_on_deep_water_released_from_rest(tmp_path):
     exact = prosperetti(history["time"], 0.01, np.pi)
     assert prosperetti(np.array([1e-9]), 0.01, np.pi) == pytest.approx([1.0], abs=1e-6)
     assert np.abs(history["elevation_1"] / 1e-6 - exact).max() < 1e-3
+
+
+IN_SPACE = """\
+[domain]
+kind = "box"
+length = 4.0
+width = 3.0
+height = 2.0
+top = "free-surface"
+sides = "wall"
+[fluid]
+reynolds = 100.0
+scale = "grain"
+[flow]
+kind = "still"
+[gravity]
+acceleration = 10.0
+[surface]
+elevation = "0.1*cos(pi*x/4)"
+stations = [[0.0, 1.5], [0.0, 0.0]]
+[body]
+shape = "sphere"
+diameter = 1.0
+x = 2.0
+density = 1.3
+[bed]
+kind = "flat"
+[contact]
+friction = 0.5
+gap = 0.03
+[time]
+end = 0.1
+step = 0.05
+[numerics]
+order = 2
+mesh_size = 4.0
+error_bars = false
+"""
+
+
+def test_a_sphere_below_a_wave_in_space(tmp_path):
+    """Half of a tank by blocks, between sides to which the fluid sticks, where the surface is pinned."""
+    told = make_plan(loads(IN_SPACE)).text()
+    assert "linear systems by a block method" in told and "the fluid sticks to left, where" in told
+    incipient.run(loads(IN_SPACE), tmp_path)
+    history = history_of(tmp_path)
+    assert (np.diff(history["elevation_1"]) < 0).all()
+    assert history["elevation_2"] == pytest.approx(0.1, abs=1e-14)
+    assert np.ptp(history["volume_above_level"]) < 1e-14
+    assert (history["force_x"] > 0.0).all()
+
+
+@pytest.mark.slow
+def test_error_bars_below_a_wave_in_space(tmp_path):
+    """The force of a run of order three in steps of a quarter lies within them."""
+    text = IN_SPACE.replace("error_bars = false\n", "").replace('sides = "wall"\n', "")
+    found = incipient.run(loads(text))
+    fine = text.replace("order = 2\nmesh_size = 4.0", "order = 3\nmesh_size = 3.0\nerror_bars = false")
+    exact = incipient.run(loads(fine.replace("step = 0.05", "step = 0.0125")))
+    assert "discretisation" not in found.error_bars.failed
+    error = np.abs(exact.force.flow - found.force.flow)
+    assert (error <= found.error_bars.force).all() and error[0] > 0.0
