@@ -238,6 +238,7 @@ def test_a_neutrally_buoyant_disc_ends_on_its_limit_cycle(tmp_path: Path) -> Non
 # -- ranks --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow  # runs on two ranks that are resumed go through a new mesh by default
 def test_two_ranks_carry_the_grain_as_one_does(session: Any, tmp_path: Path) -> None:
     """Through a new mesh, whose fields come from the other rank as well."""
     scene = carried_in_a_cavity(mesh_size=4.0, remesh_below=0.98)

@@ -69,8 +69,8 @@ def test_a_sphere_on_a_plane_in_creeping_shear(tmp_path):
 def test_two_ranks_give_the_numbers_of_one(mpirun, tmp_path):
     scene = sphere_on_plane(
         fluid=SLOW,
-        contact=Contact(friction=0.5, gap=0.05),
-        numerics=Numerics(mesh_size=2.5, error_bars=False, tolerance=1e-10),
+        contact=Contact(friction=0.5, gap=0.1),
+        numerics=Numerics(mesh_size=4.0, error_bars=False, tolerance=1e-10),
     )
     (tmp_path / "scene.toml").write_text(dumps(scene))
     alone = incipient.run(scene, comm=MPI.COMM_SELF)

@@ -4,6 +4,8 @@ import pytest
 from images import assert_is_a_picture
 from processes import result_of
 
+from incipient.cli import main
+
 SCENE = """\
 [domain]
 length = 6
@@ -45,10 +47,9 @@ SINUSOIDAL = 'kind = "sinusoidal"\namplitude = 0.1\nwavelength = 1.2'
         pytest.param(DISCS, SINUSOIDAL, id="discs"),
     ],
 )
-def test_a_settled_grain_is_judged_and_drawn(command, tmp_path, body, bed):
+def test_a_settled_grain_is_judged_and_drawn(tmp_path, body, bed):
     (tmp_path / "case.toml").write_text(SCENE.format(body=body, bed=bed))
-    done = command("run", "case.toml", "--out", "out")
-    assert done.returncode == 0, done.stderr
+    assert main(["run", str(tmp_path / "case.toml"), "--out", str(tmp_path / "out")]) == 0
     result = result_of(tmp_path / "out")
     # It rests: two contacts, on either side of its centre, that hold it without the flow.
     left, right = sorted(contact["point"][0] for contact in result["contacts"])
