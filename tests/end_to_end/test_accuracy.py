@@ -123,7 +123,7 @@ def error_of(result: Result, reference: np.ndarray) -> float:
     return float(np.linalg.norm(result.force.flow[:2] - reference) / np.linalg.norm(reference))
 
 
-@pytest.mark.parametrize("accuracy", [0.01, 0.001])
+@pytest.mark.parametrize("accuracy", [pytest.param(0.01, marks=pytest.mark.slow), 0.001])
 @pytest.mark.parametrize(("scene", "reference"), [(cylinder, CYLINDER), (on_bed, ON_BED)])
 def test_what_is_asked_for_is_reached_and_not_much_more(
     scene: Any, reference: np.ndarray, accuracy: float

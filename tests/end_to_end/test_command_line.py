@@ -145,12 +145,12 @@ def test_the_schema_knows_every_section(command):
     ("arguments", "unbuffered"),
     [
         (["schema"], ""),
-        (["schema"], "1"),
+        pytest.param(["schema"], "1", marks=pytest.mark.slow),
         (["--help"], "1"),
-        (["judge", BLOCK_ON_INCLINE], ""),
+        pytest.param(["judge", BLOCK_ON_INCLINE], "", marks=pytest.mark.slow),
         (["plan", CYLINDER, "--log-level", "error"], "1"),  # starts gmsh
         (["run", CAVITY, *COARSE, "--log-level", "error"], ""),  # and PETSc; both look after signals
-        (["run", CAVITY, *COARSE, "--log-level", "error"], "1"),
+        pytest.param(["run", CAVITY, *COARSE, "--log-level", "error"], "1", marks=pytest.mark.slow),
     ],
 )
 def test_a_reader_that_has_gone_is_no_defect(arguments, unbuffered, tmp_path):

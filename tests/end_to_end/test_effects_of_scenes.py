@@ -198,7 +198,7 @@ def with_and_without_inertia(reynolds, **changes):
     return inert, incipient.run(Scene(**scene, effects=Effects(inertia=False)))
 
 
-@pytest.mark.parametrize("reynolds", [0.01, 0.2])
+@pytest.mark.parametrize("reynolds", [pytest.param(0.01, marks=pytest.mark.slow), 0.2])
 def test_what_inertia_would_have_changed(reynolds):
     inert, stokes = with_and_without_inertia(reynolds)
     estimate, true = change(left_out(stokes, "inertia")), load_of(inert) - load_of(stokes)
@@ -208,7 +208,9 @@ def test_what_inertia_would_have_changed(reynolds):
     assert estimate[1] == pytest.approx(true[1], rel=0.02 + reynolds / 4)
 
 
-@pytest.mark.parametrize(("reynolds", "flagged"), [(0.01, False), (1.0, True), (5.0, True)])
+@pytest.mark.parametrize(
+    ("reynolds", "flagged"), [(0.01, False), (1.0, True), pytest.param(5.0, True, marks=pytest.mark.slow)]
+)
 def test_inertia_is_flagged_where_it_matters(reynolds, flagged):
     scene = {**GRAIN_ON_BED, "numerics": COARSE, "fluid": Fluid(reynolds=reynolds, scale="grain")}
     result = incipient.run(Scene(**scene, effects=Effects(inertia=False)))

@@ -334,25 +334,22 @@ def test_loads_converge_as_the_gap_closes():
     assert narrow == pytest.approx(middle, rel=0.03)
 
 
-def test_any_number_of_ranks_gives_the_same_numbers_and_speaks_with_one_voice(command, tmp_path):
-    """Error bars, which are runs of the same kind, are computed on one and two."""
-    found, bars = {}, {}
-    for ranks in (1, 2, 3):
-        small = settings(domain_length=12.0, domain_height=6.0, body_x=4.0, numerics_mesh_size=5)
-        options = [*small, *settings(numerics_error_bars=ranks < 3)]
-        arguments = ["run", str(GRAIN_ON_BED), *options, "--out"]
-        if ranks == 1:
-            assert main([*arguments, str(tmp_path / "on1")]) == 0
-        else:
-            done = command(*arguments, f"on{ranks}", ranks=ranks, timeout=120)
-            assert done.returncode == 0, done.stderr
-            assert f"on {ranks} ranks" in done.stderr
-            assert done.stdout.count("force of the flow") == 1
-            assert not has_control_characters(done.stderr + done.stdout)
-        result = result_of(tmp_path / f"on{ranks}")
-        assert result["cost"]["ranks"] == ranks
-        found[ranks] = [*result["force"]["flow"][:2], result["couple"]["flow"][2]]
-        bars[ranks] = result["error_bars"] and [term["force"] for term in result["error_bars"]["terms"]]
-    assert found[2] == pytest.approx(found[1], rel=1e-8)
-    assert found[3] == pytest.approx(found[1], rel=1e-8)
-    assert np.array(bars[2]) == pytest.approx(np.array(bars[1]), rel=1e-4)
+@pytest.mark.parametrize("ranks", [2, pytest.param(3, marks=pytest.mark.slow)])
+def test_any_number_of_ranks_gives_the_same_numbers_and_speaks_with_one_voice(command, tmp_path, ranks):
+    """Loads, and error bars, which are runs of the same kind."""
+    small = settings(domain_length=12.0, domain_height=6.0, body_x=4.0, numerics_mesh_size=5)
+    asked = ["run", str(GRAIN_ON_BED), *small, "--out"]
+    assert main([*asked, str(tmp_path / "alone")]) == 0
+    done = command(*asked, "together", ranks=ranks, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert f"on {ranks} ranks" in done.stderr
+    assert done.stdout.count("force of the flow") == 1
+    assert not has_control_characters(done.stderr + done.stdout)
+    alone, together = (result_of(tmp_path / name) for name in ("alone", "together"))
+    assert (alone["cost"]["ranks"], together["cost"]["ranks"]) == (1, ranks)
+    loads, bars = [], []
+    for result in (alone, together):
+        loads.append([*result["force"]["flow"][:2], result["couple"]["flow"][2]])
+        bars.append([term["force"] for term in result["error_bars"]["terms"]])
+    assert loads[1] == pytest.approx(loads[0], rel=1e-8)
+    assert np.array(bars[1]) == pytest.approx(np.array(bars[0]), rel=1e-4)

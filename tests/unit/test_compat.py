@@ -77,16 +77,25 @@ def test_model_to_mesh() -> None:
 
 GHOSTS = """
 from domains import unit_box
+import dolfinx
+from incipient import compat
 
 mesh = unit_box(2, 4).mesh
 ghosts = mesh.topology.index_map(2).num_ghosts
 assert ghosts > 0, "inner facets between ranks need both their cells"
+
+function = dolfinx.fem.Function(compat.space(mesh, ("Lagrange", 1)))
+function.x.array[:] = 1.0
+function.x.scatter_reverse(compat.ADD)
+owned = function.function_space.dofmap.index_map.size_local
+# Unknowns on the interface are seen by both ranks.
+assert set(function.x.array[:owned]) == {1.0, 2.0} or owned == len(function.x.array)
 print("good")
 """
 
 
-def test_partitioner(mpirun: Any) -> None:
-    """Cells that share a facet with the other rank are there as ghosts."""
+def test_partitioner_and_add(mpirun: Any) -> None:
+    """Cells that share a facet with the other rank are there as ghosts; what these add is added to their owners."""
     compat.partitioner()
     done = mpirun(2, GHOSTS, timeout=60)
     assert done.stdout.count("good") == 2, done.stderr
@@ -208,28 +217,6 @@ def test_tabulate(order: int) -> None:
     values = compat.tabulate(function.function_space, np.array([[1 / 3, 1 / 3]])) @ nodes
     middle = mesh.geometry.x[compat.geometry_dofs(mesh)[7]].mean(axis=0)
     assert values[0] == pytest.approx(function.eval(middle[None], np.array([7], dtype=np.int32)), abs=1e-12)
-
-
-SUM = """
-from domains import unit_box
-import dolfinx
-import numpy as np
-from incipient import compat
-
-function = dolfinx.fem.Function(compat.space(unit_box(2, 4).mesh, ("Lagrange", 1)))
-function.x.array[:] = 1.0
-function.x.scatter_reverse(compat.ADD)
-owned = function.function_space.dofmap.index_map.size_local
-# Unknowns on the interface are seen by both ranks.
-assert set(function.x.array[:owned]) == {1.0, 2.0} or owned == len(function.x.array)
-print("good")
-"""
-
-
-def test_add(mpirun: Any) -> None:
-    """Contributions of ghosts are added to their owners."""
-    done = mpirun(2, SUM, timeout=60)
-    assert done.stdout.count("good") == 2, done.stderr
 
 
 def test_versions() -> None:

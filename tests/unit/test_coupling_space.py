@@ -33,7 +33,7 @@ def released(fluid: Fluid, ratio: float) -> tuple[RigidPart, Coupling]:
     return part, Coupling(fluid, [part], MeshMotion(fluid.domain))
 
 
-@pytest.fixture(params=[0.0, 1.0])
+@pytest.fixture(params=[0.0, pytest.param(1.0, marks=pytest.mark.slow)])
 def ball(request: pytest.FixtureRequest):
     model = FlowModel(unsteady=True, moving_mesh=True)
     conditions = [Prescribed("outer", shear), Carried("body")]
