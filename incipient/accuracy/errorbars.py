@@ -47,7 +47,11 @@ MODEL_TOLERANCE, LARGEST_TOLERANCE = 8.0, 0.1
 MODEL_ITERATION = 1e-6  # tolerance of their iterations in time, where differences of a thousandth matter
 FARTHER = 1.5  # how much larger the domain of the domain's term is
 DECAY = 2.0  # the influence of sides is taken to fall off like their distance to this power
-WIDER, DECAY_OF_GROUND = 1.5, 1.0  # the same of the part of the bed that is meshed as it is (docs/space.md)
+# A shear flow that enters at another height than its bed calls for adapts more slowly: what the bed changes spreads to
+# a height that grows as the cube root of the way (Leveque 1928), and the stress on the bed errs as its inverse.
+SLOW_DECAY = 1.0 / 3.0
+# How much larger the bed's part meshed as it is becomes, and the decay of what the rest changes (docs/space.md).
+WIDER, DECAY_OF_GROUND = 1.5, 1.0
 # The runs that tell of the discretisation in time: between which factors how much longer the steps are, so that there
 # are FEWEST_STEPS if possible; and how much coarser the mesh, where there is no higher order than that of the run.
 LONGER_STEP, LONGEST_STEP = 2.0, 4.0
@@ -304,10 +308,10 @@ def no_gap(scene: Scene) -> str:
     return "" if scene.rests else NO_CONTACT
 
 
-def of_domain(scene: Scene, solve: Solve) -> Term:
+def of_domain(scene: Scene, solve: Solve, decay: float = DECAY) -> Term:
     """What sides that stand for an endless flow change, from a coarse run with all of them farther away."""
-    how = f"a coarse run with sides {FARTHER:g} times as far, decay with distance to the power {DECAY:g}"
-    share = 1.0 / (1.0 - FARTHER**-DECAY)
+    how = f"a coarse run with sides {FARTHER:g} times as far, decay with distance to the power {decay:.2g}"
+    share = 1.0 / (1.0 - FARTHER**-decay)
     return Term.of_difference("domain", solve(coarse(farther(scene))), solve(coarse(scene)), share, how)
 
 

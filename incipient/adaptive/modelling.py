@@ -8,11 +8,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..accuracy.errorbars import DECAY, MODEL_TERMS, changed, coarse, farther, has_no_far_sides
+from ..accuracy.errorbars import (
+    DECAY,
+    MODEL_TERMS,
+    SLOW_DECAY,
+    changed,
+    coarse,
+    farther,
+    has_no_far_sides,
+    of_domain,
+)
 from ..arrays import spatial
 from ..errors import IncipientError, SceneError
 from ..results.errorbars import Loads
@@ -61,12 +71,16 @@ class Suited:
 def suited(scene: Scene, asked: float, goal: Quantity, solve: Solve, tell: Callable[[str], None]) -> Suited:
     """Make gap and domain such that their errors are half of the relative error asked for together. Collective.
 
-    What has been found so far is kept where a coarse run fails, or the budget is spent.
+    What has been found so far is kept where a coarse run fails, or the budget is spent. The search ends where the
+    domain's error does not fall as it is expected to: it is then larger than it seemed, and no larger domain helps.
     """
-    found = Suited(scene)
+    found, errors = Suited(scene), dict[str, float]()
     for _ in range(MOST_STEPS):
         try:
+            before, errors_before = found, errors
             found, errors = _looked_at(scene, goal, solve)
+            if _hardly_falls(before, errors_before, found, errors):
+                return _ended(before, found, goal, solve)
             if found.error <= SHARE * asked:
                 return found
             tell("; ".join([_words(scene), *(f"error of the {name} {e:.1e}" for name, e in errors.items())]))
@@ -81,14 +95,45 @@ def suited(scene: Scene, asked: float, goal: Quantity, solve: Solve, tell: Calla
     return replace(found, unmet=f"gap and domain err too much after {MOST_STEPS} steps")
 
 
-def _looked_at(scene: Scene, goal: Quantity, solve: Solve) -> tuple[Suited, dict[str, float]]:
-    """A scene with its terms, and what each comes to by name, relative."""
-    terms = tuple(estimate(scene, solve) for _, why_not, estimate in MODEL_TERMS if not why_not(scene))
-    if not terms:
+def _looked_at(
+    scene: Scene, goal: Quantity, solve: Solve, decay: float = DECAY
+) -> tuple[Suited, dict[str, float]]:
+    """A scene with its terms, and what each comes to by name, relative; the domain's error decays with that power."""
+    estimates = {name: estimate for name, why_not, estimate in MODEL_TERMS if not why_not(scene)}
+    if not estimates:
         return Suited(scene, (), 0.0), {}
+    if "domain" in estimates:
+        estimates["domain"] = partial(of_domain, decay=decay)
+    terms = tuple(estimate(scene, solve) for estimate in estimates.values())
     measure = _measure(scene, goal, solve(coarse(scene)))
     errors = {term.name: measure(term) for term in terms}
     return Suited(scene, terms, sum(errors.values())), errors
+
+
+def _hardly_falls(
+    before: Suited, errors_before: dict[str, float], found: Suited, errors: dict[str, float]
+) -> bool:
+    """Whether a larger domain has less than half the power of its size in its error that the estimate supposes.
+
+    The gap's power is measured anew with each gap, so that it needs no such question.
+    """
+    larger = found.scene.domain.length / before.scene.domain.length
+    if larger <= 1.0 or "domain" not in errors_before or errors["domain"] <= 0.0:
+        return False
+    return errors["domain"] > errors_before["domain"] * larger ** (-0.5 * DECAY)
+
+
+def _ended(before: Suited, found: Suited, goal: Quantity, solve: Solve) -> Suited:
+    """The better of the last two scenes, with the domain's error by the law of one that hardly falls. Collective."""
+    slowly = [_looked_at(one.scene, goal, solve, SLOW_DECAY) for one in (before, found)]
+    best, errors = min(slowly, key=lambda one: one[0].error)
+    bed, level = best.scene.bed, getattr(best.scene.flow, "datum", None)
+    other = level is not None and bed is not None and bed.kind not in ("flat", "inclined")
+    remedy = "; another flow.datum may suit the forms of the bed better" if other else ""
+    return replace(
+        best,
+        unmet=f"the error of the domain, {errors['domain']:.1e}, hardly falls as the domain grows{remedy}",
+    )
 
 
 def _improved(found: Suited, errors: dict[str, float], part: float) -> Scene:

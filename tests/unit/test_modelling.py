@@ -9,7 +9,7 @@ import pytest
 from mpi4py import MPI
 
 import incipient
-from incipient.accuracy.errorbars import KeptRuns, changed, of_domain, of_gap
+from incipient.accuracy.errorbars import KeptRuns, Solve, changed, coarse, of_domain, of_gap
 from incipient.accuracy.goal import Goal
 from incipient.adaptive.modelling import SMALLEST_GAP, Suited, remedies, suited
 from incipient.adaptive.search import Search
@@ -23,6 +23,35 @@ from incipient.scene.example import commented, grain_on_bed
 from incipient.simulation.recorder import Unrecorded
 from incipient.simulation.simulate import loads_of
 
+POCKET = """
+[domain]
+length = 16.0
+height = 10.0
+[fluid]
+reynolds = 20.0
+scale = "grain"
+[flow]
+kind = "shear"
+rate = 1.0
+[body]
+shape = "disc"
+diameter = 1.0
+x = 7.6
+settle = true
+density = 2.65
+[gravity]
+acceleration = 10.0
+[contact]
+friction = 0.5
+[bed]
+kind = "half-discs"
+radius = 0.5
+spacing = 1.2
+offset = 1.0
+[numerics]
+accuracy = 0.01
+accuracy_includes = "all"
+"""
 NARROW = {"length": 8.0, "height": 4.0}
 
 
@@ -140,6 +169,56 @@ def test_a_coarse_run_that_fails_leaves_what_was_found() -> None:
     found = suited(scene, 0.01, Goal.of(scene), solve, lambda line: None)
     assert found.scene is scene and {term.name for term in found.terms} == {"gap", "domain"}
     assert found.unmet == "errors of gap and domain are not known beyond that: no steady flow found"
+
+
+def by_a_power(power: float, sizes: list[float]) -> Solve:
+    """Forces that differ from one by a power of the domain's length, whatever the gap; notes the lengths."""
+
+    def solve(one: Scene) -> Loads:
+        sizes.append(one.domain.length)
+        return Loads(np.array([1.0 - 0.2 * (one.domain.length / 8.0) ** -power, 0.0, 0.0]), np.zeros(3))
+
+    return solve
+
+
+def test_an_error_of_the_domain_that_hardly_falls_ends_the_search() -> None:
+    """One enlargement shows it; the error is then that of a decay to the power 1/3, here exactly."""
+    sizes: list[float] = []
+    scene = changed(narrow(), numerics={"accuracy": 0.01})
+    found = suited(scene, 0.01, Goal.of(scene), by_a_power(1 / 3, sizes), lambda line: None)
+    length = found.scene.domain.length
+    assert length == 24.0 and max(sizes) == 36.0
+    true = 0.2 * 3.0 ** (-1 / 3)
+    assert found.error == pytest.approx(true / (1.0 - true), rel=1e-6)
+    assert found.unmet == "the error of the domain, 1.6e-01, hardly falls as the domain grows"
+
+
+@pytest.mark.parametrize("power", [1.5, 2.0])
+def test_an_error_of_the_domain_that_falls_is_brought_below_the_accuracy(power: float) -> None:
+    sizes: list[float] = []
+    scene = changed(narrow(), numerics={"accuracy": 0.003})
+    found = suited(scene, 0.003, Goal.of(scene), by_a_power(power, sizes), lambda line: None)
+    assert not found.unmet and found.error < 0.0015 and found.scene.domain.length > 24.0
+
+
+@pytest.mark.slow
+def test_over_half_discs_the_search_ends() -> None:
+    """The stream takes a very long way to adapt to the bed, less where its datum suits the bed; the limit is one."""
+    scene = loads(POCKET)
+    solve = KeptRuns({}, lambda: "", solved)
+
+    def sought(one: Scene) -> tuple[Suited, np.ndarray]:
+        found = suited(one, 0.01, Goal.of(one), solve, lambda line: None)
+        return found, solve(coarse(found.scene)).force
+
+    (slow, short), (fast, limit) = sought(scene), sought(changed(scene, flow={"datum": 0.46}))
+    assert (
+        slow.scene.domain.length < 60.0
+        and "hardly falls as the domain grows; another flow.datum" in slow.unmet
+    )
+    assert not fast.unmet and fast.error < 0.005
+    of_domain_alone = float(np.linalg.norm(slow.terms[-1].force) / np.linalg.norm(short))
+    assert relative(short, limit) / 3.0 < of_domain_alone < 3.0 * relative(short, limit)
 
 
 # -- what the search makes of it ----------------------------------------------------------------------
