@@ -50,6 +50,8 @@ DECAY = 2.0  # the influence of sides is taken to fall off like their distance t
 # A shear flow that enters at another height than its bed calls for adapts more slowly: what the bed changes spreads to
 # a height that grows as the cube root of the way (Leveque 1928), and the stress on the bed errs as its inverse.
 SLOW_DECAY = 1.0 / 3.0
+# Without inertia it is spread over the height of the domain, and the shear rate errs as the inverse of that.
+CREEPING_DECAY = 1.0
 # How much larger the bed's part meshed as it is becomes, and the decay of what the rest changes (docs/space.md).
 WIDER, DECAY_OF_GROUND = 1.5, 1.0
 # The runs that tell of the discretisation in time: between which factors how much longer the steps are, so that there
@@ -308,11 +310,30 @@ def no_gap(scene: Scene) -> str:
     return "" if scene.rests else NO_CONTACT
 
 
-def of_domain(scene: Scene, solve: Solve, decay: float = DECAY) -> Term:
-    """What sides that stand for an endless flow change, from a coarse run with all of them farther away."""
+def of_domain(scene: Scene, solve: Solve, decay: float | None = None) -> Term:
+    """What sides that stand for an endless flow change, from a coarse run with all of them farther away.
+
+    Their influence falls off like their distance to the power `decay`; None: as `decay_of` the scene says.
+    """
+    decay = decay_of(scene) if decay is None else decay
     how = f"a coarse run with sides {FARTHER:g} times as far, decay with distance to the power {decay:.2g}"
     share = 1.0 / (1.0 - FARTHER**-decay)
     return Term.of_difference("domain", solve(coarse(farther(scene))), solve(coarse(scene)), share, how)
+
+
+def decay_of(scene: Scene) -> float:
+    """The power of their distance with which the influence of far sides falls off. Not collective.
+
+    A shear flow in the plane over a bed with forms enters as if the bed were level at the flow's datum. That is not the
+    level it finds, unless a number has been given that was found to suit; then what the bed changes spreads slowly.
+    In space the bed is level beyond its meshed part, which has a term of its own.
+    """
+    flow, bed = scene.flow, scene.bed_shape
+    in_shear = scene.gdim == 2 and flow is not None and flow.kind == "shear"
+    is_known = isinstance(getattr(flow, "datum", None), float | int)
+    if not in_shear or is_known or bed is None or not np.isfinite(bed.feature):
+        return DECAY
+    return SLOW_DECAY if scene.fluid.inertia and scene.effects.inertia is not False else CREEPING_DECAY
 
 
 def has_no_far_sides(scene: Scene) -> str:

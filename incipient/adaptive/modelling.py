@@ -19,6 +19,7 @@ from ..accuracy.errorbars import (
     SLOW_DECAY,
     changed,
     coarse,
+    decay_of,
     farther,
     has_no_far_sides,
     of_domain,
@@ -163,16 +164,23 @@ def remedies(
         error = goal.error(force, couple, term.force, term.couple)
         if term.name == "discretisation" or error <= asked:
             continue
-        try:
-            better = _lessened(scene, term, AIM * asked / error, at_once=False)
-        except SceneError:
-            better = None
         said.append(
-            f"beside it the error of the {term.name}, {error:.1e}; {_advice(term.name, better, scene)}"
+            f"beside it the error of the {term.name}, {error:.1e}; {_remedy(scene, term, asked / error)}"
         )
     if said:
         said.append('numerics.accuracy_includes = "all" lets the run change gap and domain')
     return tuple(said)
+
+
+def _remedy(scene: Scene, term: Term, relative: float) -> str:
+    """What would make a term `relative` times what it is."""
+    if term.name == "domain" and decay_of(scene) < DECAY:
+        return "a number for flow.datum that suits the forms of the bed does more than a larger domain"
+    try:
+        better = _lessened(scene, term, AIM * relative, at_once=False)
+    except SceneError:
+        better = None
+    return _advice(term.name, better, scene)
 
 
 def _advice(name: str, better: Scene | None, scene: Scene) -> str:

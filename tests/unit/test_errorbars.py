@@ -17,6 +17,7 @@ from incipient.accuracy.errorbars import (
     changed,
     coarse_scenes,
     comparisons,
+    decay_of,
     farther,
     of_level_ground,
     on_more_bed,
@@ -445,6 +446,16 @@ def test_held_by_the_flow_alone() -> None:
 
 
 # -- beds in space --------------------------------------------------------------------------------------------------
+
+
+def test_far_sides_matter_longer_over_forms_in_shear() -> None:
+    """What forms change spreads as the cube root of the way (Leveque 1928), without it over the height."""
+    forms = {"kind": "half-discs", "radius": 0.5, "spacing": 1.2, "offset": 1.0}
+    rough = on_bed(bed=forms)
+    assert decay_of(on_bed()) == 2.0 and decay_of(rough) == pytest.approx(1.0 / 3.0)
+    assert decay_of(changed(rough, fluid={"inertia": False})) == 1.0
+    assert decay_of(changed(rough, flow={"datum": 0.46})) == 2.0  # found to suit the bed
+    assert decay_of(grain_in_pocket()) == 2.0
 
 
 def test_level_ground_is_estimated_from_more_of_the_bed() -> None:
