@@ -22,6 +22,9 @@ with handlers_kept():  # at its import gmsh takes interrupts for itself
     import gmsh
 
 ENLARGED = 1.3  # triangles of an earlier mesh about their centroids, where they say how fine the next is
+MOST_STRAIGHTENED = (
+    3  # times, since a side made straight can leave too little room to the cell on its other side
+)
 
 
 @contextmanager
@@ -266,7 +269,7 @@ def _mesh(order: int) -> None:
     gmsh.model.mesh.setOrder(order)
     kinds, _, _ = gmsh.model.mesh.getElements(2)
     if order > 1:
-        _check_not_folded(kinds[0])
+        _straighten_folded(kinds[0], order)
 
 
 def require_no_complaint(said: int, dimension: int) -> None:
@@ -295,15 +298,49 @@ def _put_in_place(frame: Frame) -> None:
             raise MeshError(f"gmsh could not move node {tag}")
 
 
-def _check_not_folded(kind: int) -> None:
-    """A curved cell is usable only where its map keeps its sense: look at the nodes of the cell."""
-    _, _, order, nodes, local, _ = gmsh.model.mesh.getElementProperties(kind)
-    points = np.column_stack([np.reshape(local, (nodes, -1)), np.zeros(nodes)])
+def _straighten_folded(kind: int, order: int) -> None:
+    """Give straight sides to cells in the cusps of a bed, where a curved side leaves no room.
+
+    Raises:
+        MeshError: cells elsewhere fold, where the true surface matters; or others fold then.
+    """
+    _, _, _, count, local, _ = gmsh.model.mesh.getElementProperties(kind)
+    places = np.reshape(local, (count, -1))
+    corners = np.column_stack(
+        [1.0 - places.sum(axis=1), places]
+    )  # the weights of a cell's corners at its nodes
+    kept = _nodes_on_curves(other_than="bed")
+    for _ in range(MOST_STRAIGHTENED):
+        folded = _folded(kind, places)
+        if not len(folded):
+            return
+        if np.isin(folded, kept).any():
+            break
+        for cell in folded:
+            points = np.array([gmsh.model.mesh.getNode(node)[0] for node in cell[:3]])
+            for node, point in zip(cell[3:], corners[3:] @ points, strict=True):
+                gmsh.model.mesh.setNode(node, point, [])
+    raise MeshError(
+        f"cells of order {order} fold over on a curved boundary: use a smaller numerics.mesh_size "
+        "or numerics.geometry_order = 1"
+    )
+
+
+def _nodes_on_curves(other_than: str) -> np.ndarray:
+    """Tags of the nodes on the boundaries but for one of them, by its name."""
+    found = [np.empty(0, dtype=np.uint64)]
+    for dimension, group in gmsh.model.getPhysicalGroups(1):
+        if gmsh.model.getPhysicalName(dimension, group) != other_than:
+            found.append(gmsh.model.mesh.getNodesForPhysicalGroup(dimension, group)[0])
+    return np.concatenate(found)
+
+
+def _folded(kind: int, places: np.ndarray) -> np.ndarray:
+    """(cells, nodes of a cell) node tags of the cells whose map loses its sense at one of their nodes."""
+    points = np.column_stack([places, np.zeros(len(places))])
     # The determinants gmsh gives for cells in the plane have lost their sign.
-    jacobians = np.reshape(gmsh.model.mesh.getJacobians(kind, points.ravel())[0], (-1, 3, 3))
-    senses = np.linalg.det(jacobians[:, :2, :2])
-    if np.min(senses) <= 0 < np.max(senses):
-        raise MeshError(
-            f"cells of order {order} fold over on a curved boundary: use a smaller numerics.mesh_size "
-            "or numerics.geometry_order = 1"
-        )
+    jacobians = np.reshape(gmsh.model.mesh.getJacobians(kind, points.ravel())[0], (-1, len(places), 3, 3))
+    senses = np.linalg.det(jacobians[..., :2, :2])
+    senses *= np.sign(np.median(senses))
+    nodes = np.reshape(gmsh.model.mesh.getElementsByType(kind)[1], (-1, len(places)))
+    return np.asarray(nodes[senses.min(axis=1) <= 0.0])
