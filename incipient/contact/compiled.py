@@ -43,7 +43,7 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 @inner
-def _solved(matrix: Floats, right: Floats) -> Floats:
+def solved(matrix: Floats, right: Floats) -> Floats:
     """The x (n,) of matrix x = right, by Gaussian elimination with partial pivoting; both are overwritten.
 
     An unknown without pivot, on which nothing depends, is zero.
@@ -86,7 +86,7 @@ def _eliminate(matrix: Floats, right: Floats, column: int) -> None:
 
 
 @inner
-def _product(one: Floats, two: Floats) -> float:
+def product(one: Floats, two: Floats) -> float:
     """The scalar product."""
     total = 0.0
     for i in range(len(one)):
@@ -112,7 +112,7 @@ def _put_moved(start: Floats, part: float, change: Floats, end: Floats) -> None:
 
 
 @inner
-def _largest(vector: Floats) -> float:
+def largest(vector: Floats) -> float:
     """The size of the largest entry."""
     largest = 0.0
     for value in vector:
@@ -154,7 +154,7 @@ def coulomb_forces(
         for i in range(len(starts)):
             if done[i]:
                 continue
-            size, was_near = max(1.0, _product(force[i], force[i])), near[i]
+            size, was_near = max(1.0, product(force[i], force[i])), near[i]
             near[i] = merit[i] <= STALLED**2 * size
             done[i] = merit[i] <= CONVERGED**2 * size or (was_near and near[i])
             if done[i]:
@@ -184,7 +184,7 @@ def _evaluate(law: Coulomb, force: Floats, trial: Floats, miss: Floats) -> float
         miss[normal] = force[normal] - pressure
         miss[normal + 1] = force[normal + 1] - kept * trial[normal + 1]
         miss[normal + 2] = force[normal + 2] - kept * trial[normal + 2]
-    return _product(miss, miss)
+    return product(miss, miss)
 
 
 @inner
@@ -253,7 +253,7 @@ def _by_shear(
 @inner
 def _advance(law: Coulomb, force: Floats, trial: Floats, miss: Floats, merit: float) -> float:
     """Move forces by the largest part of a Newton step that lowers the merit enough, else by the best; in place."""
-    change, start = _solved(_derivative(law, trial), miss.copy()), force.copy()
+    change, start = solved(_derivative(law, trial), miss.copy()), force.copy()
     part, best, lowest = 1.0, 1.0, np.inf
     for _ in range(HALVINGS):
         _put_moved(start, part, change, force)
@@ -290,13 +290,13 @@ def balancing_forces(
     missed = np.empty(6)
     value = _balance(by, wrench, v, pulled, forces, missed)
     for _ in range(BALANCE_STEPS):
-        worst = _largest(missed)
-        if worst <= BALANCED * max(1.0, _largest(forces)):
+        worst = largest(missed)
+        if worst <= BALANCED * max(1.0, largest(forces)):
             return math.isfinite(value), forces
         curvature = _curvature(by, pulled)
         for i in range(6):
             curvature[i, i] += max(CURVATURE_SHIFT * worst, LEAST_SHIFT)
-        change = _solved(curvature, missed.copy())
+        change = solved(curvature, missed.copy())
         value = _descend(by, wrench, change, value, v, pulled, forces, missed)
     return False, forces
 
@@ -310,21 +310,21 @@ def _unlimited(rows: Floats, wrench: Floats) -> Floats:
     for i in range(6):
         square[i, i] += FIRST_SHIFT
         right[i] = -wrench[i]
-    return _solved(square, right)
+    return solved(square, right)
 
 
 @inner
 def _balance(by: Cones, wrench: Floats, v: Floats, pulled: Floats, forces: Floats, missed: Floats) -> float:
     """The function at v (6,); `pulled` rows v, `forces` nearest to it, and the gradient `missed` are filled in."""
     for j in range(len(pulled)):
-        pulled[j] = _product(by.rows[j], v)
+        pulled[j] = product(by.rows[j], v)
     for contact in range(len(by.slides)):
         inside, size, edge, _ = _cone(by, pulled, contact)
         for axis in range(3):
             j = 3 * contact + axis
             forces[j] = pulled[j] if inside else size * edge[axis]
     _combine(wrench, by.rows, forces, missed)
-    return 0.5 * _product(forces, forces) + _product(wrench, v)
+    return 0.5 * product(forces, forces) + product(wrench, v)
 
 
 @inner
@@ -381,11 +381,11 @@ def _descend(
 ) -> float:
     """Move v against a change, halved until the function falls or its gradient halves; the function there."""
     start, part, tried = v.copy(), 1.0, value
-    falling, enough = 1e-4 * _product(missed, change), 0.25 * _product(missed, missed)
+    falling, enough = 1e-4 * product(missed, change), 0.25 * product(missed, missed)
     for _ in range(BALANCE_HALVINGS):
         _put_moved(start, part, change, v)
         tried = _balance(by, wrench, v, pulled, forces, missed)
-        if tried < value - part * falling or _product(missed, missed) < enough:
+        if tried < value - part * falling or product(missed, missed) < enough:
             break
         part *= 0.5
     return tried

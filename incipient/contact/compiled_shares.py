@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from incipient.arrays import Floats
-from incipient.contact.compiled import _product, _solved, inner, kernel
+from incipient.contact.compiled import inner, kernel, largest, product, solved
 
 STEPS = 40
 CLOSED = 1e-14  # gap of values at which a program is solved
@@ -54,8 +54,8 @@ def _optimum(table: Floats, limits: Floats) -> tuple[Floats, float]:
     scaled, wanted = np.empty(height), np.empty(height)
     for _ in range(STEPS):
         missed, lacking = _missed(table, limits, x, slack), _lacking(table, dual)
-        gap = _product(slack, dual)
-        off = gap + (1.0 + _largest(dual)) * _largest(missed) + (1.0 + _largest(x)) * _largest(lacking)
+        gap = product(slack, dual)
+        off = gap + (1.0 + largest(dual)) * largest(missed) + (1.0 + largest(x)) * largest(lacking)
         if not off < least:  # round-off leaves no better
             if off > 1e3 * least or not math.isfinite(off):
                 break
@@ -91,8 +91,8 @@ def _first(table: Floats, limits: Floats) -> tuple[Floats, Floats, Floats]:
     width = table.shape[1]
     square, goal = table.T @ table, np.zeros(width)
     goal[width - 1] = 1.0
-    x = _solved(square.copy(), table.T @ limits)
-    slack, dual = limits - table @ x, table @ _solved(square, goal)
+    x = solved(square.copy(), table.T @ limits)
+    slack, dual = limits - table @ x, table @ solved(square, goal)
     _move_inside(slack)
     _move_inside(dual)
     return x, slack, dual
@@ -115,7 +115,7 @@ def _missed(table: Floats, limits: Floats, x: Floats, slack: Floats) -> Floats:
     """table x + slack - limits."""
     missed = slack - limits
     for j in range(len(slack)):
-        missed[j] += _product(table[j], x)
+        missed[j] += product(table[j], x)
     return missed
 
 
@@ -131,20 +131,12 @@ def _lacking(table: Floats, dual: Floats) -> Floats:
 
 
 @inner
-def _largest(vector: Floats) -> float:
-    largest = 0.0
-    for value in vector:
-        largest = max(largest, abs(value))
-    return largest
-
-
-@inner
 def _room(table: Floats, limits: Floats, x: Floats) -> float:
     """How far inside their cones the forces are: the least normal part less the shear."""
     room = np.inf
     for j in range(2, len(limits), 3):
-        one, two = (limits[j + 1] - _product(table[j + 1], x), limits[j + 2] - _product(table[j + 2], x))
-        room = min(room, limits[j] - _product(table[j], x) - math.hypot(one, two))
+        one, two = (limits[j + 1] - product(table[j + 1], x), limits[j + 2] - product(table[j + 2], x))
+        room = min(room, limits[j] - product(table[j], x) - math.hypot(one, two))
     return room
 
 
@@ -206,7 +198,7 @@ def _normal(table: Floats, size: Floats, turn: Floats) -> Floats:
     matrix = np.empty((width, width))
     for i in range(width):
         for j in range(i + 1):
-            matrix[i, j] = _product(scaled[i], scaled[j])
+            matrix[i, j] = product(scaled[i], scaled[j])
             matrix[j, i] = matrix[i, j]
     return matrix
 
@@ -237,9 +229,9 @@ def _direction(
         right[i] = -share * lacking[i]
         for j in range(height):
             right[i] -= table[j, i] * both[j]
-    step_x = _solved(matrix.copy(), right)
+    step_x = solved(matrix.copy(), right)
     for j in range(height):
-        step_s[j] = -share * missed[j] - _product(table[j], step_x)
+        step_s[j] = -share * missed[j] - product(table[j], step_x)
     _apply(size, turn, step_s, True, scaled)
     for j in range(height):
         scaled[j] = wanted[j] - scaled[j]

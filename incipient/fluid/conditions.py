@@ -172,6 +172,14 @@ class Constraints:
         """What enters per time through all entries, at the last `update`."""
         return sum(entry.influx for entry in self.entries)
 
+    def surface_load(self, rate: Any) -> Any:
+        """The load of the free surface, by the rate of its elevation in a step (UFL); None without one. Collective."""
+        if self.surface is None:
+            return None
+        from .surface import SurfaceLoad
+
+        return SurfaceLoad(self._domain, self.space, self, rate)
+
     def walls(self, viscosity: Any) -> Any:
         """The load of walls that the mesh stands off from, by the viscosity of the molecules (UFL); None without."""
         if not self._friction:

@@ -65,7 +65,7 @@ class Fluid:
         self._extrapolation = tuple(_constant(mesh, c) for c in (1.0, 0.0))
         self._shifts = tuple(geometry_function(mesh) for _ in range(2 * model.moving_mesh))
         self._rows = geometry_rows(self._shifts[0]) if self._shifts else None
-        self.surface: Any = self._surface_load() if self.constraints.surface else None
+        self.surface: Any = self.constraints.surface_load(self.rate[0])
         self.walls: Any = self.constraints.walls(1 / self._reynolds)
         w, q = ufl.TestFunctions(self.space.mixed)
         self._residual = compat.form(self.residual_form(w, q, upwind=not model.exact))
@@ -86,11 +86,6 @@ class Fluid:
         self.negligible = 0.0  # speed in the mean of a correction that counts as none
         self._direction: Any = None  # made when a response is first asked for
         self._kept: dict[str, Any] = {}
-
-    def _surface_load(self) -> Any:
-        from .surface import SurfaceLoad
-
-        return SurfaceLoad(self.domain, self.space, self.constraints, self.rate[0])
 
     def _one_level(self) -> LinearSolver:
         """The solver that the model names, for a matrix that is held."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import dolfinx
 import ufl
@@ -12,8 +12,10 @@ from .. import compat
 from ..forms import terms
 from ..forms.surface import SurfaceTerms, component, load, pressure
 from ..mesh.domain import Domain
-from .conditions import Constraints, Sponge
 from .space import TaylorHood, cell_size
+
+if TYPE_CHECKING:
+    from .conditions import Constraints, Sponge
 
 
 class SurfaceLoad:

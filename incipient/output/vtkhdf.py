@@ -71,6 +71,7 @@ class _Writer:
         self._steps = [series[f"step{index}"] for index in range(count)]
 
     def write(self, steady: bool) -> None:
+        """Put all steps into the file; of a steady flow the last one, without its time."""
         steps = self._steps[-1:] if steady else self._steps
         meshes = [(step.attrs["topology"], step.attrs["geometry"]) for step in steps]
         parts = list(dict.fromkeys(meshes))

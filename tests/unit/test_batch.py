@@ -23,13 +23,22 @@ from incipient.simulation.judge_series import judge_series
 
 CASES = Path(__file__).parents[2] / "demos" / "cases"
 INERT = (1.0, 0.4 * np.eye(3))
+IN_SPACE = {"near": 1e-9, "above": 1e-7}
 PLANE, COUPLE = np.array([1.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 
 def assert_as_one_by_one(
-    loads: Loads, contacts: Contacts, friction: float, inert: Any = INERT, near: float = 1e-11
+    loads: Loads,
+    contacts: Contacts,
+    friction: float,
+    inert: Any = INERT,
+    near: float = 1e-11,
+    above: float = 0.0,
 ) -> Any:
-    """The same modes, and factors as near; one that is larger must be balanced where the single judge stopped below."""
+    """The same modes, and factors as near; one that is larger by up to a part `above` must be balanced.
+
+    There the single judge has stopped below the largest.
+    """
     batch = judge_batch(loads, contacts, friction, inert)
     exact = [judged(loads.load(number), contacts, friction, inert) for number in range(len(loads))]
     assert [batch.labels[mode] for mode in batch.modes] == [one.label for one in exact]
@@ -38,7 +47,7 @@ def assert_as_one_by_one(
     better = (
         np.isfinite(factors)
         & (batch.factors > (1.0 + near) * factors)
-        & (batch.factors < (1.0 + 1e-7) * factors)
+        & (batch.factors < (1.0 + above) * factors)
     )
     assert batch.factors[~better] == pytest.approx(factors[~better], rel=near, abs=near)
     for number in np.flatnonzero(better).tolist():
@@ -116,7 +125,7 @@ def test_many_loads_in_space(seed: int) -> None:
     force, couple = sizes * rng.standard_normal((140, 3)), 0.3 * sizes * rng.standard_normal((140, 3))
     loads = Loads(force, couple, np.array([0.1, 0.0, -1.0]), np.zeros(3))
     inertia = np.diag([0.3, 0.4, 0.5])
-    assert_as_one_by_one(loads, contacts, friction, (1.0, inertia), near=1e-9)
+    assert_as_one_by_one(loads, contacts, friction, (1.0, inertia), **IN_SPACE)
 
 
 def test_loads_in_space_on_the_boundary_and_with_weights_that_vary() -> None:
@@ -127,14 +136,14 @@ def test_loads_in_space_on_the_boundary_and_with_weights_that_vary() -> None:
     away = np.array([0.0, *(sign * 10.0**power for sign in (-1, 1) for power in (-9, -6, -3)), -1.0])
     shares = np.tile(factor * (1.0 + away), 14)[:, None]
     loads = Loads(shares * load.flow_force, shares * load.flow_couple, load.weight, load.centre)
-    batch = assert_as_one_by_one(loads, contacts, friction, case.mass_and_inertia(), near=1e-9)
+    batch = assert_as_one_by_one(loads, contacts, friction, case.mass_and_inertia(), **IN_SPACE)
     assert 0 < batch.alone < len(loads)
     rng = np.random.default_rng(5)
     weight = load.weight * rng.uniform(0.5, 2.0, (120, 1))
     varied = Loads(
         np.tile(load.flow_force, (120, 1)), np.tile(load.flow_couple, (120, 1)), weight, load.centre
     )
-    assert assert_as_one_by_one(varied, contacts, friction, None, near=1e-9).alone < 10
+    assert assert_as_one_by_one(varied, contacts, friction, None, **IN_SPACE).alone < 10
 
 
 ALONE = """
