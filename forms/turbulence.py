@@ -42,6 +42,7 @@ class Stream:
 
     size:  that of a cell over the order of the elements, for upwinding along the streams; None: without
     known: logarithms of an earlier state, whose eddies decide on upwinding: it then is no matter of Newton's method
+    added: (2,) what else makes k and epsilon, over k and epsilon themselves
     """
 
     velocity: Any
@@ -49,6 +50,7 @@ class Stream:
     measure: Any
     size: Any = None
     known: Any = None
+    added: Any = (0, 0)
 
 
 def eddy_viscosity(logarithms: Any, closure: Closure) -> Any:
@@ -82,7 +84,7 @@ def residual(logarithms: Any, rate: Any, tests: Any, stream: Stream, closure: Cl
         one, test = logarithms[i], tests[i]
         diffusivity = stream.viscosity + eddy / sigma
         slope = ufl.grad(one)
-        sources = diffusivity * ufl.inner(slope, slope) + of_made * made - of_lost * lost
+        sources = diffusivity * ufl.inner(slope, slope) + of_made * made - of_lost * lost + stream.added[i]
         strong = ufl.dot(stream.velocity, slope) - sources
         if rate is not None:
             strong += rate[i]

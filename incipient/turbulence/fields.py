@@ -79,12 +79,15 @@ class Turbulence:
 
     # -- its equations ------------------------------------------------------------------------------
 
-    def carried_by(self, velocity: Any, of_molecules: Any) -> None:
-        """Compile the equations of the turbulence that a velocity carries and makes; both arguments are UFL."""
+    def carried_by(self, velocity: Any, of_molecules: Any, added: Any = (0, 0)) -> None:
+        """Compile the equations of the turbulence that a velocity carries and makes.
+
+        Arguments are UFL; `added` (2,) is what else makes k and epsilon, see `forms.turbulence.Stream`.
+        """
         mesh, unknowns, tests = self.domain.mesh, ufl.split(self.state), ufl.TestFunctions(self.space)
         measure = ufl.dx(domain=mesh, metadata={"quadrature_degree": 3 * self.order + 1})
         states = (unknowns, ufl.split(self._before), ufl.split(self._older))
-        stream = forms.Stream(velocity, of_molecules, measure, cell_size(mesh) / self.order, states[1])
+        stream = forms.Stream(velocity, of_molecules, measure, cell_size(mesh) / self.order, states[1], added)
         rate = [sum(a * one[i] for a, one in zip(self.rate, states, strict=True)) for i in range(2)]
         form = forms.residual(unknowns, rate, tests, stream, self.closure)
         if self.surroundings.walls:

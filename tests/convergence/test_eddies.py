@@ -1,0 +1,131 @@
+"""Orders of convergence of flow, k and epsilon together, against solutions chosen first.
+
+Source of the orders: elements of order two approximate velocity, ln k and ln epsilon to order three in L2, pressure of
+order one to order two; backward differences are of order one and two.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import dolfinx
+import numpy as np
+import pytest
+import ufl
+from domains import SIDES, unit_box
+from manufactured import Components, Flow, errors, fluid_of, interpolated, orders, start_from
+
+from incipient import compat
+from incipient.fluid import FlowModel, Fluid, Transient
+from incipient.mesh.domain import Domain
+from incipient.turbulence import InTime, Surroundings, Turbulence, solve_steadily
+
+CONSTANTS = (0.09, 1.44, 1.92, 1.0, 1.3)
+NU, END = 0.01, 0.5
+
+
+@dataclass(frozen=True)
+class Eddying(Flow):
+    """A flow in the plane with ln k and ln epsilon."""
+
+    logarithms: Components
+
+    def body_force(self, reynolds: float) -> Any:
+        """dv/dt + grad(v) v - div(2 (nu + nu_t) D - p I), a function of place and time."""
+
+        def force(place: Any, time: Any) -> Any:
+            x, t = ufl.variable(place), ufl.variable(time)
+            v, (k, epsilon) = ufl.as_vector(list(self.velocity(x, t, ufl))), self.logarithms(x, t, ufl)
+            viscosity = 1 / reynolds + CONSTANTS[0] * ufl.exp(2 * k - epsilon)
+            gradient, (i, j) = ufl.diff(v, x), ufl.indices(2)
+            stress = viscosity * (gradient + gradient.T) - self.pressure(x, t, ufl) * ufl.Identity(2)
+            return ufl.diff(v, t) + ufl.dot(gradient, v) - ufl.as_vector(ufl.diff(stress, x)[i, j, j], i)
+
+        return force
+
+    def sources(self, place: Any, time: Any) -> list[Any]:
+        """What the equations of k and epsilon (Launder & Spalding 1974) lack, over k and over epsilon."""
+        c_mu, c_1, c_2, *sigmas = CONSTANTS
+        x, t, i = ufl.variable(place), ufl.variable(time), ufl.indices(1)[0]
+        v = ufl.as_vector(list(self.velocity(x, t, ufl)))
+        k, epsilon = (ufl.exp(one) for one in self.logarithms(x, t, ufl))
+        gradient, eddy = ufl.diff(v, x), c_mu * k**2 / epsilon
+        made = eddy * ufl.inner(gradient + gradient.T, gradient)
+        found = []
+        for one, sigma, of_made, of_lost in ((k, sigmas[0], 1, 1), (epsilon, sigmas[1], c_1, c_2)):
+            slope = ufl.diff(one, x)
+            spread = ufl.diff((NU + eddy / sigma) * slope, x)[i, i]
+            rate = ufl.diff(one, t) + ufl.dot(v, slope)
+            found.append((rate - spread) / one - (of_made * made - of_lost * epsilon) / k)
+        return found
+
+    def joined(self, domain: Domain, model: FlowModel, order: int) -> tuple[Fluid, Turbulence]:
+        """Flow and turbulence, exact at time zero, all values given on the sides; the fluid frees both."""
+        given = Surroundings(SIDES[:4], lambda x: interpolated(self.logarithms, x, 0.0))
+        fields = Turbulence(domain, given, order, CONSTANTS)
+        fluid = fluid_of(self, domain, replace(model, viscosity=fields.viscosity), 1 / NU)
+        fluid.holding(fields)
+        start_from(fluid, self)
+        fields.carried_by(ufl.split(fluid.state)[0], NU, self.sources(fluid.place(), fluid._time))
+        return fluid, fields
+
+    def errors(self, fluid: Fluid, fields: Turbulence) -> list[float]:
+        """L2 norms: of velocity, pressure, ln k and ln epsilon."""
+        of_flow, exact = errors(fluid, self), self.logarithms(fluid.place(), fluid._time, ufl)
+        measure = ufl.dx(domain=fluid.domain.mesh, metadata={"quadrature_degree": 8})
+        forms = [(fields.state[i] - exact[i]) ** 2 * measure for i in (0, 1)]
+        found = [np.sqrt(dolfinx.fem.assemble_scalar(compat.form(one)).real) for one in forms]
+        return [of_flow.velocity, of_flow.pressure, *found]
+
+
+def _bubble(x: Any, t: Any, m: Any) -> Any:
+    """The same at the sides at any time."""
+    return 0.5 + 8 * m.sin(2 * t) * x[0] * (1 - x[0]) * x[1] * (1 - x[1])
+
+
+# From psi = sin(3 x + 0.3) cos(2 y)/3; eddies three to thirty times as viscous as molecules.
+STEADY = Eddying(
+    2,
+    lambda x, t, m: (
+        -2 / 3 * m.sin(3 * x[0] + 0.3) * m.sin(2 * x[1]),
+        -m.cos(3 * x[0] + 0.3) * m.cos(2 * x[1]),
+    ),
+    lambda x, t, m: m.sin(2 * x[0] + x[1]),
+    lambda x, t, m: (0.4 * m.sin(3 * x[0] + x[1]), 0.6 * m.cos(x[0] - 3 * x[1])),
+)
+# Polynomials that the elements hold, with as much viscosity everywhere: only time errs.
+IN_TIME = Eddying(
+    2,
+    lambda x, t, m: (m.sin(2 * t) + x[1] ** 2 * m.cos(2 * t), x[0] ** 2 * m.sin(3 * t)),
+    lambda x, t, m: (x[0] - 2 * x[1]) * m.cos(2 * t),
+    lambda x, t, m: (_bubble(x, t, m), 2 * _bubble(x, t, m) - 1),
+)
+
+
+def test_orders_in_space() -> None:
+    found, counts = [], [4, 8, 16]
+    for cells in counts:
+        fluid, fields = STEADY.joined(unit_box(2, cells), FlowModel(), 2)
+        with fluid:
+            fields.state.x.array[:] *= 0.8
+            solve_steadily(fluid, fields, 1.0, 1e-8)
+            found.append(STEADY.errors(fluid, fields))
+    observed = np.array([orders([1 / n for n in counts], column) for column in np.array(found).T])
+    print(found[-1], observed)
+    assert observed[:, -1] == pytest.approx([3.0, 2.0, 3.0, 3.0], abs=0.2)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_orders_in_time(order: int) -> None:
+    found, counts = [], [16 * order, 32 * order]
+    for steps in counts:
+        fluid, fields = IN_TIME.joined(unit_box(2, 2), FlowModel(unsteady=True), 4)
+        with fluid:
+            transient = Transient(fluid, order, 1e-9, interface=InTime(fluid, fields))
+            for _ in range(steps):
+                transient.advance(END / steps)
+            found.append(IN_TIME.errors(fluid, fields))
+    observed = np.array([orders([1 / n for n in counts], column)[-1] for column in np.array(found).T])
+    print(order, found[-1], observed)
+    assert observed == pytest.approx(order, abs=0.2)
