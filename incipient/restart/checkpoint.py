@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-FORMAT, VERSION = "incipient checkpoint", 4
+FORMAT, VERSION = "incipient checkpoint", 5
 ANEW = "start anew with: incipient run"
 METADATA_BYTES = 1 << 16
 
@@ -93,6 +93,14 @@ class StoredFlow:
 
 
 @dataclass(frozen=True, eq=False)
+class StoredTurbulence:
+    """States of ln k and ln epsilon (n, states, 2) at their nodes (n, 3), the present one first."""
+
+    points: Rows
+    logarithms: Rows
+
+
+@dataclass(frozen=True, eq=False)
 class Body:
     """A moving grain, its coupling to the fluid and its mesh. States are place, angle or quaternion, velocities.
 
@@ -150,6 +158,7 @@ class Checkpoint:
     body: Body | None
     recorded: Recorded = Recorded()
     surface: Surface | None = None
+    turbulence: StoredTurbulence | None = None
 
     @property
     def time(self) -> float:

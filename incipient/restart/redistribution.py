@@ -23,7 +23,7 @@ from ..fluid import Fluid
 from ..mesh.domain import Domain
 from ..parallel import collectively
 from ..tables.rows import Numbered, Rows, compact, exchanged
-from .checkpoint import StoredFlow, StoredMesh
+from .checkpoint import StoredFlow, StoredMesh, StoredTurbulence
 
 # How far, relative to the mesh's size, a node may be from where its value was stored.
 SAME_PLACE = 1e-10
@@ -67,6 +67,12 @@ def stored_flow(fluid: Fluid, states: Sequence[Floats]) -> StoredFlow:
         _owned(space.velocity, np.stack(velocities, axis=1)),
         _owned(space.pressure, np.stack(pressures, axis=1)),
     )
+
+
+def stored_turbulence(space: Any, states: Sequence[Floats]) -> StoredTurbulence:
+    """States (local unknowns,) of ln k and ln epsilon on their space, this rank's blocks of them. Collective."""
+    values = np.stack([state.reshape(-1, 2) for state in states], axis=1)
+    return StoredTurbulence(_owned(space, space.tabulate_dof_coordinates()), _owned(space, values))
 
 
 def _given(mesh: Any) -> Integers:
@@ -147,13 +153,8 @@ def spread_flow(fluid: Fluid, stored: StoredFlow) -> list[Floats]:
     """
     space, comm = fluid.space, fluid.domain.comm
     pressure_points = space.pressure.tabulate_dof_coordinates()
-    velocities, pressures = (
-        Numbered(comm, _matched(comm, places, points), places.total).fetched(values)
-        for places, points, values in (
-            (stored.velocity_points, space.velocity_points(), stored.velocities),
-            (stored.pressure_points, pressure_points, stored.pressures),
-        )
-    )
+    velocities = _fetched(comm, stored.velocity_points, stored.velocities, space.velocity_points())
+    pressures = _fetched(comm, stored.pressure_points, stored.pressures, pressure_points)
     states = []
     for number in range(velocities.shape[1]):
         state = np.zeros_like(fluid.state.x.array)
@@ -161,6 +162,22 @@ def spread_flow(fluid: Fluid, stored: StoredFlow) -> list[Floats]:
         state[space.pressure_map] = pressures[:, number]
         states.append(state)
     return states
+
+
+def spread_turbulence(space: Any, stored: StoredTurbulence) -> list[Floats]:
+    """The states (local unknowns,) of ln k and ln epsilon on a space of theirs. Collective.
+
+    Raises:
+        OutputError: on all ranks, when a node of the space is not where a stored one is.
+    """
+    points = space.tabulate_dof_coordinates()
+    values = _fetched(space.mesh.comm, stored.points, stored.logarithms, points)
+    return [values[:, number].ravel() for number in range(values.shape[1])]
+
+
+def _fetched(comm: MPI.Comm, places: Rows, values: Rows, points: Floats) -> Floats:
+    """The values (n, ...) at points (n, 3) of a table whose rows belong to places. Collective."""
+    return np.asarray(Numbered(comm, _matched(comm, places, points), places.total).fetched(values))
 
 
 def _ascending(array: np.ndarray) -> list[list[int]]:

@@ -17,7 +17,16 @@ from ..mesh.domain import Domain
 from ..scene.file import dumps
 from ..scene.order import with_order
 from .checkpoint import Body, Checkpoint, Progress, Surface
-from .redistribution import numbered_nodes, spread_flow, spread_mesh, spread_nodes, stored_flow, stored_mesh
+from .redistribution import (
+    numbered_nodes,
+    spread_flow,
+    spread_mesh,
+    spread_nodes,
+    spread_turbulence,
+    stored_flow,
+    stored_mesh,
+    stored_turbulence,
+)
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -25,6 +34,7 @@ if TYPE_CHECKING:
     from ..simulation.free_surface import MovingSurface
     from ..simulation.moving_grain import Trajectory
     from ..simulation.state import Run
+    from ..turbulence import InTime
 
 
 # -- to the checkpoint ------------------------------------------------------------------------------
@@ -37,7 +47,7 @@ def collected(run: Run) -> Checkpoint:
     """
     transient = run.time_stepper
     assert transient is not None
-    fluid = transient.fluid
+    fluid, eddies = transient.fluid, run.eddies
     states = [fluid.state.x.array, *(one.state for one in transient.past)]
     return Checkpoint(
         # With the order that the flow has, whatever a later version would choose.
@@ -48,6 +58,7 @@ def collected(run: Run) -> Checkpoint:
         flow=stored_flow(fluid, states),
         body=None if run.trajectory is None else _body(run.trajectory),
         surface=None if run.surface is None else _surface(run.surface),
+        turbulence=None if eddies is None else stored_turbulence(eddies.turbulence.space, eddies.past),
     )
 
 
@@ -169,6 +180,13 @@ def put_back_surface(kept: Checkpoint, surface: MovingSurface) -> None:
     coupling.places = list(np.moveaxis(spread_nodes(mesh, stored.places), 1, 0).copy())
     mesh.geometry.x[:] = coupling.places[0]
     coupling.fluid.constraints.boundary_points_moved()
+
+
+def put_back_turbulence(kept: Checkpoint, eddies: InTime) -> None:
+    """Give k and epsilon their states. Collective."""
+    assert kept.turbulence is not None
+    eddies.past = spread_turbulence(eddies.turbulence.space, kept.turbulence)
+    eddies.restore()
 
 
 def _put_back_part(body: Body, part: RigidPart) -> None:

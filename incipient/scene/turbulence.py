@@ -122,6 +122,3 @@ def _of_time(scene: Scene) -> Iterator[tuple[Key, str, str]]:
         yield ("numerics", "convection"), why, 'use "implicit"'
     if scene.numerics.form == "energy-stable":
         yield ("numerics", "form"), "is not there with turbulence by this version", 'use "printed"'
-    if scene.output.checkpoint > 0:
-        why = "runs with turbulence cannot be resumed by this version"
-        yield ("output", "checkpoint"), why, "leave it out"

@@ -46,7 +46,7 @@ def simulate(
     """
     recorder, interruption = recorder or Unrecorded(), Interruption(comm)
     with (
-        interruption if recorder.keeps and not scene.is_turbulent else nullcontext(),
+        interruption if recorder.keeps else nullcontext(),
         prepared(scene, comm, accounts, recorder, voice, checkpoint) as run,
     ):
         _solve(run, recorder, interruption, checkpoint)

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ..planning.plan import Plan
     from ..results.errorbars import Loads, Term
     from ..scene import Scene
+    from ..turbulence import InTime
     from .free_surface import MovingSurface
     from .moving_grain import Trajectory
     from .turbulent import TurbulentFlow
@@ -77,6 +78,7 @@ class Run:
         self._time_stepper: Transient | None = None
         self._trajectory: Trajectory | None = None
         self._surface: MovingSurface | None = None
+        self._eddies: InTime | None = None
         self._first_motion: float | None = None
 
     @property
@@ -110,6 +112,11 @@ class Run:
         return self._surface if self._trajectory is None else self._trajectory.surface
 
     @property
+    def eddies(self) -> InTime | None:
+        """k and epsilon in time; None without turbulence, and before the first step."""
+        return self._eddies
+
+    @property
     def first_motion(self) -> float | None:
         """Time at which a grain that is held in time would first have moved."""
         return self._first_motion
@@ -119,9 +126,11 @@ class Run:
         time_stepper: Transient,
         trajectory: Trajectory | None = None,
         surface: MovingSurface | None = None,
+        eddies: InTime | None = None,
     ) -> None:
-        """Take a time integration, a moving grain's trajectory and a free surface into the state. Not collective."""
-        self._time_stepper, self._trajectory, self._surface = time_stepper, trajectory, surface
+        """Take a time integration and what is solved together with it into the state. Not collective."""
+        self._time_stepper, self._trajectory = time_stepper, trajectory
+        self._surface, self._eddies = surface, eddies
 
     def take_fluid(self, fluid: Fluid, probe: TractionProbe | None) -> None:
         """Go on with another fluid on the mesh; the one before is freed. Collective."""

@@ -101,16 +101,17 @@ class TimeLoop:
         asked = run.scene.numerics.tolerance
         tolerance = of_steps(asked) if kind is Transient else of_steady(asked)
         surface = self._surface() if run.plan.has(EffectName.FREE_SURFACE) else None
-        coupling: Interface | None = None if surface is None else surface.coupling
-        if run.turbulence is not None:
-            coupling = run.turbulence.in_time(run)
+        eddies = None if run.turbulence is None else run.turbulence.in_time(run)
+        coupling: Interface | None = eddies if surface is None else surface.coupling
         transient = kind(run.fluid, order, tolerance, time.tolerance, coupling)
-        run.march_with(transient, surface=surface)
+        run.march_with(transient, surface=surface, eddies=eddies)
         if self._checkpoint is not None:
             from ..restart import resumption
 
             if surface is not None:
                 resumption.put_back_surface(self._checkpoint, surface)
+            if eddies is not None:
+                resumption.put_back_turbulence(self._checkpoint, eddies)
             resumption.put_back_flow(self._checkpoint, transient)
         for step in self._timed(transient.march(time.end, time.step, time.first_step)):
             last = step.time >= time.end * (1 - 1e-9)
@@ -186,7 +187,7 @@ class TimeLoop:
         run.voice.advance(step.time, self._time.end)
         record_fields(self._recorder, run, step.number, last)
         self._recorded = step.time
-        if not self._recorder.keeps or run.turbulence is not None:
+        if not self._recorder.keeps:
             return
         every, stop = run.scene.output.checkpoint, self._interruption.asked() and not last
         if stop or kept or (every > 0 and step.number % every == 0):
@@ -235,8 +236,6 @@ class TimeLoop:
         run = self._run
         # A failure while a step was recorded leaves a history that lacks its row: the checkpoint before it holds.
         if isinstance(error, OutputError) or run.time_stepper is None or not self._recorder.keeps:
-            return error
-        if run.turbulence is not None:
             return error
         if run.time_stepper.fluid.time != self._recorded:
             return error

@@ -87,6 +87,9 @@ class InTime:
     """Turbulence as what is solved together with a flow in time, see `fluid.transient.Interface`.
 
     Flow, and k and epsilon, take the same backward difference, in turn until the flow stays.
+
+    Attributes:
+        past: states (local unknowns,) of ln k and ln epsilon, the present one first.
     """
 
     def __init__(
@@ -95,13 +98,13 @@ class InTime:
         turbulence: Turbulence,
         stage: Callable[[], AbstractContextManager[Any]] = nullcontext,
     ):
-        self._fluid, self._turbulence, self._stage = fluid, turbulence, stage
-        self._past = [turbulence.state.x.array.copy()]
+        self._fluid, self.turbulence, self._stage = fluid, turbulence, stage
+        self.past = [turbulence.state.x.array.copy()]
         self._failed = False
 
     def attempt(self, length: float, order: int, tolerance: float) -> NewtonReport:
         """Solve for the end of a step from the last state, the fluid's state included."""
-        fluid, turbulence = self._fluid, self._turbulence
+        fluid, turbulence = self._fluid, self.turbulence
         rate = [float(a.value) for a in fluid.rate]
         sizes: list[float] = []
         self._failed = False
@@ -113,7 +116,7 @@ class InTime:
             sizes.append(_moved(fluid, fluid.state.x.array - before))
             if len(sizes) > 1 and sizes[-1] <= tolerance:
                 return NewtonReport(True, tuple(sizes), sizes[-1])
-            past = (self._past[0], self._past[-1])
+            past = (self.past[0], self.past[-1])
             with self._stage():
                 self._failed = not np.isfinite(turbulence.step(rate, past, tolerance))
             if self._failed:
@@ -126,11 +129,11 @@ class InTime:
 
     def accept(self) -> None:
         """The attempt holds."""
-        self._past = [self._turbulence.state.x.array.copy(), self._past[0]]
+        self.past = [self.turbulence.state.x.array.copy(), self.past[0]]
 
     def restore(self) -> None:
         """Go back to the last state."""
-        self._turbulence.state.x.array[:] = self._past[0]
+        self.turbulence.state.x.array[:] = self.past[0]
 
     def forget(self) -> None:
         """Nothing is kept from step to step."""

@@ -433,7 +433,7 @@ def test_refusals_are_one_line(whole_pothole: Path, tmp_path: Path, session: Ses
     outcomes = session(ranks, [*(["resume", name] for name in ("absent", *names[:-1])), other])
     told = [
         (2, "absent: there is no such directory; give the directory that a run was written to"),
-        (5, "version/checkpoint.h5: is a checkpoint of version 5, this program reads version 4; resume with"),
+        (6, "version/checkpoint.h5: is a checkpoint of version 6, this program reads version 5; resume with"),
         (5, "damaged/checkpoint.h5: is damaged, its content is not what was written; start anew"),
         (5, "half/checkpoint.h5: cannot be read: it is damaged or incomplete; start anew"),
         (5, "history/history.csv: has lost some of its 10 rows; put the file back, or start anew"),

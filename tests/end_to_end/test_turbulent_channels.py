@@ -21,6 +21,7 @@ from incipient.scene import (
     Time,
     Turbulence,
 )
+from incipient.scene.file import dumps
 
 # U_b+ and C_f of channels between walls by direct simulation, at Re_tau (Hoyas & Jimenez 2006; Lee & Moser 2015).
 DIRECT = {546.74: (18.401, 0.00591), 1000.5: (19.990, 0.005005)}
@@ -121,6 +122,23 @@ def test_a_rough_wall_and_turbulence_that_is_given():
     assert 1.0 / walls.at_outflow == pytest.approx(np.log(50.0) / 0.41 + 8.5 - 1 / 0.41, rel=0.05)
 
 
+def in_short_steps(end):
+    """A channel that starts from rest, in steps short enough that all have the same length."""
+    time = Time(end=end, step=0.125)
+    return channel(11000.0, 2.0, time=time, output=Output(every=1, checkpoint=6))
+
+
+def test_a_run_that_is_resumed_ends_where_the_whole_one_does(tmp_path):
+    """Flow, k and epsilon go on from their states by second-order differences: u* and y+ agree to 13 digits."""
+    whole = incipient.run(in_short_steps(1.5), tmp_path / "whole").turbulence
+    incipient.run(in_short_steps(0.75), tmp_path / "cut")
+    resumed = incipient.resume(tmp_path / "cut", ["time.end=1.5"]).turbulence
+    for name in ("at_outflow", "least", "largest", "shear_velocity"):
+        assert getattr(resumed, name) == pytest.approx(getattr(whole, name), rel=1e-13), name
+    found, expected = ((tmp_path / name / "history.csv").read_text() for name in ("cut", "whole"))
+    assert found.count("\n") == expected.count("\n")
+
+
 @pytest.mark.slow
 def test_ranks_agree(mpirun):
     """Steadily and in time, on one rank and on three."""
@@ -143,3 +161,21 @@ def test_ranks_agree(mpirun):
         assert done.returncode == 0, done.stderr
         found.append([float(word) for word in done.stdout.split()])
     assert len(found[0]) == 4 and found[1] == pytest.approx(found[0], rel=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("before", "after"), [(1, 2), (2, 1), (2, 2)])
+def test_a_run_is_resumed_on_other_ranks(mpirun, tmp_path, before, after):
+    """To 13 digits, as on the same ranks: also the whole run renews its factors at its checkpoint."""
+    whole = incipient.run(in_short_steps(1.5), tmp_path / "whole").turbulence
+    (tmp_path / "scene.toml").write_text(dumps(in_short_steps(0.75)), encoding="utf-8")
+    scene = f"incipient.load({str(tmp_path / 'scene.toml')!r})"
+    first = f"import incipient\nincipient.run({scene}, {str(tmp_path / 'cut')!r})\n"
+    done = mpirun(before, first)
+    assert done.returncode == 0, done.stderr
+    second = f"import incipient\nincipient.resume({str(tmp_path / 'cut')!r}, ['time.end=1.5'])\n"
+    done = mpirun(after, second)
+    assert done.returncode == 0, done.stderr
+    found = json.loads((tmp_path / "cut/result.json").read_text(encoding="utf-8"))["turbulence"]
+    print(found["at_outflow"] / whole.at_outflow - 1)
+    assert found["at_outflow"] == pytest.approx(whole.at_outflow, rel=1e-13)

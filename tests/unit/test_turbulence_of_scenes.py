@@ -18,7 +18,6 @@ from incipient.scene import (
     LogLaw,
     Numerics,
     OpenChannel,
-    Output,
     Poiseuille,
     Scene,
     Sinusoidal,
@@ -74,10 +73,6 @@ def channel(**changes):
         (
             {"time": Time(end=1, step=0.1, start="steady")},
             "time.start: with turbulence the fluid starts from rest",
-        ),
-        (
-            {"time": Time(end=1, step=0.1), "output": Output(checkpoint=1)},
-            "output.checkpoint: runs with turbulence cannot be resumed by this version",
         ),
         (
             {"time": Time(end=1, step=0.1), "numerics": Numerics(convection="extrapolated")},
