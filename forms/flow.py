@@ -25,7 +25,7 @@ class FlowTerms:
     upwind:         the same size for `terms.streamline_upwind`; None: not stabilised that way
     open_boundary:  measure of the boundary through which fluid leaves freely
     surface:        function of w that gives the integral over a free surface (`surface.load`)
-    friction:       function of w that gives the integral over walls that resist the flow (`turbulence.friction`)
+    friction:       function of w and q that gives the integral over walls that resist the flow (`turbulence.friction`)
     reference_map:  None for the identity
     """
 
@@ -39,7 +39,7 @@ class FlowTerms:
     open_boundary: Any = None
     reference_map: ReferenceMap | None = None
     surface: Callable[[Any], Any] | None = None
-    friction: Callable[[Any], Any] | None = None
+    friction: Callable[[Any, Any], Any] | None = None
 
 
 def residual(v: Any, p: Any, w: Any, q: Any, present: FlowTerms, dx: Any) -> Any:
@@ -72,7 +72,7 @@ def residual(v: Any, p: Any, w: Any, q: Any, present: FlowTerms, dx: Any) -> Any
     if present.open_boundary is not None:
         form += terms.open_boundary(v, w, n, present.viscosity, x) * present.open_boundary
     if present.friction is not None:
-        form += present.friction(w)
+        form += present.friction(w, q)
     return form if present.surface is None else form + present.surface(w)
 
 

@@ -136,6 +136,18 @@ def open_boundary(v: Any, w: Any, n: Any, viscosity: Any, reference_map: Referen
     return -viscosity * ufl.inner(shear, w)
 
 
+def impermeable(v: Any, p: Any, w: Any, q: Any, n: Any, viscosity: Any, resistance: Any) -> Any:
+    """-(n . sigma n) w . n + q v . n + b v . n w . n: nothing crosses a wall of any shape, without shear on it.
+
+    Nitsche's way (1971, Abh. Math. Sem. Hamburg 36, 9), for slip that of Freund & Stenberg (1995); the viscous part is
+    not made symmetric. b is a velocity: that of the flow, so that what does leak brings no energy, and nu/h with a
+    factor that grows with the square of the elements' order.
+    """
+    normal = -p + 2 * viscosity * ufl.inner(ufl.dot(ufl.grad(v), n), n)
+    through = ufl.inner(w, n)
+    return -normal * through + (q + resistance * through) * ufl.inner(v, n)
+
+
 def entering_boundary(v: Any, carrier: Any, w: Any, n: Any) -> Any:
     """-min(c . n, 0) v . w on an end through which fluid enters, its velocity along n being given.
 

@@ -105,10 +105,21 @@ def at_wall(logarithms: Any, test: Any, distance: Any, viscosity: Any, closure: 
     return -(viscosity + eddy_viscosity(logarithms, closure) / closure.sigma_epsilon) / distance * test
 
 
-def friction(v: Any, p: Any, w: Any, shear_velocity: Any, distance: Any) -> Any:
-    """(u*^2 v/|v| + y grad p) . w: what a wall at a distance y beyond the boundary exerts on the flow along it.
+def shear_velocity(logarithms: Any, closure: Closure) -> Any:
+    """C_mu^(1/4) sqrt(k): u* of a logarithmic layer that has this k."""
+    return closure.c_mu**0.25 * ufl.exp(logarithms[0] / 2)
 
-    u* is a function of the speed. The layer between, of next to no inertia, is pushed by the pressure, too.
-    """
-    speed = ufl.sqrt(ufl.inner(v, v) + SLOWEST**2)
-    return ufl.inner(shear_velocity(speed) ** 2 / speed * v + distance * ufl.grad(p), w)
+
+def speed(v: Any) -> Any:
+    """|v|, with a derivative where the fluid is at rest."""
+    return ufl.sqrt(ufl.inner(v, v) + SLOWEST**2)
+
+
+def friction(v: Any, w: Any, drag: Any) -> Any:
+    """c v . w: the shear stress of a wall that resists with c times the velocity along it."""
+    return drag * ufl.inner(v, w)
+
+
+def push(p: Any, w: Any, distance: Any) -> Any:
+    """y grad p . w: the pressure pushes the layer, of next to no inertia, between the boundary and a wall y beyond."""
+    return distance * ufl.inner(ufl.grad(p), w)

@@ -36,16 +36,19 @@ class Slip:
 
 @dataclass(frozen=True)
 class Friction:
-    """A boundary that stands off from a wall that resists the flow; nothing crosses it, its normal is an axis.
+    """A boundary along which a turbulent flow is resisted by a wall a distance beyond it; nothing crosses it.
 
-    distance:       of the wall from the boundary
-    shear_velocity: function of the speed on the boundary, of 1/Re and of the distance (UFL)
+    distance: of the wall
+    drag:     friction over the velocity: a function of the speed, of the shear velocity that the turbulence there
+              stands for, of 1/Re and of the distance (UFL)
+    axis:     that of the normal of a plane boundary, which the mesh really has at that distance from the wall; None: a
+              boundary of any shape, at the wall itself, where the distance is one of the law's alone
     """
 
     boundary: str
-    axis: int
     distance: float
-    shear_velocity: Callable[[Any, Any, Any], Any]
+    drag: Callable[[Any, Any, Any, Any], Any]
+    axis: int | None = None
 
 
 @dataclass(frozen=True)
@@ -143,7 +146,7 @@ class Constraints:
         self._prescribed = [
             (c.velocity, boundary_blocks(space.velocity, domain.facets_of(c.boundary))) for c in prescribed
         ]
-        self._slip = [c for c in conditions if isinstance(c, Slip | Friction)]
+        self._slip = [c for c in conditions if isinstance(c, Slip | Friction) and c.axis is not None]
         self._friction = tuple(c for c in conditions if isinstance(c, Friction))
         carried = [c.boundary for c in conditions if isinstance(c, Carried)]
         self._carried = {name: boundary_blocks(space.velocity, domain.facets_of(name)) for name in carried}
@@ -180,13 +183,13 @@ class Constraints:
 
         return SurfaceLoad(self._domain, self.space, self, rate)
 
-    def walls(self, viscosity: Any) -> Any:
-        """The load of walls that the mesh stands off from, by the viscosity of the molecules (UFL); None without."""
+    def walls(self, viscosity: tuple[Any, Any], shear_velocity: Any) -> Any:
+        """The load of walls that resist a turbulent flow, see `friction.WallLoad`; None without. Collective."""
         if not self._friction:
             return None
         from .friction import WallLoad
 
-        return WallLoad(self._domain, self.space, self._friction, viscosity)
+        return WallLoad(self._domain, self.space, self._friction, viscosity, shear_velocity)
 
     def crossed(self) -> Any:
         """The measure of the boundary that fluid may cross: nothing crosses a free surface."""

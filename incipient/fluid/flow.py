@@ -66,7 +66,8 @@ class Fluid:
         self._shifts = tuple(geometry_function(mesh) for _ in range(2 * model.moving_mesh))
         self._rows = geometry_rows(self._shifts[0]) if self._shifts else None
         self.surface: Any = self.constraints.surface_load(self.rate[0])
-        self.walls: Any = self.constraints.walls(1 / self._reynolds)
+        viscosities = 1 / self._reynolds, self.viscosity
+        self.walls: Any = self.constraints.walls(viscosities, model.shear_velocity)
         w, q = ufl.TestFunctions(self.space.mixed)
         self._residual = compat.form(self.residual_form(w, q, upwind=not model.exact))
         self._jacobian = None if coarse else self._compiled_jacobian()

@@ -1,45 +1,68 @@
-"""What walls that the mesh stands off from exert on the flow; imported only where there are any."""
+"""What walls that resist a turbulent flow exert on it; imported only where there are any."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import dolfinx
 import ufl
 from petsc4py import PETSc
 
-from ..forms.turbulence import friction
+from ..forms.terms import impermeable
+from ..forms.turbulence import friction, push, speed
 from ..mesh.domain import Domain
-from .space import TaylorHood
+from .space import TaylorHood, cell_size
 
 if TYPE_CHECKING:
     from .conditions import Friction
 
+HELD = 10.0  # times k^2 nu/h: what resists a flow through a wall, k being the order of the elements
+
 
 class WallLoad:
-    """The load of walls on the flow along them. Making it is collective.
+    """The load of walls on the flow. Making it is collective.
 
     Args:
-        viscosity: of the molecules, UFL.
+        viscosity: of the molecules, and with the eddies, UFL.
+        shear_velocity: that the turbulence stands for (`forms.turbulence.shear_velocity`), UFL.
     """
 
-    def __init__(self, domain: Domain, flow: TaylorHood, walls: tuple[Friction, ...], viscosity: Any):
+    def __init__(
+        self,
+        domain: Domain,
+        flow: TaylorHood,
+        walls: tuple[Friction, ...],
+        viscosity: tuple[Any, Any],
+        shear_velocity: Any,
+    ):
         self._measure, self._names = flow.boundary_quadrature(domain.facets), domain.names
-        self._viscosity = viscosity
+        self._normal, self._held = ufl.FacetNormal(domain.mesh), HELD * flow.order**2 / cell_size(domain.mesh)
+        self._viscosity, self._shear_velocity = viscosity, shear_velocity
         self._walls = [
             (one, dolfinx.fem.Constant(domain.mesh, PETSc.ScalarType(one.distance))) for one in walls
         ]
 
-    def integral(self, state: Any, w: Any) -> Any:
-        """The walls' part in the residual of momentum of a mixed state, tested with w, in UFL. Not collective."""
-        v, p = ufl.split(state)
-        found = 0
-        for wall, distance in self._walls:
-            force = friction(v, p, w, self._law(wall, distance), distance)
-            found += force * self._measure(self._names[wall.boundary])
-        return found
+    def integral(self, state: Any, w: Any, q: Any, boundary: str | None = None) -> Any:
+        """The walls' part in the residual of a mixed state, tested with w and q, in UFL. Not collective.
 
-    def _law(self, wall: Friction, distance: Any) -> Callable[[Any], Any]:
-        """u* as a function of the speed."""
-        return lambda speed: wall.shear_velocity(speed, self._viscosity, distance)
+        With the name of a `boundary` it is that of one wall: with w a rigid motion of that boundary, and q zero, the
+        power in it of the force that the flow exerts on the wall.
+        """
+        v, p = ufl.split(state)
+        return sum(
+            self._of(wall, distance, (v, p), (w, q)) * self._measure(self._names[wall.boundary])
+            for wall, distance in self._walls
+            if boundary in (None, wall.boundary)
+        )
+
+    def _of(self, wall: Friction, distance: Any, flow: Sequence[Any], tests: Sequence[Any]) -> Any:
+        """The integrand at one wall."""
+        (v, p), (w, q) = flow, tests
+        of_molecules, whole = self._viscosity
+        n, beside = self._normal, wall.axis is not None
+        along = v if beside else v - ufl.inner(v, n) * n
+        rubbing = friction(along, w, wall.drag(speed(along), self._shear_velocity, of_molecules, distance))
+        if beside:
+            return rubbing + push(p, w, distance)
+        return rubbing + impermeable(v, p, w, q, n, whole, speed(v) + self._held * whole)

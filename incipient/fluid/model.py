@@ -29,6 +29,7 @@ class FlowModel:
     upwind_order:  order of the elements that the upwinding is that of; 0: of the flow's own
     solver:        method for the linear systems, a name in `solvers.SOLVERS`, or "two-level" (`raised.made`)
     viscosity:     function of 1/Re (UFL) giving the kinematic viscosity, or None: it is 1/Re
+    shear_velocity: that the turbulence stands for (UFL), for walls that resist it; None without turbulence
     """
 
     order: int = 2
@@ -45,6 +46,7 @@ class FlowModel:
     upwind_order: int = 0
     solver: str = "direct"
     viscosity: Callable[[Any], Any] | None = None
+    shear_velocity: Any = None
 
     @property
     def linear(self) -> bool:

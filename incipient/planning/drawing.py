@@ -39,10 +39,11 @@ def lay_out(scene: Scene, plan: Plan, moved: Placement | None = None) -> Layout:
     if scene.gdim == 3:
         return lay_out_in_space(scene, plan, moved)
     if plan.has(EffectName.TURBULENCE):
-        from .turbulence import grid
+        from . import turbulence
 
-        turbulent = grid(scene, plan.order, plan.mesh_size)
-        return Layout(turbulent, Sizes(1.0), plan.geometry_order, max_cells=most)
+        if turbulence.is_plane(scene):
+            channel = turbulence.grid(scene, plan.order, plan.mesh_size)
+            return Layout(channel, Sizes(1.0), plan.geometry_order, max_cells=most)
     if is_grid(scene):
         return Layout(_grid(scene, plan), Sizes(1.0), plan.geometry_order, max_cells=most)
     resting, placement, gap, ends = placed(scene) if moved is None else (moved, moved, np.inf, None)
@@ -52,7 +53,7 @@ def lay_out(scene: Scene, plan: Plan, moved: Placement | None = None) -> Layout:
     holes = {}
     if scene.grain is not None and placement is not None:
         holes["body"] = tuple(curve.moved(placement) for curve in scene.grain.drawn())
-    region = Region(_bottom(scene), scene.domain.ceiling, holes, side_names(scene))
+    region = Region(_bottom(scene), _ceiling(scene), holes, side_names(scene))
     finer = _near(scene, plan, holes.get("body", ()), placement, gap, ends)
     sizes = Sizes(FAR_CELL[plan.order] * scene.domain.height, finer).scaled(plan.mesh_size)
     return Layout(region, sizes, plan.geometry_order, resting, placement, gap, ends, most)
@@ -63,6 +64,15 @@ def _bottom(scene: Scene) -> tuple[Curve, ...]:
     if bed is None:
         return (Line((domain.left, domain.bottom), (domain.right, domain.bottom)),)
     return bed.curves(domain.left, domain.right)
+
+
+def _ceiling(scene: Scene) -> float:
+    """Height of the upper side of what is meshed."""
+    if not scene.is_turbulent:
+        return scene.domain.ceiling
+    from .turbulence import walls_of
+
+    return walls_of(scene).ceiling
 
 
 def _near(
@@ -93,6 +103,10 @@ def _near(
 
         layer = mean_profile(scene).layer
         near.append(Near(PROFILE_CELL[plan.order] * layer, GROWTH, boundary=side_names(scene)[0]))
+    if scene.is_turbulent:
+        from .turbulence import cells
+
+        near.extend(cells(scene, plan.order))
     if scene.flow.kind == "lid":
         domain = scene.domain
         corners = ((domain.left, domain.ceiling), (domain.right, domain.ceiling))

@@ -27,11 +27,10 @@ CROSSING = 11.06  # distance at which the law of a smooth wall meets the viscous
 LEAST = 1.0  # u+ where sand is higher than the mesh stands off, on the way to a solution
 CORRECTIONS = 4  # of u* by Newton's method, which leave less than 1e-9 of it
 SAMPLES = 2000
-ROWS, COLUMN, GRADING = (
-    14,
-    1.0,
-    0.3,
-)  # over the depth of a wall; column over that depth; finest over largest row
+# Of a channel's mesh: rows over the depth of a wall; column over that depth; finest over largest row.
+ROWS, COLUMN, GRADING = 14, 1.0, 0.3
+# Of other meshes: cells at walls, over the distance of the law; growth away from them; cells at corners over those.
+WALL_CELL, WALL_GROWTH, CORNER_CELL = 4.0, 0.25, 0.4
 NUMPY = SimpleNamespace(log=np.log, larger=np.maximum)
 
 
@@ -67,6 +66,24 @@ class WallLaw:
             found = (speed + slope * found) / (law + slope)
         return found
 
+    def governing(
+        self, speed: Any, turbulent: Any, viscosity: Any, distance: Any, functions: Any = NUMPY
+    ) -> Any:
+        """The larger of u* for a speed at a distance from the wall and of that which the turbulence there stands for.
+
+        Where the flow separates the speed vanishes and k does not: Kuzmin, Mierka & Turek (2007).
+        """
+        return functions.larger(self.shear_velocity(speed, viscosity, distance, functions), turbulent)
+
+    def drag(
+        self, speed: Any, turbulent: Any, viscosity: Any, distance: Any, functions: Any = NUMPY
+    ) -> Any:
+        """Friction over the velocity, u*/u+ of the governing u*, not below that of a viscous sublayer, nu/y."""
+        found = self.governing(speed, turbulent, viscosity, distance, functions)
+        return functions.larger(
+            found / self.velocity(found, viscosity, distance, functions), viscosity / distance
+        )
+
     def beyond(self, shear_velocity: float, viscosity: float, distance: float) -> float:
         """The flux between the wall and a distance from it, over u*; within the viscous sublayer u+ = y+."""
         y = distance * (np.arange(SAMPLES) + 0.5) / SAMPLES
@@ -82,6 +99,10 @@ class Walls:
     depth:          over which a wall is felt: that of an open channel, half of that between two walls
     distance:       of the mesh's boundary from the wall
     shear_velocity: estimated
+    number:         of walls, one or two
+    floor, top:     heights at the inflow of the wall below, and of what is above
+    beside:         how many walls the mesh stands off from; the others are where the mesh ends, `distance` being one
+                    of the law's alone
     """
 
     law: WallLaw
@@ -89,6 +110,19 @@ class Walls:
     distance: float
     shear_velocity: float
     number: int
+    floor: float
+    top: float
+    beside: int
+
+    @property
+    def ceiling(self) -> float:
+        """Height of the upper side of the mesh."""
+        return self.top - (self.number - 1) * self.distance
+
+    def from_next(self, height: np.ndarray) -> np.ndarray:
+        """Distances (n,) of heights from the next wall, at least that of the law."""
+        above = height - self.floor
+        return np.maximum(np.minimum(above, self.top - height) if self.number == 2 else above, self.distance)
 
     def text(self, viscosity: float) -> str:
         """What the walls are taken for, in words."""
@@ -103,19 +137,28 @@ def section(scene: Scene) -> Turbulence:
     return scene.turbulence or Turbulence()
 
 
+def is_plane(scene: Scene) -> bool:
+    """Whether all walls are planes, from which the mesh stands off: no bed forms, no grain. Not collective."""
+    return scene.body is None and (scene.bed_shape is None or not np.isfinite(scene.bed_shape.feature))
+
+
 def walls_of(scene: Scene) -> Walls:
     """Where walls are and how far from them the mesh ends. Not collective.
 
-    u* is that of the logarithmic law, whose mean over the depth h is u+(h) - 1/kappa.
+    u* is that of the logarithmic law, whose mean over the depth h is u+(h) - 1/kappa. Beds that are not flat and
+    grains bound the mesh themselves.
     """
     asked, number = section(scene), 1 if scene.flow.kind == "open-channel" else 2
-    law, depth, viscosity = WallLaw(asked.roughness), scene.domain.height / number, scene.viscosity
+    plane, bed, top = is_plane(scene), scene.bed_shape, scene.domain.ceiling
+    ground = scene.domain.bottom if bed is None else float(bed.height([scene.domain.left])[0])
+    law, depth, viscosity = WallLaw(asked.roughness), (top - ground) / number, scene.viscosity
     shear_velocity = scene.reference_velocity / 20.0
     for _ in range(50):
         mean = float(law.velocity(shear_velocity, viscosity, depth)) - 1.0 / law.kappa
         shear_velocity = scene.reference_velocity / max(mean, LEAST)
     distance = asked.wall_distance or AIMED_AT * viscosity / shear_velocity
-    return Walls(law, depth, distance, shear_velocity, number)
+    floor = ground if plane else ground - distance
+    return Walls(law, depth, distance, shear_velocity, number, floor, top, number - (not plane))
 
 
 def too_near(scene: Scene) -> str:
@@ -145,12 +188,26 @@ def grid(scene: Scene, order: int, mesh_size: float) -> Grid:
     return Grid(corner, domain.length, height, *sizes, GRADING, side_names(scene))
 
 
+def cells(scene: Scene, order: int) -> tuple[Near, ...]:
+    """Cells along walls of which some are no planes, and at their corners. Not collective."""
+    from ..meshes import Near
+
+    size = WALL_CELL * (1.0 if order > 2 else 0.75) * walls_of(scene).distance
+    found = [Near(size, WALL_GROWTH, boundary=name) for name in wall_names(scene)]
+    if scene.bed_shape is not None:
+        x = scene.bed_shape.corners(scene.domain.left, scene.domain.right)
+        inner = x[(x > scene.domain.left) & (x < scene.domain.right)]
+        points = tuple(zip(inner.tolist(), scene.bed_shape.height(inner).tolist(), strict=True))
+        found += [Near(CORNER_CELL * size, WALL_GROWTH, points=points)] if points else []
+    return tuple(found)
+
+
 # -- what enters --------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Entering:
-    """Speed, k and epsilon at heights (n,) above the wall at the bottom; functions that return (n,)."""
+    """Speed, k and epsilon at heights (n,); functions that return (n,)."""
 
     speed: Callable[[np.ndarray], np.ndarray]
     energy: Callable[[np.ndarray], np.ndarray]
@@ -168,34 +225,33 @@ def entering(scene: Scene) -> Entering:
     c_mu, depth = asked.c_mu, walls.depth
     law = partial(walls.law.velocity, walls.shear_velocity, viscosity)
 
-    def from_wall(y: np.ndarray) -> np.ndarray:
-        """Distances (n,) from the next wall."""
-        return np.minimum(y, walls.number * depth - y) if walls.number == 2 else y
-
-    mean, height = scene.reference_velocity, scene.domain.height
-    layers = walls.number * walls.shear_velocity
-    layers *= walls.law.beyond(walls.shear_velocity, viscosity, walls.distance)
+    mean, low = scene.reference_velocity, walls.floor + walls.distance
+    discharge, open_height = mean * walls.number * depth, walls.ceiling - low
+    discharge -= (
+        walls.beside
+        * walls.shear_velocity
+        * walls.law.beyond(walls.shear_velocity, viscosity, walls.distance)
+    )
     if asked.inflow == "given":
         assert asked.intensity is not None and asked.length is not None
-        uniform = (mean * height - layers) / (height - walls.number * walls.distance)
         energy = 1.5 * (asked.intensity * mean) ** 2
         loss = c_mu**0.75 * energy**1.5 / asked.length
-        return Entering(*(partial(_uniform, value) for value in (uniform, energy, loss)))
+        return Entering(*(partial(_uniform, value) for value in (discharge / open_height, energy, loss)))
 
-    samples = walls.distance + (depth - walls.distance) * (np.arange(SAMPLES) + 0.5) / SAMPLES
-    whole = float(np.mean(law(samples))) * (depth - walls.distance) * walls.number
-    scale = (mean * height - layers) / whole
+    samples = low + open_height * (np.arange(SAMPLES) + 0.5) / SAMPLES
+    scale = discharge / (float(np.mean(law(walls.from_next(samples)))) * open_height)
 
-    def energy_at(y: np.ndarray) -> np.ndarray:
+    def energy_at(height: np.ndarray) -> np.ndarray:
         most = 1.0 / math.sqrt(c_mu)
-        return walls.shear_velocity**2 * np.minimum(4.78 * np.exp(-2.0 * from_wall(y) / depth), most)
+        falling = 4.78 * np.exp(-2.0 * walls.from_next(height) / depth)
+        return walls.shear_velocity**2 * np.minimum(falling, most)
 
-    def dissipation_at(y: np.ndarray) -> np.ndarray:
-        inwards = 1.0 - from_wall(y) / depth
+    def dissipation_at(height: np.ndarray) -> np.ndarray:
+        inwards = 1.0 - walls.from_next(height) / depth
         length = depth * (0.14 - 0.08 * inwards**2 - 0.06 * inwards**4)
-        return c_mu**0.75 * energy_at(y) ** 1.5 / length
+        return c_mu**0.75 * energy_at(height) ** 1.5 / length
 
-    return Entering(lambda y: scale * law(from_wall(y)), energy_at, dissipation_at)
+    return Entering(lambda height: scale * law(walls.from_next(height)), energy_at, dissipation_at)
 
 
 def _uniform(value: float, y: np.ndarray) -> np.ndarray:
@@ -204,23 +260,24 @@ def _uniform(value: float, y: np.ndarray) -> np.ndarray:
 
 def logarithms(scene: Scene) -> Callable[[np.ndarray], np.ndarray]:
     """ln k and ln epsilon (2, n) at places (3, n) of the inflow. Not collective."""
-    found, bottom, up = entering(scene), scene.domain.bottom, scene.up
-    return lambda x: np.log([found.energy(x[up] - bottom), found.dissipation(x[up] - bottom)])
+    found, up = entering(scene), scene.up
+    return lambda x: np.log([found.energy(x[up]), found.dissipation(x[up])])
 
 
 def velocity(scene: Scene) -> Callable[[np.ndarray, float], np.ndarray]:
     """The velocity (gdim, n) that enters at places (3, n). Not collective."""
-    speed, bottom, up = entering(scene).speed, scene.domain.bottom, scene.up
-    return lambda x, t: np.vstack([speed(x[up] - bottom), *np.zeros((up, x.shape[1]))])
+    speed, up = entering(scene).speed, scene.up
+    return lambda x, t: np.vstack([speed(x[up]), *np.zeros((up, x.shape[1]))])
 
 
 # -- conditions ---------------------------------------------------------------------------------------
 
 
 def wall_names(scene: Scene) -> tuple[str, ...]:
-    """Names of the boundaries that stand off from a wall."""
+    """Names of the boundaries that have a wall beyond them."""
     bottom, _, top, _ = side_names(scene)
-    return (bottom, top) if walls_of(scene).number == 2 else (bottom,)
+    upper = () if scene.flow.kind == "open-channel" else (top,)
+    return (bottom, *upper, *(() if scene.body is None else ("body",)))
 
 
 def conditions(scene: Scene) -> list[Condition]:
@@ -232,7 +289,10 @@ def conditions(scene: Scene) -> list[Condition]:
     walls, names = walls_of(scene), wall_names(scene)
     _, right, top, left = side_names(scene)
     functions = SimpleNamespace(log=ufl.ln, larger=ufl.max_value)
-    law = partial(walls.law.shear_velocity, functions=functions)
-    rubbing: list[Condition] = [Friction(name, scene.up, walls.distance, law) for name in names]
+    drag = partial(walls.law.drag, functions=functions)
+    beside = {top} if not is_plane(scene) else set(names)
+    rubbing: list[Condition] = [
+        Friction(name, walls.distance, drag, scene.up if name in beside else None) for name in names
+    ]
     lids: list[Condition] = [] if top in names else [Slip(top, axis=scene.up)]
     return [Open(right), *rubbing, *lids, Prescribed(left, velocity(scene))]

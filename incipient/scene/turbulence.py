@@ -95,8 +95,6 @@ def _of_place(scene: Scene) -> Iterator[tuple[Key, str, str]]:
         yield key, f"turbulence in space {by_this}", LAMINAR
     if scene.body is not None:
         yield key, f"a grain in turbulence {by_this}, and most sand is too small for wall functions", LAMINAR
-    if scene.bed is not None and scene.bed.kind != "flat":
-        yield key, f"turbulence over a bed that is not flat {by_this}", LAMINAR
 
 
 def _of_flow(scene: Scene) -> Iterator[tuple[Key, str, str]]:

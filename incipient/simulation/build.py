@@ -72,7 +72,8 @@ def prepared(
             model = flow_model(scene, plan, unsteady=plan.has(EffectName.UNSTEADINESS))
             turbulent = _turbulent(scene, plan, made)
             if turbulent is not None:
-                model = replace(model, viscosity=turbulent.fields.viscosity)
+                fields = turbulent.fields
+                model = replace(model, viscosity=fields.viscosity, shear_velocity=fields.shear_velocity())
             newest = [raised.made(made, model, conditions(scene), plan.reynolds)]
             # Another fluid may have taken its place by the end.
             stack.push(lambda *exception: newest[0].__exit__(*exception))

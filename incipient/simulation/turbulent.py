@@ -12,15 +12,16 @@ import ufl
 
 from .. import compat
 from ..fluid import Fluid
-from ..fluid.space import boundary_blocks
 from ..forms import turbulence as forms
 from ..mesh.domain import Domain
 from ..planning import turbulence as planned
 from ..planning.cells import side_names
+from ..planning.turbulence import HIGHEST, LOWEST
 from ..results.turbulence import WallReport
 from ..scene import Scene
 from ..scene.tolerance import of_steady
 from ..turbulence import InTime, Surroundings, Turbulence, solve_steadily
+from ..turbulence.along_walls import AlongWall, along_wall
 
 if TYPE_CHECKING:
     from .state import Run
@@ -95,28 +96,35 @@ class TurbulentFlow:
 
     def report(self, fluid: Fluid) -> WallReport:
         """u* and y+ along the walls, and what they say of the law."""
-        scene, walls = self._scene, self._walls
-        own = fluid.space.velocity.dofmap.index_map.size_local
-        names = planned.wall_names(scene)
-        nodes = [boundary_blocks(fluid.space.velocity, fluid.domain.facets_of(name)) for name in names]
-        chosen = np.unique(np.concatenate(nodes)).astype(int)
-        blocks = fluid.state.x.array[fluid.space.velocity_map].reshape(-1, scene.gdim)[chosen[chosen < own]]
-        speeds = np.linalg.norm(blocks, axis=1)
-        found = walls.law.shear_velocity(np.maximum(speeds, 1e-300), scene.viscosity, walls.distance)
-        places = fluid.constraints.points[chosen[chosen < own], 0]
-        gathered = fluid.domain.comm.allgather((places, found))
-        along, everywhere = (np.concatenate([one[i] for one in gathered]) for i in range(2))
-        last = everywhere[np.isclose(along, along.max())]
+        scene, walls, names = self._scene, self._walls, planned.wall_names(self._scene)
+        along = {name: along_wall(fluid, name, self.fields.shear_velocity()) for name in names}
+        governing, found, lengths, x = (
+            np.concatenate(parts)
+            for parts in zip(*(self._shear_velocities(one) for one in along.values()), strict=True)
+        )
+        y_plus = governing * walls.distance / scene.viscosity
+        last = found[np.isclose(x, x.max())].mean()
+        outside = (y_plus < LOWEST) | (y_plus > HIGHEST)
         return WallReport(
             distance=walls.distance,
-            least=float(everywhere.min() * walls.distance / scene.viscosity),
-            largest=float(everywhere.max() * walls.distance / scene.viscosity),
-            shear_velocity=float(everywhere.mean()),
-            at_outflow=float(last.mean()),
-            friction=float(2.0 * (last.mean() / scene.reference_velocity) ** 2),
+            least=float(y_plus.min()),
+            largest=float(y_plus.max()),
+            shear_velocity=float(found @ lengths / lengths.sum()),
+            at_outflow=float(last),
+            friction=float(2.0 * (last / scene.reference_velocity) ** 2),
             viscosity=scene.viscosity,
             c_mu=planned.section(scene).c_mu,
+            outside=float(lengths[outside].sum() / lengths.sum()),
+            plane=planned.is_plane(scene),
+            backward=along[names[0]].backward(),
         )
+
+    def _shear_velocities(self, along: AlongWall) -> tuple[np.ndarray, ...]:
+        """At nodes (n,) of a wall: the governing u*, that of the wall's stress, lengths, and x."""
+        law, away = self._walls.law, (self._scene.viscosity, self._walls.distance)
+        flow = np.maximum(along.speeds, 1e-300), along.shear_velocities
+        stress = law.drag(*flow, *away) * along.speeds
+        return law.governing(*flow, *away), np.sqrt(stress), along.lengths, along.places[:, 0]
 
 
 def _stage(run: Run) -> Callable[[], AbstractContextManager[None]]:

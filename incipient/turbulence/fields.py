@@ -31,7 +31,7 @@ class Surroundings:
     """Where k and epsilon are given, and where walls are.
 
     inflow: names of boundaries at which K and E are given, with a function of places (3, n) that returns (2, n)
-    walls:  names of boundaries that stand off from a wall by a distance
+    walls:  names of boundaries that have a wall a distance beyond them
     """
 
     inflow: tuple[str, ...]
@@ -76,6 +76,10 @@ class Turbulence:
     def viscosity(self, of_molecules: Any) -> Any:
         """The viscosity of molecules and eddies, for `FlowModel.viscosity`."""
         return of_molecules + forms.eddy_viscosity(ufl.split(self.state), self.closure)
+
+    def shear_velocity(self) -> Any:
+        """u* of a logarithmic layer of this k, for `FlowModel.shear_velocity`."""
+        return forms.shear_velocity(ufl.split(self.state), self.closure)
 
     # -- its equations ------------------------------------------------------------------------------
 

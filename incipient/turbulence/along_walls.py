@@ -1,0 +1,89 @@
+"""What is found along the walls of a turbulent flow, at the nodes of the velocity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import dolfinx
+import numpy as np
+import ufl
+from petsc4py import PETSc
+
+from .. import compat
+from ..compat import petsc
+from ..fluid import Fluid
+from ..fluid.space import boundary_blocks
+
+
+@dataclass(frozen=True)
+class AlongWall:
+    """The flow next to a wall at nodes (n,), by ascending x, on all ranks.
+
+    places (n, gdim); normals (n, gdim) out of the fluid, of length one; lengths (n,) of wall that go with each node;
+    velocities (n, gdim); and shear_velocities (n,), those that the turbulence stands for
+    """
+
+    places: np.ndarray
+    normals: np.ndarray
+    lengths: np.ndarray
+    velocities: np.ndarray
+    shear_velocities: np.ndarray
+
+    @property
+    def speeds(self) -> np.ndarray:
+        """(n,) of the flow along the wall."""
+        through = (self.velocities * self.normals).sum(axis=1, keepdims=True)
+        return np.asarray(np.linalg.norm(self.velocities - through * self.normals, axis=1))
+
+    def backward(self) -> tuple[tuple[float, float], ...]:
+        """From which x to which the flow runs against the first axis, where the wall is rather level than steep."""
+        level = np.abs(self.normals[:, 0]) < 0.7
+        x, v = self.places[level, 0], self.velocities[level, 0]
+        turns = np.flatnonzero(v[1:] * v[:-1] < 0.0)
+        zeros = x[turns] - v[turns] * (x[turns + 1] - x[turns]) / (v[turns + 1] - v[turns])
+        ends = [*x[:1][v[:1] < 0.0], *zeros, *x[-1:][v[-1:] < 0.0]]
+        return tuple(zip(map(float, ends[::2]), map(float, ends[1::2]), strict=True))
+
+
+def along_wall(fluid: Fluid, boundary: str, shear_velocity: Any) -> AlongWall:
+    """Read the flow along a named boundary; `shear_velocity` is UFL. Collective."""
+    space, domain, gdim = fluid.space.velocity, fluid.domain, fluid.space.gdim
+    facets = domain.facets_of(boundary)
+    nodes = boundary_blocks(space, facets)
+    nodes = nodes[nodes < space.dofmap.index_map.size_local]
+    w, n = ufl.TestFunction(space), ufl.FacetNormal(domain.mesh)
+    one = ufl.as_vector([1.0] + [0.0] * (gdim - 1))
+    lengths, normals = (
+        fluid.kept(f"{name} of {boundary}", lambda form=form: compat.form(form))
+        for name, form in (
+            ("lengths", ufl.inner(one, w) * domain.measure(boundary)),
+            ("normals", ufl.inner(n, w) * domain.measure(boundary)),
+        )
+    )
+    found = dolfinx.fem.Function(space)
+    expression = ufl.as_vector([shear_velocity] + [0.0] * (gdim - 1))
+    found.interpolate(dolfinx.fem.Expression(expression, compat.interpolation_points(space)))
+    columns = [
+        fluid.constraints.points[nodes, :gdim],
+        _at(lengths, nodes, gdim)[:, :1],
+        _at(normals, nodes, gdim),
+        fluid.state.x.array[fluid.space.velocity_map].reshape(-1, gdim)[nodes],
+        found.x.array.reshape(-1, gdim)[nodes, :1],
+    ]
+    whole = np.concatenate(domain.comm.allgather(np.hstack(columns)))
+    whole = whole[np.lexsort(whole[:, :gdim].T[::-1])]
+    places, lengths, normals, velocities, shears = np.split(
+        whole, np.cumsum([gdim, 1, gdim, gdim]), axis=1
+    )
+    normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    return AlongWall(places, normals, lengths[:, 0], velocities, shears[:, 0])
+
+
+def _at(form: Any, nodes: np.ndarray, gdim: int) -> np.ndarray:
+    """(n, gdim) entries of a vector tested with velocities, at owned nodes. Collective."""
+    vector = petsc.assemble_vector(form)
+    vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    values = vector.array_r.reshape(-1, gdim)[nodes].copy()
+    vector.destroy()
+    return np.asarray(values)
