@@ -137,15 +137,18 @@ def open_boundary(v: Any, w: Any, n: Any, viscosity: Any, reference_map: Referen
 
 
 def impermeable(v: Any, p: Any, w: Any, q: Any, n: Any, viscosity: Any, resistance: Any) -> Any:
-    """-(n . sigma n) w . n + q v . n + b v . n w . n: nothing crosses a wall of any shape, without shear on it.
+    """-(n . sigma(v, p) n) w . n - (n . sigma(w, q) n) v . n + b v . n w . n: nothing crosses a wall of any shape.
 
-    Nitsche's way (1971, Abh. Math. Sem. Hamburg 36, 9), for slip that of Freund & Stenberg (1995); the viscous part is
-    not made symmetric. b is a velocity: that of the flow, so that what does leak brings no energy, and nu/h with a
-    factor that grows with the square of the elements' order.
+    Nitsche's way (1971, Abh. Math. Sem. Hamburg 36, 9), for slip that of Freund & Stenberg (1995, Proc. 9th Int. Conf.
+    Finite Elements in Fluids, 327). The resistance b is a velocity: that of the flow, so that what does leak brings no
+    energy, and nu/h with a factor that grows with the square of the elements' order. There is no shear in it.
     """
-    normal = -p + 2 * viscosity * ufl.inner(ufl.dot(ufl.grad(v), n), n)
+    of_flow, of_tests = (
+        2 * viscosity * ufl.inner(ufl.dot(ufl.grad(one), n), n) - pressure
+        for one, pressure in ((v, p), (w, q))
+    )
     through = ufl.inner(w, n)
-    return -normal * through + (q + resistance * through) * ufl.inner(v, n)
+    return -of_flow * through + (resistance * through - of_tests) * ufl.inner(v, n)
 
 
 def entering_boundary(v: Any, carrier: Any, w: Any, n: Any) -> Any:

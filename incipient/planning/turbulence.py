@@ -17,7 +17,7 @@ from .cells import side_names
 
 if TYPE_CHECKING:
     from ..fluid.conditions import Condition
-    from ..meshes import Grid
+    from ..meshes import Grid, Near
 
 LOWEST, HIGHEST = 30.0, 300.0  # distances from the wall, in nu/u*, between which the law holds
 AIMED_AT = 50.0
@@ -75,9 +75,7 @@ class WallLaw:
         """
         return functions.larger(self.shear_velocity(speed, viscosity, distance, functions), turbulent)
 
-    def drag(
-        self, speed: Any, turbulent: Any, viscosity: Any, distance: Any, functions: Any = NUMPY
-    ) -> Any:
+    def drag(self, speed: Any, turbulent: Any, viscosity: Any, distance: Any, functions: Any = NUMPY) -> Any:
         """Friction over the velocity, u*/u+ of the governing u*, not below that of a viscous sublayer, nu/y."""
         found = self.governing(speed, turbulent, viscosity, distance, functions)
         return functions.larger(

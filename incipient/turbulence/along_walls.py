@@ -54,12 +54,9 @@ def along_wall(fluid: Fluid, boundary: str, shear_velocity: Any) -> AlongWall:
     nodes = nodes[nodes < space.dofmap.index_map.size_local]
     w, n = ufl.TestFunction(space), ufl.FacetNormal(domain.mesh)
     one = ufl.as_vector([1.0] + [0.0] * (gdim - 1))
-    lengths, normals = (
-        fluid.kept(f"{name} of {boundary}", lambda form=form: compat.form(form))
-        for name, form in (
-            ("lengths", ufl.inner(one, w) * domain.measure(boundary)),
-            ("normals", ufl.inner(n, w) * domain.measure(boundary)),
-        )
+    lengths, normals = fluid.kept(
+        f"lengths and normals of {boundary}",
+        lambda: [compat.form(ufl.inner(known, w) * domain.measure(boundary)) for known in (one, n)],
     )
     found = dolfinx.fem.Function(space)
     expression = ufl.as_vector([shear_velocity] + [0.0] * (gdim - 1))
@@ -73,9 +70,7 @@ def along_wall(fluid: Fluid, boundary: str, shear_velocity: Any) -> AlongWall:
     ]
     whole = np.concatenate(domain.comm.allgather(np.hstack(columns)))
     whole = whole[np.lexsort(whole[:, :gdim].T[::-1])]
-    places, lengths, normals, velocities, shears = np.split(
-        whole, np.cumsum([gdim, 1, gdim, gdim]), axis=1
-    )
+    places, lengths, normals, velocities, shears = np.split(whole, np.cumsum([gdim, 1, gdim, gdim]), axis=1)
     normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
     return AlongWall(places, normals, lengths[:, 0], velocities, shears[:, 0])
 

@@ -7,8 +7,9 @@ from scenes import message
 from incipient import make_plan
 from incipient.cost.command import chosen
 from incipient.errors import SceneError
+from incipient.fluid.conditions import Friction
 from incipient.planning.drawing import lay_out
-from incipient.planning.turbulence import WallLaw, entering, walls_of
+from incipient.planning.turbulence import WallLaw, conditions, entering, walls_of
 from incipient.results.turbulence import WallReport
 from incipient.scene import (
     Disc,
@@ -53,10 +54,6 @@ def channel(**changes):
             {"body": Disc(diameter=0.2, centre=(4, 0.5))},
             "and most sand is too small for wall functions; "
             'use flow.kind = "log-law", the laminar flow with the mean profile of a turbulent stream',
-        ),
-        (
-            {"bed": Sinusoidal(amplitude=0.1, wavelength=2)},
-            "effects.turbulence: turbulence over a bed that is not flat is not simulated",
         ),
         (
             {"flow": LogLaw()},
@@ -147,6 +144,25 @@ def test_the_mesh_ends_where_the_law_of_the_wall_begins():
     assert (grid.origin[1], grid.height) == pytest.approx((3 + far, 2 - 2 * far))
     asked = channel(turbulence=Turbulence(wall_distance=0.1))
     assert walls_of(asked).distance == 0.1
+
+
+def test_a_bed_with_forms_bounds_the_mesh_itself():
+    """The wall below is a distance of the law under it, that on top still a distance above the mesh."""
+    bed = Sinusoidal(amplitude=0.1, wavelength=2, phase=90)
+    found = channel(bed=bed, flow=Poiseuille(), domain=Domain(length=20, height=2))
+    walls, layout = walls_of(found), lay_out(found, make_plan(found))
+    assert walls.floor == pytest.approx(0.1 - walls.distance) and walls.depth == pytest.approx(0.95)
+    assert layout.shape.top == pytest.approx(2.0 - walls.distance)
+    places = np.array([0.1, 0.1 + walls.distance, 1.7, 2.0 - walls.distance])
+    assert walls.from_next(places) == pytest.approx(
+        walls.distance * np.array([1, 2, 0.3 / walls.distance, 1])
+    )
+    weak, strong = (one for one in conditions(found) if isinstance(one, Friction))
+    assert (weak.boundary, weak.axis, strong.boundary, strong.axis) == ("bed", None, "top", 1)
+    inner = np.linspace(0.1, 2.0 - walls.distance, 20001)
+    mean = entering(found).speed(0.5 * (inner[1:] + inner[:-1])).mean()
+    layer = walls.law.beyond(walls.shear_velocity, found.viscosity, walls.distance) * walls.shear_velocity
+    assert mean * (inner[-1] - inner[0]) + layer == pytest.approx(1.9, rel=1e-4)
 
 
 def test_the_law_of_the_wall():

@@ -1,0 +1,64 @@
+"""Walls of any shape that resist the flow along them: what crosses, and the force that is read off their part alone."""
+
+import dolfinx
+import numpy as np
+import pytest
+from domains import ring
+
+from incipient import compat
+from incipient.fluid import FlowModel, Fluid, Prescribed
+from incipient.fluid.conditions import Friction
+from incipient.planning.turbulence import WallLaw
+from incipient.turbulence.along_walls import along_wall
+
+INNER, VISCOSITY, DRAG = 0.5, 0.25, 1.5
+
+
+def exact():
+    """A, B of u = A r + B/r with u(1) = 1 and the shear stress nu r d(u/r)/dr = c u at the inner circle."""
+    # -2 nu B/a^2 = c (A a + B/a), A + B = 1
+    b = -DRAG * INNER / (2 * VISCOSITY / INNER**2 + DRAG * (1 / INNER - INNER))
+    return 1 - b, b
+
+
+def turning(x, t):
+    return np.array([-x[1], x[0]])
+
+
+def solved(around):
+    """Errors of the velocity, of the couple, and what crosses the circle; the outer circle turns at the rate one."""
+    wall = Friction("inner", 0.1, lambda speed, turbulent, viscosity, distance: DRAG + 0 * speed)
+    a, b = exact()
+    conditions = [wall, Prescribed("outer", turning)]
+    with Fluid(ring(INNER, 1.0, around, 2), FlowModel(), conditions, 1 / VISCOSITY) as fluid:
+        assert fluid.solve(1e-10).converged
+        x, v = fluid.constraints.points[:, :2], fluid.velocity.x.array.reshape(-1, 2)
+        r = np.linalg.norm(x, axis=1, keepdims=True)
+        velocity = np.abs(v - (a + b / r**2) * np.column_stack([-x[:, 1], x[:, 0]])).max()
+        along = along_wall(fluid, "inner", fluid.state[0])
+        assert along.lengths.sum() == pytest.approx(2 * np.pi * INNER, rel=1e-4)
+        assert along.normals == pytest.approx(-along.places / INNER, abs=5e-3)
+        through = np.abs((along.velocities * along.normals).sum(axis=1)).max()
+        motion = dolfinx.fem.Function(fluid.space.velocity)
+        motion.interpolate(lambda x: np.array([-x[1], x[0]]))
+        power = fluid.walls.integral(fluid.state, motion, 0 * fluid.state[2], "inner")
+        couple = dolfinx.fem.assemble_scalar(compat.form(power))
+    return velocity, abs(couple / (2 * np.pi * INNER**2 * DRAG * (a * INNER + b / INNER)) - 1), through
+
+
+def test_slip_with_friction_on_a_circle():
+    """Circular Couette flow over a wall whose stress is c times the velocity: errors fall as h^1.7 or faster."""
+    coarse, fine = (np.array(solved(around)) for around in (12, 24))
+    assert (fine < [2e-3, 2e-4, 2e-3]).all()
+    assert (coarse / fine > 2**1.7).all()
+
+
+def test_where_the_flow_rests_the_turbulence_gives_the_friction():
+    """In equilibrium u*^2 over the speed; at rest that of k over u+ (Kuzmin, Mierka & Turek 2007); below y+ 11 nu/y."""
+    law, away = WallLaw(), (1e-4, 0.1)
+    shear = 0.05
+    speed = shear * law.velocity(shear, *away)
+    assert law.drag(speed, 0.04, *away) == pytest.approx(shear**2 / speed, rel=1e-6)
+    assert law.drag(1e-12, shear, *away) == pytest.approx(shear / law.velocity(shear, *away))
+    assert law.drag(1e-12, 1e-3, *away) == pytest.approx(1e-4 / 0.1)
+    assert law.governing(speed, 2 * shear, *away) == 2 * shear
