@@ -10,12 +10,14 @@ would keep them from growing at the end. It is that the surface comes in level, 
 int k(x) grad h . grad q with k(x) = |u| times the zone's length, falling to zero along it. Its level is free, and since
 constants have no gradient, volume is kept. A stream faster than long waves needs its level given there, too: it is
 brought back to the still one in the same zone, int r(x) h q with r(x) = k(x) over the square of the zone's length.
+Where a wave comes in, the elevation beside that of the wave takes the place of h in both.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import ufl
 
 from .. import compat
@@ -35,7 +37,8 @@ class Drift:
     """
 
     def __init__(self, fluid: Fluid, rising: RisingDisplacement):
-        self._rising, space, load = rising, rising.space, fluid.surface
+        self._rising, self._fluid, space, load = rising, fluid, rising.space, fluid.surface
+        self._places = space.tabulate_dof_coordinates()[rising.nodes].T
         h, q = ufl.TrialFunction(space), ufl.TestFunction(space)
         u, _ = ufl.split(fluid.history[0])
         zone: Any = sum(entry.zone(load.place) for entry in fluid.constraints.entries)
@@ -65,12 +68,20 @@ class Drift:
 
     def raised(self, flux: Any, known: Floats) -> Floats:
         """(local nodes,) the rate of the elevation by the fluxes against every test function (PETSc vector)."""
-        flux.axpy(-1.0, self._rising.times(self._levelling, known))
+        flux.axpy(-1.0, self._rising.times(self._levelling, known - self._entered()))
         return self._rising.solved(self._solvers[0], flux)
 
     def correction(self, missed: Floats) -> Floats:
         """(local nodes,) the correction of an elevation that the flow has missed by `missed` (local nodes,)."""
         return self._rising.solved(self._solvers[1], self._rising.times(self._kinematic, missed))
+
+    def _entered(self) -> Floats:
+        """(local nodes,) the elevation of what comes in as a wave."""
+        found, nodes = np.zeros_like(self._fluid.surface.known.x.array), self._rising.nodes
+        for entry in self._fluid.constraints.entries:
+            if entry.wave is not None:
+                found[nodes] += entry.wave.elevation(self._places, self._fluid.time)
+        return found
 
     def destroy(self) -> None:
         """Free PETSc's memory."""

@@ -59,6 +59,18 @@ class Open:
 
 
 @dataclass(frozen=True)
+class Wave:
+    """A wave that comes in at an end, beside the stream.
+
+    velocity:  a function of x (3, n), places as they are, and t that returns (gdim, n)
+    elevation: a function of x (3, n), of which only places along the level matter, and t that returns (n,)
+    """
+
+    velocity: Velocity
+    elevation: Callable[[np.ndarray, float], np.ndarray]
+
+
+@dataclass(frozen=True)
 class Entering:
     """An end below a free surface through which fluid enters, or leaves, at a given rate (see `entry.Entry`).
 
@@ -66,6 +78,7 @@ class Entering:
     velocity: along the axis; a function of x (3, n), places as the mesh was made, and t that returns (n,)
     level:    length of the zone next to the end in which the surface is made level
     given:    whether the level there is the still one: for streams faster than long waves
+    wave:     what of `velocity` is a wave, which also has a velocity across and an elevation; None: there is none
     """
 
     boundary: str
@@ -73,6 +86,7 @@ class Entering:
     velocity: Callable[[np.ndarray, float], np.ndarray]
     level: float
     given: bool = False
+    wave: Wave | None = None
 
 
 @dataclass(frozen=True)
@@ -84,18 +98,20 @@ class Carried:
 
 @dataclass(frozen=True)
 class Sponge:
-    """A zone before the end of a channel in which the flow is relaxed to a stream, so that waves die out there.
+    """A zone at an end of a channel in which the flow is relaxed to a stream, so that other waves die out there.
 
     start:  x at which it begins
-    length: from there to the end
+    end:    x of the end of the channel
     rate:   at the end; it rises with the square of the distance from the start
     stream: a function of x (3, n) and t, which is zero here, that returns (gdim, n)
+    waving: whether what comes in there as a wave (see `Entering`) belongs to the stream
     """
 
     start: float
-    length: float
+    end: float
     rate: float
     stream: Velocity
+    waving: bool = False
 
 
 @dataclass(frozen=True)
@@ -107,7 +123,7 @@ class FreeSurface:
     pressure: of what is above, over the fluid's density: a function of x (3, n) and t that returns (n,); None: zero
     tension:  surface tension over the fluid's density
     pinned:   names of the boundaries at which its elevation stays; the fluid sticks to them
-    sponge:   zone before the end of a channel in which waves die out; None: there is none
+    sponges:  zones at the ends of a channel in which waves die out
     """
 
     boundary: str
@@ -116,7 +132,7 @@ class FreeSurface:
     pressure: Callable[[np.ndarray, float], np.ndarray] | None = None
     tension: float = 0.0
     pinned: tuple[str, ...] = ()
-    sponge: Sponge | None = None
+    sponges: tuple[Sponge, ...] = ()
 
 
 Condition = Prescribed | Slip | Friction | Open | Entering | Carried | FreeSurface
@@ -152,9 +168,7 @@ class Constraints:
         self._carried = {name: boundary_blocks(space.velocity, domain.facets_of(name)) for name in carried}
         given = [c.boundary for c in prescribed]
         self.entries = tuple(
-            Entry(domain, space, c.boundary, c.axis, c.velocity, tuple(given), c.level, c.given)
-            for c in conditions
-            if isinstance(c, Entering)
+            Entry(domain, space, c, tuple(given)) for c in conditions if isinstance(c, Entering)
         )
         self.dirichlet = self._velocity_conditions(domain, [*given, *carried])
         if level and self.closed:

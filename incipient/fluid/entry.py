@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import dolfinx
 import numpy as np
@@ -14,6 +13,9 @@ from ..compat import PETSc, petsc
 from ..mesh.domain import Domain
 from .space import TaylorHood
 
+if TYPE_CHECKING:
+    from .conditions import Entering
+
 
 class Entry:
     """The velocity along the normal of an end, whose profile is stretched with the depth. Every method is collective.
@@ -23,12 +25,11 @@ class Entry:
 
     Args:
         domain: whose mesh is as it was made.
-        boundary, axis, velocity: see `conditions.Entering`.
+        condition: of the end.
         walls: names of boundaries at which the fluid sticks; it does so in the corners, too.
-        level: length of the zone next to the end in which the surface is made level.
-        given: whether the level there is the still one.
 
     Attributes:
+        boundary, axis, given, wave: those of the condition.
         space: of a component of the velocity.
         values: of it, with the velocity on the boundary.
         influx: what enters per time through the mesh as it was at the last `update`.
@@ -38,14 +39,12 @@ class Entry:
         self,
         domain: Domain,
         space: TaylorHood,
-        boundary: str,
-        axis: int,
-        velocity: Callable[[np.ndarray, float], np.ndarray],
+        condition: Entering,
         walls: tuple[str, ...],
-        level: float,
-        given: bool = False,
     ):
-        self.boundary, self.axis, self._velocity, mesh = boundary, axis, velocity, domain.mesh
+        boundary, axis, mesh = condition.boundary, condition.axis, domain.mesh
+        self.boundary, self.axis, self._velocity = boundary, axis, condition.velocity
+        self.given, self.wave, self._level = condition.given, condition.wave, condition.level
         self.space = compat.space(mesh, ("Lagrange", space.order))
         self.values, self.influx = dolfinx.fem.Function(self.space), 0.0
         still = [compat.nodes_on(self.space, domain.facets_of(name)) for name in walls]
@@ -56,7 +55,6 @@ class Entry:
         self._count, self._comm = len(self._own), domain.comm
         inwards = -ufl.FacetNormal(mesh)[axis]
         measure = space.boundary_quadrature(domain.facets)(domain.names[boundary])
-        self._level, self.given = level, given
         ends = domain.comm.allgather(self._places[axis, :1].tolist())
         self._end = next(one for some in ends for one in some)
         self._form = compat.form(ufl.inner(inwards, ufl.TestFunction(self.space)) * measure)

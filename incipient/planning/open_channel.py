@@ -1,17 +1,25 @@
-"""A channel with a free surface: what enters it, and the sponge in which its waves die out (docs/channels.md)."""
+"""A channel with a free surface: what enters it, and the sponges in which its waves die out (docs/channels.md)."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from ..arrays import Floats
+from ..errors import SceneError
 from ..scene import Scene, Surface
 from ..scene.open_channel import froude
 from .cells import largest_cell, largest_cell_in_space, side_names
 from .stream import inflow, undisturbed
 
 if TYPE_CHECKING:
-    from ..fluid.conditions import Condition, Sponge
+    from ..fluid.conditions import Condition, Sponge, Wave
+    from .waves import StokesWave
+
+Profile = Callable[[Floats, float], Floats]
 
 # Length, over the depth, of the zone in which the surface comes in level; a cell at the least.
 LEVEL = 0.25
@@ -22,27 +30,96 @@ ABSORBED = 5.0
 def ends(scene: Scene) -> list[Condition]:
     """The conditions at both ends of a channel with a free surface. Not collective."""
     from ..fluid.conditions import Entering, Open, Slip
-    from ..scene.expression import Expression
 
     asked, (_, right, _, left) = surface_of(scene), side_names(scene)
-    stream, beside = inflow(scene), Expression(asked.inflow)
     largest = largest_cell(scene) if scene.gdim == 2 else largest_cell_in_space(scene, scene.order)
     level = max(LEVEL * scene.domain.height, scene.numerics.mesh_size * largest)
-    entering = Entering(left, 0, lambda x, t: stream(x, t)[0] + beside(x, t), level, froude(scene) >= 1.0)
+    wave = wave_of(scene)
+    along = _beside_stream(scene) if wave is None else _with_stream(scene, wave)
+    coming = None if wave is None else _coming_in(scene, wave)
+    entering = Entering(left, 0, along, level, froude(scene) >= 1.0, coming)
     return [entering, Open(right) if asked.outflow == "open" else Slip(right, axis=0)]
 
 
-def sponge_of(scene: Scene) -> Sponge | None:
-    """The sponge before the end of a channel; None: there is none. Not collective."""
+def sponges(scene: Scene) -> tuple[Sponge, ...]:
+    """The zones at the ends of a channel in which waves die out. Not collective."""
     from ..fluid.conditions import Sponge
 
-    length, domain = surface_of(scene).sponge, scene.domain
-    if length == 0.0:
-        return None
-    gravity = float(abs(scene.gravity_vector[scene.up]))
+    asked, domain = surface_of(scene), scene.domain
     # A wave of speed c loses exp(-s x/(2 c)) of its height, with s a third of the rate at the end in the mean.
-    speed = math.sqrt(gravity * domain.height)
-    return Sponge(domain.right - length, length, 3.0 * ABSORBED * speed / length, undisturbed(scene))
+    rate = 3.0 * ABSORBED * math.sqrt(abs(scene.gravity_vector[scene.up]) * domain.height)
+    found = []
+    if asked.sponge > 0.0:
+        start = domain.right - asked.sponge
+        found.append(Sponge(start, domain.right, rate / asked.sponge, undisturbed(scene)))
+    if asked.wave is not None and asked.wave.zone > 0.0:
+        start, length = domain.left + asked.wave.zone, asked.wave.zone
+        found.append(Sponge(start, domain.left, rate / length, undisturbed(scene), waving=True))
+    return tuple(found)
+
+
+def wave_of(scene: Scene) -> StokesWave | None:
+    """The wave that a wave maker lets into a channel; None: there is none. Not collective.
+
+    Raises:
+        SceneError: it is too high for what is known of it.
+    """
+    asked = surface_of(scene).wave
+    if asked is None:
+        return None
+    from .waves import HIGHEST, stokes_wave
+
+    depth, gravity = scene.domain.ceiling - scene.datum, float(abs(scene.gravity_vector[scene.up]))
+    stream, up = undisturbed(scene), scene.up
+
+    def speed(y: Floats) -> Floats:
+        places = np.zeros((3, len(y)))
+        places[up] = scene.datum + y
+        return np.asarray(stream(places, 0.0)[0])
+
+    wave = stokes_wave(asked.amplitude, 2.0 * math.pi / asked.period, depth, gravity, speed)
+    if wave.second > HIGHEST * wave.amplitude:
+        raise SceneError(
+            f"surface.wave: its second harmonic is {wave.second / wave.amplitude:.2g} of the first, more than "
+            f"{HIGHEST:g}: give a smaller amplitude or period, or the velocity as surface.inflow"
+        )
+    return wave
+
+
+def _beside_stream(scene: Scene) -> Profile:
+    """The velocity along a channel at its inflow with what a formula adds to the stream."""
+    from ..scene.expression import Expression
+
+    stream, beside = inflow(scene), Expression(surface_of(scene).inflow)
+    return lambda x, t: stream(x, t)[0] + beside(x, t)
+
+
+def _with_stream(scene: Scene, wave: StokesWave) -> Profile:
+    """The velocity along a channel at its inflow, of stream and wave over the depth below the wave.
+
+    It is counted by the area as the mesh was made.
+    """
+    stream, (datum, up) = inflow(scene), (scene.datum, scene.up)
+
+    def along(x: Floats, t: float) -> Floats:
+        deeper = 1.0 + wave.elevation(np.zeros(1), t)[0] / wave.depth
+        waving, _ = wave.velocity(np.zeros(x.shape[1]), (x[up] - datum) * deeper, t)
+        return np.asarray((stream(x, t)[0] + waving) * deeper)
+
+    return along
+
+
+def _coming_in(scene: Scene, wave: StokesWave) -> Wave:
+    from ..fluid.conditions import Wave
+
+    left, datum, up = scene.domain.left, scene.datum, scene.up
+
+    def velocity(x: Floats, t: float) -> Floats:
+        found = np.zeros((up + 1, x.shape[1]))
+        found[0], found[up] = wave.velocity(x[0] - left, x[up] - datum, t)
+        return found
+
+    return Wave(velocity, lambda x, t: wave.elevation(x[0] - left, t))
 
 
 def surface_of(scene: Scene) -> Surface:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..scene import Scene
 from .cells import side_names, sides_across
-from .open_channel import sponge_of, surface_of
+from .open_channel import sponges, surface_of
 
 if TYPE_CHECKING:
     from ..fluid.conditions import FreeSurface
@@ -26,7 +26,7 @@ def free_surface(scene: Scene) -> FreeSurface:
     origin = (domain.right, *((domain.middle,) if scene.gdim == 3 else ()), domain.ceiling)
     pressure = None if asked.pressure == "0" else Expression(asked.pressure)
     top, gravity = side_names(scene)[2], tuple(scene.gravity_vector.tolist())
-    return FreeSurface(top, gravity, origin, pressure, asked.tension, sticking(scene), sponge_of(scene))
+    return FreeSurface(top, gravity, origin, pressure, asked.tension, sticking(scene), sponges(scene))
 
 
 def sticking(scene: Scene) -> tuple[str, ...]:

@@ -10,11 +10,11 @@ from .messages import Key
 
 if TYPE_CHECKING:
     from .model import Scene
-    from .surface import Surface
+    from .surface import Surface, Wave
 
 # What streams below a free surface: profiles without shear on it, or none.
 STREAMS = ("open-channel", "uniform", "still")
-_OF_CHANNELS = {"inflow": "0", "outflow": "open", "sponge": 0.0}
+_OF_CHANNELS = {"inflow": "0", "wave": None, "outflow": "open", "sponge": 0.0}
 
 
 def froude(scene: Scene) -> float:
@@ -54,8 +54,22 @@ def of_channel(scene: Scene, surface: Surface) -> Iterator[tuple[Key, str, str]]
     if surface.sponge > 0.5 * scene.domain.length:
         why = f"is {surface.sponge:g}, more than half of the channel"
         yield ("surface", "sponge"), why, f"give at most {0.5 * scene.domain.length:g}"
+    if surface.wave is not None:
+        yield from _of_wave(scene, surface, surface.wave)
     if scene.time is not None and scene.time.start != "rest" and closed:
         yield ("time", "start"), "is a flow through but the channel has an end", 'use "rest"'
+
+
+def _of_wave(scene: Scene, surface: Surface, wave: Wave) -> Iterator[tuple[Key, str, str]]:
+    if surface.inflow != "0":
+        yield ("surface", "inflow"), "is given beside surface.wave", "leave one of them out"
+    if surface.tension:
+        why = "is that of gravity alone but surface.tension is not zero"
+        yield ("surface", "wave"), why, "leave one of them out, or give the velocity as surface.inflow"
+    left = scene.domain.length - surface.sponge
+    if wave.zone > 0.5 * left:
+        why = f"is {wave.zone:g}, more than half of the channel before its sponge"
+        yield ("surface", "wave", "zone"), why, f"give at most {0.5 * left:g}"
 
 
 def _variables(text: str) -> frozenset[str]:

@@ -12,7 +12,7 @@ from ..errors import SceneError
 from .messages import Key, Problem, counted, split
 from .open_channel import of_box, of_channel
 from .points import read_points
-from .section import NotNegative, Pair, Section, contradiction
+from .section import NotNegative, Pair, Positive, Section, contradiction
 
 if TYPE_CHECKING:
     import numpy as np
@@ -23,6 +23,21 @@ Station = float | Annotated[tuple[float, float], Field(strict=False)]
 _VARIABLES = {"elevation": "xy", "pressure": "xyt", "inflow": "yzt"}
 _SAMPLES = 201  # along each side of the surface, where its first elevation is looked at
 FREE = "free-surface"
+
+
+class Wave(Section):
+    """A wave that a wave maker lets into a channel: Stokes's, of second order, on the stream."""
+
+    amplitude: Positive = Field(
+        description="Of the first harmonic of the elevation, half of the wave's height [length]",
+        examples=[0.01],
+    )
+    period: Positive = Field(description="As seen from the bed [time]", examples=[5.0])
+    zone: NotNegative = Field(
+        0.0,
+        description="Length after the inflow in which the flow is relaxed to stream and wave, so that waves that come "
+        "back die out [length]",
+    )
 
 
 class Surface(Section):
@@ -51,6 +66,7 @@ class Surface(Section):
         "0",
         description="Formula in t and y, in space y and z: speed at the inflow beside the stream's [length/time]",
     )
+    wave: Wave | None = Field(None, description="A wave that comes in with the stream, in place of `inflow`")
     outflow: Literal["open", "wall"] = Field(
         "open", description="Right end of a channel; open: the still level lies beyond it; wall: it is closed"
     )

@@ -5,6 +5,7 @@ import pytest
 from domains import curved_box
 
 from incipient import compat
+from incipient.fluid.conditions import Entering
 from incipient.fluid.entry import Entry
 from incipient.fluid.space import taylor_hood
 
@@ -17,7 +18,7 @@ def entry():
     def velocity(x, t):
         return (1.0 + t) * x[1] * (2.0 - x[1])
 
-    return domain, Entry(domain, taylor_hood(domain.mesh, 2), "left", 0, velocity, ("bottom",), 0.4)
+    return domain, Entry(domain, taylor_hood(domain.mesh, 2), Entering("left", 0, velocity, 0.4), ("bottom",))
 
 
 @pytest.mark.parametrize("rise", [0.0, 0.25, -0.5])
