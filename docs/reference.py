@@ -79,6 +79,12 @@ def scene_page() -> str:
         models = [stored["definitions"][one] for one in references(found)]
         parts += [f"## `[{name}]`" if models else f"## `{name}`", f"{found['description']}."]
         parts += section(models, stored["required"], name)
+        for key, part in models[0]["properties"].items() if len(models) == 1 else ():
+            for one in references(part):
+                parts += [
+                    f"### `[{name}.{key}]`",
+                    keys(stored["definitions"][one], stored["definitions"][one]["properties"]),
+                ]
     return "\n\n".join(parts) + "\n"
 
 
@@ -149,6 +155,8 @@ def shown(value: Any) -> str:
 
 def values(found: dict[str, Any]) -> str:
     """What a key may be, in words."""
+    if "$ref" in found:
+        return "table"
     if "anyOf" in found:
         return ", or ".join(values(one) for one in found["anyOf"] if one.get("type") != "null")
     if "enum" in found or "const" in found:

@@ -292,9 +292,9 @@ def _ends(scene: Scene) -> str:
     if scene.domain.kind == "box":
         return ""
     from ..scene.open_channel import froude
-    from .open_channel import surface_of
+    from .open_channel import surface_of, wave_of
 
-    asked, speed = surface_of(scene), froude(scene)
+    asked, speed, wave = surface_of(scene), froude(scene), wave_of(scene)
     told = f"; Froude number {speed:.2g}" if speed else ""
     told += f"; the level is {'the still one' if speed >= 1.0 else 'free'} at the inflow, "
     told += (
@@ -302,6 +302,8 @@ def _ends(scene: Scene) -> str:
         if asked.outflow == "open"
         else "and a wall at the right end"
     )
+    if wave is not None:
+        told += f"; a wave {2 * math.pi / wave.number:.3g} long comes in"
     return told + (f"; waves die out over the last {asked.sponge:g}" if asked.sponge else "")
 
 

@@ -89,6 +89,8 @@ def _explained(line: str, comment: str) -> str:
 
 def _assignment(key: str, value: Any) -> str:
     """A TOML assignment on one line; JSON writes numbers, text and lists the way TOML reads them."""
+    if isinstance(value, dict):
+        return f"{key} = {{{', '.join(_assignment(*one) for one in value.items())}}}"
     return f"{key} = {json.dumps(value, ensure_ascii=False)}"
 
 

@@ -66,7 +66,11 @@ class Surface(Section):
         "0",
         description="Formula in t and y, in space y and z: speed at the inflow beside the stream's [length/time]",
     )
-    wave: Wave | None = Field(None, description="A wave that comes in with the stream, in place of `inflow`")
+    wave: Wave | None = Field(
+        None,
+        description="A wave that comes in with the stream, in place of `inflow`",
+        examples=[{"amplitude": 0.01, "period": 5.0, "zone": 0.0}],
+    )
     outflow: Literal["open", "wall"] = Field(
         "open", description="Right end of a channel; open: the still level lies beyond it; wall: it is closed"
     )

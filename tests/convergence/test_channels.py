@@ -1,4 +1,4 @@
-"""Waves in channels: what a sponge reflects, and the growth of long waves on a film; each run takes 10 to 60 s."""
+"""Waves in channels: what comes in, what is reflected, and how long waves grow on a film; a run takes 10 to 60 s."""
 
 import numpy as np
 import pytest
@@ -39,8 +39,8 @@ fields = false
 """
 
 
-def amplitudes(directory, frequency, stations, last):
-    """Complex amplitudes (n,) at the stations of what oscillates with exp(i w t), from the last few periods."""
+def amplitudes(directory, frequency, stations, last, harmonic=1):
+    """Complex amplitudes (n,) at the stations of what oscillates with exp(i n w t), from the last few periods."""
     history = np.genfromtxt(directory / "history.csv", delimiter=",", names=True)
     late = history["time"] > history["time"][-1] - last * 2 * np.pi / frequency + 1e-9
     w, t = frequency, history["time"][late]
@@ -48,7 +48,7 @@ def amplitudes(directory, frequency, stations, last):
     columns = np.column_stack([np.ones_like(t), *waves])
     told = np.column_stack([history[f"elevation_{n}"][late] for n in range(1, len(stations) + 1)])
     found = np.linalg.lstsq(columns, told, rcond=None)[0]
-    return found[1] - 1j * found[2]
+    return found[2 * harmonic - 1] - 1j * found[2 * harmonic]
 
 
 def two_waves(measured, stations, wave_number):
@@ -100,6 +100,77 @@ def test_a_wave_maker_and_a_sponge(tmp_path, k, mesh):
     # A backward difference of second order lowers the frequency by (w dt)^2/3, 0.8% here: the waves are shorter.
     speed = 0.5 * (1.0 + 2 * k / np.sinh(2 * k))  # of energy over that of crests
     assert found / k - 1.0 == pytest.approx((2 * np.pi / 40) ** 2 / 3 / speed, rel=0.2)
+
+
+def wave_run(directory, k, a, steps, periods, stations, stream=0.0, zone=0.0, sponge=1.5, outflow="open"):
+    """The history of a wave maker; zone and sponge in wave lengths, the stations after the zone. With its frequency."""
+    w = np.sqrt(k * np.tanh(k)) + k * stream
+    period, length = 2 * np.pi / w, 2 * np.pi / k
+    zone, sponge = zone * length, sponge * length
+    places = (zone + stations).tolist()
+    scene = CHANNEL.format(
+        length=max(places[-1] + 0.5 + sponge, 2 * sponge),
+        reynolds=1e4,
+        flow=f'kind = "uniform"\nvelocity = {stream}' if stream else 'kind = "still"',
+        bed="",
+        gravity=1.0,
+        inflow=0,
+        sponge=sponge,
+        bottom="slip",
+        stations=places,
+        start="stokes" if stream else "rest",
+        mesh=2.0,
+        end=periods * period,
+        step=period / steps,
+    ).replace(
+        'inflow = "0"',
+        f'wave = {{amplitude = {a}, period = {period!r}, zone = {zone!r}}}\noutflow = "{outflow}"',
+    )
+    incipient.run(loads(scene), directory)
+    return w
+
+
+@pytest.mark.slow
+def test_stokes_wave_of_second_order(tmp_path):
+    """k H = 2, k a = 0.1: the bound second harmonic, the free one with the speed of its own, the reflection."""
+    k, a, stations = 2.0, 0.05, np.round(np.arange(1.5, 5.5, 0.2), 3)
+    w = wave_run(tmp_path, k, a, 80, 12, stations)
+    (onwards, back), found = two_waves(amplitudes(tmp_path, w, stations, 4), stations, k)
+    assert abs(onwards) == pytest.approx(a, rel=0.01)
+    assert abs(back / onwards) < 0.005
+    second = amplitudes(tmp_path, w, stations, 4, harmonic=2)
+    own = fsolve(lambda q: q * np.tanh(q) - 4 * w**2, 4 * w**2)[0]
+    waves = [np.exp(-2j * found * stations), np.exp(-1j * own * stations), np.exp(1j * own * stations)]
+    bound, free, returned = np.linalg.lstsq(np.column_stack(waves), second, rcond=None)[0]
+    exact = a**2 * k * np.cosh(k) * (2 + np.cosh(2 * k)) / (4 * np.sinh(k) ** 3)
+    assert bound / onwards**2 * a**2 == pytest.approx(exact, rel=0.03)
+    assert max(abs(free), abs(returned)) < 0.03 * exact
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stream", [0.2, 0.5])
+def test_a_wave_maker_in_a_stream(tmp_path, stream):
+    """k H = 2; without the elevation and the velocity across the stream 0.60 of the wave came in at 0.2."""
+    k, a, stations = 2.0, 0.005, np.round(np.arange(1.5, 5.5, 0.2), 3)
+    w = wave_run(tmp_path, k, a, 40, 10, stations, stream)
+    (onwards, back), _ = two_waves(amplitudes(tmp_path, w, stations, 4), stations, k)
+    assert abs(onwards) == pytest.approx(a, rel=0.01)
+    assert abs(back / onwards) < 0.005
+
+
+@pytest.mark.slow
+def test_waves_that_come_back_from_a_wall_leave_through_the_wave_maker(tmp_path):
+    """A zone of one wave length reflects 2.5% of them, as a sponge does; the steps take 3% on the way to the gauges.
+
+    Without a zone waves of 3.3 a stand there, and grow.
+    """
+    k, a, stations = 2.0, 0.005, np.round(np.arange(1.5, 5.5, 0.2), 3)
+    w = wave_run(tmp_path, k, a, 40, 16, stations, zone=1.0, sponge=0.0, outflow="wall")
+    measured = amplitudes(tmp_path, w, stations, 4)
+    (onwards, back), _ = two_waves(measured, stations - stations.mean(), k)
+    assert abs(onwards) == pytest.approx(0.97 * a, rel=0.025)
+    assert abs(back) == pytest.approx(abs(onwards), rel=0.05)
+    assert 1.8 * a < np.abs(measured).max() < 2.0 * a
 
 
 def film_speeds(k, reynolds, weight, n=24):
