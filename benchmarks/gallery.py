@@ -29,6 +29,7 @@ SHOWN: dict[str, tuple[str, str]] = {
     "pebble": ("numerics.error_bars=false", "verdict.png"),
     "grain_under_waves": ("numerics.error_bars=false", "verdict.png"),
     "sloshing": ("", "flow.png"),
+    "film_over_bump": ("", "elevation.png"),
 }
 
 

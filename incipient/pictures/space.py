@@ -17,6 +17,7 @@ from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 
 from ..scene import Scene
+from . import elevation
 from .cells import PIXELS, pyvista_off_screen
 from .judged import Judged, judged
 from .plane import Marks, aside, label, marks_of
@@ -42,6 +43,8 @@ def is_in_space(run: Run) -> bool:
 def makers(run: Run) -> dict[str, Callable[[Run], Figure]]:
     """What draws the pictures of a run in space, by the pictures' names."""
     found: dict[str, Callable[[Run], Figure]] = {"flow": speed, "pressure": pressure}
+    if run.setting("domain", "top") == "free-surface":
+        found["elevation"] = elevation.picture
     if run.surface is not None:
         found["traction"] = traction
     # A grain under way rests on nothing; where it has met the bed there is a verdict.

@@ -19,6 +19,7 @@ CAPTIONS = {
     "verdict": "The verdict: forces on the grain and at its contacts",
     "flow": "Speed and streamlines",
     "pressure": "Pressure",
+    "elevation": "The free surface from above",
     "vorticity": "Vorticity",
     "traction": "Traction of the fluid on the grain",
     "profiles": "Velocity on the centrelines",
