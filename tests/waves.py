@@ -74,6 +74,26 @@ class Mode:
         return along, upwards
 
 
+def prosperetti(times: Floats, viscosity: float, k: float, g: float = 1.0) -> Floats:
+    """The elevation over its first one of a deep layer released from rest (Prosperetti 1981, Phys. Fluids 24, 1217)."""
+    from scipy.special import wofz
+
+    n, square = viscosity * k**2, g * k
+    roots = np.roots([1.0, 0.0, 2 * n, 4 * n**1.5, n**2 + square])
+
+    def scaled(x: Any) -> Any:
+        """exp(x^2) erfc(x)."""
+        return wofz(1j * x)
+
+    total = 4 * n**2 / (8 * n**2 + square) * scaled(np.sqrt(n * times)) * np.exp(-n * times)
+    for i, one in enumerate(roots):
+        others = np.prod(np.delete(roots, i) - one)
+        total = total + one / others * square / (one**2 - n) * scaled(one * np.sqrt(times)) * np.exp(
+            -n * times
+        )
+    return np.real(total)
+
+
 class Tank:
     """A box with a free surface on top, free-slip elsewhere, and its integration in time.
 

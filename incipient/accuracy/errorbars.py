@@ -1,4 +1,4 @@
-"""Error bars on force, couple, safety factor and verdict, estimated by the run itself.
+"""Error bars on force, couple, safety factor and verdict, and on elevations, estimated by the run itself.
 
 Each source of error is a term of its own:
 
@@ -42,6 +42,9 @@ MODEL_ORDER, MODEL_MESH = 2, 1.4
 LEFT = 0.35
 # Where gap and domain are chosen to an accuracy below this the coarse runs are in elements of this order.
 FINE_BELOW, FINE_ORDER = 0.003, 3
+# Of the largest elevation: where longer steps change more than that, waves have come out of phase, and grow no farther
+# apart. The error is then taken as if the steps were only LONGER_STEP times as long.
+OUT_OF_PHASE = 0.7
 MODEL_MESH_IN_TIME, MODEL_STEP, FEWEST_STEPS = 2.0, 4.0, 8
 MODEL_TOLERANCE, LARGEST_TOLERANCE = 8.0, 0.1
 MODEL_ITERATION = 1e-6  # tolerance of their iterations in time, where differences of a thousandth matter
@@ -58,6 +61,9 @@ WIDER, DECAY_OF_GROUND = 1.5, 1.0
 # are FEWEST_STEPS if possible; and how much coarser the mesh, where there is no higher order than that of the run.
 LONGER_STEP, LONGEST_STEP = 2.0, 4.0
 COARSER_MESH, HIGHEST_ORDER = 2.0**0.5, 4
+# Error of elevations over what the order of the steps makes of a change in longer ones, the largest that was measured
+# (docs/surface.md): with a few dozen steps a period the error does not yet go as their square.
+OF_FEW_STEPS = 1.6
 LARGER, SMALLER = (1.0, 2.0, 4.0), (0.25, 0.5, 1.0)  # gaps of three runs, relative to the scene's
 ORDERS = (0.3, 2.0)  # between which the order in the gap is believed
 # Three loads change too little to tell an order: below this share of the largest.
@@ -73,17 +79,19 @@ class Spent(IncipientError):
     """What may be spent on estimates is used up."""
 
 
-def error_bars(run: Run, force: Forces, couple: Couples, solve: Solve) -> ErrorBars:
-    """The error bars of a finished run with a grain; coarse runs of their own are made where needed. Collective.
+def error_bars(run: Run, force: Forces | None, couple: Couples | None, solve: Solve) -> ErrorBars:
+    """The error bars of a finished run with a grain or a free surface. Collective.
 
-    A term whose coarse run fails is left out, and the reason said. What `run.accounts.known` holds, terms by name and
-    loads of coarse runs by the JSON of their scene, is not computed again, and what is found is added to it.
-    `solve` runs the scene of a coarse run for its loads.
+    Coarse runs of their own are made where needed; where one fails the term is left out, and the reason said. What
+    `run.accounts.known` holds, terms by name and loads of coarse runs by the JSON of their scene, is not computed
+    again, and what is found is added to it. `solve` runs the scene of a coarse run for its loads.
     """
     return with_safety(error_terms(run, force, couple, solve), run, force, couple)
 
 
-def error_terms(run: Run, force: Forces, couple: Couples, solve: Solve, speed: float = 1.0) -> ErrorBars:
+def error_terms(
+    run: Run, force: Forces | None, couple: Couples | None, solve: Solve, speed: float = 1.0
+) -> ErrorBars:
     """Error bars but for what they mean for the verdict; a steady flow may be `speed` times the scene's. Collective."""
     scene, found = run.scene, _Found(run, solve)
     if scene.time is None:
@@ -103,9 +111,9 @@ def error_terms(run: Run, force: Forces, couple: Couples, solve: Solve, speed: f
     return found.bars()
 
 
-def with_safety(bars: ErrorBars, run: Run, force: Forces, couple: Couples) -> ErrorBars:
+def with_safety(bars: ErrorBars, run: Run, force: Forces | None, couple: Couples | None) -> ErrorBars:
     """The bars with the safety factor's, where there is a verdict and at least one term. Not collective."""
-    if run.contacts is None or not bars.terms:
+    if run.contacts is None or force is None or couple is None or not bars.terms:
         return bars
     errors = {term.name: np.concatenate([term.force, term.couple]) for term in bars.terms}
     from .safetybar import bar_of_scene  # which loads linear programs, slowly
@@ -114,12 +122,13 @@ def with_safety(bars: ErrorBars, run: Run, force: Forces, couple: Couples) -> Er
     return replace(bars, safety=bar and replace(bar, unknown=tuple(bars.failed)))
 
 
-def _computed(run: Run, force: Forces, couple: Couples) -> Loads:
+def _computed(run: Run, force: Forces | None, couple: Couples | None) -> Loads:
     """What a run in time has come to."""
-    if run.trajectory is None:
-        return Loads(force.flow, couple.flow)
-    state = run.trajectory.state
-    return Loads(force.flow, couple.flow, np.concatenate([state.place, state.orientation]))
+    place = None
+    if run.trajectory is not None:
+        state = run.trajectory.state
+        place = np.concatenate([state.place, state.orientation])
+    return Loads.at_the_end(force, couple, place, run.elevations)
 
 
 def _dual(run: Run, speed: float) -> Term:
@@ -207,7 +216,7 @@ class _Found:
 
 
 def coarse_scenes(scene: Scene) -> list[Scene]:
-    """The scenes of the coarse runs that the error bars of a scene with a grain need, each once. Not collective."""
+    """The scenes of the coarse runs that the error bars of a scene need, each once. Not collective."""
     wanted: dict[str, Scene] = {}
 
     def note(coarse: Scene) -> Loads:
@@ -241,14 +250,26 @@ def by_coarser_runs(scene: Scene, computed: Loads, solve: Solve, of_mesh: Term |
     """
     longer, beside = comparisons(scene)
     in_longer, (to_step, to_mesh) = solve(longer), shares(scene)
+    if _out_of_phase(computed, in_longer):
+        to_step = max(to_step, 1.0 / (LONGER_STEP ** order_in_time(scene) - 1.0))
     how = f"a run with steps x {_ratio_of_steps(scene):.3g}, extrapolated at order {order_in_time(scene)}"
     of_step = Term.of_difference("time step", computed, in_longer, to_step, how)
+    if of_step.elevation is not None:
+        of_step = replace(of_step, elevation=OF_FEW_STEPS * of_step.elevation)
     if of_mesh is None:
         order = beside.order
         how = f"these on a mesh x {COARSER_MESH:.3g}, extrapolated at order {order_in_space(order)}"
         how = how if order == scene.order else f"these on a mesh for elements of order {order}"
         of_mesh = Term.of_difference(OF_MESH, in_longer, solve(beside), to_mesh, how)
     return Term.of_parts("discretisation", (of_step, of_mesh), "time step and mesh together")
+
+
+def _out_of_phase(computed: Loads, in_longer: Loads) -> bool:
+    """Whether waves in longer steps are so far out of phase that it tells no order what they change."""
+    one, other = computed.elevations, in_longer.elevations
+    if one is None or other is None:
+        return False
+    return bool(one.apart(other).max(initial=0.0) > OUT_OF_PHASE * one.largest)
 
 
 def shares(scene: Scene) -> tuple[float, float]:
@@ -259,7 +280,8 @@ def shares(scene: Scene) -> tuple[float, float]:
     ratio, order = _ratio_of_steps(scene), scene.order
     in_time = (ratio if ratio > 1.0 else LONGER_STEP) ** order_in_time(scene)
     highest = 1.0 / (COARSER_MESH ** order_in_space(order) - 1.0)
-    return 1.0 / (in_time - 1.0), 1.0 if order < HIGHEST_ORDER else highest
+    on_coarser = order == HIGHEST_ORDER and scene.body is not None
+    return 1.0 / (in_time - 1.0), highest if on_coarser else 1.0
 
 
 def order_in_space(velocity: int) -> int:
@@ -376,7 +398,8 @@ MODEL_TERMS = (("gap", no_gap, of_gap), ("domain", has_no_far_sides, of_domain))
 def comparisons(scene: Scene) -> tuple[Scene, Scene]:
     """The scene in time with longer steps, and with these in elements of one order more, on a mesh of their own.
 
-    Elements of the highest order are compared with such on a coarser mesh. Adaptive steps err more each.
+    Elements of the highest order are compared with such on a coarser mesh, or where there is no grain, and the mesh may
+    be as coarse as it gets, with those of one order less. Adaptive steps err more each.
     """
     assert scene.time is not None
     ratio = _ratio_of_steps(scene)
@@ -384,8 +407,9 @@ def comparisons(scene: Scene) -> tuple[Scene, Scene]:
     if scene.time.tolerance is not None:
         time["tolerance"] = ratio ** (order_in_time(scene) + 1) * scene.time.tolerance
     longer = changed(scene, numerics={"error_bars": False}, time=time)
-    if scene.order < HIGHEST_ORDER:
-        return longer, changed(longer, numerics={"order": scene.order + 1})
+    if scene.order < HIGHEST_ORDER or scene.body is None:
+        other = scene.order + (1 if scene.order < HIGHEST_ORDER else -1)
+        return longer, changed(longer, numerics={"order": other})
     return longer, changed(
         longer, numerics={"mesh_size": min(COARSER_MESH * scene.numerics.mesh_size, 100.0)}
     )

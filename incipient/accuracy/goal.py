@@ -1,4 +1,7 @@
-"""The quantity whose accuracy is requested: its relative error and its sensitivities to force and couple."""
+"""The quantity whose accuracy is requested: its relative error and its sensitivities to force and couple.
+
+It is a load on a grain, or the elevation of a free surface.
+"""
 
 from __future__ import annotations
 
@@ -15,13 +18,35 @@ from .safetybar import bar_of_scene
 
 if TYPE_CHECKING:
     from ..contact import Contacts
+    from ..results.elevations import Elevations
+    from ..results.errorbars import Term
     from ..results.loads import Couples, Forces
     from ..scene import Scene
 
 
 # A couple smaller than this share of force times grain size is measured against that share.
 LEAST_COUPLE = 0.01
+ELEVATION = "elevation"
 DIFFERENCE = 1e-4  # of the load, for the derivative of the safety factor
+
+
+class Computed(Protocol):
+    """What a run has come to, as its result has it."""
+
+    @property
+    def force(self) -> Forces | None:
+        """The force on a grain."""
+        ...
+
+    @property
+    def couple(self) -> Couples | None:
+        """The couple on a grain."""
+        ...
+
+    @property
+    def elevations(self) -> Elevations | None:
+        """The elevations of a free surface."""
+        ...
 
 
 class Quantity(Protocol):
@@ -41,9 +66,23 @@ class Quantity(Protocol):
         ...
 
 
+def relative(goal: Quantity, found: Computed, term: Term) -> float | None:
+    """The relative error of a quantity of a run by a term of its error bars; None where that is not known.
+
+    Of elevations it is the largest error within the run over the largest elevation.
+    """
+    if goal.name == ELEVATION:
+        if term.elevation is None or found.elevations is None:
+            return None
+        return _ratio(float(term.elevation.max(initial=0.0)), found.elevations.largest)
+    if found.force is None or found.couple is None:
+        return None
+    return goal.error(found.force, found.couple, term.force, term.couple)
+
+
 @dataclass(frozen=True)
 class Goal:
-    """The force, the couple or the safety factor of a scene with a grain."""
+    """The force, the couple or the safety factor of a scene with a grain, or the elevation of one with a surface."""
 
     name: str
     scene: Scene
@@ -53,7 +92,7 @@ class Goal:
     def of(cls, scene: Scene) -> Goal:
         """What the scene's accuracy is that of; a verdict hangs on the safety factor."""
         verdict = scene.numerics.accuracy == "verdict"
-        name = "safety factor" if verdict else scene.numerics.accuracy_of
+        name = "safety factor" if verdict else scene.accuracy_of
         return cls(name, scene, find_contacts(scene) if name == "safety factor" else None)
 
     def error(self, force: Forces, couple: Couples, of_force: Floats, of_couple: Floats) -> float:

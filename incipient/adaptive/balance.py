@@ -60,12 +60,13 @@ class Refined:
         return self.finer == 1.0 and self.order == order
 
 
-def cheapest(parts: Parts, asked: float, order: int, powers: Powers) -> Refined:
+def cheapest(parts: Parts, asked: float, order: int, powers: Powers, highest: int = ORDERS[-1]) -> Refined:
     """Steps, cells and an order not below the given one for an error of `asked` with the least work.
 
     Neither steps nor cells become larger. parts: the errors now, together more than asked for
+    highest: order above which none is taken, unless it is the given one
     """
-    found = (_refined(parts, asked, order, k, powers) for k in ORDERS if k >= order)
+    found = (_refined(parts, asked, order, k, powers) for k in ORDERS if order <= k <= max(highest, order))
     wanted = min(found, key=lambda refined: refined.work)
     while wanted.shorter < SHORTEST or wanted.finer < FINEST:
         wanted = milder(wanted)

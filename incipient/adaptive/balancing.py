@@ -12,6 +12,7 @@ import math
 from typing import cast
 
 from ..accuracy.errorbars import (
+    HIGHEST_ORDER,
     LONGEST_STEP,
     OF_MESH,
     KeptRuns,
@@ -20,6 +21,7 @@ from ..accuracy.errorbars import (
     comparisons,
     order_in_time,
 )
+from ..accuracy.goal import ELEVATION, relative
 from ..errors import IncipientError, Interrupted
 from ..results.adaptation import Trial
 from ..results.errorbars import Loads, Term
@@ -37,6 +39,7 @@ COARSEST_MESH, LONGEST = (
 )  # cells and steps of the first run, relative to those that the scene says
 FEWEST_STEPS = 8
 MOST_RUNS = 6
+HIGHEST_OF_SURFACE = 3  # order of the velocity beyond which that of the elevation, which is the cells', stays
 AIM = 0.7  # of the accuracy, so that the run expected to reach it does
 # At least so much more work has a run to be worth it; where a budget does not allow more, as much as it allows.
 LEAST_WORK = 4.0
@@ -105,12 +108,9 @@ class Balancing(Search):
     def _judge(self, scene: Scene, result: Result, seconds: float) -> None:
         estimate = of_step = of_mesh = None
         cost = result.cost
-        if not self._failed and result.force is not None and result.couple is not None:
+        if not self._failed:
             term = by_coarser_runs(scene, Loads.of(result), self._known_run, self.known.get(OF_MESH))
-            estimate, of_step, of_mesh = (
-                self.goal.error(result.force, result.couple, one.force, one.couple)
-                for one in (term, *term.parts)
-            )
+            estimate, of_step, of_mesh = (relative(self.goal, result, one) for one in (term, *term.parts))
             self._of_mesh = term.parts[-1]
         order, cells, unknowns = result.plan.order, cost["cells"], cost["unknowns"]
         step = scene.time.step if scene.time is not None else None
@@ -153,7 +153,8 @@ def refined(scene: Scene, trial: Trial, aim: float) -> Refined:
         return halved(order, powers)
     # A safety factor may err more than its parts together.
     more = max(1.0, (trial.estimate or 0.0) / (of_step + of_mesh))
-    return cheapest(Parts(more * of_step, more * of_mesh), aim, order, powers)
+    highest = HIGHEST_OF_SURFACE if scene.accuracy_of == ELEVATION else HIGHEST_ORDER
+    return cheapest(Parts(more * of_step, more * of_mesh), aim, order, powers, highest)
 
 
 def first(scene: Scene) -> Scene:

@@ -24,6 +24,7 @@ from ..accuracy.errorbars import (
     has_no_far_sides,
     of_domain,
 )
+from ..accuracy.goal import relative
 from ..arrays import spatial
 from ..errors import IncipientError, SceneError
 from ..results.errorbars import Loads
@@ -33,7 +34,8 @@ from ..simulation.loads import weights
 
 if TYPE_CHECKING:
     from ..accuracy.errorbars import Solve
-    from ..accuracy.goal import Quantity
+    from ..accuracy.goal import Computed, Quantity
+    from ..results.elevations import Elevations
     from ..results.errorbars import ErrorBars, Term
 
 Measure = Callable[["Term"], float]
@@ -155,14 +157,12 @@ def not_estimated(scene: Scene) -> str:
     return ""
 
 
-def remedies(
-    scene: Scene, asked: float, goal: Quantity, force: Forces, couple: Couples, bars: ErrorBars
-) -> tuple[str, ...]:
+def remedies(scene: Scene, asked: float, goal: Quantity, found: Computed, bars: ErrorBars) -> tuple[str, ...]:
     """For each error of gap and domain that is large beside the accuracy, what would make it small. Not collective."""
     said = []
     for term in bars.terms:
-        error = goal.error(force, couple, term.force, term.couple)
-        if term.name == "discretisation" or error <= asked:
+        error = relative(goal, found, term)
+        if term.name == "discretisation" or error is None or error <= asked:
             continue
         said.append(
             f"beside it the error of the {term.name}, {error:.1e}; {_remedy(scene, term, asked / error)}"
@@ -224,15 +224,22 @@ def _closer(scene: Scene, smaller: float, at_once: bool) -> Scene | None:
 
 def _measure(scene: Scene, goal: Quantity, loads: Loads) -> Measure:
     """What a term comes to, relative, for the quantity whose accuracy is asked for."""
-    assert scene.placement is not None
-    buoyancy, weight = weights(scene)
-    force = Forces(loads.force, loads.force, buoyancy, weight)
-    couple = Couples(loads.couple, loads.couple, spatial(scene.placement.centre))
-    return lambda term: goal.error(force, couple, term.force, term.couple)
+    found = _Coarse(None, None, loads.elevations)
+    if scene.placement is not None:
+        buoyancy, weight = weights(scene)
+        force = Forces(loads.force, loads.force, buoyancy, weight)
+        couple = Couples(loads.couple, loads.couple, spatial(scene.placement.centre))
+        found = replace(found, force=force, couple=couple)
+    return lambda term: relative(goal, found, term) or 0.0
 
 
-def _nothing(term: Term) -> float:
-    return 0.0
+@dataclass(frozen=True)
+class _Coarse:
+    """What a coarse run has come to; see `goal.Computed`."""
+
+    force: Forces | None
+    couple: Couples | None
+    elevations: Elevations | None
 
 
 def _words(scene: Scene) -> str:

@@ -146,11 +146,11 @@ class Search:
     def adaptation_beside(self, result: Result) -> Adaptation:
         """The record so far, and what a result says of errors that are not in it. Not collective."""
         found, bars = self.adaptation(), result.error_bars
-        if bars is None or result.force is None or result.couple is None:
+        if bars is None:
             return found
         if self.suited is not None or not isinstance(found.asked, float | int):
             return found
-        beside = remedies(self.scene, found.asked, self.goal, result.force, result.couple, bars)
+        beside = remedies(self.scene, found.asked, self.goal, result, bars)
         return replace(found, beside=beside)
 
     def elapsed(self) -> float:

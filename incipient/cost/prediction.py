@@ -211,6 +211,7 @@ def predict(known: KnownLaws, estimate: Estimate) -> Prediction | str:
         MeshError: a mesh cannot be made.
     """
     from ..accuracy.errorbars import coarse_scenes, comparisons
+    from ..simulation.assemble import has_error_bars
 
     if known.scene.is_turbulent:
         return "  time and memory of the run: not known with turbulence"
@@ -220,7 +221,7 @@ def predict(known: KnownLaws, estimate: Estimate) -> Prediction | str:
         if isinstance(found, str):
             return f"  final mesh, time and memory: not known: {found}"
         path, last = found
-    end, bars = path[-1], scene.numerics.error_bars and scene.body is not None
+    end, bars = path[-1], has_error_bars(scene)
     wanted = coarse_scenes(end.scene) if bars else []
     beside: list[_Run] = []
     if last and scene.time is not None:
@@ -268,6 +269,7 @@ def first_mesh(scene: Scene) -> Estimate:
 def _search(known: KnownLaws, unknowns: int) -> tuple[list[_Run], LastMesh] | str:
     """The meshes of a run to an accuracy that starts from so many unknowns, or why they are not known."""
     from ..accuracy.errorbars import changed
+    from ..accuracy.goal import ELEVATION
     from ..adaptive import balancing
     from ..adaptive.refinement import COARSEST
 
@@ -276,15 +278,17 @@ def _search(known: KnownLaws, unknowns: int) -> tuple[list[_Run], LastMesh] | st
         return f"they hang on what decides the verdict; {LIMIT}"
     if numerics.accuracy_includes == "all":
         return f"gap and domain are chosen by coarse runs before; {LIMIT}"
+    if scene.body is not None and scene.accuracy_of == ELEVATION:
+        return f"there is no law of errors for elevations above a grain; {LIMIT}"
     if scene.body is not None and scene.body.moves:
         return f"there is no law of errors for the load on a grain that moves; {LIMIT}"
     if time is not None and time.tolerance is not None:
         return f"there is no law of errors for steps that adapt; {LIMIT}"
     largest = min(COARSEST * numerics.mesh_size, LARGEST)
     first = balancing.first(scene) if time else changed(scene, numerics={"mesh_size": largest})
-    error = known.errors(first).get(numerics.accuracy_of)
+    error = known.errors(first).get(scene.accuracy_of)
     if error is None:
-        return f"no error of the {numerics.accuracy_of} is known for scenes of this kind; run `incipient cost SCENE`"
+        return f"no error of the {scene.accuracy_of} is known for scenes of this kind; run `incipient cost SCENE`"
     asked, reaches = numerics.accuracy, True
     if time is None:
         error = replace(error, value=COARSE * error.value)
@@ -333,7 +337,7 @@ def _as_tried(run: _Run, known: KnownLaws) -> Trial:
     from ..accuracy.errorbars import comparisons, shares
 
     scene = run.scene
-    of = scene.numerics.accuracy_of
+    of = scene.accuracy_of
     own, in_longer = (known.errors(one)[of].value for one in (scene, comparisons(scene)[0]))
     of_step = min(shares(scene)[0] * abs(in_longer - own), own)
     order, of_mesh = scene.order, own - of_step

@@ -13,6 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..scene import Surface
+from ..scene.surface import stations_of
+
 if TYPE_CHECKING:
     from ..results.result import Result
     from ..scene import Scene
@@ -88,8 +91,8 @@ def _has_centrelines(scene: Scene) -> bool:
 
 
 def _elevations(scene: Scene) -> tuple[str, ...]:
-    """Names of the elevations at the stations, at equal intervals of time; none without stations."""
-    stations = () if scene.surface is None else scene.surface.stations
+    """Names of the elevations at the stations, at equal intervals of time; none without a free surface."""
+    stations = stations_of(scene) if scene.has_surface else ()
     return tuple(f"elevation_{k}_{n}" for k in range(1, len(stations) + 1) for n in range(1, TIMES + 1))
 
 
@@ -97,11 +100,12 @@ def _of_surface(scene: Scene, history: Sequence[Mapping[str, Any]]) -> dict[str,
     """The elevations at the stations, between steps by a cubic spline from the first elevation on."""
     from scipy.interpolate import CubicSpline
 
-    assert scene.surface is not None and scene.time is not None
+    assert scene.time is not None
+    surface = scene.surface or Surface()
     times, found = np.array([0.0, *(row["time"] for row in history)]), {}
     asked = scene.time.end * np.arange(1, TIMES + 1) / TIMES
-    for k, place in enumerate(scene.surface.places(), 1):
-        first = scene.surface.height(np.array([[*place, 0.0, 0.0][:3]]).T)
+    for k, place in enumerate(stations_of(scene), 1):
+        first = surface.height(np.array([[*place, 0.0, 0.0][:3]]).T)
         trace = [float(first[0]), *(row[f"elevation_{k}"] for row in history)]
         for n, value in enumerate(CubicSpline(times, trace)(asked), 1):
             found[f"elevation_{k}_{n}"] = float(value)

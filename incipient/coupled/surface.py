@@ -180,6 +180,11 @@ class SurfacePart:
         """(local nodes,) the elevation at the last state."""
         return self.past[0]
 
+    def largest(self) -> float:
+        """The largest size of an elevation at the nodes of the surface."""
+        mine = float(np.abs(self.past[0]).max(initial=0.0))
+        return float(self.fluid.domain.comm.allreduce(mine, op=MPI.MAX))
+
     def volume(self) -> float:
         """Of the fluid above the still level less what is missing below it; of the whole where half is meshed."""
         return self._whole * self.mesh.mean(self.past[0])

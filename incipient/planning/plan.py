@@ -152,7 +152,7 @@ def _sought(scene: Scene) -> str:
         "mesh and order" if scene.time is None else "steps, mesh and order"
     )
     of = "of discretisation, gap and domain" if everything else "of discretisation"
-    aim = f"until the error of the {numerics.accuracy_of} ({of}) is below {numerics.accuracy}"
+    aim = f"until the error of the {scene.accuracy_of} ({of}) is below {numerics.accuracy}"
     if numerics.accuracy == "verdict":
         aim = "until the verdict is decided"
     budgets = ((numerics.budget_seconds, "s"), (numerics.budget_mib, "MiB"))

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -47,19 +50,20 @@ def bar(stored: dict[str, Any]) -> SafetyBar:
 
 
 def of_errors(stored: dict[str, Any] | None, planar: bool) -> tuple[Section, ...]:
-    """The terms of error bars on force and couple, with remedies."""
+    """The terms of error bars on force and couple, or on elevations, with remedies."""
     if stored is None:
         return ()
-    whole = float(np.linalg.norm([one or 0.0 for one in stored["force"]])) or math.nan
+    told = [column for column in _columns(planar) if stored.get(column.key) is not None]
+    whole = (told[0].size(stored[told[0].key]) if told else 0.0) or math.nan
     rows: list[tuple[Cell, ...]] = []
     for term in stored["terms"]:
-        rows.append(_row(term, term["name"], whole, planar))
-        rows += [_row(part, f"· {part['name']}", whole, planar) for part in term.get("parts", ())]
+        rows.append(_row(term, term["name"], whole, told))
+        rows += [_row(part, f"· {part['name']}", whole, told) for part in term.get("parts", ())]
     if len(stored["terms"]) > 1:
         rows.append(
-            _row({**stored, "how": "the sum: an error bar is not a standard deviation"}, "all", whole, planar)
+            _row({**stored, "how": "the sum: an error bar is not a standard deviation"}, "all", whole, told)
         )
-    head = ("error", "of the force", "of the couple", "share", "how it was found", "what makes it smaller")
+    head = ("error", *(column.head for column in told), "share", "how it was found", "what makes it smaller")
     others = [(name, "does not count", why) for name, why in stored["left_out"].items()]
     others += [(name, "not computed", why) for name, why in stored["failed"].items()]
     modelled = {"gap", "domain"} & {term["name"] for term in stored["terms"]}
@@ -71,12 +75,39 @@ def of_errors(stored: dict[str, Any] | None, planar: bool) -> tuple[Section, ...
     )
 
 
-def _row(term: dict[str, Any], name: str, whole: float, planar: bool) -> tuple[Cell, ...]:
-    share = float(np.linalg.norm([one or 0.0 for one in term["force"]])) / whole
+@dataclass(frozen=True)
+class _Column:
+    """What errors are told of: its key in a term, what a table calls it, its errors as a cell and as one number."""
+
+    key: str
+    head: str
+    cell: Callable[[list[float | None]], Cell]
+    size: Callable[[list[float | None]], float]
+
+
+def _columns(planar: bool) -> tuple[_Column, ...]:
+    return (
+        _Column("force", "of the force", partial(_vector, planar=planar), _norm),
+        _Column("couple", "of the couple", partial(_vector, planar=planar, couple=True), _norm),
+        _Column("elevation", "of elevations, at most", _largest, _largest),
+    )
+
+
+def _norm(errors: list[float | None]) -> float:
+    return float(np.linalg.norm([one or 0.0 for one in errors]))
+
+
+def _largest(errors: list[float | None]) -> float:
+    return max((one or 0.0 for one in errors), default=0.0)
+
+
+def _row(term: dict[str, Any], name: str, whole: float, told: list[_Column]) -> tuple[Cell, ...]:
+    """One term; its share is that of the first of the errors that are told."""
+    first = told[0] if told else None
+    share = math.nan if first is None or term[first.key] is None else first.size(term[first.key]) / whole
     return (
         name,
-        _vector(term["force"], planar),
-        _vector(term["couple"], planar, couple=True),
+        *("" if term[column.key] is None else column.cell(term[column.key]) for column in told),
         "–" if math.isnan(share) else f"{100 * share:.0f} %",
         term["how"],
         REMEDIES.get(name.removeprefix("· "), ""),

@@ -48,6 +48,7 @@ def part(record: Path) -> Part:
         *turned_of_run(directory, stored, case),
         *_loads(stored, planar),
         *of_si(stored.get("si")),
+        *_surface(stored),
         *_turbulence(stored.get("turbulence")),
         *told,
         *_path(stored),
@@ -158,6 +159,21 @@ def _others(stored: dict[str, Any], planar: bool) -> list[tuple[Cell, ...]]:
     ]
     rows.append(("largest Reynolds number of a cell", stored["measured_cell_reynolds"]))
     return [row for row in rows if row[1] is not None]
+
+
+def _surface(stored: dict[str, Any]) -> tuple[Section, ...]:
+    """The elevations of a free surface at the end, with their error bars, and what enters below it."""
+    found, bars = stored.get("surface"), stored["error_bars"]
+    if found is None:
+        return ()
+    errors = (bars or {}).get("elevation") or [None] * len(found["stations"])
+    rows: list[tuple[Cell, ...]] = [
+        ("(" + ", ".join(f"{x:g}" for x in place) + ")" if isinstance(place, list) else place, value, error)
+        for place, value, error in zip(found["stations"], found["elevations"], errors, strict=True)
+    ]
+    entering = f"What enters per time: {found['inflow']:.6g}." if "inflow" in found else ""
+    head = ("station", "elevation at the end", "error within the run, at most")
+    return section("The free surface", table(head, rows), words(entering))
 
 
 def _turbulence(found: dict[str, Any] | None) -> tuple[Section, ...]:

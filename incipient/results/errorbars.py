@@ -1,4 +1,4 @@
-"""Error bars on force, couple and path: their terms, as data."""
+"""Error bars on force, couple, path and the elevations of a free surface: their terms, as data."""
 
 from __future__ import annotations
 
@@ -9,41 +9,64 @@ import numpy as np
 
 from ..arrays import Floats
 from ..geometry.placement import Placement
+from .elevations import Elevations
 from .loads import loads_words
 from .safetybar import SafetyBar
 
 if TYPE_CHECKING:
+    from .loads import Couples, Forces
     from .result import Result
+
+# Force and couple where there is no grain.
+NO_GRAIN: Floats = np.zeros(0)
 
 
 @dataclass(frozen=True)
 class Loads:
-    """Force and couple (3,) of the flow on a grain, and of one that moves place, and angle or quaternion (3 or 7,)."""
+    """Force and couple (3,) of the flow on a grain, and what else errors are estimated of.
+
+    force, couple: (0,) without a grain
+    place:         of a grain that moves, with its angle or quaternion: (3 or 7,)
+    elevations:    of a free surface
+    """
 
     force: Floats
     couple: Floats
     place: Floats | None = None
+    elevations: Elevations | None = None
+
+    @classmethod
+    def at_the_end(
+        cls,
+        force: Forces | None,
+        couple: Couples | None,
+        place: Floats | None,
+        elevations: Elevations | None,
+    ) -> Loads:
+        """The loads of the flow, none without a grain, with what else there is."""
+        of_force, of_couple = (NO_GRAIN if one is None else one.flow for one in (force, couple))
+        return cls(of_force, of_couple, place, elevations)
 
     @classmethod
     def of(cls, result: Result) -> Loads:
-        """The loads, and the place, at the end of a run with a grain."""
-        assert result.force is not None and result.couple is not None
+        """The loads, the place and the elevations that a run has come to."""
         place = None
         if result.trajectory is not None:
             path = result.trajectory
             turned = path["quaternion"] if "quaternion" in path else [path["angle"]]
             place = np.array([*path["place"], *turned])
-        return cls(result.force.flow, result.couple.flow, place)
+        return cls.at_the_end(result.force, result.couple, place, result.elevations)
 
 
 @dataclass(frozen=True)
 class Term:
-    """One source of error: absolute errors of force and couple (3,), of place and turn of a moving grain, how found.
+    """One source of error: absolute errors of force and couple (3,), of what else there is, and how they were found.
 
-    place: (3,), in space (6,), the turn in radians, in space about x, y and z
-
-    power: exponent of the gap with which its error is expected to fall
-    parts: terms that this one is the sum of, if any
+    force, couple: (0,) without a grain
+    place:     of place and turn of a moving grain (3,), in space (6,), the turn in radians, in space about x, y and z
+    elevation: (stations,) of a free surface, the largest ones within the run
+    power:     exponent of the gap with which its error is expected to fall
+    parts:     terms that this one is the sum of, if any
     """
 
     name: str
@@ -53,22 +76,30 @@ class Term:
     place: Floats | None = None
     power: float = 1.0
     parts: tuple[Term, ...] = ()
+    elevation: Floats | None = None
 
     @classmethod
     def of_parts(cls, name: str, parts: tuple[Term, ...], how: str) -> Term:
         """The sum of terms."""
         force, couple = (np.sum([getattr(part, of) for part in parts], axis=0) for of in ("force", "couple"))
-        places = [part.place for part in parts if part.place is not None]
-        return cls(name, force, couple, how, np.sum(places, axis=0) if places else None, parts=parts)
+        place, elevation = (_sum_of(parts, of) for of in ("place", "elevation"))
+        return cls(name, force, couple, how, place, parts=parts, elevation=elevation)
 
     @classmethod
     def of_difference(cls, name: str, one: Loads, other: Loads, share: float, how: str) -> Term:
         """The error that is a share of what two runs differ by."""
-        place = None
+        place = elevation = None
         if one.place is not None and other.place is not None:
             place = share * np.abs(way(one.place, other.place))
+        if one.elevations is not None and other.elevations is not None:
+            elevation = share * one.elevations.apart(other.elevations)
         force, couple = np.abs(one.force - other.force), np.abs(one.couple - other.couple)
-        return cls(name, share * force, share * couple, how, place)
+        return cls(name, share * force, share * couple, how, place, elevation=elevation)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for result.json: null for what there is not."""
+        found = {**asdict(self), "parts": [part.to_dict() for part in self.parts]}
+        return found | {name: _if_any(found[name]) for name in ("force", "couple")}
 
 
 @dataclass(frozen=True)
@@ -86,27 +117,32 @@ class ErrorBars:
 
     @property
     def force(self) -> Floats:
-        """(3,) absolute error of the force."""
+        """(3,) absolute error of the force, (0,) without a grain."""
         return np.sum([term.force for term in self.terms], axis=0) if self.terms else np.full(3, np.nan)
 
     @property
     def couple(self) -> Floats:
-        """(3,) absolute error of the couple."""
+        """(3,) absolute error of the couple, (0,) without a grain."""
         return np.sum([term.couple for term in self.terms], axis=0) if self.terms else np.full(3, np.nan)
 
     @property
     def place(self) -> Floats | None:
         """(3,), in space (6,), absolute error of place and turn of a moving grain at the end of its path."""
-        places = [term.place for term in self.terms if term.place is not None]
-        return np.sum(places, axis=0) if places else None
+        return _sum_of(self.terms, "place")
+
+    @property
+    def elevation(self) -> Floats | None:
+        """(stations,) absolute error of the elevations of a free surface, the largest within the run."""
+        return _sum_of(self.terms, "elevation")
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for result.json."""
         return {
-            "force": self.force,
-            "couple": self.couple,
+            "force": _if_any(self.force),
+            "couple": _if_any(self.couple),
             "place": self.place,
-            "terms": [asdict(term) for term in self.terms],
+            "elevation": self.elevation,
+            "terms": [term.to_dict() for term in self.terms],
             "left_out": self.left_out,
             "failed": self.failed,
             "safety_factor": None if self.safety is None else asdict(self.safety),
@@ -114,8 +150,7 @@ class ErrorBars:
 
     def lines(self, gdim: int = 2) -> list[str]:
         """Errors and where they come from, for a reader, of a scene of a dimension."""
-        whole = loads_words(self.force, self.couple, gdim, ".1e")
-        lines = [f"error bars          {whole}{_end_of_path(self.place)}"]
+        lines = [f"error bars          {_errors(self, gdim)}"]
         for term in self.terms:
             lines.append(f"  {term.name:<18}{_errors(term, gdim)}   {term.how}")
             lines += [f"    {part.name:<16}{_errors(part, gdim)}   {part.how}" for part in term.parts]
@@ -123,15 +158,28 @@ class ErrorBars:
         return lines + [f"  {name:<18}not computed: {why}" for name, why in self.failed.items()]
 
 
-def _errors(term: Term, gdim: int) -> str:
-    return f"{loads_words(term.force, term.couple, gdim, '.1e')}{_end_of_path(term.place)}"
+def _sum_of(terms: tuple[Term, ...], name: str) -> Floats | None:
+    """The sum of an error over the terms that have it; None if none has."""
+    found = [error for term in terms if (error := getattr(term, name)) is not None]
+    return np.sum(found, axis=0) if found else None
 
 
-def _end_of_path(place: Floats | None) -> str:
-    if place is None:
-        return ""
+def _if_any(errors: Floats) -> Floats | None:
+    return errors if len(errors) else None
+
+
+def _errors(term: Term | ErrorBars, gdim: int) -> str:
+    said = [loads_words(term.force, term.couple, gdim, ".1e")] if len(term.force) else []
+    if term.place is not None:
+        said.append(_end_of_path(term.place))
+    if term.elevation is not None:
+        said.append(f"elevation {term.elevation.max(initial=0.0):.1e}")
+    return "   ".join(said)
+
+
+def _end_of_path(place: Floats) -> str:
     gdim = 2 if len(place) == 3 else 3
-    return "   end of the path {}, turn {} rad".format(
+    return "end of the path {}, turn {} rad".format(
         *(
             f"({', '.join(f'{x:.1e}' for x in part)})" if len(part) > 1 else f"{part[0]:.1e}"
             for part in (place[:gdim], place[gdim:])

@@ -16,6 +16,7 @@ from .si import si_lines
 if TYPE_CHECKING:
     from ..mesh.sampling import Extremum
     from .adaptation import Adaptation
+    from .elevations import Elevations
     from .errorbars import ErrorBars
     from .left_out import Omission
     from .turbulence import WallReport
@@ -35,6 +36,7 @@ class Result:
     without_error_bars:     why error bars that are wanted are not there
     measured_cell_reynolds: largest |v| h/(k nu) of a cell (`stabilisation`), None where there is no convection
     surface:                of a free surface its elevations at the stations at the end, and a channel's inflow
+    elevations:             those at the stations in the course of the run, which history.csv has
     turbulence:             at the walls of a turbulent flow, None without turbulence
     si:                     flow and loads in SI units (`results.si`), None without [units]
     """
@@ -62,6 +64,7 @@ class Result:
     omitted: tuple[Omission, ...] = ()
     status: str = "complete"
     error: str = ""
+    elevations: Elevations | None = field(default=None, repr=False)
     velocity: Any = field(default=None, repr=False)
     pressure: Any = field(default=None, repr=False)
 
@@ -130,7 +133,7 @@ def _lines(result: Result) -> list[str]:
     if result.trajectory is not None:
         lines += _path(result.trajectory)
     if result.surface is not None:
-        lines += _levels(result.surface)
+        lines += _levels(result.surface, result.error_bars)
     for name, extreme in (result.centrelines or {}).items():
         lines.append(f"{name:<20}{extreme.value:.6f} at {extreme.position:.4f}")
     if result.verdict is not None:
@@ -172,10 +175,13 @@ def _path(trajectory: dict[str, Any]) -> list[str]:
     ]
 
 
-def _levels(surface: dict[str, Any]) -> list[str]:
-    """Elevations of a free surface, and what enters below it."""
+def _levels(surface: dict[str, Any], bars: ErrorBars | None) -> list[str]:
+    """Elevations of a free surface, by how much they may be off within the run, and what enters below it."""
     at = zip(surface["stations"], surface["elevations"], strict=True)
     lines = [f"elevation           {value:+.6g} at {_words(place)}" for place, value in at]
+    if bars is not None and bars.elevation is not None:
+        errors = zip(lines, bars.elevation, strict=True)
+        lines = [f"{line}, in the run within {error:.1e}" for line, error in errors]
     return lines + ([f"inflow              {surface['inflow']:.6g}"] if "inflow" in surface else [])
 
 

@@ -192,9 +192,22 @@ def _accuracy(scene: Scene) -> Iterator[Problem]:
             yield Problem(("numerics", "accuracy_includes"), why, "add numerics.accuracy or leave it out")
         return
     key, verdict = ("numerics", "accuracy"), numerics.accuracy == "verdict"
-    if body is None:
-        why = "is that of the load on a grain but there is none"
+    if body is None and not scene.has_surface:
+        why = "is that of the load on a grain or of a free surface but there is neither"
         yield Problem(key, why, "add a section [body], or leave it out and choose numerics.mesh_size")
+        return
+    if numerics.accuracy_of == "elevation" and not scene.has_surface:
+        why, of = '"elevation" is that of a free surface but there is none', ("numerics", "accuracy_of")
+        yield Problem(of, why, 'use "force", or domain.top = "free-surface"')
+        return
+    if body is None:
+        if verdict or scene.accuracy_of != "elevation":
+            what = '"verdict"' if verdict else f'"{numerics.accuracy_of}"'
+            why, remedy = f"{what} is that of a grain but there is none", "add a section [body]"
+            where, other = (
+                (key, "give a number") if verdict else (("numerics", "accuracy_of"), 'use "elevation"')
+            )
+            yield Problem(where, why, f"{remedy} or {other}")
         return
     if scene.flow.kind == "still" and not body.moves and not scene.has_surface:
         yield Problem(key, "is relative but a fluid at rest exerts no force", "leave it out")

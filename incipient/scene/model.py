@@ -206,6 +206,12 @@ class Scene(Section):
         return has_surface(self)
 
     @property
+    def accuracy_of(self) -> str:
+        """The quantity whose accuracy `numerics.accuracy` is."""
+        asked = self.numerics.accuracy_of
+        return asked if asked != "auto" else "elevation" if self.body is None else "force"
+
+    @property
     def is_turbulent(self) -> bool:
         """Whether turbulence is to be simulated."""
         return is_turbulent(self)

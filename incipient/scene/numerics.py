@@ -53,15 +53,17 @@ class Numerics(Section):
         description="Factor on the radius about the grain within which a bed in space is meshed as it is [-]",
     )
     error_bars: bool = Field(
-        True, description="Estimate errors of force, couple and safety factor; takes about as long as the run"
+        True,
+        description="Estimate errors of force, couple, safety factor and elevations; takes about as long as the run",
     )
     accuracy: Accuracy | None = Field(
         None,
         description='Relative error wanted, or "verdict": until that is decided; mesh and order are then chosen',
         examples=[0.01],
     )
-    accuracy_of: Literal["force", "couple", "safety factor"] = Field(
-        "force", description="The quantity whose relative error `accuracy` limits"
+    accuracy_of: Literal["auto", "force", "couple", "safety factor", "elevation"] = Field(
+        "auto",
+        description="The quantity whose relative error `accuracy` limits; auto: force, without a grain elevation",
     )
     accuracy_includes: Literal["discretisation", "all"] = Field(
         "discretisation",

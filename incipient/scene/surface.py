@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -55,7 +56,8 @@ class Surface(Section):
         (), description="In the plane, in place of the formula: x and elevation, straight between [length]"
     )
     stations: Annotated[tuple[Station, ...], Field(strict=False)] = Field(
-        (), description="Places x, in space [x, y], whose elevations are columns of the history [length]"
+        (),
+        description="Places x, in space [x, y], whose elevations are columns of the history; without: a few",
     )
     bottom: Literal["no-slip", "slip"] = Field("no-slip", description="A level bottom without [bed]")
     ends: Literal["wall", "no-slip"] = Field(
@@ -138,6 +140,15 @@ class Surface(Section):
 def has_surface(scene: Scene) -> bool:
     """Whether the top of a scene is a free surface."""
     return scene.domain.top == FREE
+
+
+def stations_of(scene: Scene) -> list[tuple[float, ...]]:
+    """Where elevations are told of: the stations, or without any five from end to end, in space three by three."""
+    given = () if scene.surface is None else scene.surface.places()
+    domain, along = scene.domain, 5 if scene.gdim == 2 else 3
+    sides = [(domain.left, domain.right)] + ([domain.across] if scene.gdim == 3 else [])
+    evenly = ([low + (high - low) * i / (along - 1) for i in range(along)] for low, high in sides)
+    return list(given) or list(product(*evenly))
 
 
 def contradictory(scene: Scene) -> Iterator[Problem]:

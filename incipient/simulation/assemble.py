@@ -74,6 +74,7 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
         status=status,
         error=error,
         without_error_bars=TO_COME if status == "complete" and has_error_bars(scene) else "",
+        elevations=run.elevations,
         velocity=run.fluid.velocity,
         pressure=run.fluid.pressure,
     )
@@ -81,7 +82,7 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
 
 def has_error_bars(scene: Scene) -> bool:
     """Whether the result of a scene is to have error bars. Not collective."""
-    return scene.numerics.error_bars and scene.body is not None
+    return scene.numerics.error_bars and (scene.body is not None or scene.has_surface)
 
 
 def with_estimates(run: Run, result: Result, solve: Callable[[Scene], Loads]) -> Result:
@@ -105,7 +106,6 @@ def _error_bars(run: Run, result: Result, solve: Callable[[Scene], Loads]) -> tu
     """The error bars, or why there are none; neither where none are wanted."""
     if not has_error_bars(run.scene):
         return None, ""
-    assert result.force is not None and result.couple is not None
     from ..accuracy.errorbars import error_bars
 
     with run.stage("error bars"):

@@ -25,7 +25,9 @@ from ..mesh.motion import MeshMotion
 from ..mesh.sampling import sample
 from ..planning.open_channel import surface_of
 from ..planning.surface import OUTLINE, depths, stays_below
+from ..results.elevations import Reading
 from ..scene import Scene
+from ..scene.surface import stations_of
 
 Stage = Callable[[str], AbstractContextManager[Any]]
 
@@ -155,6 +157,11 @@ class MovingSurface:
         nearest = self.fluid.domain.comm.allreduce(float(distances.min(initial=np.inf)), op=MPI.MIN)
         return float(nearest - TOUCHING * grain.size)
 
+    def reading(self) -> Reading:
+        """The elevations at the stations now, and the largest anywhere."""
+        values = self._stations.values(self.part.elevation)
+        return Reading(self.fluid.time, values, self.part.largest())
+
     def columns(self, step: TimeStep) -> dict[str, float]:
         """What the history tells of the surface after a step."""
         assert isinstance(step.report, InterfaceReport)
@@ -175,7 +182,7 @@ class MovingSurface:
 
     def told(self) -> dict[str, Any]:
         """What a result tells of the surface at the end."""
-        stations = list(surface_of(self._scene).stations)
+        stations = [one[0] if len(one) == 1 else one for one in stations_of(self._scene)]
         found = {"stations": stations, "elevations": self._stations.values(self.part.elevation)}
         return found | self._discharge()
 
@@ -194,7 +201,7 @@ class _Stations:
 
     def __init__(self, rising: RisingDisplacement, scene: Scene):
         comm, space = rising.domain.comm, rising.space
-        across = surface_of(scene).places()
+        across = stations_of(scene)
         top = scene.domain.ceiling + rising.raised
         points = np.array([(*place, top) for place in across]).reshape(-1, scene.gdim)
         if scene.symmetric:  # the half that is computed has the larger y

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from ..progress import Silent
 from ..results.cost_of_effects import Corrections
+from ..results.elevations import Elevations, Reading
 from ..results.timing import Ledger
 
 if TYPE_CHECKING:
@@ -80,6 +81,7 @@ class Run:
         self._surface: MovingSurface | None = None
         self._eddies: InTime | None = None
         self._first_motion: float | None = None
+        self._readings: list[Reading] = []
 
     @property
     def fluid(self) -> Fluid:
@@ -120,6 +122,16 @@ class Run:
     def first_motion(self) -> float | None:
         """Time at which a grain that is held in time would first have moved."""
         return self._first_motion
+
+    @property
+    def elevations(self) -> Elevations | None:
+        """Those of the free surface so far; None without one, and before the first step."""
+        return Elevations.of(self._readings) if self._readings else None
+
+    def read_surface(self) -> None:
+        """Keep the elevations of the free surface as they are now, if there is one. Collective."""
+        if self.surface is not None:
+            self._readings.append(self.surface.reading())
 
     def march_with(
         self,

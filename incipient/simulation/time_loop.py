@@ -167,6 +167,7 @@ class TimeLoop:
         """The steps, each counted and its time taken; from the first on, the run can be stopped between them."""
         run = self._run
         self._recorded, self._interruption.armed = run.fluid.time, True
+        run.read_surface()
         while True:
             with run.stage("flow"), run.corrections.begun():
                 step = next(steps, None)
@@ -183,6 +184,7 @@ class TimeLoop:
         `kept` asks for one of the last step: a run that has ended at contact may go on otherwise.
         """
         run = self._run
+        run.read_surface()
         self._recorder.step(row)
         run.voice.advance(step.time, self._time.end)
         record_fields(self._recorder, run, step.number, last)

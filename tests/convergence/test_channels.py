@@ -34,6 +34,7 @@ step = {step}
 start = "{start}"
 [numerics]
 mesh_size = {mesh}
+error_bars = false
 [output]
 fields = false
 """

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from conftest import Session
+from waves import prosperetti
 
 import incipient
 from incipient.errors import ConvergenceError, IncipientError, SceneError
@@ -53,6 +54,12 @@ WITH_GRAIN = (
 
 def history_of(directory):
     return np.genfromtxt(directory / "history.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
+
+
+def bars_of(directory):
+    """Error bars of the elevations, that of the steps and that of the mesh."""
+    stored = json.loads((directory / "result.json").read_text())["error_bars"]
+    return np.array([part["elevation"] for part in stored["terms"][0]["parts"]])
 
 
 def changed(text, **sections):
@@ -116,6 +123,8 @@ def test_a_resumed_wave_is_the_whole_one(wave, tmp_path):
     whole, resumed = history_of(wave), history_of(tmp_path)
     for name in ("time", "elevation_1", "elevation_2", "energy_fluid", "energy_potential"):
         assert resumed[name] == pytest.approx(whole[name], rel=1e-7, abs=1e-12), name
+    # From the checkpoint on, halfway, where the errors are largest.
+    assert bars_of(tmp_path) == pytest.approx(bars_of(wave), rel=1e-3)
 
 
 def test_two_ranks_are_as_one(wave, tmp_path, session: Session):
@@ -123,6 +132,7 @@ def test_two_ranks_are_as_one(wave, tmp_path, session: Session):
     (done,) = session(2, [["run", tmp_path / "wave.toml", "--out", tmp_path / "wave"]])
     assert done.codes == [0, 0], done.lines
     one, two = history_of(wave), history_of(tmp_path / "wave")
+    assert bars_of(tmp_path / "wave") == pytest.approx(bars_of(wave), rel=1e-6)
     for name in ("elevation_1", "elevation_3", "energy_fluid"):
         assert two[name] == pytest.approx(one[name], rel=1e-9), name
 
@@ -335,8 +345,13 @@ def test_a_grain_that_rises_to_the_surface_stops_by_name(tmp_path):
         ),
         (
             "[numerics]",
-            "[numerics]\naccuracy = 0.01",
-            "accuracy: is that of the load on a grain but there is none",
+            '[numerics]\naccuracy = "verdict"',
+            'accuracy: "verdict" is that of a grain but there is none; add a section [body] or give a number',
+        ),
+        (
+            "[numerics]",
+            '[numerics]\naccuracy = 0.01\naccuracy_of = "force"',
+            'accuracy_of: "force" is that of a grain but there is none; add a section [body] or use "elevation"',
         ),
         (
             "end = 0.4",
@@ -360,23 +375,6 @@ def test_the_first_elevation_may_be_a_file(tmp_path):
     scene = loads(text, tmp_path)
     assert scene.surface.points == ((0.0, 0.01), (1.0, -0.01))
     assert scene.surface.height(np.array([[0.25], [0.0], [0.0]])) == pytest.approx([0.005])
-
-
-def prosperetti(t, viscosity, k, g=1.0):
-    """The elevation over its first one of a deep layer released from rest (Prosperetti 1981, Phys. Fluids 24, 1217)."""
-    from scipy.special import wofz
-
-    n, square = viscosity * k**2, g * k
-    z = np.roots([1.0, 0.0, 2 * n, 4 * n**1.5, n**2 + square])
-
-    def scaled(x):  # exp(x^2) erfc(x)
-        return wofz(1j * x)
-
-    total = 4 * n**2 / (8 * n**2 + square) * scaled(np.sqrt(n * t)) * np.exp(-n * t)
-    for i, one in enumerate(z):
-        others = np.prod(np.delete(z, i) - one)
-        total = total + one / others * square / (one**2 - n) * scaled(one * np.sqrt(t)) * np.exp(-n * t)
-    return np.real(total)
 
 
 @pytest.mark.slow

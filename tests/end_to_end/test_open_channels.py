@@ -42,6 +42,7 @@ step = 0.5
 start = "steady"
 [numerics]
 mesh_size = 3.0
+error_bars = false
 tolerance = 1e-13
 interface_tolerance = 1e-11
 [output]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -123,7 +124,8 @@ def advice(asked: float, scene: Scene, term: Term) -> tuple[str, ...]:
     """What is said of one term beside a force of size one."""
     unit, none = np.array([1.0, 0.0, 0.0]), np.zeros(3)
     force, couple = Forces(unit, unit, none, none), Couples(none, none, none)
-    return remedies(scene, asked, Goal.of(scene), force, couple, ErrorBars((term,)))
+    found = SimpleNamespace(force=force, couple=couple, elevations=None)
+    return remedies(scene, asked, Goal.of(scene), found, ErrorBars((term,)))
 
 
 def test_a_gap_is_advised_by_the_power_with_which_its_error_falls() -> None:
