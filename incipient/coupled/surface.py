@@ -189,6 +189,10 @@ class SurfacePart:
         """Of the fluid above the still level less what is missing below it; of the whole where half is meshed."""
         return self._whole * self.mesh.mean(self.past[0])
 
+    def risen(self) -> float:
+        """By how much the elevation has changed in the last step, root mean square over the nodes of the surface."""
+        return self._size(self.past[0] - self.past[1]) if len(self.past) > 1 else 0.0
+
     def energy(self) -> float:
         """Potential energy above that of the still level, and with surface tension that of the surface's area."""
         found = self._sum(self._potential)

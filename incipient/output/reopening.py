@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 # What a scene may be resumed with in place of what it was run with: where it ends, how its steps are made, when it
 # gets new meshes and of what cells, what is written. What is stored fits all of them.
 MAY_CHANGE = (
-    *("time.end", "time.step", "time.first_step", "time.tolerance"),
+    *("time.end", "time.step", "time.first_step", "time.tolerance", "time.until_steady"),
     *("output.every", "output.checkpoint", "output.pictures"),
     *("numerics.tolerance", "numerics.stabilisation", "numerics.convection", "numerics.error_bars"),
 )

@@ -182,7 +182,12 @@ def _unsteadiness(scene: Scene, numbers: Numbers) -> Effect:
     expected = expected_of_unsteadiness(scene)
     if scene.effects.unsteadiness is False:
         return Effect(name, False, "effects.unsteadiness = false: quasi-steady flow", True, expected)
-    reason, small = f"until t = {time.end:g}", SHARE * accuracy_asked(scene)
+    ends = (
+        ""
+        if time.until_steady is None
+        else f", or until it changes by {time.until_steady:g} per unit of time"
+    )
+    reason, small = f"until t = {time.end:g}{ends}", SHARE * accuracy_asked(scene)
     if expected is not None and expected < small and not moves(scene):
         reason += f"; effects.unsteadiness = false would change the drag by {percent(expected)}"
     return Effect(name, True, reason, scene.effects.unsteadiness is True, expected)

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from .elevations import Elevations
     from .errorbars import ErrorBars
     from .left_out import Omission
+    from .steady import Steadied
     from .turbulence import WallReport
 
 SCHEMA_VERSION = 1
@@ -38,6 +39,7 @@ class Result:
     surface:                of a free surface its elevations at the stations at the end, and a channel's inflow
     elevations:             those at the stations in the course of the run, which history.csv has
     turbulence:             at the walls of a turbulent flow, None without turbulence
+    steady:                 whether a flow became steady that was to, None where that is not asked
     si:                     flow and loads in SI units (`results.si`), None without [units]
     """
 
@@ -61,6 +63,7 @@ class Result:
     si: dict[str, Any] | None = None
     adaptation: Adaptation | None = None
     turbulence: WallReport | None = None
+    steady: Steadied | None = None
     omitted: tuple[Omission, ...] = ()
     status: str = "complete"
     error: str = ""
@@ -85,7 +88,7 @@ class Result:
             **{n: getattr(self, n) for n in AS_THEY_ARE},
         }
         stored["plan"] = self.plan.to_dict()
-        for name in ("force", "couple", "coefficients", "gap"):
+        for name in ("force", "couple", "coefficients", "gap", "steady"):
             part = getattr(self, name)
             stored[name] = None if part is None else asdict(part)
         if self.force is not None:
@@ -121,6 +124,8 @@ def _lines(result: Result) -> list[str]:
         lines += result.adaptation.lines()
     if result.turbulence is not None:
         lines += result.turbulence.lines()
+    if result.steady is not None:
+        lines.append(result.steady.line())
     if result.coefficients is not None:
         k = result.coefficients
         lines.append(f"coefficients        drag {k.drag:.6g}   lift {k.lift:.6g}   moment {k.moment:.6g}")

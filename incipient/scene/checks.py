@@ -145,6 +145,9 @@ def _slope(scene: Scene) -> Iterator[Problem]:
 
 def _time(scene: Scene) -> Iterator[Problem]:
     if scene.time is not None:
+        if scene.time.until_steady is not None:
+            for why, remedy in _never_steady(scene):
+                yield Problem(("time", "until_steady"), why, f"leave it out or {remedy}")
         return
     steady, remedy = "but without [time] the flow is steady", "add a section [time]"
     if scene.flow.kind == "expression" and scene.flow.unsteady:
@@ -156,6 +159,26 @@ def _time(scene: Scene) -> Iterator[Problem]:
         yield Problem(("output", "every"), f"counts time steps {steady}", f"{remedy} or leave it out")
     if scene.output.checkpoint > 0:
         yield Problem(("output", "checkpoint"), f"counts time steps {steady}", f"{remedy} or leave it out")
+
+
+def _never_steady(scene: Scene) -> Iterator[tuple[str, str]]:
+    """Why the flow of a scene in time cannot become steady, each with a remedy."""
+    from .expression import Expression
+
+    surface = scene.surface
+    if scene.body is not None and scene.body.moves:
+        yield "is for a flow but the grain moves", "hold the grain"
+    if scene.effects.unsteadiness is False:
+        yield "is for a flow in time but effects.unsteadiness is false", "leave that out"
+    if scene.flow.kind == "still":
+        yield "is relative to the velocity of a stream but the fluid is still", "use another flow.kind"
+    if scene.flow.kind == "expression" and scene.flow.unsteady:
+        yield "is for a steady flow but flow.components depend on t", "leave t out"
+    if surface is not None and surface.wave is not None:
+        yield "is for a steady flow but surface.wave lets waves in", "leave that out"
+    for key in ("inflow", "pressure") if surface is not None else ():
+        if "t" in Expression(getattr(surface, key)).variables:
+            yield f"is for a steady flow but surface.{key} depends on t", "leave t out"
 
 
 def _motion(scene: Scene) -> Iterator[Problem]:

@@ -102,6 +102,11 @@ class Time(Section):
     tolerance: Positive | None = Field(
         None, description="Relative error of a step; given, the step adapts to it [-]", examples=[1e-4]
     )
+    until_steady: Positive | None = Field(
+        None,
+        description="Relative change of the flow per unit of time at which the run ends before `end` [1/time]",
+        examples=[1e-5],
+    )
 
     @model_validator(mode="after")
     def _has_a_step(self) -> Time:

@@ -68,6 +68,7 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
         centrelines=lines,
         measured_cell_reynolds=cells,
         surface=None if run.surface is None else run.surface.told(),
+        steady=None if run.steadiness is None else run.steadiness.told(),
         turbulence=None if run.turbulence is None else run.turbulence.report(run.fluid),
         si=in_si(scene, 1.0, *(None if one is None else one.flow for one in (force, couple))),
         cost=cost(run),

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from ..turbulence import InTime
     from .free_surface import MovingSurface
     from .moving_grain import Trajectory
+    from .steadiness import Steadiness
     from .turbulent import TurbulentFlow
 
 
@@ -80,6 +81,7 @@ class Run:
         self._trajectory: Trajectory | None = None
         self._surface: MovingSurface | None = None
         self._eddies: InTime | None = None
+        self._steadiness: Steadiness | None = None
         self._first_motion: float | None = None
         self._readings: list[Reading] = []
 
@@ -119,6 +121,16 @@ class Run:
         return self._eddies
 
     @property
+    def steadiness(self) -> Steadiness | None:
+        """How fast a flow changes that is to become steady; None where that is not asked."""
+        return self._steadiness
+
+    @property
+    def is_steady(self) -> bool:
+        """Whether a flow that is to become steady is so."""
+        return self._steadiness is not None and self._steadiness.reached
+
+    @property
     def first_motion(self) -> float | None:
         """Time at which a grain that is held in time would first have moved."""
         return self._first_motion
@@ -143,6 +155,10 @@ class Run:
         """Take a time integration and what is solved together with it into the state. Not collective."""
         self._time_stepper, self._trajectory = time_stepper, trajectory
         self._surface, self._eddies = surface, eddies
+
+    def watch(self, steadiness: Steadiness) -> None:
+        """Take what tells whether the flow is steady into the state. Not collective."""
+        self._steadiness = steadiness
 
     def take_fluid(self, fluid: Fluid, probe: TractionProbe | None) -> None:
         """Go on with another fluid on the mesh; the one before is freed. Collective."""

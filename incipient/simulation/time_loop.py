@@ -14,6 +14,7 @@ from ..results.loads import named, named_couple
 from .build import flow_model
 from .loads import coefficients, judged, loads
 from .recorder import record_fields
+from .steadiness import Steadiness
 from .steady import solve_steadily
 
 if TYPE_CHECKING:
@@ -113,9 +114,12 @@ class TimeLoop:
             if eddies is not None:
                 resumption.put_back_turbulence(self._checkpoint, eddies)
             resumption.put_back_flow(self._checkpoint, transient)
+        if time.until_steady is not None:
+            run.watch(Steadiness(run.fluid, surface, run.scene.domain.height, time.until_steady))
         for step in self._timed(transient.march(time.end, time.step, time.first_step)):
-            last = step.time >= time.end * (1 - 1e-9)
-            self._record(step, self._row(step), last)
+            row = self._row(step)
+            last = run.is_steady or step.time >= time.end * (1 - 1e-9)
+            self._record(step, row, last)
             if surface is not None and not last:
                 surface.ends(step)
 
@@ -168,7 +172,7 @@ class TimeLoop:
         run = self._run
         self._recorded, self._interruption.armed = run.fluid.time, True
         run.read_surface()
-        while True:
+        while not run.is_steady:
             with run.stage("flow"), run.corrections.begun():
                 step = next(steps, None)
                 run.corrections.book_step(step.number if step else 0)
@@ -206,6 +210,8 @@ class TimeLoop:
             row |= run.surface.columns(step)
         if run.turbulence is not None:
             row |= run.turbulence.report(run.fluid).columns()
+        if run.steadiness is not None:
+            row |= run.steadiness.column(step)
         if run.probe is None:
             return row
         with run.stage("tractions"):

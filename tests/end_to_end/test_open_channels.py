@@ -90,6 +90,23 @@ def test_a_film_that_begins_too_deep_becomes_nusselts(tmp_path):
     assert f"elevation           {result.surface['elevations'][1]:+.6g} at 1.5" in result.text()
 
 
+def test_a_film_that_becomes_steady_ends_there(tmp_path):
+    """From a depth a tenth too large; what is left then is about the change over the rate at which it decays."""
+    deep = FILM.replace('elevation = "0"', 'elevation = "0.1"').replace("end = 5.0", "end = 40.0")
+    asked = deep.replace("[time]", "[time]\nuntil_steady = 1e-5").replace("1e-13", "1e-9")
+    result = incipient.run(loads(asked), tmp_path / "whole")
+    history = history_of(tmp_path / "whole")
+    assert result.steady.reached and 5.0 < result.steady.time < 40.0
+    assert history["time"][-1] == result.steady.time
+    assert history["change"][-1] == result.steady.change <= 1e-5 < history["change"][:-1].min()
+    rate = -np.polyfit(history["time"][-6:], np.log(history["change"][-6:]), 1)[0]
+    assert furthest_from_film(result) < 3 * 1e-3 / rate
+    assert f"steady              at t = {result.steady.time:g}, changing by" in result.text()
+    short = incipient.run(loads(asked.replace("end = 40.0", "end = 2.0")), tmp_path / "short")
+    assert not short.steady.reached and short.steady.time == pytest.approx(2.0)
+    assert "NOT steady          at t = 2: it changes by" in short.text()
+
+
 def test_a_film_whose_level_is_held_up_beyond_its_end_follows_the_backwater_curve(tmp_path):
     """Half of the discharge that flows down the slope at the depth one, which the still level has.
 
@@ -199,6 +216,21 @@ def test_what_contradicts_a_channel_with_a_surface_is_refused(old, new, why):
     )
     with pytest.raises(SceneError) as refused:
         loads(scene)
+    assert why in str(refused.value)
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize(
+    ("old", "new", "why"),
+    [
+        ('elevation = "0"', 'inflow = "sin(t)"', "is for a steady flow but surface.inflow depends on t"),
+        ('elevation = "0"', "wave = {amplitude = 0.01, period = 4.0}", "but surface.wave lets waves in"),
+        (f'kind = "open-channel"\nvelocity = {SPEED}', 'kind = "still"', "but the fluid is still"),
+    ],
+)
+def test_a_flow_that_is_made_to_change_is_not_awaited_to_be_steady(old, new, why):
+    with pytest.raises(SceneError, match=r"time.until_steady: ") as refused:
+        loads(FILM.replace(old, new).replace("[time]", "[time]\nuntil_steady = 1e-3"))
     assert why in str(refused.value)
 
 

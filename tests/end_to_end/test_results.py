@@ -19,7 +19,7 @@ TOP_LEVEL = {
     *("schema_version", "title", "status", "error", "scene", "plan", "cost"),
     *("force", "couple", "coefficients", "contacts", "grain", "gap", "verdict", "centrelines"),
     *("trajectory", "error_bars", "without_error_bars", "adaptation", "omitted", "measured_cell_reynolds"),
-    *("si", "surface", "turbulence"),
+    *("si", "surface", "turbulence", "steady"),
 }
 STAGES = {"plan", "import", "mesh", "forms", "flow", "tractions", "fields", "omitted effects", "total"}
 SOME_STAGES = {"contact", "error bars"}  # where there is a grain that rests, or any

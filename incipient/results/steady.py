@@ -1,0 +1,32 @@
+"""Whether a flow in time became steady, as a result tells it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Steadied:
+    """How a run ended that was to end when its flow is steady.
+
+    reached: whether it was
+    time:    at the end of the run
+    change:  of the flow in the last step, relative, per unit of time
+    asked:   the change at which the flow counts as steady
+    """
+
+    reached: bool
+    time: float
+    change: float
+    asked: float
+
+    def line(self) -> str:
+        """For a reader."""
+        if self.reached:
+            return (
+                f"steady              at t = {self.time:.6g}, changing by {self.change:.1e} per unit of time"
+            )
+        return (
+            f"NOT steady          at t = {self.time:.6g}: it changes by {self.change:.1e} per unit of time, "
+            f"{self.asked:.1e} is asked for: use a later time.end"
+        )
