@@ -128,9 +128,13 @@ class RisingDisplacement:
         """
         return elevation + (volume - self.mean(elevation)) / self._extent * self._level
 
-    def unfelt(self, elevation: Floats) -> Floats:
-        """(local nodes,) an elevation less the nearest of those without volume that vanish where it is pinned."""
-        return elevation - self.with_volume(self._nearest(elevation), 0.0)
+    def unfelt(self, elevation: Floats, closed: bool) -> Floats:
+        """(local nodes,) an elevation less the nearest of those that vanish where it is pinned.
+
+        In a closed domain these have no volume either.
+        """
+        nearest = self._nearest(elevation)
+        return elevation - (self.with_volume(nearest, 0.0) if closed else nearest)
 
     def _nearest(self, elevation: Floats) -> Floats:
         """The nearest of the elevations that vanish where the surface is pinned."""

@@ -366,7 +366,7 @@ def time_of_change(scene: Scene) -> float | None:
     if time is None or flow.kind != "expression" or not flow.unsteady:
         return None
     times = np.linspace(0.0, time.end, 4 * SAMPLES)
-    points = column(scene, scene.domain.origin, _heights(scene))
+    points = column(scene, scene.domain.entrance, _heights(scene))
     stream = undisturbed(scene)
     speeds = np.array([stream(points, t) for t in times])
     rate = float(np.abs(np.gradient(speeds, times, axis=0)).max())
@@ -460,7 +460,7 @@ def _bed_reynolds(scene: Scene) -> float | None:
     if relief == 0.0:
         return None
     levels = scene.datum + np.linspace(0.0, relief, SAMPLES)
-    points = column(scene, domain.origin, levels)
+    points = column(scene, domain.entrance, levels)
     return float(np.abs(undisturbed(scene)(points, 0.0)).max()) * relief / scene.viscosity
 
 

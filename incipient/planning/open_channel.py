@@ -13,7 +13,7 @@ from ..errors import SceneError
 from ..scene import Scene, Surface
 from ..scene.open_channel import froude
 from .cells import largest_cell, largest_cell_in_space, side_names
-from .stream import inflow, undisturbed
+from .stream import column, inflow, undisturbed
 
 if TYPE_CHECKING:
     from ..fluid.conditions import Condition, Sponge, Wave
@@ -70,11 +70,10 @@ def wave_of(scene: Scene) -> StokesWave | None:
     from .waves import HIGHEST, stokes_wave
 
     depth, gravity = scene.domain.ceiling - scene.datum, float(abs(scene.gravity_vector[scene.up]))
-    stream, up = undisturbed(scene), scene.up
+    stream = undisturbed(scene)
 
     def speed(y: Floats) -> Floats:
-        places = np.zeros((3, len(y)))
-        places[up] = scene.datum + y
+        places = column(scene, scene.domain.entrance, scene.datum + y)
         return np.asarray(stream(places, 0.0)[0])
 
     wave = stokes_wave(asked.amplitude, 2.0 * math.pi / asked.period, depth, gravity, speed)

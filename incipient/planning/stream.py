@@ -11,6 +11,8 @@ from ..scene import ExpressionFlow, LogLaw, Scene, Shear
 Velocity = Callable[[np.ndarray, float], np.ndarray]
 
 
+Profile = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
 SAMPLES = 1000  # of heights for a mean
 STEEPER = 3.0  # than the profile is its rise from a bed that is above the datum at the inflow
 
@@ -44,7 +46,8 @@ def mean_speed(scene: Scene) -> float:
     if not isinstance(scene.flow, LogLaw):
         return scene.reference_velocity
     depth = scene.domain.ceiling - scene.datum
-    return float(np.mean(_profile(scene)(depth * (np.arange(SAMPLES) + 0.5) / SAMPLES)))
+    heights = depth * (np.arange(SAMPLES) + 0.5) / SAMPLES
+    return float(np.mean(_profile(scene)(heights, np.zeros(SAMPLES))))
 
 
 def column(scene: Scene, place: Sequence[float], heights: np.ndarray) -> np.ndarray:
@@ -58,14 +61,14 @@ def column(scene: Scene, place: Sequence[float], heights: np.ndarray) -> np.ndar
 def bed_stress(scene: Scene) -> float:
     """Shear stress of the undisturbed flow at its datum, scene units with fluid density one. Not collective.
 
-    It is that of the flow's profile, the same over the whole bed; of a flow given by formulas, at the inflow. Of the
-    mean of a turbulent stream it is u*^2, of which the viscosity is but a part where the bed is rough.
+    It is that of the flow's profile, the same over the whole bed; between walls, in the middle; of a flow given by
+    formulas, at the inflow. Of the mean of a turbulent stream it is u*^2, of which the viscosity is but a part where the bed is rough.
     """
     if isinstance(scene.flow, LogLaw):
         return scene.flow.shear_velocity**2
     step = 1e-6 * scene.domain.height
     heights = scene.datum + step * np.array([0.0, 1.0, 2.0])
-    speed = undisturbed(scene)(column(scene, scene.domain.origin, heights), 0.0)[0]
+    speed = undisturbed(scene)(column(scene, scene.domain.entrance, heights), 0.0)[0]
     gradient = (-3 * speed[0] + 4 * speed[1] - speed[2]) / (2 * step)
     return float(scene.viscosity * abs(gradient))
 
@@ -78,35 +81,49 @@ def _stream(scene: Scene, foot: float | Callable[[np.ndarray], np.ndarray]) -> V
 
     def velocity(x: np.ndarray, t: float) -> np.ndarray:
         """Velocities (gdim, n) at places (3, n), along the first axis; they do not depend on the time."""
-        speed = np.minimum(
-            profile(x[up] - datum), STEEPER * profile(x[up] - (foot(x) if callable(foot) else foot))
-        )
+        lowest = foot(x) if callable(foot) else foot
+        speed = np.minimum(profile(x[up] - datum, x[1]), STEEPER * profile(x[up] - lowest, x[1]))
         return np.vstack([speed, *np.zeros((up, len(speed)))])
 
     return velocity
 
 
-def _profile(scene: Scene) -> Callable[[np.ndarray], np.ndarray]:
-    """Speed against height above the datum; none below."""
+def _profile(scene: Scene) -> Profile:
+    """Speed against height above the datum, and y where sides are walls; none below the datum."""
     flow, depth = scene.flow, scene.domain.ceiling - scene.datum
     if isinstance(flow, Shear):
-        return lambda y: flow.rate * np.clip(y, 0.0, depth)
+        return lambda z, y: flow.rate * np.clip(z, 0.0, depth)
     if isinstance(flow, LogLaw):
         from .mean_profile import mean_profile
 
         law = mean_profile(scene)
-        return lambda y: law.speed(np.clip(y, 0.0, depth))
+        return lambda z, y: law.speed(np.clip(z, 0.0, depth))
     mean = flow.velocity
+    if scene.gdim == 3 and scene.sides == "wall" and flow.kind in ("poiseuille", "open-channel"):
+        return _in_duct(scene, mean, depth if flow.kind == "poiseuille" else 2.0 * depth)
     profiles: dict[str, Callable[[np.ndarray], np.ndarray]] = {
-        "poiseuille": lambda y: 6 * mean * y * (depth - y) / depth**2,
-        "open-channel": lambda y: 1.5 * mean * y * (2 * depth - y) / depth**2,
-        "uniform": lambda y: np.full_like(y, mean),
-        "lid": lambda y: np.full_like(y, mean),
-        "still": lambda y: np.zeros_like(y),
+        "poiseuille": lambda z: 6 * mean * z * (depth - z) / depth**2,
+        "open-channel": lambda z: 1.5 * mean * z * (2 * depth - z) / depth**2,
+        "uniform": lambda z: np.full_like(z, mean),
+        "lid": lambda z: np.full_like(z, mean),
+        "still": lambda z: np.zeros_like(z),
     }
     speed = profiles[flow.kind]
     # A uniform stream begins at the datum itself, found to round-off.
-    return lambda y: np.where(y < -1e-9 * depth, 0.0, speed(np.clip(y, 0.0, depth)))
+    return lambda z, y: np.where(z < -1e-9 * depth, 0.0, speed(np.clip(z, 0.0, depth)))
+
+
+def _in_duct(scene: Scene, mean: float, depth: float) -> Profile:
+    """The profile between walls: that of a duct of a depth, of which a channel with a free surface is the lower half."""
+    from .duct import duct_speed
+
+    (low, high), highest = scene.domain.across, scene.domain.ceiling - scene.datum
+
+    def speed(z: np.ndarray, y: np.ndarray) -> np.ndarray:
+        across, up = np.clip(y - low, 0.0, high - low), np.clip(z, 0.0, highest)
+        return mean * duct_speed(across, up, high - low, depth)
+
+    return speed
 
 
 def _from_expressions(flow: ExpressionFlow) -> Velocity:

@@ -31,8 +31,6 @@ def free_surface(scene: Scene) -> FreeSurface:
 
 def sticking(scene: Scene) -> tuple[str, ...]:
     """Names of the sides to which fluid below a free surface sticks, and the surface is pinned. Not collective."""
-    if scene.domain.kind == "channel":
-        return ()
     _, right, _, left = side_names(scene)
     ends = (left, right) if surface_of(scene).ends == "no-slip" else ()
     return ends if scene.sides == "slip" else (*ends, *sides_across(scene))

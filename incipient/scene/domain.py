@@ -107,6 +107,11 @@ class Domain(Section):
         return 0.5 * sum(self.across)
 
     @property
+    def entrance(self) -> tuple[float, ...]:
+        """The lowest place of the inflow; in space in its middle."""
+        return (self.left, *((self.middle,) if self.width is not None else ()), self.bottom)
+
+    @property
     def extents(self) -> tuple[float, ...]:
         """Length, in space width, and height."""
         return (self.length, *((self.width,) if self.width is not None else ()), self.height)

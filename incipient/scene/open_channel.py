@@ -43,9 +43,9 @@ def of_channel(scene: Scene, surface: Surface) -> Iterator[tuple[Key, str, str]]
         return
     if surface.ends != "wall":
         yield ("surface", "ends"), "is that of a box but the domain is a channel", "leave it out"
-    if scene.gdim == 3 and scene.sides != "slip":
-        why = f'is "{scene.sides}": a channel with a free surface slides along its sides in this version'
-        yield ("domain", "sides"), why, 'use "slip"'
+    if scene.gdim == 3 and scene.sides == "stream":
+        why = 'is "stream": the surface of a channel would have no place there'
+        yield ("domain", "sides"), why, 'use "slip", or "wall" where the fluid sticks and the surface stays'
     if scene.gdim == 2 and "z" in _variables(surface.inflow):
         yield ("surface", "inflow"), "depends on z but the scene lies in the plane", "use y and t only"
     if closed and kind != "still":

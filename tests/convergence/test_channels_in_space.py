@@ -13,13 +13,13 @@ from scipy.interpolate import RectBivariateSpline
 import incipient
 from incipient.pictures import elevation
 from incipient.pictures.record import read
+from incipient.planning.duct import duct_mean, duct_speed
 from incipient.scene.file import dumps, loads
 
-RIDGES = {
+SLOW = {
     "domain": {"kind": "channel", "length": 6.0, "height": 1.0, "top": "free-surface"},
     "fluid": {"reynolds": 1.0, "scale": "flow"},
-    "flow": {"kind": "open-channel", "velocity": 0.1, "datum": 0.0},
-    "bed": {"amplitude": 0.2, "wavelength": 3.0, "phase": -90.0},
+    "flow": {"kind": "open-channel", "velocity": 0.1},
     "gravity": {"acceleration": 1.0},
     "time": {"start": "steady", "end": 10.0, "step": 1.0},
     "output": {"fields": False},
@@ -41,13 +41,20 @@ def scene_of(tables, **sections):
 
 def test_ridges_across_a_channel_give_the_surface_of_the_plane():
     """A slow stream whose surface falls by 0.16 over two ridges of the height 0.4."""
+    ripples = {"amplitude": 0.2, "wavelength": 3.0, "phase": -90.0}
+    level = {"datum": 0.0}
     plane = scene_of(
-        RIDGES, bed={"kind": "sinusoidal"}, surface={"stations": ALONG}, numerics={"mesh_size": 1.0}
+        SLOW,
+        flow=level,
+        bed=ripples | {"kind": "sinusoidal"},
+        surface={"stations": ALONG},
+        numerics={"mesh_size": 1.0},
     )
     space = scene_of(
-        RIDGES,
+        SLOW,
         domain={"width": 0.5},
-        bed={"kind": "ridges"},
+        flow=level,
+        bed=ripples | {"kind": "ridges"},
         surface={"stations": [[x, y] for y in (0.0, 0.2) for x in ALONG]},
         numerics={"mesh_size": 2.0},
     )
@@ -58,10 +65,60 @@ def test_ridges_across_a_channel_give_the_surface_of_the_plane():
     assert found == pytest.approx(np.stack([exact, exact]), abs=0.008 * np.ptp(exact))
 
 
+# -- between walls ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("aspect", "friction"), [(1.0, 14.227), (2.0, 15.548), (4.0, 18.233)])
+def test_the_stream_in_a_duct_has_the_friction_in_the_tables(aspect, friction):
+    """Fanning's factor times the Reynolds number of rectangles (Shah & London 1978, Laminar Flow Forced Convection)."""
+    hydraulic = 4.0 * aspect / (2.0 * (1.0 + aspect))
+    assert 0.5 * hydraulic**2 / duct_mean(aspect, 1.0) == pytest.approx(friction, rel=1e-4)
+    nodes, weights = np.polynomial.legendre.leggauss(30)
+    y, z = (one.ravel() for one in np.meshgrid(0.5 * aspect * (nodes + 1), 0.5 * (nodes + 1)))
+    speeds = duct_speed(y, z, aspect, 1.0).reshape(30, 30)
+    assert 0.25 * weights @ speeds @ weights == pytest.approx(1.0, abs=1e-6)
+    assert (
+        np.abs(duct_speed(np.array([0.0, aspect, 0.3]), np.array([0.4, 0.4, 0.0]), aspect, 1.0)).max() < 1e-5
+    )
+
+
+@pytest.mark.parametrize(
+    ("mesh_size", "error"), [(2.0, 0.01), pytest.param(1.0, 0.005, marks=pytest.mark.slow)]
+)
+def test_a_channel_between_walls_has_the_stream_and_the_slope_of_half_a_duct(mesh_size, error):
+    """Twice as wide as deep, on the slope that carries the discharge, begun with a surface that is too high."""
+    angle, width, length = np.arctan(0.5), 2.0, 4.0
+    scene = scene_of(
+        SLOW,
+        domain={"length": length, "width": width, "sides": "wall"},
+        flow={"velocity": 1.0},
+        bed={"kind": "inclined", "slope": float(np.degrees(angle))},
+        gravity={"acceleration": float(1.0 / duct_mean(width, 2.0) / np.sin(angle))},
+        surface={
+            "elevation": "0.05*sin(pi*y/2)",
+            "stations": [[2.0, 0.0], [0.0, 1.0], [2.0, 1.0], [3.0, 1.0]],
+        },
+        time={"end": 4.0, "step": 0.5},
+        numerics={"mesh_size": mesh_size},
+    )
+    result = incipient.run(scene)
+    x, v = result.velocity.function_space.tabulate_dof_coordinates(), result.velocity.x.array.reshape(-1, 3)
+    exact = np.zeros_like(v)
+    exact[:, 0] = duct_speed(x[:, 1], np.maximum(x[:, 2], 0.0), width, 2.0)
+    assert np.abs(v - exact).max() < error * exact.max()
+    # A slope 1% too steep would lower the surface by 0.02 from end to end.
+    pinned, *elevations = result.surface["elevations"]
+    assert pinned == pytest.approx(0.0, abs=1e-14)
+    assert np.abs(elevations).max() < 0.3 * error
+    assert result.surface["inflow"] == pytest.approx(width, rel=error)
+
+
 # -- a film over a bump: slope 1/2, Reynolds number 1 ----------------------------------------------------------
 
 REYNOLDS, COT, LENGTH, WIDTH, CELL, HEIGHT = 1.0, 2.0, 9.0, 4.0, 0.5, 0.01
-DEGREE = 14  # of the polynomials in the depth: 22 changes the response by 1e-8 for wave numbers up to 3
+DEGREE = (
+    14  # of the polynomials in the depth: 22 changes the response by less than 1e-9 for wave numbers up to 3
+)
 
 
 def bump(mesh_size, place=(4.0, 2.0), **sections):
@@ -70,7 +127,7 @@ def bump(mesh_size, place=(4.0, 2.0), **sections):
     x, y = (np.arange(0.0, side + 0.5 * CELL, CELL) for side in (LENGTH, WIDTH))
     away = (x - place[0]) ** 2 + (y[:, None] - place[1]) ** 2
     tables = {
-        "domain": RIDGES["domain"] | {"length": LENGTH, "width": WIDTH},
+        "domain": SLOW["domain"] | {"length": LENGTH, "width": WIDTH},
         "fluid": {"reynolds": REYNOLDS, "scale": "flow"},
         "flow": {"kind": "open-channel", "velocity": 1.0, "datum": 0.0},
         "bed": {

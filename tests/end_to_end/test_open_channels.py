@@ -207,6 +207,11 @@ def test_the_plan_tells_of_the_ends():
             "sponge = 2.0",
             "surface.sponge: is 2, more than half of the channel; give at most 1.5",
         ),
+        (
+            "height = 1.0",
+            'height = 1.0\nwidth = 1.0\nsides = "stream"',
+            'domain.sides: is "stream": the surface',
+        ),
         ('elevation = "0"', 'ends = "no-slip"', "surface.ends: is that of a box but the domain is a channel"),
     ],
 )

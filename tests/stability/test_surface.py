@@ -74,7 +74,7 @@ def test_what_a_pinned_surface_does_not_feel():
         rising, ends = made.surface.mesh, np.isin(made.points[:, 0], (0.0, 1.0))
         one, other = np.zeros((2, len(made.surface.elevation)))
         one[made.nodes], other[made.nodes] = generator.standard_normal((2, len(made.nodes)))
-        felt, trial = (elevation - rising.unfelt(elevation) for elevation in (one, other))
+        felt, trial = (elevation - rising.unfelt(elevation, closed=True) for elevation in (one, other))
         for elevation in (felt, trial):
             assert np.abs(elevation[made.nodes][ends]).max() == 0.0 < np.abs(elevation).max()
             assert rising.mean(elevation) == pytest.approx(0.0, abs=1e-14)
