@@ -114,7 +114,7 @@ def _profile(scene: Scene) -> Profile:
 
 
 def _in_duct(scene: Scene, mean: float, depth: float) -> Profile:
-    """The profile between walls: that of a duct of a depth, of which a channel with a free surface is the lower half."""
+    """The profile between walls: that of a duct of a depth, of which an open channel is the lower half."""
     from .duct import duct_speed
 
     (low, high), highest = scene.domain.across, scene.domain.ceiling - scene.datum
