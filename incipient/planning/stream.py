@@ -62,7 +62,8 @@ def bed_stress(scene: Scene) -> float:
     """Shear stress of the undisturbed flow at its datum, scene units with fluid density one. Not collective.
 
     It is that of the flow's profile, the same over the whole bed; between walls, in the middle; of a flow given by
-    formulas, at the inflow. Of the mean of a turbulent stream it is u*^2, of which the viscosity is but a part where the bed is rough.
+    formulas, at the inflow. Of the mean of a turbulent stream it is u*^2, of which the viscosity is but a part where
+    the bed is rough.
     """
     if isinstance(scene.flow, LogLaw):
         return scene.flow.shear_velocity**2
