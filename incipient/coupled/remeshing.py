@@ -70,14 +70,15 @@ def carry_over(
     with Projection(fluid) as projection:
         for k, one in enumerate(states):
             state = carrier.state(one.state)
-            if k < len(coupling.places):
+            # A fluid at rest stays so, though its boundaries may have been set off at once.
+            if k < len(coupling.places) and before.fluid.squared_velocities(one.state) > 0.0:
                 _put(fluid, coupling.places[k])
                 state, change = _admissible(part, part.past[k], state, projection)
                 changes.append(change)
             carried.append(Past(one.time, state, one.velocities))
     _put(fluid, coupling.places[0])
     fluid.state.x.array[:] = carried[0].state
-    summary = _summary(before, coupling, carrier, max(changes))
+    summary = _summary(before, coupling, carrier, max(changes, default=0.0))
     if not (summary.new_quality > 0.0 and summary.change < LARGEST_CHANGE):
         raise MeshError(
             f"at t = {summary.time:.6g} the flow does not survive the transfer to a new mesh "

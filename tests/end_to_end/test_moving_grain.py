@@ -149,6 +149,24 @@ def test_published_fall_in_a_box(tmp_path: Path) -> None:
     assert found["y"][-1] == pytest.approx(0.125 + 0.0025, abs=1e-5)
 
 
+def test_a_grain_that_is_set_off_at_once_gets_new_meshes_from_its_first_step_on(tmp_path: Path) -> None:
+    """In a fluid at rest, which on the new mesh is at rest, too; the path is that without new meshes."""
+
+    def thrown(remesh_below: float) -> Columns:
+        scene = settling(
+            2.0,
+            body=Disc(diameter=1.0, centre=(2.0, 8.0), density=2.0, motion="free", velocity=(0.3, 0.2)),
+            time=Time(end=0.45, step=0.15),
+            numerics=Numerics(mesh_size=3.0, error_bars=False, remesh_below=remesh_below),
+        )
+        return history(scene, tmp_path / str(remesh_below))
+
+    often, never = thrown(0.999), thrown(0.01)
+    assert often["meshes"].tolist() == [1, 2, 3] and never["meshes"].max() == 1
+    for name in ("velocity_x", "velocity_y"):
+        assert often[name] == pytest.approx(never[name], abs=1e-3 * 0.3)
+
+
 # -- new meshes on the way ----------------------------------------------------------------------
 
 
