@@ -1,6 +1,6 @@
 """Geometry in, gmsh mesh and tags out."""
 
-from .region import Away, Grid, Near, Region, SizeField, Sizes
+from .region import Away, Grid, Near, Region, SizeField, Sizes, SolidGrid
 from .solid_region import PlacedSolid, Resolved, SolidFrame, SolidRegion
 
 __all__ = [
@@ -13,5 +13,6 @@ __all__ = [
     "SizeField",
     "Sizes",
     "SolidFrame",
+    "SolidGrid",
     "SolidRegion",
 ]

@@ -5,7 +5,7 @@ import numpy as np
 from incipient.arrays import Floats, planar_cross
 
 from .exact import Body, Ground
-from .region import Grid, Near, Region, Sizes
+from .region import Grid, Near, Region, Sizes, SolidGrid
 from .solid_region import SolidFrame, SolidRegion
 from .solid_sizes import CORNERS, SizeMap, boxes
 
@@ -15,13 +15,15 @@ PER_CURVE = 4.0  # triangles about a curve that is shorter than the cells next t
 PARTS = 50  # of a boundary along which sizes grow
 
 
-def expected_cells(shape: Region | Grid | SolidRegion, sizes: Sizes) -> dict[str, float]:
+def expected_cells(shape: Region | Grid | SolidRegion | SolidGrid, sizes: Sizes) -> dict[str, float]:
     """About how many cells each part of the sizes asks for, by name: the sum is that of all.
 
     The sizes grow with the distance from boundaries and points, so that their integrals are known.
     """
     if isinstance(shape, SolidRegion):
         return _expected_tetrahedra(shape, sizes)
+    if isinstance(shape, SolidGrid):
+        return {"domain": 6.0 * shape.grid.columns * shape.grid.rows * shape.layers}
     if isinstance(shape, Grid):
         return {"domain": 2.0 * shape.columns * shape.rows}
     left, right = shape.bottom[0].start, shape.bottom[-1].end

@@ -16,7 +16,7 @@ from incipient.errors import MeshError
 from incipient.geometry.plane.curves import Arc, Curve, Line, Spline
 from incipient.interrupt import handlers_kept
 
-from .region import GRID, Frame, Grid, Near, Place, Region, SizeField, Sizes
+from .region import GRID, Frame, Grid, Near, Place, Region, SizeField, Sizes, SolidGrid
 
 with handlers_kept():  # at its import gmsh takes interrupts for itself
     import gmsh
@@ -53,6 +53,22 @@ def grid_model(grid: Grid, order: int) -> Iterator[Any]:
             _draw_grid(grid, frame)
             _mesh(order)
             _put_in_place(frame)
+        yield model
+
+
+@contextmanager
+def solid_grid_model(grid: SolidGrid, order: int) -> Iterator[Any]:
+    """Yield the gmsh model of a grid extruded across. Not collective: one rank draws."""
+    with session() as model:
+        with complaints_as_errors():
+            frame = Frame(grid.grid.origin, grid.grid.height)
+            _draw_solid_grid(grid, frame)
+            gmsh.option.setNumber("General.AbortOnError", 1)
+            said = len(gmsh.logger.get())
+            model.mesh.generate(3)
+            require_no_complaint(said, 3)
+            model.mesh.setOrder(order)
+            _put_in_place(frame, across=grid.across[0])
         yield model
 
 
@@ -245,15 +261,38 @@ def set_option(name: str, older: str, value: float) -> None:
         gmsh.option.setNumber(older, value)
 
 
-def _draw_grid(grid: Grid, frame: Frame) -> None:
+def _rectangle(grid: Grid, frame: Frame) -> tuple[list[int], int]:
+    """The tags of the sides, cut, and of what is between them."""
     length, geo = frame.size(grid.length), gmsh.model.geo
     corners = [(0.0, 0.0), (length, 0.0), (length, 1.0), (0.0, 1.0)]
     points = [geo.addPoint(*corner, 0.0) for corner in corners]
     lines = [geo.addLine(points[i], points[(i + 1) % 4]) for i in range(4)]
     for line, cells in zip(lines, [grid.columns, grid.rows] * 2, strict=True):
         geo.mesh.setTransfiniteCurve(line, cells + 1, "Bump", grid.grading)
-    surface = geo.addPlaneSurface([geo.addCurveLoop(lines)])
+    return lines, geo.addPlaneSurface([geo.addCurveLoop(lines)])
+
+
+def _draw_solid_grid(grid: SolidGrid, frame: Frame) -> None:
+    lines, surface = _rectangle(grid.grid, frame)
+    geo, depth = gmsh.model.geo, frame.size(grid.across[1] - grid.across[0])
     geo.mesh.setTransfiniteSurface(surface, "Alternate")
+    made = geo.extrude([(2, surface)], 0.0, 0.0, -depth, numElements=[grid.layers])
+    geo.synchronize()
+    (_, far), (_, volume), *walls = made
+    named: dict[str, list[int]] = {grid.sides[0]: [surface]}
+    named.setdefault(grid.sides[1], []).append(far)
+    for name, (_, wall) in zip(grid.grid.sides, walls, strict=True):
+        named.setdefault(name, []).append(wall)
+    gmsh.model.addPhysicalGroup(3, [volume], 1)
+    gmsh.model.setPhysicalName(3, 1, "fluid")
+    for tag, (name, members) in enumerate(named.items(), start=1):
+        gmsh.model.addPhysicalGroup(2, members, tag)
+        gmsh.model.setPhysicalName(2, tag, name)
+
+
+def _draw_grid(grid: Grid, frame: Frame) -> None:
+    lines, surface = _rectangle(grid, frame)
+    gmsh.model.geo.mesh.setTransfiniteSurface(surface, "Alternate")
     curves: dict[str, list[int]] = {}
     for name, line in zip(grid.sides, lines, strict=True):
         curves.setdefault(name, []).append(line)
@@ -284,11 +323,13 @@ def require_no_complaint(said: int, dimension: int) -> None:
         raise MeshError(f"the geometry could not be meshed: {reason}")
 
 
-def _put_in_place(frame: Frame) -> None:
-    """Take the nodes of the mesh from the frame to the scene."""
+def _put_in_place(frame: Frame, across: float | None = None) -> None:
+    """Take the nodes of the mesh from the frame to the scene; in space x, z and -y are drawn, from a y on."""
     tags, places, _ = gmsh.model.mesh.getNodes()
     nodes = np.reshape(places, (-1, 3)) * frame.length
     nodes[:, :2] += frame.origin
+    if across is not None:
+        nodes = np.column_stack([nodes[:, 0], across - nodes[:, 2], nodes[:, 1]])
     # The library's own call: the Python function around it converts each number on its own.
     put, error, none = gmsh.lib.gmshModelMeshSetNode, c_int(), c_size_t(0)
     rows = nodes.ctypes.data

@@ -144,3 +144,18 @@ class Grid:
     rows: int
     grading: float = 0.05
     sides: tuple[str, str, str, str] = ("bottom", "right", "top", "left")
+
+
+@dataclass(frozen=True)
+class SolidGrid:
+    """A grid of the plane of x and z extruded along y: each triangle of each layer into three tetrahedra.
+
+    across: the least and the largest y
+    layers: how many there are, all of one thickness
+    sides:  names of the boundaries at the least and the largest y
+    """
+
+    grid: Grid
+    across: tuple[float, float]
+    layers: int
+    sides: tuple[str, str] = ("right", "left")

@@ -10,7 +10,7 @@ from ..arrays import Point
 from ..geometry.placement import Placement
 from ..geometry.plane.curves import Curve, Line
 from ..installed import memory_of_libraries
-from ..meshes import Away, Grid, Near, Region, Sizes, SolidRegion
+from ..meshes import Away, Grid, Near, Region, Sizes, SolidGrid, SolidRegion
 from ..scene import Scene
 from .cells import FAR_CELL, is_grid, largest_cell, side_names
 from .clearance import surroundings
@@ -36,7 +36,7 @@ MEMORY_GROWTH = 194.0  # bytes per n log2 n of n unknowns; fitted, see docs/perf
 def lay_out(scene: Scene, plan: Plan, moved: Placement | None = None) -> Layout:
     """Place the grain, where the scene has it or where it has `moved`, and decide cell sizes. Not collective."""
     most = scene.numerics.max_cells
-    if scene.gdim == 3:
+    if scene.gdim == 3 and not plan.has(EffectName.TURBULENCE):
         return lay_out_in_space(scene, plan, moved)
     if plan.has(EffectName.TURBULENCE):
         from . import turbulence
@@ -153,7 +153,7 @@ def count(
     solver: of the linear systems, a name in `fluid.solvers.SOLVERS`
     wider:  of a run for the error bars that is made while the flow is kept; in space
     """
-    if isinstance(layout.shape, SolidRegion):
+    if isinstance(layout.shape, SolidRegion | SolidGrid):
         return count_in_space(layout, order, dual, solver, wider)
     with layout.drawing() as model:
         _, tags, nodes = model.mesh.getElements(2)

@@ -11,7 +11,7 @@ from ..geometry.space.cylinder import Cylinder
 from ..geometry.space.polyhedra import Box
 from ..geometry.space.terrain import Plane, Terrain
 from ..installed import memory_of_libraries
-from ..meshes import Away, Near, PlacedSolid, Resolved, Sizes, SolidRegion
+from ..meshes import Away, Near, PlacedSolid, Resolved, Sizes, SolidGrid, SolidRegion
 from ..scene import Scene
 from .cells import largest_cell_in_space, side_names
 from .clearance import surroundings
@@ -140,7 +140,7 @@ def count_in_space(
 
 def _counted(layout: Layout) -> tuple[int, Callable[[int], int]]:
     """Cells of the layout's mesh, and unknowns on it by order of the velocity, by making it."""
-    assert isinstance(layout.shape, SolidRegion)
+    assert isinstance(layout.shape, SolidRegion | SolidGrid)
     with layout.drawing() as model:
         _, tags, nodes = model.mesh.getElements(3)
         cells = sum(len(t) for t in tags)
@@ -155,8 +155,10 @@ def _counted(layout: Layout) -> tuple[int, Callable[[int], int]]:
     return cells, lambda k: 3 * lagrange(k, *numbers) + lagrange(k - 1, *numbers)
 
 
-def euler_number(region: SolidRegion) -> int:
+def euler_number(region: SolidRegion | SolidGrid) -> int:
     """Euler's number of a region: a whole grain is a cavity, half a grain a dent, a cylinder a tunnel."""
+    if isinstance(region, SolidGrid):
+        return 1
     across = sum(isinstance(hole.solid, Cylinder) for hole in region.holes.values())
     return 1 - across + (0 if region.symmetric else len(region.holes) - across)
 

@@ -13,7 +13,7 @@ from ..errors import SceneError
 from ..geometry.placement import Placement
 from ..geometry.rest import clearance, lifted
 from ..installed import required
-from ..meshes import Grid, Region, Sizes, SolidRegion
+from ..meshes import Grid, Region, Sizes, SolidGrid, SolidRegion
 from ..scene import Scene
 
 Place = Any  # a point (gdim,) as a tuple of numbers
@@ -30,7 +30,7 @@ class Layout:
     max_cells: triangles, in space tetrahedra, expected above which no mesh is made
     """
 
-    shape: Region | Grid | SolidRegion
+    shape: Region | Grid | SolidRegion | SolidGrid
     sizes: Sizes
     geometry_order: int
     resting: Placement | None = None
@@ -54,8 +54,10 @@ class Layout:
 
             return solid_model(self.shape, self.sizes, self.geometry_order)
         with required():
-            from ..meshes.model import grid_model, region_model
+            from ..meshes.model import grid_model, region_model, solid_grid_model
 
+        if isinstance(self.shape, SolidGrid):
+            return solid_grid_model(self.shape, self.geometry_order)
         if isinstance(self.shape, Grid):
             return grid_model(self.shape, self.geometry_order)
         return region_model(self.shape, self.sizes, self.geometry_order)

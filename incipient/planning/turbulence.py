@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..meshes.solid_region import SYMMETRY
 from ..scene import Scene
 from ..scene.turbulence import Turbulence
-from .cells import side_names
+from .cells import side_names, sides_across
 
 if TYPE_CHECKING:
     from ..fluid.conditions import Condition
-    from ..meshes import Grid, Near
+    from ..meshes import Grid, Near, SolidGrid
 
 LOWEST, HIGHEST = 30.0, 300.0  # distances from the wall, in nu/u*, between which the law holds
 AIMED_AT = 50.0
@@ -31,6 +32,7 @@ SAMPLES = 2000
 ROWS, COLUMN, GRADING = 14, 1.0, 0.3
 # Of other meshes: cells at walls, over the distance of the law; growth away from them; cells at corners over those.
 WALL_CELL, WALL_GROWTH, CORNER_CELL = 4.0, 0.25, 0.4
+LAYERS = 2  # of cells across a channel in space, at the least
 NUMPY = SimpleNamespace(log=np.log, larger=np.maximum)
 
 
@@ -173,9 +175,9 @@ def percent(share: float) -> str:
     return f"{100 * share:.0f}%"
 
 
-def grid(scene: Scene, order: int, mesh_size: float) -> Grid:
-    """The mesh between the walls, less what the law of the wall covers. Not collective."""
-    from ..meshes import Grid
+def grid(scene: Scene, order: int, mesh_size: float) -> Grid | SolidGrid:
+    """The mesh between the walls, less what the law of the wall covers; in space it is extruded. Not collective."""
+    from ..meshes import Grid, SolidGrid
 
     walls, domain = walls_of(scene), scene.domain
     coarse = mesh_size * (1.0 if order > 2 else 0.75)
@@ -183,7 +185,12 @@ def grid(scene: Scene, order: int, mesh_size: float) -> Grid:
     height = domain.height - walls.number * walls.distance
     corner = (domain.left, domain.bottom + walls.distance)
     sizes = (max(4, round(columns)), max(6, round(rows)))
-    return Grid(corner, domain.length, height, *sizes, GRADING, side_names(scene))
+    found = Grid(corner, domain.length, height, *sizes, GRADING, side_names(scene))
+    if scene.gdim == 2:
+        return found
+    low, high = (domain.middle, domain.across[1]) if scene.symmetric else domain.across
+    layers = max(LAYERS, round((high - low) / (COLUMN * walls.depth * coarse)))
+    return SolidGrid(found, (low, high), layers, (SYMMETRY if scene.symmetric else "right", "left"))
 
 
 def cells(scene: Scene, order: int) -> tuple[Near, ...]:
@@ -293,4 +300,6 @@ def conditions(scene: Scene) -> list[Condition]:
         Friction(name, walls.distance, drag, scene.up if name in beside else None) for name in names
     ]
     lids: list[Condition] = [] if top in names else [Slip(top, axis=scene.up)]
+    lids += [Slip(name, axis=1) for name in sides_across(scene)]
+    lids += [Slip(SYMMETRY, axis=1)] if scene.symmetric else []
     return [Open(right), *rubbing, *lids, Prescribed(left, velocity(scene))]

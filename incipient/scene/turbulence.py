@@ -91,8 +91,11 @@ def contradictory(scene: Scene) -> Iterator[Problem]:
 
 def _of_place(scene: Scene) -> Iterator[tuple[Key, str, str]]:
     key, by_this = ("effects", "turbulence"), "is not simulated by this version"
-    if scene.gdim == 3:
-        yield key, f"turbulence in space {by_this}", LAMINAR
+    if scene.gdim == 3 and scene.sides != "slip":
+        why = f'"{scene.sides}" with turbulence {by_this}'
+        yield ("domain", "sides"), why, 'use "slip", sides without friction'
+    if scene.gdim == 3 and scene.bed is not None and scene.bed.kind != "flat":
+        yield key, f"turbulence in space over a bed that is not flat {by_this}", LAMINAR
     if scene.body is not None:
         yield key, f"a grain in turbulence {by_this}, and most sand is too small for wall functions", LAMINAR
 
