@@ -273,7 +273,7 @@ def _rectangle(grid: Grid, frame: Frame) -> tuple[list[int], int]:
 
 
 def _draw_solid_grid(grid: SolidGrid, frame: Frame) -> None:
-    lines, surface = _rectangle(grid.grid, frame)
+    _, surface = _rectangle(grid.grid, frame)
     geo, depth = gmsh.model.geo, frame.size(grid.across[1] - grid.across[0])
     geo.mesh.setTransfiniteSurface(surface, "Alternate")
     made = geo.extrude([(2, surface)], 0.0, 0.0, -depth, numElements=[grid.layers])

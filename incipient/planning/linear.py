@@ -43,7 +43,10 @@ def method_of(scene: Scene, slow: bool, unsteady: bool) -> Method:
             "order 2 by blocks, and from there the higher one without a matrix: Stokes flow needs no more",
         )
     if scene.is_turbulent:
-        return Method("direct", "the viscosity of eddies varies too much for blocks")
+        return Method(
+            "direct",
+            "blocks do not converge with eddies; in space factors take much time and memory",
+        )
     dear = "in space factors would take much time and memory"
     if slow:
         return Method("block", f"{dear}; Stokes flow needs none")

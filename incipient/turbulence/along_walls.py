@@ -47,8 +47,13 @@ class AlongWall:
 
 
 def along_wall(fluid: Fluid, boundary: str, shear_velocity: Any) -> AlongWall:
-    """Read the flow along a named boundary; `shear_velocity` is UFL. Collective."""
-    space, domain, gdim = fluid.space.velocity, fluid.domain, fluid.space.gdim
+    """Read the flow along a named boundary, in space at corners of cells; `shear_velocity` is UFL. Collective."""
+    domain, gdim, flow = fluid.domain, fluid.space.gdim, fluid.velocity
+    # In space the functions of corners in elements of order two integrate to zero: no area would go with them.
+    space = fluid.space.velocity if gdim == 2 else compat.space(domain.mesh, ("Lagrange", 1), (gdim,))
+    if gdim == 3:
+        flow = dolfinx.fem.Function(space)
+        flow.interpolate(fluid.velocity)
     facets = domain.facets_of(boundary)
     nodes = boundary_blocks(space, facets)
     nodes = nodes[nodes < space.dofmap.index_map.size_local]
@@ -62,10 +67,10 @@ def along_wall(fluid: Fluid, boundary: str, shear_velocity: Any) -> AlongWall:
     expression = ufl.as_vector([shear_velocity] + [0.0] * (gdim - 1))
     found.interpolate(dolfinx.fem.Expression(expression, compat.interpolation_points(space)))
     columns = [
-        fluid.constraints.points[nodes, :gdim],
+        space.tabulate_dof_coordinates()[nodes, :gdim],
         _at(lengths, nodes, gdim)[:, :1],
         _at(normals, nodes, gdim),
-        fluid.state.x.array[fluid.space.velocity_map].reshape(-1, gdim)[nodes],
+        flow.x.array.reshape(-1, gdim)[nodes],
         found.x.array.reshape(-1, gdim)[nodes, :1],
     ]
     whole = np.concatenate(domain.comm.allgather(np.hstack(columns)))

@@ -19,6 +19,7 @@ from ..fluid.solvers.direct import Direct
 from ..fluid.space import cell_size
 from ..forms import turbulence as forms
 from ..mesh.domain import Domain
+from .linear import Incomplete
 
 Values = Callable[[np.ndarray], np.ndarray]
 MOST_CORRECTIONS = 20
@@ -110,7 +111,8 @@ class Turbulence:
         self._matrix = self._holding(petsc.create_matrix(self._jacobian))
         self._vector = self._holding(petsc.assemble_vector(self._residual))
         self._correction = self._holding(self._vector.duplicate())
-        self.solver = Direct(self._matrix)
+        kind = Direct if self.domain.gdim == 2 else Incomplete
+        self.solver = self._holding(kind(self._matrix))
         self._view = self._holding(compat.vec_view(self.state))
 
     def step(self, rate: Sequence[float], past: Sequence[np.ndarray], tolerance: float) -> float:

@@ -148,6 +148,14 @@ def test_a_run_that_is_resumed_ends_where_the_whole_one_does(tmp_path):
     assert found.count("\n") == expected.count("\n")
 
 
+def test_a_channel_in_space_is_the_plane_s():
+    """Level bed, sides without friction: u* within 0.1%, by which triangles and tetrahedra may differ."""
+    plane = incipient.run(channel(11000.0, 4.0)).turbulence
+    space = incipient.run(channel(11000.0, 4.0, domain=Domain(length=4.0, width=2.0, height=1.0))).turbulence
+    for name in ("at_outflow", "shear_velocity", "least", "largest"):
+        assert getattr(space, name) == pytest.approx(getattr(plane, name), rel=1e-3), name
+
+
 @pytest.mark.slow
 def test_ranks_agree(mpirun):
     """Steadily and in time, on one rank and on three."""

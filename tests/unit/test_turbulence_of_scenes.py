@@ -47,8 +47,8 @@ def channel(**changes):
             "turbulence: describes turbulence, which effects.",
         ),
         (
-            {"domain": Domain(length=20, width=2, height=1)},
-            "effects.turbulence: turbulence in space is not simulated",
+            {"domain": Domain(length=20, width=2, height=1, sides="wall")},
+            'domain.sides: "wall" with turbulence is not simulated',
         ),
         (
             {"body": Disc(diameter=0.2, centre=(4, 0.5))},
@@ -163,6 +163,16 @@ def test_a_bed_with_forms_bounds_the_mesh_itself():
     mean = entering(found).speed(0.5 * (inner[1:] + inner[:-1])).mean()
     layer = walls.law.beyond(walls.shear_velocity, found.viscosity, walls.distance) * walls.shear_velocity
     assert mean * (inner[-1] - inner[0]) + layer == pytest.approx(1.9, rel=1e-4)
+
+
+def test_a_channel_in_space_is_meshed_as_in_the_plane_layer_by_layer():
+    """Half of it where it is its own mirror image; two cells across at the least."""
+    scene = channel(domain=Domain(length=20, height=1, width=2, origin=(0, -1, 3)))
+    found, plane = lay_out(scene, make_plan(scene)).shape, channel(numerics=Numerics(order=2))
+    of_plane = lay_out(plane, make_plan(plane)).shape
+    assert found.grid.origin[1] == pytest.approx(3 + of_plane.origin[1])
+    assert (found.grid.rows, found.grid.columns) == (of_plane.rows, of_plane.columns)
+    assert found.across == (0.0, 1.0) and found.sides == ("symmetry", "left") and found.layers == 2
 
 
 def test_the_law_of_the_wall():
