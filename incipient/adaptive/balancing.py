@@ -15,13 +15,13 @@ from ..accuracy.errorbars import (
     HIGHEST_ORDER,
     LONGEST_STEP,
     OF_MESH,
-    KeptRuns,
     by_coarser_runs,
     changed,
     comparisons,
     order_in_time,
 )
 from ..accuracy.goal import ELEVATION, relative
+from ..accuracy.kept_runs import KeptRuns
 from ..errors import IncipientError, Interrupted
 from ..results.adaptation import Trial
 from ..results.errorbars import Loads, Term

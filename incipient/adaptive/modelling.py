@@ -15,14 +15,14 @@ import numpy as np
 
 from ..accuracy.errorbars import (
     DECAY,
-    MODEL_TERMS,
     SLOW_DECAY,
     changed,
     coarse,
-    decay_of,
     farther,
     has_no_far_sides,
+    not_there,
     of_domain,
+    of_the_model,
 )
 from ..accuracy.goal import relative
 from ..arrays import spatial
@@ -33,8 +33,8 @@ from ..scene import Scene
 from ..simulation.loads import weights
 
 if TYPE_CHECKING:
-    from ..accuracy.errorbars import Solve
     from ..accuracy.goal import Computed, Quantity
+    from ..accuracy.kept_runs import Solve
     from ..results.elevations import Elevations
     from ..results.errorbars import ErrorBars, Term
 
@@ -92,22 +92,24 @@ def suited(scene: Scene, asked: float, goal: Quantity, solve: Solve, tell: Calla
             return replace(found, unmet=f"errors of gap and domain are not known beyond that: {error}")
         if scene is found.scene:
             largest = max(errors, key=lambda name: errors[name])
+            remedy = f"; {_of_datum(scene)}" if largest == "datum" else ""
             return replace(
-                found, unmet=f"the error of the {largest}, {errors[largest]:.1e}, cannot be made smaller"
+                found,
+                unmet=f"the error of the {largest}, {errors[largest]:.1e}, cannot be made smaller{remedy}",
             )
     return replace(found, unmet=f"gap and domain err too much after {MOST_STEPS} steps")
 
 
 def _looked_at(
-    scene: Scene, goal: Quantity, solve: Solve, decay: float = DECAY
+    scene: Scene, goal: Quantity, solve: Solve, decay: float | None = None
 ) -> tuple[Suited, dict[str, float]]:
     """A scene with its terms, and what each comes to by name, relative; the domain's error decays with that power."""
-    estimates = {name: estimate for name, why_not, estimate in MODEL_TERMS if not why_not(scene)}
+    estimates = of_the_model(scene)
     if not estimates:
         return Suited(scene, (), 0.0), {}
-    if "domain" in estimates:
-        estimates["domain"] = partial(of_domain, decay=decay)
-    terms = tuple(estimate(scene, solve) for estimate in estimates.values())
+    if decay is not None:
+        estimates["domain"] = partial(of_domain, scene, decay=decay)
+    terms = tuple(estimate(solve) for estimate in estimates.values())
     measure = _measure(scene, goal, solve(coarse(scene)))
     errors = {term.name: measure(term) for term in terms}
     return Suited(scene, terms, sum(errors.values())), errors
@@ -130,12 +132,8 @@ def _ended(before: Suited, found: Suited, goal: Quantity, solve: Solve) -> Suite
     """The better of the last two scenes, with the domain's error by the law of one that hardly falls. Collective."""
     slowly = [_looked_at(one.scene, goal, solve, SLOW_DECAY) for one in (before, found)]
     best, errors = min(slowly, key=lambda one: one[0].error)
-    bed, level = best.scene.bed, getattr(best.scene.flow, "datum", None)
-    other = level is not None and bed is not None and bed.kind not in ("flat", "inclined")
-    remedy = "; another flow.datum may suit the forms of the bed better" if other else ""
     return replace(
-        best,
-        unmet=f"the error of the domain, {errors['domain']:.1e}, hardly falls as the domain grows{remedy}",
+        best, unmet=f"the error of the domain, {errors['domain']:.1e}, hardly falls as the domain grows"
     )
 
 
@@ -150,8 +148,7 @@ def _improved(found: Suited, errors: dict[str, float], part: float) -> Scene:
 
 def not_estimated(scene: Scene) -> str:
     """Why the error of gap or domain is there but not known, or nothing. Not collective."""
-    for name, why_not, _ in MODEL_TERMS:
-        reason = why_not(scene)
+    for name, reason in not_there(scene).items():
         if reason.startswith("not estimated"):
             return f"that of the {name} is {reason}"
     return ""
@@ -174,13 +171,19 @@ def remedies(scene: Scene, asked: float, goal: Quantity, found: Computed, bars: 
 
 def _remedy(scene: Scene, term: Term, relative: float) -> str:
     """What would make a term `relative` times what it is."""
-    if term.name == "domain" and decay_of(scene) < DECAY:
-        return "a number for flow.datum that suits the forms of the bed does more than a larger domain"
+    if term.name == "datum":
+        return _of_datum(scene)
     try:
         better = _lessened(scene, term, AIM * relative, at_once=False)
     except SceneError:
         better = None
     return _advice(term.name, better, scene)
+
+
+def _of_datum(scene: Scene) -> str:
+    if getattr(scene.flow, "datum", "auto") in ("auto", "effective"):
+        return "with inertia the effective height of the bed is not known better"
+    return 'flow.datum = "auto" has less of it'
 
 
 def _advice(name: str, better: Scene | None, scene: Scene) -> str:
@@ -206,7 +209,7 @@ def _lessened(scene: Scene, term: Term, relative: float, at_once: bool = True) -
     relative = max(relative, LEAST)
     if term.name == "gap":
         return _closer(scene, relative ** (1.0 / term.power), at_once)
-    if has_no_far_sides(scene):
+    if term.name == "datum" or has_no_far_sides(scene):
         return None
     factor = float(np.ceil(10.0 * relative ** (-1.0 / DECAY))) / 10.0
     return farther(scene, min(factor, FARTHEST) if at_once else factor)

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..accuracy.errorbars import KeptRuns
 from ..accuracy.goal import Goal, Quantity
+from ..accuracy.kept_runs import KeptRuns
 from ..planning.drawing import MEMORY_GROWTH
 from ..progress import Silent
 from ..results.adaptation import Adaptation, Trial

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..scene import Scene
+from ..scene.datum import effective_height, starts_at_effective_height
 
 
 @dataclass(frozen=True)
@@ -35,9 +36,15 @@ def datum_of(scene: Scene) -> Datum | None:
 def _words(scene: Scene, level: float | str) -> str:
     bed = scene.bed_shape
     assert bed is not None
+    if level == "effective" or (level == "auto" and starts_at_effective_height(scene)):
+        found = effective_height(scene)
+        share = (
+            f", of it {found.height - found.creeping:.2g} by inertia" if found.height > found.creeping else ""
+        )
+        return f"the effective height of the bed, computed from its shape{share}"
     if level == "mean":
         return "the mean height of the bed"
-    if level != "crest":
+    if not isinstance(level, str):
         return f"flow.datum = {level:g}"
     if bed.crest > scene.datum:
         return (

@@ -120,7 +120,7 @@ def _scale(scene: Scene) -> Iterator[Problem]:
 def _bed_needed(scene: Scene) -> Iterator[Problem]:
     if scene.bed is not None:
         return
-    if getattr(scene.flow, "datum", "crest") != "crest":
+    if getattr(scene.flow, "datum", "auto") not in ("auto", "crest"):
         why = "is a height of the bed but there is none"
         yield Problem(("flow", "datum"), why, "add a section [bed] or leave it out")
     if scene.contact is not None and not (scene.body is not None and scene.body.moves):
@@ -308,14 +308,18 @@ def _beyond_height_map(scene: Scene) -> Iterator[Problem]:
 
 def _datum_of_the_bed(scene: Scene) -> Iterator[Problem]:
     """A datum given as a number must be a height that the bed has: above it a layer of fluid would be at rest."""
-    level, base = getattr(scene.flow, "datum", "crest"), scene.domain.bottom
+    level, base = getattr(scene.flow, "datum", "auto"), scene.domain.bottom
+    if level == "effective" and scene.gdim == 3:
+        yield Problem(
+            ("flow", "datum"), 'is "effective" in space, where it is not computed', 'use "auto" or a height'
+        )
     if isinstance(level, str) or scene.bed is None:
         return
     lowest, highest = (height - base for height in _bed_heights(scene))
     slack = 1e-9 * scene.domain.height
     if not lowest - slack <= level <= highest + slack:
         why = f"is {level:g}, the bed's heights above its base line go from {lowest:g} to {highest:g}"
-        yield Problem(("flow", "datum"), why, 'give one of them, or "crest" or "mean"')
+        yield Problem(("flow", "datum"), why, 'give one of them, or "auto", "crest" or "mean"')
 
 
 def _body_place(scene: Scene) -> Iterator[Problem]:

@@ -22,22 +22,27 @@ def _components(value: Any) -> Any:
 Words = Annotated[tuple[str, ...], Field(strict=False), BeforeValidator(_components)]
 
 
+LEVELS = ("auto", "effective", "crest", "mean")
+_LEVELS = ", ".join(f'"{level}"' for level in LEVELS)
+
+
 class Profile(Section):
     """What streams of a given profile have in common."""
 
-    datum: float | Literal["crest", "mean"] = Field(
-        "crest",
-        description="Where the profile starts: crest or mean of the bed, or a height above its base line [length]",
+    datum: float | Literal["auto", "effective", "crest", "mean"] = Field(
+        "auto",
+        description="Where the profile starts: auto (computed from the bed in the plane, else its crests), "
+        "effective, crest or mean, or a height above the base line [length]",
     )
 
     @field_validator("datum", mode="before")
     @classmethod
     def _is_a_level(cls, value: Any) -> Any:
         number = isinstance(value, int | float) and not isinstance(value, bool)
-        if value in ("crest", "mean") or (number and abs(value) <= sys.float_info.max):
+        if value in LEVELS or (number and abs(value) <= sys.float_info.max):
             return value
         shown = f'"{value}"' if isinstance(value, str) else value
-        raise contradiction(f"is {shown}", 'use "crest", "mean" or a height above the bed\'s base line')
+        raise contradiction(f"is {shown}", f"use {_LEVELS} or a height above the bed's base line")
 
 
 class Shear(Profile):

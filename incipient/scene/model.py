@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from .checks import contradictions
+from .datum import height_of_datum
 from .domain import Domain, Sides, Top
 from .effects import Effects, section_of
 from .flows import Flow, LogLaw, Shear
@@ -259,19 +260,10 @@ class Scene(Section):
         made = self.bed.surface if self.gdim == 2 else self.bed.terrain
         return made(self.domain.bottom)
 
-    @property
+    @cached_property
     def datum(self) -> float:
         """The height y at which the profile of the undisturbed flow starts; the same over the whole bed."""
-        domain, bed = self.domain, self.bed_shape
-        if bed is None:
-            return domain.bottom
-        level = getattr(self.flow, "datum", "crest")
-        within: tuple[Any, ...] = (domain.left, domain.right)
-        if self.gdim == 3:
-            within = within, domain.across
-        if level == "crest":
-            return float(bed.crest_level(*within))
-        return float(bed.mean(*within)) if level == "mean" else domain.bottom + float(level)
+        return height_of_datum(self)
 
     @cached_property  # it is asked for at every step and takes longer than a step's solution
     def placement(self) -> Placement | None:

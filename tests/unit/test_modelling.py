@@ -10,8 +10,9 @@ import pytest
 from mpi4py import MPI
 
 import incipient
-from incipient.accuracy.errorbars import KeptRuns, Solve, changed, coarse, of_domain, of_gap
+from incipient.accuracy.errorbars import changed, coarse, of_domain, of_gap
 from incipient.accuracy.goal import Goal
+from incipient.accuracy.kept_runs import KeptRuns, Solve
 from incipient.adaptive.modelling import SMALLEST_GAP, Suited, remedies, suited
 from incipient.adaptive.search import Search
 from incipient.critical.adaptation import CriticalRefinement

@@ -67,6 +67,18 @@ class Bed(ABC):
     def curves(self, x0: float, x1: float) -> tuple[Curve, ...]:
         """The bed from x0 to x1 > x0 as curves, left to right, each beginning where the one before ends."""
 
+    @property
+    def period(self) -> float | None:
+        """The length after which the bed repeats; None where it does not, or has no forms."""
+        return None
+
+    def cell(self, x0: float, x1: float) -> tuple[Curve, ...]:
+        """The bed over a period from y = 0 as its base line, left to right, wherever it begins in the scene.
+
+        Of a bed that does not repeat it is x0 to x1, and the same mirrored at x1.
+        """
+        raise NotImplementedError
+
     def normal(self, x: ArrayLike) -> Floats:
         """Unit normals into the fluid at abscissae (n,), (n, 2); at a corner the bisector."""
         left, right = self.side_normals(x)
@@ -157,6 +169,15 @@ class Sinusoidal(Bed):
     @property
     def _wavenumber(self) -> float:
         return 2.0 * np.pi / self.wavelength
+
+    @property
+    def period(self) -> float | None:
+        """The wavelength; None without amplitude."""
+        return self.wavelength if self.amplitude else None
+
+    def cell(self, x0: float, x1: float) -> tuple[Curve, ...]:
+        """One wavelength."""
+        return Sinusoidal(self.amplitude, self.wavelength).curves(0.0, self.wavelength)
 
     def height(self, x: ArrayLike) -> Floats:
         """b at abscissae (n,), (n,)."""
@@ -257,6 +278,15 @@ class HalfDiscs(Bed):
     def mean(self, x0: float, x1: float) -> float:
         """The mean height over a period."""
         return self.origin_y + 0.5 * np.pi * self.radius**2 / self.spacing
+
+    @property
+    def period(self) -> float:
+        """The spacing."""
+        return self.spacing
+
+    def cell(self, x0: float, x1: float) -> tuple[Curve, ...]:
+        """One half-disc with half of the base line to either side of it."""
+        return HalfDiscs(self.radius, self.spacing).curves(-0.5 * self.spacing, 0.5 * self.spacing)
 
     @property
     def _touching(self) -> bool:

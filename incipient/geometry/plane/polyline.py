@@ -12,6 +12,8 @@ from incipient.errors import SceneError
 from incipient.geometry.plane.bed import Bed, abscissae, abscissae_between, require_order
 from incipient.geometry.plane.curves import Curve, Line
 
+MOST_IN_CELL = 80  # points that tell what a bed acts as
+
 
 @dataclass(frozen=True, init=False)
 class Polyline(Bed):
@@ -63,6 +65,17 @@ class Polyline(Bed):
         """The mean height from x0 to x1."""
         x, y = self._between(x0, x1).T
         return float(0.5 * (y[1:] + y[:-1]) @ np.diff(x) / (x1 - x0))
+
+    def cell(self, x0: float, x1: float) -> tuple[Curve, ...]:
+        """The lines from x0 to x1, and these mirrored at x1; of very many the highest points of equal parts."""
+        points = self._between(x0, x1) - [0.0, self.origin_y]
+        if len(points) > MOST_IN_CELL:
+            parts = np.array_split(points, MOST_IN_CELL)
+            highest = [part[np.argmax(part[:, 1])] for part in parts]
+            points = np.vstack([points[0], *(one for one in highest if x0 < one[0] < x1), points[-1]])
+        back = points[-2::-1] * [-1.0, 1.0] + [2.0 * x1, 0.0]
+        ends = [(float(x), float(y)) for x, y in np.vstack([points, back])]
+        return tuple(Line(start, end) for start, end in pairwise(ends))
 
     def _between(self, x0: float, x1: float) -> Floats:
         """The points (n, 2) of the bed at x0, at its corners, and at x1."""

@@ -1,0 +1,41 @@
+"""Loads of the coarse runs that estimates need: each made once, while there is something left to spend."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from ..errors import IncipientError
+from ..results.errorbars import Loads
+from ..scene import Scene
+
+Solve = Callable[[Scene], Loads]
+
+
+class Spent(IncipientError):
+    """What may be spent on estimates is used up."""
+
+
+class KeptRuns:
+    """Loads of coarse runs, each made once and kept in `known` by the JSON of its scene. Calling is collective.
+
+    Args:
+        spent: why no run shall be begun any more, or nothing.
+        solve: runs a scene for its loads.
+
+    Raises:
+        Spent: when called, if nothing may be begun.
+    """
+
+    def __init__(self, known: dict[str, Any], spent: Callable[[], str], solve: Solve):
+        self._known, self._spent, self._run = known, spent, solve
+
+    def __call__(self, scene: Scene) -> Loads:
+        """The loads of a scene, by a run if they are not known. Collective."""
+        key = scene.model_dump_json()
+        loads = self._known.get(key)
+        if not isinstance(loads, Loads):
+            if reason := self._spent():
+                raise Spent(reason)
+            loads = self._known[key] = self._run(scene)
+        return loads

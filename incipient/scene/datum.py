@@ -1,0 +1,80 @@
+"""The datum of the undisturbed flow: the height of the bed at which its profile starts."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from .flows import OpenChannel, Poiseuille, Shear
+
+if TYPE_CHECKING:
+    from .model import Scene
+
+# What inertia leaves of the depth of the effective height below the crests, (1 + R/INERTIAL)^-POWER with R = shear rate
+# times period times that depth over the viscosity: measured over periods of half-discs and ripples (docs/accuracy.md).
+INERTIAL, POWER = 10.0, 0.2
+UNSURE = 0.5  # of what inertia changes, which those measurements are within
+
+
+@dataclass(frozen=True)
+class EffectiveHeight:
+    """The height above the base line of the level plane that a bed with forms acts as on the stream far above.
+
+    height:    in the stream at its speed; uncertainty: how far it may be off
+    creeping:  without inertia
+    """
+
+    height: float
+    uncertainty: float
+    creeping: float
+
+
+def height_of_datum(scene: Scene) -> float:
+    """The height in the scene at which the profile starts; without a bed the domain's bottom. Not collective."""
+    domain, bed = scene.domain, scene.bed_shape
+    if bed is None:
+        return domain.bottom
+    level = getattr(scene.flow, "datum", "crest")
+    within: tuple[Any, ...] = (domain.left, domain.right)
+    if scene.gdim == 3:
+        within = within, domain.across
+    if level == "effective" or (level == "auto" and starts_at_effective_height(scene)):
+        return domain.bottom + effective_height(scene).height
+    if level in ("auto", "crest"):
+        return float(bed.crest_level(*within))
+    return float(bed.mean(*within)) if level == "mean" else domain.bottom + float(level)
+
+
+def starts_at_effective_height(scene: Scene) -> bool:
+    """Whether a stream of known shear at the bed goes over forms in the plane that repeat. Not collective."""
+    sheared = isinstance(scene.flow, Shear | Poiseuille | OpenChannel)
+    return bool(scene.gdim == 2 and scene.bed_shape is not None and scene.bed_shape.period and sheared)
+
+
+def effective_height(scene: Scene, speed: float = 1.0) -> EffectiveHeight:
+    """The effective height of a scene's bed in the plane, in its stream or one faster by a factor. Not collective."""
+    from ..geometry.plane.effective_level import effective_level
+
+    domain, bed = scene.domain, scene.bed_shape
+    if not math.isfinite(bed.feature):
+        return EffectiveHeight(0.0, 0.0, 0.0)
+    level = effective_level(bed, domain.left, domain.right)
+    depth = max(bed.crest - domain.bottom - level, 0.0)
+    lost = depth * (1.0 - (1.0 + speed * _reynolds(scene, depth) / INERTIAL) ** -POWER)
+    return EffectiveHeight(level + lost, UNSURE * lost, level)
+
+
+def _reynolds(scene: Scene, depth: float) -> float:
+    """Of what the stream does between the forms: shear rate at the bed x period x depth over the viscosity."""
+    period, flow = scene.bed_shape.period, scene.flow
+    if period is None or not scene.fluid.inertia or scene.effects.inertia is False:
+        return 0.0
+    above = scene.domain.ceiling - scene.bed_shape.crest
+    if isinstance(flow, Shear):
+        rate = flow.rate
+    elif isinstance(flow, Poiseuille | OpenChannel):
+        rate = (6.0 if isinstance(flow, Poiseuille) else 3.0) * flow.velocity / above
+    else:
+        return 0.0
+    return float(rate * period * depth / scene.viscosity)
