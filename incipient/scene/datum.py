@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 # What inertia leaves of the depth of the effective height below the crests, (1 + R/INERTIAL)^-POWER with R = shear rate
 # times period times that depth over the viscosity: measured over periods of half-discs and ripples (docs/accuracy.md).
 INERTIAL, POWER = 10.0, 0.2
+FEWEST_PERIODS = 2.0  # in the domain: along longer forms a stream goes as over a bed that rises and falls
 UNSURE = 0.5  # of what inertia changes, which those measurements are within
 
 
@@ -47,9 +48,15 @@ def height_of_datum(scene: Scene) -> float:
 
 
 def starts_at_effective_height(scene: Scene) -> bool:
-    """Whether a stream of known shear at the bed goes over forms in the plane that repeat. Not collective."""
-    sheared = isinstance(scene.flow, Shear | Poiseuille | OpenChannel)
-    return bool(scene.gdim == 2 and scene.bed_shape is not None and scene.bed_shape.period and sheared)
+    """Whether a stream of known shear at the bed goes over several forms in the plane that repeat. Not collective."""
+    if (
+        scene.gdim == 3
+        or scene.bed_shape is None
+        or not isinstance(scene.flow, Shear | Poiseuille | OpenChannel)
+    ):
+        return False
+    period = scene.bed_shape.period
+    return bool(period and scene.domain.length >= FEWEST_PERIODS * period)
 
 
 def effective_height(scene: Scene, speed: float = 1.0) -> EffectiveHeight:

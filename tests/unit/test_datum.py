@@ -68,7 +68,7 @@ def test_crest_and_mean_of_beds(bed, crest, mean):
     """Heights in the scene; the base line is where the domain begins. What is outside the domain does not count."""
     high = {"domain": Domain(length=12, height=6, origin=(0, 2)), "bed": bed, "body": None}
     high |= {"gravity": Gravity(acceleration=1), "fluid": {"reynolds": 20, "scale": "flow"}}
-    assert scene(**high).datum == pytest.approx(2 + crest)
+    assert scene(**high, flow=Shear(datum="crest")).datum == pytest.approx(2 + crest)
     if mean is not None:
         assert scene(**high, flow=Shear(datum="mean")).datum == pytest.approx(2 + mean)
 
@@ -83,7 +83,15 @@ def test_a_number_is_a_height_above_the_base_line():
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"bed": HalfDiscs(radius=0.5, spacing=1.2)}, "y = 0.5: the crest of the bed; the shear flow starts"),
+        (
+            {"bed": HalfDiscs(radius=0.5, spacing=1.2)},
+            "y = 0.448062: the effective height of the bed, computed from its shape, of it 0.0013 by inertia; "
+            "the shear flow starts",
+        ),
+        (
+            {"bed": HalfDiscs(radius=0.5, spacing=1.2), "flow": Shear(datum="crest")},
+            "y = 0.5: the crest of the bed; the shear flow starts",
+        ),
         (
             {"bed": Sinusoidal(amplitude=0.1, wavelength=2), "flow": Poiseuille(datum="mean")},
             "y = 0: the mean height of the bed; the poiseuille flow starts",
@@ -108,11 +116,13 @@ def test_flows_without_a_profile_or_a_bed_have_no_datum():
 
 @pytest.mark.parametrize("kind", FLOWS)
 def test_the_phase_of_the_bed_changes_nothing_about_the_stream(kind):
-    """Inflow, stress at the bed and dimensionless numbers are those of one datum, the crests."""
+    """Stream, inflow from the crests, stress at the bed and dimensionless numbers are those of one datum."""
     first = rough(0.0, kind=kind)
     for phase in PHASES:
         moved = rough(phase, kind=kind)
-        assert np.array_equal(speeds(inflow(moved)), speeds(inflow(first)))
+        assert np.array_equal(speeds(undisturbed(moved)), speeds(undisturbed(first)))
+        from_crest = (speeds(inflow(rough(one, kind=kind, datum="crest"))) for one in (0.0, phase))
+        assert np.array_equal(*from_crest)
         assert bed_stress(moved) == bed_stress(first)
         now, before = numbers_of(moved), numbers_of(first)
         assert now.grain_reynolds == pytest.approx(before.grain_reynolds, rel=1e-6)
@@ -120,7 +130,7 @@ def test_the_phase_of_the_bed_changes_nothing_about_the_stream(kind):
 
 
 @pytest.mark.parametrize("kind", FLOWS)
-@pytest.mark.parametrize("datum", ["crest", "mean", 0.1])
+@pytest.mark.parametrize("datum", ["auto", "crest", "mean", 0.1])
 def test_the_inflow_is_at_rest_on_the_bed_and_carries_the_same_flux(kind, datum):
     """Nothing flows backwards; a bed above the datum takes little of the flux, and only there.
 
@@ -143,20 +153,22 @@ def test_the_inflow_is_at_rest_on_the_bed_and_carries_the_same_flux(kind, datum)
 )
 def test_the_stress_is_that_of_the_profile_above_the_datum(kind, stress):
     """Shear: nu rate; parabola of mean V over the depth h above the datum: 6 nu V/h; half a parabola: 3 nu V/h."""
-    found = rough(kind=kind)
+    found = rough(kind=kind, datum="crest")
     assert bed_stress(found) == pytest.approx(found.viscosity * stress, rel=1e-5)
 
 
 def test_a_bed_counts_with_the_speed_at_its_relief_above_the_datum():
     """Half-discs of radius 1/2, speed 1/2 there, viscosity 1/20; a grain that hides below the crests adds nothing."""
-    assert numbers_of(rough()).bed_reynolds == pytest.approx(0.5 * 0.5 * 20)
+    assert numbers_of(rough(datum="crest")).bed_reynolds == pytest.approx(0.5 * 0.5 * 20)
     deep = scene(bed=HalfDiscs(radius=2, spacing=8), body=Disc(diameter=1, x=4), domain=CHANNEL)
+    assert deep.datum == 2  # one form and a half are no row of them
     assert numbers_of(deep).grain_reynolds == 0.0
     assert numbers_of(deep).bed_reynolds == pytest.approx(2 * 2 * 20)
 
 
 def test_the_wall_below_a_held_grain_is_at_the_datum():
     """Half the domain above the crests, whose height is half the grain's size."""
-    held = scene(body=Disc(diameter=1, centre=(4, 3)), bed=HalfDiscs(radius=0.5, spacing=1.2))
+    bed, crest = HalfDiscs(radius=0.5, spacing=1.2), Shear(datum="crest")
+    held = scene(body=Disc(diameter=1, centre=(4, 3)), bed=bed, flow=crest)
     assert numbers_of(held).reach == pytest.approx(2.5)
     assert numbers_of(scene(body=DISC)).reach == pytest.approx(0.5)

@@ -184,9 +184,18 @@ ONE_KEY = [
         lambda: HalfDiscs(radius=1, spacing=1.5),
         "HalfDiscs: spacing: 1.5 is less than two radii, 2: the half-discs overlap; enlarge spacing or",
     ),
-    (lambda: Shear(datum="top"), 'Shear: datum: is "top"; use "crest", "mean" or a height'),
-    (lambda: Uniform(datum=True), 'Uniform: datum: is True; use "crest", "mean" or a height'),
-    (lambda: Poiseuille(datum=math.nan), 'Poiseuille: datum: is nan; use "crest", "mean" or a height'),
+    (
+        lambda: Shear(datum="top"),
+        'Shear: datum: is "top"; use "auto", "effective", "crest", "mean" or a height',
+    ),
+    (
+        lambda: Uniform(datum=True),
+        'Uniform: datum: is True; use "auto", "effective", "crest", "mean" or a height',
+    ),
+    (
+        lambda: Poiseuille(datum=math.nan),
+        'Poiseuille: datum: is nan; use "auto", "effective", "crest", "mean" or',
+    ),
     (lambda: OpenChannel(datum=10**400), "OpenChannel: datum: is 1"),
     (lambda: Lid(datum="mean"), 'Lid: datum: unknown key for "lid"; known are kind, velocity'),
     (lambda: Still(datum=0.0), 'Still: datum: unknown key for "still"; known are kind, velocity'),

@@ -17,7 +17,7 @@ from .curves import Curve
 
 PANELS = 128  # on a period; the level then errs by less than 1e-4 of the period
 FEWEST = 3  # on a curve of the bed
-ABSCISSAE, WEIGHTS = np.polynomial.legendre.leggauss(2)
+ABSCISSAE, WEIGHTS = np.polynomial.legendre.leggauss(4)
 
 
 @lru_cache(maxsize=64)
