@@ -31,7 +31,7 @@ from ..errors import IncipientError
 from ..results.errorbars import ErrorBars, Loads, Term
 from ..results.loads import Couples, Forces
 from ..scene import Contact, Scene, Time
-from ..scene.datum import effective_height, starts_at_effective_height
+from ..scene.datum import effective_height, height_of_datum, starts_at_effective_height
 from ..scene.model import WIDEST_GAP
 from .kept_runs import KeptRuns, Solve
 
@@ -55,9 +55,6 @@ FARTHER = 1.5  # how much larger the domain of the domain's term is
 DECAY = 2.0  # the influence of sides is taken to fall off like their distance to this power
 # Over a bed with forms, by a stream that starts at its effective height: measured are 1.6 to 1.8 (docs/accuracy.md).
 DECAY_OVER_FORMS = 1.5
-# A shear flow that enters at another height than its bed calls for adapts more slowly: what the bed changes spreads to
-# a height that grows as the cube root of the way (Leveque 1928), and the stress on the bed errs as its inverse.
-SLOW_DECAY = 1.0 / 3.0
 # How much larger the bed's part meshed as it is becomes, and the decay of what the rest changes (docs/space.md).
 WIDER, DECAY_OF_GROUND = 1.5, 1.0
 # The runs that tell of the discretisation in time: between which factors how much longer the steps are, so that there
@@ -335,10 +332,10 @@ def with_other_datum(scene: Scene, speed: float = 1.0) -> Scene | None:
     if has_no_far_sides(scene) or not starts_at_effective_height(scene):
         return None
     bottom, crest = scene.domain.bottom, scene.bed_shape.crest
-    found = effective_height(scene, speed)
-    off = bottom + found.height - scene.datum
-    other = min(scene.datum + off + math.copysign(found.uncertainty, off), crest)
-    if abs(other - scene.datum) < SAME_DATUM * (crest - bottom):
+    found, datum = effective_height(scene, speed), height_of_datum(scene, speed)
+    off = bottom + found.height - datum
+    other = min(datum + off + math.copysign(found.uncertainty, off), crest)
+    if abs(other - datum) < SAME_DATUM * (crest - bottom):
         return None
     return changed(scene, flow={"datum": other - bottom})
 
@@ -394,8 +391,8 @@ def of_the_model(scene: Scene, speed: float = 1.0) -> dict[str, Callable[[Solve]
 
 def not_there(scene: Scene) -> dict[str, str]:
     """Why a scene has no term of gap or domain, by name. Not collective."""
-    reasons = {"gap": no_gap(scene), "domain": has_no_far_sides(scene)}
-    return {name: reason for name, reason in reasons.items() if reason}
+    reasons = ("gap", no_gap(scene)), ("domain", has_no_far_sides(scene))
+    return {name: reason for name, reason in reasons if reason}
 
 
 # -- scenes of coarse runs ----------------------------------------------------------------------------

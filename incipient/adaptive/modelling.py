@@ -15,7 +15,6 @@ import numpy as np
 
 from ..accuracy.errorbars import (
     DECAY,
-    SLOW_DECAY,
     changed,
     coarse,
     farther,
@@ -45,6 +44,9 @@ AIM = 0.7  # of a term's part of it, so that the gap or domain expected to have 
 MOST_STEPS = 6
 SMALLEST_GAP = 1e-4  # of the grain's size
 CLOSEST, FARTHEST = 1 / 32, 3.0  # how much smaller a gap and larger a domain become at once
+# A stream that enters at another height than its bed calls for adapts more slowly: what the bed changes spreads to
+# a height that grows as the cube root of the way (Leveque 1928), and the stress on the bed errs as its inverse.
+SLOW_DECAY = 1.0 / 3.0
 LEAST = 1e-3  # to which part a term is sought to be lessened, at most
 
 

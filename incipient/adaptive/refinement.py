@@ -253,7 +253,7 @@ class Refinement(Search):
                 f"the {decisive} cannot be made smaller"
             )
             return None
-        for name in ("gap", "domain"):
+        for name in ("gap", "domain", "datum"):
             self.known.pop(name, None)
         unknowns = 1.2 * self.trials[-1].unknowns
         return self._within_budget(replace(attempt, scene=other[0], expected=unknowns, note=other[1]))

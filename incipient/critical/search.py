@@ -20,7 +20,7 @@ from ..contact.equilibrium import SafetyStatus, safety_factor
 from ..errors import ConvergenceError
 from ..planning.effects import EffectName
 from ..results.verdict import load_of
-from ..simulation.steady import loads_at, stabilise
+from ..simulation.steady import loads_at, make_as_fast
 from .loadpath import LoadPath
 
 if TYPE_CHECKING:
@@ -151,9 +151,8 @@ class Search:
         """Make the fluid that of the flow solved nearest to a factor; force and couple there."""
         within = min(factor, max(self._states))
         nearest = min(self._states, key=lambda one: abs(one - within))
-        stabilise(self.run, nearest)
+        make_as_fast(self.run, nearest)
         self._start_from(nearest)
-        self.run.fluid.reynolds = nearest * self.run.plan.reynolds
         return self._solved[nearest]
 
     # -- what to solve next -------------------------------------------------------------------------

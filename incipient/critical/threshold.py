@@ -265,7 +265,7 @@ def _threshold(run: Run, found: Found) -> Threshold:
     """The threshold without error bars. Collective."""
     scene, load, nominal = run.scene, found.load, nominal_diameter(run.scene.grain)
     critical = _judged(run, load)
-    stress = found.factor * bed_stress(scene)
+    stress = found.factor * bed_stress(scene, found.factor)
     return Threshold(
         factor=found.factor,
         held_to=found.held_to,
@@ -334,7 +334,7 @@ def _shields_note(scene: Scene, found: Found) -> str:
     told = SHIELDS.format(size=size)
     if abs(nominal - size) <= SAME_SIZE * size:
         return told + ROUND
-    shields = found.factor * bed_stress(scene) / _stress_unit(scene) * size / nominal
+    shields = found.factor * bed_stress(scene, found.factor) / _stress_unit(scene) * size / nominal
     what = "disc of equal area" if scene.gdim == 2 else "sphere of equal volume"
     return told + NOMINAL.format(shields=shields, size=nominal, what=what)
 

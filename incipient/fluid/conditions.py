@@ -159,10 +159,15 @@ class Constraints:
         self._values = dolfinx.fem.Function(space.velocity)
         self.points = space.velocity_points()
         prescribed = [c for c in conditions if isinstance(c, Prescribed)]
+<<<<<<< HEAD
         self._prescribed = [
             (c.velocity, boundary_blocks(space.velocity, domain.facets_of(c.boundary))) for c in prescribed
         ]
         self._slip = [c for c in conditions if isinstance(c, Slip | Friction) and c.axis is not None]
+=======
+        self.prescribe(conditions)
+        self._slip = [c for c in conditions if isinstance(c, Slip | Friction)]
+>>>>>>> 2b016e9 (In a faster flow the stream starts at that flow's effective height, so that a threshold and a run at it agree)
         self._friction = tuple(c for c in conditions if isinstance(c, Friction))
         carried = [c.boundary for c in conditions if isinstance(c, Carried)]
         self._carried = {name: boundary_blocks(space.velocity, domain.facets_of(name)) for name in carried}
@@ -227,6 +232,14 @@ class Constraints:
                 values[blocks] = np.asarray(velocity(self.points[blocks].T, t))[:gdim].T
         for entry in self.entries:
             entry.update(t)
+
+    def prescribe(self, conditions: Sequence[Condition]) -> None:
+        """Take the prescribed velocities among conditions; they hold from the next `update`. Not collective."""
+        self._prescribed = [
+            (c.velocity, boundary_blocks(self.space.velocity, self._domain.facets_of(c.boundary)))
+            for c in conditions
+            if isinstance(c, Prescribed)
+        ]
 
     def carry(self, boundary: str, velocity: Callable[[np.ndarray], np.ndarray]) -> None:
         """Give a carried boundary its velocity, a function of its nodes' places (n, gdim)."""

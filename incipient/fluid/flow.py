@@ -88,6 +88,13 @@ class Fluid:
         self._direction: Any = None  # made when a response is first asked for
         self._kept: dict[str, Any] = {}
 
+    def let_in(self, conditions: Sequence[Condition]) -> None:
+        """Prescribe other velocities from now on, by conditions of the same kinds on the same boundaries."""
+        self.conditions = tuple(conditions)
+        self.constraints.prescribe(conditions)
+        if self.coarse is not None:
+            self.coarse.let_in(conditions)
+
     def _one_level(self) -> LinearSolver:
         """The solver that the model names, for a matrix that is held."""
         self._matrix = self.holding(petsc.create_matrix(self._jacobian))

@@ -14,10 +14,11 @@ if TYPE_CHECKING:
     from ..fluid import Condition
 
 
-def conditions(scene: Scene, held: bool = False, lid: bool = False) -> list[Condition]:
+def conditions(scene: Scene, held: bool = False, lid: bool = False, speed: float = 1.0) -> list[Condition]:
     """Boundary conditions in the order in which they override each other: walls last, so corners are watertight.
 
-    With `lid` a rigid lid takes the place of a free surface.
+    With `lid` a rigid lid takes the place of a free surface. With `speed` they are those of a flow faster by that
+    factor, in its own units.
     The velocity of a moving grain's surface is given within each step, or is that of time zero if it is `held`.
     """
     if scene.is_turbulent:
@@ -27,7 +28,7 @@ def conditions(scene: Scene, held: bool = False, lid: bool = False) -> list[Cond
     from ..fluid import Carried, Open, Prescribed, Slip, no_slip
 
     bottom, right, top, left = side_names(scene)
-    stream = undisturbed(scene)
+    stream = undisturbed(scene, speed)
     walls: list[str] = []
     moving: list[tuple[str, Velocity]] = []
     free: list[Condition] = []
@@ -35,7 +36,7 @@ def conditions(scene: Scene, held: bool = False, lid: bool = False) -> list[Cond
     if scene.domain.kind == "channel" and surface:
         free.extend(ends(scene))
     elif scene.domain.kind == "channel":
-        moving.append((left, inflow(scene)))
+        moving.append((left, inflow(scene, speed)))
         free.append(Open(right))
     elif scene.has_surface and surface_of(scene).ends == "wall":
         free.extend((Slip(left, axis=0), Slip(right, axis=0)))

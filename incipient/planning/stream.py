@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ..scene import ExpressionFlow, LogLaw, Scene, Shear
+from ..scene.datum import height_of_datum
 
 Velocity = Callable[[np.ndarray, float], np.ndarray]
 
@@ -17,25 +18,27 @@ SAMPLES = 1000  # of heights for a mean
 STEEPER = 3.0  # than the profile is its rise from a bed that is above the datum at the inflow
 
 
-def undisturbed(scene: Scene) -> Velocity:
+def undisturbed(scene: Scene, speed: float = 1.0) -> Velocity:
     """The velocity the flow would have without grain and bed forms: x (3, n) and t give (gdim, n), scene units.
 
-    Profiles start from the scene's datum; below it the fluid is at rest. Not collective.
+    Profiles start from the datum; below it the fluid is at rest. With `speed` it is the velocity of a flow faster by
+    that factor, in its own units: only the datum may be another one. Not collective.
     """
-    return _stream(scene, scene.datum)
+    datum = height_of_datum(scene, speed)
+    return _stream(scene, datum, datum)
 
 
-def inflow(scene: Scene) -> Velocity:
+def inflow(scene: Scene, speed: float = 1.0) -> Velocity:
     """The velocity on the inflow: the undisturbed one, brought to rest on a bed that is above the datum there.
 
     Not collective.
     """
-    bed = scene.bed_shape
+    bed, datum = scene.bed_shape, height_of_datum(scene, speed)
     if bed is None:
-        return undisturbed(scene)
+        return undisturbed(scene, speed)
     if scene.gdim == 2:
-        return _stream(scene, max(scene.datum, float(bed.height([scene.domain.left])[0])))
-    return _stream(scene, lambda x: np.maximum(scene.datum, bed.height(x[:2].T)))
+        return _stream(scene, datum, max(datum, float(bed.height([scene.domain.left])[0])))
+    return _stream(scene, datum, lambda x: np.maximum(datum, bed.height(x[:2].T)))
 
 
 def mean_speed(scene: Scene) -> float:
@@ -47,7 +50,7 @@ def mean_speed(scene: Scene) -> float:
         return scene.reference_velocity
     depth = scene.domain.ceiling - scene.datum
     heights = depth * (np.arange(SAMPLES) + 0.5) / SAMPLES
-    return float(np.mean(_profile(scene)(heights, np.zeros(SAMPLES))))
+    return float(np.mean(_profile(scene, scene.datum)(heights, np.zeros(SAMPLES))))
 
 
 def column(scene: Scene, place: Sequence[float], heights: np.ndarray) -> np.ndarray:
@@ -58,27 +61,27 @@ def column(scene: Scene, place: Sequence[float], heights: np.ndarray) -> np.ndar
     return points
 
 
-def bed_stress(scene: Scene) -> float:
+def bed_stress(scene: Scene, speed: float = 1.0) -> float:
     """Shear stress of the undisturbed flow at its datum, scene units with fluid density one. Not collective.
 
     It is that of the flow's profile, the same over the whole bed; between walls, in the middle; of a flow given by
     formulas, at the inflow. Of the mean of a turbulent stream it is u*^2, of which the viscosity is but a part where
-    the bed is rough.
+    the bed is rough. In a flow faster by `speed` it is that times this, in units of the scene.
     """
     if isinstance(scene.flow, LogLaw):
         return scene.flow.shear_velocity**2
     step = 1e-6 * scene.domain.height
-    heights = scene.datum + step * np.array([0.0, 1.0, 2.0])
-    speed = undisturbed(scene)(column(scene, scene.domain.entrance, heights), 0.0)[0]
-    gradient = (-3 * speed[0] + 4 * speed[1] - speed[2]) / (2 * step)
+    heights = height_of_datum(scene, speed) + step * np.array([0.0, 1.0, 2.0])
+    u = undisturbed(scene, speed)(column(scene, scene.domain.entrance, heights), 0.0)[0]
+    gradient = (-3 * u[0] + 4 * u[1] - u[2]) / (2 * step)
     return float(scene.viscosity * abs(gradient))
 
 
-def _stream(scene: Scene, foot: float | Callable[[np.ndarray], np.ndarray]) -> Velocity:
-    """The flow of the scene, at rest below `foot`, which is the datum or higher, or a function of places (3, n)."""
+def _stream(scene: Scene, datum: float, foot: float | Callable[[np.ndarray], np.ndarray]) -> Velocity:
+    """The flow from a datum, at rest below `foot`, which is the datum or higher, or a function of places (3, n)."""
     if isinstance(scene.flow, ExpressionFlow):
         return _from_expressions(scene.flow)
-    profile, datum, up = _profile(scene), scene.datum, scene.up
+    profile, up = _profile(scene, datum), scene.up
 
     def velocity(x: np.ndarray, t: float) -> np.ndarray:
         """Velocities (gdim, n) at places (3, n), along the first axis; they do not depend on the time."""
@@ -89,9 +92,9 @@ def _stream(scene: Scene, foot: float | Callable[[np.ndarray], np.ndarray]) -> V
     return velocity
 
 
-def _profile(scene: Scene) -> Profile:
+def _profile(scene: Scene, datum: float) -> Profile:
     """Speed against height above the datum, and y where sides are walls; none below the datum."""
-    flow, depth = scene.flow, scene.domain.ceiling - scene.datum
+    flow, depth = scene.flow, scene.domain.ceiling - datum
     if isinstance(flow, Shear):
         return lambda z, y: flow.rate * np.clip(z, 0.0, depth)
     if isinstance(flow, LogLaw):

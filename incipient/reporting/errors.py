@@ -22,6 +22,7 @@ REMEDIES = {
     "mesh": "a smaller numerics.mesh_size or a higher numerics.order",
     "gap": "a smaller contact.gap",
     "domain": "larger domain.length and domain.height",
+    "datum": 'flow.datum = "auto", where it is not; a larger domain, slowly',
     "level ground": "a larger numerics.meshed_bed",
     "search": "nothing: steady flows near the threshold were not found",
 }

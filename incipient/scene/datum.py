@@ -31,8 +31,11 @@ class EffectiveHeight:
     creeping: float
 
 
-def height_of_datum(scene: Scene) -> float:
-    """The height in the scene at which the profile starts; without a bed the domain's bottom. Not collective."""
+def height_of_datum(scene: Scene, speed: float = 1.0) -> float:
+    """The height in the scene at which the profile starts; without a bed the domain's bottom. Not collective.
+
+    `speed`: of the stream over the scene's, on which inertia makes a computed height depend.
+    """
     domain, bed = scene.domain, scene.bed_shape
     if bed is None:
         return domain.bottom
@@ -41,7 +44,7 @@ def height_of_datum(scene: Scene) -> float:
     if scene.gdim == 3:
         within = within, domain.across
     if level == "effective" or (level == "auto" and starts_at_effective_height(scene)):
-        return domain.bottom + effective_height(scene).height
+        return domain.bottom + effective_height(scene, speed).height
     if level in ("auto", "crest"):
         return float(bed.crest_level(*within))
     return float(bed.mean(*within)) if level == "mean" else domain.bottom + float(level)
@@ -68,7 +71,8 @@ def effective_height(scene: Scene, speed: float = 1.0) -> EffectiveHeight:
         return EffectiveHeight(0.0, 0.0, 0.0)
     level = effective_level(bed, domain.left, domain.right)
     depth = max(bed.crest - domain.bottom - level, 0.0)
-    lost = depth * (1.0 - (1.0 + speed * _reynolds(scene, depth) / INERTIAL) ** -POWER)
+    reynolds = _reynolds(scene, depth)
+    lost = depth * (1.0 - (1.0 + speed * reynolds / INERTIAL) ** -POWER) if reynolds else 0.0
     return EffectiveHeight(level + lost, UNSURE * lost, level)
 
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from ..planning.conditions import conditions
 from ..planning.effects import EffectName
 from ..planning.stabilisation import stabilisation_of
 from ..planning.stream import mean_speed
+from ..scene.datum import height_of_datum
 from ..scene.tolerance import of_steady
 from .build import probe_of
 from .loads import loads
@@ -57,14 +59,21 @@ def loads_at(run: Run, factor: float, start: float = 0.0) -> tuple[Forces, Coupl
     Raises:
         ConvergenceError: the fluid then holds the last flow found on the way, at its Reynolds number.
     """
-    stabilise(run, factor)
-    run.fluid.reynolds = factor * run.plan.reynolds
+    make_as_fast(run, factor)
     way = {"reached": start / factor, "smallest_step": SMALLEST_SHARE} if start else {}
     solve_steadily(run, run.fluid, **way)
     return loads(run, surface=False, speed=factor)
 
 
-def stabilise(run: Run, factor: float) -> None:
+def make_as_fast(run: Run, factor: float) -> None:
+    """Make the fluid's equations and conditions those of the flow faster by a factor, not its state. Collective."""
+    _stabilise(run, factor)
+    run.fluid.reynolds = factor * run.plan.reynolds
+    if height_of_datum(run.scene, 0.0) != run.scene.datum:
+        run.fluid.let_in(conditions(run.scene, speed=factor))
+
+
+def _stabilise(run: Run, factor: float) -> None:
     """Go on with a fluid whose convection is stabilised, or not, as for the flow faster by a factor. Collective."""
     from ..fluid import Fluid
 
