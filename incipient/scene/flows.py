@@ -31,8 +31,8 @@ class Profile(Section):
 
     datum: float | Literal["auto", "effective", "crest", "mean"] = Field(
         "auto",
-        description="Where the profile starts: auto (computed from the bed in the plane, else its crests), "
-        "effective, crest or mean, or a height above the base line [length]",
+        description="Where the profile starts: auto; effective height, crest or mean of the bed; or a height above its "
+        "base line [length]",
     )
 
     @field_validator("datum", mode="before")

@@ -320,7 +320,7 @@ def test_polyline_files_that_cannot_be_used(tmp_path):
 def test_saved_scenes_are_complete(tmp_path):
     save(loads(MINIMAL), tmp_path / "scene.toml")
     data = tomllib.loads((tmp_path / "scene.toml").read_text(encoding="utf-8"))
-    assert data["flow"] == {"kind": "shear", "rate": 1.0, "datum": "crest"}
+    assert data["flow"] == {"kind": "shear", "rate": 1.0, "datum": "auto"}
     assert data["numerics"]["mesh_size"] == 1.0
     assert [path.name for path in tmp_path.iterdir()] == ["scene.toml"]
 
