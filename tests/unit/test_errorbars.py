@@ -487,7 +487,7 @@ def test_where_a_datum_is_no_error() -> None:
     creeping = {"reynolds": 20, "scale": "grain", "inertia": False}
     assert with_other_datum(on_bed(bed=FORMS, fluid=creeping)) is None
     assert with_other_datum(on_bed(bed=FORMS, fluid=creeping, flow={"kind": "shear", "datum": "crest"}))
-    points = {"kind": "polyline", "points": ((0, 0), (5, 0.2), (12, 0))}
+    points = {"kind": "polyline", "points": ((0, 0), (5, 0.2), (24, 0))}
     for scene in (on_bed(), grain_in_pocket(), on_bed(bed=points)):
         assert "datum" not in of_the_model(scene)
 
