@@ -8,8 +8,7 @@ Each source of error is a term of its own:
 - gap: a grain at rest on a bed is computed with a gap. Coarse runs with one, two and four times the gap show
   how force and couple go with it, and what closing it would change;
 - domain: a coarse run with inflow, outflow and sides that move as the stream does farther away shows what they change;
-- datum: over a bed with forms a coarse run whose stream starts at the bed's effective height, or as far beyond it as
-  that may be off, shows what the scene's own datum changes;
+- datum: over a bed with forms a coarse run whose stream starts where it may as well shows what the scene's changes;
 - level ground: a run of steady flow in space with a larger part of its bed meshed as it is shows what the rest changes.
 
 For flow in time the coarse runs go to the same end, in longer steps. Terms are added in absolute value: an error bar
@@ -53,8 +52,7 @@ MODEL_TOLERANCE, LARGEST_TOLERANCE = 8.0, 0.1
 MODEL_ITERATION = 1e-6  # tolerance of their iterations in time, where differences of a thousandth matter
 FARTHER = 1.5  # how much larger the domain of the domain's term is
 DECAY = 2.0  # the influence of sides is taken to fall off like their distance to this power
-# Over a bed with forms, by a stream that starts at its effective height: measured are 1.6 to 1.8 (docs/accuracy.md).
-DECAY_OVER_FORMS = 1.5
+DECAY_OVER_FORMS = 1.5  # there, by a stream that suits them: measured are 1.6 to 1.8 (docs/accuracy.md)
 # How much larger the bed's part meshed as it is becomes, and the decay of what the rest changes (docs/space.md).
 WIDER, DECAY_OF_GROUND = 1.5, 1.0
 # The runs that tell of the discretisation in time: between which factors how much longer the steps are, so that there
@@ -331,8 +329,8 @@ def with_other_datum(scene: Scene, speed: float = 1.0) -> Scene | None:
     """
     if has_no_far_sides(scene) or not starts_at_effective_height(scene):
         return None
-    bottom, crest = scene.domain.bottom, scene.bed_shape.crest
     found, datum = effective_height(scene, speed), height_of_datum(scene, speed)
+    bottom, crest = scene.domain.bottom, scene.bed_shape.crest
     off = bottom + found.height - datum
     other = min(datum + off + math.copysign(found.uncertainty, off), crest)
     if abs(other - datum) < SAME_DATUM * (crest - bottom):
@@ -391,8 +389,8 @@ def of_the_model(scene: Scene, speed: float = 1.0) -> dict[str, Callable[[Solve]
 
 def not_there(scene: Scene) -> dict[str, str]:
     """Why a scene has no term of gap or domain, by name. Not collective."""
-    reasons = ("gap", no_gap(scene)), ("domain", has_no_far_sides(scene))
-    return {name: reason for name, reason in reasons if reason}
+    reasons = {"gap": no_gap(scene), "domain": has_no_far_sides(scene)}
+    return {name: reason for name, reason in reasons.items() if reason}
 
 
 # -- scenes of coarse runs ----------------------------------------------------------------------------

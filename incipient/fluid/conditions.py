@@ -159,15 +159,8 @@ class Constraints:
         self._values = dolfinx.fem.Function(space.velocity)
         self.points = space.velocity_points()
         prescribed = [c for c in conditions if isinstance(c, Prescribed)]
-<<<<<<< HEAD
-        self._prescribed = [
-            (c.velocity, boundary_blocks(space.velocity, domain.facets_of(c.boundary))) for c in prescribed
-        ]
-        self._slip = [c for c in conditions if isinstance(c, Slip | Friction) and c.axis is not None]
-=======
         self.prescribe(conditions)
-        self._slip = [c for c in conditions if isinstance(c, Slip | Friction)]
->>>>>>> 2b016e9 (In a faster flow the stream starts at that flow's effective height, so that a threshold and a run at it agree)
+        self._slip = [c for c in conditions if isinstance(c, Slip | Friction) and c.axis is not None]
         self._friction = tuple(c for c in conditions if isinstance(c, Friction))
         carried = [c.boundary for c in conditions if isinstance(c, Carried)]
         self._carried = {name: boundary_blocks(space.velocity, domain.facets_of(name)) for name in carried}

@@ -101,7 +101,9 @@ def test_a_wide_gap_is_warned_of_wherever_the_run_is_told(tmp_path, capsys, capl
 def test_the_plan_in_the_result_has_the_datum(grain, cavity):
     datum = result_of(grain)["plan"]["datum"]
     assert 0.4468 < datum["height"] < 0.5  # in creeping flow, and the crests
-    assert datum["reason"].startswith("the effective height of the bed, computed from its shape, of it 0.0013 by")
+    assert datum["reason"].startswith(
+        "the effective height of the bed, computed from its shape, of it 0.0013 by"
+    )
     assert result_of(cavity)["plan"]["datum"] is None
 
 
