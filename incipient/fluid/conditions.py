@@ -60,9 +60,9 @@ class Open:
 
 @dataclass(frozen=True)
 class Wave:
-    """A wave that comes in at an end, beside the stream.
+    """A wave that comes in at an end with a stream.
 
-    velocity:  a function of x (3, n), places as they are, and t that returns (gdim, n)
+    velocity:  of both, a function of x (3, n), places as they are, and t that returns (gdim, n)
     elevation: a function of x (3, n), of which only places along the level matter, and t that returns (n,)
     """
 
@@ -103,15 +103,13 @@ class Sponge:
     start:  x at which it begins
     end:    x of the end of the channel
     rate:   at the end; it rises with the square of the distance from the start
-    stream: a function of x (3, n) and t, which is zero here, that returns (gdim, n)
-    waving: whether what comes in there as a wave (see `Entering`) belongs to the stream
+    stream: a function of x (3, n) and t, which is zero here, that returns (gdim, n); None: stream and wave that come in
     """
 
     start: float
     end: float
     rate: float
-    stream: Velocity
-    waving: bool = False
+    stream: Velocity | None
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import dolfinx
-import numpy as np
 import ufl
 from petsc4py import PETSc
 
@@ -49,9 +48,9 @@ class SurfaceLoad:
         self.measure = flow.boundary_quadrature(domain.facets)(domain.names[condition.boundary])
         self.place, self.normal = ufl.SpatialCoordinate(mesh), ufl.FacetNormal(mesh)
         self._held, self._entering = held, [domain.measure(entry.boundary) for entry in held.entries]
-        self._waves = [entry.wave for entry in held.entries if entry.wave is not None]
-        self._wave = dolfinx.fem.Function(flow.velocity) if self._waves else None
-        self._sponges = [_Sponge(flow, one, self._wave if one.waving else None) for one in condition.sponges]
+        self._coming = next((entry.wave for entry in held.entries if entry.wave is not None), None)
+        self._wave = None if self._coming is None else dolfinx.fem.Function(flow.velocity)
+        self._sponges = [_Sponge(flow, one, self._wave) for one in condition.sponges]
 
     def integral(self, v: Any, carrier: Any, w: Any) -> Any:
         """The part in the residual of momentum, tested with w, in UFL. Not collective."""
@@ -78,24 +77,25 @@ class SurfaceLoad:
 
     def update(self, time: float) -> None:
         """Evaluate what comes in as a wave and the pressure above, where the mesh is now. Not collective."""
-        if self._wave is not None:
-            values = self._wave.x.array.reshape(len(self._held.points), -1)
-            values[:] = np.sum([wave.velocity(self._held.points.T, time) for wave in self._waves], axis=0).T
+        if self._wave is not None and self._coming is not None:
+            points = self._held.points
+            self._wave.x.array.reshape(len(points), -1)[:] = self._coming.velocity(points.T, time).T
         if self._pressure is not None and self.condition.pressure is not None:
             points = self.space.tabulate_dof_coordinates()
             self._pressure.x.array[:] = self.condition.pressure(points.T, time)
 
 
 class _Sponge:
-    """A sponge and the stream in it, at the nodes of the mesh as it was made, beside which there may be a wave."""
+    """A sponge and the stream in it, at the nodes of the mesh as it was made, or with a wave, where they are."""
 
     def __init__(self, flow: TaylorHood, sponge: Sponge, wave: Any):
-        self._given, self._wave, self._stream = sponge, wave, dolfinx.fem.Function(flow.velocity)
-        values = sponge.stream(flow.velocity_points().T, 0.0)
-        self._stream.x.array.reshape(-1, flow.gdim)[:] = values.T
+        self._given, self._stream = sponge, wave
+        if sponge.stream is not None:
+            self._stream = dolfinx.fem.Function(flow.velocity)
+            values = sponge.stream(flow.velocity_points().T, 0.0)
+            self._stream.x.array.reshape(-1, flow.gdim)[:] = values.T
 
     def integral(self, v: Any, w: Any, place: Any) -> Any:
         within = (place[0] - self._given.start) / (self._given.end - self._given.start)
         rate = self._given.rate * ufl.conditional(ufl.gt(within, 0), within**2, 0)
-        stream = self._stream if self._wave is None else self._stream + self._wave
-        return terms.relaxation(v, stream, rate, w) * ufl.dx
+        return terms.relaxation(v, self._stream, rate, w) * ufl.dx

@@ -54,7 +54,7 @@ def sponges(scene: Scene) -> tuple[Sponge, ...]:
         found.append(Sponge(start, domain.right, rate / asked.sponge, undisturbed(scene)))
     if asked.wave is not None and asked.wave.zone > 0.0:
         start, length = domain.left + asked.wave.zone, asked.wave.zone
-        found.append(Sponge(start, domain.left, rate / length, undisturbed(scene), waving=True))
+        found.append(Sponge(start, domain.left, rate / length, None))
     return tuple(found)
 
 
@@ -101,9 +101,10 @@ def _with_stream(scene: Scene, wave: StokesWave) -> Profile:
     stream, (datum, up) = inflow(scene), (scene.datum, scene.up)
 
     def along(x: Floats, t: float) -> Floats:
-        deeper = 1.0 + wave.elevation(np.zeros(1), t)[0] / wave.depth
-        waving, _ = wave.velocity(np.zeros(x.shape[1]), (x[up] - datum) * deeper, t)
-        return np.asarray((stream(x, t)[0] + waving) * deeper)
+        deeper, places = 1.0 + wave.elevation(np.zeros(1), t)[0] / wave.depth, x.copy()
+        places[up] = datum + (x[up] - datum) * deeper
+        waving, _ = wave.velocity(np.zeros(x.shape[1]), places[up] - datum, t)
+        return np.asarray((stream(places, t)[0] + waving) * deeper)
 
     return along
 
@@ -111,11 +112,12 @@ def _with_stream(scene: Scene, wave: StokesWave) -> Profile:
 def _coming_in(scene: Scene, wave: StokesWave) -> Wave:
     from ..fluid.conditions import Wave
 
-    left, datum, up = scene.domain.left, scene.datum, scene.up
+    stream, left, datum, up = undisturbed(scene), scene.domain.left, scene.datum, scene.up
 
     def velocity(x: Floats, t: float) -> Floats:
-        found = np.zeros((up + 1, x.shape[1]))
-        found[0], found[up] = wave.velocity(x[0] - left, x[up] - datum, t)
+        found = stream(x, t)
+        for axis, waving in zip((0, up), wave.velocity(x[0] - left, x[up] - datum, t), strict=True):
+            found[axis] += waving
         return found
 
     return Wave(velocity, lambda x, t: wave.elevation(x[0] - left, t))

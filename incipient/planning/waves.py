@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
 from ..arrays import Floats
 
 # Second harmonic over the first from which on a wave of second order has a second crest in its trough.
 HIGHEST = 0.25
-HEIGHTS = 200  # at which a stream is looked at
+HEIGHTS = 201  # at which a stream is looked at
 
 
 @dataclass(frozen=True)
@@ -21,13 +24,16 @@ class StokesWave:
 
     Its first crest enters at x = 0 at t = 0; it begins gently, within two periods. Its mean discharge is zero: a
     uniform current takes back what the wave carries between trough and crest. Source: Svendsen (2006), Introduction to
-    Nearshore Hydrodynamics, chapter 8, in a frame that moves with the stream.
+    Nearshore Hydrodynamics, chapter 8, in a frame that moves with the stream. Where the stream has shear the first
+    harmonic is that of the stream's own wave (see `stokes_wave`), the second that of the mean stream.
 
     amplitude: of the first harmonic of the elevation
     frequency: in the frame of the bed, 2 pi over the period
     number:    of waves, 2 pi over the length
     depth:     of the still layer
-    stream:    speed U of the stream as the wave feels it
+    stream:    speed as the wave feels it in the mean
+    surface:   speed of the stream on the surface
+    rise:      the first harmonic's velocity upwards over that on the surface, by the height above the bottom
     """
 
     amplitude: float
@@ -35,6 +41,8 @@ class StokesWave:
     number: float
     depth: float
     stream: float
+    surface: float
+    rise: Any
 
     def begun(self, t: float) -> float:
         """What there is of the amplitude at a time."""
@@ -53,37 +61,48 @@ class StokesWave:
 
     def velocity(self, x: Floats, y: Floats, t: float) -> tuple[Floats, Floats]:
         """(n,) along the stream and (n,) upwards, beside the stream's, at heights y above the bottom."""
-        a, k, H, grown = self.amplitude, self.number, self.depth, self.begun(t)
-        own = self.frequency - k * self.stream
+        a, k, H, grown, y = self.amplitude, self.number, self.depth, self.begun(t), np.maximum(y, 0.0)
         phase, whole = k * x - self.frequency * t, 1.0 - np.exp(-2.0 * k * H)
-        rise, fall = np.exp(k * (y - H)), np.exp(-k * (y + H))
-        first = grown * a * own / whole
+        first, own = grown * a * (self.frequency - k * self.surface), self.frequency - k * self.stream
         second = grown**2 * 6.0 * a**2 * own * k * np.exp(-2.0 * k * H) / whole**4
-        back = grown**2 * a**2 * own / (2.0 * H * np.tanh(k * H))
-        along = first * (rise + fall) * np.cos(phase) + second * (rise**2 + fall**2) * np.cos(2.0 * phase)
-        upwards = first * (rise - fall) * np.sin(phase) + second * (rise**2 - fall**2) * np.sin(2.0 * phase)
+        up, down = np.exp(2.0 * k * (y - H)), np.exp(-2.0 * k * (y + H))
+        back = 0.5 * grown * a * first / (k * H) * self.rise(H, 1)
+        along = first / k * self.rise(y, 1) * np.cos(phase) + second * (up + down) * np.cos(2.0 * phase)
+        upwards = first * self.rise(y) * np.sin(phase) + second * (up - down) * np.sin(2.0 * phase)
         return along - back, upwards
 
 
 def stokes_wave(
     amplitude: float, frequency: float, depth: float, gravity: float, speed: Callable[[Floats], Floats]
 ) -> StokesWave:
-    """The wave of a frequency in the frame of the bed that runs with a stream.
+    """The wave of a frequency in the frame of the bed that runs with a stream, faster than that.
 
-    Its number k solves (w - k U)^2 = g k tanh(k H), with U the mean of the stream's `speed`, a function of heights (n,)
-    above the bottom, weighted by 2 k cosh(2 k y)/sinh(2 k H): of first order in the shear (Kirby & Chen 1989, J.
-    Geophys. Res. 94, 1013), exact where there is none.
+    With U(y) the stream's `speed`, a function of heights (n,) above the bottom, and c = w/k, the velocity upwards
+    solves Rayleigh's equation (U - c) (f'' - k^2 f) = U'' f, f(0) = 0, with (U - c)^2 f' = ((U - c) U' + g) f on the
+    surface. A uniform stream has (w - k U)^2 = g k tanh(k H) and f = sinh(k y). The speed felt in the mean is weighted
+    by 2 k cosh(2 k y)/sinh(2 k H) (Kirby & Chen 1989, J. Geophys. Res. 94, 1013).
     """
-    y = depth * (np.arange(HEIGHTS) + 0.5) / HEIGHTS
-    profile = np.asarray(speed(y))
+    y = np.linspace(0.0, depth, HEIGHTS)
+    profile = CubicSpline(y, speed(y))
+    fastest, surface = float(profile(y).max()), float(profile(depth))
 
-    def felt(k: float) -> float:
-        weight = np.exp(2.0 * k * (y - depth)) + np.exp(-2.0 * k * (y + depth))
-        return float(profile @ weight / weight.sum())
+    def shape(k: float) -> tuple[Floats, Floats]:
+        """The solution over its value on the surface, and its slope."""
+
+        def slopes(height: float, f: Floats) -> list[float]:
+            return [f[1], (k**2 + profile(height, 2) / (profile(height) - frequency / k)) * f[0]]
+
+        found = solve_ivp(slopes, (0.0, depth), [0.0, k], t_eval=y, rtol=1e-10, atol=1e-12, method="DOP853").y
+        return found[0] / found[0, -1], found[1] / found[0, -1]
 
     def missed(k: float) -> float:
-        return float(k * felt(k) + np.sqrt(gravity * k * np.tanh(k * depth)) - frequency)
+        relative = frequency / k - surface
+        return float(relative**2 * shape(k)[1][-1] + relative * profile(depth, 1) - gravity)
 
+    longest = frequency / (fastest + 1.01 * np.sqrt(gravity * depth))
     shortest = frequency**2 / gravity + frequency / np.sqrt(gravity * depth)
-    number = float(brentq(missed, 0.0, shortest, xtol=1e-14 * shortest))
-    return StokesWave(amplitude, frequency, number, depth, felt(number))
+    shortest = min(shortest, (1.0 - 1e-6) * frequency / fastest) if fastest > 0.0 else shortest
+    k = float(brentq(missed, longest, shortest, xtol=1e-14 * shortest))
+    weight = np.exp(2.0 * k * (y - depth)) + np.exp(-2.0 * k * (y + depth))
+    felt, whole = (float(CubicSpline(y, one).integrate(0.0, depth)) for one in (profile(y) * weight, weight))
+    return StokesWave(amplitude, frequency, k, depth, felt / whole, surface, CubicSpline(y, shape(k)[0]))
