@@ -29,6 +29,7 @@ def expected_cells(shape: Region | Grid | SolidRegion | SolidGrid, sizes: Sizes)
     left, right = shape.bottom[0].start, shape.bottom[-1].end
     height = shape.top - min(min(curve.start[1], curve.end[1]) for curve in shape.bottom)
     lengths = {
+        shape.sides[2]: right[0] - left[0],
         shape.sides[0]: sum(curve.length for curve in shape.bottom),
         **{name: sum(curve.length for curve in outline) for name, outline in shape.holes.items()},
     }

@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
+import numpy as np
+
+from ..arrays import Point
+from ..geometry.plane.curves import Curve
 from ..scene import Scene
 
 FAR_CELL = {2: 0.10, 3: 0.15, 4: 0.20}  # of the domain's height
@@ -45,3 +51,13 @@ def largest_cell_in_space(scene: Scene, order: int) -> float:
 def is_grid(scene: Scene) -> bool:
     """Whether the scene is an empty box in the plane, which gets a grid."""
     return scene.gdim == 2 and scene.domain.kind == "box" and scene.body is None and scene.bed is None
+
+
+def corners(curves: Iterable[Curve], following: Iterable[Curve]) -> tuple[Point, ...]:
+    """Where each curve meets the one that follows it at an angle of more than ten degrees."""
+    cosine = np.cos(np.radians(10.0))
+    return tuple(
+        after.start
+        for before, after in zip(curves, following, strict=False)
+        if before.tangent([1.0])[0] @ after.tangent([0.0])[0] < cosine
+    )

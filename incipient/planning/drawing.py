@@ -12,7 +12,7 @@ from ..geometry.plane.curves import Curve, Line
 from ..installed import memory_of_libraries
 from ..meshes import Away, Grid, Near, Region, Sizes, SolidGrid, SolidRegion
 from ..scene import Scene
-from .cells import FAR_CELL, is_grid, largest_cell, side_names
+from .cells import FAR_CELL, corners, is_grid, largest_cell, side_names
 from .clearance import surroundings
 from .drawing_in_space import count_in_space, lay_out_in_space
 from .effects import EffectName, moves
@@ -88,8 +88,8 @@ def _near(
     if grain is not None:
         size = GRAIN_CELL[plan.order] * grain.size
         near.append(Near(size, GROWTH, boundary="body"))
-        if corners := _corners(outline):
-            near.append(Near(CORNER_CELL * size, GROWTH, points=corners))
+        if sharp := corners(outline, outline[1:] + outline[:1]):
+            near.append(Near(CORNER_CELL * size, GROWTH, points=sharp))
         if gap < 4 * size and ends is not None:
             points = _gap_points(scene, plan, ends)
             near.append(Near(GAP_CELL[plan.order] * gap, GAP_GROWTH, points=points, needed=True))
@@ -124,16 +124,6 @@ def _gap_points(scene: Scene, plan: Plan, ends: tuple[Point, Point]) -> tuple[Po
     assert grain is not None and bed is not None and resting is not None
     contacts = touching(grain, resting, bed, scene.contact_tolerance)
     return tuple(dict.fromkeys([ends[0], *(point(x) for x in contacts.points[:, :2])]))
-
-
-def _corners(outline: tuple[Curve, ...]) -> tuple[Point, ...]:
-    """Where consecutive curves of a closed outline meet at an angle of more than ten degrees."""
-    corners = []
-    for before, after in zip(outline, outline[1:] + outline[:1], strict=True):
-        cosine = float(before.tangent([1.0])[0] @ after.tangent([0.0])[0])
-        if cosine < np.cos(np.radians(10.0)):
-            corners.append(after.start)
-    return tuple(corners)
 
 
 def _grid(scene: Scene, plan: Plan) -> Grid:

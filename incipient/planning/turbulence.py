@@ -1,4 +1,4 @@
-"""The turbulence of a scene: the law of the wall, where the mesh ends, what enters, and conditions on the walls."""
+"""The turbulence of a scene: the law of the wall, where the mesh ends, and conditions on the walls."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import numpy as np
 from ..meshes.solid_region import SYMMETRY
 from ..scene import Scene
 from ..scene.turbulence import Turbulence
-from .cells import side_names, sides_across
+from .cells import corners, side_names, sides_across
 
 if TYPE_CHECKING:
     from ..fluid.conditions import Condition
@@ -200,79 +200,10 @@ def cells(scene: Scene, order: int) -> tuple[Near, ...]:
     size = WALL_CELL * (1.0 if order > 2 else 0.75) * walls_of(scene).distance
     found = [Near(size, WALL_GROWTH, boundary=name) for name in wall_names(scene)]
     if scene.bed_shape is not None:
-        x = scene.bed_shape.corners(scene.domain.left, scene.domain.right)
-        inner = x[(x > scene.domain.left) & (x < scene.domain.right)]
-        points = tuple(zip(inner.tolist(), scene.bed_shape.height(inner).tolist(), strict=True))
-        found += [Near(CORNER_CELL * size, WALL_GROWTH, points=points)] if points else []
+        bed = scene.bed_shape.curves(scene.domain.left, scene.domain.right)
+        if sharp := corners(bed, bed[1:]):
+            found.append(Near(CORNER_CELL * size, WALL_GROWTH, points=sharp))
     return tuple(found)
-
-
-# -- what enters --------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Entering:
-    """Speed, k and epsilon at heights (n,); functions that return (n,)."""
-
-    speed: Callable[[np.ndarray], np.ndarray]
-    energy: Callable[[np.ndarray], np.ndarray]
-    dissipation: Callable[[np.ndarray], np.ndarray]
-
-
-def entering(scene: Scene) -> Entering:
-    """What enters a scene, its mean velocity over the whole height being the flow's. Not collective.
-
-    "developed": the logarithmic law, k of Nezu & Nakagawa (1993, Turbulence in Open-Channel Flows), 4.78 u*^2
-    exp(-2 y/h), not above its equilibrium at the wall, and Nikuradse's mixing length (Schlichting & Gersten 2017,
-    Boundary-Layer Theory, section 17.1). "given": a uniform stream of given intensity and length.
-    """
-    asked, walls, viscosity = section(scene), walls_of(scene), scene.viscosity
-    c_mu, depth = asked.c_mu, walls.depth
-    law = partial(walls.law.velocity, walls.shear_velocity, viscosity)
-
-    mean, low = scene.reference_velocity, walls.floor + walls.distance
-    discharge, open_height = mean * walls.number * depth, walls.ceiling - low
-    discharge -= (
-        walls.beside
-        * walls.shear_velocity
-        * walls.law.beyond(walls.shear_velocity, viscosity, walls.distance)
-    )
-    if asked.inflow == "given":
-        assert asked.intensity is not None and asked.length is not None
-        energy = 1.5 * (asked.intensity * mean) ** 2
-        loss = c_mu**0.75 * energy**1.5 / asked.length
-        return Entering(*(partial(_uniform, value) for value in (discharge / open_height, energy, loss)))
-
-    samples = low + open_height * (np.arange(SAMPLES) + 0.5) / SAMPLES
-    scale = discharge / (float(np.mean(law(walls.from_next(samples)))) * open_height)
-
-    def energy_at(height: np.ndarray) -> np.ndarray:
-        most = 1.0 / math.sqrt(c_mu)
-        falling = 4.78 * np.exp(-2.0 * walls.from_next(height) / depth)
-        return walls.shear_velocity**2 * np.minimum(falling, most)
-
-    def dissipation_at(height: np.ndarray) -> np.ndarray:
-        inwards = 1.0 - walls.from_next(height) / depth
-        length = depth * (0.14 - 0.08 * inwards**2 - 0.06 * inwards**4)
-        return c_mu**0.75 * energy_at(height) ** 1.5 / length
-
-    return Entering(lambda height: scale * law(walls.from_next(height)), energy_at, dissipation_at)
-
-
-def _uniform(value: float, y: np.ndarray) -> np.ndarray:
-    return np.full_like(y, value)
-
-
-def logarithms(scene: Scene) -> Callable[[np.ndarray], np.ndarray]:
-    """ln k and ln epsilon (2, n) at places (3, n) of the inflow. Not collective."""
-    found, up = entering(scene), scene.up
-    return lambda x: np.log([found.energy(x[up]), found.dissipation(x[up])])
-
-
-def velocity(scene: Scene) -> Callable[[np.ndarray, float], np.ndarray]:
-    """The velocity (gdim, n) that enters at places (3, n). Not collective."""
-    speed, up = entering(scene).speed, scene.up
-    return lambda x, t: np.vstack([speed(x[up]), *np.zeros((up, x.shape[1]))])
 
 
 # -- conditions ---------------------------------------------------------------------------------------
@@ -290,6 +221,8 @@ def conditions(scene: Scene) -> list[Condition]:
     import ufl
 
     from ..fluid.conditions import Friction, Open, Prescribed, Slip
+
+    from .turbulent_inflow import velocity
 
     walls, names = walls_of(scene), wall_names(scene)
     _, right, top, left = side_names(scene)

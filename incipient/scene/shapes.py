@@ -358,7 +358,8 @@ class Polyline(BedSection):
     kind: Literal["polyline"] = Field("polyline", description="Kind of bed")
     file: str | None = file_key("CSV file of x, y,", "points", "bed.csv")
     points: Annotated[tuple[Pair, ...], Field(strict=False, min_length=2)] = Field(
-        (), description="Points with ascending x, heights counted from the base line [length]"
+        (),
+        description="Points with ascending x, heights counted from the base line; the same x twice: a step [length]",
     )
 
     @model_validator(mode="before")
@@ -370,7 +371,7 @@ class Polyline(BedSection):
             """The points in a file, refused if they are not sorted."""
             points = read_points(path, 2, "Polyline")
             if why := _disorder(points):
-                remedy = "give two or more points sorted by ascending x, each x once"
+                remedy = "give two or more points sorted by ascending x, each place once"
                 raise about_file("Polyline", f"{path} {why}", remedy)
             return {"points": points}
 
@@ -381,7 +382,7 @@ class Polyline(BedSection):
         _limit(self, "points", MOST_POINTS)
         why = _disorder(self.points)
         if why:
-            raise self.refused("points", why, "sort the points by ascending x, each x once")
+            raise self.refused("points", why, "sort the points by ascending x, each place once")
         return self
 
     def surface(self, origin_y: float, origin_x: float = 0.0) -> bed_geometry.Bed:
@@ -398,9 +399,9 @@ def _limit(section: Section, key: str, most: int) -> None:
 
 
 def _disorder(points: Sequence[Point]) -> str | None:
-    """The first place where x does not ascend, in words."""
-    for (left, _), (right, _) in pairwise(points):
-        if not left < right:
+    """The first place where x descends, or a point comes twice, in words."""
+    for (left, low), (right, high) in pairwise(points):
+        if right < left or (left, low) == (right, high):
             return f"has x = {right:g} after x = {left:g}"
     return None
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Literal
+from itertools import pairwise
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -13,6 +14,7 @@ from .section import NotNegative, Positive, Section
 if TYPE_CHECKING:
     from .model import Scene
 
+Row = Annotated[tuple[float, ...], Field(strict=False, min_length=2, max_length=3)]
 FLOWS = ("poiseuille", "open-channel")
 LAMINAR = 'use flow.kind = "log-law", the laminar flow with the mean profile of a turbulent stream'
 
@@ -30,16 +32,24 @@ class Turbulence(Section):
         description="Distance from the walls at which the mesh ends; without it 50 nu/u*, estimated [length]",
         examples=[0.05],
     )
-    inflow: Literal["developed", "given"] = Field(
-        "developed", description="Turbulence that enters: nearly developed, or by intensity and length"
+    inflow: Literal["developed", "given", "profile"] = Field(
+        "developed",
+        description="What enters: nearly developed; uniform, by intensity and length; or a measured profile",
     )
     intensity: Positive | None = Field(
         None,
-        description="Root mean square of a velocity's fluctuation over the mean velocity [-]",
+        description="Root mean square of a velocity's fluctuation over V; with a profile at least [-]",
         examples=[0.05],
     )
     length: Positive | None = Field(
-        None, description="Mixing length of the turbulence that enters [length]", examples=[0.1]
+        None,
+        description="Mixing length of the turbulence that enters; with a profile the largest [length]",
+        examples=[0.1],
+    )
+    profile: Annotated[tuple[Row, ...], Field(strict=False)] = Field(
+        (),
+        description="Rows of height above the bed at the inflow [length] and speed over V, and k over V^2 if known",
+        examples=[[[0.1, 0.7], [0.5, 0.85], [1.5, 1.0]]],
     )
     c_mu: Positive = Field(0.09, description="nu_t = c_mu k^2/epsilon [-]")
     c_1: Positive = Field(1.44, description="Production of epsilon [-]")
@@ -54,16 +64,30 @@ class Turbulence(Section):
             raise self.refused("roughness", f'is {self.roughness:g} but wall is "{self.wall}"', remedy)
         for key in ("intensity", "length"):
             there = getattr(self, key) is not None
-            if there != (self.inflow == "given"):
-                why = f'is {"read" if there else "needed"} only with inflow = "given"'
+            if there != (self.inflow != "developed"):
+                why = 'is read only with inflow = "given" or "profile"'
                 if not there:
-                    why = 'is missing, which inflow = "given" needs'
+                    why = f'is missing, which inflow = "{self.inflow}" needs'
                 raise self.refused(key, why, "leave it out" if there else "add it")
+        if why := self._wrong_profile():
+            raise self.refused("profile", *why)
         if not 1.0 < self.c_1 < self.c_2:
             raise self.refused(
                 "c_2", f"is {self.c_2:g}", "give 1 < c_1 < c_2: else turbulence does not decay"
             )
         return self
+
+    def _wrong_profile(self) -> tuple[str, str] | None:
+        """What is wrong with the profile, and the remedy; None: nothing."""
+        if self.inflow != "profile":
+            return ('is read only with inflow = "profile"', "leave it out") if self.profile else None
+        if len(self.profile) < 2 or len({len(row) for row in self.profile}) != 1:
+            return "has not two or more rows of one length", "give rows of height and speed, each with k or none"
+        if any(high[0] <= low[0] for low, high in pairwise(((0.0,), *self.profile))):
+            return "has heights that do not ascend from above zero", "sort the rows by height, walls left out"
+        if any(value <= 0.0 for row in self.profile for value in row[1:]):
+            return "has a speed or a k that is not positive", "leave walls out: the law of the wall leads there"
+        return None
 
     @property
     def constants(self) -> tuple[float, ...]:

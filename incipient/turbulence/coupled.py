@@ -15,14 +15,14 @@ from ..fluid.newton import NewtonReport
 from .fields import Turbulence
 
 MOST_ROUNDS = 200
-FIRST_STEP, GROWTH, CUT = (
-    1.0,
-    1.6,
-    0.25,
-)  # of pseudo-time: of that in which the flow passes its depth; factors
+# Of pseudo-time: of that in which the flow passes its depth; factors; and the shortest over the first.
+FIRST_STEP, GROWTH, CUT, SHORTEST = 1.0, 1.6, 0.25, 1e-4
+# How many times as viscous the eddies are made where there is no flow to begin with, and how often at most.
+THICKER, MOST_THICKENINGS = 4.0, 8
 # Within a step of pseudo-time, and of corrections of the flow over what is left in the end.
 STEP_TOLERANCE, SHARE_OF_FLOW = 1e-2, 1e-2
 MOST_TURNS = 15  # within a time step
+NO_FLOW = "the flow with the eddy viscosity as it is does not converge: use a smaller numerics.mesh_size"
 
 
 @dataclass(frozen=True)
@@ -46,35 +46,47 @@ def solve_steadily(
     """Find the steady flow with its turbulence from their present states. Collective.
 
     In turn the flow is solved with the eddy viscosity as it is, and k and epsilon take an implicit step of pseudo-time
-    in that flow, which becomes longer while it succeeds. `time` is that in which the flow passes its depth; within
-    `stage` k and epsilon are solved.
+    in that flow, which becomes longer while it succeeds. Where there is no flow to begin with, the eddies are made
+    more viscous; where there is none after a step, that step is taken anew, shorter. `time` is that in which the flow
+    passes its depth; within `stage` k and epsilon are solved.
 
     Raises:
         ConvergenceError: the flow does not converge, or k and epsilon still change after 200 rounds.
     """
     rounds: list[Round] = []
-    step, flow = FIRST_STEP * time, fluid.state.x.array
+    step, flow, eddies = FIRST_STEP * time, fluid.state.x.array, turbulence.state.x.array
+    _begin(fluid, turbulence, SHARE_OF_FLOW * tolerance)
+    moved, past = np.inf, eddies.copy()
     for number in range(1, MOST_ROUNDS + 1):
-        past, past_flow = turbulence.state.x.array.copy(), flow.copy()
-        if not fluid.solve(SHARE_OF_FLOW * tolerance).converged:
-            raise ConvergenceError(
-                "the flow with the eddy viscosity as it is does not converge: use a smaller numerics.mesh_size"
-            )
         with stage():
             size = turbulence.step((1 / step, -1 / step, 0.0), (past, past), STEP_TOLERANCE)
-        if not np.isfinite(size):
-            turbulence.state.x.array[:] = past
+        change, past_flow = turbulence.largest(eddies - past), flow.copy()
+        if not np.isfinite(size) or not fluid.solve(SHARE_OF_FLOW * tolerance).converged:
+            eddies[:], flow[:] = past, past_flow
             step *= CUT
+            if step < SHORTEST * time:
+                raise ConvergenceError(NO_FLOW)
             continue
-        change = turbulence.largest(turbulence.state.x.array - past)
-        rounds.append(Round(number, step, _moved(fluid, flow - past_flow), change))
+        moved, past = _moved(fluid, flow - past_flow), eddies.copy()
+        rounds.append(Round(number, step, moved, change))
         watch(rounds[-1])
-        if max(change, rounds[-1].of_flow) <= tolerance:
+        if max(change, moved) <= tolerance:
             return tuple(rounds)
         step *= GROWTH
     raise ConvergenceError(
         f"k and epsilon are not steady after {MOST_ROUNDS} rounds: use a smaller numerics.mesh_size, or add [time]"
     )
+
+
+def _begin(fluid: Fluid, turbulence: Turbulence, tolerance: float) -> None:
+    """Find the flow with the eddies as they are, or with more viscous ones, which pseudo-time lets go."""
+    start = fluid.state.x.array.copy()
+    for _ in range(MOST_THICKENINGS + 1):
+        if fluid.solve(tolerance).converged:
+            return
+        fluid.state.x.array[:] = start
+        turbulence.thicken(THICKER)
+    raise ConvergenceError(NO_FLOW)
 
 
 def _moved(fluid: Fluid, change: np.ndarray) -> float:

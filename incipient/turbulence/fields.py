@@ -152,6 +152,10 @@ class Turbulence:
         self.state.x.scatter_forward()
         return size
 
+    def thicken(self, factor: float) -> None:
+        """Make the eddies a factor more viscous, by less epsilon."""
+        self.state.x.array[1::2] -= np.log(factor)
+
     # -- its values -----------------------------------------------------------------------------------
 
     def largest(self, values: np.ndarray) -> float:

@@ -9,7 +9,8 @@ from incipient.cost.command import chosen
 from incipient.errors import SceneError
 from incipient.fluid.conditions import Friction
 from incipient.planning.drawing import lay_out
-from incipient.planning.turbulence import WallLaw, conditions, entering, walls_of
+from incipient.planning.turbulence import WallLaw, conditions, walls_of
+from incipient.planning.turbulent_inflow import entering
 from incipient.results.turbulence import WallReport
 from incipient.scene import (
     Disc,

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from incipient.arrays import Floats, Point, rows
 from incipient.errors import SceneError
-from incipient.geometry.plane.bed import Bed, abscissae, abscissae_between, require_order
+from incipient.geometry.plane.bed import Bed, abscissae, require_order
 from incipient.geometry.plane.curves import Curve, Line
 
 MOST_IN_CELL = 80  # points that tell what a bed acts as
@@ -19,7 +19,7 @@ MOST_IN_CELL = 80  # points that tell what a bed acts as
 class Polyline(Bed):
     """Straight lines through `points` (n, 2) with ascending x; y counts from origin_y.
 
-    Beyond the first and last point the height continues unchanged, but curves are given only between them.
+    Two points with the same x are a vertical step, to whose right side its x belongs; no grain lies at one. Beyond the first and last point the height continues unchanged, but curves are given only between them.
     """
 
     points: tuple[Point, ...]
@@ -29,10 +29,11 @@ class Polyline(Bed):
         array = np.array(points, dtype=float)
         if array.ndim != 2 or array.shape[1] != 2 or len(array) < 2 or not np.isfinite(array).all():
             raise SceneError("a polyline bed needs at least two points of two finite coordinates; add them")
-        falling = np.diff(array[:, 0]) <= 0.0
+        dx, dy = np.diff(array, axis=0).T
+        falling = (dx < 0.0) | ((dx == 0.0) & (dy == 0.0))
         if falling.any():
             k = int(np.argmax(falling)) + 1
-            raise SceneError(f"polyline point {k} does not lie to the right of the one before; sort by x")
+            raise SceneError(f"polyline point {k} lies to the left of, or at, the one before; sort by x")
         object.__setattr__(self, "points", tuple((float(x), float(y)) for x, y in array))
         object.__setattr__(self, "origin_y", float(origin_y))
 
@@ -47,8 +48,14 @@ class Polyline(Bed):
 
     @cached_property
     def feature(self) -> float:
-        """The shortest horizontal extent of a line."""
-        return float(np.diff(self._vertices[:, 0]).min())
+        """The shortest horizontal extent of a line, or height of a step."""
+        dx, dy = np.abs(np.diff(self._vertices, axis=0)).T
+        return float(np.where(dx > 0.0, dx, dy).min())
+
+    @property
+    def is_stepped(self) -> bool:
+        """Whether some line is vertical."""
+        return bool((np.diff(self._vertices[:, 0]) == 0.0).any())
 
     @cached_property
     def crest(self) -> float:
@@ -78,9 +85,15 @@ class Polyline(Bed):
         return tuple(Line(start, end) for start, end in pairwise(ends))
 
     def _between(self, x0: float, x1: float) -> Floats:
-        """The points (n, 2) of the bed at x0, at its corners, and at x1."""
-        stations = abscissae_between(x0, x1, self._vertices[:, 0], 0.0)
-        return np.column_stack([stations, self.height(stations)])
+        """The points (n, 2) of the bed at x0, at its corners between, and at x1."""
+        return self._cut(x0, x1, 0.0)
+
+    def _cut(self, x0: float, x1: float, sliver: float) -> Floats:
+        """Points (n, 2) at x0 and x1, and of the corners between them those that keep `sliver` away from both."""
+        x = self._vertices[:, 0]
+        inner = self._vertices[(x > x0 + sliver) & (x < x1 - sliver)]
+        first, last = np.column_stack([[x0, x1], self.height([x0, x1])])
+        return np.vstack([first, inner, last])
 
     def height(self, x: ArrayLike) -> Floats:
         """b at abscissae (n,), (n,)."""
@@ -91,7 +104,8 @@ class Polyline(Bed):
         """The slopes of the lines left and right; zero beyond the ends."""
         vertices, x = self._vertices, abscissae(x)
         dx, dy = np.diff(vertices, axis=0).T
-        slope = np.concatenate([[0.0], dy / dx, [0.0]])
+        upright = dx == 0.0  # no abscissa lies within such a line
+        slope = np.concatenate([[0.0], np.where(upright, 0.0, dy / np.where(upright, 1.0, dx)), [0.0]])
         # A vertex found to round-off is that vertex.
         slack = 1e-12 * np.ptp(vertices[:, 0])
         left = slope[np.searchsorted(vertices[:, 0], x - slack, side="left")]
@@ -101,7 +115,7 @@ class Polyline(Bed):
     def corners(self, x0: float, x1: float) -> Floats:
         """The points between x0 and x1, also those that are not real corners."""
         x = self._vertices[:, 0]
-        return np.asarray(x[(x >= x0) & (x <= x1)])
+        return np.unique(x[(x >= x0) & (x <= x1)])
 
     def nearest(self, points: Floats) -> Floats:
         """The nearest point of all lines, and of the level continuations beyond the ends."""
@@ -142,6 +156,5 @@ class Polyline(Bed):
                 f"the polyline bed reaches from x = {x[0]:g} to {x[-1]:g}, the domain from {x0:g} to {x1:g}; "
                 "add points or shorten the domain"
             )
-        stations = abscissae_between(x0, x1, x, 1e-9 * (x1 - x0))
-        ends = [(float(a), float(b)) for a, b in zip(stations, self.height(stations), strict=True)]
+        ends = [(float(a), float(b)) for a, b in self._cut(x0, x1, 1e-9 * (x1 - x0))]
         return tuple(Line(start, end) for start, end in pairwise(ends))

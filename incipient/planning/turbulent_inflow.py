@@ -1,0 +1,168 @@
+"""What enters a scene with turbulence: velocity, k and epsilon at the inflow."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from ..scene import Scene
+from .turbulence import SAMPLES, Walls, section, walls_of
+
+
+@dataclass(frozen=True)
+class Entering:
+    """Speed, k and epsilon at heights (n,); functions that return (n,)."""
+
+    speed: Callable[[np.ndarray], np.ndarray]
+    energy: Callable[[np.ndarray], np.ndarray]
+    dissipation: Callable[[np.ndarray], np.ndarray]
+
+
+def entering(scene: Scene) -> Entering:
+    """What enters a scene, its mean velocity over the whole height being the flow's. Not collective.
+
+    "developed": the logarithmic law, k of Nezu & Nakagawa (1993, Turbulence in Open-Channel Flows), 4.78 u*^2
+    exp(-2 y/h), not above its equilibrium at the wall, and Nikuradse's mixing length (Schlichting & Gersten 2017,
+    Boundary-Layer Theory, section 17.1). "given": a uniform stream of given intensity and length. "profile": see
+    `Measured`.
+    """
+    if section(scene).inflow == "profile":
+        found = Measured.of(scene)
+        return Entering(found.speed, found.energy, found.dissipation)
+    asked, walls, viscosity = section(scene), walls_of(scene), scene.viscosity
+    c_mu, depth = asked.c_mu, walls.depth
+    law = partial(walls.law.velocity, walls.shear_velocity, viscosity)
+
+    mean, low = scene.reference_velocity, walls.floor + walls.distance
+    discharge, open_height = mean * walls.number * depth, walls.ceiling - low
+    discharge -= (
+        walls.beside
+        * walls.shear_velocity
+        * walls.law.beyond(walls.shear_velocity, viscosity, walls.distance)
+    )
+    if asked.inflow == "given":
+        assert asked.intensity is not None and asked.length is not None
+        energy = 1.5 * (asked.intensity * mean) ** 2
+        loss = c_mu**0.75 * energy**1.5 / asked.length
+        return Entering(*(partial(_uniform, value) for value in (discharge / open_height, energy, loss)))
+
+    samples = low + open_height * (np.arange(SAMPLES) + 0.5) / SAMPLES
+    scale = discharge / (float(np.mean(law(walls.from_next(samples)))) * open_height)
+
+    def energy_at(height: np.ndarray) -> np.ndarray:
+        most = 1.0 / math.sqrt(c_mu)
+        falling = 4.78 * np.exp(-2.0 * walls.from_next(height) / depth)
+        return walls.shear_velocity**2 * np.minimum(falling, most)
+
+    def dissipation_at(height: np.ndarray) -> np.ndarray:
+        inwards = 1.0 - walls.from_next(height) / depth
+        length = depth * (0.14 - 0.08 * inwards**2 - 0.06 * inwards**4)
+        return c_mu**0.75 * energy_at(height) ** 1.5 / length
+
+    return Entering(lambda height: scale * law(walls.from_next(height)), energy_at, dissipation_at)
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A profile given by rows, and the law of the wall between them and the walls.
+
+    Speeds are cubic in the logarithm of the height, their slopes at inner rows those of their neighbours. Where k is
+    not given it is in equilibrium with the mixing length l, l^2 (du/dy)^2/C_mu^(1/2), and that of the least intensity is
+    added; l is kappa times the distance from the next wall, at most the one given. Heights are those over which the
+    mesh extends: where it ends at a wall itself they are stretched to begin a distance of the law above it.
+    """
+
+    walls: Walls
+    rows: np.ndarray
+    viscosity: float
+    c_mu: float
+    length: float
+    least: float
+
+    @classmethod
+    def of(cls, scene: Scene) -> Measured:
+        """The profile of a scene, in its units. Not collective."""
+        asked, mean = section(scene), scene.reference_velocity
+        assert asked.intensity is not None and asked.length is not None
+        rows = np.array(asked.profile) * np.array([1.0, mean, mean**2])[: len(asked.profile[0])]
+        least = 1.5 * (asked.intensity * mean) ** 2
+        return cls(walls_of(scene), rows, scene.viscosity, asked.c_mu, asked.length, least)
+
+    def speed(self, height: np.ndarray) -> np.ndarray:
+        """Speeds (n,) at heights (n,) in the scene."""
+        return self._speed_and_slope(height)[0]
+
+    def energy(self, height: np.ndarray) -> np.ndarray:
+        """k (n,) at heights (n,) in the scene."""
+        if self.rows.shape[1] == 3:
+            return np.interp(self._above(height), self.rows[:, 0], self.rows[:, 2]) + self.least
+        slope = self._speed_and_slope(height)[1]
+        return (self._mixing_length(height) * slope) ** 2 / math.sqrt(self.c_mu) + self.least
+
+    def dissipation(self, height: np.ndarray) -> np.ndarray:
+        """epsilon (n,) at heights (n,) in the scene."""
+        return np.asarray(self.c_mu**0.75 * self.energy(height) ** 1.5 / self._mixing_length(height))
+
+    @property
+    def _between(self) -> float:
+        """Height between the walls that the rows are measured between."""
+        return self.walls.number * self.walls.depth
+
+    def _above(self, height: np.ndarray) -> np.ndarray:
+        """Heights (n,) above the wall, as they were measured."""
+        walls = self.walls
+        low = walls.floor + walls.distance
+        whole = self._between - walls.number * walls.distance
+        return np.clip(
+            walls.distance + (height - low) / (walls.ceiling - low) * whole, walls.distance, self._between
+        )
+
+    def _mixing_length(self, height: np.ndarray) -> np.ndarray:
+        above = self._above(height)
+        away = np.minimum(above, self._between - above) if self.walls.number == 2 else above
+        return np.minimum(self.walls.law.kappa * np.maximum(away, self.walls.distance), self.length)
+
+    def _speed_and_slope(self, height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Speeds and their slopes (n,)."""
+        from scipy.interpolate import CubicHermiteSpline
+
+        above, law = self._above(height), self.walls.law
+        y, u = self.rows[:, 0], self.rows[:, 1]
+        ends = np.array([y[0], self._between - y[-1]])
+        first, last = law.shear_velocity(u[[0, -1]], self.viscosity, ends)
+        slopes = np.gradient(u, np.log(y))
+        slopes[0] = first / law.kappa
+        slopes[-1] = -last / law.kappa * y[-1] / ends[1] if self.walls.number == 2 else 0.0
+        between = CubicHermiteSpline(np.log(y), u, slopes)
+        within = np.log(np.clip(above, y[0], y[-1]))
+        down = np.maximum(self._between - above, self.walls.distance)
+        near, far = above < y[0], above > y[-1]
+        upper = (law.velocity(last, self.viscosity, down) * last, last / (law.kappa * down))
+        if self.walls.number == 1:
+            upper = (np.full_like(above, u[-1]), np.zeros_like(above))
+        lower = (law.velocity(first, self.viscosity, above) * first, first / (law.kappa * above))
+        inner = (between(within), np.abs(between(within, 1)) / above)
+        return tuple(
+            np.where(near, low, np.where(far, high, middle))
+            for low, high, middle in zip(lower, upper, inner, strict=True)
+        )  # type: ignore[return-value]
+
+
+def _uniform(value: float, y: np.ndarray) -> np.ndarray:
+    return np.full_like(y, value)
+
+
+def logarithms(scene: Scene) -> Callable[[np.ndarray], np.ndarray]:
+    """ln k and ln epsilon (2, n) at places (3, n) of the inflow. Not collective."""
+    found, up = entering(scene), scene.up
+    return lambda x: np.log([found.energy(x[up]), found.dissipation(x[up])])
+
+
+def velocity(scene: Scene) -> Callable[[np.ndarray, float], np.ndarray]:
+    """The velocity (gdim, n) that enters at places (3, n). Not collective."""
+    speed, up = entering(scene).speed, scene.up
+    return lambda x, t: np.vstack([speed(x[up]), *np.zeros((up, x.shape[1]))])
