@@ -22,7 +22,7 @@ def conditions(scene: Scene, held: bool = False, lid: bool = False, speed: float
     The velocity of a moving grain's surface is given within each step, or is that of time zero if it is `held`.
     """
     if scene.is_turbulent:
-        from .turbulence import conditions as turbulent
+        from .turbulent_conditions import conditions as turbulent
 
         return turbulent(scene)
     from ..fluid import Carried, Open, Prescribed, Slip, no_slip

@@ -109,8 +109,8 @@ def _near(
         near.extend(cells(scene, plan.order))
     if scene.flow.kind == "lid":
         domain = scene.domain
-        corners = ((domain.left, domain.ceiling), (domain.right, domain.ceiling))
-        near.append(Near(0.1 * FAR_CELL[plan.order] * domain.height, GROWTH, points=corners))
+        upper = ((domain.left, domain.ceiling), (domain.right, domain.ceiling))
+        near.append(Near(0.1 * FAR_CELL[plan.order] * domain.height, GROWTH, points=upper))
     return tuple(near)
 
 

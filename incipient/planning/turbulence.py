@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -14,10 +12,9 @@ import numpy as np
 from ..meshes.solid_region import SYMMETRY
 from ..scene import Scene
 from ..scene.turbulence import Turbulence
-from .cells import corners, side_names, sides_across
+from .cells import corners, side_names
 
 if TYPE_CHECKING:
-    from ..fluid.conditions import Condition
     from ..meshes import Grid, Near, SolidGrid
 
 LOWEST, HIGHEST = 30.0, 300.0  # distances from the wall, in nu/u*, between which the law holds
@@ -30,8 +27,9 @@ CORRECTIONS = 4  # of u* by Newton's method, which leave less than 1e-9 of it
 SAMPLES = 2000
 # Of a channel's mesh: rows over the depth of a wall; column over that depth; finest over largest row.
 ROWS, COLUMN, GRADING = 14, 1.0, 0.3
-# Of other meshes: cells at walls, over the distance of the law; growth away from them; cells at corners over those.
-WALL_CELL, WALL_GROWTH, CORNER_CELL = 4.0, 0.25, 0.4
+# Of other meshes: cells at walls, over the distance of the law; growth away from them; cells at corners over those: a
+# shear layer that leaves a corner begins as thick as a cell there, which is most of the error of where it reattaches.
+WALL_CELL, WALL_GROWTH, CORNER_CELL = 4.0, 0.25, 0.05
 LAYERS = 2  # of cells across a channel in space, at the least
 NUMPY = SimpleNamespace(log=np.log, larger=np.maximum)
 
@@ -206,33 +204,8 @@ def cells(scene: Scene, order: int) -> tuple[Near, ...]:
     return tuple(found)
 
 
-# -- conditions ---------------------------------------------------------------------------------------
-
-
 def wall_names(scene: Scene) -> tuple[str, ...]:
     """Names of the boundaries that have a wall beyond them."""
     bottom, _, top, _ = side_names(scene)
     upper = () if scene.flow.kind == "open-channel" else (top,)
     return (bottom, *upper, *(() if scene.body is None else ("body",)))
-
-
-def conditions(scene: Scene) -> list[Condition]:
-    """Boundary conditions of the flow of a scene with turbulence. Not collective."""
-    import ufl
-
-    from ..fluid.conditions import Friction, Open, Prescribed, Slip
-
-    from .turbulent_inflow import velocity
-
-    walls, names = walls_of(scene), wall_names(scene)
-    _, right, top, left = side_names(scene)
-    functions = SimpleNamespace(log=ufl.ln, larger=ufl.max_value)
-    drag = partial(walls.law.drag, functions=functions)
-    beside = {top} if not is_plane(scene) else set(names)
-    rubbing: list[Condition] = [
-        Friction(name, walls.distance, drag, scene.up if name in beside else None) for name in names
-    ]
-    lids: list[Condition] = [] if top in names else [Slip(top, axis=scene.up)]
-    lids += [Slip(name, axis=1) for name in sides_across(scene)]
-    lids += [Slip(SYMMETRY, axis=1)] if scene.symmetric else []
-    return [Open(right), *rubbing, *lids, Prescribed(left, velocity(scene))]

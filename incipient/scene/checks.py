@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from ..errors import SceneError
@@ -49,12 +50,25 @@ def contradictions(scene: Scene) -> list[Problem]:
         contradictory,
         surface.contradictory,
         turbulence.contradictory,
+        _steps,
     )
     found = [problem for check in checks for problem in check(scene)]
     if found:
         return found
     in_turn = (_resolution, _forms, _bed_extent, _datum_of_the_bed, surface.misplaced, _body_place, _symmetry)
     return next((problems for check in in_turn if (problems := [*check(scene)])), [])
+
+
+def _steps(scene: Scene) -> Iterator[Problem]:
+    """Contact is found on beds that are graphs."""
+    bed = scene.bed
+    if bed is None or bed.kind != "polyline" or scene.body is None:
+        return
+    for (left, _), (right, _) in pairwise(bed.points):
+        if left == right:
+            why = f"has a vertical step at x = {left:g}, and grains over steps are not simulated by this version"
+            yield Problem(("bed", "points"), why, "give the step a width, or leave the grain out")
+            return
 
 
 def _dimensions(scene: Scene) -> Iterator[Problem]:

@@ -69,8 +69,8 @@ class Turbulence(Section):
                 if not there:
                     why = f'is missing, which inflow = "{self.inflow}" needs'
                 raise self.refused(key, why, "leave it out" if there else "add it")
-        if why := self._wrong_profile():
-            raise self.refused("profile", *why)
+        if wrong := self._wrong_profile():
+            raise self.refused("profile", *wrong)
         if not 1.0 < self.c_1 < self.c_2:
             raise self.refused(
                 "c_2", f"is {self.c_2:g}", "give 1 < c_1 < c_2: else turbulence does not decay"
@@ -82,11 +82,17 @@ class Turbulence(Section):
         if self.inflow != "profile":
             return ('is read only with inflow = "profile"', "leave it out") if self.profile else None
         if len(self.profile) < 2 or len({len(row) for row in self.profile}) != 1:
-            return "has not two or more rows of one length", "give rows of height and speed, each with k or none"
+            return (
+                "has not two or more rows of one length",
+                "give rows of height and speed, each with k or none",
+            )
         if any(high[0] <= low[0] for low, high in pairwise(((0.0,), *self.profile))):
             return "has heights that do not ascend from above zero", "sort the rows by height, walls left out"
         if any(value <= 0.0 for row in self.profile for value in row[1:]):
-            return "has a speed or a k that is not positive", "leave walls out: the law of the wall leads there"
+            return (
+                "has a speed or a k that is not positive",
+                "leave walls out: the law of the wall leads there",
+            )
         return None
 
     @property

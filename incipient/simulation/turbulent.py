@@ -15,7 +15,7 @@ from ..fluid import Fluid
 from ..forms import turbulence as forms
 from ..mesh.domain import Domain
 from ..planning import turbulence as planned
-from ..planning import turbulent_inflow
+from ..planning import turbulent_conditions
 from ..planning.cells import side_names
 from ..planning.turbulence import HIGHEST, LOWEST
 from ..results.turbulence import WallReport
@@ -40,7 +40,9 @@ class TurbulentFlow:
     def __init__(self, scene: Scene, domain: Domain):
         self._scene, self._walls = scene, planned.walls_of(scene)
         inflow, walls = (side_names(scene)[3],), planned.wall_names(scene)
-        surroundings = Surroundings(inflow, turbulent_inflow.logarithms(scene), walls, self._walls.distance)
+        surroundings = Surroundings(
+            inflow, turbulent_conditions.logarithms(scene), walls, self._walls.distance
+        )
         self.fields = Turbulence(domain, surroundings, ORDER, planned.section(scene).constants)
 
     def joined(self, fluid: Fluid) -> None:
@@ -56,7 +58,7 @@ class TurbulentFlow:
             ConvergenceError: there is none that could be found.
         """
         fluid, walls, scene = run.fluid, self._walls, self._scene
-        enters = turbulent_inflow.velocity(scene)
+        enters = turbulent_conditions.velocity(scene)
         start = dolfinx.fem.Function(fluid.space.velocity)
         start.interpolate(lambda x: enters(x, 0.0))
         fluid.state.x.array[fluid.space.velocity_map] = start.x.array

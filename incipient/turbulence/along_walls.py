@@ -15,13 +15,16 @@ from ..compat import petsc
 from ..fluid import Fluid
 from ..fluid.space import boundary_blocks
 
+STEEP, CORNER = 0.7, 0.95  # of normals: from which part along the stream on, below which length
+
 
 @dataclass(frozen=True)
 class AlongWall:
     """The flow next to a wall at nodes (n,), by ascending x, on all ranks.
 
-    places (n, gdim); normals (n, gdim) out of the fluid, of length one; lengths (n,) of wall that go with each node;
-    velocities (n, gdim); and shear_velocities (n,), those that the turbulence stands for
+    places (n, gdim); normals (n, gdim) out of the fluid, shorter than one in corners: the means of their sides';
+    lengths (n,) of wall that go with each node; velocities (n, gdim); and shear_velocities (n,), those that the
+    turbulence stands for
     """
 
     places: np.ndarray
@@ -33,12 +36,17 @@ class AlongWall:
     @property
     def speeds(self) -> np.ndarray:
         """(n,) of the flow along the wall."""
-        through = (self.velocities * self.normals).sum(axis=1, keepdims=True)
-        return np.asarray(np.linalg.norm(self.velocities - through * self.normals, axis=1))
+        normals = self.normals / np.linalg.norm(self.normals, axis=1, keepdims=True)
+        through = (self.velocities * normals).sum(axis=1, keepdims=True)
+        return np.asarray(np.linalg.norm(self.velocities - through * normals, axis=1))
 
     def backward(self) -> tuple[tuple[float, float], ...]:
-        """From which x to which the flow runs against the first axis, where the wall is rather level than steep."""
-        level = np.abs(self.normals[:, 0]) < 0.7
+        """From which x to which the flow runs against the first axis, where the wall is rather level than steep.
+
+        Corners do not count.
+        """
+        level = np.abs(self.normals[:, 0]) < STEEP
+        level &= np.linalg.norm(self.normals, axis=1) > CORNER
         x, v = self.places[level, 0], self.velocities[level, 0]
         turns = np.flatnonzero(v[1:] * v[:-1] < 0.0)
         zeros = x[turns] - v[turns] * (x[turns + 1] - x[turns]) / (v[turns + 1] - v[turns])
@@ -76,8 +84,7 @@ def along_wall(fluid: Fluid, boundary: str, shear_velocity: Any) -> AlongWall:
     whole = np.concatenate(domain.comm.allgather(np.hstack(columns)))
     whole = whole[np.lexsort(whole[:, :gdim].T[::-1])]
     places, lengths, normals, velocities, shears = np.split(whole, np.cumsum([gdim, 1, gdim, gdim]), axis=1)
-    normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-    return AlongWall(places, normals, lengths[:, 0], velocities, shears[:, 0])
+    return AlongWall(places, normals / lengths, lengths[:, 0], velocities, shears[:, 0])
 
 
 def _at(form: Any, nodes: np.ndarray, gdim: int) -> np.ndarray:

@@ -343,3 +343,19 @@ class TestLifted:
     def test_bad_gap_is_refused(self):
         with pytest.raises(SceneError, match="gap"):
             lifted(Disc(1.0), Placement((0.0, 0.5)), Flat(), -0.1)
+
+
+def test_a_polyline_may_step_vertically():
+    """The x of the step belongs to its right side; it is a line of the bed, and it has no part in the mean."""
+    bed = Polyline([(0, 1), (2, 1), (2, 0), (6, 0)])
+    assert bed.feature == 1.0 and bed.mean(0, 6) == pytest.approx(2 / 6)
+    assert bed.height([1.9, 2.0, 2.1]) == pytest.approx([1, 0, 0])
+    assert [(line.start, line.end) for line in bed.curves(1, 6)] == [
+        ((1, 1), (2, 1)),
+        ((2, 1), (2, 0)),
+        ((2, 0), (6, 0)),
+    ]
+    assert bed.nearest([(2.5, 0.7)]) == pytest.approx(np.array([[2.0, 0.7]]))
+    assert bed.corners(0, 6) == pytest.approx([0, 2, 6])
+    with pytest.raises(SceneError, match="polyline point 1 lies to the left of, or at, the one before"):
+        Polyline([(0, 1), (0, 1), (2, 1)])

@@ -211,8 +211,8 @@ ONE_KEY = [
     (lambda: Polyline(file=3), 'Polyline: file: is 3; give text in "quotes"'),
     (lambda: Polyline(points=[(0, 0)]), "Polyline: points: has 1 item; give 2 or more"),
     (
-        lambda: Polyline(points=[(0, 0), (1, 0), (1, 2)]),
-        "Polyline: points: has x = 1 after x = 1; sort the points by ascending x, each x once",
+        lambda: Polyline(points=[(0, 0), (1, 2), (1, 2)]),
+        "Polyline: points: has x = 1 after x = 1; sort the points by ascending x, each place once",
     ),
     (lambda: Gravity(acceleration=-1), "Gravity: acceleration: is -1; give a number of at least 0"),
     (lambda: Contact(friction=-0.1), "Contact: friction: is -0.1; give a number of at least 0"),

@@ -9,8 +9,8 @@ from incipient.cost.command import chosen
 from incipient.errors import SceneError
 from incipient.fluid.conditions import Friction
 from incipient.planning.drawing import lay_out
-from incipient.planning.turbulence import WallLaw, conditions, walls_of
-from incipient.planning.turbulent_inflow import entering
+from incipient.planning.turbulence import WallLaw, walls_of
+from incipient.planning.turbulent_conditions import conditions, entering
 from incipient.results.turbulence import WallReport
 from incipient.scene import (
     Disc,
@@ -21,6 +21,7 @@ from incipient.scene import (
     Numerics,
     OpenChannel,
     Poiseuille,
+    Polyline,
     Scene,
     Sinusoidal,
     Time,
@@ -34,6 +35,9 @@ CHANNEL = {
     "flow": OpenChannel(),
     "effects": Effects(turbulence=True),
 }
+
+
+MEASURED = {"inflow": "profile", "intensity": 0.01, "length": 0.1}
 
 
 def channel(**changes):
@@ -90,7 +94,28 @@ def channel(**changes):
         ),
         (
             {"turbulence": {"length": 0.1}},
-            'turbulence.length: is read only with inflow = "given"; leave it out',
+            'turbulence.length: is read only with inflow = "given" or "profile"; leave it out',
+        ),
+        (
+            {"turbulence": {"profile": [[0.1, 0.7], [0.5, 0.9]]}},
+            'turbulence.profile: is read only with inflow = "profile"; leave it out',
+        ),
+        *(
+            ({"turbulence": MEASURED | {"profile": rows}}, f"turbulence.profile: {words}")
+            for rows, words in (
+                ([], "has not two or more rows of one length"),
+                ([[0.1, 0.7], [0.5, 0.9, 0.01]], "has not two or more rows of one length"),
+                ([[0.0, 0.7], [0.5, 0.9]], "has heights that do not ascend from above zero"),
+                ([[0.1, 0.0], [0.5, 0.9]], "has a speed or a k that is not positive; leave walls out"),
+            )
+        ),
+        (
+            {
+                "body": Disc(diameter=0.2, centre=(4, 0.5)),
+                "bed": Polyline(points=[(0, 0.1), (2, 0.1), (2, 0), (20, 0)]),
+                "effects": Effects(),
+            },
+            "bed.points: has a vertical step at x = 2, and grains over steps are not simulated",
         ),
         ({"turbulence": {"c_2": 1.2}}, "turbulence.c_2: is 1.2; give 1 < c_1 < c_2"),
         ({"turbulence": {"model": "k-omega"}}, 'turbulence.model: "k-omega" is not known; use "k-epsilon"'),
@@ -174,6 +199,25 @@ def test_a_channel_in_space_is_meshed_as_in_the_plane_layer_by_layer():
     assert found.grid.origin[1] == pytest.approx(3 + of_plane.origin[1])
     assert (found.grid.rows, found.grid.columns) == (of_plane.rows, of_plane.columns)
     assert found.across == (0.0, 1.0) and found.sides == ("symmetry", "left") and found.layers == 2
+
+
+def test_a_measured_profile_enters_with_the_law_of_the_wall_below_and_above_it():
+    """Rows of the law of one u* give that law and k = u*^2/C_mu^(1/2) near walls; k is taken from a third column."""
+    law, viscosity = WallLaw(), 1.0 / 1e5
+    y = np.geomspace(0.02, 0.98, 9)
+    rows = np.column_stack([y, 0.04 * law.velocity(0.04, viscosity, np.minimum(y, 1 - y))])
+    asked = Turbulence(**(MEASURED | {"length": 1.0}), profile=rows.tolist(), wall_distance=0.01)
+    found = channel(flow=Poiseuille(), fluid=Fluid(reynolds=1e5, scale="flow"), turbulence=asked)
+    enters, near = entering(found), np.array([0.01, 0.015, 0.1, 0.99])
+    exact = 0.04 * law.velocity(0.04, viscosity, np.array([0.01, 0.015, 0.1, 0.01]))
+    assert enters.speed(near) == pytest.approx(exact, rel=2e-3)
+    k = 0.04**2 / 0.3 + 1.5e-4
+    assert enters.energy(near[[0, 1, 3]]) == pytest.approx(k, rel=1e-6)
+    length = 0.41 * near[[0, 1, 3]].clip(max=0.01 + 0.005)
+    length[-1] = 0.41 * 0.01
+    assert enters.dissipation(near[[0, 1, 3]]) == pytest.approx(0.09**0.75 * k**1.5 / length, rel=1e-6)
+    third = Turbulence(**MEASURED, profile=[[*row, 0.01] for row in rows.tolist()])
+    assert entering(channel(turbulence=third)).energy(near) == pytest.approx(0.01 + 1.5e-4)
 
 
 def test_the_law_of_the_wall():

@@ -19,7 +19,8 @@ MOST_IN_CELL = 80  # points that tell what a bed acts as
 class Polyline(Bed):
     """Straight lines through `points` (n, 2) with ascending x; y counts from origin_y.
 
-    Two points with the same x are a vertical step, to whose right side its x belongs; no grain lies at one. Beyond the first and last point the height continues unchanged, but curves are given only between them.
+    Two points with the same x are a vertical step, whose x belongs to its right side; no grain lies at one. Beyond the
+    first and last point the height continues unchanged, but curves are given only between them.
     """
 
     points: tuple[Point, ...]
@@ -51,11 +52,6 @@ class Polyline(Bed):
         """The shortest horizontal extent of a line, or height of a step."""
         dx, dy = np.abs(np.diff(self._vertices, axis=0)).T
         return float(np.where(dx > 0.0, dx, dy).min())
-
-    @property
-    def is_stepped(self) -> bool:
-        """Whether some line is vertical."""
-        return bool((np.diff(self._vertices[:, 0]) == 0.0).any())
 
     @cached_property
     def crest(self) -> float:

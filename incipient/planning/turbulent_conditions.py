@@ -1,4 +1,4 @@
-"""What enters a scene with turbulence: velocity, k and epsilon at the inflow."""
+"""What enters a scene with turbulence, velocity, k and epsilon, and the conditions of its flow."""
 
 from __future__ import annotations
 
@@ -6,11 +6,18 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from types import SimpleNamespace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..meshes.solid_region import SYMMETRY
 from ..scene import Scene
-from .turbulence import SAMPLES, Walls, section, walls_of
+from .cells import side_names, sides_across
+from .turbulence import SAMPLES, Walls, is_plane, section, wall_names, walls_of
+
+if TYPE_CHECKING:
+    from ..fluid.conditions import Condition
 
 
 @dataclass(frozen=True)
@@ -70,10 +77,10 @@ def entering(scene: Scene) -> Entering:
 class Measured:
     """A profile given by rows, and the law of the wall between them and the walls.
 
-    Speeds are cubic in the logarithm of the height, their slopes at inner rows those of their neighbours. Where k is
-    not given it is in equilibrium with the mixing length l, l^2 (du/dy)^2/C_mu^(1/2), and that of the least intensity is
-    added; l is kappa times the distance from the next wall, at most the one given. Heights are those over which the
-    mesh extends: where it ends at a wall itself they are stretched to begin a distance of the law above it.
+    Speeds are cubic in the logarithm of the height and monotone where the rows are. Where k is not given it is in
+    equilibrium with the mixing length l, l^2 (du/dy)^2/C_mu^(1/2), and that of the least intensity is added; l is kappa
+    times the distance from the next wall, at most the one given. Heights are those over which the mesh extends: where
+    it ends at a wall itself they are stretched to begin a distance of the law above it.
     """
 
     walls: Walls
@@ -99,7 +106,7 @@ class Measured:
     def energy(self, height: np.ndarray) -> np.ndarray:
         """k (n,) at heights (n,) in the scene."""
         if self.rows.shape[1] == 3:
-            return np.interp(self._above(height), self.rows[:, 0], self.rows[:, 2]) + self.least
+            return np.interp(self.above(height), self.rows[:, 0], self.rows[:, 2]) + self.least
         slope = self._speed_and_slope(height)[1]
         return (self._mixing_length(height) * slope) ** 2 / math.sqrt(self.c_mu) + self.least
 
@@ -112,7 +119,7 @@ class Measured:
         """Height between the walls that the rows are measured between."""
         return self.walls.number * self.walls.depth
 
-    def _above(self, height: np.ndarray) -> np.ndarray:
+    def above(self, height: np.ndarray) -> np.ndarray:
         """Heights (n,) above the wall, as they were measured."""
         walls = self.walls
         low = walls.floor + walls.distance
@@ -122,19 +129,19 @@ class Measured:
         )
 
     def _mixing_length(self, height: np.ndarray) -> np.ndarray:
-        above = self._above(height)
+        above = self.above(height)
         away = np.minimum(above, self._between - above) if self.walls.number == 2 else above
         return np.minimum(self.walls.law.kappa * np.maximum(away, self.walls.distance), self.length)
 
     def _speed_and_slope(self, height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Speeds and their slopes (n,)."""
-        from scipy.interpolate import CubicHermiteSpline
+        from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
-        above, law = self._above(height), self.walls.law
+        above, law = self.above(height), self.walls.law
         y, u = self.rows[:, 0], self.rows[:, 1]
         ends = np.array([y[0], self._between - y[-1]])
         first, last = law.shear_velocity(u[[0, -1]], self.viscosity, ends)
-        slopes = np.gradient(u, np.log(y))
+        slopes = PchipInterpolator(np.log(y), u).derivative()(np.log(y))
         slopes[0] = first / law.kappa
         slopes[-1] = -last / law.kappa * y[-1] / ends[1] if self.walls.number == 2 else 0.0
         between = CubicHermiteSpline(np.log(y), u, slopes)
@@ -166,3 +173,23 @@ def velocity(scene: Scene) -> Callable[[np.ndarray, float], np.ndarray]:
     """The velocity (gdim, n) that enters at places (3, n). Not collective."""
     speed, up = entering(scene).speed, scene.up
     return lambda x, t: np.vstack([speed(x[up]), *np.zeros((up, x.shape[1]))])
+
+
+def conditions(scene: Scene) -> list[Condition]:
+    """Boundary conditions of the flow of a scene with turbulence. Not collective."""
+    import ufl
+
+    from ..fluid.conditions import Friction, Open, Prescribed, Slip
+
+    walls, names = walls_of(scene), wall_names(scene)
+    _, right, top, left = side_names(scene)
+    functions = SimpleNamespace(log=ufl.ln, larger=ufl.max_value)
+    drag = partial(walls.law.drag, functions=functions)
+    beside = {top} if not is_plane(scene) else set(names)
+    rubbing: list[Condition] = [
+        Friction(name, walls.distance, drag, scene.up if name in beside else None) for name in names
+    ]
+    lids: list[Condition] = [] if top in names else [Slip(top, axis=scene.up)]
+    lids += [Slip(name, axis=1) for name in sides_across(scene)]
+    lids += [Slip(SYMMETRY, axis=1)] if scene.symmetric else []
+    return [Open(right), *rubbing, *lids, Prescribed(left, velocity(scene))]
