@@ -25,7 +25,7 @@ from ..arrays import Floats
 from ..compat import petsc
 from ..fluid import Fluid
 from ..forms.surface import carried, levelled, returned
-from ..mesh.elevation import RisingDisplacement, factorised
+from ..mesh.elevation import RisingDisplacement
 
 
 class Drift:
@@ -63,8 +63,9 @@ class Drift:
         self._kinematic.axpy(1.0 / rate, self._levelling)
         moving = self._kinematic.copy()
         moving.axpy(1.0 / rate, self._carried)
-        self._matrices = [self._kinematic, self._kinematic.copy(), moving]
-        self._solvers = [factorised(self._rising.on_surface(one)) for one in self._matrices[1:]]
+        rising = self._rising
+        self._matrices = [self._kinematic, moving]
+        self._solvers = [rising.factors(self._kinematic, symmetric=True), rising.factors(moving)]
 
     def raised(self, flux: Any, known: Floats) -> Floats:
         """(local nodes,) the rate of the elevation by the fluxes against every test function (PETSc vector)."""

@@ -68,13 +68,14 @@ class RisingDisplacement:
         self._stiffness = _assembled((LEVELLING * sum(slopes[:-1]) + slopes[-1]) * ufl.dx)
         spread = self._stiffness.copy()
         spread.zeroRowsColumns(self._numbers(self._fixed), diag=1.0)
-        self._spread = factorised(spread)
+        self._spread = _factorised(spread, symmetric=True)
+        spread.destroy()
         measure = ufl.Measure("ds", domain=domain.mesh, subdomain_data=domain.facets)(domain.names[boundary])
-        area = below(u, q, ufl.FacetNormal(domain.mesh)) * measure
-        self.area = _assembled(area + ufl.inner(dolfinx.fem.Constant(domain.mesh, 0.0) * u, q) * ufl.dx)
+        self.area = _assembled(below(u, q, ufl.FacetNormal(domain.mesh)) * measure)
         ends = [compat.nodes_on(space, domain.facets_of(name)) for name in pinned]
-        self._free = np.setdiff1d(self.nodes, np.concatenate([np.empty(0, dtype=np.int32), *ends]))
-        self._averaged = factorised(self.on_surface(self.area.copy()))
+        own = self.nodes[: self.owned]
+        self._free = np.setdiff1d(own, np.concatenate([np.empty(0, dtype=np.int32), *ends])).astype(np.int32)
+        self._averaged = self.factors(self.area, symmetric=True)
         level = np.zeros_like(self._values.x.array)
         level[self.nodes] = 1.0
         self._level = self._nearest(level) if pinned else level
@@ -101,11 +102,9 @@ class RisingDisplacement:
         """
         return self.solved(self._averaged, tested)
 
-    def on_surface(self, matrix: Any) -> Any:
-        """The matrix, in place, of which rows and columns off the surface become those of the identity."""
-        off = np.setdiff1d(np.arange(self.space.dofmap.index_map.size_local, dtype=np.int32), self._free)
-        matrix.zeroRowsColumns(self._numbers(off), diag=1.0)
-        return matrix
+    def factors(self, matrix: Any, symmetric: bool = False) -> SurfaceFactors:
+        """The factors of a matrix of the space for the nodes of the surface that are not pinned."""
+        return SurfaceFactors(matrix, self._numbers(self._free), symmetric)
 
     def times(self, matrix: Any, elevation: Floats) -> Any:
         """A matrix of the space times an elevation (local nodes,), as a PETSc vector that the next call overwrites."""
@@ -113,13 +112,14 @@ class RisingDisplacement:
         matrix.mult(self._views[1], self._views[0])
         return self._views[0]
 
-    def solved(self, factors: Any, tested: Any) -> Floats:
-        """(local nodes,) the elevation that a solver for the surface's nodes makes of a PETSc vector."""
-        factors.solve(tested, self._views[1])
+    def solved(self, factors: SurfaceFactors, tested: Any) -> Floats:
+        """(local nodes,) the elevation that factors make of a PETSc vector of the space."""
+        values = self._values.x.array
+        found = factors.solve(tested.array_r[self._free])
+        values[:] = 0.0
+        values[self._free] = found
         self._values.x.scatter_forward()
-        found = np.zeros_like(self._values.x.array)
-        found[self._free] = self._values.x.array[self._free]
-        return found
+        return np.array(values)
 
     def with_volume(self, elevation: Floats, volume: float) -> Floats:
         """(local nodes,) the nearest elevation of a volume that is the same where the surface is pinned.
@@ -189,13 +189,41 @@ def _assembled(integral: Any) -> Any:
     return matrix
 
 
-def factorised(matrix: Any) -> Any:
-    """A solver by the factors of a matrix. Collective."""
-    solver = PETSc.KSP().create(matrix.comm)
+def _factorised(matrix: Any, symmetric: bool) -> Any:
+    """A solver by the factors of a matrix, which is positive definite where it is symmetric. Collective."""
+    solver, mumps = PETSc.KSP().create(matrix.comm), PETSc.Sys.hasExternalPackage("mumps")
+    if symmetric:
+        matrix.setOption(PETSc.Mat.Option.SPD, True)
     solver.setOperators(matrix)
     solver.setType("preonly")
-    solver.getPC().setType("lu")
-    if PETSc.Sys.hasExternalPackage("mumps"):
+    solver.getPC().setType("cholesky" if symmetric and mumps else "lu")
+    if mumps:
         solver.getPC().setFactorSolverType("mumps")
     solver.setUp()
     return solver
+
+
+class SurfaceFactors:
+    """The factors of the part of a matrix that has some rows and columns, by their global numbers on this rank.
+
+    Holds PETSc objects; every method is collective.
+    """
+
+    def __init__(self, matrix: Any, numbers: Any, symmetric: bool):
+        chosen = PETSc.IS().createGeneral(numbers, comm=matrix.comm)
+        part = matrix.createSubMatrix(chosen, chosen)
+        self._found, self._given = part.createVecs()
+        self._solver = _factorised(part, symmetric)
+        for held in (chosen, part):
+            held.destroy()
+
+    def solve(self, given: Floats) -> Floats:
+        """(own rows,) the solution for a right-hand side (own rows,)."""
+        self._given.array[:] = given
+        self._solver.solve(self._given, self._found)
+        return np.array(self._found.array_r)
+
+    def destroy(self) -> None:
+        """Free PETSc's memory."""
+        for held in (self._solver, self._found, self._given):
+            held.destroy()

@@ -22,6 +22,7 @@ SLOW = {
     "flow": {"kind": "open-channel", "velocity": 0.1},
     "gravity": {"acceleration": 1.0},
     "time": {"start": "steady", "end": 10.0, "step": 1.0},
+    "numerics": {"error_bars": False},
     "output": {"fields": False},
 }
 RANKS = """
@@ -139,7 +140,7 @@ def bump(mesh_size, place=(4.0, 2.0), **sections):
         "gravity": {"acceleration": float(3.0 / REYNOLDS / np.sin(angle))},
         "surface": {"stations": [[s, t] for t in (0.0, 1.0, 2.0) for s in np.arange(1.5, 8.5, 0.5).tolist()]},
         "time": {"start": "steady", "end": 9.0, "step": 0.75},
-        "numerics": {"mesh_size": mesh_size},
+        "numerics": {"mesh_size": mesh_size, "error_bars": False},
     }
     return scene_of(tables, **sections)
 
