@@ -31,6 +31,7 @@ def expected_cells(shape: Region | Grid | SolidRegion | SolidGrid, sizes: Sizes)
     lengths = {
         shape.sides[2]: right[0] - left[0],
         shape.sides[0]: sum(curve.length for curve in shape.bottom),
+        shape.sides[2]: right[0] - left[0],
         **{name: sum(curve.length for curve in outline) for name, outline in shape.holes.items()},
     }
     found = {"domain": PER_AREA * (right[0] - left[0]) * height / sizes.far**2}

@@ -2,9 +2,9 @@
 
 Each source of error is a term of its own:
 
-- discretisation: steady flow by the dual-weighted residual (`dual`), or from two orders where both are at hand; flow in
-  time, or a moving grain, by the same run in longer steps, and by one in elements of one order more as well: what is
-  the step's, and the mesh's;
+- discretisation: steady flow by the dual-weighted residual (`dual`), or from two orders where both are at hand, with
+  turbulence by the same run on a coarser mesh; flow in time, or a moving grain, by the same run in longer steps, and by
+  one in elements of one order more as well: what is the step's, and the mesh's;
 - gap: a grain at rest on a bed is computed with a gap. Coarse runs with one, two and four times the gap show
   how force and couple go with it, and what closing it would change;
 - domain: a coarse run with inflow, outflow and sides that move as the stream does farther away shows what they change;
@@ -89,7 +89,9 @@ def error_terms(
 ) -> ErrorBars:
     """Error bars but for what they mean for the verdict; a steady flow may be `speed` times the scene's. Collective."""
     scene, found = run.scene, _Found(run, solve)
-    if scene.time is None:
+    if scene.is_turbulent and scene.time is None:
+        found.add("discretisation", partial(by_coarser_mesh, scene, _computed(run, force, couple)))
+    elif scene.time is None:
         of_mesh = _dual if run.fluid.coarse is None else _by_surplus
         found.add("discretisation", lambda _: of_mesh(run, speed))
     else:
@@ -195,6 +197,8 @@ def coarse_scenes(scene: Scene) -> list[Scene]:
 
     if scene.time is not None:
         by_coarser_runs(scene, Loads(np.zeros(3), np.zeros(3)), note)
+    elif scene.is_turbulent:
+        note(on_coarser_mesh(scene))
     for estimate in of_the_model(scene).values():
         estimate(note)
     if (wider := on_more_bed(scene)) is not None:
@@ -208,6 +212,23 @@ def coarse_scenes(scene: Scene) -> list[Scene]:
 def by_dual(force: Floats, couple: Floats) -> Term:
     """The term of the discretisation from the errors that `dual.GoalErrors` estimates, with its allowance."""
     return Term("discretisation", np.abs(force), np.abs(couple), "dual-weighted residual, one order more")
+
+
+def by_coarser_mesh(scene: Scene, computed: Loads, solve: Solve) -> Term:
+    """The term of a steady flow with turbulence: by a run on a coarser mesh.
+
+    A dual solution would be needed of flow, k and epsilon together. No order is supposed above one: k and epsilon are
+    upwinded, and away from walls the cells are coarse for them.
+    """
+    how = f"a run on a mesh x {COARSER_MESH:.3g}, extrapolated at order 1"
+    share = 1.0 / (COARSER_MESH - 1.0)
+    return Term.of_difference("discretisation", computed, solve(on_coarser_mesh(scene)), share, how)
+
+
+def on_coarser_mesh(scene: Scene) -> Scene:
+    """The scene on a coarser mesh, without error bars. Not collective."""
+    size = min(COARSER_MESH * scene.numerics.mesh_size, 100.0)
+    return changed(scene, numerics={"mesh_size": size, "error_bars": False})
 
 
 def by_coarser_runs(scene: Scene, computed: Loads, solve: Solve, of_mesh: Term | None = None) -> Term:

@@ -72,7 +72,7 @@ class TractionProbe:
         self._blocks = blocks[blocks < owned]
         self._surface_form: Any = None
         self._mass_form: Any = None
-        self._near_form = self._residual_near(blocks) if fluid.model.unsteady else None
+        self._near_form = self._made_near(blocks)
 
     def refer_to(self, about: Sequence[float]) -> None:
         """Let couples refer to another point (gdim,), such as the centre of a body that has moved."""
@@ -87,9 +87,14 @@ class TractionProbe:
         return self._sum(-residual[self._unknowns()])
 
     def surface_resultant(self) -> Resultant:
-        """Force and couple by integrating sigma n over the boundary: the cross-check."""
+        """Force and couple by integrating sigma n over the boundary, or a law of the wall: the cross-check."""
         space = self.fluid.space.velocity
-        if self._surface_form is None:
+        if self._surface_form is None and self.boundary in self.fluid.constraints.rubbing:
+            w = ufl.TestFunction(space)
+            self._surface_form = compat.form(
+                self.fluid.walls.power(self.fluid.state, w, self.boundary, held=False)
+            )
+        elif self._surface_form is None:
             v, p = ufl.split(self.fluid.state)
             w = ufl.TestFunction(space)
             n = -ufl.FacetNormal(self.fluid.domain.mesh)
@@ -143,10 +148,18 @@ class TractionProbe:
         """(owned unknowns,) residual, right at the boundary's nodes."""
         return self.fluid.residual() if self._near_form is None else self.fluid.assembled(self._near_form)
 
-    def _residual_near(self, blocks: np.ndarray) -> Any:
-        """The compiled residual of the cells at the nodes only: in time it is read at every step."""
-        w, q = ufl.TestFunctions(self.fluid.space.mixed)
-        return compat.form(self.fluid.residual_form(w, q, self.fluid.space.cells_at(blocks)))
+    def _made_near(self, blocks: np.ndarray) -> Any:
+        """What stands for the residual at the nodes, compiled; None: that of all cells does.
+
+        In time it is read at every step, from the cells at the nodes only. Along a boundary with a law of the wall the
+        velocity is free, and the flow's residual as a whole vanishes: what the law adds is what the wall bears.
+        """
+        fluid, (w, q) = self.fluid, ufl.TestFunctions(self.fluid.space.mixed)
+        if self.boundary in fluid.constraints.rubbing:
+            return compat.form(-fluid.walls.power(fluid.state, w, self.boundary))
+        if not fluid.model.unsteady:
+            return None
+        return compat.form(fluid.residual_form(w, q, fluid.space.cells_at(blocks)))
 
     def _unknowns(self) -> np.ndarray:
         """(owned nodes on the boundary, gdim): numbers of their velocities in the fluid's state."""

@@ -112,7 +112,7 @@ class Search:
         self.run, self.trials, self.unsolved = run, list[Trial](), list[float]()
         self._contacts, self._friction = run.contacts, scene.contact.friction
         self._solved: dict[float, tuple[Forces, Couples]] = {}
-        self._states: dict[float, np.ndarray] = {}
+        self._states: dict[float, list[np.ndarray]] = {}
         numbers = run.plan.numbers
         self._reynolds = (numbers and numbers.grain_reynolds) or scene.fluid.reynolds
         self._sure = 0.0  # factor up to which the grain is surely held
@@ -120,6 +120,8 @@ class Search:
 
     def from_rest(self) -> Found:
         """Search from rest upwards."""
+        if self.run.turbulence is not None:
+            return self._from_slowest()
         inertia = self.run.plan.has(EffectName.INERTIA)
         slow = CREEPING / self._reynolds if inertia else 1.0
         self._solve(slow)
@@ -130,6 +132,19 @@ class Search:
             return self._ended(0.0, 0.0, "any flow moves the grain" if held else "its weight alone moves it")
         if not inertia:
             return self._ended(slow * value, slow * value, "the load grows in proportion")
+        return self._upwards(slow)
+
+    def _from_slowest(self) -> Found:
+        """Search from the slowest flow upwards in which the law of the wall is for the grain: none below is known."""
+        from ..planning.turbulence import slowest
+
+        slow = slowest(self.run.scene)
+        self._solve(slow)
+        if self.trials[0].safety_factor < 1.0:
+            raise ConvergenceError(
+                f"the grain moves in the slowest flow that the law of the wall is for, {slow:.3g} times the scene's: "
+                'use a heavier grain, or flow.kind = "log-law" without turbulence'
+            )
         return self._upwards(slow)
 
     def near(self, before: Found) -> Found:
@@ -151,7 +166,8 @@ class Search:
         """Make the fluid that of the flow solved nearest to a factor; force and couple there."""
         within = min(factor, max(self._states))
         nearest = min(self._states, key=lambda one: abs(one - within))
-        make_as_fast(self.run, nearest)
+        if self.run.turbulence is None:
+            make_as_fast(self.run, nearest)
         self._start_from(nearest)
         return self._solved[nearest]
 
@@ -165,7 +181,8 @@ class Search:
             if isinstance(inside, Found):
                 return inside
             top = float(path.factors[-1])
-            following = inside or self._beyond(path, top, FIRST / self._reynolds if top == slow else largest)
+            first = GROWTH * slow if self.run.turbulence is not None else FIRST / self._reynolds
+            following = inside or self._beyond(path, top, first if top == slow else largest)
             if isinstance(following, Found):
                 return following
             self._try(following)
@@ -240,13 +257,14 @@ class Search:
         run = self.run
         force, couple = self._loads_at(run, factor, factor if here else slower)
         self._solved[factor] = force, couple
-        self._states[factor] = run.fluid.state.x.array.copy()
+        self._states[factor] = [one.x.array.copy() for one in run.states]
         value = safety_factor(self._load(factor), self._contacts, self._friction).value
         self.trials.append(Trial(factor, value))
         run.voice.say(f"flow x {factor:.6g}: safety factor {value:.6g}")
 
     def _start_from(self, factor: float) -> None:
-        self.run.fluid.state.x.array[:] = self._states[factor]
+        for one, values in zip(self.run.states, self._states[factor], strict=True):
+            one.x.array[:] = values
 
     def _load(self, factor: float) -> Load:
         return load_of(self.run.scene, *self._solved[factor])

@@ -40,6 +40,7 @@ BEYOND = 1e-4  # how much faster than critical a flow is that shows the motion
 SHIELDS = "tau_b/((rho_s - rho_f) g d), d = {size:g}: the largest diameter of the grain; "
 NOMINAL = "{shields:.4g} with its nominal diameter {size:.4g}, that of the {what}"
 ROUND = "the nominal one is the same"
+TURBULENT = "in the mean of a turbulent flow over one grain{plane}, tau_b by the law of the wall; gusts move it sooner"
 LAMINAR = "in laminar {flow} over one grain{plane}: not a point of Shields' curve, which is of turbulent flow"
 
 
@@ -65,6 +66,7 @@ class Threshold:
     trials:          the flows solved on the way; unsolved: factors at which no steady flow was found
     bars:            error bars of the factor, None: `without_bars` says why, or there is no threshold
     adaptation:      how the mesh was found, None without `numerics.accuracy`
+    stress_power:    the power of the factor with which the stress on the bed goes, nearly: two in turbulent flow
     si:              the critical flow and its load in SI units (`results.si`), None without [units]
     """
 
@@ -90,6 +92,7 @@ class Threshold:
     without_bars: str = ""
     adaptation: Adaptation | None = field(default=None)
     si: dict[str, Any] | None = None
+    stress_power: float = 1.0
 
     @property
     def is_critical(self) -> bool:
@@ -100,7 +103,8 @@ class Threshold:
     def errors(self) -> dict[str, float | None]:
         """Absolute errors of factor, shields, reynolds and shear_reynolds; None where they are not known."""
         share = None if self.bars is None or not self.bars.terms else self.bars.error / self.factor
-        powers = {"factor": 1.0, "shields": 1.0, "reynolds": 1.0, "shear_reynolds": 0.5}
+        stress = self.stress_power
+        powers = {"factor": 1.0, "shields": stress, "reynolds": 1.0, "shear_reynolds": 0.5 * stress}
         return {
             name: None if share is None else share * power * getattr(self, name)
             for name, power in powers.items()
@@ -286,6 +290,7 @@ def _threshold(run: Run, found: Found) -> Threshold:
         unsolved=found.unsolved,
         cost=cost(run),
         si=in_si(scene, found.factor, load.flow_force, load.flow_couple) if found.is_critical else None,
+        stress_power=2.0 if scene.is_turbulent else 1.0,
     )
 
 
@@ -319,7 +324,8 @@ def _notes(scene: Scene, found: Found) -> tuple[str, ...]:
     if not found.is_critical:
         return ()
     plane = " in the plane" if scene.gdim == 2 else ""
-    notes = [_shields_note(scene, found), LAMINAR.format(flow=f"{scene.flow.kind} flow", plane=plane)]
+    told = TURBULENT if scene.is_turbulent else LAMINAR
+    notes = [_shields_note(scene, found), told.format(flow=f"{scene.flow.kind} flow", plane=plane)]
     if turbulent := transition(scene, numbers_of(scene), found.factor):
         notes.append(turbulent.text(" at the threshold"))
     if found.between is not None:

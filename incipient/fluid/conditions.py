@@ -176,6 +176,11 @@ class Constraints:
         return not self.open and self.surface is None
 
     @property
+    def rubbing(self) -> tuple[str, ...]:
+        """Names of the boundaries along which the flow is resisted by a law of the wall."""
+        return tuple(one.boundary for one in self._friction)
+
+    @property
     def crossings(self) -> tuple[str, ...]:
         """Names of the ends across which the flow is not held: open ones, and those at which it is given along only."""
         return (*self.open, *(entry.boundary for entry in self.entries))

@@ -43,18 +43,38 @@ class WallLoad:
             (one, dolfinx.fem.Constant(domain.mesh, PETSc.ScalarType(one.distance))) for one in walls
         ]
 
-    def integral(self, state: Any, w: Any, q: Any, boundary: str | None = None) -> Any:
-        """The walls' part in the residual of a mixed state, tested with w and q, in UFL. Not collective.
-
-        With the name of a `boundary` it is that of one wall: with w a rigid motion of that boundary, and q zero, the
-        power in it of the force that the flow exerts on the wall.
-        """
+    def integral(self, state: Any, w: Any, q: Any) -> Any:
+        """The walls' part in the residual of a mixed state, tested with w and q, in UFL. Not collective."""
         v, p = ufl.split(state)
         return sum(
             self._of(wall, distance, (v, p), (w, q)) * self._measure(self._names[wall.boundary])
             for wall, distance in self._walls
-            if boundary in (None, wall.boundary)
         )
+
+    def stand(self, distance: float) -> None:
+        """Let walls that bound the mesh themselves have another distance of the law. Not collective."""
+        for wall, constant in self._walls:
+            if wall.axis is None:
+                constant.value = distance
+
+    def power(self, state: Any, w: Any, boundary: str, held: bool = True) -> Any:
+        """Of the traction of the flow on a wall of any shape, in a motion w of that boundary, in UFL. Not collective.
+
+        In rigid motions it is minus that of the flow's residual without its walls, as no shape of w enters. Without
+        what holds the flow from crossing the wall it is that of pressure, viscous normal stress and the law's friction.
+        """
+        v, p = ufl.split(state)
+        (wall, distance), n = self._at(boundary), self._normal
+        of_molecules, whole = self._viscosity
+        along = v - ufl.inner(v, n) * n
+        rubbing = friction(along, w, wall.drag(speed(along), self._shear_velocity, of_molecules, distance))
+        normal = p - 2 * whole * ufl.inner(ufl.dot(ufl.grad(v), n), n)
+        if held:
+            normal += (speed(v) + self._held * whole) * ufl.inner(v, n)
+        return (rubbing + normal * ufl.inner(w, n)) * self._measure(self._names[boundary])
+
+    def _at(self, boundary: str) -> tuple[Friction, Any]:
+        return next(one for one in self._walls if one[0].boundary == boundary)
 
     def _of(self, wall: Friction, distance: Any, flow: Sequence[Any], tests: Sequence[Any]) -> Any:
         """The integrand at one wall."""

@@ -163,7 +163,8 @@ def count(
 
 def has_dual(scene: Scene) -> bool:
     """Whether a scene's error bars take a dual solution beside the flow. Not collective."""
-    return scene.numerics.error_bars and scene.body is not None and scene.time is None
+    held = scene.body is not None and scene.time is None and not scene.is_turbulent
+    return scene.numerics.error_bars and held
 
 
 def memory(*unknowns: int) -> float:

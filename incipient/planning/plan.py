@@ -128,12 +128,16 @@ def make_plan(scene: Scene) -> Plan:
 
 def _warnings(scene: Scene) -> Iterator[str]:
     if scene.is_turbulent:
-        from .turbulence import too_near
+        from .turbulence import small, too_near, too_small
 
+        if why := too_small(scene):
+            raise SceneError(f"turbulence: {why}")
         if why := too_near(scene):
             raise SceneError(
                 f"turbulence: {why}; use a larger fluid.reynolds, a smaller wall_distance or no turbulence"
             )
+        if told := small(scene):
+            yield told
     gap = scene.contact.gap if scene.contact is not None else 0.0
     if gap > WIDE_GAP and scene.body is not None and (scene.rests or scene.body.moves):
         yield (

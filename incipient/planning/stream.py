@@ -66,8 +66,14 @@ def bed_stress(scene: Scene, speed: float = 1.0) -> float:
 
     It is that of the flow's profile, the same over the whole bed; between walls, in the middle; of a flow given by
     formulas, at the inflow. Of the mean of a turbulent stream it is u*^2, of which the viscosity is but a part where
-    the bed is rough. In a flow faster by `speed` it is that times this, in units of the scene.
+    the bed is rough; with the k-epsilon model as the law of the wall estimates it. In a flow faster by `speed` it is
+    that times this, in units of the scene.
     """
+    if scene.is_turbulent:
+        from .turbulence import faster, walls_of
+
+        speed = speed if 0.0 < speed < np.inf else 1.0
+        return float(speed * walls_of(faster(scene, speed)).shear_velocity ** 2)
     if isinstance(scene.flow, LogLaw):
         return scene.flow.shear_velocity**2
     step = 1e-6 * scene.domain.height

@@ -46,7 +46,7 @@ def transition(scene: Scene, numbers: Numbers, faster: float = 1.0) -> Transitio
     of a laminar flow.
     """
     domain, kind = scene.domain, scene.flow.kind
-    if domain.kind != "channel" or kind == "log-law":
+    if domain.kind != "channel" or kind == "log-law" or scene.is_turbulent:
         return None
     along = faster * scene.reference_velocity * domain.length / scene.viscosity
     if kind == "uniform" and scene.bed is not None and along > TURBULENT_LAYER:

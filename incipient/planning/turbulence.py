@@ -11,7 +11,7 @@ import numpy as np
 
 from ..meshes.solid_region import SYMMETRY
 from ..scene import Scene
-from ..scene.turbulence import Turbulence
+from ..scene.turbulence import LAMINAR, Turbulence
 from .cells import corners, side_names
 
 if TYPE_CHECKING:
@@ -30,6 +30,10 @@ ROWS, COLUMN, GRADING = 14, 1.0, 0.3
 # Of other meshes: cells at walls, over the distance of the law; growth away from them; cells at corners over those: a
 # shear layer that leaves a corner begins as thick as a cell there, which is most of the error of where it reattaches.
 WALL_CELL, WALL_GROWTH, CORNER_CELL = 4.0, 0.25, 0.05
+# u* d/nu of grains below which the law of the wall is not for them, and from which on its layer is thin.
+SMALLEST_GRAIN, LARGE_GRAIN = 300.0, 1000.0
+BISECTIONS = 40
+AWAY_GROWTH = 0.05  # of cells along a bed, with the distance from a grain
 LAYERS = 2  # of cells across a channel in space, at the least
 NUMPY = SimpleNamespace(log=np.log, larger=np.maximum)
 
@@ -168,6 +172,49 @@ def too_near(scene: Scene) -> str:
     return f"the law of the wall would have to reach {percent(share)} of the depth, at most {percent(LARGEST_SHARE)}"
 
 
+def grain_number(scene: Scene) -> float:
+    """u* d/nu of the scene's grain, d its largest diameter and u* estimated. Not collective."""
+    return float(scene.grain.size * walls_of(scene).shear_velocity / scene.viscosity)
+
+
+def too_small(scene: Scene) -> str:
+    """Why the law of the wall is not for a scene's grain, or an empty string. Not collective."""
+    if scene.body is None or grain_number(scene) >= SMALLEST_GRAIN:
+        return ""
+    return (
+        f"the grain has u* d/nu = {grain_number(scene):.3g}, for the law of the wall it must be {SMALLEST_GRAIN:g} at "
+        f"least; {LAMINAR}"
+    )
+
+
+def small(scene: Scene) -> str:
+    """What is to be known of the law of the wall on a scene's grain, or an empty string. Not collective."""
+    if scene.body is None or grain_number(scene) >= LARGE_GRAIN:
+        return ""
+    share = walls_of(scene).distance / scene.grain.size
+    return (
+        f"the grain has u* d/nu = {grain_number(scene):.3g}: the layer that the law of the wall stands for is "
+        f"{percent(share)} of it; from {LARGE_GRAIN:g} on it is 5% or less"
+    )
+
+
+def faster(scene: Scene, factor: float) -> Scene:
+    """The scene with its flow faster by a factor at the same viscosity, in units of that flow. Not collective."""
+    plain = scene.model_dump()
+    plain["fluid"]["reynolds"] *= factor
+    return Scene(**{**plain, "units": None})
+
+
+def slowest(scene: Scene) -> float:
+    """The factor of the slowest flow in which the law of the wall is for grain and depth. Not collective."""
+    low, high = 1e-6, 1.0
+    for _ in range(BISECTIONS):
+        middle = math.sqrt(low * high)
+        trial = faster(scene, middle)
+        low, high = (low, middle) if not (too_near(trial) or too_small(trial)) else (middle, high)
+    return high
+
+
 def percent(share: float) -> str:
     """0.25 as 25%."""
     return f"{100 * share:.0f}%"
@@ -193,10 +240,18 @@ def grid(scene: Scene, order: int, mesh_size: float) -> Grid | SolidGrid:
 
 def cells(scene: Scene, order: int) -> tuple[Near, ...]:
     """Cells along walls of which some are no planes, and at their corners. Not collective."""
-    from ..meshes import Near
+    from ..meshes import Away, Near
+    from .layout import point
 
-    size = WALL_CELL * (1.0 if order > 2 else 0.75) * walls_of(scene).distance
-    found = [Near(size, WALL_GROWTH, boundary=name) for name in wall_names(scene)]
+    walls, away = walls_of(scene), None
+    size = WALL_CELL * (1.0 if order > 2 else 0.75) * walls.distance
+    if scene.placement is not None:
+        # Away from a grain the flow next to the bed is that of a channel, for which its rows do.
+        away = Away(point(scene.placement.centre), AWAY_GROWTH, max(size, walls.depth / ROWS))
+    found = [
+        Near(size, WALL_GROWTH, boundary=name, away=None if name == "body" else away)
+        for name in wall_names(scene)
+    ]
     if scene.bed_shape is not None:
         bed = scene.bed_shape.curves(scene.domain.left, scene.domain.right)
         if sharp := corners(bed, bed[1:]):

@@ -43,7 +43,7 @@ def in_si(
         if getattr(units, name) is not None:
             found[name] = factor * getattr(units, name)
     if scene.flow.kind in _WITH_STRESS:
-        found["bed_stress"] = factor * scales.stress * bed_stress(scene)
+        found["bed_stress"] = factor * scales.stress * bed_stress(scene, factor)
         found["shear_velocity"] = float(np.sqrt(found["bed_stress"] / scales.density))
     if force is not None and couple is not None:
         found |= {"force": (scales.force * force).tolist(), "couple": (scales.couple * couple).tolist()}

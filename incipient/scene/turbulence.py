@@ -126,8 +126,10 @@ def _of_place(scene: Scene) -> Iterator[tuple[Key, str, str]]:
         yield ("domain", "sides"), why, 'use "slip", sides without friction'
     if scene.gdim == 3 and scene.bed is not None and scene.bed.kind != "flat":
         yield key, f"turbulence in space over a bed that is not flat {by_this}", LAMINAR
-    if scene.body is not None:
-        yield key, f"a grain in turbulence {by_this}, and most sand is too small for wall functions", LAMINAR
+    if scene.body is not None and scene.gdim == 3:
+        yield key, f"a grain in turbulence in space {by_this}", LAMINAR
+    elif scene.body is not None and scene.body.moves:
+        yield key, f"a grain that moves in turbulence {by_this}", 'use body.motion = "fixed"'
 
 
 def _of_flow(scene: Scene) -> Iterator[tuple[Key, str, str]]:
@@ -136,6 +138,9 @@ def _of_flow(scene: Scene) -> Iterator[tuple[Key, str, str]]:
         yield ("flow", "kind"), why, 'use "poiseuille" or "open-channel"'
     elif scene.domain.top == "stream":
         yield ("domain", "top"), '"stream" contradicts turbulence below it', 'use "auto"'
+    if scene.numerics.accuracy is not None:
+        why = "is not sought with turbulence by this version"
+        yield ("numerics", "accuracy"), why, "leave it out, and refine numerics.mesh_size"
     if not scene.fluid.inertia or scene.effects.inertia is False:
         key = ("fluid", "inertia") if not scene.fluid.inertia else ("effects", "inertia")
         yield key, "is false, but without inertia there is no turbulence", "leave it out"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..progress import Silent
 from ..results.cost_of_effects import Corrections
@@ -89,6 +89,11 @@ class Run:
     def fluid(self) -> Fluid:
         """The flow, on the newest mesh."""
         return self._fluid if self._trajectory is None else self._trajectory.fluid
+
+    @property
+    def states(self) -> list[Any]:
+        """The functions that a steady flow is the state of: the flow's, and with turbulence ln k and ln epsilon."""
+        return [self.fluid.state, *(() if self.turbulence is None else (self.turbulence.fields.state,))]
 
     @property
     def domain(self) -> Domain:

@@ -59,6 +59,9 @@ def loads_at(run: Run, factor: float, start: float = 0.0) -> tuple[Forces, Coupl
     Raises:
         ConvergenceError: the fluid then holds the last flow found on the way, at its Reynolds number.
     """
+    if run.turbulence is not None:
+        run.turbulence.solve(run, factor, onwards=start > 0.0)
+        return loads(run, surface=False, speed=factor)
     make_as_fast(run, factor)
     way = {"reached": start / factor, "smallest_step": SMALLEST_SHARE} if start else {}
     solve_steadily(run, run.fluid, **way)

@@ -38,7 +38,7 @@ class TurbulentFlow:
     """
 
     def __init__(self, scene: Scene, domain: Domain):
-        self._scene, self._walls = scene, planned.walls_of(scene)
+        self._scene, self._walls, self._of_run = scene, planned.walls_of(scene), scene
         inflow, walls = (side_names(scene)[3],), planned.wall_names(scene)
         surroundings = Surroundings(
             inflow, turbulent_conditions.logarithms(scene), walls, self._walls.distance
@@ -49,19 +49,26 @@ class TurbulentFlow:
         """Let the velocity of the fluid that this turbulence is in carry it; both are freed together."""
         fluid.holding(self.fields)
         velocity, _ = ufl.split(fluid.state)
-        self.fields.carried_by(velocity, self.fields.constant(self._scene.viscosity))
+        self._viscosity = self.fields.constant(self._scene.viscosity)
+        self.fields.carried_by(velocity, self._viscosity)
 
-    def solve(self, run: Run) -> None:
-        """Find the steady flow with its turbulence, from that of the inflow everywhere.
+    def solve(self, run: Run, factor: float = 1.0, onwards: bool = False) -> None:
+        """Find the steady flow with its turbulence, from that of the inflow everywhere, or `onwards` from that at hand.
+
+        The flow may be faster than the scene's by a factor, at the same viscosity; it is in units of itself.
 
         Raises:
             ConvergenceError: there is none that could be found.
         """
-        fluid, walls, scene = run.fluid, self._walls, self._scene
-        enters = turbulent_conditions.velocity(scene)
-        start = dolfinx.fem.Function(fluid.space.velocity)
-        start.interpolate(lambda x: enters(x, 0.0))
-        fluid.state.x.array[fluid.space.velocity_map] = start.x.array
+        fluid = run.fluid
+        self._take(fluid, factor)
+        walls, scene = self._walls, self._scene
+        if not onwards:
+            enters = turbulent_conditions.velocity(scene)
+            start = dolfinx.fem.Function(fluid.space.velocity)
+            start.interpolate(lambda x: enters(x, 0.0))
+            fluid.state.x.array[fluid.space.velocity_map] = start.x.array
+            self.fields.state.interpolate(turbulent_conditions.logarithms(scene))
         with run.stage("flow"):
             rounds = solve_steadily(
                 *(fluid, self.fields, walls.depth / scene.reference_velocity),
@@ -70,6 +77,17 @@ class TurbulentFlow:
                 _stage(run),
             )
         run.accounts.count(turbulence=len(rounds))
+
+    def _take(self, fluid: Fluid, factor: float) -> None:
+        """Let viscosity, inflow and walls be those of a flow faster by a factor."""
+        scene = self._of_run if factor == 1.0 else planned.faster(self._of_run, factor)
+        if scene == self._scene:
+            return
+        self._scene, self._walls = scene, planned.walls_of(scene)
+        fluid.reynolds, self._viscosity.value = 1.0 / scene.viscosity, scene.viscosity
+        self.fields.give(turbulent_conditions.logarithms(scene), self._walls.distance)
+        fluid.let_in(turbulent_conditions.conditions(scene))
+        fluid.walls.stand(self._walls.distance)
 
     def in_time(self, run: Run) -> InTime:
         """What a flow in time is solved together with."""

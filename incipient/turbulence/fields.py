@@ -56,6 +56,7 @@ class Turbulence:
         self.state, self._before, self._older = (dolfinx.fem.Function(self.space) for _ in range(3))
         self.closure = forms.Closure(*(self.constant(one) for one in constants))
         self.rate = tuple(self.constant(0.0) for _ in range(3))
+        self._away = self.constant(surroundings.distance)
         self._given = dolfinx.fem.Function(self.space)
         self._conditions = self._at_inflow()
         self._held: list[Any] = []
@@ -71,6 +72,11 @@ class Turbulence:
         self._given.interpolate(self.surroundings.values)
         facets = np.concatenate([self.domain.facets_of(name) for name in self.surroundings.inflow])
         return [dolfinx.fem.dirichletbc(self._given, compat.nodes_on(self.space, np.unique(facets)))]
+
+    def give(self, values: Values, distance: float) -> None:
+        """Take other values at the inflow, and another distance of the walls. Collective."""
+        self._given.interpolate(values)
+        self._away.value = distance
 
     # -- what the flow sees of it ------------------------------------------------------------------
 
@@ -96,8 +102,7 @@ class Turbulence:
         rate = [sum(a * one[i] for a, one in zip(self.rate, states, strict=True)) for i in range(2)]
         form = forms.residual(unknowns, rate, tests, stream, self.closure)
         if self.surroundings.walls:
-            away = self.constant(self.surroundings.distance)
-            flux = forms.at_wall(unknowns, tests[1], away, of_molecules, self.closure)
+            flux = forms.at_wall(unknowns, tests[1], self._away, of_molecules, self.closure)
             names = self.domain.names
             walls = ufl.ds(
                 tuple(names[name] for name in self.surroundings.walls),

@@ -49,6 +49,7 @@ class Pretended:
         self.fluid = SimpleNamespace(
             reynolds=0.0, state=SimpleNamespace(x=SimpleNamespace(array=np.zeros(1)))
         )
+        self.turbulence, self.states = None, [self.fluid.state]
         self.voice, self.load, self.limit = Silent(), load, limit
         self.tried: list[float] = []
 

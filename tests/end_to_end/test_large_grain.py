@@ -1,0 +1,130 @@
+"""A large grain on the bed of a turbulent open channel: its loads, what they mean, and where they come from."""
+
+import textwrap
+
+import dolfinx
+import numpy as np
+import pytest
+import ufl
+from mpi4py import MPI
+
+import incipient
+from incipient import compat
+from incipient.scene import (
+    Contact,
+    Disc,
+    Domain,
+    Effects,
+    Fluid,
+    Gravity,
+    Numerics,
+    OpenChannel,
+    Output,
+    Scene,
+    Sinusoidal,
+    Time,
+)
+from incipient.simulation.assemble import outcome
+from incipient.simulation.build import prepared
+
+
+def stone(reynolds=2e5, acceleration=10.0, mesh_size=4.0, **changes):
+    """A disc of 0.2 of the depth in the trough of a wavy bed, u* d/nu about 1600; mean velocity and depth are 1."""
+    sections = {
+        "domain": Domain(length=4.0, height=1.0),
+        "fluid": Fluid(reynolds=reynolds, scale="flow"),
+        "flow": OpenChannel(),
+        "body": Disc(diameter=0.2, x=1.9375, density=2.65),
+        "bed": Sinusoidal(amplitude=0.02, wavelength=0.25),
+        "gravity": Gravity(acceleration=acceleration),
+        "contact": Contact(friction=0.6),
+        "effects": Effects(turbulence=True),
+        "numerics": Numerics(mesh_size=mesh_size, order=2, error_bars=False),
+        "output": Output(fields=False),
+    }
+    return Scene(**{**sections, **changes})
+
+
+def integral(domain, integrand):
+    return domain.comm.allreduce(dolfinx.fem.assemble_scalar(compat.form(integrand)), op=MPI.SUM)
+
+
+def test_what_grain_and_bed_bear_is_what_the_stream_loses():
+    """Balance of momentum along the whole channel, with the reaction of the inflow; to the tolerance of the flow.
+
+    Where the stream leaves freely -p n + nu dv/dn is none; what the stress has besides is counted.
+    """
+    with prepared(stone(), MPI.COMM_SELF) as run:
+        run.turbulence.solve(run)
+        fluid, domain = run.fluid, run.domain
+        v, _ = ufl.split(fluid.state)
+        along = fluid.space.velocity_map[::2]
+        reaction = fluid.residual()[along].sum()
+        carried = integral(domain, ufl.dot(ufl.grad(v), v)[0] * fluid.quadrature())
+        n = ufl.FacetNormal(domain.mesh)
+        turned = ufl.dot(ufl.grad(v).T, n)[0] - ufl.div(v) * n[0]
+        leaving = integral(domain, fluid.viscosity * turned * domain.measure("outflow"))
+        x = ufl.as_vector([1.0, 0.0])
+        borne = [integral(domain, fluid.walls.power(fluid.state, x, name)) for name in ("body", "bed")]
+        force, check = run.probe.resultant(), run.probe.surface_resultant()
+        result = outcome(run)
+    assert sum(borne) == pytest.approx(reaction - carried + leaving, rel=1e-5)
+    assert force.force[0] == pytest.approx(borne[0], rel=1e-10)
+    assert check.force[:2] == pytest.approx(force.force[:2], rel=0.05)
+    assert result.turbulence.applicable
+    assert not result.verdict["moves"] and 1.5 < result.verdict["safety_factor"] < 4.0
+
+
+@pytest.mark.slow
+def test_the_threshold_is_the_flow_in_which_the_stone_just_holds():
+    """In units of the critical flow its Reynolds number is larger and the stone is lighter: safety factor one."""
+    found = incipient.find_threshold(stone())
+    assert found.is_critical
+    there = incipient.run(stone(2e5 * found.factor, 10.0 / found.factor**2))
+    assert there.verdict["safety_factor"] == pytest.approx(1.0, abs=0.02)
+    stress = (found.shear_reynolds / (0.2 * 2e5)) ** 2
+    assert found.shields == pytest.approx(stress / (1.65 * 10.0 * 0.2), rel=1e-6)
+
+
+@pytest.mark.slow
+def test_error_bars_of_a_stone():
+    """Mesh, gap and domain are estimated; the mesh's term covers a mesh half as coarse."""
+    bars = incipient.run(stone(numerics=Numerics(mesh_size=4.0, order=2)))
+    finer = incipient.run(stone(mesh_size=2.0))
+    assert [term.name for term in bars.error_bars.terms] == ["discretisation", "gap", "domain"]
+    change = np.abs(bars.force.flow - finer.force.flow)[:2]
+    assert (change <= bars.error_bars.terms[0].force[:2] * 1.5).all()
+
+
+@pytest.mark.slow
+def test_a_stone_on_two_ranks_and_resumed(mpirun, tmp_path):
+    """Steadily on one rank and two; in time the whole run and one that was cut."""
+    script = """
+        import sys
+        import incipient
+        from mpi4py import MPI
+        from incipient.scene.file import loads
+
+        found = incipient.run(loads(open(sys.argv[1]).read()))
+        if MPI.COMM_WORLD.rank == 0:
+            print(repr(found.force.flow[0]), repr(found.force.flow[1]))
+    """
+    from incipient.scene.file import dumps
+
+    (tmp_path / "scene.toml").write_text(dumps(stone()), encoding="utf-8")
+    loads = []
+    for ranks in (1, 2):
+        done = mpirun(
+            ranks, textwrap.dedent(script).replace("sys.argv[1]", repr(str(tmp_path / "scene.toml")))
+        )
+        assert done.returncode == 0, done.stderr
+        loads.append([float(word) for word in done.stdout.split()])
+    assert loads[1] == pytest.approx(loads[0], rel=1e-4)
+
+    def in_time(end):
+        return stone(time=Time(end=end, step=0.02), output=Output(fields=False, checkpoint=5))
+
+    whole = incipient.run(in_time(0.2), tmp_path / "whole")
+    incipient.run(in_time(0.1), tmp_path / "cut")
+    resumed = incipient.resume(tmp_path / "cut", ["time.end=0.2"])
+    assert resumed.force.flow == pytest.approx(whole.force.flow, rel=1e-12, abs=1e-12)
