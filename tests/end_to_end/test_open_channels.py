@@ -56,7 +56,8 @@ FILLING = (
     .replace("end = 5.0\nstep = 0.5", "end = 1.0\nstep = 0.05")
 )
 SHORT = FILM.replace(
-    'elevation = "0"', 'elevation = "0.1*exp(-4*(x - 1)**2)"\nsponge = 1.0\ninflow = "0.1*y*sin(t)"'
+    'elevation = "0"',
+    'elevation = "0.1*exp(-4*(x - 1)**2)"\nsponge = 1.0\nwave = {amplitude = 0.03, period = 2.0, zone = 0.8}',
 )
 SHORT = SHORT.replace("end = 5.0\nstep = 0.5", "end = 0.8\nstep = 0.05").replace(
     "[output]", "[output]\ncheckpoint = 4"
