@@ -66,6 +66,9 @@ def _of_wave(scene: Scene, surface: Surface, wave: Wave) -> Iterator[tuple[Key, 
     if surface.tension:
         why = "is that of gravity alone but surface.tension is not zero"
         yield ("surface", "wave"), why, "leave one of them out, or give the velocity as surface.inflow"
+    if scene.gdim == 3 and scene.sides == "wall":
+        why = "is the same across the channel but the fluid sticks to its sides"
+        yield ("surface", "wave"), why, 'use domain.sides = "slip", or give the velocity as surface.inflow'
     left = scene.domain.length - surface.sponge
     if wave.zone > 0.5 * left:
         why = f"is {wave.zone:g}, more than half of the channel before its sponge"

@@ -118,6 +118,11 @@ step = 0.1
     [
         ("[surface]", '[surface]\ninflow = "sin(t)"', "surface.inflow: is given beside surface.wave"),
         ("[surface]", "[surface]\ntension = 0.1", "surface.wave: is that of gravity alone"),
+        (
+            "height = 1.0",
+            'height = 1.0\nwidth = 1.0\nsides = "wall"',
+            "surface.wave: is the same across the channel",
+        ),
         ("zone = 1.0", "zone = 2.5", "surface.wave.zone: is 2.5, more than half"),
     ],
 )
