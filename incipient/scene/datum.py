@@ -12,10 +12,10 @@ if TYPE_CHECKING:
     from .model import Scene
 
 # What inertia leaves of the depth of the effective height below the crests, (1 + R/INERTIAL)^-POWER with R = shear rate
-# times period times that depth over the viscosity: measured over periods of half-discs and ripples (docs/accuracy.md).
+# times period times that depth over the viscosity: measured over periods of half-discs and ripples (docs/numerics.md).
 INERTIAL, POWER = 10.0, 0.2
 FEWEST_PERIODS = 2.0  # in the domain: along longer forms a stream goes as over a bed that rises and falls
-UNSURE = 0.5  # of what inertia changes, which those measurements are within
+UNSURE = 0.5  # of what inertia changes; those measurements are within it where R is above 1
 
 
 @dataclass(frozen=True)
