@@ -32,7 +32,9 @@ from ..results.loads import Couples, Forces
 from ..scene import Contact, Scene, Time
 from ..scene.datum import effective_height, height_of_datum, starts_at_effective_height
 from ..scene.model import WIDEST_GAP
+from .far_sides import ends_of_channel, has_free_lower_side, longer_channel
 from .kept_runs import KeptRuns, Solve
+from .waves import LONGER_STEP, OF_FEW_STEPS, least_share
 
 if TYPE_CHECKING:
     from ..simulation.state import Run
@@ -44,10 +46,8 @@ MODEL_ORDER, MODEL_MESH = 2, 1.4
 LEFT = 0.35
 # Where gap and domain are chosen to an accuracy below this the coarse runs are in elements of this order.
 FINE_BELOW, FINE_ORDER = 0.003, 3
-# Of the largest elevation: where longer steps change more than that, waves have come out of phase, and grow no farther
-# apart. The error is then taken as if the steps were only LONGER_STEP times as long.
-OUT_OF_PHASE = 0.7
 MODEL_MESH_IN_TIME, MODEL_STEP, FEWEST_STEPS = 2.0, 4.0, 8
+MODEL_STEP_OF_WAVES = 2.0  # which longer steps damp
 MODEL_TOLERANCE, LARGEST_TOLERANCE = 8.0, 0.1
 MODEL_ITERATION = 1e-6  # tolerance of their iterations in time, where differences of a thousandth matter
 FARTHER = 1.5  # how much larger the domain of the domain's term is
@@ -57,11 +57,8 @@ DECAY_OVER_FORMS = 1.5  # there, by a stream that suits them: measured are 1.6 t
 WIDER, DECAY_OF_GROUND = 1.5, 1.0
 # The runs that tell of the discretisation in time: between which factors how much longer the steps are, so that there
 # are FEWEST_STEPS if possible; and how much coarser the mesh, where there is no higher order than that of the run.
-LONGER_STEP, LONGEST_STEP = 2.0, 4.0
+LONGEST_STEP = 4.0
 COARSER_MESH, HIGHEST_ORDER = 2.0**0.5, 4
-# Error of elevations over what the order of the steps makes of a change in longer ones, the largest that was measured
-# (docs/surface.md): with a few dozen steps a period the error does not yet go as their square.
-OF_FEW_STEPS = 1.6
 LARGER, SMALLER = (1.0, 2.0, 4.0), (0.25, 0.5, 1.0)  # gaps of three runs, relative to the scene's
 ORDERS = (0.3, 2.0)  # between which the order in the gap is believed
 # Three loads change too little to tell an order: below this share of the largest.
@@ -239,26 +236,18 @@ def by_coarser_runs(scene: Scene, computed: Loads, solve: Solve, of_mesh: Term |
     """
     longer, beside = comparisons(scene)
     in_longer, (to_step, to_mesh) = solve(longer), shares(scene)
-    if _out_of_phase(computed, in_longer):
-        to_step = max(to_step, 1.0 / (LONGER_STEP ** order_in_time(scene) - 1.0))
+    to_step = max(to_step, least_share(computed, in_longer, order_in_time(scene)))
     how = f"a run with steps x {_ratio_of_steps(scene):.3g}, extrapolated at order {order_in_time(scene)}"
     of_step = Term.of_difference("time step", computed, in_longer, to_step, how)
-    if of_step.elevation is not None:
-        of_step = replace(of_step, elevation=OF_FEW_STEPS * of_step.elevation)
+    if of_step.elevation is not None and of_step.level is not None:
+        elevation, level = (OF_FEW_STEPS * one for one in (of_step.elevation, of_step.level))
+        of_step = replace(of_step, elevation=elevation, level=level)
     if of_mesh is None:
         order = beside.order
         how = f"these on a mesh x {COARSER_MESH:.3g}, extrapolated at order {order_in_space(order)}"
         how = how if order == scene.order else f"these on a mesh for elements of order {order}"
         of_mesh = Term.of_difference(OF_MESH, in_longer, solve(beside), to_mesh, how)
     return Term.of_parts("discretisation", (of_step, of_mesh), "time step and mesh together")
-
-
-def _out_of_phase(computed: Loads, in_longer: Loads) -> bool:
-    """Whether waves in longer steps are so far out of phase that it tells no order what they change."""
-    one, other = computed.elevations, in_longer.elevations
-    if one is None or other is None:
-        return False
-    return bool(one.apart(other).max(initial=0.0) > OUT_OF_PHASE * one.largest)
 
 
 def shares(scene: Scene) -> tuple[float, float]:
@@ -372,7 +361,7 @@ def has_no_far_sides(scene: Scene) -> str:
         return "does not apply: the domain is closed by walls"
     if scene.bed is not None and scene.bed.kind in ("polyline", "height-map", "mesh"):
         return "not estimated: the bed is known only as far as its points reach"
-    return ""
+    return ends_of_channel(scene)
 
 
 def of_level_ground(wider: Scene, computed: Loads, solve: Solve) -> Term:
@@ -453,6 +442,8 @@ def order_in_time(scene: Scene) -> int:
 
 def farther(scene: Scene, factor: float = FARTHER) -> Scene:
     """The scene with inflow, outflow and sides that move as the stream does farther away, at the same viscosity."""
+    if scene.has_surface:
+        return changed(scene, **longer_channel(scene, factor))
     domain, up = scene.domain, scene.up
     before = 0.5 * (factor - 1.0) * domain.length
     period = getattr(scene.bed, "wavelength", None) or getattr(scene.bed, "spacing", None)
@@ -476,11 +467,6 @@ def farther(scene: Scene, factor: float = FARTHER) -> Scene:
     return changed(larger, fluid={"reynolds": scene.fluid.reynolds * larger.viscosity / scene.viscosity})
 
 
-def has_free_lower_side(scene: Scene) -> bool:
-    """Whether the flow is endless downwards, too. Shear is not, it begins there. Not collective."""
-    return scene.bed is None and scene.top == "stream" and scene.flow.kind in ("uniform", "expression")
-
-
 def coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
     """The scene as it is run for a term of the model."""
     accuracy = scene.numerics.accuracy if scene.numerics.accuracy_includes == "all" else None
@@ -496,12 +482,13 @@ def coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
     if scene.body is not None and not scene.body.moves:
         # Without weight no step is judged.
         sections["body"] = {"density": None, "mass": None, "inertia": None}
-    return changed(scene, numerics=numerics, time=_longer_steps(scene.time), **sections)
+    longer = MODEL_STEP if scene.body is not None else MODEL_STEP_OF_WAVES
+    return changed(scene, numerics=numerics, time=_longer_steps(scene.time, longer), **sections)
 
 
-def _longer_steps(time: Time) -> dict[str, float]:
+def _longer_steps(time: Time, longer: float) -> dict[str, float]:
     """The steps of runs in time for terms of the model."""
-    found = {"step": min(MODEL_STEP * time.step, max(time.step, time.end / FEWEST_STEPS))}
+    found = {"step": min(longer * time.step, max(time.step, time.end / FEWEST_STEPS))}
     if time.tolerance is not None:
         found["tolerance"] = max(min(MODEL_TOLERANCE * time.tolerance, LARGEST_TOLERANCE), time.tolerance)
     return found

@@ -14,6 +14,7 @@ from ..arrays import Floats
 from ..contact.error_box import shifted
 from ..contact.exact import judged
 from ..results.verdict import find_contacts, load_of
+from ..scene.numerics import OF_SURFACE
 from .safetybar import bar_of_scene
 
 if TYPE_CHECKING:
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 
 # A couple smaller than this share of force times grain size is measured against that share.
 LEAST_COUPLE = 0.01
-ELEVATION = "elevation"
 DIFFERENCE = 1e-4  # of the load, for the derivative of the safety factor
 
 
@@ -69,12 +69,13 @@ class Quantity(Protocol):
 def relative(goal: Quantity, found: Computed, term: Term) -> float | None:
     """The relative error of a quantity of a run by a term of its error bars; None where that is not known.
 
-    Of elevations it is the largest error within the run over the largest elevation.
+    Of elevations it is the largest error within the run, or at the end, over the largest elevation of the run.
     """
-    if goal.name == ELEVATION:
-        if term.elevation is None or found.elevations is None:
+    if goal.name in OF_SURFACE:
+        error = term.elevation if goal.name == "elevation" else term.level
+        if error is None or found.elevations is None:
             return None
-        return _ratio(float(term.elevation.max(initial=0.0)), found.elevations.largest)
+        return _ratio(float(error.max(initial=0.0)), found.elevations.largest)
     if found.force is None or found.couple is None:
         return None
     return goal.error(found.force, found.couple, term.force, term.couple)

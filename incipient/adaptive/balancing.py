@@ -20,13 +20,14 @@ from ..accuracy.errorbars import (
     comparisons,
     order_in_time,
 )
-from ..accuracy.goal import ELEVATION, relative
+from ..accuracy.goal import relative
 from ..accuracy.kept_runs import KeptRuns
-from ..errors import IncipientError, Interrupted
+from ..errors import ConvergenceError, IncipientError, Interrupted
 from ..results.adaptation import Trial
 from ..results.errorbars import Loads, Term
 from ..results.result import Result
 from ..scene import Scene
+from ..scene.numerics import OF_SURFACE
 from ..simulation.recorder import Recorder, Unrecorded
 from ..simulation.simulate import simulate
 from ..simulation.state import Accounts
@@ -55,13 +56,27 @@ class Balancing(Search):
         """Run until the accuracy is reached or cannot be. Collective."""
         scene, recorded = first(self.scene), False
         while True:
-            told = self._run(scene, recorded)
+            try:
+                told = self._run(scene, recorded)
+            except ConvergenceError as error:
+                if not self._tell_of_failure(scene, error):
+                    raise
+                recorded, scene = False, finer(scene, halved(scene.order, Powers(order_in_time(scene))))
+                continue
             following = None if self.reason else self._following(scene)
             if following is None:
                 return told.result if recorded else self._run(scene, recorded=True, again=True).result
             recorded = following.enough or self._is_last_affordable(following)
             self._keep_for(following, scene)
             scene = finer(scene, following)
+
+    def _tell_of_failure(self, scene: Scene, error: ConvergenceError) -> bool:
+        """Keep a run that has failed as a trial; whether a finer one is to be tried. Not collective."""
+        assert scene.time is not None
+        self.known = {}
+        self.keep_model_terms()
+        self.tell(Trial(scene.order, 0, 0, None, 0.0, scene.time.step, f"failed: {error}"))
+        return len(self.trials) < MOST_RUNS
 
     def _keep_for(self, following: Refined, scene: Scene) -> None:
         """Forget what was found about a scene but what the next one shares with it. Not collective."""
@@ -111,7 +126,8 @@ class Balancing(Search):
         if not self._failed:
             term = by_coarser_runs(scene, Loads.of(result), self._known_run, self.known.get(OF_MESH))
             estimate, of_step, of_mesh = (relative(self.goal, result, one) for one in (term, *term.parts))
-            self._of_mesh = term.parts[-1]
+            # What the mesh does to waves is seen the less the longer the steps are, which damp them.
+            self._of_mesh = None if scene.accuracy_of in OF_SURFACE else term.parts[-1]
         order, cells, unknowns = result.plan.order, cost["cells"], cost["unknowns"]
         step = scene.time.step if scene.time is not None else None
         self.tell(Trial(order, cells, unknowns, estimate, seconds, step, self._failed, of_step, of_mesh))
@@ -153,7 +169,7 @@ def refined(scene: Scene, trial: Trial, aim: float) -> Refined:
         return halved(order, powers)
     # A safety factor may err more than its parts together.
     more = max(1.0, (trial.estimate or 0.0) / (of_step + of_mesh))
-    highest = HIGHEST_OF_SURFACE if scene.accuracy_of == ELEVATION else HIGHEST_ORDER
+    highest = HIGHEST_OF_SURFACE if scene.accuracy_of in OF_SURFACE else HIGHEST_ORDER
     return cheapest(Parts(more * of_step, more * of_mesh), aim, order, powers, highest)
 
 

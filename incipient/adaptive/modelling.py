@@ -200,6 +200,8 @@ def _advice(name: str, better: Scene | None, scene: Scene) -> str:
     ]
     if domain.height != scene.domain.height:
         keys.append(f"domain.height = {domain.height:.4g}")
+    if better.surface is not None and better.surface != scene.surface:
+        keys.append(f"surface.sponge = {better.surface.sponge:.4g}")
     return f"{', '.join(keys)} would do"
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..planning import drawing
 from ..results.adaptation import Trial
+from ..scene.numerics import OF_SURFACE
 from . import calibration, solvers
 from .calibration import Findings
 from .frontier import percent, seconds
@@ -269,7 +270,6 @@ def first_mesh(scene: Scene) -> Estimate:
 def _search(known: KnownLaws, unknowns: int) -> tuple[list[_Run], LastMesh] | str:
     """The meshes of a run to an accuracy that starts from so many unknowns, or why they are not known."""
     from ..accuracy.errorbars import changed
-    from ..accuracy.goal import ELEVATION
     from ..adaptive import balancing
     from ..adaptive.refinement import COARSEST
 
@@ -278,8 +278,9 @@ def _search(known: KnownLaws, unknowns: int) -> tuple[list[_Run], LastMesh] | st
         return f"they hang on what decides the verdict; {LIMIT}"
     if numerics.accuracy_includes == "all":
         return f"gap and domain are chosen by coarse runs before; {LIMIT}"
-    if scene.body is not None and scene.accuracy_of == ELEVATION:
-        return f"there is no law of errors for elevations above a grain; {LIMIT}"
+    if scene.accuracy_of in OF_SURFACE[0 if scene.body is not None else 1 :]:
+        of = "levels at the end" if scene.body is None else "elevations above a grain"
+        return f"there is no law of errors for {of}; {LIMIT}"
     if scene.body is not None and scene.body.moves:
         return f"there is no law of errors for the load on a grain that moves; {LIMIT}"
     if time is not None and time.tolerance is not None:

@@ -91,6 +91,7 @@ def _columns(planar: bool) -> tuple[_Column, ...]:
         _Column("force", "of the force", partial(_vector, planar=planar), _norm),
         _Column("couple", "of the couple", partial(_vector, planar=planar, couple=True), _norm),
         _Column("elevation", "of elevations, at most", _largest, _largest),
+        _Column("level", "of elevations at the end", _largest, _largest),
     )
 
 

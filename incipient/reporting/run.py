@@ -166,13 +166,14 @@ def _surface(stored: dict[str, Any]) -> tuple[Section, ...]:
     found, bars = stored.get("surface"), stored["error_bars"]
     if found is None:
         return ()
-    errors = (bars or {}).get("elevation") or [None] * len(found["stations"])
+    unknown = [None] * len(found["stations"])
+    errors = [(bars or {}).get(key) or unknown for key in ("level", "elevation")]
     rows: list[tuple[Cell, ...]] = [
-        ("(" + ", ".join(f"{x:g}" for x in place) + ")" if isinstance(place, list) else place, value, error)
-        for place, value, error in zip(found["stations"], found["elevations"], errors, strict=True)
+        (f"({', '.join(f'{x:g}' for x in place)})" if isinstance(place, list) else place, *numbers)
+        for place, *numbers in zip(found["stations"], found["elevations"], *errors, strict=True)
     ]
     entering = f"What enters per time: {found['inflow']:.6g}." if "inflow" in found else ""
-    head = ("station", "elevation at the end", "error within the run, at most")
+    head = ("station", "elevation at the end", "its error", "error within the run, at most")
     return section("The free surface", table(head, rows), words(entering))
 
 

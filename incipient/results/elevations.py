@@ -28,6 +28,13 @@ class Elevations:
         times, values = (np.array(part) for part in zip(*((r.time, r.values) for r in readings), strict=True))
         return cls(times, values.reshape(len(readings), -1), max(reading.largest for reading in readings))
 
+    @property
+    def sharpness(self) -> float:
+        """The largest second difference from time to time over the largest value; of a wave about (w dt)^2."""
+        largest = float(np.abs(self.values).max(initial=0.0))
+        bent = float(np.abs(np.diff(self.values, 2, axis=0)).max(initial=0.0))
+        return bent / largest if largest > 0.0 else 0.0
+
     def apart(self, other: Elevations) -> Floats:
         """(stations,) the largest distances from those of another run, at the times of the one with fewer of them.
 
@@ -39,6 +46,10 @@ class Elevations:
         if not common.any():
             return np.zeros(few.values.shape[1])
         return np.abs(few.values[common] - many.at(few.times[common])).max(axis=0)
+
+    def apart_at_the_end(self, other: Elevations) -> Floats:
+        """(stations,) the distances from those of another run at the last time of each."""
+        return np.abs(self.values[-1] - other.values[-1])
 
     def at(self, times: Floats) -> Floats:
         """(k, stations) elevations at times (k,) within those of the run."""

@@ -65,6 +65,7 @@ class Term:
     force, couple: (0,) without a grain
     place:     of place and turn of a moving grain (3,), in space (6,), the turn in radians, in space about x, y and z
     elevation: (stations,) of a free surface, the largest ones within the run
+    level:     (stations,) of these at the end
     power:     exponent of the gap with which its error is expected to fall
     parts:     terms that this one is the sum of, if any
     """
@@ -77,24 +78,26 @@ class Term:
     power: float = 1.0
     parts: tuple[Term, ...] = ()
     elevation: Floats | None = None
+    level: Floats | None = None
 
     @classmethod
     def of_parts(cls, name: str, parts: tuple[Term, ...], how: str) -> Term:
         """The sum of terms."""
         force, couple = (np.sum([getattr(part, of) for part in parts], axis=0) for of in ("force", "couple"))
-        place, elevation = (_sum_of(parts, of) for of in ("place", "elevation"))
-        return cls(name, force, couple, how, place, parts=parts, elevation=elevation)
+        place, elevation, level = (_sum_of(parts, of) for of in ("place", "elevation", "level"))
+        return cls(name, force, couple, how, place, parts=parts, elevation=elevation, level=level)
 
     @classmethod
     def of_difference(cls, name: str, one: Loads, other: Loads, share: float, how: str) -> Term:
         """The error that is a share of what two runs differ by."""
-        place = elevation = None
+        place = elevation = level = None
         if one.place is not None and other.place is not None:
             place = share * np.abs(way(one.place, other.place))
         if one.elevations is not None and other.elevations is not None:
             elevation = share * one.elevations.apart(other.elevations)
+            level = share * one.elevations.apart_at_the_end(other.elevations)
         force, couple = np.abs(one.force - other.force), np.abs(one.couple - other.couple)
-        return cls(name, share * force, share * couple, how, place, elevation=elevation)
+        return cls(name, share * force, share * couple, how, place, elevation=elevation, level=level)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for result.json: null for what there is not."""
@@ -135,6 +138,11 @@ class ErrorBars:
         """(stations,) absolute error of the elevations of a free surface, the largest within the run."""
         return _sum_of(self.terms, "elevation")
 
+    @property
+    def level(self) -> Floats | None:
+        """(stations,) absolute error of the elevations of a free surface at the end."""
+        return _sum_of(self.terms, "level")
+
     def to_dict(self) -> dict[str, Any]:
         """Plain data for result.json."""
         return {
@@ -142,6 +150,7 @@ class ErrorBars:
             "couple": _if_any(self.couple),
             "place": self.place,
             "elevation": self.elevation,
+            "level": self.level,
             "terms": [term.to_dict() for term in self.terms],
             "left_out": self.left_out,
             "failed": self.failed,
@@ -172,8 +181,9 @@ def _errors(term: Term | ErrorBars, gdim: int) -> str:
     said = [loads_words(term.force, term.couple, gdim, ".1e")] if len(term.force) else []
     if term.place is not None:
         said.append(_end_of_path(term.place))
-    if term.elevation is not None:
-        said.append(f"elevation {term.elevation.max(initial=0.0):.1e}")
+    if term.elevation is not None and term.level is not None:
+        most, at_end = (float(one.max(initial=0.0)) for one in (term.elevation, term.level))
+        said.append(f"elevation {most:.1e}, at the end {at_end:.1e}")
     return "   ".join(said)
 
 

@@ -184,9 +184,9 @@ def _levels(surface: dict[str, Any], bars: ErrorBars | None) -> list[str]:
     """Elevations of a free surface, by how much they may be off within the run, and what enters below it."""
     at = zip(surface["stations"], surface["elevations"], strict=True)
     lines = [f"elevation           {value:+.6g} at {_words(place)}" for place, value in at]
-    if bars is not None and bars.elevation is not None:
-        errors = zip(lines, bars.elevation, strict=True)
-        lines = [f"{line}, in the run within {error:.1e}" for line, error in errors]
+    if bars is not None and bars.elevation is not None and bars.level is not None:
+        errors = zip(lines, bars.level, bars.elevation, strict=True)
+        lines = [f"{line}, within {level:.1e}, in the run {most:.1e}" for line, level, most in errors]
     return lines + ([f"inflow              {surface['inflow']:.6g}"] if "inflow" in surface else [])
 
 

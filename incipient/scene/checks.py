@@ -11,6 +11,7 @@ from ..errors import SceneError
 from . import surface, turbulence
 from .effects import contradictory
 from .messages import Key, Problem, split
+from .numerics import OF_SURFACE
 
 if TYPE_CHECKING:
     import numpy as np
@@ -233,12 +234,13 @@ def _accuracy(scene: Scene) -> Iterator[Problem]:
         why = "is that of the load on a grain or of a free surface but there is neither"
         yield Problem(key, why, "add a section [body], or leave it out and choose numerics.mesh_size")
         return
-    if numerics.accuracy_of == "elevation" and not scene.has_surface:
-        why, of = '"elevation" is that of a free surface but there is none', ("numerics", "accuracy_of")
+    if numerics.accuracy_of in OF_SURFACE and not scene.has_surface:
+        why = f'"{numerics.accuracy_of}" is that of a free surface but there is none'
+        of = ("numerics", "accuracy_of")
         yield Problem(of, why, 'use "force", or domain.top = "free-surface"')
         return
     if body is None:
-        if verdict or scene.accuracy_of != "elevation":
+        if verdict or scene.accuracy_of not in OF_SURFACE:
             what = '"verdict"' if verdict else f'"{numerics.accuracy_of}"'
             why, remedy = f"{what} is that of a grain but there is none", "add a section [body]"
             where, other = (

@@ -14,6 +14,8 @@ Accuracy = float | Literal["verdict"]
 Tolerance = float | Literal["auto"]
 Order = Literal["auto", 2, 3, 4]
 
+# Quantities of a free surface: elevations in the course of the run, and at its end.
+OF_SURFACE = ("elevation", "level")
 # Below this the curved cells' geometry errs as much, which no estimate sees (docs/accuracy.md).
 FINEST = 1e-5
 
@@ -61,7 +63,7 @@ class Numerics(Section):
         description='Relative error wanted, or "verdict": until that is decided; mesh and order are then chosen',
         examples=[0.01],
     )
-    accuracy_of: Literal["auto", "force", "couple", "safety factor", "elevation"] = Field(
+    accuracy_of: Literal["auto", "force", "couple", "safety factor", "elevation", "level"] = Field(
         "auto",
         description="The quantity whose relative error `accuracy` limits; auto: force, without a grain elevation",
     )

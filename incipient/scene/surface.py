@@ -185,9 +185,6 @@ def _of_time(scene: Scene) -> Iterator[tuple[Key, str, str]]:
 def _of_forces(scene: Scene) -> Iterator[tuple[Key, str, str]]:
     if scene.gravity is None or scene.effects.gravity is False or scene.gravity.acceleration == 0.0:
         yield ("domain", "top"), "gravity is what keeps a free surface level", "add a section [gravity]"
-    if scene.numerics.accuracy is not None and scene.domain.kind == "channel":
-        why = "is not sought below the free surface of a channel by this version"
-        yield ("numerics", "accuracy"), why, "leave it out and choose numerics.mesh_size and time.step"
 
 
 def _of_sides(scene: Scene) -> Iterator[tuple[Key, str, str]]:

@@ -103,7 +103,8 @@ def test_error_bars_of_a_wave_released_from_rest() -> None:
     assert result.elevations is not None
     true = true_error(result.elevations, prosperetti(np.maximum(result.elevations.times, 1e-12), 0.01, np.pi))
     assert 0.75 < bars.elevation.max() / AMPLITUDE / true < 3.0
-    assert f"in the run within {bars.elevation[1]:.1e}" in result.text()
+    assert bars.level is not None
+    assert f"within {bars.level[1]:.1e}, in the run {bars.elevation[1]:.1e}" in result.text()
     assert bars.to_dict()["force"] is None and bars.to_dict()["terms"][0]["parts"][0]["couple"] is None
 
 

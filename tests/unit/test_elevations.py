@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scenes import message
 
-from incipient.accuracy.errorbars import OF_FEW_STEPS, by_coarser_runs, changed
+from incipient.accuracy.errorbars import by_coarser_runs, changed, farther, has_no_far_sides
 from incipient.accuracy.goal import Goal, relative
+from incipient.accuracy.waves import OF_FEW_STEPS, least_share
 from incipient.adaptive.balance import Parts, Powers, cheapest
 from incipient.planning.plan import make_plan
 from incipient.results.elevations import Elevations, Reading
@@ -182,3 +183,49 @@ def test_an_elevation_needs_a_surface():
     assert 'numerics.accuracy_of: "elevation" is that of a free surface but there is none' in message(
         lambda: loads(text)
     )
+
+
+def test_waves_in_steps_that_do_not_resolve_them_tell_no_order():
+    """Second differences of cos t are about dt^2 of it: 0.16, 1.8 and, seen from those of the run, 16 here."""
+    fine = of(wave(100))
+    assert least_share(fine, of(wave(10)), 2) == 0.0
+    assert least_share(fine, of(wave(3)), 2) == pytest.approx(1.0 / 3.0)
+    assert least_share(fine, of(wave(1)), 2) == 1.0
+    assert least_share(Loads(np.zeros(3), np.zeros(3)), Loads(np.ones(3), np.ones(3)), 2) == 0.0
+
+
+CHANNEL = (
+    TANK.replace('kind = "box"', 'kind = "channel"')
+    .replace("length = 2.0", "length = 12.0")
+    .replace('kind = "still"', 'kind = "uniform"\nvelocity = 0.2')
+    .replace('elevation = "0.01*cos(pi*x)"', "sponge = 4.0\nstations = [3.0]")
+)
+WAVES = "wave = {amplitude = 0.01, period = 5.0}\nsponge"
+
+
+@pytest.mark.parametrize(
+    ("text", "origin", "length", "sponge"),
+    [
+        # The still level stays where the scene has it: without waves the inflow moves, by half of 12.
+        (CHANNEL, -7.0, 18.0, 4.0),
+        # Waves come in at the same place, whatever makes them.
+        (CHANNEL.replace("sponge", WAVES), -1.0, 18.0, 6.0),
+        (CHANNEL.replace("sponge", 'inflow = "0.1*sin(t)"\nsponge'), -1.0, 18.0, 6.0),
+        # The flow comes in over the same place of the bed: three periods of 2.5 are the next above 6.
+        (CHANNEL + '[bed]\nkind = "sinusoidal"\namplitude = 0.1\nwavelength = 2.5\n', -8.5, 19.5, 4.0),
+    ],
+)
+def test_the_end_of_a_channel_moves_away_at_which_nothing_is_asked_for(text, origin, length, sponge):
+    longer = farther(loads(text))
+    assert (longer.domain.origin, longer.domain.length) == ((origin, 0.0), length)
+    assert longer.surface.sponge == pytest.approx(sponge)
+    assert longer.surface.stations == (3.0,)
+    assert longer.viscosity == pytest.approx(loads(text).viscosity)
+
+
+def test_the_wall_at_the_end_of_a_channel_is_no_error():
+    closed = CHANNEL.replace('kind = "uniform"\nvelocity = 0.2', 'kind = "still"')
+    closed = closed.replace("sponge = 4.0", 'inflow = "0.1"\noutflow = "wall"')
+    assert has_no_far_sides(loads(closed)) == "does not apply: the channel is closed by a wall"
+    assert not has_no_far_sides(loads(CHANNEL))
+    assert has_no_far_sides(loads(TANK)) == "does not apply: the domain is closed by walls"

@@ -1,0 +1,32 @@
+"""How far the order of the steps tells what waves in longer ones say of the error (docs/surface.md)."""
+
+from __future__ import annotations
+
+from ..results.errorbars import Loads
+
+LONGER_STEP = 2.0  # at least so much longer are the steps that a run is compared with
+# Error of elevations over what the order of the steps makes of a change in longer ones, the largest that was measured:
+# with a few dozen steps a period the error does not yet go as their square.
+OF_FEW_STEPS = 1.6
+OUT_OF_PHASE = 0.7  # of the largest elevation
+# Second differences of an elevation in longer steps, over its largest value: one where a period has six of them.
+COARSE, COARSEST = 1.0, 4.0
+
+
+def least_share(computed: Loads, in_longer: Loads, order: int) -> float:
+    """How much of what longer steps change counts at the least: nothing where they resolve the waves. Not collective.
+
+    Waves that are out of phase come no farther apart, and those in very long steps are damped, so that the order says
+    nothing. Then it is as if the steps were only `LONGER_STEP` times as long; in still longer ones all counts.
+    """
+    one, other = computed.elevations, in_longer.elevations
+    if one is None or other is None:
+        return 0.0
+    # Longer steps damp what they do not resolve: their second differences are better seen in those of the run.
+    ratio = (len(one.times) - 1.0) / max(len(other.times) - 1.0, 1.0)
+    sharpness = max(other.sharpness, ratio**2 * one.sharpness)
+    if sharpness > COARSEST:
+        return 1.0
+    apart = float(one.apart(other).max(initial=0.0))
+    resolved = sharpness <= COARSE and apart <= OUT_OF_PHASE * one.largest
+    return 0.0 if resolved else 1.0 / (LONGER_STEP**order - 1.0)
