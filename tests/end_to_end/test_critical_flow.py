@@ -243,6 +243,17 @@ def test_error_bars_cover_what_changes(tmp_path: Path) -> None:
     assert_told(coarse, tmp_path)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("datum", ["auto", "crest", "mean"])
+def test_error_bars_cover_the_datum(datum: str) -> None:
+    """In 160 x 100 it is 2.943 by the effective height of the bed (docs/accuracy.md), where others go slowly."""
+    far = ("domain.length=32.0", "domain.height=20.0", "contact.gap=0.002", f"flow.datum={datum}")
+    bars = threshold_of(on_bed(*POCKET, *far)).bars
+    assert bars is not None and bars.low < 2.943 < bars.high
+    off = abs(bars.factor - 2.943)
+    assert (off < 0.03) if datum == "auto" else (bars.terms["datum"] > 0.5 * off > 0.04)
+
+
 def load_per_flow(threshold: Threshold) -> np.ndarray:
     """Force and couple (6,) of the flow of the scene, which are linear in its strength without inertia."""
     load = threshold.load
