@@ -36,6 +36,9 @@ MANY_FEATURES, FEWEST_SIZES, FEWEST_FEATURES = 30.0, 1.5, 3.0
 # Bytes per n^(4/3) of n unknowns of sparse factors; per unknown of the solver by blocks, of a higher order that is
 # corrected by two levels without a matrix, and, of order two, of a flow on the mesh moved; fitted (docs/space.md).
 OF_FACTORS, OF_BLOCKS, OF_CORRECTIONS, OF_MOVED = 450.0, 3000.0, 900.0, 1600.0
+# MiB of a free surface and bytes per unknown of it and what it displaces; bytes per unknown of the steady flow from
+# which a run below one starts; fitted.
+OF_SURFACE, OF_RISING, OF_START = 14.0, 350.0, 900.0
 
 
 def lay_out_in_space(scene: Scene, plan: Plan, moved: Placement | None = None) -> Layout:
@@ -183,3 +186,11 @@ def memory_in_space(solver: str, unknowns: Callable[[int], int], order: int, dua
     else:
         size = OF_BLOCKS * unknowns(order) + (OF_CORRECTIONS * unknowns(order + 1) if dual else 0.0)
     return memory_of_libraries() + size / 2**20
+
+
+def memory_of_surface(scene: Scene, unknowns: int) -> float:
+    """MiB that a free surface in space adds to those of a flow with so many unknowns. Not collective."""
+    if scene.gdim == 2 or not scene.has_surface:
+        return 0.0
+    started = scene.time is not None and scene.time.start != "rest"
+    return OF_SURFACE + unknowns * (OF_RISING + OF_START * started) / 2**20

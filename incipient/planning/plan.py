@@ -34,6 +34,10 @@ class Estimate:
     unknowns: int
     memory_mib: float
 
+    def with_more(self, memory_mib: float) -> Estimate:
+        """The estimate with more memory [MiB]."""
+        return replace(self, memory_mib=self.memory_mib + memory_mib)
+
 
 @dataclass(frozen=True)
 class Plan:

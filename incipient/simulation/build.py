@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from ..installed import required
 from ..parallel import collectively
 from ..planning import drawing
+from ..planning.drawing_in_space import memory_of_surface
 from ..planning.effects import EffectName
 from ..planning.plan import Estimate, Plan, make_plan
 from ..progress import Silent
@@ -154,7 +155,7 @@ def estimate(scene: Scene) -> Plan:
         plan.solver.name,
         None if wider is None else drawing.lay_out(wider, plan),
     )
-    return plan.with_estimate(expense)
+    return plan.with_estimate(expense.with_more(memory_of_surface(scene, expense.unknowns)))
 
 
 def _contacts(scene: Scene, plan: Plan, accounts: Accounts) -> Contacts | None:

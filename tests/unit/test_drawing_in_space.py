@@ -13,7 +13,12 @@ from incipient.geometry import Hemispheres
 from incipient.meshes import Resolved, SolidRegion
 from incipient.meshes.exact import Ground
 from incipient.meshes.solid_region import SolidFrame
-from incipient.planning.drawing_in_space import BED_LARGEST, lay_out_in_space, memory_in_space
+from incipient.planning.drawing_in_space import (
+    BED_LARGEST,
+    lay_out_in_space,
+    memory_in_space,
+    memory_of_surface,
+)
 from incipient.planning.layout import Layout
 
 pytestmark = pytest.mark.quick
@@ -95,3 +100,19 @@ def test_memory_is_what_was_measured(
     unknowns: dict[int, int], order: int, solver: str, bars: bool, peak: float
 ) -> None:
     assert memory_in_space(solver, unknowns.__getitem__, order, bars) == pytest.approx(peak, rel=0.1)
+
+
+# Peaks of a sphere under waves and of a film over a bump, which starts from the steady flow below a lid: MiB.
+BELOW_SURFACES = (
+    ("sphere_under_waves", 31_218, 294),
+    ("sphere_under_waves", 62_189, 393),
+    ("film_over_bump", 4_383, 211),
+    ("film_over_bump", 33_266, 328),
+)
+
+
+@pytest.mark.parametrize(("name", "unknowns", "peak"), BELOW_SURFACES)
+def test_memory_below_a_surface_is_what_was_measured(name: str, unknowns: int, peak: float) -> None:
+    scene = incipient.load(SCENES / f"{name}.toml")
+    foreseen = memory_in_space("block", lambda order: unknowns, 2, False) + memory_of_surface(scene, unknowns)
+    assert foreseen == pytest.approx(peak, rel=0.05)
