@@ -27,13 +27,14 @@ SLOWEST = 1e-12  # speed at which friction still has a derivative
 
 @dataclass(frozen=True)
 class Closure:
-    """The model's constants, numbers or UFL constants."""
+    """The model's constants, and the most that P/epsilon may be; numbers or UFL constants."""
 
     c_mu: Any = 0.09
     c_1: Any = 1.44
     c_2: Any = 1.92
     sigma_k: Any = 1.0
     sigma_epsilon: Any = 1.3
+    most_produced: Any = MOST_PRODUCED
 
 
 @dataclass(frozen=True)
@@ -64,10 +65,10 @@ def rate_of_dissipation(logarithms: Any) -> Any:
 
 
 def rate_of_production(logarithms: Any, velocity: Any, closure: Closure) -> Any:
-    """P/k with P = nu_t 2 D : D, at most `MOST_PRODUCED` times epsilon."""
+    """P/k with P = nu_t 2 D : D, at most `most_produced` times epsilon."""
     strain = ufl.sym(ufl.grad(velocity))
     made = closure.c_mu * ufl.exp(logarithms[0] - logarithms[1]) * 2 * ufl.inner(strain, strain)
-    return ufl.min_value(made, MOST_PRODUCED * rate_of_dissipation(logarithms))
+    return ufl.min_value(made, closure.most_produced * rate_of_dissipation(logarithms))
 
 
 def residual(logarithms: Any, rate: Any, tests: Any, stream: Stream, closure: Closure) -> Any:

@@ -26,9 +26,9 @@ def draw(directory: Path, announce: Callable[[Path], object] = lambda path: None
     """Draw all pictures that the results in a directory allow, as PNG files beside them. Not collective.
 
     A run (result.json): always flow, pressure, vorticity and mesh; with a grain the traction on it and the verdict,
-    with one that moves its trajectory and the verdict if there is any; for a box in which nothing moves the velocity
-    profiles on both centrelines. A threshold (threshold.json), a judged case (judgement.json), a
-    judged series (series.json) and a study of what accuracy costs (cost.json): one picture each.
+    with one that moves its trajectory and the verdict if there is any; with turbulence y+ and friction along the walls;
+    for a box in which nothing moves the velocity profiles on both centrelines. A threshold (threshold.json), a judged
+    case (judgement.json), a judged series (series.json), a study of what accuracy costs (cost.json): one picture each.
 
     Args:
         announce: called with the path of every picture as soon as it is there.
@@ -128,6 +128,10 @@ def _makers(run: Run) -> dict[str, Maker]:
     # A grain under way rests on nothing; where it has met the bed there is a verdict.
     if run.surface is not None and not (run.moves and run.result.get("verdict") is None):
         makers["verdict"] = grain.verdict
+    if (run.result.get("turbulence") or {}).get("along"):
+        from . import walls
+
+        makers["walls"] = walls.picture
     if run.setting("domain", "kind") == "box" and not run.moves:
         makers["profiles"] = flow.profiles
     return makers

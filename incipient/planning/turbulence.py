@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise, takewhile
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..arrays import Point
 from ..meshes.solid_region import SYMMETRY
 from ..scene import Scene
 from ..scene.turbulence import LAMINAR, Turbulence
 from .cells import corners, side_names
 
 if TYPE_CHECKING:
+    from ..geometry.plane.curves import Curve
     from ..meshes import Grid, Near, SolidGrid
 
 LOWEST, HIGHEST = 30.0, 300.0  # distances from the wall, in nu/u*, between which the law holds
@@ -34,6 +38,9 @@ WALL_CELL, WALL_GROWTH, CORNER_CELL = 4.0, 0.25, 0.05
 SMALLEST_GRAIN, LARGE_GRAIN = 300.0, 1000.0
 BISECTIONS = 40
 AWAY_GROWTH = 0.05  # of cells along a bed, with the distance from a grain
+# Behind a corner at which the bed falls: how far the shear layer that leaves it reaches, and its cells, over the drop;
+# their growth away from it; points along it; sine of the turn from which on the corner is one.
+LEE, LEE_CELL, LEE_GROWTH, LEE_POINTS, SHARP = 6.0, 0.09, 0.15, 25, -0.17
 LAYERS = 2  # of cells across a channel in space, at the least
 NUMPY = SimpleNamespace(log=np.log, larger=np.maximum)
 
@@ -256,7 +263,20 @@ def cells(scene: Scene, order: int) -> tuple[Near, ...]:
         bed = scene.bed_shape.curves(scene.domain.left, scene.domain.right)
         if sharp := corners(bed, bed[1:]):
             found.append(Near(CORNER_CELL * size, WALL_GROWTH, points=sharp))
+        found.extend(Near(LEE_CELL * drop, LEE_GROWTH, points=points) for drop, points in _lees(bed))
     return tuple(found)
+
+
+def _lees(bed: tuple[Curve, ...]) -> Iterator[tuple[float, tuple[Point, ...]]]:
+    """Drops of a bed behind sharp corners, and points in the shear layers that leave these."""
+    for before, after in pairwise(range(len(bed))):
+        corner = bed[after].start
+        ahead, behind = bed[before].tangent([1.0])[0], bed[after].tangent([0.0])[0]
+        falling = takewhile(lambda curve: curve.end[1] <= curve.start[1], bed[after:])
+        drop = corner[1] - min([curve.end[1] for curve in falling], default=corner[1])
+        if drop > 0.0 and ahead[0] * behind[1] - ahead[1] * behind[0] < SHARP:
+            shares = np.linspace(0.0, 1.0, LEE_POINTS).tolist()
+            yield drop, tuple((corner[0] + LEE * drop * s, corner[1] - drop * s) for s in shares)
 
 
 def wall_names(scene: Scene) -> tuple[str, ...]:

@@ -24,6 +24,7 @@ CAPTIONS = {
     "traction": "Traction of the fluid on the grain",
     "profiles": "Velocity on the centrelines",
     "trajectory": "The way of the grain",
+    "walls": "y+ and friction along the walls",
     "mesh": "The mesh",
 }
 FORCES = (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from ..planning.turbulence import AIMED_AT, HIGHEST, LOWEST
@@ -21,6 +21,8 @@ class WallReport:
     outside:        share of the walls' length along which y+ is not between 30 and 300
     plane:          whether all walls are planes; else the flow may separate, where y+ may be small
     backward:       from where to where along the bed the flow runs upstream next to it
+    along:          of scenes in the plane, by the names of walls: x, y_plus, and friction 2 tau/V^2, below zero where
+                    the flow runs upstream, at nodes of ascending x
     """
 
     distance: float
@@ -34,6 +36,7 @@ class WallReport:
     outside: float = 0.0
     plane: bool = True
     backward: tuple[tuple[float, float], ...] = ()
+    along: dict[str, dict[str, list[float]]] = field(default_factory=dict)
 
     @property
     def applicable(self) -> bool:

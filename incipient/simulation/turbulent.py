@@ -138,7 +138,16 @@ class TurbulentFlow:
             outside=float(lengths[outside].sum() / lengths.sum()),
             plane=planned.is_plane(scene),
             backward=along[names[0]].backward(),
+            along={name: self._told(one) for name, one in along.items()} if scene.gdim == 2 else {},
         )
+
+    def _told(self, along: AlongWall) -> dict[str, list[float]]:
+        """What is drawn of a wall, in six digits."""
+        scene = self._scene
+        governing, found, _, x = self._shear_velocities(along)
+        friction = 2.0 * np.sign(along.velocities[:, 0]) * (found / scene.reference_velocity) ** 2
+        columns = {"x": x, "y_plus": governing * self._walls.distance / scene.viscosity, "friction": friction}
+        return {name: [float(f"{one:.6g}") for one in values] for name, values in columns.items()}
 
     def _shear_velocities(self, along: AlongWall) -> tuple[np.ndarray, ...]:
         """At nodes (n,) of a wall: the governing u*, that of the wall's stress, lengths, and x."""

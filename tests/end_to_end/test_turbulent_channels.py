@@ -10,6 +10,8 @@ import pytest
 from one_dimensional import developed_channel
 
 import incipient
+from incipient.pictures.record import read
+from incipient.pictures.walls import picture
 from incipient.scene import (
     Domain,
     Effects,
@@ -78,12 +80,18 @@ def test_developed_channels_from_first_places_near_and_far(re_tau, y_plus):
     assert walls.friction == pytest.approx(friction, rel=0.03)
 
 
-def test_ripples_take_more_than_a_plane_and_more_on_their_crests():
-    """The wall at the bed itself; y+ is larger on crests, where the stream is faster; nothing separates at 1:20."""
-    rippled = channel(22000.0, 8.0, bed=Sinusoidal(amplitude=0.025, wavelength=1.0))
-    walls = incipient.run(rippled).turbulence
+def test_friction_is_larger_on_crests_than_in_troughs_and_is_drawn(tmp_path):
+    """The wall is at the bed itself; the stream is faster over crests, at x = 7.25 here; nothing separates at 1:20."""
+    bed, output = Sinusoidal(amplitude=0.025, wavelength=1.0), Output(fields=True)
+    walls = incipient.run(channel(22000.0, 8.0, bed=bed, output=output), tmp_path).turbulence
     assert walls.applicable and not walls.plane and walls.backward == ()
-    assert 1.2 < walls.largest / walls.least < 3.0
+    x, friction = (np.array(walls.along["bed"][name]) for name in ("x", "friction"))
+    last = (x > 6.75) & (x < 7.75)
+    assert x[last][np.argmax(friction[last])] == pytest.approx(7.2, abs=0.15)
+    assert 1.2 < friction[last].max() / friction[last].min() < 2.0
+    figure = picture(read(tmp_path))
+    (drawn,) = (line for line in figure.axes[1].lines if line.get_label() == "bed")
+    assert drawn.get_ydata() == pytest.approx(friction, rel=1e-5)
 
 
 @pytest.mark.slow

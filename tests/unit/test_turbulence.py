@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
+from scipy.integrate import solve_ivp
 
 from incipient.fluid.transient import backward_difference
 from incipient.mesh.domain import Domain
@@ -114,6 +115,47 @@ def test_turbulence_decays_along_a_stream():
             places = np.column_stack([np.linspace(0.1, 3.9, 40), np.full(40, 0.5)])
             errors.append(np.abs(sample(fields.state, places) - exact(places.T).T).max())
     assert errors[1] < 5e-3 and errors[0] / errors[1] > 3.5
+
+
+def along_the_stagnation_streamline(most):
+    """k at y = 0.3 over that at y = 4 in the flow (x, -y), by the equations along its streamlines."""
+
+    def rates(time, logarithms):
+        lost = np.exp(logarithms[1] - logarithms[0])
+        made = min(0.09 * 4 / lost, most * lost)  # 2 D : D = 4
+        return made - lost, 1.44 * made - 1.92 * lost
+
+    path = solve_ivp(rates, (0.0, np.log(4 / 0.3)), np.log([1e-6, 1e-6 / 40]), rtol=1e-8, atol=1e-8)
+    return np.exp(path.y[0, -1]) / 1e-6
+
+
+@pytest.mark.parametrize(("most", "tolerance"), [(10.0, 5e-3), (1e6, 0.05)])
+def test_what_the_limiter_does_where_a_flow_meets_a_wall(most, tolerance):
+    """Turbulence with k/epsilon = 40 in a flow onto a wall, of strain one, where diffusion is nothing.
+
+    P/epsilon would be 576. At most ten, k/epsilon falls at the rate 9 - (1.44 10 - 1.92) = -3.48 and k grows by
+    (T0/(T0 - 3.48 t))^(9/3.48), to 1.94 times (exact); without the limiter to hundreds of times.
+    """
+    expected, late = along_the_stagnation_streamline(most), np.log(4 / 0.3)
+    if most == 10.0:
+        assert expected == pytest.approx((40 / (40 - 3.48 * late)) ** (9 / 3.48), rel=1e-6)
+        assert expected < 2.0
+    else:
+        assert expected > 500.0
+    domain = rectangle((0, 0.3), (1, 4), (1, 60))
+    with Turbulence(domain, Surroundings(("top",), uniform(1e-6, 1e-6 / 40)), 2, (*STANDARD, most)) as fields:
+        x = ufl.SpatialCoordinate(domain.mesh)
+        fields.carried_by(ufl.as_vector([x[0], -x[1]]), 1e-9)
+        length = 0.01
+        while length < 1e4:
+            before = fields.state.x.array.copy()
+            if np.isfinite(fields.step((1 / length, -1 / length, 0.0), (before, before), 1e-9)):
+                length *= 2.0
+            else:
+                fields.state.x.array[:] = before
+                length *= 0.25
+        (found,) = sample(fields.state, np.array([[0.5, 0.3]]))[:, 0]
+    assert np.exp(found) / 1e-6 == pytest.approx(expected, rel=tolerance)
 
 
 @pytest.mark.parametrize("wall", [False, True])

@@ -1,0 +1,153 @@
+"""A backward-facing step in turbulent flow: where it reattaches, on three meshes, beside OpenFOAM and measurements.
+
+Cost:    three to five minutes; without OpenFOAM (Debian's package `openfoam`) its rows are left out.
+Run:     python benchmarks/turbulent_step.py
+Results: the table in docs/turbulence.md
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+ROOT = Path(__file__).parents[1]
+PAGE = ROOT / "docs/turbulence.md"
+SCENE = ROOT / "demos/scenes/backward_facing_step.toml"
+BEGIN, END = "<!-- step: begin -->", "<!-- step: end -->"
+MEASURED = 6.26  # +- 0.10, Driver & Seegmiller (1985), AIAA J. 23, 163
+FINER = 2.0**0.5
+MESH_SIZES = (2.0, 2.0 / FINER, 1.0)
+WALL_CELLS = (0.08, 0.08 / FINER, 0.04)  # OpenFOAM's cells at the step
+ROWS = 400
+
+
+@dataclass(frozen=True)
+class Found:
+    """What one program has found on one mesh; y+ next to the floor and ahead of the step."""
+
+    program: str
+    cells: int
+    unknowns: int
+    reattachment: float
+    y_plus: tuple[float, float]
+    iterations: int
+    seconds: float
+
+
+def by_incipient(mesh_size: float) -> Found:
+    """The scene with its cells times a factor."""
+    import incipient
+    from incipient.scene.file import load
+
+    scene = load(SCENE)
+    scene = scene.model_copy(update={"numerics": scene.numerics.model_copy(update={"mesh_size": mesh_size})})
+    began = time.process_time()
+    result = incipient.run(scene)
+    seconds, walls = time.process_time() - began, result.turbulence
+    assert walls is not None and result.velocity is not None
+    mesh = result.velocity.function_space.mesh
+    counted = result.cost["effects"]
+    unknowns = counted["turbulence"]["unknowns"] + result.cost["unknowns"]
+    rounds = result.cost["iterations"]["turbulence"]
+    _, end = max(walls.backward, key=lambda span: span[1] - span[0])
+    cells = mesh.topology.index_map(2).size_global
+    return Found("incipient", cells, unknowns, end, (walls.least, walls.largest), rounds, seconds)
+
+
+def by_openfoam(size: float) -> Found:
+    """The same inflow, viscosity and walls."""
+    from programs import openfoam_step
+
+    with tempfile.TemporaryDirectory() as directory:
+        found = openfoam_step.solve(Path(directory), _inflow(), size)
+    unknowns = 5 * found.cells
+    return Found(
+        *(
+            "OpenFOAM",
+            found.cells,
+            unknowns,
+            found.reattachment,
+            found.y_plus,
+            found.iterations,
+            found.seconds,
+        )
+    )
+
+
+def _inflow() -> Any:
+    """What enters the scene, by heights above the upper floor."""
+    from programs import openfoam_step
+
+    from incipient.planning.turbulent_conditions import Measured
+    from incipient.scene.file import load
+
+    enters = Measured.of(load(SCENE))
+    low, high = enters.walls.floor + enters.walls.distance, enters.walls.ceiling
+    heights = low + (high - low) * 0.5 * (1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, ROWS)))
+    columns = (
+        enters.above(heights),
+        *(part(heights) for part in (enters.speed, enters.energy, enters.dissipation)),
+    )
+    return openfoam_step.Inflow(np.column_stack(columns), enters.viscosity)
+
+
+def extrapolated(values: list[float]) -> tuple[float, float]:
+    """The limit of three meshes, each finer by the same factor, and how far the finest one is from it.
+
+    Where the differences do not fall the limit is not known: it is the last value, give or take both differences.
+    """
+    first, second = np.diff(values)
+    ratio = first / second if second else np.inf
+    if ratio <= 1.0:
+        return values[-1], float(np.ptp(values))
+    return values[-1] + second / (ratio - 1.0), abs(second / (ratio - 1.0))
+
+
+def table(found: list[Found]) -> str:
+    """The table of the page."""
+    lines = [
+        "| program | cells | unknowns | reattaches at | of the measured 6.26 | y+ | iterations | time |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    for program in dict.fromkeys(one.program for one in found):
+        mine = [one for one in found if one.program == program]
+        lines += [
+            f"| {program} | {one.cells} | {one.unknowns} | {one.reattachment:.3f} | {_short(one.reattachment)} | "
+            f"{one.y_plus[0]:.3g} to {one.y_plus[1]:.3g} | {one.iterations} | {one.seconds:.1f} s |"
+            for one in mine
+        ]
+        limit, away = extrapolated([one.reattachment for one in mine])
+        lines.append(f"| {program}, extrapolated | | | {limit:.2f} +- {away:.2f} | {_short(limit)} | | | |")
+    return "\n".join(lines)
+
+
+def _short(place: float) -> str:
+    return f"{100 * (place / MEASURED - 1):+.1f}%"
+
+
+def main() -> None:
+    """Run, write."""
+    from programs import openfoam_step
+
+    there, found = openfoam_step.is_installed(), []
+    for mesh_size, size in zip(MESH_SIZES, WALL_CELLS, strict=True):
+        found.append(by_incipient(mesh_size))
+        print(found[-1], flush=True)
+        if there:
+            found.append(by_openfoam(size))
+            print(found[-1], flush=True)
+    if not there:
+        sys.exit("OpenFOAM is not installed: the table stays as it is")
+    before, rest = PAGE.read_text(encoding="utf-8").split(BEGIN)
+    _, after = rest.split(END)
+    PAGE.write_text(f"{before}{BEGIN}\n{table(found)}\n{END}{after}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,28 @@
+"""y+ and friction along the walls of a turbulent flow."""
+
+from __future__ import annotations
+
+from matplotlib.figure import Figure
+
+from ..results.turbulence import HIGHEST, LOWEST
+from .record import Run
+from .style import FLOW, GROUND, INK, PUSH
+
+_COLOURS = (FLOW, PUSH, INK)
+_SIZE = (9.0, 5.5)  # inches
+
+
+def picture(run: Run) -> Figure:
+    """y+ above, with the range in which the law of the wall holds, and below it the friction, which is signed."""
+    figure = Figure(figsize=_SIZE, layout="constrained")
+    figure.suptitle(run.headline)
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    upper.axhspan(LOWEST, HIGHEST, color=GROUND, alpha=0.3, label="the law of the wall holds")
+    lower.axhline(0.0, color=GROUND)
+    for colour, (name, found) in zip(_COLOURS, run.result["turbulence"]["along"].items(), strict=False):
+        for axes, column in ((upper, "y_plus"), (lower, "friction")):
+            axes.plot(found["x"], found[column], ".", markersize=2, color=colour, label=name)
+    upper.set(yscale="log", ylabel="y+ of the wall", title="Along the walls")
+    lower.set(xlabel="x [scene units]", ylabel="friction 2 tau/V\u00b2")
+    upper.legend(loc="best")
+    return figure
