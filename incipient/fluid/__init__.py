@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from .conditions import Carried, Condition, Open, Prescribed, Slip, no_slip
+from .conditions import Carried, Condition, Open, Prescribed, Seeping, Slip, no_slip
 from .flow import Fluid
 from .model import FlowModel
 from .steady import solve_steady
@@ -22,6 +22,7 @@ __all__ = [
     "Open",
     "Prescribed",
     "QuasiSteady",
+    "Seeping",
     "Slip",
     "TimeStep",
     "Transient",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from ..meshes.solid_region import SYMMETRY
 from ..scene import Scene
 from .cells import side_names, sides_across
-from .open_channel import ends, surface_of
+from .open_channel import ends, seepage, surface_of
 from .stream import Velocity, inflow, undisturbed
 
 if TYPE_CHECKING:
@@ -25,13 +25,14 @@ def conditions(scene: Scene, held: bool = False, lid: bool = False, speed: float
         from .turbulent_conditions import conditions as turbulent
 
         return turbulent(scene)
-    from ..fluid import Carried, Open, Prescribed, Slip, no_slip
+    from ..fluid import Carried, Open, Prescribed, Seeping, Slip, no_slip
 
     bottom, right, top, left = side_names(scene)
     stream = undisturbed(scene, speed)
     walls: list[str] = []
     moving: list[tuple[str, Velocity]] = []
     free: list[Condition] = []
+    seeping: list[Condition] = []
     surface = scene.has_surface and not lid
     if scene.domain.kind == "channel" and surface:
         free.extend(ends(scene))
@@ -44,6 +45,8 @@ def conditions(scene: Scene, held: bool = False, lid: bool = False, speed: float
         walls.extend((left, right))
     if scene.surface is not None and scene.surface.bottom == "slip":
         free.append(Slip(bottom, axis=scene.up))
+    elif scene.surface is not None and scene.surface.seepage != "0":
+        seeping.append(Seeping(bottom, seepage(scene)))
     elif _is_wall(scene):
         walls.append(bottom)
     else:
@@ -73,7 +76,7 @@ def conditions(scene: Scene, held: bool = False, lid: bool = False, speed: float
         free.append(Carried("body"))
     elif scene.body is not None:
         walls.append("body")
-    return [*free, *(Prescribed(*one) for one in moving), *(no_slip(name) for name in walls)]
+    return [*free, *(Prescribed(*one) for one in moving), *seeping, *(no_slip(name) for name in walls)]
 
 
 def _velocity_at_first(scene: Scene) -> Velocity:

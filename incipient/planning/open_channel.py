@@ -58,6 +58,14 @@ def sponges(scene: Scene) -> tuple[Sponge, ...]:
     return tuple(found)
 
 
+def seepage(scene: Scene) -> Callable[[Floats, float], Floats]:
+    """The velocity at which fluid seeps through the bed of a scene, straight up. Not collective."""
+    from ..scene.expression import Expression
+
+    speed, up = Expression(surface_of(scene).seepage), scene.up
+    return lambda x, t: np.vstack([*np.zeros((up, x.shape[1])), speed(x, t)])
+
+
 def wave_of(scene: Scene) -> StokesWave | None:
     """The wave that a wave maker lets into a channel; None: there is none. Not collective.
 

@@ -174,6 +174,8 @@ def _surface(stored: dict[str, Any]) -> tuple[Section, ...]:
         for place, *numbers in zip(found["stations"], found["elevations"], *errors, strict=True)
     ]
     entering = f"What enters per time: {found['inflow']:.6g}." if "inflow" in found else ""
+    if "seepage" in found:
+        entering += f" Through the bed: {found['seepage']:.6g}."
     head = ("station", "elevation at the end", "its error", "error within the run, at most")
     return section("The free surface", table(head, rows), words(entering))
 

@@ -187,7 +187,7 @@ def _levels(surface: dict[str, Any], bars: ErrorBars | None) -> list[str]:
     if bars is not None and bars.elevation is not None and bars.level is not None:
         errors = zip(lines, bars.level, bars.elevation, strict=True)
         lines = [f"{line}, within {level:.1e}, in the run {most:.1e}" for line, level, most in errors]
-    return lines + ([f"inflow              {surface['inflow']:.6g}"] if "inflow" in surface else [])
+    return lines + [f"{name:<20}{surface[name]:.6g}" for name in ("inflow", "seepage") if name in surface]
 
 
 def _motion_of(trajectory: dict[str, Any]) -> tuple[Any, Any, Any, Any]:

@@ -191,7 +191,7 @@ def _never_steady(scene: Scene) -> Iterator[tuple[str, str]]:
         yield "is for a steady flow but flow.components depend on t", "leave t out"
     if surface is not None and surface.wave is not None:
         yield "is for a steady flow but surface.wave lets waves in", "leave that out"
-    for key in ("inflow", "pressure") if surface is not None else ():
+    for key in ("inflow", "pressure", "seepage") if surface is not None else ():
         if "t" in Expression(getattr(surface, key)).variables:
             yield f"is for a steady flow but surface.{key} depends on t", "leave t out"
 

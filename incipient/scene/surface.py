@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from .model import Scene
 
 Station = float | Annotated[tuple[float, float], Field(strict=False)]
-_VARIABLES = {"elevation": "xy", "pressure": "xyt", "inflow": "yzt"}
+_VARIABLES = {"elevation": "xy", "pressure": "xyt", "inflow": "yzt", "seepage": "xyt"}
 _SAMPLES = 201  # along each side of the surface, where its first elevation is looked at
 FREE = "free-surface"
 
@@ -73,6 +73,10 @@ class Surface(Section):
         description="A wave that comes in with the stream, in place of `inflow`",
         examples=[{"amplitude": 0.01, "period": 5.0, "zone": 0.0}],
     )
+    seepage: str = Field(
+        "0",
+        description="Formula in x, in space y, and t: what enters through the bed per level area [length/time]",
+    )
     outflow: Literal["open", "wall"] = Field(
         "open", description="Right end of a channel; open: the still level lies beyond it; wall: it is closed"
     )
@@ -95,7 +99,7 @@ class Surface(Section):
         path = Path((info.context or {}).get("directory", "."), data["file"])
         return {k: v for k, v in data.items() if k != "file"} | {"points": read_points(path, 2, "Surface")}
 
-    @field_validator("elevation", "pressure", "inflow")
+    @field_validator("elevation", "pressure", "inflow", "seepage")
     @classmethod
     def _is_a_formula(cls, text: str, info: ValidationInfo) -> str:
         from .expression import Expression
@@ -198,16 +202,22 @@ def _of_sides(scene: Scene) -> Iterator[tuple[Key, str, str]]:
         yield from of_box(surface)
     if surface.bottom == "slip" and scene.bed is not None:
         yield ("surface", "bottom"), "is that of a domain without [bed]", "leave one of them out"
+    if scene.is_turbulent and surface.seepage != "0":
+        yield ("surface", "seepage"), "is that of laminar flow", "leave effects.turbulence or it out"
+    if surface.bottom == "slip" and surface.seepage != "0":
+        why = "enters straight up, which a bottom that slips does not ask for"
+        yield ("surface", "seepage"), why, "leave surface.bottom out"
     if surface.points and scene.gdim == 3:
         yield ("surface", "points"), "are those of a scene in the plane", "give the elevation as a formula"
-    if "y" in _variables(surface) and scene.gdim == 2:
-        yield ("surface", "elevation"), "depends on y but the scene lies in the plane", "use x only"
+    for name, remedy in (("elevation", "use x only"), ("seepage", "use x and t only")):
+        if scene.gdim == 2 and "y" in _variables(getattr(surface, name)):
+            yield ("surface", name), "depends on y but the scene lies in the plane", remedy
 
 
-def _variables(surface: Surface) -> frozenset[str]:
+def _variables(text: str) -> frozenset[str]:
     from .expression import Expression
 
-    return Expression(surface.elevation).variables
+    return Expression(text).variables
 
 
 def misplaced(scene: Scene) -> Iterator[Problem]:

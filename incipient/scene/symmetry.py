@@ -119,7 +119,12 @@ def _of_surface(scene: Scene) -> str:
     mirrored = points.copy()
     mirrored[1] = 2.0 * middle - points[1]
     times = np.linspace(0.0, scene.time.end, PLACES) if scene.time else np.zeros(1)
-    for text in (scene.surface.elevation, scene.surface.pressure, scene.surface.inflow):
+    for text in (
+        scene.surface.elevation,
+        scene.surface.pressure,
+        scene.surface.inflow,
+        scene.surface.seepage,
+    ):
         for t in map(float, times):
             here, there = (Expression(text)(places, t) for places in (points, mirrored))
             if np.abs(here - there).max() > ALIKE * max(float(np.abs(here).max()), 1e-300):

@@ -187,9 +187,10 @@ class MovingSurface:
         return found | self._discharge()
 
     def _discharge(self) -> dict[str, float]:
-        """What enters a channel per time, of the whole where half is meshed; nothing of a box."""
+        """What enters per time at the inflow of a channel and through the bed, of the whole where half is meshed."""
         held, whole = self.fluid.constraints, 2.0 if self.fluid.domain.halved else 1.0
-        return {"inflow": whole * held.influx} if held.entries else {}
+        found = {"inflow": whole * (held.influx - held.seepage)} if held.entries else {}
+        return found | ({"seepage": whole * held.seepage} if held.seeps else {})
 
     def unknowns(self) -> int:
         """Number of nodes of the surface over all ranks."""
