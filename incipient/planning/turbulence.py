@@ -15,7 +15,7 @@ from ..arrays import Point
 from ..meshes.solid_region import SYMMETRY
 from ..scene import Scene
 from ..scene.turbulence import LAMINAR, Turbulence
-from .cells import corners, side_names
+from .cells import side_names
 
 if TYPE_CHECKING:
     from ..geometry.plane.curves import Curve
@@ -31,16 +31,16 @@ CORRECTIONS = 4  # of u* by Newton's method, which leave less than 1e-9 of it
 SAMPLES = 2000
 # Of a channel's mesh: rows over the depth of a wall; column over that depth; finest over largest row.
 ROWS, COLUMN, GRADING = 14, 1.0, 0.3
-# Of other meshes: cells at walls, over the distance of the law; growth away from them; cells at corners over those: a
-# shear layer that leaves a corner begins as thick as a cell there, which is most of the error of where it reattaches.
+# Of other meshes: cells at walls, over the distance of the law; growth away from them; cells at corners that stick out,
+# over those: a shear layer begins as thick as a cell there, which is most of the error of where it reattaches.
 WALL_CELL, WALL_GROWTH, CORNER_CELL = 4.0, 0.25, 0.05
 # u* d/nu of grains below which the law of the wall is not for them, and from which on its layer is thin.
 SMALLEST_GRAIN, LARGE_GRAIN = 300.0, 1000.0
 BISECTIONS = 40
 AWAY_GROWTH = 0.05  # of cells along a bed, with the distance from a grain
-# Behind a corner at which the bed falls: how far the shear layer that leaves it reaches, and its cells, over the drop;
-# their growth away from it; points along it; sine of the turn from which on the corner is one.
-LEE, LEE_CELL, LEE_GROWTH, LEE_POINTS, SHARP = 6.0, 0.09, 0.15, 25, -0.17
+# Behind such a corner: how far its shear layer reaches, and the cells in it, over the height by which the bed falls;
+# their growth away from it; points along it; sine of the turn from which on a corner is one.
+LEE, LEE_CELL, LEE_GROWTH, LEE_POINTS, OUTWARD = 6.0, 0.09, 0.15, 25, -0.17
 LAYERS = 2  # of cells across a channel in space, at the least
 NUMPY = SimpleNamespace(log=np.log, larger=np.maximum)
 
@@ -261,22 +261,30 @@ def cells(scene: Scene, order: int) -> tuple[Near, ...]:
     ]
     if scene.bed_shape is not None:
         bed = scene.bed_shape.curves(scene.domain.left, scene.domain.right)
-        if sharp := corners(bed, bed[1:]):
-            found.append(Near(CORNER_CELL * size, WALL_GROWTH, points=sharp))
-        found.extend(Near(LEE_CELL * drop, LEE_GROWTH, points=points) for drop, points in _lees(bed))
+        if separating := tuple(_separating(bed)):
+            points = tuple(corner for corner, _ in separating)
+            found.append(Near(CORNER_CELL * size, WALL_GROWTH, points=points))
+        found.extend(_lee(corner, drop) for corner, drop in separating if drop > size)
     return tuple(found)
 
 
-def _lees(bed: tuple[Curve, ...]) -> Iterator[tuple[float, tuple[Point, ...]]]:
-    """Drops of a bed behind sharp corners, and points in the shear layers that leave these."""
+def _separating(bed: tuple[Curve, ...]) -> Iterator[tuple[Point, float]]:
+    """Corners that stick out into the stream, which separates there, and how far the bed falls behind each."""
     for before, after in pairwise(range(len(bed))):
-        corner = bed[after].start
         ahead, behind = bed[before].tangent([1.0])[0], bed[after].tangent([0.0])[0]
-        falling = takewhile(lambda curve: curve.end[1] <= curve.start[1], bed[after:])
-        drop = corner[1] - min([curve.end[1] for curve in falling], default=corner[1])
-        if drop > 0.0 and ahead[0] * behind[1] - ahead[1] * behind[0] < SHARP:
-            shares = np.linspace(0.0, 1.0, LEE_POINTS).tolist()
-            yield drop, tuple((corner[0] + LEE * drop * s, corner[1] - drop * s) for s in shares)
+        if ahead[0] * behind[1] - ahead[1] * behind[0] < OUTWARD:
+            falling = takewhile(lambda curve: curve.end[1] <= curve.start[1], bed[after:])
+            lowest = min([curve.end[1] for curve in falling], default=bed[after].start[1])
+            yield bed[after].start, bed[after].start[1] - lowest
+
+
+def _lee(corner: Point, drop: float) -> Near:
+    """Cells in the shear layer that leaves a corner."""
+    from ..meshes import Near
+
+    shares = np.linspace(0.0, 1.0, LEE_POINTS).tolist()
+    points = tuple((corner[0] + LEE * drop * s, corner[1] - drop * s) for s in shares)
+    return Near(LEE_CELL * drop, LEE_GROWTH, points=points)
 
 
 def wall_names(scene: Scene) -> tuple[str, ...]:

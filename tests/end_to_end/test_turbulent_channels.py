@@ -178,7 +178,7 @@ def test_a_channel_in_space_is_the_plane_s():
 
 @pytest.mark.slow
 def test_ranks_agree(mpirun):
-    """Steadily and in time, on one rank and on three."""
+    """Steadily and in time, and over ripples, on one rank and on three."""
     script = """
         import incipient
         from incipient.scene.file import loads
@@ -187,7 +187,8 @@ def test_ranks_agree(mpirun):
         text += '[flow]\\nkind="open-channel"\\n[effects]\\nturbulence=true\\n[numerics]\\nmesh_size=2\\norder=2\\n'
         from mpi4py import MPI
 
-        for more in ("", "[time]\\nend=2\\nstep=0.5\\n"):
+        ripples = '[bed]\\nkind="sinusoidal"\\namplitude=0.02\\nwavelength=1\\n'
+        for more in ("", "[time]\\nend=2\\nstep=0.5\\n", ripples):
             walls = incipient.run(loads(text + more)).turbulence
             if MPI.COMM_WORLD.rank == 0:
                 print(repr(walls.at_outflow), repr(walls.largest))
@@ -197,7 +198,7 @@ def test_ranks_agree(mpirun):
         done = mpirun(ranks, textwrap.dedent(script))
         assert done.returncode == 0, done.stderr
         found.append([float(word) for word in done.stdout.split()])
-    assert len(found[0]) == 4 and found[1] == pytest.approx(found[0], rel=1e-6)
+    assert len(found[0]) == 6 and found[1] == pytest.approx(found[0], rel=1e-6)
 
 
 @pytest.mark.slow

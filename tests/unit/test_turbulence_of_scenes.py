@@ -245,6 +245,17 @@ def test_a_channel_in_space_is_meshed_as_in_the_plane_layer_by_layer():
     assert found.across == (0.0, 1.0) and found.sides == ("symmetry", "left") and found.layers == 2
 
 
+def test_cells_are_small_where_the_bed_sticks_out_and_in_the_lee():
+    """At the upper corner of a step down, and along its shear layer for six heights; not at the lower corner."""
+    bed = Polyline(points=[(0, 0.2), (5, 0.2), (5, 0), (20, 0)])
+    scene = channel(bed=bed, turbulence=Turbulence(wall_distance=0.02), numerics=Numerics(order=2))
+    walls, at_corner, lee = lay_out(scene, make_plan(scene)).sizes.near[-3:]
+    assert (walls.boundary, walls.size) == ("bed", pytest.approx(0.06))
+    assert at_corner.points == ((5.0, 0.2),) and at_corner.size == pytest.approx(0.05 * 0.06)
+    assert lee.points[0] == (5.0, 0.2) and lee.points[-1] == pytest.approx((6.2, 0.0))
+    assert lee.size == pytest.approx(0.09 * 0.2)
+
+
 def test_a_measured_profile_enters_with_the_law_of_the_wall_below_and_above_it():
     """Rows of the law of one u* give that law and k = u*^2/C_mu^(1/2) near walls; k is taken from a third column."""
     law, viscosity = WallLaw(), 1.0 / 1e5
