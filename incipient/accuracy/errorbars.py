@@ -335,9 +335,10 @@ def of_datum(scene: Scene, other: Scene, solve: Solve) -> Term:
 def with_other_datum(scene: Scene, speed: float = 1.0) -> Scene | None:
     """The scene with its stream from as far beyond the bed's effective height as that may be off, seen from its own.
 
-    None where there is no such height, or the scene's is that for certain. At `speed` the flow is faster by a factor.
+    None where there is no such height, or the scene's is that for certain, or the stream with its turbulence enters at
+    the bed's own height. At `speed` the flow is faster by a factor.
     """
-    if has_no_far_sides(scene) or not starts_at_effective_height(scene):
+    if scene.is_turbulent or has_no_far_sides(scene) or not starts_at_effective_height(scene):
         return None
     found, datum = effective_height(scene, speed), height_of_datum(scene, speed)
     bottom, crest = scene.domain.bottom, scene.bed_shape.crest

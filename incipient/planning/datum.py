@@ -25,9 +25,12 @@ class Datum:
 
 
 def datum_of(scene: Scene) -> Datum | None:
-    """The datum of a flow of given profile over a bed; None for another flow, or without a bed. Not collective."""
+    """The datum of a flow of given profile over a bed; None for another flow, or without a bed. Not collective.
+
+    A stream with its turbulence enters at the bed's own height.
+    """
     level = getattr(scene.flow, "datum", None)
-    if level is None or scene.bed is None:
+    if level is None or scene.bed is None or scene.is_turbulent:
         return None
     why = f"{_words(scene, level)}; the {scene.flow.kind} flow starts there"
     return Datum(scene.datum, why)

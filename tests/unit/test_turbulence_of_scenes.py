@@ -5,6 +5,7 @@ import pytest
 from scenes import message
 
 from incipient import make_plan
+from incipient.accuracy.errorbars import coarse_scenes, of_the_model
 from incipient.cost.command import chosen
 from incipient.errors import SceneError
 from incipient.fluid.conditions import Friction
@@ -162,6 +163,19 @@ def test_a_grain_too_small_for_the_law_of_the_wall_is_refused_by_the_plan_and_a_
         "u* d/nu = 648: the layer that the law of the wall stands for is 8% of it" in one for one in warned
     )
     assert not any("law of the wall" in one for one in make_plan(grain(0.2)).warnings)
+
+
+def test_error_bars_of_a_grain_in_turbulence_have_mesh_gap_and_domain():
+    """The stream enters at the bed's own height, so that no other datum is tried, and the plan names none."""
+    scene = channel(
+        fluid=Fluid(reynolds=2e5, scale="flow"),
+        body=Disc(diameter=0.2, x=3.9375, density=2.65),
+        bed=Sinusoidal(amplitude=0.02, wavelength=0.25),
+    )
+    assert list(of_the_model(scene)) == ["gap", "domain"]
+    wider = [one for one in coarse_scenes(scene) if one.numerics.mesh_size == pytest.approx(2**0.5)]
+    assert len(wider) == 1 and not wider[0].numerics.error_bars
+    assert make_plan(scene).datum is None
 
 
 def test_a_faster_flow_is_one_of_larger_reynolds_number_and_has_the_stress_of_its_own_law():
