@@ -36,6 +36,7 @@ MANY_FEATURES, FEWEST_SIZES, FEWEST_FEATURES = 30.0, 1.5, 3.0
 # Bytes per n^(4/3) of n unknowns of sparse factors; per unknown of the solver by blocks, of a higher order that is
 # corrected by two levels without a matrix, and, of order two, of a flow on the mesh moved; fitted (docs/space.md).
 OF_FACTORS, OF_BLOCKS, OF_CORRECTIONS, OF_MOVED = 450.0, 3000.0, 900.0, 1600.0
+DENSER = 1600.0  # bytes per unknown by which matrices of order three, by blocks, are denser
 # MiB of a free surface and bytes per unknown of it and what it displaces; bytes per unknown of the steady flow from
 # which a run below one starts; fitted.
 OF_SURFACE, OF_RISING, OF_START = 14.0, 350.0, 900.0
@@ -184,7 +185,8 @@ def memory_in_space(solver: str, unknowns: Callable[[int], int], order: int, dua
         of_two = OF_BLOCKS + OF_MOVED * dual
         size = of_two * unknowns(LOWEST_ORDER) + OF_CORRECTIONS * unknowns(order)
     else:
-        size = OF_BLOCKS * unknowns(order) + (OF_CORRECTIONS * unknowns(order + 1) if dual else 0.0)
+        of_order = OF_BLOCKS + DENSER * (order > LOWEST_ORDER)
+        size = of_order * unknowns(order) + (OF_CORRECTIONS * unknowns(order + 1) if dual else 0.0)
     return memory_of_libraries() + size / 2**20
 
 

@@ -7,7 +7,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ..installed import required
+from ..installed import memory_of_libraries, required
 from ..parallel import collectively
 from ..planning import drawing
 from ..planning.drawing_in_space import memory_of_surface
@@ -142,9 +142,10 @@ def flow_model(scene: Scene, plan: Plan, unsteady: bool, inertia: bool = True) -
 def estimate(scene: Scene) -> Plan:
     """The plan with its expense, counted by making the mesh on this process. Not collective.
 
-    The run with more of the bed, which error bars may need, has a mesh of its own; the scene's flow is kept.
+    The run with more of the bed, which error bars may need, has a mesh of its own; the scene's flow is kept. So it is
+    below a free surface in space while the run in elements of another order is made.
     """
-    from ..accuracy.errorbars import on_more_bed
+    from ..accuracy.errorbars import comparisons, on_more_bed
 
     plan = make_plan(scene)
     wider = on_more_bed(scene) if drawing.has_dual(scene) else None
@@ -155,7 +156,12 @@ def estimate(scene: Scene) -> Plan:
         plan.solver.name,
         None if wider is None else drawing.lay_out(wider, plan),
     )
-    return plan.with_estimate(expense.with_more(memory_of_surface(scene, expense.unknowns)))
+    expense = expense.with_more(memory_of_surface(scene, expense.unknowns))
+    if scene.gdim == 3 and scene.has_surface and scene.numerics.error_bars:
+        other = estimate(comparisons(scene)[1]).estimate
+        assert other is not None
+        expense = expense.with_more(other.memory_mib - memory_of_libraries())
+    return plan.with_estimate(expense)
 
 
 def _contacts(scene: Scene, plan: Plan, accounts: Accounts) -> Contacts | None:

@@ -240,7 +240,7 @@ def test_a_film_over_a_bump_on_two_ranks_is_that_on_one(mpirun, tmp_path):
     assert not scene.symmetric
     (tmp_path / "scene.toml").write_text(dumps(scene))
     one = incipient.run(scene).surface["elevations"]
-    done = mpirun(2, RANKS, tmp_path / "scene.toml")
+    done = mpirun(2, RANKS, tmp_path / "scene.toml", timeout=300)
     assert done.returncode == 0, done.stderr
     two = np.array(done.stdout.split(), dtype=float)
     assert two == pytest.approx(one, abs=1e-8 * np.abs(one).max())
