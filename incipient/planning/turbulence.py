@@ -136,8 +136,10 @@ class Walls:
     def text(self, viscosity: float) -> str:
         """What the walls are taken for, in words."""
         y = self.distance * self.shear_velocity / viscosity
+        beyond = "" if self.beside == self.number else ", beyond a bed at which the mesh itself ends"
         return (
-            f"law of the wall from {self.distance:.3g}, y+ about {y:.3g}, u* about {self.shear_velocity:.3g}"
+            f"law of the wall from {self.distance:.3g}{beyond}, y+ about {y:.3g}, "
+            f"u* about {self.shear_velocity:.3g}"
         )
 
 

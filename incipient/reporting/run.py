@@ -197,6 +197,9 @@ def _turbulence(found: dict[str, Any] | None) -> tuple[Section, ...]:
         ("shear velocity u* at the outflow", found["at_outflow"]),
         ("friction C_f at the outflow", found["friction"]),
     ]
+    if not found["plane"]:
+        rows.append(("share of the walls with y+ not from 30 to 300", found["outside"]))
+    rows += [("next to the bed the flow runs upstream from x, to x", tuple(one)) for one in found["backward"]]
     return section("Turbulence", words(f"{holds}{advice}."), table(("at the walls", ""), rows))
 
 
