@@ -30,6 +30,7 @@ SHOWN: dict[str, tuple[str, str]] = {
     "grain_under_waves": ("numerics.error_bars=false", "verdict.png"),
     "sloshing": ("", "flow.png"),
     "film_over_bump": ("", "elevation.png"),
+    "backward_facing_step": ("", "flow.png"),
 }
 
 
