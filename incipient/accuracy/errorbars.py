@@ -32,9 +32,9 @@ from ..results.loads import Couples, Forces
 from ..scene import Contact, Scene, Time
 from ..scene.datum import effective_height, height_of_datum, starts_at_effective_height
 from ..scene.model import WIDEST_GAP
-from .far_sides import ends_of_channel, has_free_lower_side, longer_channel
+from .far_sides import has_free_lower_side, has_no_far_sides, longer_channel
 from .kept_runs import KeptRuns, Solve
-from .waves import LONGER_STEP, OF_FEW_STEPS, least_share
+from .waves import LONGER_STEP, OF_FEW_STEPS, enlarged, error_over_change, least_share
 
 if TYPE_CHECKING:
     from ..simulation.state import Run
@@ -239,14 +239,13 @@ def by_coarser_runs(scene: Scene, computed: Loads, solve: Solve, of_mesh: Term |
     to_step = max(to_step, least_share(computed, in_longer, order_in_time(scene)))
     how = f"a run with steps x {_ratio_of_steps(scene):.3g}, extrapolated at order {order_in_time(scene)}"
     of_step = Term.of_difference("time step", computed, in_longer, to_step, how)
-    if of_step.elevation is not None and of_step.level is not None:
-        elevation, level = (OF_FEW_STEPS * one for one in (of_step.elevation, of_step.level))
-        of_step = replace(of_step, elevation=elevation, level=level)
+    of_step = enlarged(of_step, OF_FEW_STEPS)
     if of_mesh is None:
         order = beside.order
         how = f"these on a mesh x {COARSER_MESH:.3g}, extrapolated at order {order_in_space(order)}"
         how = how if order == scene.order else f"these on a mesh for elements of order {order}"
-        of_mesh = Term.of_difference(OF_MESH, in_longer, solve(beside), to_mesh, how)
+        found = Term.of_difference(OF_MESH, in_longer, solve(beside), to_mesh, how)
+        of_mesh = enlarged(found, error_over_change(scene))
     return Term.of_parts("discretisation", (of_step, of_mesh), "time step and mesh together")
 
 
@@ -354,15 +353,6 @@ def _adapted(scene: Scene, speed: float) -> Scene:
     if getattr(scene.flow, "datum", "auto") in ("auto", "effective"):
         return scene
     return with_other_datum(scene, speed) or scene
-
-
-def has_no_far_sides(scene: Scene) -> str:
-    """Why there is no term of the domain, or nothing."""
-    if scene.domain.kind == "box":
-        return "does not apply: the domain is closed by walls"
-    if scene.bed is not None and scene.bed.kind in ("polyline", "height-map", "mesh"):
-        return "not estimated: the bed is known only as far as its points reach"
-    return ends_of_channel(scene)
 
 
 def of_level_ground(wider: Scene, computed: Loads, solve: Solve) -> Term:

@@ -10,8 +10,12 @@ from ..scene import Scene, Surface
 from ..scene.expression import Expression
 
 
-def ends_of_channel(scene: Scene) -> str:
-    """Why the ends of a channel with a free surface are no error, or nothing. Not collective."""
+def has_no_far_sides(scene: Scene) -> str:
+    """Why there is no term of the domain, or nothing."""
+    if scene.domain.kind == "box":
+        return "does not apply: the domain is closed by walls"
+    if scene.bed is not None and scene.bed.kind in ("polyline", "height-map", "mesh"):
+        return "not estimated: the bed is known only as far as its points reach"
     if scene.has_surface and scene.surface is not None and scene.surface.outflow == "wall":
         return "does not apply: the channel is closed by a wall"
     return ""

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
-from ..results.errorbars import Loads
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from ..results.errorbars import Loads, Term
+
+if TYPE_CHECKING:
+    from ..scene import Scene
 
 LONGER_STEP = 2.0  # at least so much longer are the steps that a run is compared with
 # Error of elevations over what the order of the steps makes of a change in longer ones, the largest that was measured:
 # with a few dozen steps a period the error does not yet go as their square.
 OF_FEW_STEPS = 1.6
+# Error of a stream's level over what elements of one order more change on the default mesh for them, likewise measured
+# (docs/channels.md).
+OF_STREAM = 1.6
 OUT_OF_PHASE = 0.7  # of the largest elevation
 # Second differences of an elevation in longer steps, over its largest value: one where a period has six of them.
 COARSE, COARSEST = 1.0, 4.0
@@ -23,10 +32,23 @@ def least_share(computed: Loads, in_longer: Loads, order: int) -> float:
     if one is None or other is None:
         return 0.0
     # Longer steps damp what they do not resolve: their second differences are better seen in those of the run.
-    ratio = (len(one.times) - 1.0) / max(len(other.times) - 1.0, 1.0)
+    ratio = other.step / one.step if one.step > 0.0 else 1.0
     sharpness = max(other.sharpness, ratio**2 * one.sharpness)
     if sharpness > COARSEST:
         return 1.0
     apart = float(one.apart(other).max(initial=0.0))
     resolved = sharpness <= COARSE and apart <= OUT_OF_PHASE * one.largest
     return 0.0 if resolved else 1.0 / (LONGER_STEP**order - 1.0)
+
+
+def enlarged(term: Term, factor: float) -> Term:
+    """The term with larger errors of elevations, the same where there are none. Not collective."""
+    if term.elevation is None or term.level is None:
+        return term
+    return replace(term, elevation=factor * term.elevation, level=factor * term.level)
+
+
+def error_over_change(scene: Scene) -> float:
+    """Error of elevations over what elements of one order more change. Not collective."""
+    streams = scene.has_surface and scene.domain.kind == "channel" and scene.flow.kind != "still"
+    return OF_STREAM if streams and scene.order == 2 else 1.0

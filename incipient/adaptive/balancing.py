@@ -11,6 +11,8 @@ from __future__ import annotations
 import math
 from typing import cast
 
+import numpy as np
+
 from ..accuracy.errorbars import (
     HIGHEST_ORDER,
     LONGEST_STEP,
@@ -23,6 +25,8 @@ from ..accuracy.errorbars import (
 from ..accuracy.goal import relative
 from ..accuracy.kept_runs import KeptRuns
 from ..errors import ConvergenceError, IncipientError, Interrupted
+from ..planning.cells import FAR_CELL, FAR_CELL_IN_SPACE
+from ..planning.open_channel import LEVEL
 from ..results.adaptation import Trial
 from ..results.errorbars import Loads, Term
 from ..results.result import Result
@@ -179,7 +183,20 @@ def first(scene: Scene) -> Scene:
     longer = LONGEST
     while longer > 1.0 and longer * scene.time.step > scene.time.end / FEWEST_STEPS:
         longer /= 2.0
-    return _resized(scene, COARSEST_MESH, longer)
+    return _resized(scene, _coarsest(scene), longer)
+
+
+def _coarsest(scene: Scene) -> float:
+    """How much larger the cells of the first run are.
+
+    Where a stream enters below a free surface they are so small that the zone at the inflow, one cell at the least, is
+    as long on all meshes, those of one order more included: else its length errs, which the comparison does not tell.
+    """
+    if not scene.has_surface or scene.domain.kind != "channel" or scene.flow.kind == "still":
+        return COARSEST_MESH
+    sizes = FAR_CELL if scene.gdim == 2 else FAR_CELL_IN_SPACE
+    suitable = LEVEL / (sizes[min(scene.order + 1, HIGHEST_ORDER)] * scene.numerics.mesh_size)
+    return float(np.clip(suitable, 1.0, COARSEST_MESH))
 
 
 def finer(scene: Scene, wanted: Refined) -> Scene:

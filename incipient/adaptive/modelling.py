@@ -18,11 +18,11 @@ from ..accuracy.errorbars import (
     changed,
     coarse,
     farther,
-    has_no_far_sides,
     not_there,
     of_domain,
     of_the_model,
 )
+from ..accuracy.far_sides import has_no_far_sides
 from ..accuracy.goal import relative
 from ..arrays import spatial
 from ..errors import IncipientError, SceneError

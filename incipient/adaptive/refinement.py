@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from ..accuracy.dual import GoalErrors
-from ..accuracy.errorbars import by_dual, changed, error_bars, farther, has_no_far_sides
+from ..accuracy.errorbars import by_dual, changed, error_bars, farther
+from ..accuracy.far_sides import has_no_far_sides
 from ..errors import ConvergenceError, MeshError
 from ..interrupt import told_where_kept
 from ..planning.drawing import Layout

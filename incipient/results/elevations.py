@@ -29,6 +29,11 @@ class Elevations:
         return cls(times, values.reshape(len(readings), -1), max(reading.largest for reading in readings))
 
     @property
+    def step(self) -> float:
+        """The mean time step; zero where there is none."""
+        return float((self.times[-1] - self.times[0]) / max(len(self.times) - 1, 1))
+
+    @property
     def sharpness(self) -> float:
         """The largest second difference from time to time over the largest value; of a wave about (w dt)^2."""
         largest = float(np.abs(self.values).max(initial=0.0))

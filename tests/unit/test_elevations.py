@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 from scenes import message
 
-from incipient.accuracy.errorbars import by_coarser_runs, changed, farther, has_no_far_sides
+from incipient.accuracy.errorbars import by_coarser_runs, changed, farther
+from incipient.accuracy.far_sides import has_no_far_sides
 from incipient.accuracy.goal import Goal, relative
-from incipient.accuracy.waves import OF_FEW_STEPS, least_share
+from incipient.accuracy.waves import OF_FEW_STEPS, OF_STREAM, least_share
 from incipient.adaptive.balance import Parts, Powers, cheapest
+from incipient.adaptive.balancing import first
+from incipient.adaptive.modelling import suited
 from incipient.planning.plan import make_plan
 from incipient.results.elevations import Elevations, Reading
 from incipient.results.errorbars import NO_GRAIN, ErrorBars, Loads
@@ -185,6 +188,17 @@ def test_an_elevation_needs_a_surface():
     )
 
 
+def test_errors_of_a_streams_mesh_are_taken_to_be_larger_than_the_change():
+    scene = loads(CHANNEL, overrides=["numerics.order=2"])
+
+    def solved(one: Scene) -> Loads:
+        return of(wave(10, size=1.0 if one.order == 2 else 1.001))
+
+    of_mesh = by_coarser_runs(scene, solved(scene), solved).parts[1]
+    assert of_mesh.elevation[0] == pytest.approx(OF_STREAM * 1e-3, rel=1e-6)
+    assert of_mesh.level[0] == pytest.approx(OF_STREAM * 1e-3 * abs(np.cos(4.0)), rel=1e-6)
+
+
 def test_waves_in_steps_that_do_not_resolve_them_tell_no_order():
     """Second differences of cos t are about dt^2 of it: 0.16, 1.8 and, seen from those of the run, 16 here."""
     fine = of(wave(100))
@@ -221,6 +235,31 @@ def test_the_end_of_a_channel_moves_away_at_which_nothing_is_asked_for(text, ori
     assert longer.surface.sponge == pytest.approx(sponge)
     assert longer.surface.stations == (3.0,)
     assert longer.viscosity == pytest.approx(loads(text).viscosity)
+
+
+def test_an_accuracy_of_all_makes_a_channel_longer():
+    """The waves' height errs as the inverse square of the length: by 0.2 at first, of which both ends may keep 0.05."""
+    scene = loads(CHANNEL.replace("sponge", WAVES).replace("accuracy = 0.01", "accuracy = 0.1"))
+
+    def solved(one: Scene) -> Loads:
+        return of(wave(20, size=1.0 + 0.2 * (12.0 / one.domain.length) ** 2))
+
+    found = suited(scene, 0.1, Goal.of(scene), solved, lambda line: None)
+    assert found.unmet == "" and [term.name for term in found.terms] == ["domain"]
+    true = 0.2 * (12.0 / found.scene.domain.length) ** 2
+    assert true < 0.05
+    # Relative to waves that are higher by the error itself.
+    assert found.error == pytest.approx(true / (1.0 + true), rel=1e-6)
+    assert found.scene.domain.origin == (-1.0, 0.0)
+
+
+def test_the_first_mesh_of_a_stream_keeps_the_zone_at_its_inflow():
+    """A quarter of the depth; the largest cells of order three are 0.15 of it."""
+    stream = loads(CHANNEL, overrides=["numerics.mesh_size=1.0"])
+    assert 0.15 * first(stream).numerics.mesh_size == pytest.approx(0.25)
+    asked = loads(CHANNEL, overrides=["numerics.mesh_size=2.0"])
+    assert first(asked).numerics.mesh_size == 2.0  # never finer than the scene says
+    assert first(loads(TANK)).numerics.mesh_size == pytest.approx(8.0**0.5)
 
 
 def test_the_wall_at_the_end_of_a_channel_is_no_error():
