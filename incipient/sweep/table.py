@@ -192,8 +192,8 @@ def in_words(row: Mapping[str, Any]) -> str:
         bar = row.get(f"shields{HIGH}")
         error = "" if bar is None else f" +- {bar - row['shields']:.1g}"
         return f"{row['mode']} at Shields number {row['shields']:.4g}{error}"
-    if "friction" in row:
-        return f"C_f {row['friction']:.5g}" + (
-            "" if row["applicable"] else ", law of the wall NOT APPLICABLE"
-        )
-    return f"{row['mode']}, safety factor {row['safety_factor']:.4g}" if "mode" in row else "no verdict"
+    told = f"{row['mode']}, safety factor {row['safety_factor']:.4g}" if "mode" in row else "no verdict"
+    if "friction" not in row:
+        return told
+    told = told if "mode" in row else f"C_f {row['friction']:.5g}"
+    return told if row["applicable"] else f"{told}, law of the wall NOT APPLICABLE"

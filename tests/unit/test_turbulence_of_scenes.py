@@ -197,6 +197,8 @@ def test_a_sweep_s_table_has_the_friction_and_whether_it_holds():
     row = {"status": "done", "task": "run", **found}
     assert in_words(row) == "C_f 0.005"
     assert in_words(row | {"applicable": False}) == "C_f 0.005, law of the wall NOT APPLICABLE"
+    judged = row | {"mode": "rest", "safety_factor": 2.673, "applicable": False}
+    assert in_words(judged) == "rest, safety factor 2.673, law of the wall NOT APPLICABLE"
 
 
 def test_cost_is_not_studied_with_turbulence():
