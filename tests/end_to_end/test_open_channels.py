@@ -182,6 +182,7 @@ def test_a_wave_maker_in_a_stream_makes_the_wave_that_is_asked_for(tmp_path):
         assert history[name][late] == pytest.approx(exact, abs=0.1 * 0.01)
 
 
+@pytest.mark.slow
 def test_elevations_of_a_channel_have_error_bars_and_so_have_its_ends():
     """Beside a run in steps of a quarter in elements of order four, and one in a channel twice as long."""
     scene = SHORT.replace("error_bars = false\ntolerance = 1e-13\ninterface_tolerance = 1e-11", "order = 2")
