@@ -88,12 +88,13 @@ def test_the_threshold_is_the_flow_in_which_the_stone_just_holds():
 
 @pytest.mark.slow
 def test_error_bars_of_a_stone():
-    """Mesh, gap and domain are estimated; the mesh's term covers a mesh half as coarse."""
+    """Mesh, gap and domain are estimated; the mesh's term covers what cells half as large change."""
     bars = incipient.run(stone(numerics=Numerics(mesh_size=4.0, order=2)))
     finer = incipient.run(stone(mesh_size=2.0))
     assert [term.name for term in bars.error_bars.terms] == ["discretisation", "gap", "domain"]
     change = np.abs(bars.force.flow - finer.force.flow)[:2]
-    assert (change <= bars.error_bars.terms[0].force[:2] * 1.5).all()
+    print(change, bars.error_bars.terms[0].force)
+    assert (change <= bars.error_bars.terms[0].force[:2]).all()
 
 
 @pytest.mark.slow
