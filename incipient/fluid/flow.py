@@ -23,7 +23,15 @@ from .action import Action
 from .conditions import Condition, Constraints
 from .model import FlowModel
 from .solvers import SOLVERS, Equations, LinearSolver, TwoLevel, UnsolvedError
-from .space import TaylorHood, cell_size, geometry_function, geometry_rows, set_geometry_function, taylor_hood
+from .space import (
+    TaylorHood,
+    cell_size,
+    constant,
+    geometry_function,
+    geometry_rows,
+    set_geometry_function,
+    taylor_hood,
+)
 
 # Corrections of a time step after which the kept factors are too old.
 PATIENCE = 8
@@ -60,9 +68,9 @@ class Fluid:
         self.constraints = Constraints(domain, self.space, conditions, level=kind.regular)
         self.state = dolfinx.fem.Function(self.space.mixed)
         self.history = tuple(dolfinx.fem.Function(self.space.mixed) for _ in range(2 * model.unsteady))
-        self._reynolds, self._time = _constant(mesh, reynolds), _constant(mesh, 0.0)
-        self.rate = tuple(_constant(mesh, 0.0) for _ in range(3))
-        self._extrapolation = tuple(_constant(mesh, c) for c in (1.0, 0.0))
+        self._reynolds, self._time = constant(mesh, reynolds), constant(mesh, 0.0)
+        self.rate = tuple(constant(mesh, 0.0) for _ in range(3))
+        self._extrapolation = tuple(constant(mesh, c) for c in (1.0, 0.0))
         self._shifts = tuple(geometry_function(mesh) for _ in range(2 * model.moving_mesh))
         self._rows = geometry_rows(self._shifts[0]) if self._shifts else None
         self.surface: Any = self.constraints.surface_load(self.rate[0])
@@ -83,7 +91,7 @@ class Fluid:
         self._owned_velocities = self.space.velocity_map[self.space.velocity_map < owned]
         self._lift, self._aged = True, True
         self._contraction = newton.Contraction()
-        self.watch: Callable[[int, float], Any] = _unwatched
+        self.watch: Callable[[int, float], Any] = lambda iteration, size: None
         self.negligible = 0.0  # speed in the mean of a correction that counts as none
         self._direction: Any = None  # made when a response is first asked for
         self._kept: dict[str, Any] = {}
@@ -160,7 +168,7 @@ class Fluid:
 
     def another_solver(self, matrix: Any) -> LinearSolver:
         """A solver of the fluid's kind for the projection onto velocities free of divergence. Collective."""
-        one = _constant(self.domain.mesh, 1.0)
+        one = constant(self.domain.mesh, 1.0)
         free = self.constraints.open_pressures(self.constraints.surface)
         projection = replace(
             self._equations(), viscosity=None, rate=one, carrier=None, surface=None, open=free
@@ -253,10 +261,8 @@ class Fluid:
 
     def discretise_time(self, rate: Sequence[float], extrapolation: Sequence[float]) -> None:
         """Set dv/dt = a0 v + a1 v(n) + a2 v(n-1) and the extrapolation e1 v(n) + e2 v(n-1); zeros: steady."""
-        for constant, value in zip(self.rate, rate, strict=True):
-            constant.value = value
-        for constant, value in zip(self._extrapolation, extrapolation, strict=True):
-            constant.value = value
+        for one, value in zip((*self.rate, *self._extrapolation), (*rate, *extrapolation), strict=True):
+            one.value = value
 
     def mesh_moved(self, *past: np.ndarray) -> None:
         """Tell that the mesh has been moved: `past` are its places (n, 3) at the last state and the one before.
@@ -496,11 +502,3 @@ class Fluid:
         if change <= self.negligible**2 * self.space.velocity_nodes():
             return 0.0
         return float(np.sqrt(change / whole)) if whole else np.inf
-
-
-def _unwatched(iteration: int, size: float) -> None:
-    """Nobody watches the corrections."""
-
-
-def _constant(mesh: Any, value: float) -> Any:
-    return dolfinx.fem.Constant(mesh, PETSc.ScalarType(value))

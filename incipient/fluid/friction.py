@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-import dolfinx
 import ufl
-from petsc4py import PETSc
 
 from ..forms.terms import impermeable
 from ..forms.turbulence import friction, push, speed
 from ..mesh.domain import Domain
-from .space import TaylorHood, cell_size
+from .space import TaylorHood, cell_size, constant
 
 if TYPE_CHECKING:
     from .conditions import Friction
@@ -39,9 +37,7 @@ class WallLoad:
         self._measure, self._names = flow.boundary_quadrature(domain.facets), domain.names
         self._normal, self._held = ufl.FacetNormal(domain.mesh), HELD * flow.order**2 / cell_size(domain.mesh)
         self._viscosity, self._shear_velocity = viscosity, shear_velocity
-        self._walls = [
-            (one, dolfinx.fem.Constant(domain.mesh, PETSc.ScalarType(one.distance))) for one in walls
-        ]
+        self._walls = [(one, constant(domain.mesh, one.distance)) for one in walls]
 
     def integral(self, state: Any, w: Any, q: Any) -> Any:
         """The walls' part in the residual of a mixed state, tested with w and q, in UFL. Not collective."""
@@ -53,9 +49,9 @@ class WallLoad:
 
     def stand(self, distance: float) -> None:
         """Let walls that bound the mesh themselves have another distance of the law. Not collective."""
-        for wall, constant in self._walls:
+        for wall, held in self._walls:
             if wall.axis is None:
-                constant.value = distance
+                held.value = distance
 
     def power(self, state: Any, w: Any, boundary: str, held: bool = True) -> Any:
         """Of the traction of the flow on a wall of any shape, in a motion w of that boundary, in UFL. Not collective.

@@ -8,6 +8,7 @@ from typing import Any
 import dolfinx
 import numpy as np
 import ufl
+from petsc4py import PETSc
 
 from .. import compat
 from ..mesh.straight import straight_cells
@@ -131,3 +132,8 @@ def set_geometry_function(function: Any, values: np.ndarray, rows: np.ndarray | 
     gdim = function.function_space.mesh.geometry.dim
     chosen = geometry_rows(function) if rows is None else rows
     function.x.array.reshape(-1, gdim)[:] = values[chosen, :gdim]
+
+
+def constant(mesh: Any, value: float) -> Any:
+    """A number in forms that may change without compiling them anew. Not collective."""
+    return dolfinx.fem.Constant(mesh, PETSc.ScalarType(value))

@@ -18,7 +18,18 @@ log = logging.getLogger("incipient")
 SCENE, RESULT, CHECKPOINT = "scene.toml", "result.json", "checkpoint.h5"
 SERIES = tuple(f"{name}.{ending}" for name in ("fields", "surface") for ending in ("xdmf", "h5", "vtkhdf"))
 DATA = (RESULT, "history.csv", *SERIES, "threshold.json")
-DRAWN = ("flow", "pressure", "vorticity", "traction", "verdict", "profiles", "mesh", "trajectory", "walls")
+DRAWN = (
+    "flow",
+    "pressure",
+    "vorticity",
+    "traction",
+    "verdict",
+    "profiles",
+    "mesh",
+    "trajectory",
+    "walls",
+    "elevation",
+)
 PICTURES = (
     *(f"{name}.png" for name in DRAWN),
     *(f"{name}.gif" for name in ("velocity", "pressure", "vorticity")),

@@ -195,7 +195,7 @@ def test_accuracy_without_a_grain() -> None:
         '[domain]\nkind="box"\nlength=1\nheight=1\n[fluid]\nreynolds=100\nscale="flow"\n[flow]\nkind="lid"\n'
     )
     with pytest.raises(
-        SceneError, match=r"numerics\.accuracy: .*there is none; add a section \[body\]"
+        SceneError, match=r"numerics\.accuracy: .*there is neither; add a section \[body\]"
     ) as caught:
         loads(cavity + "[numerics]\naccuracy=0.01\n")
     assert "\n" not in str(caught.value)

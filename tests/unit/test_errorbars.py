@@ -24,12 +24,9 @@ from incipient.accuracy.errorbars import (
     on_more_bed,
     with_other_datum,
 )
-from incipient.accuracy.safetybar import bar_of_safety
-from incipient.contact import Contacts, Load
 from incipient.errors import ConvergenceError
 from incipient.planning.drawing_in_space import resolved_bed
 from incipient.results.errorbars import Loads, Term
-from incipient.results.safetybar import SafetyBar
 from incipient.scene import Scene, Time, loads
 from incipient.scene.datum import effective_height
 from incipient.scene.example import commented, grain_in_pocket, grain_on_bed
@@ -339,113 +336,6 @@ def test_nothing_more_is_begun_when_the_budget_is_spent() -> None:
     bars = simulate(scene, MPI.COMM_SELF, accounts=Accounts(spent=lambda: "all is spent")).error_bars
     assert bars is not None and [term.name for term in bars.terms] == ["discretisation"]
     assert bars.failed == {"gap": "all is spent", "domain": "all is spent"}
-
-
-# -- the verdict: a disc of weight one between two contacts at 45 degrees without friction is tipped over one of them
-# by a horizontal force equal to its weight -----------------------------------------------------------------------
-
-
-def pocket() -> Contacts:
-    s = np.sqrt(0.5)
-    normals = np.array([[-s, -s, 0.0], [s, -s, 0.0]])
-    return Contacts(0.5 * normals, normals, None)
-
-
-def bar(force: float, **errors: float) -> SafetyBar:
-    load = Load(np.array([force, 0, 0]), np.zeros(3), np.array([0, -1.0, 0]), np.zeros(3))
-    of_loads = {name: error * np.eye(6)[0] for name, error in errors.items()}
-    return bar_of_safety(load, pocket(), 0.0, (1.0, 0.125 * np.eye(3)), of_loads)
-
-
-def test_safety_factor_and_its_bar() -> None:
-    found = bar(0.98, discretisation=0.01)
-    assert found.value == pytest.approx(1.0 / 0.98)
-    assert (found.low, found.high) == pytest.approx((1.0 / 0.99, 1.0 / 0.97))
-    assert found.certain
-    assert len(found.modes) == 1
-    assert "certain within the error bars" in found.sentence()
-
-
-def test_not_certain_and_what_decides() -> None:
-    found = bar(0.98, discretisation=0.005, gap=0.03, domain=0.01)
-    assert not found.certain
-    assert found.low < 1.0 < found.high
-    assert len(found.modes) == 2
-    assert found.decisive == "gap"
-    assert "reduce the error of the gap" in found.sentence()
-
-
-def test_moving_for_certain() -> None:
-    found = bar(1.05, gap=0.02)
-    assert found.certain
-    assert found.high < 1.0
-
-
-def test_no_terms_no_bar() -> None:
-    found = bar(0.5)
-    assert (found.low, found.high, found.decisive) == (found.value, found.value, "")
-
-
-def held_disc(couple: float, error: float, friction: float = 0.1, inert: bool = True) -> SafetyBar:
-    """A disc of weight one between two contacts 30 degrees to either side of its lowest point, turned by a couple."""
-    s, c = 0.5, np.sqrt(0.75)
-    normals = np.array([[-s, -c, 0.0], [s, -c, 0.0]])
-    load = Load(np.zeros(3), np.array([0, 0, couple]), np.array([0, -1.0, 0]), np.zeros(3))
-    mass_and_inertia = (1.0, 0.125 * np.eye(3)) if inert else None
-    errors = {"gap": error * np.eye(6)[5]}
-    return bar_of_safety(load, Contacts(0.5 * normals, normals), friction, mass_and_inertia, errors)
-
-
-def test_no_certainty_from_corners_that_move() -> None:
-    """At every corner it moves, by one mode; without a couple, which is within the bars, it rests at any factor."""
-    found = held_disc(0.1, 0.25)
-    assert not found.certain
-    assert set(found.modes) == {"pivoting and sliding", "rest"} and not found.complete
-    assert found.low == pytest.approx(0.1633, abs=1e-4)
-    assert found.high == np.inf
-    assert found.relative == np.inf
-    assert "NOT certain" in found.sentence()
-
-
-@pytest.mark.parametrize(
-    ("couple", "error", "friction", "outcome"),
-    [
-        (0.1, 0.02, 0.1, "it moves (pivoting and sliding)"),
-        (0.02, 0.01, 0.1, "it rests"),
-        (0.6, 0.3, 0.7, "it moves, by pivoting or pivoting and sliding"),
-    ],
-)
-def test_what_is_certain_is_said(couple: float, error: float, friction: float, outcome: str) -> None:
-    found = held_disc(couple, error, friction)
-    assert found.certain and found.complete
-    assert f"certain within the error bars: {outcome}; safety factor" in found.sentence()
-
-
-def test_a_mode_is_not_certain_without_proof() -> None:
-    """Without mass and inertia it is not asked; in space it cannot be proved."""
-    alone = held_disc(0.1, 0.02, inert=False)
-    assert alone.certain and not alone.complete
-    assert "certain within the error bars: it moves; safety factor" in alone.sentence()
-    points = np.array([[x, y, -0.1] for x in (-1.0, 1.0) for y in (-1.0, 1.0)])
-    contacts = Contacts(points, np.tile([0, 0, -1.0], (4, 1)))
-    load = Load(np.array([0.6, 0, 0]), np.zeros(3), np.array([0, 0, -1.0]), np.zeros(3))
-    block = bar_of_safety(load, contacts, 0.3, (1.0, np.eye(3)), {"gap": 0.1 * np.eye(6)[0]})
-    assert block.certain and not block.complete
-    assert "it moves, but how (sliding) is not certain" in block.sentence()
-
-
-def test_held_by_the_flow_alone() -> None:
-    """Its weight alone moves the block; the flow pushes back with 1 +- error, and 0.1 to 1.1 times that hold it."""
-    contacts = Contacts(np.array([[-1.0, 0, 0], [1.0, 0, 0]]), np.tile([0, -1.0, 0], (2, 1)))
-    load = Load(np.array([-1.0, 0, 0]), np.zeros(3), np.array([0.6, -1.0, 0]), np.zeros(3))
-    errors = {"gap": 0.2 * np.eye(6)[0], "domain": 0.05 * np.eye(6)[0]}
-    found = bar_of_safety(load, contacts, 0.5, (1.0, np.eye(3)), errors)
-    assert (found.value, found.low, found.high, found.certain) == (0.0, 0.0, 0.0, False)
-    assert found.decisive == "gap"
-    assert found.relative > 0.0
-    assert "0.08 to 1.467 times the flow's load may hold it" in found.sentence()
-    del errors["gap"]
-    assert bar_of_safety(load, contacts, 0.5, (1.0, np.eye(3)), errors).modes == ("rest",)
 
 
 # -- beds in space --------------------------------------------------------------------------------------------------
