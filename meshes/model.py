@@ -343,19 +343,21 @@ def _straighten_folded(kind: int, order: int) -> None:
     """Give straight sides to cells in the cusps of a bed, where a curved side leaves no room.
 
     Raises:
-        MeshError: cells elsewhere fold, where the true surface matters; or others fold then.
+        MeshError: cells at the grain fold, or with a side on another boundary, where the true surface matters; or
+            others fold then.
     """
     _, _, _, count, local, _ = gmsh.model.mesh.getElementProperties(kind)
     places = np.reshape(local, (count, -1))
     corners = np.column_stack(
         [1.0 - places.sum(axis=1), places]
     )  # the weights of a cell's corners at its nodes
-    kept = _nodes_on_curves(other_than="bed")
+    grain, elsewhere = _nodes_on_curves("body"), _nodes_on_curves(other_than="bed")
     for _ in range(MOST_STRAIGHTENED):
         folded = _folded(kind, places)
         if not len(folded):
             return
-        if np.isin(folded, kept).any():
+        # Corners stay: where the domain ends in a cusp of the bed, one of them lies on that end.
+        if np.isin(folded, grain).any() or np.isin(folded[:, 3:], elsewhere).any():
             break
         for cell in folded:
             points = np.array([gmsh.model.mesh.getNode(node)[0] for node in cell[:3]])
@@ -367,11 +369,12 @@ def _straighten_folded(kind: int, order: int) -> None:
     )
 
 
-def _nodes_on_curves(other_than: str) -> np.ndarray:
-    """Tags of the nodes on the boundaries but for one of them, by its name."""
+def _nodes_on_curves(name: str = "", other_than: str = "") -> np.ndarray:
+    """Tags of the nodes on the boundary of a name, or on all but the one of another name."""
     found = [np.empty(0, dtype=np.uint64)]
     for dimension, group in gmsh.model.getPhysicalGroups(1):
-        if gmsh.model.getPhysicalName(dimension, group) != other_than:
+        called = gmsh.model.getPhysicalName(dimension, group)
+        if called == name if name else called != other_than:
             found.append(gmsh.model.mesh.getNodesForPhysicalGroup(dimension, group)[0])
     return np.concatenate(found)
 
