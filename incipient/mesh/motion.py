@@ -139,16 +139,26 @@ def _determinant(a: Floats) -> Floats:
 
 
 def _between_vertices(mesh: Any) -> tuple[NDArray[np.int32], NDArray[np.int32], Floats]:
-    """The other nodes (m,) of straight cells in `mesh.geometry.x`, their cell's vertices, and the shares of these.
+    """The other nodes (m,) of straight cells in `mesh.geometry.x`, vertices between which they lie, and their shares.
 
-    Vertices and shares, barycentric coordinates, are (m, dimension + 1).
+    Vertices and shares, barycentric coordinates, are (m, dimension + 1). A node is among them on every rank that has
+    it, though the straight cell may be another rank's. Collective.
     """
-    cells, corners = compat.geometry_dofs(mesh)[straight_cells(mesh)], barycentric_nodes(mesh)
+    cells, corners = compat.geometry_dofs(mesh), barycentric_nodes(mesh)
+    space = compat.function_space(mesh, compat.scalar_part(compat.coordinate_element(mesh)))
+    dofs, marked = compat.cell_dofs(space), dolfinx.fem.Function(space)
+    marked.x.array[dofs[straight_cells(mesh)]] = 1.0
+    view = compat.vec_view(marked)
+    view.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    view.destroy()
+    marked.x.scatter_forward()
     count = corners.shape[1]
-    # Several cells share a node, and agree on it.
+    # Several cells share a node, and agree on it: what lies within an edge or a face has no share of other vertices.
     nodes, first = np.unique(cells[:, count:], return_index=True)
     row, column = np.divmod(first, corners.shape[0] - count)
-    return nodes, cells[row, :count], corners[count + column]
+    chosen = marked.x.array[dofs[row, count + column]] > 0.0
+    row, column = row[chosen], count + column[chosen]
+    return nodes[chosen], cells[row, :count], corners[column]
 
 
 def _sliding(domain: Domain, boundary: str) -> list[tuple[str, ...]]:
