@@ -62,12 +62,12 @@ def in_shear(size: float, **sections: Any) -> Scene:
     return Scene(**{"domain": domain, "fluid": SLOW, "flow": flow, "body": body, **sections})
 
 
-def through_a_new_mesh(**output: Any) -> Scene:
+def through_a_new_mesh(numerics: dict[str, float] = EXACTLY, **output: Any) -> Scene:
     """In a box three long axes wide, on 400 cells; exactly enough to be compared with itself."""
     return in_shear(
         8.0,
         time=Time(end=1.0, step=0.25, start="stokes"),
-        numerics=Numerics(mesh_size=2.2, remesh_below=0.5, **EXACTLY),
+        numerics=Numerics(mesh_size=2.2, remesh_below=0.5, **numerics),
         output=Output(**{"fields": False, **output}),
     )
 
@@ -88,7 +88,7 @@ def jeffery(angle: NDArray[np.float64]) -> NDArray[np.float64]:
     return (RATIO**2 * np.cos(angle) ** 2 + np.sin(angle) ** 2) / (RATIO**2 + 1.0)
 
 
-def assert_same_path(one: Path, other: Path, tolerance: float) -> None:
+def assert_same_path(one: Path, other: Path, tolerance: float, of_forces: float | None = None) -> None:
     first, second = history_of(one), history_of(other)
     assert len(first) == len(second) and first["meshes"].max() > 1
     for name in (
@@ -103,7 +103,8 @@ def assert_same_path(one: Path, other: Path, tolerance: float) -> None:
         "force_z",
     ):
         scale = max(np.abs(first[name]).max(), 0.01)
-        assert np.abs(first[name] - second[name]).max() <= tolerance * scale, name
+        bound = of_forces if of_forces and name.startswith("force") else tolerance
+        assert np.abs(first[name] - second[name]).max() <= bound * scale, name
     assert np.all(first["meshes"] == second["meshes"])
 
 
@@ -213,7 +214,10 @@ def test_orientation_is_told_as_it_is_given() -> None:
 
 @pytest.mark.slow
 def test_a_quarter_of_a_turn_in_a_wide_shear(tmp_path: Path) -> None:
-    """Twelve short axes wide, 1400 cells: measured 2.2% of the fastest rate at most, through four new meshes."""
+    """Twelve short axes wide, 1400 cells: measured 2.3% of the fastest rate at most, through a new mesh.
+
+    There were four while sides within a turning mesh did not stay straight, which wore it.
+    """
     scene = in_shear(
         16.0,
         time=Time(end=4.0, step=0.25, start="stokes"),
@@ -221,17 +225,22 @@ def test_a_quarter_of_a_turn_in_a_wide_shear(tmp_path: Path) -> None:
     )
     incipient.run(scene, tmp_path)
     found = history_of(tmp_path)
-    assert angles(found)[-1] > 0.5 * np.pi and found["meshes"].max() > 2
+    assert angles(found)[-1] > 0.5 * np.pi and found["meshes"].max() > 1
     assert np.abs(found["spin_y"] - jeffery(angles(found))).max() < 0.03 * 0.8
 
 
 @pytest.mark.slow
 def test_two_ranks_take_the_path_of_one(tmp_path: Path, mpirun: Any) -> None:
-    (tmp_path / "scene.toml").write_text(dumps(through_a_new_mesh()))
+    """Solved by iteration to as much as each step's residual allows: measured 2e-11 apart, without shared edges 1e-4.
+
+    The force on a free grain as heavy as the fluid is what tractions 1e5 times as large leave: measured 1e-8 apart.
+    """
+    exactly = {**EXACTLY, "tolerance": 1e-12, "interface_tolerance": 1e-12}
+    (tmp_path / "scene.toml").write_text(dumps(through_a_new_mesh(exactly)))
     script = "import sys, incipient\nincipient.run(incipient.load(sys.argv[1]), sys.argv[2])"
     for ranks in (1, 2):
         mpirun(ranks, script, tmp_path / "scene.toml", tmp_path / str(ranks), timeout=600)
-    assert_same_path(tmp_path / "1", tmp_path / "2", 1e-9)
+    assert_same_path(tmp_path / "1", tmp_path / "2", 1e-9, of_forces=1e-7)
 
 
 @pytest.mark.slow
