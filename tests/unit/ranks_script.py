@@ -28,7 +28,9 @@ from incipient.fluid import (
     solve_steady,
 )
 from incipient.fluid.vorticity import vorticity
+from incipient.geometry.placement import Placement, rotation_by
 from incipient.mesh.domain import Domain
+from incipient.mesh.motion import MeshMotion, RigidDisplacement
 from incipient.mesh.sampling import sample
 from incipient.scene.tolerance import ShareOfError
 
@@ -119,6 +121,15 @@ def by_blocks() -> dict[str, Any]:
         return readings(fluid, (0.6, 0.5, 0.5), [[0.1, 0.2, 0.3], [1.2, 0.6, 0.4], [1.0, 0.5, 0.9]])
 
 
+def turned() -> dict[str, Any]:
+    """Ranks must agree on the places of nodes that they share, also where one alone has a straight cell beside them."""
+    domain, centre = ball_in_box(0.3), (0.6, 0.5, 0.5)
+    displacement = RigidDisplacement(domain, "body", Placement(centre), turning=True)
+    MeshMotion(domain).move(displacement.at(Placement(centre, quaternion=rotation_by([0.4, -0.7, 0.5]))))
+    x = ufl.SpatialCoordinate(domain.mesh)
+    return {"ranks": COMM.size, "moments": [integral(domain, x[k] ** 3) for k in range(3)]}
+
+
 PLACES = [[0.2, 0.3], [1.4, 0.8], [1.9, 0.5]]
 CASES = {
     "open": lambda: steady(channel()),
@@ -128,6 +139,7 @@ CASES = {
     "unsteady": unsteady,
     "in_time": in_time,
     "three_dimensions": three_dimensions,
+    "turned": turned,
 }
 
 if __name__ == "__main__":

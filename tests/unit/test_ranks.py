@@ -20,6 +20,7 @@ CLOSE = {
     "in_time": 1e-9,
     "cubic": 1e-9,
     "three_dimensions": 1e-9,
+    "turned": 1e-9,
 }
 CLOSE["block"] = 1e-7
 
