@@ -161,6 +161,17 @@ def test_failing_step_is_halved_until_it_converges(fluid: Fluid) -> None:
     assert np.isfinite(fluid.state.x.array).all()
 
 
+def test_steps_grow_again_after_one_that_was_halved(fluid: Fluid) -> None:
+    """The full length at once would be four times the halved one, beyond 2.4, where second order is unstable."""
+    failing = Failing(fluid, longest=0.03)
+    steps = Transient(fluid).march(1.0, 0.1)
+    lengths = [next(steps).length]
+    fluid.solve = failing.solve  # type: ignore[method-assign]
+    lengths += [step.length for step in steps]
+    assert lengths[:7] == pytest.approx([0.025 * 1.25**n for n in range(7)])
+    assert max(lengths) == pytest.approx(0.1) and sum(lengths) == pytest.approx(1.0)
+
+
 @pytest.mark.parametrize("error", [None, ConvergenceError("the factorisation failed")])
 def test_last_good_state_is_left_when_nothing_converges(fluid: Fluid, error: Exception | None) -> None:
     transient = Transient(fluid)
