@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 Say = Callable[[str], None]
 UNKNOWN = "  time and errors are not known of scenes of this kind; they are after `incipient cost SCENE`"
+UNKNOWN_OF_TURBULENCE = "  time and memory of the run: not known with turbulence"
 
 
 def study(scene: Scene, directory: Path, wanted: Spread, say: Say) -> Study:
@@ -113,12 +114,14 @@ def predicted_plan(scene: Scene, directory: Path | None = None) -> PredictedPlan
     from ..simulation.build import estimate
     from .prediction import first_mesh, known_laws, predict
 
-    plan, known = make_plan(scene), known_laws(scene, directory)
+    plan = make_plan(scene)
+    known = None if scene.is_turbulent else known_laws(scene, directory)
+    unknown = UNKNOWN_OF_TURBULENCE if scene.is_turbulent else UNKNOWN
     cheaper = () if known is None else tuple(known.cheaper())
     try:
         estimated = estimate(scene).estimate if scene.numerics.accuracy is None else first_mesh(scene)
         assert estimated is not None
-        told = UNKNOWN if known is None else predict(known, estimated)
+        told = unknown if known is None else predict(known, estimated)
         return PredictedPlan(plan.with_estimate(estimated), told, cheaper)
     except MissingError as error:
         unknown = f"  cells, unknowns, memory and time are not known: {error}"

@@ -214,8 +214,6 @@ def predict(known: KnownLaws, estimate: Estimate) -> Prediction | str:
     from ..accuracy.errorbars import coarse_scenes, comparisons
     from ..simulation.assemble import has_error_bars
 
-    if known.scene.is_turbulent:
-        return "  time and memory of the run: not known with turbulence"
     scene, last, path = known.scene, None, [_Run(known.scene, estimate.unknowns)]
     if scene.numerics.accuracy is not None:
         found = _search(known, estimate.unknowns)

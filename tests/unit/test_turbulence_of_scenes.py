@@ -6,7 +6,7 @@ from scenes import message
 
 from incipient import make_plan
 from incipient.accuracy.errorbars import coarse_scenes, of_the_model
-from incipient.cost.command import chosen
+from incipient.cost.command import chosen, predicted_plan
 from incipient.errors import SceneError
 from incipient.fluid.conditions import Friction
 from incipient.planning.drawing import lay_out
@@ -203,6 +203,16 @@ def test_a_sweep_s_table_has_the_friction_and_whether_it_holds():
 
 def test_cost_is_not_studied_with_turbulence():
     assert "cost: is not studied with turbulence" in message(lambda: chosen(channel(), quick=True))
+
+
+@pytest.mark.parametrize("width", [None, 0.5])
+def test_the_plan_offers_no_study_of_costs_nor_ways_that_turbulence_refuses(width):
+    """In the plane and in space, whatever studies of other scenes this machine knows."""
+    planned = predicted_plan(
+        channel(domain=Domain(length=20, width=width, height=1), numerics=Numerics(mesh_size=4, order=2))
+    )
+    assert planned.prediction == "  time and memory of the run: not known with turbulence"
+    assert planned.cheaper == () and planned.plan.estimate.cells > 0
 
 
 def test_the_plan_says_what_it_takes_the_walls_for():
