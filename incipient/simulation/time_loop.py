@@ -14,7 +14,6 @@ from ..results.loads import named, named_couple
 from .build import flow_model
 from .loads import coefficients, judged, loads
 from .recorder import record_fields
-from .steadiness import Steadiness
 from .steady import solve_steadily
 
 if TYPE_CHECKING:
@@ -115,6 +114,8 @@ class TimeLoop:
                 resumption.put_back_turbulence(self._checkpoint, eddies)
             resumption.put_back_flow(self._checkpoint, transient)
         if time.until_steady is not None:
+            from .steadiness import Steadiness
+
             run.watch(Steadiness(run.fluid, surface, run.scene.domain.height, time.until_steady))
         for step in self._timed(transient.march(time.end, time.step, time.first_step)):
             row = self._row(step)

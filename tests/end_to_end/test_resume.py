@@ -26,7 +26,7 @@ from incipient.fluid import Fluid
 from incipient.fluid.newton import NewtonReport
 from incipient.interrupt import Interruption
 from incipient.output.series_file import read_step, times
-from incipient.restart.checkpoint import read
+from incipient.restart.checkpoint import VERSION, read
 from incipient.scene.file import loads
 from incipient.tables import hdf5
 
@@ -424,7 +424,7 @@ def test_refusals_are_one_line(whole_pothole: Path, tmp_path: Path, session: Ses
     for name in names:
         shutil.copytree(whole_pothole, tmp_path / name)
     with h5py.File(tmp_path / "version/checkpoint.h5", "r+") as file:
-        file.attrs["version"] = 5
+        file.attrs["version"] = VERSION + 1
     with h5py.File(tmp_path / "damaged/checkpoint.h5", "r+") as file:
         file["body/weights"][0, 0] += 1e-12
     os.truncate(tmp_path / "half/checkpoint.h5", 20_000)
@@ -433,7 +433,11 @@ def test_refusals_are_one_line(whole_pothole: Path, tmp_path: Path, session: Ses
     outcomes = session(ranks, [*(["resume", name] for name in ("absent", *names[:-1])), other])
     told = [
         (2, "absent: there is no such directory; give the directory that a run was written to"),
-        (6, "version/checkpoint.h5: is a checkpoint of version 6, this program reads version 5; resume with"),
+        (
+            6,
+            f"version/checkpoint.h5: is a checkpoint of version {VERSION + 1}, this program reads version {VERSION}; "
+            "resume with",
+        ),
         (5, "damaged/checkpoint.h5: is damaged, its content is not what was written; start anew"),
         (5, "half/checkpoint.h5: cannot be read: it is damaged or incomplete; start anew"),
         (5, "history/history.csv: has lost some of its 10 rows; put the file back, or start anew"),
