@@ -434,7 +434,7 @@ def test_refusals_are_one_line(whole_pothole: Path, tmp_path: Path, session: Ses
     told = [
         (2, "absent: there is no such directory; give the directory that a run was written to"),
         (
-            6,
+            5,
             f"version/checkpoint.h5: is a checkpoint of version {VERSION + 1}, this program reads version {VERSION}; "
             "resume with",
         ),
