@@ -121,6 +121,11 @@ def friction(v: Any, w: Any, drag: Any) -> Any:
     return drag * ufl.inner(v, w)
 
 
-def push(p: Any, w: Any, distance: Any) -> Any:
-    """y grad p . w: the pressure pushes the layer, of next to no inertia, between the boundary and a wall y beyond."""
-    return distance * ufl.inner(ufl.grad(p), w)
+def layer(p: Any, rate: Any, w: Any, distance: Any) -> Any:
+    """y (dv/dt + grad p) . w: the layer between the boundary and a wall y beyond speeds up with it, and is pushed.
+
+    The layer is taken to speed up as its edge does, so that where pressure alone moves the fluid nothing is exerted.
+    `rate` stands for dv/dt; None in a steady flow.
+    """
+    pushed = ufl.grad(p) if rate is None else ufl.grad(p) + rate
+    return distance * ufl.inner(pushed, w)

@@ -150,7 +150,7 @@ class Fluid:
             *(self.viscosity, rate, carrier, skew, self._cell_size(), size),
             *(force, boundary, model.reference_map),
             None if self.surface is None else partial(self.surface.integral, v, carrier),
-            None if self.walls is None else partial(self.walls.integral, self.state),
+            None if self.walls is None else partial(self.walls.integral, self.state, rate),
         )
 
     def _equations(self) -> Equations:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import ufl
 
 from ..forms.terms import impermeable
-from ..forms.turbulence import friction, push, speed
+from ..forms.turbulence import friction, layer, speed
 from ..mesh.domain import Domain
 from .space import TaylorHood, cell_size, constant
 
@@ -39,11 +39,14 @@ class WallLoad:
         self._viscosity, self._shear_velocity = viscosity, shear_velocity
         self._walls = [(one, constant(domain.mesh, one.distance)) for one in walls]
 
-    def integral(self, state: Any, w: Any, q: Any) -> Any:
-        """The walls' part in the residual of a mixed state, tested with w and q, in UFL. Not collective."""
+    def integral(self, state: Any, rate: Any, w: Any, q: Any) -> Any:
+        """The walls' part in the residual of a mixed state, tested with w and q, in UFL. Not collective.
+
+        `rate` is that at which the velocity changes; None in a steady flow.
+        """
         v, p = ufl.split(state)
         return sum(
-            self._of(wall, distance, (v, p), (w, q)) * self._measure(self._names[wall.boundary])
+            self._of(wall, distance, (v, p, rate), (w, q)) * self._measure(self._names[wall.boundary])
             for wall, distance in self._walls
         )
 
@@ -74,11 +77,11 @@ class WallLoad:
 
     def _of(self, wall: Friction, distance: Any, flow: Sequence[Any], tests: Sequence[Any]) -> Any:
         """The integrand at one wall."""
-        (v, p), (w, q) = flow, tests
+        (v, p, rate), (w, q) = flow, tests
         of_molecules, whole = self._viscosity
         n, beside = self._normal, wall.axis is not None
         along = v if beside else v - ufl.inner(v, n) * n
         rubbing = friction(along, w, wall.drag(speed(along), self._shear_velocity, of_molecules, distance))
         if beside:
-            return rubbing + push(p, w, distance)
+            return rubbing + layer(p, rate, w, distance)
         return rubbing + impermeable(v, p, w, q, n, whole, speed(v) + self._held * whole)

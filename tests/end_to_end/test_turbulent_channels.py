@@ -7,9 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 from one_dimensional import developed_channel
+from scipy.integrate import simpson
 
 import incipient
+from incipient.fluid import Transient
 from incipient.pictures.record import read
 from incipient.pictures.walls import picture
 from incipient.scene import (
@@ -26,6 +29,7 @@ from incipient.scene import (
     Turbulence,
 )
 from incipient.scene.file import dumps, load
+from incipient.simulation.build import prepared
 
 DEMOS = Path(__file__).parents[2] / "demos" / "scenes"
 # U_b+ and C_f of channels between walls by direct simulation, at Re_tau (Hoyas & Jimenez 2006; Lee & Moser 2015).
@@ -127,6 +131,28 @@ def test_a_channel_in_time_becomes_the_steady_one(tmp_path):
     assert all(f'Name="{name}"' in names for name in ("k", "epsilon", "eddy_viscosity"))
     effects = found.cost["effects"]["turbulence"]
     assert effects["unknowns"] > 0 and effects["wall_time"] > 0.0
+
+
+def set_going(mesh_size):
+    """How far velocities some depths downstream are from the mean through the inflow, after a step as good as none."""
+    scene = channel(11000.0, 8.0, mesh_size, time=Time(end=1e-6, step=1e-6))
+    with prepared(scene, MPI.COMM_SELF) as run:
+        list(Transient(run.fluid, interface=run.turbulence.in_time(run)).march(1e-6, 1e-6))
+        points, velocities = run.fluid.constraints.points, run.fluid.velocity.x.array.reshape(-1, 2)
+        entering, far = points[:, 0] < 1e-9, points[:, 0] > 5.0
+        rows = np.argsort(points[entering, 1])
+        y, u = points[entering, 1][rows], velocities[entering, 0][rows]
+        mean = simpson(u, x=y) / np.ptp(y)  # exact: u is quadratic between every other of them
+        return np.abs(velocities[far] - [mean, 0.0]).max() / mean
+
+
+def test_a_channel_set_going_at_once_is_a_uniform_stream():
+    """An impulse makes a potential flow: some depths downstream one velocity, that of the mean through the section.
+
+    What is between the mesh and the wall is set going by the same pressure, and drags or drives nothing.
+    """
+    coarse, fine = set_going(4.0), set_going(1.0)
+    assert fine < 5e-4 and fine < coarse / 4.0
 
 
 def test_where_the_law_of_the_wall_does_not_hold_the_result_says_so_with_the_remedy():
