@@ -61,7 +61,7 @@ class WallReport:
     def lines(self) -> list[str]:
         """For a reader."""
         told = f"y+ of the walls {self.least:.3g} to {self.largest:.3g}"
-        if not self.plane:
+        if not self.plane and self.outside:
             told += f", along {100 * self.outside:.2g}% of them not from {LOWEST:g} to {HIGHEST:g}"
         friction = f"u* {self.at_outflow:.5g} and C_f {self.friction:.5g} at the outflow"
         if self.backward:

@@ -201,6 +201,14 @@ def test_a_sweep_s_table_has_the_friction_and_whether_it_holds():
     assert in_words(judged) == "rest, safety factor 2.673, law of the wall NOT APPLICABLE"
 
 
+@pytest.mark.parametrize(("outside", "told"), [(0.0, False), (0.021, True)])
+def test_a_share_of_walls_outside_of_the_law_is_told_where_there_is_one(outside, told):
+    walls = WallReport(0.08, 41.0, 220.0, 0.05, 0.05, 0.005, 1 / 11000, 0.09, outside=outside, plane=False)
+    (line,) = walls.lines()
+    assert "the law of the wall holds" in line and ("along 2.1% of them" in line) is told
+    assert ("not from" in line) is told
+
+
 def test_cost_is_not_studied_with_turbulence():
     assert "cost: is not studied with turbulence" in message(lambda: chosen(channel(), quick=True))
 
