@@ -138,8 +138,9 @@ class Transient:
             self.next_length *= np.sqrt(self.accuracy)
         while end - self.fluid.time > 1e-9 * (end - start):
             taken = self.advance(_landing(end - self.fluid.time, self.next_length))
-            longer = min(GROWTH * self.next_length, step)
-            self.next_length = longer if self.accuracy is None else self._next_length(taken)
+            # Shorter than that the next one fails by name soon, where the mesh folds over and steps grow ever shorter.
+            longer = np.clip(GROWTH * self.next_length, 0.5**MOST_REJECTED * step, step)
+            self.next_length = float(longer) if self.accuracy is None else self._next_length(taken)
             yield taken
 
     def advance(self, length: float) -> TimeStep:
