@@ -61,10 +61,9 @@ LONGEST_STEP = 4.0
 COARSER_MESH, HIGHEST_ORDER = 2.0**0.5, 4
 LARGER, SMALLER = (1.0, 2.0, 4.0), (0.25, 0.5, 1.0)  # gaps of three runs, relative to the scene's
 ORDERS = (0.3, 2.0)  # between which the order in the gap is believed
-# Three loads change too little to tell an order: below this share of the largest.
-TOO_LITTLE = 1e-6
+TOO_LITTLE = 1e-6  # of the largest of three loads: changes that tell no order
 SAME_DATUM = 1e-6  # of the height of the forms
-GROUND = "level ground"
+GROUND, MODEL = "level ground", "turbulence model"
 OF_MESH = "mesh"  # name of the part of the discretisation's term that outlasts a change of steps
 NO_CONTACT = "does not apply: no grain rests on a bed"
 MOVES = "does not apply: the grain moves, and contact.gap says where it stops"
@@ -112,7 +111,8 @@ def with_safety(bars: ErrorBars, run: Run, force: Forces | None, couple: Couples
     from .safetybar import bar_of_scene  # which loads linear programs, slowly
 
     bar = bar_of_scene(run.scene, run.contacts, force, couple, errors)
-    return replace(bars, safety=bar and replace(bar, unknown=tuple(bars.failed)))
+    unknown = (*bars.failed, *({MODEL} & bars.left_out.keys()))
+    return replace(bars, safety=bar and replace(bar, unknown=unknown))
 
 
 def _computed(run: Run, force: Forces | None, couple: Couples | None) -> Loads:
@@ -389,8 +389,10 @@ def of_the_model(scene: Scene, speed: float = 1.0) -> dict[str, Callable[[Solve]
 
 
 def not_there(scene: Scene) -> dict[str, str]:
-    """Why a scene has no term of gap or domain, by name. Not collective."""
+    """Why a scene has no term of gap, domain or model of turbulence, by name. Not collective."""
     reasons = {"gap": no_gap(scene), "domain": has_no_far_sides(scene)}
+    if scene.is_turbulent:
+        reasons[MODEL] = "not estimated: other constants or walls of [turbulence] tell of it"
     return {name: reason for name, reason in reasons.items() if reason}
 
 

@@ -21,7 +21,7 @@ class SafetyBar:
     decisive:  the term without which the range of safety factors would shrink most
     some, every: the smallest and largest multiple of the flow's load with which some load within the bars is held,
                and with which all are; None where there is none
-    unknown:   terms that should be there but could not be computed
+    unknown:   terms that should be there but could not be computed, and the model of turbulence
     """
 
     value: float
