@@ -19,6 +19,21 @@ SPHERE_ON_PLANE = {
     "bed": Flat(),
 }
 
+# A tank at rest below a free surface.
+TANK = """\
+[domain]
+kind = "box"
+length = 1.0
+height = 1.0
+top = "free-surface"
+[fluid]
+reynolds = 100.0
+scale = "flow"
+[flow]
+kind = "still"
+[gravity]
+acceleration = 1.0
+"""
 # An ellipse in a driven cavity, which carries it along below the lid.
 CARRIED = """
 [domain]

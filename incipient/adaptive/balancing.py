@@ -13,15 +13,8 @@ from typing import cast
 
 import numpy as np
 
-from ..accuracy.errorbars import (
-    HIGHEST_ORDER,
-    LONGEST_STEP,
-    OF_MESH,
-    by_coarser_runs,
-    changed,
-    comparisons,
-    order_in_time,
-)
+from ..accuracy.coarse_runs import HIGHEST_ORDER, LONGEST_STEP, changed, comparisons, order_in_time
+from ..accuracy.errorbars import OF_MESH, by_coarser_runs
 from ..accuracy.goal import relative
 from ..accuracy.kept_runs import KeptRuns
 from ..errors import ConvergenceError, IncipientError, Interrupted

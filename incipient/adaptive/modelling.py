@@ -13,15 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..accuracy.errorbars import (
-    DECAY,
-    changed,
-    coarse,
-    farther,
-    not_there,
-    of_domain,
-    of_the_model,
-)
+from ..accuracy.coarse_runs import changed, coarse, farther
+from ..accuracy.errorbars import DECAY, not_there, of_domain, of_the_model
 from ..accuracy.far_sides import has_no_far_sides
 from ..accuracy.goal import relative
 from ..arrays import spatial

@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
+from ..accuracy.coarse_runs import changed, farther
 from ..accuracy.dual import GoalErrors
-from ..accuracy.errorbars import by_dual, changed, error_bars, farther
+from ..accuracy.errorbars import by_dual, error_bars
 from ..accuracy.far_sides import has_no_far_sides
 from ..errors import ConvergenceError, MeshError
 from ..interrupt import told_where_kept

@@ -60,7 +60,7 @@ class Variant:
         Raises:
             SceneError: the scene cannot be computed so.
         """
-        from ..accuracy.errorbars import changed
+        from ..accuracy.coarse_runs import changed
 
         numerics = {"order": self.order, "mesh_size": self.mesh_size, "geometry_order": None}
         sections: dict[str, dict[str, Any]] = {"numerics": {**numerics, "error_bars": False}}

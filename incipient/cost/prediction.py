@@ -211,7 +211,8 @@ def predict(known: KnownLaws, estimate: Estimate) -> Prediction | str:
     Raises:
         MeshError: a mesh cannot be made.
     """
-    from ..accuracy.errorbars import coarse_scenes, comparisons
+    from ..accuracy.coarse_runs import comparisons
+    from ..accuracy.errorbars import coarse_scenes
     from ..simulation.assemble import has_error_bars
 
     scene, last, path = known.scene, None, [_Run(known.scene, estimate.unknowns)]
@@ -267,7 +268,7 @@ def first_mesh(scene: Scene) -> Estimate:
 
 def _search(known: KnownLaws, unknowns: int) -> tuple[list[_Run], LastMesh] | str:
     """The meshes of a run to an accuracy that starts from so many unknowns, or why they are not known."""
-    from ..accuracy.errorbars import changed
+    from ..accuracy.coarse_runs import changed
     from ..adaptive import balancing
     from ..adaptive.refinement import COARSEST
 
@@ -301,7 +302,7 @@ def _search(known: KnownLaws, unknowns: int) -> tuple[list[_Run], LastMesh] | st
 
 def _refined(first: _Run, excess: float) -> list[_Run]:
     """The first mesh of a steady flow and, where its error exceeds what is asked, the second, mostly the last."""
-    from ..accuracy.errorbars import changed
+    from ..accuracy.coarse_runs import changed
     from ..adaptive.refinement import UNKNOWNS, next_order
 
     if excess <= 1.0:
@@ -333,7 +334,8 @@ def _balanced(first: _Run, known: KnownLaws, asked: float) -> tuple[list[_Run], 
 
 def _as_tried(run: _Run, known: KnownLaws) -> Trial:
     """What a run will find its error to be: the step's part as by longer ones, the rest is the mesh's."""
-    from ..accuracy.errorbars import comparisons, shares
+    from ..accuracy.coarse_runs import comparisons
+    from ..accuracy.errorbars import shares
 
     scene = run.scene
     of = scene.accuracy_of
@@ -345,7 +347,7 @@ def _as_tried(run: _Run, known: KnownLaws) -> Trial:
 
 def _compared_with(run: _Run) -> list[_Run]:
     """The runs in longer steps, the second in elements of one order more, that one in time is compared with."""
-    from ..accuracy.errorbars import comparisons
+    from ..accuracy.coarse_runs import comparisons
 
     longer, beside = comparisons(run.scene)
     return [_Run(longer, run.unknowns), _Run(beside, round(OTHER_ORDER * run.unknowns))]

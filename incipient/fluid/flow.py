@@ -23,15 +23,7 @@ from .action import Action
 from .conditions import Condition, Constraints
 from .model import FlowModel
 from .solvers import SOLVERS, Equations, LinearSolver, TwoLevel, UnsolvedError
-from .space import (
-    TaylorHood,
-    cell_size,
-    constant,
-    geometry_function,
-    geometry_rows,
-    set_geometry_function,
-    taylor_hood,
-)
+from .space import TaylorHood, cell_size, geometry_function, geometry_rows, set_geometry_function, taylor_hood
 
 # Corrections of a time step after which the kept factors are too old.
 PATIENCE = 8
@@ -68,9 +60,9 @@ class Fluid:
         self.constraints = Constraints(domain, self.space, conditions, level=kind.regular)
         self.state = dolfinx.fem.Function(self.space.mixed)
         self.history = tuple(dolfinx.fem.Function(self.space.mixed) for _ in range(2 * model.unsteady))
-        self._reynolds, self._time = constant(mesh, reynolds), constant(mesh, 0.0)
-        self.rate = tuple(constant(mesh, 0.0) for _ in range(3))
-        self._extrapolation = tuple(constant(mesh, c) for c in (1.0, 0.0))
+        self._reynolds, self._time = self.space.constant(reynolds), self.space.constant(0.0)
+        self.rate = tuple(self.space.constant(0.0) for _ in range(3))
+        self._extrapolation = tuple(self.space.constant(c) for c in (1.0, 0.0))
         self._shifts = tuple(geometry_function(mesh) for _ in range(2 * model.moving_mesh))
         self._rows = geometry_rows(self._shifts[0]) if self._shifts else None
         self.surface: Any = self.constraints.surface_load(self.rate[0])
@@ -168,7 +160,7 @@ class Fluid:
 
     def another_solver(self, matrix: Any) -> LinearSolver:
         """A solver of the fluid's kind for the projection onto velocities free of divergence. Collective."""
-        one = constant(self.domain.mesh, 1.0)
+        one = self.space.constant(1.0)
         free = self.constraints.open_pressures(self.constraints.surface)
         projection = replace(
             self._equations(), viscosity=None, rate=one, carrier=None, surface=None, open=free

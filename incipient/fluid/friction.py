@@ -10,7 +10,7 @@ import ufl
 from ..forms.terms import impermeable
 from ..forms.turbulence import friction, layer, speed
 from ..mesh.domain import Domain
-from .space import TaylorHood, cell_size, constant
+from .space import TaylorHood, cell_size
 
 if TYPE_CHECKING:
     from .conditions import Friction
@@ -37,7 +37,7 @@ class WallLoad:
         self._measure, self._names = flow.boundary_quadrature(domain.facets), domain.names
         self._normal, self._held = ufl.FacetNormal(domain.mesh), HELD * flow.order**2 / cell_size(domain.mesh)
         self._viscosity, self._shear_velocity = viscosity, shear_velocity
-        self._walls = [(one, constant(domain.mesh, one.distance)) for one in walls]
+        self._walls = [(one, flow.constant(one.distance)) for one in walls]
 
     def integral(self, state: Any, rate: Any, w: Any, q: Any) -> Any:
         """The walls' part in the residual of a mixed state, tested with w and q, in UFL. Not collective.

@@ -13,7 +13,6 @@ from .. import compat
 from ..compat import petsc
 from ..forms.terms import continuity, inertia
 from .flow import Fluid
-from .space import constant
 
 
 class Projection:
@@ -85,7 +84,7 @@ def restore_incompressibility(fluid: Fluid) -> float:
 def net_flux(fluid: Fluid) -> float:
     """Integral of v . n over the whole boundary, of the state on the mesh as it is now. Collective."""
     v, _ = ufl.split(fluid.state)
-    one = constant(fluid.domain.mesh, 1.0)
+    one = fluid.space.constant(1.0)
     return -_assembled(fluid, _compiled(fluid, continuity(v, one, fluid.model.reference_map)))
 
 

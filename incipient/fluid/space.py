@@ -35,6 +35,10 @@ class TaylorHood:
         """Number of unknowns over all ranks."""
         return int(self.mixed.dofmap.index_map.size_global * self.mixed.dofmap.index_map_bs)
 
+    def constant(self, value: float) -> Any:
+        """A number in forms that may change without compiling them anew. Not collective."""
+        return dolfinx.fem.Constant(self.mixed.mesh, PETSc.ScalarType(value))
+
     def velocity_nodes(self) -> int:
         """Number of velocity nodes over all ranks."""
         return int(self.velocity.dofmap.index_map.size_global)
@@ -132,8 +136,3 @@ def set_geometry_function(function: Any, values: np.ndarray, rows: np.ndarray | 
     gdim = function.function_space.mesh.geometry.dim
     chosen = geometry_rows(function) if rows is None else rows
     function.x.array.reshape(-1, gdim)[:] = values[chosen, :gdim]
-
-
-def constant(mesh: Any, value: float) -> Any:
-    """A number in forms that may change without compiling them anew. Not collective."""
-    return dolfinx.fem.Constant(mesh, PETSc.ScalarType(value))

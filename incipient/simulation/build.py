@@ -145,7 +145,8 @@ def estimate(scene: Scene) -> Plan:
     The run with more of the bed, which error bars may need, has a mesh of its own; the scene's flow is kept. So it is
     below a free surface in space while the run in elements of another order is made.
     """
-    from ..accuracy.errorbars import comparisons, on_more_bed
+    from ..accuracy.coarse_runs import comparisons
+    from ..accuracy.errorbars import on_more_bed
 
     plan = make_plan(scene)
     wider = on_more_bed(scene) if drawing.has_dual(scene) else None

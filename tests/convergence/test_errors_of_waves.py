@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scenes import TANK
 from waves import Mode, prosperetti
 
 import incipient
@@ -20,20 +21,8 @@ from incipient.simulation.recorder import Unrecorded
 from incipient.simulation.time_loop import TimeLoop
 
 AMPLITUDE = 1e-6
-TANK = f"""\
-[domain]
-kind = "box"
-length = 1.0
-height = 1.0
-top = "free-surface"
-[fluid]
-reynolds = 100.0
-scale = "flow"
-[flow]
-kind = "still"
-[gravity]
-acceleration = 1.0
-[surface]
+WAVE = f"""\
+{TANK}[surface]
 elevation = "{AMPLITUDE}*cos(pi*x)"
 stations = [0.0, 0.3, 1.0]
 bottom = "slip"
@@ -44,7 +33,7 @@ step = 0.05
 mesh_size = 8.0
 """
 # Two wave numbers deep: tanh(k H) is one to 4e-6, and Prosperetti's solution exact.
-DEEP = TANK.replace("height = 1.0", "height = 2.0").replace(
+DEEP = WAVE.replace("height = 1.0", "height = 2.0").replace(
     "reynolds = 100.0", "reynolds = 200.0"
 )  # viscosity 0.01
 
@@ -86,7 +75,7 @@ SLOW = pytest.mark.slow
 )
 def test_error_bars_of_a_mode(viscosity: float, how: tuple[str, ...]) -> None:
     """Between three quarters and three times the error, as docs/surface.md says."""
-    made, mode = scene(TANK, f"fluid.reynolds={1 / viscosity!r}", *how), Mode(viscosity, np.pi)
+    made, mode = scene(WAVE, f"fluid.reynolds={1 / viscosity!r}", *how), Mode(viscosity, np.pi)
     found = started(mode, made)
     assert found.elevations is not None
     term = by_coarser_runs(made, found, lambda other: started(mode, other))

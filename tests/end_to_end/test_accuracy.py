@@ -12,7 +12,7 @@ from mpi4py import MPI
 from scipy.special import kve
 
 import incipient
-from incipient.accuracy.errorbars import changed
+from incipient.accuracy.coarse_runs import changed
 from incipient.adaptive import balancing, refinement
 from incipient.cost.prediction import first_mesh
 from incipient.errors import ConvergenceError

@@ -9,7 +9,7 @@ import pytest
 from mpi4py import MPI
 
 import incipient
-from incipient.accuracy.errorbars import farther
+from incipient.accuracy.coarse_runs import farther
 from incipient.contact.equilibrium import safety_factor
 from incipient.critical.threshold import Threshold, find_threshold
 from incipient.output.directory import write_threshold

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from conftest import Session
+from scenes import TANK
 from scipy.special import erf
 from waves import prosperetti
 
@@ -13,21 +14,9 @@ from incipient.errors import ConvergenceError, IncipientError, SceneError
 from incipient.planning.plan import make_plan
 from incipient.scene.file import loads
 
-WAVE = """\
+WAVE = f"""\
 title = "A standing wave"
-[domain]
-kind = "box"
-length = 1.0
-height = 1.0
-top = "free-surface"
-[fluid]
-reynolds = 100.0
-scale = "flow"
-[flow]
-kind = "still"
-[gravity]
-acceleration = 1.0
-[surface]
+{TANK}[surface]
 elevation = "0.01*cos(pi*x)"
 stations = [0.0, 0.3, 1.0]
 bottom = "slip"

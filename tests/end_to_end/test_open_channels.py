@@ -48,9 +48,16 @@ interface_tolerance = 1e-11
 [output]
 fields = false
 """
+
+
+def level(stream: str) -> str:
+    """A channel with a level bed and another stream."""
+    found = FILM.replace(f'kind = "open-channel"\nvelocity = {SPEED}', stream)
+    return found.replace(f'[bed]\nkind = "inclined"\nslope = {SLOPE!r}\n', "")
+
+
 FILLING = (
-    FILM.replace(f'kind = "open-channel"\nvelocity = {SPEED}', 'kind = "still"')
-    .replace(f'[bed]\nkind = "inclined"\nslope = {SLOPE!r}\n', "")
+    level('kind = "still"')
     .replace('elevation = "0"', 'inflow = "0.2"\noutflow = "wall"\nbottom = "slip"')
     .replace('start = "steady"', "")
     .replace("end = 5.0\nstep = 0.5", "end = 1.0\nstep = 0.05")
@@ -166,8 +173,7 @@ def test_a_wave_maker_in_a_stream_makes_the_wave_that_is_asked_for(tmp_path):
     At 35 steps a period the phase of the steps makes 3% of the amplitude there, and the cells at the inflow 3%.
     """
     scene = (
-        FILM.replace(f'kind = "open-channel"\nvelocity = {SPEED}', 'kind = "uniform"\nvelocity = 0.2')
-        .replace(f'[bed]\nkind = "inclined"\nslope = {SLOPE!r}\n', "")
+        level('kind = "uniform"\nvelocity = 0.2')
         .replace("reynolds = 1.0", "reynolds = 1e4")
         .replace('elevation = "0"', 'wave = {amplitude = 0.01, period = 3.5123}\nbottom = "slip"')
         .replace("[0.0, 1.5, 3.0]", "[0.0, 0.8]")
@@ -202,8 +208,7 @@ def test_elevations_of_a_channel_have_error_bars_and_so_have_its_ends():
 def test_an_accuracy_is_sought_in_a_channel():
     """Waves from a wave maker beside Stokes's formula as soon as the start has passed; the sponge reflects 0.2%."""
     scene = (
-        FILM.replace(f'kind = "open-channel"\nvelocity = {SPEED}', 'kind = "still"')
-        .replace(f'[bed]\nkind = "inclined"\nslope = {SLOPE!r}\n', "")
+        level('kind = "still"')
         .replace("reynolds = 1.0", "reynolds = 1e4")
         .replace('elevation = "0"', 'wave = {amplitude = 0.005, period = 7.2}\nsponge = 9.0\nbottom = "slip"')
         .replace("length = 3.0", "length = 20.0")

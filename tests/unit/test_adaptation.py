@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from incipient.accuracy.errorbars import changed
+from incipient.accuracy.coarse_runs import changed
 from incipient.accuracy.goal import Goal
 from incipient.adaptive.refinement import SMALLEST_GAP, Refinement, cheapest_order, with_less_of
 from incipient.adaptive.sizing import LARGEST, SMALLEST, STEEPEST, Shares, resized

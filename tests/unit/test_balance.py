@@ -8,7 +8,8 @@ import pytest
 from mpi4py import MPI
 from scipy.optimize import minimize
 
-from incipient.accuracy.errorbars import changed, comparisons, order_in_space
+from incipient.accuracy.coarse_runs import changed, comparisons
+from incipient.accuracy.errorbars import order_in_space
 from incipient.adaptive.balance import (
     FINEST,
     SHORTEST,

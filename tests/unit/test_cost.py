@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from made_up_runs import TIMED, Runner, quiet, scene, studied
+from scenes import TANK
 
 from incipient.cost import calibration, frontier, quantities
 from incipient.cost import page as cost_page
@@ -263,20 +264,8 @@ def test_builtin_scenes_are_of_every_kind() -> None:
 def test_elevations_at_stations_are_compared_at_equal_times():
     """Of a wave sampled at steps that do not meet these times; from the elevation at time zero on."""
     waves = loads(
-        """
-[domain]
-kind = "box"
-length = 1.0
-height = 1.0
-top = "free-surface"
-[fluid]
-reynolds = 100.0
-scale = "flow"
-[flow]
-kind = "still"
-[gravity]
-acceleration = 1.0
-[surface]
+        f"""
+{TANK}[surface]
 elevation = "0.1*cos(pi*x)"
 stations = [0.0, 0.25]
 [time]

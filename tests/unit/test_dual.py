@@ -11,8 +11,8 @@ import pytest
 from mpi4py import MPI
 
 from incipient import compat
+from incipient.accuracy.coarse_runs import changed
 from incipient.accuracy.dual import GoalErrors
-from incipient.accuracy.errorbars import changed
 from incipient.coupled.tractions import TractionProbe
 from incipient.fluid import Condition, FlowModel, Fluid, solve_steady
 from incipient.fluid.vorticity import vorticity

@@ -6,9 +6,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scenes import message
+from scenes import TANK, message
 
-from incipient.accuracy.errorbars import by_coarser_runs, changed, farther
+from incipient.accuracy.coarse_runs import changed, farther
+from incipient.accuracy.errorbars import by_coarser_runs
 from incipient.accuracy.far_sides import has_no_far_sides
 from incipient.accuracy.goal import Goal, relative
 from incipient.accuracy.waves import OF_FEW_STEPS, OF_STREAM, least_share
@@ -22,21 +23,9 @@ from incipient.scene import Scene
 from incipient.scene.file import loads
 from incipient.scene.surface import stations_of
 
-TANK = """\
-[domain]
-kind = "box"
-length = 2.0
-height = 1.0
-origin = [-1.0, 0.0]
-top = "free-surface"
-[fluid]
-reynolds = 100.0
-scale = "flow"
-[flow]
-kind = "still"
-[gravity]
-acceleration = 1.0
-[surface]
+LONGER = TANK.replace("length = 1.0", "length = 2.0\norigin = [-1.0, 0.0]")
+WAVE = f"""\
+{LONGER}[surface]
 elevation = "0.01*cos(pi*x)"
 [time]
 end = 4.0
@@ -44,7 +33,7 @@ step = 0.1
 [numerics]
 accuracy = 0.01
 """
-IN_SPACE = TANK.replace("height = 1.0", "width = 1.0\nheight = 1.0").replace(
+IN_SPACE = WAVE.replace("height = 1.0", "width = 1.0\nheight = 1.0").replace(
     "[-1.0, 0.0]", "[-1.0, 0.0, 0.0]"
 )
 
@@ -83,7 +72,7 @@ def test_a_run_resumed_late_is_compared_from_there_on():
 
 def term_of(step_error: float, mesh_error: float, order: int = 2):
     """The term of a run whose phase errs by so much for its steps, and whose height for its mesh."""
-    scene = changed(loads(TANK), numerics={"order": order})
+    scene = changed(loads(WAVE), numerics={"order": order})
 
     def solved(one: Scene) -> Loads:
         assert one.time is not None
@@ -106,7 +95,7 @@ def test_step_and_mesh_are_told_apart():
     assert bars.force.shape == (0,)
     assert f"discretisation    elevation {bars.elevation[0]:.1e}" in "\n".join(bars.lines())
     found = SimpleNamespace(force=None, couple=None, elevations=wave(40, size=0.5))
-    assert relative(Goal.of(loads(TANK)), found, term) == pytest.approx(2.0 * bars.elevation[0])
+    assert relative(Goal.of(loads(WAVE)), found, term) == pytest.approx(2.0 * bars.elevation[0])
 
 
 def test_waves_out_of_phase_are_no_small_error():
@@ -133,8 +122,8 @@ def test_no_order_above_that_of_the_elevation_is_sought():
 @pytest.mark.parametrize(
     ("text", "places"),
     [
-        (TANK, [(-1.0,), (-0.5,), (0.0,), (0.5,), (1.0,)]),
-        (TANK.replace("[time]", "stations = [0.3]\n[time]"), [(0.3,)]),
+        (WAVE, [(-1.0,), (-0.5,), (0.0,), (0.5,), (1.0,)]),
+        (WAVE.replace("[time]", "stations = [0.3]\n[time]"), [(0.3,)]),
         (IN_SPACE, [(x, y) for x in (-1.0, 0.0, 1.0) for y in (0.0, 0.5, 1.0)]),
     ],
 )
@@ -144,7 +133,7 @@ def test_without_stations_there_are_a_few(text, places):
 
 def test_an_accuracy_without_a_grain_is_that_of_the_elevation():
     assert (
-        "until the error of the elevation (of discretisation) is below 0.01" in make_plan(loads(TANK)).text()
+        "until the error of the elevation (of discretisation) is below 0.01" in make_plan(loads(WAVE)).text()
     )
 
 
@@ -169,7 +158,7 @@ def test_an_accuracy_without_a_grain_is_that_of_the_elevation():
     ],
 )
 def test_accuracies_of_what_is_not_there_are_refused(old, new, why):
-    text = TANK.replace(old, new)
+    text = WAVE.replace(old, new)
     if "slip" in new:
         text = text.replace('[surface]\nelevation = "0.01*cos(pi*x)"\n', "")
     assert why in message(lambda: loads(text))
@@ -177,7 +166,7 @@ def test_accuracies_of_what_is_not_there_are_refused(old, new, why):
 
 def test_an_elevation_needs_a_surface():
     text = (
-        TANK.replace('top = "free-surface"', 'top = "slip"')
+        WAVE.replace('top = "free-surface"', 'top = "slip"')
         .replace("[surface]", "#")
         .replace("elevation =", "#")
     )
@@ -209,7 +198,7 @@ def test_waves_in_steps_that_do_not_resolve_them_tell_no_order():
 
 
 CHANNEL = (
-    TANK.replace('kind = "box"', 'kind = "channel"')
+    WAVE.replace('kind = "box"', 'kind = "channel"')
     .replace("length = 2.0", "length = 12.0")
     .replace('kind = "still"', 'kind = "uniform"\nvelocity = 0.2')
     .replace('elevation = "0.01*cos(pi*x)"', "sponge = 4.0\nstations = [3.0]")
@@ -259,7 +248,7 @@ def test_the_first_mesh_of_a_stream_keeps_the_zone_at_its_inflow():
     assert 0.15 * first(stream).numerics.mesh_size == pytest.approx(0.25)
     asked = loads(CHANNEL, overrides=["numerics.mesh_size=2.0"])
     assert first(asked).numerics.mesh_size == 2.0  # never finer than the scene says
-    assert first(loads(TANK)).numerics.mesh_size == pytest.approx(8.0**0.5)
+    assert first(loads(WAVE)).numerics.mesh_size == pytest.approx(8.0**0.5)
 
 
 def test_the_wall_at_the_end_of_a_channel_is_no_error():
@@ -267,4 +256,4 @@ def test_the_wall_at_the_end_of_a_channel_is_no_error():
     closed = closed.replace("sponge = 4.0", 'inflow = "0.1"\noutflow = "wall"')
     assert has_no_far_sides(loads(closed)) == "does not apply: the channel is closed by a wall"
     assert not has_no_far_sides(loads(CHANNEL))
-    assert has_no_far_sides(loads(TANK)) == "does not apply: the domain is closed by walls"
+    assert has_no_far_sides(loads(WAVE)) == "does not apply: the domain is closed by walls"

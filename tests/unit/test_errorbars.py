@@ -12,13 +12,11 @@ from scenes import CARRIED
 
 import incipient
 from incipient.accuracy import errorbars
+from incipient.accuracy.coarse_runs import changed, comparisons, farther
 from incipient.accuracy.errorbars import (
     by_coarser_runs,
-    changed,
     coarse_scenes,
-    comparisons,
     decay_of,
-    farther,
     of_level_ground,
     of_the_model,
     on_more_bed,

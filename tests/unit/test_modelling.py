@@ -10,7 +10,8 @@ import pytest
 from mpi4py import MPI
 
 import incipient
-from incipient.accuracy.errorbars import changed, coarse, of_domain, of_gap
+from incipient.accuracy.coarse_runs import changed, coarse
+from incipient.accuracy.errorbars import of_domain, of_gap
 from incipient.accuracy.goal import Goal
 from incipient.accuracy.kept_runs import KeptRuns, Solve
 from incipient.adaptive.modelling import SMALLEST_GAP, Suited, remedies, suited

@@ -8,7 +8,8 @@ import trimesh
 from scenes import message
 from scenes import sphere_on_plane as scene
 
-from incipient.accuracy.errorbars import coarse_scenes, farther
+from incipient.accuracy.coarse_runs import farther
+from incipient.accuracy.errorbars import coarse_scenes
 from incipient.planning.plan import make_plan
 from incipient.planning.stream import inflow, undisturbed
 from incipient.results.loads import Couples, Forces

@@ -1,0 +1,134 @@
+"""The scenes of the coarse runs that tell of errors: coarser, in longer steps, and with sides farther away."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..scene import Scene, Time
+from .far_sides import has_free_lower_side, longer_channel
+from .waves import LONGER_STEP
+
+# Coarse runs for the terms of the model: order, mesh_size at least; in time, how much longer the steps are, of which
+# so many stay if the scene has as many, and how much larger the error of each may be where they adapt, up to a bound.
+MODEL_ORDER, MODEL_MESH = 2, 1.4
+# Where gap and domain are chosen to an accuracy below this the coarse runs are in elements of this order.
+FINE_BELOW, FINE_ORDER = 0.003, 3
+MODEL_MESH_IN_TIME, MODEL_STEP, FEWEST_STEPS = 2.0, 4.0, 8
+MODEL_STEP_OF_WAVES = 2.0  # which longer steps damp
+MODEL_TOLERANCE, LARGEST_TOLERANCE = 8.0, 0.1
+MODEL_ITERATION = 1e-6  # tolerance of their iterations in time, where differences of a thousandth matter
+FARTHER = 1.5  # how much larger the domain of the domain's term is
+# The runs that tell of the discretisation in time: between which factors how much longer the steps are, so that there
+# are FEWEST_STEPS if possible; and how much coarser the mesh, where there is no higher order than that of the run.
+LONGEST_STEP = 4.0
+COARSER_MESH, HIGHEST_ORDER = 2.0**0.5, 4
+
+
+def on_coarser_mesh(scene: Scene) -> Scene:
+    """The scene on a coarser mesh, without error bars. Not collective."""
+    size = min(COARSER_MESH * scene.numerics.mesh_size, 100.0)
+    return changed(scene, numerics={"mesh_size": size, "error_bars": False})
+
+
+def comparisons(scene: Scene) -> tuple[Scene, Scene]:
+    """The scene in time with longer steps, and with these in elements of one order more, on a mesh of their own.
+
+    Elements of the highest order are compared with such on a coarser mesh, or where there is no grain, and the mesh may
+    be as coarse as it gets, with those of one order less. Adaptive steps err more each.
+    """
+    assert scene.time is not None
+    ratio = ratio_of_steps(scene)
+    time = {"step": ratio * scene.time.step}
+    if scene.time.tolerance is not None:
+        time["tolerance"] = ratio ** (order_in_time(scene) + 1) * scene.time.tolerance
+    longer = changed(scene, numerics={"error_bars": False}, time=time)
+    if scene.order < HIGHEST_ORDER or scene.body is None:
+        other = scene.order + (1 if scene.order < HIGHEST_ORDER else -1)
+        return longer, changed(longer, numerics={"order": other})
+    return longer, changed(
+        longer, numerics={"mesh_size": min(COARSER_MESH * scene.numerics.mesh_size, 100.0)}
+    )
+
+
+def ratio_of_steps(scene: Scene) -> float:
+    """How much longer the steps of runs to compare with are. Not collective."""
+    assert scene.time is not None
+    steps = scene.time.end / scene.time.step
+    if scene.time.tolerance is not None:
+        return min(LONGER_STEP, steps)
+    return float(min(np.clip(steps / FEWEST_STEPS, LONGER_STEP, LONGEST_STEP), steps))
+
+
+def order_in_time(scene: Scene) -> int:
+    """Order of the time steps. Not collective."""
+    return 2 if scene.time is not None and scene.time.scheme == "bdf2" else 1
+
+
+def farther(scene: Scene, factor: float = FARTHER) -> Scene:
+    """The scene with inflow, outflow and sides that move as the stream does farther away, at the same viscosity."""
+    if scene.has_surface:
+        return changed(scene, **longer_channel(scene, factor))
+    domain, up = scene.domain, scene.up
+    before = 0.5 * (factor - 1.0) * domain.length
+    period = getattr(scene.bed, "wavelength", None) or getattr(scene.bed, "spacing", None)
+    if period is not None:  # the flow enters at the same height of the bed
+        before = period * np.ceil(before / period)
+    origin = [*domain.origin]
+    origin[0] -= before
+    changes: dict[str, Any] = {"length": domain.length + 2.0 * before}
+    across = scene.body is not None and scene.body.shape == "cylinder"  # from side to side
+    if domain.width is not None and scene.sides != "wall" and not across:
+        changes["width"] = factor * domain.width
+        origin[1] -= 0.5 * (factor - 1.0) * domain.width
+    if scene.top == "stream":
+        changes["height"] = factor * domain.height
+    if has_free_lower_side(scene):
+        origin[up] -= 0.5 * (factor - 1.0) * domain.height
+    larger = changed(scene, domain={**changes, "origin": tuple(origin)})
+    if scene.fluid.scale == "grain":
+        return larger
+    # The viscosity stays: the Reynolds number is that of a higher domain.
+    return changed(larger, fluid={"reynolds": scene.fluid.reynolds * larger.viscosity / scene.viscosity})
+
+
+def coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
+    """The scene as it is run for a term of the model."""
+    accuracy = scene.numerics.accuracy if scene.numerics.accuracy_includes == "all" else None
+    fine = isinstance(accuracy, float) and accuracy < FINE_BELOW
+    order = FINE_ORDER if fine else MODEL_ORDER
+    numerics: dict[str, Any] = {"order": order, "geometry_order": None, "error_bars": False}
+    if scene.time is None:
+        numerics["mesh_size"] = max(MODEL_MESH, scene.numerics.mesh_size)
+        return changed(scene, numerics=numerics, **sections)
+    numerics["mesh_size"] = max(MODEL_MESH_IN_TIME, scene.numerics.mesh_size)
+    asked = scene.numerics.tolerance
+    numerics["tolerance"] = MODEL_ITERATION if asked == "auto" else max(MODEL_ITERATION, asked)
+    if scene.body is not None and not scene.body.moves:
+        # Without weight no step is judged.
+        sections["body"] = {"density": None, "mass": None, "inertia": None}
+    longer = MODEL_STEP if scene.body is not None else MODEL_STEP_OF_WAVES
+    return changed(scene, numerics=numerics, time=_longer_steps(scene.time, longer), **sections)
+
+
+def _longer_steps(time: Time, longer: float) -> dict[str, float]:
+    """The steps of runs in time for terms of the model."""
+    found = {"step": min(longer * time.step, max(time.step, time.end / FEWEST_STEPS))}
+    if time.tolerance is not None:
+        found["tolerance"] = max(min(MODEL_TOLERANCE * time.tolerance, LARGEST_TOLERANCE), time.tolerance)
+    return found
+
+
+def changed(scene: Scene, **sections: dict[str, Any]) -> Scene:
+    """The scene with some keys of some sections changed, checked anew.
+
+    Raises SceneError if the changed scene contradicts itself.
+    """
+    plain = scene.model_dump()
+    following = {"body", "fluid", "flow", "gravity"} | ({"domain"} if scene.fluid.scale == "flow" else set())
+    if following & sections.keys():
+        plain["units"] = None  # what followed from them is as changed now
+    for name, keys in sections.items():
+        plain[name] = {**(plain[name] or {}), **keys}
+    return Scene(**plain)
