@@ -63,6 +63,13 @@ def surface_vector(n: Any, reference_map: ReferenceMap | None) -> Any:
     return reference_map.J * ufl.dot(ufl.inv(reference_map.F).T, n)
 
 
+def rigid_velocity(velocity: Any, spin: Any, arm: Any) -> Any:
+    """Velocity of a rigid body at an arm from its centre; the spin has one component in the plane, three in space."""
+    if len(arm) == 2:
+        return velocity + spin[0] * ufl.perp(arm)
+    return velocity + ufl.cross(spin, arm)
+
+
 def swept(shift: Any) -> Any:
     """Volume swept by the mesh per unit of its present surface while it moved by `shift` along straight lines.
 

@@ -44,6 +44,7 @@ class Stream:
     size:  that of a cell over the order of the elements, for upwinding along the streams; None: without
     known: logarithms of an earlier state, whose eddies decide on upwinding: it then is no matter of Newton's method
     added: (2,) what else makes k and epsilon, over k and epsilon themselves
+    carrier: the velocity less that of the mesh, where that is moved; None: the velocity
     """
 
     velocity: Any
@@ -52,6 +53,7 @@ class Stream:
     size: Any = None
     known: Any = None
     added: Any = (0, 0)
+    carrier: Any = None
 
 
 def eddy_viscosity(logarithms: Any, closure: Closure) -> Any:
@@ -74,9 +76,13 @@ def rate_of_production(logarithms: Any, velocity: Any, closure: Closure) -> Any:
 def residual(logarithms: Any, rate: Any, tests: Any, stream: Stream, closure: Closure) -> Any:
     """Weak residual of both equations; `rate` (2,) is the time derivative, None in a steady flow.
 
+    On a mesh that is moved it is that at its nodes. Nothing is conserved by the form itself, each equation being that
+    of k or epsilon over k or epsilon: what is uniform stays so, whatever the mesh does.
+
     Boundaries let nothing of k and epsilon diffuse through; see `at_wall` for what epsilon does at a wall.
     """
     made = rate_of_production(logarithms, stream.velocity, closure)
+    carrier = stream.velocity if stream.carrier is None else stream.carrier
     lost = rate_of_dissipation(logarithms)
     eddy = eddy_viscosity(logarithms, closure)
     parts = ((closure.sigma_k, 1, 1), (closure.sigma_epsilon, closure.c_1, closure.c_2))
@@ -86,14 +92,14 @@ def residual(logarithms: Any, rate: Any, tests: Any, stream: Stream, closure: Cl
         diffusivity = stream.viscosity + eddy / sigma
         slope = ufl.grad(one)
         sources = diffusivity * ufl.inner(slope, slope) + of_made * made - of_lost * lost + stream.added[i]
-        strong = ufl.dot(stream.velocity, slope) - sources
+        strong = ufl.dot(carrier, slope) - sources
         if rate is not None:
             strong += rate[i]
         form += (strong * test + diffusivity * ufl.inner(slope, ufl.grad(test))) * stream.measure
         if stream.size is not None:
             known = stream.viscosity + eddy_viscosity(stream.known, closure) / sigma
-            delta = streamline_time(stream.velocity, known, stream.size)
-            form += delta * strong * ufl.dot(stream.velocity, ufl.grad(test)) * stream.measure
+            delta = streamline_time(carrier, known, stream.size)
+            form += delta * strong * ufl.dot(carrier, ufl.grad(test)) * stream.measure
     return form
 
 

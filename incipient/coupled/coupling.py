@@ -76,22 +76,34 @@ class Coupling:
 
     def attempt(self, length: float, order: int, tolerance: float) -> InterfaceReport:
         """Iterate on the parts' velocities at the end of a step from the last state."""
-        self.tolerance = self._given or tolerance
         if order != self._order:
             # Factors of the other backward difference serve badly.
             self.fluid.renew_factors()
         self._order = order
         for part in self.parts:
             part.predict(length, order)
+        return self._iterate(length, order, tolerance, ())
+
+    def again(self, length: float, order: int, tolerance: float, before: NewtonReport) -> InterfaceReport:
+        """Iterate on from the end found, whose report is given, for a flow that other things have changed since."""
+        assert isinstance(before, InterfaceReport)
+        return self._iterate(length, order, tolerance, before.residuals)
+
+    def _iterate(
+        self, length: float, order: int, tolerance: float, before: tuple[float, ...]
+    ) -> InterfaceReport:
+        self.tolerance = self._given or tolerance
         sizes: list[float] = []
-        residuals: list[float] = []
+        # The last of those before is of the same velocities as the next one.
+        residuals = list(before[:-1])
         self._complaint = SLOW.format(
             number=self.max_iterations, parts=" and ".join(part.name for part in self.parts)
         )
-        while len(residuals) < self.max_iterations:
+        for iteration in range(self.max_iterations):
             self._follow()
             # What the flow's answer leaves contracts otherwise than what a step begins with.
-            flow = self.fluid.solve(self._inner_tolerance(residuals), remember=not residuals)
+            first = not before and iteration == 0
+            flow = self.fluid.solve(self._inner_tolerance(residuals or before), remember=first)
             sizes.extend(flow.corrections)
             if not flow.converged:
                 self._complaint = self._folded() if self._is_folded() else ""
@@ -130,7 +142,7 @@ class Coupling:
         self.quality = self.motion.quality()
         return self.quality.worst <= 0.0
 
-    def _inner_tolerance(self, residuals: list[float]) -> float:
+    def _inner_tolerance(self, residuals: Sequence[float]) -> float:
         """The flow is solved as well as this iteration can use."""
         last = residuals[-1] if residuals else self._first_residual
         # From one iteration to the next the residual falls by two orders or more.

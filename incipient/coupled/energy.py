@@ -25,6 +25,8 @@ class EnergyBudget:
         v = ufl.split(fluid.state)[0]
         dx, D = fluid.quadrature(), rate_of_strain(v, None)
         self._kinetic = compat.form(ufl.inner(v, v) / 2 * dx)
+        work = None if fluid.walls is None else fluid.walls.work(fluid.state)
+        self._work = None if work is None else compat.form(work)
         self._dissipation = compat.form(2 * fluid.viscosity * ufl.inner(D, D) * dx)
 
     def kinetic(self) -> float:
@@ -36,7 +38,7 @@ class EnergyBudget:
         return self._sum(self._dissipation)
 
     def power(self) -> float:
-        """Work that prescribed and carried boundaries do on the fluid in unit time.
+        """Work that prescribed and carried boundaries, and walls with friction that move, do on the fluid in unit time.
 
         The residual vanishes but where velocities are given: there it is the force that holds them.
         """
@@ -44,7 +46,8 @@ class EnergyBudget:
         velocities = self.fluid.space.velocity_map
         mine = velocities[velocities < len(residual)]
         work = float(residual[mine] @ self.fluid.state.x.array[mine])
-        return self._whole * float(self.fluid.domain.comm.allreduce(work))
+        of_walls = self._sum(self._work) if self._work is not None else 0.0
+        return self._whole * float(self.fluid.domain.comm.allreduce(work)) + of_walls
 
     def _sum(self, form: Any) -> float:
         mine = float(np.real(fem.assemble_scalar(form)))

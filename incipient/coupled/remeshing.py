@@ -16,7 +16,7 @@ import numpy as np
 
 from .. import compat
 from ..arrays import Floats
-from ..body.state import BodyState, rigid_velocity
+from ..body.state import BodyState
 from ..errors import MeshError
 from ..fluid import Fluid
 from ..fluid.projection import Projection
@@ -94,7 +94,7 @@ def _admissible(
     fluid = part.fluid
     fluid.state.x.array[:] = state
     fluid.constraints.update(body.time)
-    fluid.constraints.carry(part.boundary, lambda x: rigid_velocity(body, x))
+    part.lend(body)
     compat.impose(fluid.state.x.array, fluid.constraints.dirichlet)
     change = projection.apply()
     return fluid.state.x.array.copy(), change

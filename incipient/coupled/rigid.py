@@ -5,6 +5,8 @@ and passing forces and velocities back and forth diverges. The iteration here kn
 the traction by the body's velocity, A_u = R^T A (R - A_0^-1 A R): R are the rigid motions (3 in the plane, 6 in
 space) of the body's boundary, A the Jacobian of the flow and A_0 the same with the boundary held, for
 which the fluid has a solver anyway. With A_u beside the mass, bodies without mass are no exception.
+Along a law of the wall the flow is not held: the wall's velocity is in what the wall exerts, friction and what nothing
+crosses it by. The flow's answer is that to the change of this load, and A_u what the load then differs by.
 """
 
 from __future__ import annotations
@@ -69,7 +71,8 @@ class RigidPart:
     """A rigid body as a part of a coupling (see `part.Part`). Every method is collective.
 
     Args:
-        fluid: with `Carried(displacement.boundary)` among its conditions and `FlowModel.moving_mesh`.
+        fluid: with `Carried(displacement.boundary)`, or there `Friction` that moves, among its conditions, and with
+            `FlowModel.moving_mesh`.
         body: its mass, moments and freedom.
         state: where it is and how it moves at the fluid's time.
         displacement: how the body displaces the mesh.
@@ -102,6 +105,7 @@ class RigidPart:
         self.mean_load = MeanLoad()
         self.end = End(self.state, np.zeros(body.size), np.zeros(body.size), 0.0)
         self.probe = TractionProbe(fluid, self.boundary, state.place.tolist())
+        self._rubs = self.boundary in fluid.constraints.rubbing
         self._blocks = boundary_blocks(fluid.space.velocity, fluid.domain.facets_of(self.boundary))
         self._extent = self._largest_arm()
         self._tried = self._improved = self.state
@@ -126,8 +130,14 @@ class RigidPart:
 
     def place(self) -> None:
         """Give the boundary the body's velocity at the end tried."""
-        state = self._tried
-        self.fluid.constraints.carry(self.boundary, lambda x: rigid_velocity(state, x))
+        self.lend(self._tried)
+
+    def lend(self, state: BodyState) -> None:
+        """Give the boundary the velocity that the body has in a state."""
+        if self._rubs:
+            self.fluid.walls.carry(self.boundary, state.velocity, state.spin, state.place)
+        else:
+            self.fluid.constraints.carry(self.boundary, lambda x: rigid_velocity(state, x))
 
     def residual(self, length: float, order: int) -> float:
         """The residual of the body's equation of motion relative to its load; also finds the end under that load.
@@ -276,39 +286,62 @@ class RigidPart:
         for k in free:
             motion = np.zeros_like(self.fluid.state.x.array)
             unit = np.eye(size)[k]
-            motion[places] = unit[: space.gdim] + turned(unit[space.gdim :], arms)
+            if not self._rubs:
+                motion[places] = unit[: space.gdim] + turned(unit[space.gdim :], arms)
             changes[k], residual = self.fluid.response(motion, forcing[k], ANSWERED)
-            resistance[:, k] = -self._load_of(self.probe.resultant_of(residual))
+            if self._rubs:
+                resistance[:, k] = self._resistance_of_wall(*self._nudged(end, k, length), changes[k])
+            else:
+                resistance[:, k] = -self._load_of(self.probe.resultant_of(residual))
+        self._try(end)
         return Response(changes, resistance, length)
 
     def _of_displacements(self, end: BodyState, length: float, free: NDArray[np.intp]) -> dict[int, Floats]:
-        """Derivatives of the fluid's residual by velocities of the body through the place of the mesh at the end."""
-        d, before = self.body.gdim, self.fluid.residual()
-        derivatives = {}
+        """Derivatives of the fluid's residual by velocities of the body, at given velocities of the fluid.
+
+        They come through the place of the mesh at the end, and where a law of the wall holds directly.
+        """
+        before, derivatives = self.fluid.residual(), {}
         for k in free:
-            way = np.zeros(self.body.size)
-            way[k] = NUDGE * self._extent / self._unit()[k]
-            placement = end.placement.moved(way[:d], way[d:])
-            self._tried = BodyState.at(placement, end.velocities, end.time)
-            self._follow()
-            # At the end of a step the body has gone half the step's length times its velocity there.
-            derivatives[k] = (self.fluid.residual() - before) * (0.5 * length / way[k])
-        self._tried = end
-        self._follow()
+            nudged, change = self._nudged(end, k, length)
+            self._try(nudged)
+            derivatives[k] = (self.fluid.residual() - before) / change
+        self._try(end)
         return derivatives
+
+    def _nudged(self, end: BodyState, k: int, length: float) -> tuple[BodyState, float]:
+        """The end of a step with a little more of a velocity, and how much more."""
+        way, d = np.zeros(self.body.size), self.body.gdim
+        way[k] = NUDGE * self._extent / self._unit()[k]
+        # At the end of a step the body has gone half the step's length times its velocity there.
+        change = way / (0.5 * length)
+        placement = end.placement.moved(way[:d], way[d:])
+        return BodyState.at(placement, end.velocities + change, end.time), float(change[k])
+
+    def _try(self, state: BodyState) -> None:
+        self._tried = state
+        self._follow()
+
+    def _resistance_of_wall(self, nudged: BodyState, change: float, answer: Floats) -> Floats:
+        """What the load (k,) falls by with a velocity to which the flow gives an answer (unknowns,)."""
+        fluid, before = self.fluid, self.fluid.state.x.array.copy()
+        self._try(nudged)
+        fluid.state.x.array[:] += change * answer
+        self.probe.refer_to(nudged.place.tolist())
+        moved = self._load_of(self.probe.resultant())
+        fluid.state.x.array[:] = before
+        self.probe.refer_to(self.end.state.place.tolist())
+        return np.asarray((self.end.flow_load - moved) / change)
 
     def _stiffness(self, end: BodyState, load: Floats, length: float) -> Floats:
         """Minus the derivative (k, k) of the load that is not the flow's by the body's velocities; not collective.
 
         It comes through the place at the end as in `_of_displacements`, and directly; zero for a constant load.
         """
-        changes, d = np.zeros((self.body.size, self.body.size)), self.body.gdim
+        changes = np.zeros((self.body.size, self.body.size))
         for k in np.flatnonzero(self.body.mask):
-            way = np.eye(self.body.size)[k] * NUDGE * self._extent / self._unit()
-            nudge = way / (0.5 * length)
-            placement = end.placement.moved(way[:d], way[d:])
-            moved = self._load(BodyState.at(placement, end.velocities + nudge, end.time))
-            changes[:, k] = (load - moved) / nudge[k]
+            nudged, change = self._nudged(end, k, length)
+            changes[:, k] = (load - self._load(nudged)) / change
         return changes
 
     def _load_of(self, resultant: Resultant) -> Floats:

@@ -49,12 +49,14 @@ class Friction:
               stands for, of 1/Re and of the distance (UFL)
     axis:     that of the normal of a plane boundary, which the mesh really has at that distance from the wall; None: a
               boundary of any shape, at the wall itself, where the distance is one of the law's alone
+    moves:    whether the wall, of any shape, moves as a rigid body: `friction.WallLoad.carry` sets its velocity
     """
 
     boundary: str
     distance: float
     drag: Callable[[Any, Any, Any, Any], Any]
     axis: int | None = None
+    moves: bool = False
 
 
 @dataclass(frozen=True)

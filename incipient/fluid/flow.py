@@ -136,7 +136,7 @@ class Fluid:
         force = None if model.body_force is None else model.body_force(self.place(), self._time)
         boundary = self.domain.measure(*self.constraints.crossings) if self.constraints.crossings else None
         skew = self.constraints.crossed() if model.energy_stable else None
-        rate, carrier = self._rate_of_change(v), self._carrier(v)
+        rate, carrier = self._rate_of_change(v), self.carrier(v)
         size = self._upwind_size() if upwind and model.upwind and model.inertia else None
         return FlowTerms(
             *(self.viscosity, rate, carrier, skew, self._cell_size(), size),
@@ -149,7 +149,7 @@ class Fluid:
         """What the Jacobian is made of."""
         model, held = self.model, self.constraints
         rate = self.rate[0] if model.unsteady else None
-        carrier = self._carrier(ufl.split(self.state)[0])
+        carrier = self.carrier(ufl.split(self.state)[0])
         return Equations(
             *(self.space, held.dirichlet, held.open_pressures(), self.viscosity),
             *(rate, carrier, model.reference_map, self._upwind_size(), self.surface),
@@ -184,7 +184,7 @@ class Fluid:
             return energy_stable_rate(self.rate, velocities, self._shifts)
         return sum(a * u for a, u in zip(self.rate, velocities, strict=True))
 
-    def _carrier(self, v: Any) -> Any:
+    def carrier(self, v: Any) -> Any:
         """The velocity that convects, less the mesh's."""
         model = self.model
         carrier = None

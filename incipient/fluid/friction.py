@@ -5,8 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+import dolfinx
+import numpy as np
 import ufl
+from petsc4py import PETSc
 
+from ..arrays import cross, quarter_turned
+from ..forms.kinematics import rigid_velocity
 from ..forms.terms import impermeable
 from ..forms.turbulence import friction, layer, speed
 from ..mesh.domain import Domain
@@ -16,6 +21,32 @@ if TYPE_CHECKING:
     from .conditions import Friction
 
 HELD = 10.0  # times k^2 nu/h: what resists a flow through a wall, k being the order of the elements
+
+
+class Motion:
+    """The rigid motion of a wall, as a velocity in UFL that can be given without compiling anew.
+
+    Attributes:
+        velocity: at the places of the mesh.
+    """
+
+    def __init__(self, mesh: Any):
+        x = ufl.SpatialCoordinate(mesh)
+        sizes = (len(x), 1 if len(x) == 2 else 3, len(x))
+        self._parts = [dolfinx.fem.Constant(mesh, np.zeros(size, dtype=PETSc.ScalarType)) for size in sizes]
+        velocity, spin, place = self._parts
+        self.velocity = rigid_velocity(velocity, spin, x - place)
+
+    def give(self, velocity: np.ndarray, spin: np.ndarray, place: np.ndarray) -> None:
+        """Take a velocity (gdim,), spin (1,) or (3,), and the place (gdim,) that goes at that velocity."""
+        for constant, values in zip(self._parts, (velocity, spin, place), strict=True):
+            constant.value[:] = values
+
+    def at(self, places: np.ndarray) -> np.ndarray:
+        """(n, gdim) velocities at places (n, gdim)."""
+        velocity, spin, centre = (part.value for part in self._parts)
+        arms = places - centre
+        return velocity + (spin[0] * quarter_turned(arms) if len(spin) == 1 else cross(spin, arms))
 
 
 class WallLoad:
@@ -38,6 +69,7 @@ class WallLoad:
         self._normal, self._held = ufl.FacetNormal(domain.mesh), HELD * flow.order**2 / cell_size(domain.mesh)
         self._viscosity, self._shear_velocity = viscosity, shear_velocity
         self._walls = [(one, flow.constant(one.distance)) for one in walls]
+        self._motions = {one.boundary: Motion(domain.mesh) for one in walls if one.moves}
 
     def integral(self, state: Any, rate: Any, w: Any, q: Any) -> Any:
         """The walls' part in the residual of a mixed state, tested with w and q, in UFL. Not collective.
@@ -56,6 +88,39 @@ class WallLoad:
             if wall.axis is None:
                 held.value = distance
 
+    def carry(self, boundary: str, velocity: np.ndarray, spin: np.ndarray, place: np.ndarray) -> None:
+        """Let a wall that moves have a velocity, spin and centre, see `Motion.give`. Not collective."""
+        self._motions[boundary].give(velocity, spin, place)
+
+    def velocities(self, boundary: str, places: np.ndarray) -> np.ndarray:
+        """(n, gdim) of the wall at a boundary, at places (n, gdim) of it. Not collective."""
+        motion = self._motions.get(boundary)
+        return np.zeros_like(places) if motion is None else motion.at(places)
+
+    def relative(self, v: Any, boundary: str) -> Any:
+        """A velocity relative to the wall's at a boundary, in UFL: v itself where it is at rest. Not collective."""
+        motion = self._motions.get(boundary)
+        return v if motion is None else v - motion.velocity
+
+    def through(self, v: Any, q: Any, own: bool = True) -> Any:
+        """(v . n) q, integrated over walls of any shape, which nothing crosses, in UFL. Not collective.
+
+        v is relative to the walls, or with `own` false as it is. This and `terms.continuity` are the flow's continuity.
+        """
+        n = self._normal
+        return sum(
+            ufl.inner(self.relative(v, wall.boundary) if own else v, n)
+            * q
+            * self._measure(self._names[wall.boundary])
+            for wall, _ in self._walls
+            if wall.axis is None
+        )
+
+    def work(self, state: Any) -> Any:
+        """What walls that move do on the flow in unit time, in UFL; None where none moves. Not collective."""
+        terms = [-self.power(state, one.velocity, name) for name, one in self._motions.items()]
+        return sum(terms[1:], terms[0]) if terms else None
+
     def power(self, state: Any, w: Any, boundary: str, held: bool = True) -> Any:
         """Of the traction of the flow on a wall of any shape, in a motion w of that boundary, in UFL. Not collective.
 
@@ -63,6 +128,7 @@ class WallLoad:
         what holds the flow from crossing the wall it is that of pressure, viscous normal stress and the law's friction.
         """
         v, p = ufl.split(state)
+        v = self.relative(v, boundary)
         (wall, distance), n = self._at(boundary), self._normal
         of_molecules, whole = self._viscosity
         along = v - ufl.inner(v, n) * n
@@ -76,8 +142,9 @@ class WallLoad:
         return next(one for one in self._walls if one[0].boundary == boundary)
 
     def _of(self, wall: Friction, distance: Any, flow: Sequence[Any], tests: Sequence[Any]) -> Any:
-        """The integrand at one wall."""
+        """The integrand at one wall; a rigid motion of it has no strain, so that the velocity relative to it does."""
         (v, p, rate), (w, q) = flow, tests
+        v = self.relative(v, wall.boundary)
         of_molecules, whole = self._viscosity
         n, beside = self._normal, wall.axis is not None
         along = v if beside else v - ufl.inner(v, n) * n

@@ -23,6 +23,7 @@ class Projection:
 
         (v - v*, w) - (p, div w) = 0,    (q, div v) = 0    for all w, q.
 
+    Walls with friction of any shape, which nothing crosses, are in both products as in the flow's continuity.
     Factors or preconditioner made where the mesh first is serve at its other places: GMRES makes up for the difference.
     Holds PETSc objects: use it as a context manager. Every method is collective.
     """
@@ -93,8 +94,12 @@ def _forms(fluid: Fluid) -> tuple[Any, Any]:
     mixed, where, dx = fluid.space.mixed, fluid.model.reference_map, fluid.quadrature()
     (u, p), (w, q) = ufl.TrialFunctions(mixed), ufl.TestFunctions(mixed)
     v, _ = ufl.split(fluid.state)
-    left = inertia(u, w, where) + continuity(w, p, where) + continuity(u, q, where)
-    return compat.form(left * dx), compat.form(-continuity(v, q, where) * dx)
+    left = (inertia(u, w, where) + continuity(w, p, where) + continuity(u, q, where)) * dx
+    right = -continuity(v, q, where) * dx
+    if fluid.walls is not None:
+        left += fluid.walls.through(w, p, own=False) + fluid.walls.through(u, q, own=False)
+        right -= fluid.walls.through(v, q)
+    return compat.form(left), compat.form(right)
 
 
 def _squared_norm(fluid: Fluid, function: Any) -> Any:

@@ -57,13 +57,22 @@ class Side:
         return Placement(tuple(-away), quaternion=quaternion)
 
 
+def ceiling(scene: Scene) -> float:
+    """Height of the upper side of what is meshed: below a wall on top of a turbulent stream. Not collective."""
+    if not scene.is_turbulent:
+        return scene.domain.ceiling
+    from .turbulence import walls_of
+
+    return walls_of(scene).ceiling
+
+
 def surroundings(scene: Scene) -> Surroundings:
     """What the grain of a scene may run into."""
     domain, up = scene.domain, scene.up
     low, right, high, left = side_names(scene)
     sides = [Side(right, 0, domain.right, -1), Side(left, 0, domain.left, 1)]
     if not scene.has_surface:  # which is not where the domain's top is
-        sides.insert(0, Side(high, up, domain.ceiling, -1))
+        sides.insert(0, Side(high, up, ceiling(scene), -1))
     # Of half a scene the grain is as far from the side that is not there.
     ends = zip(domain.across[::-1], (-1, 1), strict=True) if scene.gdim == 3 else ()
     names = sides_across(scene)[::-1]

@@ -13,7 +13,7 @@ from ..installed import memory_of_libraries
 from ..meshes import Away, Grid, Near, Region, Sizes, SolidGrid, SolidRegion
 from ..scene import Scene
 from .cells import FAR_CELL, corners, is_grid, largest_cell, side_names
-from .clearance import surroundings
+from .clearance import ceiling, surroundings
 from .drawing_in_space import count_in_space, lay_out_in_space
 from .effects import EffectName, moves
 from .layout import Layout, placed, point
@@ -53,7 +53,7 @@ def lay_out(scene: Scene, plan: Plan, moved: Placement | None = None) -> Layout:
     holes = {}
     if scene.grain is not None and placement is not None:
         holes["body"] = tuple(curve.moved(placement) for curve in scene.grain.drawn())
-    region = Region(_bottom(scene), _ceiling(scene), holes, side_names(scene))
+    region = Region(_bottom(scene), ceiling(scene), holes, side_names(scene))
     finer = _near(scene, plan, holes.get("body", ()), placement, gap, ends)
     sizes = Sizes(FAR_CELL[plan.order] * scene.domain.height, finer).scaled(plan.mesh_size)
     return Layout(region, sizes, plan.geometry_order, resting, placement, gap, ends, most)
@@ -64,15 +64,6 @@ def _bottom(scene: Scene) -> tuple[Curve, ...]:
     if bed is None:
         return (Line((domain.left, domain.bottom), (domain.right, domain.bottom)),)
     return bed.curves(domain.left, domain.right)
-
-
-def _ceiling(scene: Scene) -> float:
-    """Height of the upper side of what is meshed."""
-    if not scene.is_turbulent:
-        return scene.domain.ceiling
-    from .turbulence import walls_of
-
-    return walls_of(scene).ceiling
 
 
 def _near(
@@ -106,7 +97,7 @@ def _near(
     if scene.is_turbulent:
         from .turbulence import cells
 
-        near.extend(cells(scene, plan.order))
+        near.extend(cells(scene, plan.order, placement if moves(scene) else scene.placement))
     if scene.flow.kind == "lid":
         domain = scene.domain
         upper = ((domain.left, domain.ceiling), (domain.right, domain.ceiling))

@@ -18,6 +18,7 @@ from ..scene.turbulence import LAMINAR, Turbulence
 from .cells import side_names
 
 if TYPE_CHECKING:
+    from ..geometry.placement import Placement
     from ..geometry.plane.curves import Curve
     from ..meshes import Grid, Near, SolidGrid
 
@@ -247,16 +248,16 @@ def grid(scene: Scene, order: int, mesh_size: float) -> Grid | SolidGrid:
     return SolidGrid(found, (low, high), layers, (SYMMETRY if scene.symmetric else "right", "left"))
 
 
-def cells(scene: Scene, order: int) -> tuple[Near, ...]:
-    """Cells along walls of which some are no planes, and at their corners. Not collective."""
+def cells(scene: Scene, order: int, placement: Placement | None = None) -> tuple[Near, ...]:
+    """Cells along walls of which some are no planes, and at their corners, with a grain placed. Not collective."""
     from ..meshes import Away, Near
     from .layout import point
 
     walls, away = walls_of(scene), None
     size = WALL_CELL * (1.0 if order > 2 else 0.75) * walls.distance
-    if scene.placement is not None:
+    if placement is not None:
         # Away from a grain the flow next to the bed is that of a channel, for which its rows do.
-        away = Away(point(scene.placement.centre), AWAY_GROWTH, max(size, walls.depth / ROWS))
+        away = Away(point(placement.centre), AWAY_GROWTH, max(size, walls.depth / ROWS))
     found = [
         Near(size, WALL_GROWTH, boundary=name, away=None if name == "body" else away)
         for name in wall_names(scene)

@@ -187,7 +187,11 @@ def conditions(scene: Scene) -> list[Condition]:
     drag = partial(walls.law.drag, functions=functions)
     beside = {top} if not is_plane(scene) else set(names)
     rubbing: list[Condition] = [
-        Friction(name, walls.distance, drag, scene.up if name in beside else None) for name in names
+        Friction(
+            *(name, walls.distance, drag, scene.up if name in beside else None),
+            moves=name == "body" and scene.body is not None and scene.body.moves,
+        )
+        for name in names
     ]
     lids: list[Condition] = [] if top in names else [Slip(top, axis=scene.up)]
     lids += [Slip(name, axis=1) for name in sides_across(scene)]

@@ -166,6 +166,8 @@ def put_back_body(kept: Checkpoint, travel: Trajectory) -> None:
         put_back_surface(kept, travel.surface)
     mesh.geometry.x[:] = coupling.places[0]
     coupling.fluid.constraints.boundary_points_moved()
+    if travel.eddies is not None:
+        put_back_turbulence(kept, travel.eddies)
     put_back_flow(kept, travel.transient)
 
 
@@ -186,7 +188,7 @@ def put_back_turbulence(kept: Checkpoint, eddies: InTime) -> None:
     """Give k and epsilon their states. Collective."""
     assert kept.turbulence is not None
     eddies.past = spread_turbulence(eddies.turbulence.space, kept.turbulence)
-    eddies.restore()
+    eddies.turbulence.state.x.array[:] = eddies.past[0]
 
 
 def _put_back_part(body: Body, part: RigidPart) -> None:

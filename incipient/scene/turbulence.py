@@ -128,8 +128,6 @@ def _of_place(scene: Scene) -> Iterator[tuple[Key, str, str]]:
         yield key, f"turbulence in space over a bed that is not flat {by_this}", LAMINAR
     if scene.body is not None and scene.gdim == 3:
         yield key, f"a grain in turbulence in space {by_this}", LAMINAR
-    elif scene.body is not None and scene.body.moves:
-        yield key, f"a grain that moves in turbulence {by_this}", 'use body.motion = "fixed"'
 
 
 def _of_flow(scene: Scene) -> Iterator[tuple[Key, str, str]]:

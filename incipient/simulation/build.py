@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ..installed import memory_of_libraries, required
@@ -73,8 +72,7 @@ def prepared(
             model = flow_model(scene, plan, unsteady=plan.has(EffectName.UNSTEADINESS))
             turbulent = _turbulent(scene, plan, made)
             if turbulent is not None:
-                fields = turbulent.fields
-                model = replace(model, viscosity=fields.viscosity, shear_velocity=fields.shear_velocity())
+                model = turbulent.within(model)
             newest = [raised.made(made, model, conditions(scene), plan.reynolds)]
             # Another fluid may have taken its place by the end.
             stack.push(lambda *exception: newest[0].__exit__(*exception))

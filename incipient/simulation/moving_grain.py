@@ -34,7 +34,9 @@ from ..scene import Scene
 from ..scene.tolerance import of_steps
 
 if TYPE_CHECKING:
+    from ..turbulence import InTime
     from .free_surface import MovingSurface
+    from .turbulent import TurbulentFlow
 
 Stage = Callable[[str], AbstractContextManager[Any]]
 
@@ -53,6 +55,7 @@ class Trajectory:
         stage: context managers by name that take the time.
         voice: told of new meshes and of contact.
         state: the grain's state for which the mesh was made; None: that of the scene.
+        turbulence: of the fluid; None: without.
     """
 
     def __init__(
@@ -63,6 +66,7 @@ class Trajectory:
         stage: Stage,
         voice: Silent,
         state: BodyState | None = None,
+        turbulence: TurbulentFlow | None = None,
     ):
         self.scene, self.plan, self.fluid, self._stage, self._voice = scene, plan, fluid, stage, voice
         assert scene.body is not None and scene.time is not None
@@ -75,10 +79,12 @@ class Trajectory:
         self.remeshings: list[Remeshing] = []
         self.interface_iterations: list[int] = []
         self.part, self.coupling, self.surface = self._coupled(fluid, state or initial_state(scene))
+        self.turbulence, self.eddies = turbulence, self._eddies(turbulence, self.coupling)
         self.energy = EnergyBudget(fluid)
         order = 2 if self.time.scheme == "bdf2" else 1
         tolerance = of_steps(scene.numerics.tolerance)
-        self.transient = Transient(fluid, order, tolerance, self.time.tolerance, self.coupling)
+        interface = self.eddies or self.coupling
+        self.transient = Transient(fluid, order, tolerance, self.time.tolerance, interface)
 
     @property
     def domain(self) -> Domain:
@@ -133,6 +139,7 @@ class Trajectory:
             "interface_residual": residuals[-1],
             "mesh_quality": self.coupling.quality.worst,
             **(self.surface.columns(step) if self.surface is not None else {}),
+            **(self.turbulence.report(self.fluid).columns() if self.turbulence is not None else {}),
             "meshes": 1 + len(self.remeshings),
             "energy_fluid": kinetic,
             "energy_body": self.body.kinetic_energy(state),
@@ -193,6 +200,10 @@ class Trajectory:
             return part, surface.coupled(motion, part), surface
         tolerance = None if numerics.interface_tolerance == "auto" else numerics.interface_tolerance
         return part, Coupling(fluid, [part], motion, tolerance, stage=self._stage), None
+
+    def _eddies(self, turbulence: TurbulentFlow | None, coupling: Coupling) -> InTime | None:
+        """What grain and flow are solved together with; None without turbulence."""
+        return None if turbulence is None else turbulence.in_time(coupling.fluid, self._stage, coupling)
 
     def _above(self, fluid: Fluid) -> MovingSurface | None:
         """The free surface above a fluid, carried over to it if there is one already; None without one."""
@@ -263,8 +274,12 @@ class Trajectory:
             scene = self.scene if self.surface is None else self.surface.drawn(drawn)
             laid_out = drawing.lay_out(scene, self.plan, drawn)
             made = domain.build(old.domain.comm, laid_out.drawing, self.scene.gdim)
-            fluid = Fluid(made, old.model, old.conditions, old.reynolds)
+            turbulence = None if self.turbulence is None else self.turbulence.on(made)
+            model = old.model if turbulence is None else turbulence.within(old.model)
+            fluid = Fluid(made, model, old.conditions, old.reynolds)
             fluid.watch = old.watch
+            if turbulence is not None:
+                turbulence.joined(fluid)
             try:
                 part, coupling, surface = self._coupled(fluid, self.state, drawn)
                 now = Past(old.time, old.state.x.array, np.empty(0))
@@ -276,7 +291,11 @@ class Trajectory:
                 raise
             self.fluid, self.part, self.coupling, self.energy = fluid, part, coupling, EnergyBudget(fluid)
             self.surface = surface
-            self.transient.continue_on(fluid, coupling, past)
+            eddies = self._eddies(turbulence, coupling)
+            if turbulence is not None and eddies is not None and self.eddies is not None:
+                turbulence.carry_over(self.eddies, eddies)
+            self.turbulence, self.eddies = turbulence, eddies
+            self.transient.continue_on(fluid, eddies or coupling, past)
             self.remeshings.append(told)
             old.destroy()
         self._voice.say(

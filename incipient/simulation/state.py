@@ -72,7 +72,7 @@ class Run:
         turbulence: TurbulentFlow | None = None,
     ):
         self.scene, self.plan, self.layout, self.contacts = scene, plan, layout, contacts
-        self.accounts, self.voice, self.turbulence = accounts, voice, turbulence
+        self.accounts, self.voice, self._turbulence = accounts, voice, turbulence
         self.comm: MPI.Comm = fluid.domain.comm
         self.corrections = Corrections(accounts.ledger, plan)
         fluid.watch = self.corrections.record
@@ -121,9 +121,14 @@ class Run:
         return self._surface if self._trajectory is None else self._trajectory.surface
 
     @property
+    def turbulence(self) -> TurbulentFlow | None:
+        """That of the flow, on the newest mesh; None without."""
+        return self._turbulence if self._trajectory is None else self._trajectory.turbulence
+
+    @property
     def eddies(self) -> InTime | None:
         """k and epsilon in time; None without turbulence, and before the first step."""
-        return self._eddies
+        return self._eddies if self._trajectory is None else self._trajectory.eddies
 
     @property
     def steadiness(self) -> Steadiness | None:

@@ -101,7 +101,8 @@ class TimeLoop:
         asked = run.scene.numerics.tolerance
         tolerance = of_steps(asked) if kind is Transient else of_steady(asked)
         surface = self._surface() if run.plan.has(EffectName.FREE_SURFACE) else None
-        eddies = None if run.turbulence is None else run.turbulence.in_time(run)
+        found, stage = run.turbulence, run.accounts.ledger.stage
+        eddies = None if found is None else found.in_time(run.fluid, stage)
         coupling: Interface | None = eddies if surface is None else surface.coupling
         transient = kind(run.fluid, order, tolerance, time.tolerance, coupling)
         run.march_with(transient, surface=surface, eddies=eddies)
@@ -157,12 +158,12 @@ class TimeLoop:
         parts = (run.scene, run.plan, run.fluid, run.accounts.ledger.stage)
         with run.stage("mesh motion"):
             if self._checkpoint is None:
-                return Trajectory(*parts, run.voice)
+                return Trajectory(*parts, run.voice, turbulence=run.turbulence)
             from ..restart import resumption
 
             assert self._checkpoint.body is not None
             state = resumption.state_of_mesh(self._checkpoint.body)
-            travel = Trajectory(*parts, run.voice, state)
+            travel = Trajectory(*parts, run.voice, state, run.turbulence)
             resumption.put_back_body(self._checkpoint, travel)
             return travel
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import dolfinx
@@ -11,9 +12,10 @@ import numpy as np
 import ufl
 
 from .. import compat
-from ..fluid import Fluid
+from ..fluid import FlowModel, Fluid
 from ..forms import turbulence as forms
 from ..mesh.domain import Domain
+from ..mesh.transfer import Transfer
 from ..planning import turbulence as planned
 from ..planning import turbulent_conditions
 from ..planning.cells import side_names
@@ -25,7 +27,10 @@ from ..turbulence import InTime, Surroundings, Turbulence, solve_steadily
 from ..turbulence.along_walls import AlongWall, along_wall
 
 if TYPE_CHECKING:
+    from ..turbulence.coupled import Moving
     from .state import Run
+
+Stage = Callable[[str], AbstractContextManager[Any]]
 
 ORDER = 2  # of the elements of ln k and ln epsilon
 
@@ -45,12 +50,18 @@ class TurbulentFlow:
         )
         self.fields = Turbulence(domain, surroundings, ORDER, planned.section(scene).constants)
 
+    def within(self, model: FlowModel) -> FlowModel:
+        """A model of the flow with the eddies in it."""
+        fields = self.fields
+        return replace(model, viscosity=fields.viscosity, shear_velocity=fields.shear_velocity())
+
     def joined(self, fluid: Fluid) -> None:
         """Let the velocity of the fluid that this turbulence is in carry it; both are freed together."""
         fluid.holding(self.fields)
         velocity, _ = ufl.split(fluid.state)
         self._viscosity = self.fields.constant(self._scene.viscosity)
-        self.fields.carried_by(velocity, self._viscosity)
+        carrier = fluid.carrier(velocity) if fluid.model.moving_mesh else None
+        self.fields.carried_by(velocity, self._viscosity, carrier=carrier)
 
     def solve(self, run: Run, factor: float = 1.0, onwards: bool = False) -> None:
         """Find the steady flow with its turbulence, from that of the inflow everywhere, or `onwards` from that at hand.
@@ -89,9 +100,26 @@ class TurbulentFlow:
         fluid.let_in(turbulent_conditions.conditions(scene))
         fluid.walls.stand(self._walls.distance)
 
-    def in_time(self, run: Run) -> InTime:
-        """What a flow in time is solved together with."""
-        return InTime(run.fluid, self.fields, _stage(run))
+    def in_time(self, fluid: Fluid, stage: Stage, moving: Moving | None = None) -> InTime:
+        """What a flow in time is solved together with, beside what moves in it."""
+        return InTime(fluid, self.fields, lambda: stage("turbulence"), moving)
+
+    def on(self, domain: Domain) -> TurbulentFlow:
+        """The turbulence of the same scene on another mesh, as it is at the inflow; `carry_over` brings its state."""
+        return TurbulentFlow(self._of_run, domain)
+
+    def carry_over(self, old: InTime, new: InTime) -> None:
+        """Carry ln k and ln epsilon over from those of another mesh, now and before; both meshes are where they are.
+
+        At each point the new mesh takes what the old one has there: k and epsilon stay positive.
+        """
+        transfer = Transfer(old.turbulence.domain.mesh, new.turbulence.space.tabulate_dof_coordinates())
+        values = dolfinx.fem.Function(old.turbulence.space)
+        new.past = []
+        for state in old.past:
+            values.x.array[:] = state
+            new.past.append(transfer.values(values).ravel())
+        new.turbulence.state.x.array[:] = new.past[0]
 
     def unknowns(self) -> int:
         """How many there are."""

@@ -23,8 +23,8 @@ class AlongWall:
     """The flow next to a wall at nodes (n,), by ascending x, on all ranks.
 
     places (n, gdim); normals (n, gdim) out of the fluid, shorter than one in corners: the means of their sides';
-    lengths (n,) of wall that go with each node; velocities (n, gdim); and shear_velocities (n,), those that the
-    turbulence stands for
+    lengths (n,) of wall that go with each node; velocities (n, gdim), relative to the wall; and shear_velocities (n,),
+    those that the turbulence stands for
     """
 
     places: np.ndarray
@@ -74,11 +74,12 @@ def along_wall(fluid: Fluid, boundary: str, shear_velocity: Any) -> AlongWall:
     found = dolfinx.fem.Function(space)
     expression = ufl.as_vector([shear_velocity] + [0.0] * (gdim - 1))
     found.interpolate(dolfinx.fem.Expression(expression, compat.interpolation_points(space)))
+    places = space.tabulate_dof_coordinates()[nodes, :gdim]
     columns = [
-        space.tabulate_dof_coordinates()[nodes, :gdim],
+        places,
         _at(lengths, nodes, gdim)[:, :1],
         _at(normals, nodes, gdim),
-        flow.x.array.reshape(-1, gdim)[nodes],
+        flow.x.array.reshape(-1, gdim)[nodes] - fluid.walls.velocities(boundary, places),
         found.x.array.reshape(-1, gdim)[nodes, :1],
     ]
     whole = np.concatenate(domain.comm.allgather(np.hstack(columns)))

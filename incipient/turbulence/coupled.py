@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
 
 import numpy as np
 
 from ..errors import ConvergenceError
 from ..fluid import Fluid
 from ..fluid.newton import NewtonReport
+from ..fluid.transient import Interface
 from .fields import Turbulence
 
 MOST_ROUNDS = 200
@@ -95,10 +96,22 @@ def _moved(fluid: Fluid, change: np.ndarray) -> float:
     return float(np.sqrt(fluid.squared_velocities(change) / whole)) if whole else 0.0
 
 
+class Moving(Interface, Protocol):
+    """What moves with the flow, solved together with it for eddies as they are."""
+
+    def again(self, length: float, order: int, tolerance: float, before: NewtonReport) -> NewtonReport:
+        """Solve for the end of the step anew, from the end found before with other eddies and the report of that."""
+        ...
+
+
 class InTime:
     """Turbulence as what is solved together with a flow in time, see `fluid.transient.Interface`.
 
-    Flow, and k and epsilon, take the same backward difference, in turn until the flow stays.
+    Flow, and k and epsilon, take the same backward difference, in turn until the flow stays. What moves with the flow
+    is solved together with it each time: eddies answer to a motion far less than the pressure does.
+
+    Args:
+        moving: a grain, and the mesh with it; None: nothing moves.
 
     Attributes:
         past: states (local unknowns,) of ln k and ln epsilon, the present one first.
@@ -109,8 +122,9 @@ class InTime:
         fluid: Fluid,
         turbulence: Turbulence,
         stage: Callable[[], AbstractContextManager[Any]] = nullcontext,
+        moving: Moving | None = None,
     ):
-        self._fluid, self.turbulence, self._stage = fluid, turbulence, stage
+        self._fluid, self.turbulence, self._stage, self._moving = fluid, turbulence, stage, moving
         self.past = [turbulence.state.x.array.copy()]
         self._failed = False
 
@@ -119,41 +133,58 @@ class InTime:
         fluid, turbulence = self._fluid, self.turbulence
         rate = [float(a.value) for a in fluid.rate]
         sizes: list[float] = []
-        self._failed = False
+        self._failed, report = False, None
         for _ in range(MOST_TURNS):
             before = fluid.state.x.array.copy()
-            report = fluid.solve(0.1 * tolerance)
+            report = self._flow(length, order, 0.1 * tolerance, report)
             if not report.converged:
                 return report
             sizes.append(_moved(fluid, fluid.state.x.array - before))
             if len(sizes) > 1 and sizes[-1] <= tolerance:
-                return NewtonReport(True, tuple(sizes), sizes[-1])
+                return replace(report, corrections=tuple(sizes), error=sizes[-1])
             past = (self.past[0], self.past[-1])
             with self._stage():
                 self._failed = not np.isfinite(turbulence.step(rate, past, tolerance))
             if self._failed:
                 break
+        self.forget()
         return NewtonReport(False, tuple(sizes), np.inf)
 
+    def _flow(self, length: float, order: int, tolerance: float, before: NewtonReport | None) -> NewtonReport:
+        """The flow, with what moves in it, for the eddies as they are; `before` is the report with earlier ones."""
+        if self._moving is None:
+            return self._fluid.solve(tolerance)
+        if before is None:
+            return self._moving.attempt(length, order, tolerance)
+        return self._moving.again(length, order, tolerance, before)
+
     def allowed(self, length: float) -> float:
-        """All of the step: nothing is met on the way."""
-        return length
+        """The length, or the shorter one after which what moves meets something."""
+        return length if self._moving is None else self._moving.allowed(length)
 
     def accept(self) -> None:
         """The attempt holds."""
         self.past = [self.turbulence.state.x.array.copy(), self.past[0]]
+        if self._moving is not None:
+            self._moving.accept()
 
     def restore(self) -> None:
         """Go back to the last state."""
         self.turbulence.state.x.array[:] = self.past[0]
+        if self._moving is not None:
+            self._moving.restore()
 
     def forget(self) -> None:
-        """Nothing is kept from step to step."""
+        """Drop what earlier steps have taught about the iteration of what moves; of eddies nothing is kept."""
+        if self._moving is not None:
+            self._moving.forget()
 
     def velocities(self) -> np.ndarray:
-        """(0,): nothing moves."""
-        return np.empty(0)
+        """(n,) velocities of what moves."""
+        return np.empty(0) if self._moving is None else self._moving.velocities()
 
     def complaint(self) -> str:
         """Why the last attempt failed, and a remedy; empty if the fluid is to blame."""
-        return "k and epsilon do not converge: use a smaller time.step" if self._failed else ""
+        if self._failed:
+            return "k and epsilon do not converge: use a smaller time.step"
+        return "" if self._moving is None else self._moving.complaint()

@@ -90,15 +90,17 @@ class Turbulence:
 
     # -- its equations ------------------------------------------------------------------------------
 
-    def carried_by(self, velocity: Any, of_molecules: Any, added: Any = (0, 0)) -> None:
+    def carried_by(self, velocity: Any, of_molecules: Any, added: Any = (0, 0), carrier: Any = None) -> None:
         """Compile the equations of the turbulence that a velocity carries and makes.
 
-        Arguments are UFL; `added` (2,) is what else makes k and epsilon, see `forms.turbulence.Stream`.
+        Arguments are UFL; `added` (2,) is what else makes k and epsilon, `carrier` the velocity less the mesh's, see
+        `forms.turbulence.Stream`.
         """
         mesh, unknowns, tests = self.domain.mesh, ufl.split(self.state), ufl.TestFunctions(self.space)
         measure = ufl.dx(domain=mesh, metadata={"quadrature_degree": 3 * self.order + 1})
         states = (unknowns, ufl.split(self._before), ufl.split(self._older))
-        stream = forms.Stream(velocity, of_molecules, measure, cell_size(mesh) / self.order, states[1], added)
+        size = cell_size(mesh) / self.order
+        stream = forms.Stream(velocity, of_molecules, measure, size, states[1], added, carrier)
         rate = [sum(a * one[i] for a, one in zip(self.rate, states, strict=True)) for i in range(2)]
         form = forms.residual(unknowns, rate, tests, stream, self.closure)
         if self.surroundings.walls:

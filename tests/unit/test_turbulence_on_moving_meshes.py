@@ -1,0 +1,191 @@
+"""Turbulence on meshes that move, and walls that do: what may not depend on the mesh's motion, nor on the frame."""
+
+from contextlib import contextmanager
+from functools import partial
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import ufl
+from domains import ring, unit_box
+from floating import Floating, box_around
+from moving import RandomMotion, Steps
+
+from incipient.body.rigidbody import RigidBody
+from incipient.body.state import BodyState, Freedom, Inertia
+from incipient.coupled.coupling import Coupling
+from incipient.coupled.rigid import RigidPart
+from incipient.fluid import FlowModel, Fluid, Prescribed, Transient
+from incipient.fluid.conditions import Friction
+from incipient.geometry.placement import Placement
+from incipient.geometry.plane.grain import Disc
+from incipient.mesh.motion import MeshMotion, RigidDisplacement
+from incipient.planning.turbulence import WallLaw
+from incipient.turbulence import InTime, Surroundings, Turbulence
+
+STANDARD = (0.09, 1.44, 1.92, 1.0, 1.3)
+SIDES = ("left", "right", "bottom", "top")
+STREAM, SPEED, STEP = (0.6, -0.3), 2.0, 0.01
+SLOPE, LEVEL = 3.0, -4.0
+
+
+def uniform(x, t=0.0):
+    return np.tile(np.array(STREAM)[:, None], x.shape[1])
+
+
+@contextmanager
+def carried(values, inflow=(), added=lambda fields: (0, 0)):
+    """The unit square in a uniform stream that carries k and epsilon on a mesh that moves, and its steps."""
+    domain = unit_box(2, 4)
+    with Turbulence(domain, Surroundings(inflow, values), 2, STANDARD) as fields:
+        model = FlowModel(unsteady=True, moving_mesh=True, viscosity=fields.viscosity)
+        with Fluid(domain, model, [Prescribed(name, uniform) for name in SIDES], 100.0) as fluid:
+            fluid.state.x.array[fluid.space.velocity_map] = uniform(fluid.constraints.points.T).T.ravel()
+            velocity, _ = ufl.split(fluid.state)
+            fields.carried_by(velocity, 0.01, added(fields), fluid.carrier(velocity))
+            yield fluid, fields
+
+
+def thrown(fluid, fields, values_at, radius=0.06, count=4):
+    """Steps with the mesh thrown at random; lengths differ."""
+    motion, steps = RandomMotion(fluid.domain.mesh, radius), Steps(fluid, 2)
+    past = [fields.state.x.array.copy()]
+    for number in range(count):
+        steps.advance(STEP * (1 + 0.3 * (number % 2)), motion.places())
+        fields.give(values_at(fluid.time), 0.0)
+        rate = [float(one.value) for one in fluid.rate]
+        assert fields.step(rate, (past[0], past[-1]), 1e-12) <= 1e-12
+        past = [fields.state.x.array.copy(), past[0]]
+
+
+def test_a_free_stream_stays_one_on_a_mesh_moved_at_random():
+    """What is uniform decays as on a mesh at rest, to round-off."""
+    ends = []
+    for radius in (0.0, 0.06):
+        with carried(lambda x: np.log([0 * x[0] + 0.02, 0 * x[0] + 0.1])) as (fluid, fields):
+            thrown(fluid, fields, lambda t: lambda x: np.zeros((2, x.shape[1])), radius)
+            velocities = fluid.velocity.x.array.reshape(-1, 2)
+            assert velocities == pytest.approx(uniform(fluid.constraints.points.T).T, abs=1e-12)
+            ends.append(fields.state.x.array.reshape(-1, 2))
+    assert ends[1] == pytest.approx(np.tile(ends[0][0], (len(ends[1]), 1)), abs=1e-11)
+    assert ends[0][0, 0] < np.log(0.02) - 0.05
+
+
+def test_what_a_stream_carries_goes_with_it_and_not_with_the_mesh():
+    """ln k falls along the stream at a rate, ln epsilon at twice that, so that nu_t is uniform: exact in elements.
+
+    Where they are held up so against dissipation and diffusion they move with the stream, exact on moving nodes.
+    """
+
+    def exact(time):
+        along = np.array(STREAM) / np.hypot(*STREAM)
+        return lambda x: np.outer([1, 2], SLOPE * (along @ x[:2] - np.hypot(*STREAM) * time) + LEVEL)
+
+    def held_up(fields):
+        x, time = ufl.SpatialCoordinate(fields.domain.mesh), clock[0]
+        speed = float(np.hypot(*STREAM))
+        along = ufl.dot(ufl.as_vector([one / speed for one in STREAM]), x) - speed * time
+        lost, eddy = ufl.exp(SLOPE * along + LEVEL), 0.09  # epsilon/k, and nu_t = C_mu k^2/epsilon
+        diffused = [(0.01 + eddy / sigma) * (i * SLOPE) ** 2 for i, sigma in ((1, 1.0), (2, 1.3))]
+        return [c * lost - one for c, one in zip((1.0, 1.92), diffused, strict=True)]
+
+    clock = []
+
+    def added(fields):
+        clock.append(fields.constant(0.0))
+        return held_up(fields)
+
+    def at(time):
+        clock[0].value = time
+        return exact(time)
+
+    with carried(exact(0.0), SIDES, added) as (fluid, fields):
+        thrown(fluid, fields, at)
+        points = fields.space.tabulate_dof_coordinates()
+        assert fields.state.x.array.reshape(-1, 2) == pytest.approx(exact(fluid.time)(points.T).T, abs=1e-10)
+
+
+def stuck(x):
+    return np.log([0 * x[0] + 0.01, 0 * x[0] + 0.02])
+
+
+@contextmanager
+def disc_in_eddies(frame, mass=1.0, free=(False,) * 3, spin=0.0, around=0.0, entering=None):
+    """A disc and a fluid at rest in a turbulent stream set off at once, seen from a frame in which they move.
+
+    The mesh goes along as a whole. It is the unit square, or within a circle, where another velocity may enter.
+    """
+    disc, place = Disc(0.3), Placement((0.5, 0.5))
+    domain = ring(0.15, around, 24, 2) if around else box_around(disc, place, cell=0.08, far=0.2)
+    outer, inner = (("outer",), "inner") if around else (SIDES, "body")
+    if around:
+        domain.mesh.geometry.x[:, :2] += 0.5
+    law = WallLaw()
+    drag = partial(law.drag, functions=SimpleNamespace(log=ufl.ln, larger=ufl.max_value))
+    passing = np.array(STREAM) + frame
+    entering = entering or (lambda x, t: np.tile(passing[:, None], x.shape[1]))
+    sides = [Prescribed(name, entering) for name in outer]
+    with Turbulence(domain, Surroundings(outer, stuck, (inner,), 0.01), 2, STANDARD) as fields:
+        model = FlowModel(
+            unsteady=True,
+            moving_mesh=True,
+            viscosity=fields.viscosity,
+            shear_velocity=fields.shear_velocity(),
+        )
+        wall = Friction(inner, 0.01, drag, moves=True)
+        with Fluid(domain, model, [wall, *sides], 1e5) as fluid:
+            velocity, _ = ufl.split(fluid.state)
+            fields.carried_by(velocity, 1e-5, carrier=fluid.carrier(velocity))
+            fluid.state.x.array[fluid.space.velocity_map] = np.tile(frame, len(fluid.constraints.points))
+            course = np.array([*frame, spin])
+            body = RigidBody(Inertia(mass, np.array([mass * 0.3**2 / 8])), Freedom(free, lambda t: course))
+            displacement = RigidDisplacement(domain, inner, place, turning=False)
+            displacement.weights[:] = 1.0
+            part = RigidPart(
+                fluid, body, BodyState.at(place, course), displacement, lambda state: np.zeros(3)
+            )
+            coupling = Coupling(fluid, [part], MeshMotion(domain), tolerance=1e-9)
+            interface = InTime(fluid, fields, moving=coupling)
+            yield Floating(fluid, coupling, part, Transient(fluid, 2, 1e-9, interface=interface)), fields
+
+
+def test_a_disc_carried_along_bears_what_a_disc_at_rest_does():
+    """Galilean invariance: with mesh and stream carried along too, force, couple, k and epsilon are the same."""
+    found = []
+    for frame in ([0.0, 0.0], [1.7, -0.4]):
+        with disc_in_eddies(np.array(frame), spin=1.0) as (floating, fields):
+            floating.march(3 * STEP, STEP)
+            found.append((floating.part.end.flow_load, fields.state.x.array.copy()))
+    (load, eddies), (moved, carried_along) = found
+    assert np.abs(load).min() > 1e-5
+    assert moved == pytest.approx(load, rel=1e-6)
+    assert carried_along == pytest.approx(eddies, abs=1e-6)
+
+
+@pytest.mark.parametrize("density", [2.65, 1.0, 0.3, 0.0])
+def test_a_free_disc_set_off_at_once_takes_the_velocity_of_an_ideal_fluid(density):
+    """Whatever its density: an impulse makes a potential flow, exact between circles (Lamb 1932, article 69).
+
+    Where the outer circle of radius b is set off at V the disc of radius a gets U = (c + 1) V/(density + c), c = (b^2 +
+    a^2)/(b^2 - a^2) being its added mass over that of the fluid it displaces. No couple comes of it.
+    """
+    a, b = 0.15, 0.5
+    c = (b**2 + a**2) / (b**2 - a**2)
+    expected = (c + 1) / (density + c) * np.array(STREAM)
+    dipole = (expected - STREAM) / (1 / b**2 - 1 / a**2)
+
+    def potential(x, t):
+        """grad of A . x + B . x/r^2."""
+        away = x[:2] - 0.5
+        square = (away**2).sum(axis=0)
+        whole = (np.array(STREAM) + dipole / b**2)[:, None] + dipole[:, None] / square
+        return whole - 2 * (dipole @ away) / square**2 * away
+
+    with disc_in_eddies(np.zeros(2), density * np.pi * a**2, (True,) * 3, around=b, entering=potential) as (
+        floating,
+        _,
+    ):
+        steps, found = floating.march(1e-6, 1e-6)
+    assert found[-1][:2] == pytest.approx(expected, rel=5e-3)
+    assert abs(found[-1][2]) < 1e-3
+    assert steps[-1].report.corrected <= 5
