@@ -32,7 +32,7 @@ def expected_cells(shape: Region | Grid | SolidRegion | SolidGrid, sizes: Sizes)
         shape.sides[2]: right[0] - left[0],
         shape.sides[0]: sum(curve.length for curve in shape.bottom),
         shape.sides[2]: right[0] - left[0],
-        **{name: sum(curve.length for curve in outline) for name, outline in shape.holes.items()},
+        **{name: sum(curve.length for curve in outline) for name, outline in shape.inner.items()},
     }
     found = {"domain": PER_AREA * (right[0] - left[0]) * height / sizes.far**2}
     # Points lie on boundaries, whose own sizes are smaller from some distance on.
@@ -41,7 +41,7 @@ def expected_cells(shape: Region | Grid | SolidRegion | SolidGrid, sizes: Sizes)
         name = near.boundary or "narrow places and corners"
         most = min(beside, sizes.far) if near.points else sizes.far
         found[name] = found.get(name, 0.0) + PER_AREA * _integral(near, most, height, lengths)
-    found["single curves"] = PER_CURVE * (len(shape.bottom) + sum(map(len, shape.holes.values())))
+    found["single curves"] = PER_CURVE * (len(shape.bottom) + sum(map(len, shape.inner.values())))
     if sizes.field is not None:
         found["adaptation"] = PER_AREA * _integral_of_field(sizes)
     return found

@@ -152,7 +152,9 @@ def _draw_region(region: Region, frame: Frame) -> dict[str, list[int]]:
     curves: dict[str, list[int]] = {}
     for name, side in zip(region.sides, sides, strict=True):
         curves.setdefault(name, []).extend(pen.curve(curve) for curve in side)
-    outer = [tag for name in dict.fromkeys(region.sides) for tag in curves[name]]
+    for name, standing in region.standing.items():
+        curves[name] = [pen.curve(curve) for curve in standing]
+    outer = [tag for name in dict.fromkeys((*region.sides, *region.standing)) for tag in curves[name]]
     loops = [gmsh.model.geo.addCurveLoop(outer, reorient=True)]
     for name, outline in region.holes.items():
         curves[name] = [pen.curve(curve) for curve in outline]

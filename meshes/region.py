@@ -44,6 +44,7 @@ class Region:
     """The plane region above `bottom` and below `height_top`, less its holes.
 
     bottom:   curves from left to right; their ends are the lower corners
+    standing: curves by name, of what stands on the bottom and bounds the region where the bottom has a gap
     top:      vertical coordinate of the straight upper side
     holes:    closed outlines, counter-clockwise, by name
     sides:    names of the bottom, right, top and left boundary
@@ -53,6 +54,12 @@ class Region:
     top: float
     holes: dict[str, tuple[Curve, ...]] = field(default_factory=dict)
     sides: tuple[str, str, str, str] = ("bed", "outflow", "top", "inflow")
+    standing: dict[str, tuple[Curve, ...]] = field(default_factory=dict)
+
+    @property
+    def inner(self) -> dict[str, tuple[Curve, ...]]:
+        """The boundaries that are no sides: holes and what stands on the bottom."""
+        return self.holes | self.standing
 
 
 @dataclass(frozen=True)

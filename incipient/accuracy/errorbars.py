@@ -6,7 +6,9 @@ Each source of error is a term of its own:
   turbulence by the same run on a coarser mesh; flow in time, or a moving grain, by the same run in longer steps, and by
   one in elements of one order more as well: what is the step's, and the mesh's;
 - gap: a grain at rest on a bed is computed with a gap. Coarse runs with one, two and four times the gap show
-  how force and couple go with it, and what closing it would change;
+  how force and couple go with it, and what closing it would change. Where the space next to contacts is closed, a
+  coarse run in which it is closed four times as widely shows what that changes;
+- pocket: what is enclosed between two contacts may have the pressure on either side of them;
 - domain: a coarse run with inflow, outflow and sides that move as the stream does farther away shows what they change;
 - datum: over a bed with forms a coarse run whose stream starts where it may as well shows what the scene's changes;
 - level ground: a run of steady flow in space with a larger part of its bed meshed as it is shows what the rest changes.
@@ -58,10 +60,11 @@ DECAY_OVER_FORMS = 1.5  # there, by a stream that suits them: measured are 1.6 t
 # How much larger the bed's part meshed as it is becomes, and the decay of what the rest changes (docs/space.md).
 WIDER, DECAY_OF_GROUND = 1.5, 1.0
 LARGER, SMALLER = (1.0, 2.0, 4.0), (0.25, 0.5, 1.0)  # gaps of three runs, relative to the scene's
+CLOSED_WIDER = 4.0  # how much wider the space next to contacts is that is closed in a coarse run
 ORDERS = (0.3, 2.0)  # between which the order in the gap is believed
 TOO_LITTLE = 1e-6  # of the largest of three loads: changes that tell no order
 SAME_DATUM = 1e-6  # of the height of the forms
-GROUND, MODEL = "level ground", "turbulence model"
+GROUND, MODEL, POCKET = "level ground", "turbulence model", "pocket"
 OF_MESH = "mesh"  # name of the part of the discretisation's term that outlasts a change of steps
 NO_CONTACT = "does not apply: no grain rests on a bed"
 MOVES = "does not apply: the grain moves, and contact.gap says where it stops"
@@ -96,6 +99,8 @@ def error_terms(
         found.leave_out(name, reason)
     for name, estimate in of_the_model(scene, speed).items():
         found.add(name, estimate)
+    if run.probe is not None and run.probe.enclosed is not None and len(run.contacts or ()) > 1:
+        found.add(POCKET, lambda _: _of_pocket(run, speed))
     if (wider := on_more_bed(scene)) is not None:
         found.add(GROUND, partial(of_level_ground, wider, _computed(run, force, couple)))
     return found.bars()
@@ -150,6 +155,13 @@ def _by_surplus(run: Run, speed: float) -> Term:
     )
     how = f"{LEFT:g} of what order {run.plan.order} changes in order 2 on the same mesh"
     return Term("discretisation", force, couple, how)
+
+
+def _of_pocket(run: Run, speed: float) -> Term:
+    assert run.probe is not None and run.probe.enclosed is not None
+    force, couple = run.probe.enclosed.unknown(run.probe.about)
+    how = "between contacts the pressure upstream or downstream of them, in place of the mean"
+    return Term(POCKET, speed**2 * force, speed**2 * couple, how)
 
 
 class _Found:
@@ -268,6 +280,8 @@ def of_gap(scene: Scene, solve: Solve) -> Term:
     Of a wide gap the runs have smaller ones: larger than the widest allowed are none.
     """
     contact = scene.contact or Contact(friction=0.0)  # friction plays no part in the flow
+    if scene.closes_contacts:
+        return _of_closing(scene, contact, solve)
     wide = 4.0 * contact.gap > WIDEST_GAP
     sections = [{**contact.model_dump(), "gap": k * contact.gap} for k in (SMALLER if wide else LARGER)]
     loads = [solve(coarse(scene, contact=section)) for section in sections]
@@ -279,6 +293,20 @@ def of_gap(scene: Scene, solve: Solve) -> Term:
     how = f"coarse runs with {told} times the gap, extrapolated to none"
     near, far = (float(np.linalg.norm(loads[i + 1].force - loads[i].force)) for i in (0, 1))
     return Term("gap", errors[:3], errors[3:], how, power=_order_in_gap(near, far))
+
+
+def _of_closing(scene: Scene, contact: Contact, solve: Solve) -> Term:
+    """What closing less of the space next to contacts would change, from a coarse run in which more of it is closed.
+
+    The fluid in a wedge hardly moves, and its pressure is that of the wedge's mouth: what closing a space of some width
+    changes falls faster than the width, and less of it cannot change as much.
+    """
+    wide = CLOSED_WIDER * contact.gap > WIDEST_GAP
+    factor = 1.0 / CLOSED_WIDER if wide else CLOSED_WIDER
+    other = {**contact.model_dump(), "gap": factor * contact.gap}
+    how = f"a coarse run with the contacts closed {'1/' if wide else ''}{CLOSED_WIDER:g} times as widely"
+    at = [solve(coarse(scene, contact=section)) for section in (contact.model_dump(), other)]
+    return Term.of_difference("gap", at[0], at[1], 1.0, how)
 
 
 def _to_zero(at_one: float, at_two: float, at_four: float) -> float:

@@ -28,6 +28,7 @@ from ..fluid.space import boundary_blocks
 from ..forms import ReferenceMap, surface_traction, surface_vector
 from ..mesh.domain import Domain
 from ..meshes.solid_region import SYMMETRY
+from .enclosed import EnclosedPressure
 
 ACROSS = 1  # the component across a plane of symmetry
 # Force and couple of a whole body over those of half of it, cut in a plane of constant y: what is odd cancels.
@@ -61,10 +62,13 @@ class TractionProbe:
         boundary: name of the boundary, such as "body". Where it meets another one (a wall and the inflow),
             the residual force holds the share of the end nodes in that one's traction too.
         about: point that couples refer to, (gdim,).
+        enclosed: of a body part of which no flow reaches: the pressure there, which is in the resultants.
     """
 
-    def __init__(self, fluid: Fluid, boundary: str, about: Sequence[float]):
-        self.fluid, self.boundary = fluid, boundary
+    def __init__(
+        self, fluid: Fluid, boundary: str, about: Sequence[float], enclosed: EnclosedPressure | None = None
+    ):
+        self.fluid, self.boundary, self.enclosed = fluid, boundary, enclosed
         self.refer_to(about)
         space = fluid.space.velocity
         owned = space.dofmap.index_map.size_local
@@ -80,7 +84,7 @@ class TractionProbe:
 
     def resultant(self) -> Resultant:
         """Force and couple by the residual method."""
-        return self._sum(self._nodal_forces())
+        return self._with_enclosed(self._sum(self._nodal_forces()))
 
     def resultant_of(self, residual: np.ndarray) -> Resultant:
         """Force and couple that a residual of the fluid (owned unknowns,), or a change of it, stands for."""
@@ -105,7 +109,13 @@ class TractionProbe:
         vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         forces = vector.array_r.reshape(-1, self.fluid.space.gdim)[self._blocks].copy()
         vector.destroy()
-        return self._sum(forces)
+        return self._with_enclosed(self._sum(forces))
+
+    def _with_enclosed(self, exposed: Resultant) -> Resultant:
+        if self.enclosed is None:
+            return exposed
+        force, couple = self.enclosed.load(self.about)
+        return Resultant(exposed.force + force, exposed.couple + couple, exposed.about)
 
     def field(self) -> Any:
         """The traction as a velocity-space function, zero off the boundary; its integral is the residual force.

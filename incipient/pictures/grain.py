@@ -160,11 +160,12 @@ def _judged_numbers(run: Run, case: Judged | None) -> list[Group]:
 def _numbers(run: Run) -> list[Group]:
     """Force and couple of the flow, as far as the result and the scene hold them."""
     rows: Group = [("Flow", "", INK)]
+    closed = bool(run.value("gap", "closed"))
     for name, value in (
         *((f"{key.capitalize()} coefficient", run.value("coefficients", key)) for key in _COEFFICIENTS),
         ("Reynolds number", run.setting("fluid", "reynolds")),
-        ("Gap that stands for contact", run.value("gap", "width")),
-        ("Cells across the gap", run.value("gap", "cells")),
+        ("Closed where narrower than" if closed else "Gap that stands for contact", run.value("gap", "width")),
+        *(() if closed else (("Cells across the gap", run.value("gap", "cells")),)),
         ("First motion at time", run.value("verdict", "first_motion")),
     ):
         if isinstance(value, (int, float)):

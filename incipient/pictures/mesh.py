@@ -93,12 +93,13 @@ def chained(edges: np.ndarray) -> list[np.ndarray]:
 
 
 def directed(edges: np.ndarray) -> np.ndarray:
-    """Edges (n, 3) of one closed curve, each turned to start where the one before ends, and put in order."""
+    """Edges (n, 3) of one curve, closed or with two ends, each turned to start where the one before ends, in order."""
     at: dict[int, list[int]] = {}
     for i, (start, end, _) in enumerate(edges):
         at.setdefault(start, []).append(i)
         at.setdefault(end, []).append(i)
-    index, node, ordered, used = 0, edges[0, 0], [], set()
+    node = next((end for end, beside in at.items() if len(beside) == 1), edges[0, 0])
+    index, ordered, used = at[node][0], [], set()
     while index >= 0:
         used.add(index)
         start, end, middle = edges[index]

@@ -12,11 +12,11 @@ from ..geometry.plane.curves import Curve, Line
 from ..installed import memory_of_libraries
 from ..meshes import Away, Grid, Near, Region, Sizes, SolidGrid, SolidRegion
 from ..scene import Scene
-from .cells import FAR_CELL, corners, is_grid, largest_cell, side_names
+from .cells import CLOSED, FAR_CELL, corners, is_grid, largest_cell, side_names
 from .clearance import ceiling, surroundings
 from .drawing_in_space import count_in_space, lay_out_in_space
 from .effects import EffectName, moves
-from .layout import Layout, placed, point
+from .layout import Layout, closed, placed, point
 from .plan import Estimate, Plan
 
 # Cell sizes for mesh_size = 1 by order of the velocity, chosen so that the orders err alike (docs/numerics.md).
@@ -46,6 +46,8 @@ def lay_out(scene: Scene, plan: Plan, moved: Placement | None = None) -> Layout:
             return Layout(channel, Sizes(1.0), plan.geometry_order, max_cells=most)
     if is_grid(scene):
         return Layout(_grid(scene, plan), Sizes(1.0), plan.geometry_order, max_cells=most)
+    if scene.closes_contacts and moved is None:
+        return _lay_out_closed(scene, plan)
     resting, placement, gap, ends = placed(scene) if moved is None else (moved, moved, np.inf, None)
     if moves(scene) and placement is not None:
         near = surroundings(scene).clearance(placement)
@@ -57,6 +59,27 @@ def lay_out(scene: Scene, plan: Plan, moved: Placement | None = None) -> Layout:
     finer = _near(scene, plan, holes.get("body", ()), placement, gap, ends)
     sizes = Sizes(FAR_CELL[plan.order] * scene.domain.height, finer).scaled(plan.mesh_size)
     return Layout(region, sizes, plan.geometry_order, resting, placement, gap, ends, most)
+
+
+def _lay_out_closed(scene: Scene, plan: Plan) -> Layout:
+    """The layout where the space next to the contacts of a resting grain is closed."""
+    made, domain, bed, resting = closed(scene), scene.domain, scene.bed_shape, scene.placement
+    bottom = (
+        *bed.curves(domain.left, made.left.start[0]),
+        *bed.curves(made.right.start[0], domain.right),
+    )
+    lines = (made.left, made.right)
+    standing = {"body": made.outline} | {name: (line,) for name, line in zip(CLOSED, lines, strict=True)}
+    region = Region(bottom, ceiling(scene), {}, side_names(scene), standing)
+    size = GAP_CELL[plan.order] * made.width
+    ends = tuple(end for line in lines for end in (line.start, line.end))
+    finer = (
+        *_near(scene, plan, made.outline, resting, np.inf, None),
+        Near(size, GAP_GROWTH, points=ends, needed=True),
+    )
+    sizes = Sizes(FAR_CELL[plan.order] * domain.height, finer).scaled(plan.mesh_size)
+    most, across = scene.numerics.max_cells, (made.left.start, made.left.end)
+    return Layout(region, sizes, plan.geometry_order, resting, resting, made.width, across, most, made)
 
 
 def _bottom(scene: Scene) -> tuple[Curve, ...]:

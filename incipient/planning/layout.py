@@ -11,6 +11,7 @@ import numpy as np
 
 from ..errors import SceneError
 from ..geometry.placement import Placement
+from ..geometry.plane.closing import Closing, closing
 from ..geometry.rest import clearance, lifted
 from ..installed import required
 from ..meshes import Grid, Region, Sizes, SolidGrid, SolidRegion
@@ -27,6 +28,7 @@ class Layout:
     placement: the grain where the flow is computed: lifted by the gap
     gap:       smallest distance of grain and bed in the computed flow [length], inf without contact
     gap_ends:  the two points between which the gap is measured
+    closing:   of a grain about whose contacts the space is closed where it is narrower than the gap; None: it is open
     max_cells: triangles, in space tetrahedra, expected above which no mesh is made
     """
 
@@ -38,6 +40,7 @@ class Layout:
     gap: float = np.inf
     gap_ends: tuple[Place, Place] | None = None
     max_cells: float = np.inf
+    closing: Closing | None = None
 
     def drawing(self) -> AbstractContextManager[Any]:
         """A meshed gmsh model; for one rank only.
@@ -92,6 +95,20 @@ def placed(scene: Scene) -> tuple[Placement | None, Placement | None, float, tup
     placement = lifted(grain, resting, bed, scene.contact_gap) if scene.rests else resting
     gap, on_grain, on_bed = clearance(grain, placement, bed)
     return resting, placement, gap, (halved(scene, point(on_grain)), halved(scene, point(on_bed)))
+
+
+def closed(scene: Scene) -> Closing:
+    """How the space below the scene's resting grain is closed. Not collective.
+
+    Raises SceneError if the grain does not touch the bed, or the space is nowhere wider than contact.gap.
+    """
+    from ..geometry.touching import touching
+
+    grain, bed, resting = scene.grain, scene.bed_shape, scene.placement
+    assert grain is not None and bed is not None and resting is not None
+    contacts = touching(grain, resting, bed, scene.contact_tolerance).points[:, :2]
+    outline = tuple(curve.moved(resting) for curve in grain.drawn())
+    return closing(outline, bed, contacts, scene.contact_gap)
 
 
 def halved(scene: Scene, x: Place) -> Place:

@@ -142,7 +142,7 @@ def _warnings(scene: Scene) -> Iterator[str]:
             )
         if told := small(scene):
             yield told
-    gap = scene.contact.gap if scene.contact is not None else 0.0
+    gap = scene.contact.gap if scene.contact is not None and not scene.closes_contacts else 0.0
     if gap > WIDE_GAP and scene.body is not None and (scene.rests or scene.body.moves):
         yield (
             f"contact.gap = {gap:g} is wide: contact is judged by the flow around a grain {gap:g} of its size "

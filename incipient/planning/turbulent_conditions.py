@@ -13,7 +13,7 @@ import numpy as np
 
 from ..meshes.solid_region import SYMMETRY
 from ..scene import Scene
-from .cells import side_names, sides_across
+from .cells import CLOSED, side_names, sides_across
 from .turbulence import SAMPLES, Walls, is_plane, section, wall_names, walls_of
 
 if TYPE_CHECKING:
@@ -191,7 +191,7 @@ def conditions(scene: Scene) -> list[Condition]:
             *(name, walls.distance, drag, scene.up if name in beside else None),
             moves=name == "body" and scene.body is not None and scene.body.moves,
         )
-        for name in names
+        for name in (*names, *(CLOSED if scene.closes_contacts else ()))
     ]
     lids: list[Condition] = [] if top in names else [Slip(top, axis=scene.up)]
     lids += [Slip(name, axis=1) for name in sides_across(scene)]

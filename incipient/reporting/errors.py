@@ -21,6 +21,7 @@ REMEDIES = {
     "time step": "a smaller time.step, or a smaller time.tolerance",
     "mesh": "a smaller numerics.mesh_size or a higher numerics.order",
     "gap": "a smaller contact.gap",
+    "pocket": "nothing: in the plane what leaks past contacts is not known",
     "domain": "larger domain.length and domain.height",
     "datum": 'flow.datum = "auto", where it is not; a larger domain, slowly',
     "level ground": "a larger numerics.meshed_bed",

@@ -151,7 +151,8 @@ def _others(stored: dict[str, Any], planar: bool) -> list[tuple[Cell, ...]]:
     ]
     gap, grain = stored["gap"], stored["grain"]
     if gap is not None:
-        rows += [("gap between grain and bed", gap["width"]), ("cells across the gap", gap["cells"])]
+        name = "closed where narrower than" if gap.get("closed") else "gap between grain and bed"
+        rows += [(name, gap["width"]), ("cells across the gap", gap["cells"])]
     if grain is not None:
         rows += [("size of the grain", grain["size"]), ("centre", components(grain["centre"], planar))]
     rows += [

@@ -58,16 +58,25 @@ class Coefficients:
 class Gap:
     """The gap between grain and bed in the computed flow.
 
-    resolved: at least two cells lie across it, so that the flow in it is computed and not guessed
+    closed:   the grain touches the bed, and the space next to contacts is closed where it is narrower than the width
+    resolved: at least two cells lie across it, so that the flow in it is computed and not guessed; closed, one
     """
 
     width: float
     cells: int
+    closed: bool = False
 
     @property
     def resolved(self) -> bool:
-        """Whether at least two cells lie across the gap."""
-        return self.cells >= 2
+        """Whether enough cells lie across the gap."""
+        return self.closed or self.cells >= 2
+
+    def line(self) -> str:
+        """What the gap is, for a reader."""
+        if self.closed:
+            return f"gap                 closed where it is narrower than {self.width:.4g}"
+        state = "resolved" if self.resolved else "NOT resolved: refine with a smaller numerics.mesh_size"
+        return f"gap                 {self.width:.4g}, {self.cells} cells across: {state}"
 
 
 def apart(load: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

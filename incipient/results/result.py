@@ -130,10 +130,7 @@ def _lines(result: Result) -> list[str]:
         k = result.coefficients
         lines.append(f"coefficients        drag {k.drag:.6g}   lift {k.lift:.6g}   moment {k.moment:.6g}")
     if result.gap is not None and np.isfinite(result.gap.width):
-        state = (
-            "resolved" if result.gap.resolved else "NOT resolved: refine with a smaller numerics.mesh_size"
-        )
-        lines.append(f"gap                 {result.gap.width:.4g}, {result.gap.cells} cells across: {state}")
+        lines.append(result.gap.line())
     lines += [f"warning             {warning}" for warning in result.plan.warnings]
     if result.trajectory is not None:
         lines += _path(result.trajectory)

@@ -252,6 +252,15 @@ class Scene(Section):
         """Whether there is a grain that rests on the bed."""
         return self.body is not None and self.bed is not None and self.body.x is not None
 
+    @property
+    def closes_contacts(self) -> bool:
+        """Whether no fluid passes a grain's contacts, as none does in the plane: about them the space is closed.
+
+        It is in turbulent flow. Laminar flow through a gap is slow enough for the loads to be near their limit.
+        """
+        held = self.rests and self.body is not None and not self.body.moves
+        return self.gdim == 2 and self.is_turbulent and held
+
     @cached_property
     def bed_shape(self) -> Any:
         """The bed's shape, a Bed of the plane or a Terrain; None without a bed."""

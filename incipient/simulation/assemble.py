@@ -193,7 +193,8 @@ def _gap_of(layout: Layout, domain: Domain) -> Gap | None:
 
     if layout.gap_ends is None:
         return None
-    return Gap(layout.gap, cells_between(domain.mesh, *layout.gap_ends))
+    cells = cells_between(domain.mesh, *layout.gap_ends)
+    return Gap(layout.gap, cells, layout.closing is not None)
 
 
 def _cost_of_effects(run: Run) -> dict[str, dict[str, Any]]:

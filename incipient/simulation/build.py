@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from ..installed import memory_of_libraries, required
 from ..parallel import collectively
 from ..planning import drawing
+from ..planning.cells import CLOSED
 from ..planning.drawing_in_space import memory_of_surface
 from ..planning.effects import EffectName
 from ..planning.plan import Estimate, Plan, make_plan
@@ -178,7 +179,12 @@ def probe_of(fluid: Fluid, layout: Layout) -> TractionProbe | None:
         return None
     from ..coupled.tractions import TractionProbe
 
-    return TractionProbe(fluid, "body", layout.placement.centre)
+    if layout.closing is None:
+        return TractionProbe(fluid, "body", layout.placement.centre)
+    from ..coupled.enclosed import EnclosedPressure
+
+    enclosed = EnclosedPressure(fluid, layout.closing, CLOSED)
+    return TractionProbe(fluid, "body", layout.placement.centre, enclosed)
 
 
 def _domain_kept(checkpoint: Checkpoint | None, comm: MPI.Comm) -> Domain | None:

@@ -4,7 +4,7 @@ A curve runs from its start (s = 0) to its end (s = 1). Lengths are scene units 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -212,6 +212,16 @@ class Traced(Spline):
             return placement.to_scene(point), derivative @ placement.rotation.T
 
         return Traced(placement.to_scene(self.points), carried)
+
+
+def part(curve: Curve, first: float, last: float) -> Curve:
+    """The part of a curve between two parameters; of a spline one through as many points as the whole has."""
+    if isinstance(curve, Line | Arc):
+        start, end = (_point(row) for row in curve.point([first, last]))
+        return replace(curve, start=start, end=end)
+    if isinstance(curve, Spline):
+        return Spline(curve.point(np.linspace(first, last, len(curve.points))))
+    raise TypeError(f"a curve of kind {type(curve).__name__} cannot be cut")
 
 
 def _column(s: ArrayLike) -> Floats:
