@@ -164,7 +164,10 @@ def _numbers(run: Run) -> list[Group]:
     for name, value in (
         *((f"{key.capitalize()} coefficient", run.value("coefficients", key)) for key in _COEFFICIENTS),
         ("Reynolds number", run.setting("fluid", "reynolds")),
-        ("Closed where narrower than" if closed else "Gap that stands for contact", run.value("gap", "width")),
+        (
+            "Closed where narrower than" if closed else "Gap that stands for contact",
+            run.value("gap", "width"),
+        ),
         *(() if closed else (("Cells across the gap", run.value("gap", "cells")),)),
         ("First motion at time", run.value("verdict", "first_motion")),
     ):

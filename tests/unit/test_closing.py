@@ -39,7 +39,9 @@ def closed(grain, bed, x=0.6, angle=0.0, width=0.01):
 def test_the_lines_are_as_long_as_the_width_and_the_outline_goes_from_one_to_the_other(grain, bed, angle):
     found, _ = closed(GRAINS[grain], BEDS[bed], angle=angle)
     for line in (found.left, found.right):
-        assert line.length == pytest.approx(0.01, rel=0.03)  # where a crumb of a curve is left out it is longer
+        assert line.length == pytest.approx(
+            0.01, rel=0.03
+        )  # where a crumb of a curve is left out it is longer
         assert BEDS[bed].distance([line.start])[0] == pytest.approx(0.0, abs=1e-9)
     x = found.contacts[:, 0]
     assert found.left.start[0] <= x.min() and x.max() <= found.right.start[0]
@@ -66,11 +68,11 @@ def test_a_pressure_that_is_the_same_all_round_neither_pushes_nor_turns(grain):
 
 
 def test_the_load_of_a_pressure_below_a_disc_is_its_integral():
-    """On the lower right quarter of a unit circle about its centre's left: p (1, 1) up and left, and p times the arm."""
+    """On the lower right quarter of a unit circle it is p (-1, 1), through the circle's centre."""
     angles = np.linspace(-np.pi / 2, 0.0, 3)
     arms = np.column_stack([2.0 + np.cos(angles), np.sin(angles)])
     force, couple = load_of(arms, np.array([1.5, 1.5]))
-    # All pressure goes through the circle's centre, two to the right.
+    # The centre lies two to the right of where the couple is about.
     assert force == pytest.approx([-1.5, 1.5, 0.0])
     assert couple == pytest.approx([0.0, 0.0, 2.0 * 1.5])
 
