@@ -71,8 +71,8 @@ class Contact(Section):
     friction: NotNegative = Field(description="Coefficient of static friction [-]")
     gap: Positive = Field(
         _DEFAULT_GAP,
-        description="Gap that stands for contact while the flow is computed, 0.1 at most; in turbulent flow in the plane the "
-        "width up to which the space next to contacts is closed [grain sizes]",
+        description="Gap that stands for contact while the flow is computed, 0.1 at most; of a held grain in turbulent "
+        "flow in the plane the width up to which the space next to contacts is closed [grain sizes]",
     )
     tolerance: Positive = Field(
         _DEFAULT_TOLERANCE, description="Distance that counts as touching [grain sizes]"
