@@ -36,14 +36,14 @@ MEMORY_GROWTH = 194.0  # bytes per n log2 n of n unknowns; fitted, see docs/perf
 def lay_out(scene: Scene, plan: Plan, moved: Placement | None = None) -> Layout:
     """Place the grain, where the scene has it or where it has `moved`, and decide cell sizes. Not collective."""
     most = scene.numerics.max_cells
-    if scene.gdim == 3 and not plan.has(EffectName.TURBULENCE):
-        return lay_out_in_space(scene, plan, moved)
     if plan.has(EffectName.TURBULENCE):
         from . import turbulence
 
         if turbulence.is_plane(scene):
             channel = turbulence.grid(scene, plan.order, plan.mesh_size)
             return Layout(channel, Sizes(1.0), plan.geometry_order, max_cells=most)
+    if scene.gdim == 3:
+        return lay_out_in_space(scene, plan, moved)
     if is_grid(scene):
         return Layout(_grid(scene, plan), Sizes(1.0), plan.geometry_order, max_cells=most)
     if scene.closes_contacts and moved is None:

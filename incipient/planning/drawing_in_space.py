@@ -14,7 +14,7 @@ from ..installed import memory_of_libraries
 from ..meshes import Away, Near, PlacedSolid, Resolved, Sizes, SolidGrid, SolidRegion
 from ..scene import Scene
 from .cells import largest_cell_in_space, side_names
-from .clearance import surroundings
+from .clearance import ceiling, surroundings
 from .effects import moves
 from .layout import Layout, Place, halved, placed, point
 from .linear import LOWEST_ORDER
@@ -64,7 +64,7 @@ def _region(scene: Scene, placement: Placement | None, moving: bool) -> SolidReg
     return SolidRegion(
         x=(domain.left, domain.right),
         y=domain.across,
-        ceiling=domain.ceiling,
+        ceiling=ceiling(scene),
         bed=scene.bed_shape or Plane(origin_z=domain.bottom),
         holes=holes,
         sides=(left, right, "right", "left", top, bottom),
@@ -111,6 +111,10 @@ def _near(
         if placement is not None:
             away = Away(point(placement.centre), BED_GROWTH, largest)
         near.append(Near(size, GROWTH, boundary="bed", away=away, most=largest))
+    if scene.is_turbulent:
+        from .turbulence import cells
+
+        near.extend(cells(scene, plan.order))
     return near
 
 

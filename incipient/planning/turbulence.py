@@ -162,7 +162,7 @@ def walls_of(scene: Scene) -> Walls:
     """
     asked, number = section(scene), 1 if scene.flow.kind == "open-channel" else 2
     plane, bed, top = is_plane(scene), scene.bed_shape, scene.domain.ceiling
-    ground = scene.domain.bottom if bed is None else float(bed.height([scene.domain.left])[0])
+    ground = scene.domain.bottom if bed is None else height_at_inflow(scene)
     law, depth, viscosity = WallLaw(asked.roughness), (top - ground) / number, scene.viscosity
     shear_velocity = scene.reference_velocity / 20.0
     for _ in range(50):
@@ -171,6 +171,20 @@ def walls_of(scene: Scene) -> Walls:
     distance = asked.wall_distance or AIMED_AT * viscosity / shear_velocity
     floor = ground if plane else ground - distance
     return Walls(law, depth, distance, shear_velocity, number, floor, top, number - (not plane))
+
+
+def height_at_inflow(scene: Scene) -> float:
+    """Height of the bed where the stream enters; in space the mean, or that of the level ground. Not collective."""
+    bed, domain = scene.bed_shape, scene.domain
+    if scene.gdim == 2:
+        return float(bed.height([domain.left])[0])
+    from .drawing_in_space import resolved_bed
+
+    resolved = resolved_bed(scene, scene.placement)
+    if resolved is not None and resolved.level is not None:
+        return resolved.level
+    y = np.linspace(*domain.across, SAMPLES)
+    return float(np.mean(bed.height(np.column_stack([np.full_like(y, domain.left), y]))))
 
 
 def too_near(scene: Scene) -> str:
@@ -262,7 +276,7 @@ def cells(scene: Scene, order: int, placement: Placement | None = None) -> tuple
         Near(size, WALL_GROWTH, boundary=name, away=None if name == "body" else away)
         for name in wall_names(scene)
     ]
-    if scene.bed_shape is not None:
+    if scene.bed_shape is not None and scene.gdim == 2:
         bed = scene.bed_shape.curves(scene.domain.left, scene.domain.right)
         if separating := tuple(_separating(bed)):
             points = tuple(corner for corner, _ in separating)

@@ -7,7 +7,7 @@ from typing import Any
 
 from ..planning.turbulence import AIMED_AT, HIGHEST, LOWEST
 
-MOST_OUTSIDE = 0.1  # of the walls' length where some are no planes
+MOST_OUTSIDE = 0.1  # of the walls' length, in space of their area, where some are no planes
 
 
 @dataclass(frozen=True)
@@ -18,9 +18,9 @@ class WallReport:
     least, largest: of y+, that distance in nu/u*, along the walls
     shear_velocity: u*, its mean along the walls; at_outflow: that at the downstream end
     friction:       C_f = 2 (u*/V)^2 at the downstream end, V being the mean velocity
-    outside:        share of the walls' length along which y+ is not between 30 and 300
+    outside:        share of the walls' length, in space of their area, along which y+ is not between 30 and 300
     plane:          whether all walls are planes; else the flow may separate, where y+ may be small
-    backward:       from where to where along the bed the flow runs upstream next to it
+    backward:       in the plane from where to where along the bed the flow runs upstream next to it
     along:          of scenes in the plane, by the names of walls: x, y_plus, and friction 2 tau/V^2, below zero where
                     the flow runs upstream, at nodes of ascending x
     """

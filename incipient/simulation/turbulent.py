@@ -147,25 +147,26 @@ class TurbulentFlow:
         """u* and y+ along the walls, and what they say of the law."""
         scene, walls, names = self._scene, self._walls, planned.wall_names(self._scene)
         along = {name: along_wall(fluid, name, self.fields.shear_velocity()) for name in names}
-        governing, found, lengths, x = (
+        governing, found, shares, x = (
             np.concatenate(parts)
             for parts in zip(*(self._shear_velocities(one) for one in along.values()), strict=True)
         )
         y_plus = governing * walls.distance / scene.viscosity
-        last = found[np.isclose(x, x.max())].mean()
+        at_end = np.isclose(x, x.max())
+        last = np.average(found[at_end], weights=shares[at_end])
         outside = (y_plus < LOWEST) | (y_plus > HIGHEST)
         return WallReport(
             distance=walls.distance,
             least=float(y_plus.min()),
             largest=float(y_plus.max()),
-            shear_velocity=float(found @ lengths / lengths.sum()),
+            shear_velocity=float(found @ shares / shares.sum()),
             at_outflow=float(last),
             friction=float(2.0 * (last / scene.reference_velocity) ** 2),
             viscosity=scene.viscosity,
             c_mu=planned.section(scene).c_mu,
-            outside=float(lengths[outside].sum() / lengths.sum()),
+            outside=float(shares[outside].sum() / shares.sum()),
             plane=planned.is_plane(scene),
-            backward=along[names[0]].backward(),
+            backward=along[names[0]].backward() if scene.gdim == 2 else (),
             along={name: self._told(one) for name, one in along.items()} if scene.gdim == 2 else {},
         )
 
@@ -178,7 +179,7 @@ class TurbulentFlow:
         return {name: [float(f"{one:.6g}") for one in values] for name, values in columns.items()}
 
     def _shear_velocities(self, along: AlongWall) -> tuple[np.ndarray, ...]:
-        """At nodes (n,) of a wall: the governing u*, that of the wall's stress, lengths, and x."""
+        """At nodes (n,) of a wall: the governing u*, that of the wall's stress, lengths or areas, and x."""
         law, away = self._walls.law, (self._scene.viscosity, self._walls.distance)
         flow = np.maximum(along.speeds, 1e-300), along.shear_velocities
         stress = law.drag(*flow, *away) * along.speeds

@@ -62,7 +62,9 @@ def solve_steadily(
         with stage():
             size = turbulence.step((1 / step, -1 / step, 0.0), (past, past), STEP_TOLERANCE)
         change, past_flow = turbulence.largest(eddies - past), flow.copy()
-        if not np.isfinite(size) or not fluid.solve(SHARE_OF_FLOW * tolerance).converged:
+        # The flow is found no better than its eddies are known, and with factors of earlier rounds while they serve.
+        enough = SHARE_OF_FLOW * max(tolerance, moved if rounds else 0.0)
+        if not np.isfinite(size) or not fluid.solve(enough, keep_factors=fluid.solver.regular).converged:
             eddies[:], flow[:] = past, past_flow
             step *= CUT
             if step < SHORTEST * time:

@@ -23,8 +23,9 @@ from .linear import Incomplete
 
 Values = Callable[[np.ndarray], np.ndarray]
 MOST_CORRECTIONS = 20
-LINEAR = 1e-8  # residual of a linear system
+LINEAR = 1e-4  # residual of a linear system: corrections follow until they are small
 LARGEST_CORRECTION = 2.0  # of a logarithm by Newton's method at once
+HOPEFUL, TOO_LARGE = 10, 1.0  # corrections after which one so large says that the step is too long
 
 
 @dataclass(frozen=True)
@@ -131,10 +132,12 @@ class Turbulence:
             constant.value = value
         for function, values in zip((self._before, self._older), past, strict=False):
             function.x.array[:] = values
-        for _ in range(MOST_CORRECTIONS):
+        for number in range(1, MOST_CORRECTIONS + 1):
             size = self._correct()
             if not np.isfinite(size) or size <= tolerance:
                 return size
+            if number >= HOPEFUL and size > TOO_LARGE:
+                break
         return float("inf")
 
     def _correct(self) -> float:

@@ -60,10 +60,9 @@ def channel(**changes):
             'domain.sides: "wall" with turbulence is not simulated',
         ),
         (
-            {"body": Sphere(diameter=0.2, centre=(4, 0, 0.5))}
-            | {"domain": Domain(length=20, width=2, height=1, origin=(0, -1, 0))},
-            "a grain in turbulence in space is not simulated by this version; "
-            'use flow.kind = "log-law", the laminar flow with the mean profile of a turbulent stream',
+            {"body": Sphere(diameter=0.2, centre=(4, 0, 0.5), motion="free", density=2)}
+            | {"domain": Domain(length=20, width=2, height=1, origin=(0, -1, 0)), "time": Time(end=1, step=0.1)},
+            'a grain that moves in turbulence in space is not simulated by this version; use body.motion = "fixed"',
         ),
         (
             {"body": Disc(diameter=0.2, centre=(4, 0.5)), "numerics": Numerics(accuracy=0.05)},
