@@ -19,7 +19,7 @@ TURBULENT = 1300.0
 # (Schlichting & Gersten 2017, Boundary-Layer Theory, section 15.1: 3.5e5 to 1e6, by the disturbances in the stream).
 TURBULENT_LAYER = 5e5
 REMEDY = (
-    "in a channel without a grain, or with one of u* d/nu above 300 in the plane, set effects.turbulence = true, "
+    "in a channel without a grain, or with one of u* d/nu above 300, set effects.turbulence = true, "
     'else take a mean profile, flow.kind = "log-law"'
 )
 

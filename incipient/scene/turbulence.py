@@ -124,8 +124,6 @@ def _of_place(scene: Scene) -> Iterator[tuple[Key, str, str]]:
     if scene.gdim == 3 and scene.sides != "slip":
         why = f'"{scene.sides}" with turbulence {by_this}'
         yield ("domain", "sides"), why, 'use "slip", sides without friction'
-    if scene.gdim == 3 and scene.bed is not None and scene.bed.kind != "flat":
-        yield key, f"turbulence in space over a bed that is not flat {by_this}", LAMINAR
     if scene.body is not None and scene.body.moves and scene.gdim == 3:
         yield key, f"a grain that moves in turbulence in space {by_this}", 'use body.motion = "fixed"'
 
