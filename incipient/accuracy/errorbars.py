@@ -389,7 +389,7 @@ def on_more_bed(scene: Scene) -> Scene | None:
     """
     if scene.gdim != 3 or scene.time is not None or scene.numerics.accuracy is not None:
         return None
-    from ..planning.drawing_in_space import resolved_bed
+    from ..planning.meshed_bed import resolved_bed
 
     if resolved_bed(scene, scene.placement) is None:
         return None

@@ -11,13 +11,14 @@ from ..geometry.space.cylinder import Cylinder
 from ..geometry.space.polyhedra import Box
 from ..geometry.space.terrain import Plane, Terrain
 from ..installed import memory_of_libraries
-from ..meshes import Away, Near, PlacedSolid, Resolved, Sizes, SolidGrid, SolidRegion
+from ..meshes import Away, Near, PlacedSolid, Sizes, SolidGrid, SolidRegion
 from ..scene import Scene
 from .cells import largest_cell_in_space, side_names
 from .clearance import ceiling, surroundings
 from .effects import moves
 from .layout import Layout, Place, halved, placed, point
 from .linear import LOWEST_ORDER
+from .meshed_bed import resolved_bed
 from .plan import Estimate, Plan
 
 # Cell sizes for mesh_size = 1 by order of the velocity (docs/space.md).
@@ -28,11 +29,6 @@ EDGE_CELL = 0.5  # of the grain's cells, at sharp edges
 GROWTH, GAP_GROWTH = 0.3, 0.22  # of cell sizes with distance
 BED_GROWTH = 0.15  # along a bed away from the grain, see `drawing`
 BED_LARGEST = 0.6  # of the bed's smallest feature, whatever mesh_size: larger cells do not follow its surface
-# Where a bed is meshed as it is: within so many grain sizes of the grain, then over so many features to its level.
-MESHED_BED, PASSAGE = 3.0, 2.0
-# A grain on much smaller forms sees many of them alike: from so many features on fewer grain sizes do; never fewer
-# features than the forms next to the grain.
-MANY_FEATURES, FEWEST_SIZES, FEWEST_FEATURES = 30.0, 1.5, 3.0
 # Bytes per n^(4/3) of n unknowns of sparse factors; per unknown of the solver by blocks, of a higher order that is
 # corrected by two levels without a matrix, and, of order two, of a flow on the mesh moved; fitted (docs/space.md).
 OF_FACTORS, OF_BLOCKS, OF_CORRECTIONS, OF_MOVED = 450.0, 3000.0, 900.0, 1600.0
@@ -72,25 +68,6 @@ def _region(scene: Scene, placement: Placement | None, moving: bool) -> SolidReg
         # The bed stays as it is when a grain goes on: wherever that may come to it is meshed.
         resolved=None if moving else resolved_bed(scene, placement),
     )
-
-
-def resolved_bed(scene: Scene, placement: Placement | None) -> Resolved | None:
-    """Where a bed with forms is meshed as it is: about the grain. Beyond it is level, as high as the flow's datum."""
-    bed, grain = scene.bed_shape, scene.grain
-    if bed is None or grain is None or placement is None or not np.isfinite(bed.feature):
-        return None
-    radius = scene.numerics.meshed_bed * _meshed_radius(grain.size, bed.feature)
-    passage = PASSAGE * bed.feature
-    reach = radius + passage
-    x, y = placement.centre[:2]
-    sides = (x - scene.domain.left, scene.domain.right - x, *np.abs(np.subtract(scene.domain.across, y)))
-    return None if reach >= max(sides) else Resolved((x, y), radius, passage, scene.datum)
-
-
-def _meshed_radius(size: float, feature: float) -> float:
-    """How far from a grain of a size a bed whose smallest feature is given is meshed as it is."""
-    radius = np.clip(MANY_FEATURES * feature, FEWEST_SIZES * size, MESHED_BED * size)
-    return float(max(radius, FEWEST_FEATURES * feature))
 
 
 def _near(

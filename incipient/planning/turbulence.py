@@ -16,6 +16,7 @@ from ..meshes.solid_region import SYMMETRY
 from ..scene import Scene
 from ..scene.turbulence import LAMINAR, Turbulence
 from .cells import side_names
+from .meshed_bed import resolved_bed
 
 if TYPE_CHECKING:
     from ..geometry.placement import Placement
@@ -178,8 +179,6 @@ def height_at_inflow(scene: Scene) -> float:
     bed, domain = scene.bed_shape, scene.domain
     if scene.gdim == 2:
         return float(bed.height([domain.left])[0])
-    from .drawing_in_space import resolved_bed
-
     resolved = resolved_bed(scene, scene.placement)
     if resolved is not None and resolved.level is not None:
         return resolved.level

@@ -23,7 +23,7 @@ from incipient.accuracy.errorbars import (
     with_other_datum,
 )
 from incipient.errors import ConvergenceError
-from incipient.planning.drawing_in_space import resolved_bed
+from incipient.planning.meshed_bed import resolved_bed
 from incipient.results.errorbars import Loads, Term
 from incipient.scene import Scene, Time, loads
 from incipient.scene.datum import effective_height

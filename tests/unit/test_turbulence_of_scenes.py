@@ -61,7 +61,10 @@ def channel(**changes):
         ),
         (
             {"body": Sphere(diameter=0.2, centre=(4, 0, 0.5), motion="free", density=2)}
-            | {"domain": Domain(length=20, width=2, height=1, origin=(0, -1, 0)), "time": Time(end=1, step=0.1)},
+            | {
+                "domain": Domain(length=20, width=2, height=1, origin=(0, -1, 0)),
+                "time": Time(end=1, step=0.1),
+            },
             'a grain that moves in turbulence in space is not simulated by this version; use body.motion = "fixed"',
         ),
         (

@@ -1,0 +1,34 @@
+"""Where a bed in space is meshed as it is, and where level ground takes its place."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..geometry.placement import Placement
+from ..meshes import Resolved
+from ..scene import Scene
+
+# Where a bed is meshed as it is: within so many grain sizes of the grain, then over so many features to its level.
+MESHED_BED, PASSAGE = 3.0, 2.0
+# A grain on much smaller forms sees many of them alike: from so many features on fewer grain sizes do; never fewer
+# features than the forms next to the grain.
+MANY_FEATURES, FEWEST_SIZES, FEWEST_FEATURES = 30.0, 1.5, 3.0
+
+
+def resolved_bed(scene: Scene, placement: Placement | None) -> Resolved | None:
+    """Where a bed with forms is meshed as it is: about the grain. Beyond it is level, as high as the flow's datum."""
+    bed, grain = scene.bed_shape, scene.grain
+    if bed is None or grain is None or placement is None or not np.isfinite(bed.feature):
+        return None
+    radius = scene.numerics.meshed_bed * _meshed_radius(grain.size, bed.feature)
+    passage = PASSAGE * bed.feature
+    reach = radius + passage
+    x, y = placement.centre[:2]
+    sides = (x - scene.domain.left, scene.domain.right - x, *np.abs(np.subtract(scene.domain.across, y)))
+    return None if reach >= max(sides) else Resolved((x, y), radius, passage, scene.datum)
+
+
+def _meshed_radius(size: float, feature: float) -> float:
+    """How far from a grain of a size a bed whose smallest feature is given is meshed as it is."""
+    radius = np.clip(MANY_FEATURES * feature, FEWEST_SIZES * size, MESHED_BED * size)
+    return float(max(radius, FEWEST_FEATURES * feature))
