@@ -145,8 +145,9 @@ def _of_flow(scene: Scene) -> Iterator[tuple[Key, str, str]]:
 def _of_time(scene: Scene) -> Iterator[tuple[Key, str, str]]:
     if scene.time is None:
         return
-    if scene.time.start != "rest":
-        yield ("time", "start"), "with turbulence the fluid starts from rest", 'use "rest"'
+    if scene.time.start == "stokes":
+        why = '"stokes" leaves out inertia, without which there is no turbulence'
+        yield ("time", "start"), why, 'use "steady" or "rest"'
     if scene.effects.unsteadiness is False:
         yield ("effects", "unsteadiness"), "is false but turbulence in time is unsteady", "leave [time] out"
     if scene.numerics.convection == "extrapolated":

@@ -86,8 +86,13 @@ class TimeLoop:
         run = self._run
         model = flow_model(run.scene, run.plan, unsteady=False, inertia=inertia)
         held = conditions(run.scene, held=True, lid=True)
+        eddies = None if run.turbulence is None else run.turbulence.on(run.domain)
+        model = model if eddies is None else eddies.within(model)
         with Fluid(run.domain, model, held, run.plan.reynolds) as initial:
-            solve_steadily(run, initial)
+            if eddies is None:
+                solve_steadily(run, initial)
+            else:
+                eddies.begin(run, initial)
             run.fluid.state.x.array[:] = initial.state.x.array
 
     def _march(self) -> None:

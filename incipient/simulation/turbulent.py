@@ -19,6 +19,7 @@ from ..mesh.transfer import Transfer
 from ..planning import turbulence as planned
 from ..planning import turbulent_conditions
 from ..planning.cells import side_names
+from ..planning.effects import moves
 from ..planning.turbulence import HIGHEST, LOWEST
 from ..results.turbulence import WallReport
 from ..scene import Scene
@@ -63,15 +64,16 @@ class TurbulentFlow:
         carrier = fluid.carrier(velocity) if fluid.model.moving_mesh else None
         self.fields.carried_by(velocity, self._viscosity, carrier=carrier)
 
-    def solve(self, run: Run, factor: float = 1.0, onwards: bool = False) -> None:
+    def solve(self, run: Run, factor: float = 1.0, onwards: bool = False, fluid: Fluid | None = None) -> None:
         """Find the steady flow with its turbulence, from that of the inflow everywhere, or `onwards` from that at hand.
 
-        The flow may be faster than the scene's by a factor, at the same viscosity; it is in units of itself.
+        The flow may be faster than the scene's by a factor, at the same viscosity; it is in units of itself. Without a
+        fluid given it is the run's.
 
         Raises:
             ConvergenceError: there is none that could be found.
         """
-        fluid = run.fluid
+        fluid = fluid or run.fluid
         self._take(fluid, factor)
         walls, scene = self._walls, self._scene
         if not onwards:
@@ -107,6 +109,21 @@ class TurbulentFlow:
     def on(self, domain: Domain) -> TurbulentFlow:
         """The turbulence of the same scene on another mesh, as it is at the inflow; `carry_over` brings its state."""
         return TurbulentFlow(self._of_run, domain)
+
+    def begin(self, run: Run, fluid: Fluid) -> None:
+        """Find the steady flow of a fluid with this turbulence, and give its k and epsilon to the run's.
+
+        A grain that moves later has the velocity at its surface that it has at first.
+        """
+        self.joined(fluid)
+        if moves(self._scene):
+            from ..planning.body import initial_state
+
+            state = initial_state(self._scene)
+            fluid.walls.carry("body", state.velocity, state.spin, state.place)
+        self.solve(run, fluid=fluid)
+        assert run.turbulence is not None
+        run.turbulence.fields.state.x.array[:] = self.fields.state.x.array
 
     def carry_over(self, old: InTime, new: InTime) -> None:
         """Carry ln k and ln epsilon over from those of another mesh, now and before; both meshes are where they are.

@@ -117,8 +117,10 @@ def test_a_channel_between_walls_is_two_open_ones():
 
 
 def test_a_channel_in_time_becomes_the_steady_one(tmp_path):
-    """From rest; the history has u* and y+, fields and result are written."""
+    """From rest; the history has u* and y+, fields and result are written. Begun with the steady one it stays."""
     steady = incipient.run(channel(11000.0, 3.0))
+    begun = incipient.run(channel(11000.0, 3.0, time=Time(end=2.0, step=1.0, start="steady")))
+    assert begun.turbulence.at_outflow == pytest.approx(steady.turbulence.at_outflow, rel=1e-4)
     in_time = channel(11000.0, 3.0, time=Time(end=15.0, step=1.0), output=Output(fields=True))
     found = incipient.run(in_time, tmp_path)
     assert found.turbulence.at_outflow == pytest.approx(steady.turbulence.at_outflow, rel=5e-4)

@@ -84,8 +84,8 @@ def channel(**changes):
             "fluid.inertia: is false, but without inertia",
         ),
         (
-            {"time": Time(end=1, step=0.1, start="steady")},
-            "time.start: with turbulence the fluid starts from rest",
+            {"time": Time(end=1, step=0.1, start="stokes")},
+            'time.start: "stokes" leaves out inertia, without which there is no turbulence; use "steady" or "rest"',
         ),
         (
             {"time": Time(end=1, step=0.1), "numerics": Numerics(convection="extrapolated")},
