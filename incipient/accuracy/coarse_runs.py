@@ -35,8 +35,9 @@ def on_coarser_mesh(scene: Scene) -> Scene:
 def comparisons(scene: Scene) -> tuple[Scene, Scene]:
     """The scene in time with longer steps, and with these in elements of one order more, on a mesh of their own.
 
-    Elements of the highest order are compared with such on a coarser mesh, or where there is no grain, and the mesh may
-    be as coarse as it gets, with those of one order less. Adaptive steps err more each.
+    With turbulence, whose k and epsilon keep their order, and for elements of the highest order these are compared with
+    such on a coarser mesh, or where there is neither grain nor turbulence, and the mesh may be as coarse as it gets,
+    with those of one order less. Adaptive steps err more each.
     """
     assert scene.time is not None
     ratio = ratio_of_steps(scene)
@@ -44,12 +45,15 @@ def comparisons(scene: Scene) -> tuple[Scene, Scene]:
     if scene.time.tolerance is not None:
         time["tolerance"] = ratio ** (order_in_time(scene) + 1) * scene.time.tolerance
     longer = changed(scene, numerics={"error_bars": False}, time=time)
-    if scene.order < HIGHEST_ORDER or scene.body is None:
-        other = scene.order + (1 if scene.order < HIGHEST_ORDER else -1)
-        return longer, changed(longer, numerics={"order": other})
-    return longer, changed(
-        longer, numerics={"mesh_size": min(COARSER_MESH * scene.numerics.mesh_size, 100.0)}
-    )
+    if on_another_mesh(scene):
+        return longer, on_coarser_mesh(longer)
+    other = scene.order + (1 if scene.order < HIGHEST_ORDER else -1)
+    return longer, changed(longer, numerics={"order": other})
+
+
+def on_another_mesh(scene: Scene) -> bool:
+    """Whether a flow in time is compared with one on a coarser mesh, not with one of another order. Not collective."""
+    return scene.is_turbulent or (scene.order == HIGHEST_ORDER and scene.body is not None)
 
 
 def ratio_of_steps(scene: Scene) -> float:

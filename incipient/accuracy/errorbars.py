@@ -1,10 +1,11 @@
-"""Error bars on force, couple, safety factor and verdict, and on elevations, estimated by the run itself.
+"""Error bars on force, couple, safety factor and verdict, elevations, and u* at walls, estimated by the run itself.
 
 Each source of error is a term of its own:
 
 - discretisation: steady flow by the dual-weighted residual (`dual`), or from two orders where both are at hand, with
-  turbulence by the same run on a coarser mesh; flow in time, or a moving grain, by the same run in longer steps, and by
-  one in elements of one order more as well: what is the step's, and the mesh's;
+  turbulence by the same run on two coarser meshes; flow in time, or a moving grain, by the same run in longer steps,
+  and by one in elements of one order more, with turbulence on a coarser mesh, as well: what is the step's, and the
+  mesh's;
 - gap: a grain at rest on a bed is computed with a gap. Coarse runs with one, two and four times the gap show
   how force and couple go with it, and what closing it would change. Where the space next to contacts is closed, a
   coarse run in which it is closed four times as widely shows what that changes;
@@ -37,11 +38,11 @@ from ..scene.model import WIDEST_GAP
 from .coarse_runs import (
     COARSER_MESH,
     FARTHER,
-    HIGHEST_ORDER,
     changed,
     coarse,
     comparisons,
     farther,
+    on_another_mesh,
     on_coarser_mesh,
     order_in_time,
     ratio_of_steps,
@@ -62,6 +63,8 @@ WIDER, DECAY_OF_GROUND = 1.5, 1.0
 LARGER, SMALLER = (1.0, 2.0, 4.0), (0.25, 0.5, 1.0)  # gaps of three runs, relative to the scene's
 CLOSED_WIDER = 4.0  # how much wider the space next to contacts is that is closed in a coarse run
 ORDERS = (0.3, 2.0)  # between which the order in the gap is believed
+# Of runs with turbulence on coarser meshes: the order at which their errors are taken to fall at least, and at most.
+SLOWEST, FASTEST = 1.0, 2.0
 TOO_LITTLE = 1e-6  # of the largest of three loads: changes that tell no order
 SAME_DATUM = 1e-6  # of the height of the forms
 GROUND, MODEL, POCKET = "level ground", "turbulence model", "pocket"
@@ -119,12 +122,13 @@ def with_safety(bars: ErrorBars, run: Run, force: Forces | None, couple: Couples
 
 
 def _computed(run: Run, force: Forces | None, couple: Couples | None) -> Loads:
-    """What a run in time has come to."""
+    """What a run has come to."""
     place = None
     if run.trajectory is not None:
         state = run.trajectory.state
         place = np.concatenate([state.place, state.orientation])
-    return Loads.at_the_end(force, couple, place, run.elevations)
+    walls = None if run.turbulence is None or force is not None else run.turbulence.report(run.fluid)
+    return Loads.at_the_end(force, couple, place, run.elevations, walls)
 
 
 def _dual(run: Run, speed: float) -> Term:
@@ -205,7 +209,7 @@ def coarse_scenes(scene: Scene) -> list[Scene]:
     if scene.time is not None:
         by_coarser_runs(scene, Loads(np.zeros(3), np.zeros(3)), note)
     elif scene.is_turbulent:
-        note(on_coarser_mesh(scene))
+        by_coarser_mesh(scene, note(on_coarser_mesh(scene)), note)
     for estimate in of_the_model(scene).values():
         estimate(note)
     if (wider := on_more_bed(scene)) is not None:
@@ -222,14 +226,18 @@ def by_dual(force: Floats, couple: Floats) -> Term:
 
 
 def by_coarser_mesh(scene: Scene, computed: Loads, solve: Solve) -> Term:
-    """The term of a steady flow with turbulence: by a run on a coarser mesh.
+    """The term of a steady flow with turbulence: by runs on two coarser meshes.
 
     A dual solution would be needed of flow, k and epsilon together. No order is supposed above one: k and epsilon are
-    upwinded, and away from walls the cells are coarse for them.
+    upwinded, and away from walls the cells are coarse for them. Two meshes may agree by chance: what the coarser two
+    differ by is not believed to fall at an order above two.
     """
-    how = f"a run on a mesh x {COARSER_MESH:.3g}, extrapolated at order 1"
-    share = 1.0 / (COARSER_MESH - 1.0)
-    return Term.of_difference("discretisation", computed, solve(on_coarser_mesh(scene)), share, how)
+    how = f"runs on meshes x {COARSER_MESH:.3g} and {COARSER_MESH**2:.3g}, extrapolated at order 1"
+    share, coarser = 1.0 / (COARSER_MESH**SLOWEST - 1.0), on_coarser_mesh(scene)
+    in_coarser, in_coarsest = solve(coarser), solve(on_coarser_mesh(coarser))
+    near = Term.of_difference("discretisation", computed, in_coarser, share, how)
+    far = Term.of_difference("discretisation", in_coarser, in_coarsest, share / COARSER_MESH**FASTEST, how)
+    return near.at_least(far)
 
 
 def by_coarser_runs(scene: Scene, computed: Loads, solve: Solve, of_mesh: Term | None = None) -> Term:
@@ -245,9 +253,9 @@ def by_coarser_runs(scene: Scene, computed: Loads, solve: Solve, of_mesh: Term |
     of_step = Term.of_difference("time step", computed, in_longer, to_step, how)
     of_step = enlarged(of_step, OF_FEW_STEPS)
     if of_mesh is None:
-        order = beside.order
-        how = f"these on a mesh x {COARSER_MESH:.3g}, extrapolated at order {order_in_space(order)}"
-        how = how if order == scene.order else f"these on a mesh for elements of order {order}"
+        order = SLOWEST if scene.is_turbulent else order_in_space(scene.order)
+        how = f"these on a mesh x {COARSER_MESH:.3g}, extrapolated at order {order:g}"
+        how = how if on_another_mesh(scene) else f"these on a mesh for elements of order {beside.order}"
         found = Term.of_difference(OF_MESH, in_longer, solve(beside), to_mesh, how)
         of_mesh = enlarged(found, error_over_change(scene))
     return Term.of_parts("discretisation", (of_step, of_mesh), "time step and mesh together")
@@ -260,9 +268,8 @@ def shares(scene: Scene) -> tuple[float, float]:
     """
     ratio, order = ratio_of_steps(scene), scene.order
     in_time = (ratio if ratio > 1.0 else LONGER_STEP) ** order_in_time(scene)
-    highest = 1.0 / (COARSER_MESH ** order_in_space(order) - 1.0)
-    on_coarser = order == HIGHEST_ORDER and scene.body is not None
-    return 1.0 / (in_time - 1.0), highest if on_coarser else 1.0
+    in_space = SLOWEST if scene.is_turbulent else order_in_space(order)
+    return 1.0 / (in_time - 1.0), 1.0 / (COARSER_MESH**in_space - 1.0) if on_another_mesh(scene) else 1.0
 
 
 def order_in_space(velocity: int) -> int:

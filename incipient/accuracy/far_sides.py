@@ -12,6 +12,8 @@ from ..scene.expression import Expression
 
 def has_no_far_sides(scene: Scene) -> str:
     """Why there is no term of the domain, or nothing."""
+    if scene.is_turbulent and scene.body is None:
+        return "does not apply: how long the channel is, and what enters, belong to the scene"
     if scene.domain.kind == "box":
         return "does not apply: the domain is closed by walls"
     if scene.bed is not None and scene.bed.kind in ("polyline", "height-map", "mesh"):

@@ -1,6 +1,6 @@
 """The quantity whose accuracy is requested: its relative error and its sensitivities to force and couple.
 
-It is a load on a grain, or the elevation of a free surface.
+It is a load on a grain, the elevation of a free surface, or u* at the walls of a turbulent flow.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from ..arrays import Floats
 from ..contact.error_box import shifted
 from ..contact.exact import judged
 from ..results.verdict import find_contacts, load_of
-from ..scene.numerics import OF_SURFACE
+from ..scene.numerics import OF_SURFACE, OF_WALLS
 from .safetybar import bar_of_scene
 
 if TYPE_CHECKING:
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ..results.elevations import Elevations
     from ..results.errorbars import Term
     from ..results.loads import Couples, Forces
+    from ..results.turbulence import WallReport
     from ..scene import Scene
 
 
@@ -48,6 +49,11 @@ class Computed(Protocol):
         """The elevations of a free surface."""
         ...
 
+    @property
+    def turbulence(self) -> WallReport | None:
+        """The walls of a turbulent flow."""
+        ...
+
 
 class Quantity(Protocol):
     """What a mesh is refined for: its name, its relative error, and what it hangs on; see `Goal`."""
@@ -71,6 +77,11 @@ def relative(goal: Quantity, found: Computed, term: Term) -> float | None:
 
     Of elevations it is the largest error within the run, or at the end, over the largest elevation of the run.
     """
+    if goal.name == OF_WALLS:
+        if term.shear is None or found.turbulence is None:
+            return None
+        which = found.turbulence.leading
+        return _ratio(float(term.shear[which]), float(found.turbulence.shear_velocities[which]))
     if goal.name in OF_SURFACE:
         error = term.elevation if goal.name == "elevation" else term.level
         if error is None or found.elevations is None:
@@ -83,7 +94,7 @@ def relative(goal: Quantity, found: Computed, term: Term) -> float | None:
 
 @dataclass(frozen=True)
 class Goal:
-    """The force, the couple or the safety factor of a scene with a grain, or the elevation of one with a surface."""
+    """The load or the safety factor of a grain; without one the elevation of a free surface, or u* of its walls."""
 
     name: str
     scene: Scene

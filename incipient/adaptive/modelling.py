@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from ..accuracy.kept_runs import Solve
     from ..results.elevations import Elevations
     from ..results.errorbars import ErrorBars, Term
+    from ..results.turbulence import WallReport
 
 Measure = Callable[["Term"], float]
 
@@ -240,6 +241,7 @@ class _Coarse:
     force: Forces | None
     couple: Couples | None
     elevations: Elevations | None
+    turbulence: WallReport | None = None
 
 
 def _words(scene: Scene) -> str:

@@ -82,7 +82,7 @@ def next_order(order: int, excess: float, gdim: int = 2) -> tuple[int, float]:
 
 
 @dataclass(frozen=True)
-class _Attempt:
+class Attempt:
     """A mesh to be tried: the scene with order and tolerance, and what becomes of the cell sizes laid out."""
 
     scene: Scene
@@ -116,13 +116,13 @@ class Refinement(Search):
                     raise
                 attempt = self._first(COARSEST * 0.5**failures)
                 continue
-            if not isinstance(outcome, _Attempt):
+            if not isinstance(outcome, Attempt):
                 return outcome
             best, attempt = attempt, outcome
 
-    def _first(self, factor: float) -> _Attempt:
+    def _first(self, factor: float) -> Attempt:
         sizing = partial(coarse_sizes, factor, None)
-        return _Attempt(self._set_up(self.scene, self.scene.order), sizing)
+        return Attempt(self._set_up(self.scene, self.scene.order), sizing)
 
     def _set_up(self, scene: Scene, order: int) -> Scene:
         asked = self.numerics.accuracy
@@ -130,32 +130,25 @@ class Refinement(Search):
         tolerance = float(np.clip(wanted, *TOLERANCES))
         return changed(scene, numerics={"order": order, "tolerance": tolerance})
 
-    def _prepared(self, attempt: _Attempt) -> AbstractContextManager[Run]:
+    def _prepared(self, attempt: Attempt) -> AbstractContextManager[Run]:
         """The run of an attempt, whose costs and estimates are those of the search. Collective."""
         accounts = Accounts(self.ledger, self.iterations, self.known, self.spent)
         return prepared(attempt.scene, self.comm, accounts, voice=self.voice, sizing=attempt.sizing)
 
-    def _tried(self, attempt: _Attempt) -> Result | _Attempt:
+    def _tried(self, attempt: Attempt) -> Result | Attempt:
         """Solve, estimate, and either conclude or say what to try next. Collective."""
         began = self.elapsed()
         with self._prepared(attempt) as run:
             force, couple = self._solved(run)
-            assert run.layout.placement is not None
-            with (
-                self.ledger.stage("error bars"),
-                GoalErrors(run.fluid, "body", run.layout.placement.centre) as goals,
-            ):
-                # Loads over those of the fluid, which has a speed of its own; both are near, or it is Stokes flow.
-                unit = goals.allowance * self.speed * run.fluid.reynolds / run.plan.reynolds
-                of_force, of_couple = unit * goals.force, unit * goals.couple
-                self.known["discretisation"] = by_dual(of_force, of_couple)
-                error = self.goal.error(force, couple, of_force, of_couple)
-                parts = [goals.shares(unit * goal) for goal in self.goal.goals(force, couple)]
-                shares = gathered(run.domain.mesh, parts)
-            cells = int(self.comm.bcast(len(shares.cells), root=0))
-            seconds = self.elapsed() - began
+            with self.ledger.stage("error bars"):
+                error, shares = self._estimated(run, force, couple)
+            seconds, mesh = self.elapsed() - began, run.domain.mesh
+            cells = int(mesh.topology.index_map(mesh.topology.dim).size_global)
             order, unknowns = attempt.scene.order, run.fluid.space.unknowns
             self.tell(Trial(order, cells, unknowns, error, seconds, note=attempt.note))
+            if error is None:
+                following = self._within_budget(self._finer(attempt, order, 1.0, shares, np.inf))
+                return following or self._concluded(run, self._handed_over(run))
             if self.numerics.accuracy != "verdict":
                 following = self._to_refine(attempt, error / self.asked, shares, error)
                 return following or self._concluded(run, self._handed_over(run))
@@ -165,15 +158,28 @@ class Refinement(Search):
                 bars = error_bars(run, force, couple, lambda scene: loads_of(scene, self.comm, self.speed))
             return self._to_decide(attempt, bars, shares) or self._concluded(run, told)
 
-    def _solved(self, run: Run) -> tuple[Forces, Couples]:
+    def _estimated(
+        self, run: Run, force: Forces | None, couple: Couples | None
+    ) -> tuple[float | None, Shares]:
+        """The error of the quantity, None where this mesh does not tell it, and the vertices' shares. Collective."""
+        assert run.layout.placement is not None and force is not None and couple is not None
+        with GoalErrors(run.fluid, "body", run.layout.placement.centre) as goals:
+            # Loads over those of the fluid, which has a speed of its own; both are near, or it is Stokes flow.
+            unit = goals.allowance * self.speed * run.fluid.reynolds / run.plan.reynolds
+            of_force, of_couple = unit * goals.force, unit * goals.couple
+            self.known["discretisation"] = by_dual(of_force, of_couple)
+            parts = [goals.shares(unit * goal) for goal in self.goal.goals(force, couple)]
+            error = self.goal.error(force, couple, of_force, of_couple)
+            return error, gathered(run.domain.mesh, parts)
+
+    def _solved(self, run: Run) -> tuple[Forces | None, Couples | None]:
         """Solve for the load whose errors are looked at, with the flow `speed` times that of the scene. Collective."""
         return loads_at(run, self.speed)
 
     def _handed_over(self, run: Run) -> Told:
         """The recorder that has got the solution at hand, but for its error bars. Collective."""
-        asked = changed(
-            run.scene, numerics={"order": self.numerics.order, "tolerance": self.numerics.tolerance}
-        )
+        chosen = ("order", "tolerance", "mesh_size")
+        asked = changed(run.scene, numerics={name: getattr(self.numerics, name) for name in chosen})
         told = Told(self.recorder, asked, self.adaptation_beside)
         hand_over(run, cast(Recorder, told))
         return told
@@ -183,7 +189,7 @@ class Refinement(Search):
         finished(run, cast(Recorder, told))
         return told.result
 
-    def _repeated(self, attempt: _Attempt) -> Result:
+    def _repeated(self, attempt: Attempt) -> Result:
         """Solve once more on a mesh that was solved on before. Collective."""
         self.known.pop("discretisation", None)
         with self._prepared(attempt) as run:
@@ -192,7 +198,7 @@ class Refinement(Search):
 
     # -- what next ------------------------------------------------------------------------------
 
-    def _to_refine(self, attempt: _Attempt, excess: float, shares: Shares, error: float) -> _Attempt | None:
+    def _to_refine(self, attempt: Attempt, excess: float, shares: Shares, error: float) -> Attempt | None:
         """The next mesh, or nothing once the accuracy is reached or cannot be."""
         if excess <= 1.0:
             self.conclude(error)
@@ -205,15 +211,15 @@ class Refinement(Search):
         return self._within_budget(self._finer(attempt, higher, 1.0 / left, shares, error))
 
     def _finer(
-        self, attempt: _Attempt, order: int, relative: float, shares: Shares, error: float, note: str = ""
-    ) -> _Attempt:
+        self, attempt: Attempt, order: int, relative: float, shares: Shares, error: float, note: str = ""
+    ) -> Attempt:
         """A mesh on which the error is expected to be `relative` times that in elements of an order on this one."""
         together = self.comm.bcast(float(np.sum(shares.errors)), root=0)
         # As far as contributions cancel, their sum may be larger than the error.
         cancelling = float(np.clip(error / max(together, 1e-300) * CANCELLING, None, 1.0))
         wanted = resized(shares, order, relative * cancelling, self.comm)
         per_vertex = UNKNOWNS[self.scene.gdim]
-        return _Attempt(
+        return Attempt(
             self._set_up(attempt.scene, order),
             partial(coarse_sizes, COARSEST, wanted.field),
             self.trials[-1].unknowns
@@ -223,7 +229,7 @@ class Refinement(Search):
             note,
         )
 
-    def _within_budget(self, attempt: _Attempt) -> _Attempt | None:
+    def _within_budget(self, attempt: Attempt) -> Attempt | None:
         """The attempt if it is affordable, else nothing, and why."""
         last = self.trials[-1]
         seconds = last.seconds * max(1.0, attempt.expected / last.unknowns) ** TIME_GROWTH
@@ -232,7 +238,7 @@ class Refinement(Search):
             self.reason = f"not reached with {MOST_MESHES} meshes"
         return None if self.reason else attempt
 
-    def _to_decide(self, attempt: _Attempt, bars: ErrorBars, shares: Shares) -> _Attempt | None:
+    def _to_decide(self, attempt: Attempt, bars: ErrorBars, shares: Shares) -> Attempt | None:
         """The next mesh, gap or domain, or nothing once the verdict is decided or cannot be."""
         bar, error = bars.safety, self.trials[-1].estimate
         assert bar is not None and error is not None

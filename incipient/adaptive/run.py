@@ -28,8 +28,9 @@ def run_to_accuracy(
     """
     from .balancing import Balancing
     from .refinement import Refinement
+    from .uniform import Uniform
 
-    search = Balancing if scene.time is not None else Refinement
+    search = Balancing if scene.time is not None else Uniform if scene.is_turbulent else Refinement
     recorder = recorder or Unrecorded()
     with Interruption(comm) if recorder.keeps else nullcontext():
         seeking = search(scene, comm, recorder, voice or Silent())

@@ -26,7 +26,7 @@ SCHEMA_VERSION = 2
 NAME, SHIPPED = "calibration.json", Path(__file__).with_name("shipped.json")
 STUDY = "cost.json"
 STEADY, UNSTEADY, MOVING = "steady", "unsteady", "moving"
-IN_SPACE = " in space"
+IN_SPACE, WITH_TURBULENCE = " in space", " with turbulence"
 
 
 @dataclass(frozen=True)
@@ -154,12 +154,12 @@ def digest(scene: Scene) -> str:
 
 
 def kind(scene: Scene) -> str:
-    """Steady, unsteady, or with a mesh that follows a grain or a free surface; in the plane or in space."""
-    space = "" if scene.gdim == 2 else IN_SPACE
+    """Steady, unsteady, or with a mesh that follows a grain or a free surface; where, and whether with turbulence."""
+    more = ("" if scene.gdim == 2 else IN_SPACE) + (WITH_TURBULENCE if scene.is_turbulent else "")
     if scene.time is None:
-        return STEADY + space
+        return STEADY + more
     moving = scene.has_surface or (scene.body is not None and scene.body.moves)
-    return (MOVING if moving else UNSTEADY) + space
+    return (MOVING if moving else UNSTEADY) + more
 
 
 def step_of_flow(scene: Scene, step: float | None) -> float:

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
 Say = Callable[[str], None]
 UNKNOWN = "  time and errors are not known of scenes of this kind; they are after `incipient cost SCENE`"
-UNKNOWN_OF_TURBULENCE = "  time and memory of the run: not known with turbulence"
 
 
 def study(scene: Scene, directory: Path, wanted: Spread, say: Say) -> Study:
@@ -49,10 +48,6 @@ def chosen(scene: Scene, quick: bool, **lists: Sequence[Any] | None) -> Spread:
     Raises:
         SceneError: a list is of no use.
     """
-    if scene.is_turbulent:
-        raise SceneError(
-            "cost: is not studied with turbulence by this version; compare two runs of other numerics.mesh_size"
-        )
     usual = spread(scene, quick)
     if lists.get("steps") and scene.time is None:
         raise SceneError("--steps: the scene is steady; leave it out")
@@ -115,13 +110,12 @@ def predicted_plan(scene: Scene, directory: Path | None = None) -> PredictedPlan
     from .prediction import first_mesh, known_laws, predict
 
     plan = make_plan(scene)
-    known = None if scene.is_turbulent else known_laws(scene, directory)
-    unknown = UNKNOWN_OF_TURBULENCE if scene.is_turbulent else UNKNOWN
+    known = known_laws(scene, directory)
     cheaper = () if known is None else tuple(known.cheaper())
     try:
         estimated = estimate(scene).estimate if scene.numerics.accuracy is None else first_mesh(scene)
         assert estimated is not None
-        told = unknown if known is None else predict(known, estimated)
+        told = UNKNOWN if known is None else predict(known, estimated)
         return PredictedPlan(plan.with_estimate(estimated), told, cheaper)
     except MissingError as error:
         unknown = f"  cells, unknowns, memory and time are not known: {error}"

@@ -79,10 +79,15 @@ QUICK = Spread((2, 3), (2.0, RATIO), (4.0, 2.0), solvers=())
 # In space higher orders and finer cells soon have too many unknowns, and few ways to solve have a meaning.
 IN_SPACE = Spread((2,), (2.0, RATIO, 1.0), (4.0, 2.0, 1.0), solvers=())
 QUICK_IN_SPACE = replace(IN_SPACE, sizes=(2.0, RATIO), steps=(4.0, 2.0))
+# With turbulence k and epsilon have one order, and no other way to solve is known to matter.
+TURBULENT = Spread((2, 3), (2.0, RATIO, 1.0, 1.0 / RATIO), (4.0, 2.0, 1.0), solvers=())
+QUICK_TURBULENT = replace(TURBULENT, sizes=(2.0, RATIO, 1.0), steps=(4.0, 2.0))
 
 
 def spread(scene: Scene, quick: bool) -> Spread:
     """The usual ladder of a scene."""
+    if scene.is_turbulent and scene.gdim == 2:
+        return replace(QUICK_TURBULENT, orders=(scene.order,)) if quick else TURBULENT
     if scene.gdim == 3:
         return replace(QUICK_IN_SPACE if quick else IN_SPACE, orders=(scene.order,))
     if quick:
@@ -118,8 +123,9 @@ def _solved_as_is(scene: Scene, spread: Spread) -> Ladder:
     unique = tuple(sorted(set(spread.orders)))
     sizes = _descending(scene.numerics.mesh_size * size for size in spread.sizes)
     sizes = tuple(size for size in sizes if SMALLEST <= size <= LARGEST) or (scene.numerics.mesh_size,)
+    finer = 2.0 if scene.gdim == 2 else RATIO
     if scene.time is None:
-        return _steady(unique, sizes, 2.0 if scene.gdim == 2 else RATIO)
+        return _all_finer(unique, sizes, finer) if scene.is_turbulent else _steady(unique, sizes, finer)
     steps = _descending(min(scene.time.step * step, scene.time.end / 2.0) for step in spread.steps)
     return _unsteady(unique, sizes, steps)
 
@@ -134,6 +140,14 @@ def _steady(orders: Sequence[int], sizes: Sequence[float], finer: float) -> Ladd
         return Ladder(variants, reference, (reference,), cheap)
     reference = Variant(4, max(sizes[-1] / RATIO, SMALLEST))
     return Ladder(variants, reference, (*(Variant(4, size) for size in sizes), reference), cheap)
+
+
+def _all_finer(orders: Sequence[int], sizes: Sequence[float], finer: float) -> Ladder:
+    """All orders on all cells; the reference is of the highest of these, with cells `finer` times as small."""
+    variants = tuple(Variant(order, size) for order in orders for size in sizes)
+    line = tuple(variant for variant in variants if variant.order == orders[-1])
+    reference = Variant(orders[-1], max(sizes[-1] / finer, SMALLEST))
+    return Ladder(variants, reference, (*line, reference), _cheap(variants, orders))
 
 
 def _unsteady(orders: Sequence[int], sizes: Sequence[float], steps: Sequence[float]) -> Ladder:

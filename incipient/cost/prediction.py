@@ -15,7 +15,7 @@ import numpy as np
 
 from ..planning import drawing
 from ..results.adaptation import Trial
-from ..scene.numerics import OF_SURFACE
+from ..scene.numerics import OF_SURFACE, OF_WALLS
 from . import calibration, solvers
 from .calibration import Findings
 from .frontier import percent, seconds
@@ -32,6 +32,7 @@ OWN_ERROR, FOREIGN_ERROR = 2.0, 5.0
 COARSE = (
     2.5  # error on the first mesh of steady flow over that of laws, which are found on finer cells: measured
 )
+ESTIMATED = 3.0  # error by two coarser meshes over the error, with turbulence: measured (docs/turbulence.md)
 OTHER_ORDER = 1.2  # unknowns with elements of one order more, on cells of the same `mesh_size`: measured
 LIMIT = "numerics.budget_seconds limits the time"
 
@@ -122,7 +123,7 @@ def known_laws(scene: Scene, study: Path | None = None) -> KnownLaws | None:
 def _goals(scene: Scene) -> tuple[str, ...]:
     """Which errors a scene may have in common with others."""
     if scene.body is None:
-        return ("minimum of v1", "maximum of v2", "minimum of v2", "kinetic energy")
+        return ("minimum of v1", "maximum of v2", "minimum of v2", "kinetic energy", OF_WALLS)
     return ("place", "angle") if scene.body.moves else ("force", "couple", "safety factor")
 
 
@@ -211,7 +212,7 @@ def predict(known: KnownLaws, estimate: Estimate) -> Prediction | str:
     Raises:
         MeshError: a mesh cannot be made.
     """
-    from ..accuracy.coarse_runs import comparisons
+    from ..accuracy.coarse_runs import comparisons, on_coarser_mesh
     from ..accuracy.errorbars import coarse_scenes
     from ..simulation.assemble import has_error_bars
 
@@ -227,8 +228,12 @@ def predict(known: KnownLaws, estimate: Estimate) -> Prediction | str:
     if last and scene.time is not None:
         beside = [one for run in path for one in _compared_with(run)]
         wanted = [one for one in wanted if one not in comparisons(end.scene)]
+    elif last and scene.is_turbulent:  # the meshes before the last are those it is compared with
+        coarser = on_coarser_mesh(end.scene)
+        wanted = [one for one in wanted if one not in (coarser, on_coarser_mesh(coarser))]
     runs = [run.size for run in (*path, *beside, *map(_counted, wanted))]
-    duals = [run.of_dual for run in path] if scene.time is None and (bars or last) else []
+    has_duals = scene.time is None and not scene.is_turbulent and (bars or last is not None)
+    duals = [run.of_dual for run in path] if has_duals else []
     cpu = known.mean(lambda one: one.time.seconds(runs, duals))
     memory = known.mean(lambda one: one.memory) * drawing.memory(end.unknowns, *duals[-1:])
     errors = {} if last else known.errors(scene)
@@ -237,11 +242,15 @@ def predict(known: KnownLaws, estimate: Estimate) -> Prediction | str:
 
 def _counted(scene: Scene) -> _Run:
     """A scene with its unknowns, by making its mesh."""
+    return _Run(scene, _estimate(scene).unknowns)
+
+
+def _estimate(scene: Scene) -> Estimate:
     from ..simulation.build import estimate
 
     made = estimate(scene).estimate
     assert made is not None
-    return _Run(scene, made.unknowns)
+    return made
 
 
 # -- to an accuracy -----------------------------------------------------------------------------------------
@@ -259,6 +268,8 @@ def first_mesh(scene: Scene) -> Estimate:
 
     steady = scene.time is None
     first = scene if steady else balancing.first(scene)
+    if scene.is_turbulent:
+        return _estimate(_sized(scene, COARSEST))
     plan = make_plan(first)
     layout = drawing.lay_out(first, plan)
     return drawing.count(
@@ -268,7 +279,6 @@ def first_mesh(scene: Scene) -> Estimate:
 
 def _search(known: KnownLaws, unknowns: int) -> tuple[list[_Run], LastMesh] | str:
     """The meshes of a run to an accuracy that starts from so many unknowns, or why they are not known."""
-    from ..accuracy.coarse_runs import changed
     from ..adaptive import balancing
     from ..adaptive.refinement import COARSEST
 
@@ -284,13 +294,14 @@ def _search(known: KnownLaws, unknowns: int) -> tuple[list[_Run], LastMesh] | st
         return f"there is no law of errors for the load on a grain that moves; {LIMIT}"
     if time is not None and time.tolerance is not None:
         return f"there is no law of errors for steps that adapt; {LIMIT}"
-    largest = min(COARSEST * numerics.mesh_size, LARGEST)
-    first = balancing.first(scene) if time else changed(scene, numerics={"mesh_size": largest})
+    first = balancing.first(scene) if time else _sized(scene, COARSEST)
     error = known.errors(first).get(scene.accuracy_of)
     if error is None:
         return f"no error of the {scene.accuracy_of} is known for scenes of this kind; run `incipient cost SCENE`"
     asked, reaches = numerics.accuracy, True
-    if time is None:
+    if scene.is_turbulent:
+        path, reaches = _alike(_Run(first, unknowns), known, asked)
+    elif time is None:
         error = replace(error, value=COARSE * error.value)
         path = _refined(_Run(scene, unknowns), error.value / asked)
     else:
@@ -298,6 +309,29 @@ def _search(known: KnownLaws, unknowns: int) -> tuple[list[_Run], LastMesh] | st
     end, time = path[-1], path[-1].scene.time
     step = time.step if time else None
     return path, LastMesh(error, len(path), end.scene.order, end.unknowns, step, reaches)
+
+
+def _sized(scene: Scene, factor: float) -> Scene:
+    """The scene with its cells larger by a factor, as far as they may be. Not collective."""
+    from ..accuracy.coarse_runs import changed
+
+    return changed(scene, numerics={"mesh_size": min(factor * scene.numerics.mesh_size, LARGEST)})
+
+
+def _alike(first: _Run, known: KnownLaws, asked: float) -> tuple[list[_Run], bool]:
+    """Meshes of turbulent flow, all cells smaller alike, until the estimate is small enough; whether it is."""
+    from ..accuracy.coarse_runs import COARSER_MESH
+    from ..adaptive.refinement import MOST_MESHES
+
+    path = [first]
+    while len(path) < MOST_MESHES:
+        scene = _sized(path[-1].scene, 1.0 / COARSER_MESH)
+        grows = path[-1].unknowns / path[-2].unknowns if len(path) > 2 else 0.0
+        path.append(_Run(scene, round(grows * path[-1].unknowns)) if grows else _counted(scene))
+        error = known.errors(path[-1].scene)[first.scene.accuracy_of].value
+        if len(path) > 2 and ESTIMATED * error <= asked:
+            return path, True
+    return path, False
 
 
 def _refined(first: _Run, excess: float) -> list[_Run]:

@@ -2,7 +2,7 @@
 
 A held grain: force, couple and safety factor, in time the largest and least of force and couple. A moving one:
 where it is at the end. Without a grain: the elevations of a free surface at its stations in time, the extreme
-velocities on a box's centrelines, else the kinetic energy.
+velocities on a box's centrelines, u* at the walls of a turbulent flow, else the kinetic energy.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..scene import Surface
+from ..scene.numerics import OF_WALLS
 from ..scene.surface import stations_of
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ SMALLEST_TURN = 0.1  # the same for a turn, of the path in units of the grain's 
 SMALLEST_PART = 1e-3  # of the force: below it a component has no error of its own
 SETTLED = 0.75  # of the time after which flow from a steady inflow is taken to be what it tends to
 TIMES = 16  # in the time of a run, at which elevations are compared
+WALLS = {"outflow_shear_velocity": "u* at the outflow", "mean_shear_velocity": "mean u*"}
 LINES = {"u_min": "minimum of v1", "v_max": "maximum of v2", "v_min": "minimum of v2"}
 
 
@@ -49,7 +51,9 @@ class Goal:
 def columns(scene: Scene) -> tuple[str, ...]:
     """Names of the numbers that a scene's runs are compared by."""
     if scene.body is None:
-        lines = (*LINES,) if _has_centrelines(scene) else ("kinetic_energy",)
+        lines = (
+            (*LINES,) if _has_centrelines(scene) else (*WALLS,) if scene.is_turbulent else ("kinetic_energy",)
+        )
         return _elevations(scene) or lines
     if scene.body.moves:
         return ("x", "y", "angle", "end_time", "path")
@@ -77,7 +81,7 @@ def goals(scene: Scene, reference: Mapping[str, float]) -> tuple[Goal, ...]:
         size = _norm(reference, names)
         if _elevations(scene):
             return (Goal("elevation", names, size),) if size else ()
-        return tuple(_single(name, reference) for name in names if reference[name])
+        return tuple(_single(name, reference, scene) for name in names if reference[name])
     if scene.body.moves:
         return _goals_of_path(scene, reference)
     return _goals_of_loads(scene, reference)
@@ -115,6 +119,8 @@ def _of_surface(scene: Scene, history: Sequence[Mapping[str, Any]]) -> dict[str,
 def _of_flow(scene: Scene, result: Result) -> dict[str, float]:
     if _has_centrelines(scene) and result.centrelines is not None:
         return {name: result.centrelines[key].value for name, key in LINES.items()}
+    if result.turbulence is not None:
+        return dict(zip(WALLS, result.turbulence.shear_velocities.tolist(), strict=True))
     return {"kinetic_energy": _kinetic_energy(result.velocity)}
 
 
@@ -180,8 +186,12 @@ def peak(times: np.ndarray, values: np.ndarray) -> float:
 # -- which errors matter ------------------------------------------------------------------------------------
 
 
-def _single(name: str, reference: Mapping[str, float]) -> Goal:
-    return Goal(LINES.get(name, name.replace("_", " ")), (name,), abs(reference[name]))
+def _single(name: str, reference: Mapping[str, float], scene: Scene) -> Goal:
+    from ..planning.turbulence import is_plane
+
+    of_walls = (*WALLS,)[0 if is_plane(scene) else 1]
+    said = OF_WALLS if name == of_walls else (LINES | WALLS).get(name, name.replace("_", " "))
+    return Goal(said, (name,), abs(reference[name]), name == of_walls or name not in WALLS)
 
 
 def _goals_of_path(scene: Scene, reference: Mapping[str, float]) -> tuple[Goal, ...]:

@@ -259,6 +259,10 @@ def _require(scene: Scene) -> None:
             scene.flow.kind != "log-law",
             "a profile that keeps its shape as the flow grows, unlike a log-law; sweep fluid.reynolds instead",
         ),
+        (
+            scene.numerics.accuracy is None or not scene.is_turbulent,
+            "numerics.accuracy left out with turbulence; its error bars tell how accurate it is",
+        ),
     )
     for met, need in needs:
         if not met:

@@ -109,7 +109,8 @@ def _near(
             near.append(Near(GAP_CELL[plan.order] * gap, GAP_GROWTH, points=points, needed=True))
     if bed is not None and np.isfinite(bed.feature):
         size, away = BED_CELL[plan.order] * bed.feature, None
-        if placement is not None:
+        # With turbulence the drag of the forms makes the stream, and they are meshed alike all along.
+        if placement is not None and not scene.is_turbulent:
             away = Away(point(placement.centre), BED_GROWTH, BED_LARGEST * bed.feature)
         near.append(Near(size, GROWTH, boundary="bed", away=away))
     if scene.flow.kind == "log-law":

@@ -159,6 +159,8 @@ def _sought(scene: Scene) -> str:
     chosen = ("gap, domain, " if everything else "") + (
         "mesh and order" if scene.time is None else "steps, mesh and order"
     )
+    if scene.is_turbulent:
+        chosen = chosen.removesuffix(" and order")
     of = "of discretisation, gap and domain" if everything else "of discretisation"
     aim = f"until the error of the {scene.accuracy_of} ({of}) is below {numerics.accuracy}"
     if numerics.accuracy == "verdict":

@@ -52,7 +52,7 @@ def bar(stored: dict[str, Any]) -> SafetyBar:
 
 
 def of_errors(stored: dict[str, Any] | None, planar: bool) -> tuple[Section, ...]:
-    """The terms of error bars on force and couple, or on elevations, with remedies."""
+    """The terms of error bars on force and couple, on elevations or on u*, with remedies."""
     if stored is None:
         return ()
     told = [column for column in _columns(planar) if stored.get(column.key) is not None]
@@ -93,6 +93,7 @@ def _columns(planar: bool) -> tuple[_Column, ...]:
         _Column("couple", "of the couple", partial(_vector, planar=planar, couple=True), _norm),
         _Column("elevation", "of elevations, at most", _largest, _largest),
         _Column("level", "of elevations at the end", _largest, _largest),
+        _Column("shear_velocity", "of u*, at most", _largest, _largest),
     )
 
 

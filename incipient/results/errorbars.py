@@ -1,8 +1,8 @@
-"""Error bars on force, couple, path and the elevations of a free surface: their terms, as data."""
+"""Error bars on force, couple, path, the elevations of a free surface and u* of turbulent walls: terms, as data."""
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from .safetybar import SafetyBar
 if TYPE_CHECKING:
     from .loads import Couples, Forces
     from .result import Result
+    from .turbulence import WallReport
 
 # Force and couple where there is no grain.
 NO_GRAIN: Floats = np.zeros(0)
@@ -28,12 +29,14 @@ class Loads:
     force, couple: (0,) without a grain
     place:         of a grain that moves, with its angle or quaternion: (3 or 7,)
     elevations:    of a free surface
+    shear:         (2,) u* at the outflow and its mean along the walls, of a turbulent flow without a grain
     """
 
     force: Floats
     couple: Floats
     place: Floats | None = None
     elevations: Elevations | None = None
+    shear: Floats | None = None
 
     @classmethod
     def at_the_end(
@@ -42,10 +45,12 @@ class Loads:
         couple: Couples | None,
         place: Floats | None,
         elevations: Elevations | None,
+        walls: WallReport | None = None,
     ) -> Loads:
-        """The loads of the flow, none without a grain, with what else there is."""
+        """The loads of the flow, with what else there is; without a grain none, but u* of turbulent walls."""
         of_force, of_couple = (NO_GRAIN if one is None else one.flow for one in (force, couple))
-        return cls(of_force, of_couple, place, elevations)
+        shear = None if walls is None or force is not None else walls.shear_velocities
+        return cls(of_force, of_couple, place, elevations, shear)
 
     @classmethod
     def of(cls, result: Result) -> Loads:
@@ -55,7 +60,7 @@ class Loads:
             path = result.trajectory
             turned = path["quaternion"] if "quaternion" in path else [path["angle"]]
             place = np.array([*path["place"], *turned])
-        return cls.at_the_end(result.force, result.couple, place, result.elevations)
+        return cls.at_the_end(result.force, result.couple, place, result.elevations, result.turbulence)
 
 
 @dataclass(frozen=True)
@@ -66,6 +71,7 @@ class Term:
     place:     of place and turn of a moving grain (3,), in space (6,), the turn in radians, in space about x, y and z
     elevation: (stations,) of a free surface, the largest ones within the run
     level:     (stations,) of these at the end
+    shear:     (2,) of u* at the outflow, and of its mean along the walls
     power:     exponent of the gap with which its error is expected to fall
     parts:     terms that this one is the sum of, if any
     """
@@ -79,29 +85,42 @@ class Term:
     parts: tuple[Term, ...] = ()
     elevation: Floats | None = None
     level: Floats | None = None
+    shear: Floats | None = None
 
     @classmethod
     def of_parts(cls, name: str, parts: tuple[Term, ...], how: str) -> Term:
         """The sum of terms."""
         force, couple = (np.sum([getattr(part, of) for part in parts], axis=0) for of in ("force", "couple"))
-        place, elevation, level = (_sum_of(parts, of) for of in ("place", "elevation", "level"))
-        return cls(name, force, couple, how, place, parts=parts, elevation=elevation, level=level)
+        place, elevation, level, shear = (
+            _sum_of(parts, of) for of in ("place", "elevation", "level", "shear")
+        )
+        return cls(name, force, couple, how, place, 1.0, parts, elevation, level, shear)
 
     @classmethod
     def of_difference(cls, name: str, one: Loads, other: Loads, share: float, how: str) -> Term:
         """The error that is a share of what two runs differ by."""
-        place = elevation = level = None
+        place = elevation = level = shear = None
         if one.place is not None and other.place is not None:
             place = share * np.abs(way(one.place, other.place))
         if one.elevations is not None and other.elevations is not None:
             elevation = share * one.elevations.apart(other.elevations)
             level = share * one.elevations.apart_at_the_end(other.elevations)
+        if one.shear is not None and other.shear is not None:
+            shear = share * np.abs(one.shear - other.shear)
         force, couple = np.abs(one.force - other.force), np.abs(one.couple - other.couple)
-        return cls(name, share * force, share * couple, how, place, elevation=elevation, level=level)
+        of_loads = share * force, share * couple
+        return cls(name, *of_loads, how, place, elevation=elevation, level=level, shear=shear)
+
+    def at_least(self, other: Term) -> Term:
+        """The term with errors that are nowhere below those of another one, of the same quantities."""
+        names = ("force", "couple", "place", "elevation", "level", "shear")
+        pairs = {name: (getattr(self, name), getattr(other, name)) for name in names}
+        return replace(self, **{n: np.maximum(a, b) for n, (a, b) in pairs.items() if a is not None})
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for result.json: null for what there is not."""
         found = {**asdict(self), "parts": [part.to_dict() for part in self.parts]}
+        found["shear_velocity"] = found.pop("shear")
         return found | {name: _if_any(found[name]) for name in ("force", "couple")}
 
 
@@ -143,6 +162,11 @@ class ErrorBars:
         """(stations,) absolute error of the elevations of a free surface at the end."""
         return _sum_of(self.terms, "level")
 
+    @property
+    def shear(self) -> Floats | None:
+        """(2,) absolute error of u* at the outflow, and of its mean along the walls."""
+        return _sum_of(self.terms, "shear")
+
     def to_dict(self) -> dict[str, Any]:
         """Plain data for result.json."""
         return {
@@ -151,6 +175,7 @@ class ErrorBars:
             "place": self.place,
             "elevation": self.elevation,
             "level": self.level,
+            "shear_velocity": self.shear,
             "terms": [term.to_dict() for term in self.terms],
             "left_out": self.left_out,
             "failed": self.failed,
@@ -184,6 +209,8 @@ def _errors(term: Term | ErrorBars, gdim: int) -> str:
     if term.elevation is not None and term.level is not None:
         most, at_end = (float(one.max(initial=0.0)) for one in (term.elevation, term.level))
         said.append(f"elevation {most:.1e}, at the end {at_end:.1e}")
+    if term.shear is not None:
+        said.append("u* {:.1e} at the outflow, {:.1e} in the mean".format(*term.shear))
     return "   ".join(said)
 
 

@@ -123,7 +123,7 @@ def _lines(result: Result) -> list[str]:
     if result.adaptation is not None:
         lines += result.adaptation.lines()
     if result.turbulence is not None:
-        lines += result.turbulence.lines()
+        lines += result.turbulence.lines(None if result.error_bars is None else result.error_bars.shear)
     if result.steady is not None:
         lines.append(result.steady.line())
     if result.coefficients is not None:

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from ..planning.turbulence import AIMED_AT, HIGHEST, LOWEST
+
+if TYPE_CHECKING:
+    from ..arrays import Floats
 
 MOST_OUTSIDE = 0.1  # of the walls' length, in space of their area, where some are no planes
 
@@ -46,6 +51,19 @@ class WallReport:
         return self.outside <= MOST_OUTSIDE
 
     @property
+    def shear_velocities(self) -> Floats:
+        """(2,) u* at the downstream end, and its mean along the walls."""
+        return np.array([self.at_outflow, self.shear_velocity])
+
+    @property
+    def leading(self) -> int:
+        """Which of `shear_velocities` stands for the flow: next to a bed that is not level that of one place does not.
+
+        Where the stream leaves over a slope the stress at the last node has no limit that meshes tend to.
+        """
+        return 0 if self.plane else 1
+
+    @property
     def suitable(self) -> float:
         """The distance that the mesh would have to stand off from the walls."""
         return AIMED_AT * self.viscosity / self.shear_velocity
@@ -58,12 +76,12 @@ class WallReport:
         """Plain data for result.json."""
         return asdict(self) | {"applicable": self.applicable, "suitable_distance": self.suitable}
 
-    def lines(self) -> list[str]:
-        """For a reader."""
+    def lines(self, errors: Floats | None = None) -> list[str]:
+        """For a reader, with errors (2,) of the shear velocities where they are known."""
         told = f"y+ of the walls {self.least:.3g} to {self.largest:.3g}"
         if not self.plane and self.outside:
             told += f", along {100 * self.outside:.2g}% of them not from {LOWEST:g} to {HIGHEST:g}"
-        friction = f"u* {self.at_outflow:.5g} and C_f {self.friction:.5g} at the outflow"
+        friction = self._friction(errors)
         if self.backward:
             spans = ", ".join(f"{start:.5g} to {end:.5g}" for start, end in self.backward)
             friction += f"; the flow next to the bed runs upstream from x = {spans}"
@@ -76,3 +94,14 @@ class WallReport:
         if not self.plane:
             bounds = f"at most {100 * MOST_OUTSIDE:g}% may be"
         return [f"turbulence          NOT APPLICABLE: {told}, {bounds}; {remedy}", f"{'':<20}{friction}"]
+
+    def _friction(self, errors: Floats | None) -> str:
+        """What the walls exert, in words: at the outflow, over a bed that is not level in the mean."""
+        within = ["", ""]
+        if errors is not None:
+            error = errors[0] / self.at_outflow
+            within = [f", within {errors[0]:.1e},", f", within {(2.0 + error) * error * self.friction:.1e},"]
+        told = f"u* {self.at_outflow:.5g}{within[0]} and C_f {self.friction:.5g}{within[1]} at the outflow"
+        if self.plane or errors is None:
+            return told
+        return f"{told}; u* {self.shear_velocity:.5g}, within {errors[1]:.1e}, in the mean along the walls"

@@ -11,7 +11,7 @@ from ..errors import SceneError
 from . import surface, turbulence
 from .effects import contradictory
 from .messages import Key, Problem, split
-from .numerics import OF_SURFACE
+from .numerics import OF_SURFACE, OF_WALLS
 
 if TYPE_CHECKING:
     import numpy as np
@@ -230,6 +230,12 @@ def _accuracy(scene: Scene) -> Iterator[Problem]:
             yield Problem(("numerics", "accuracy_includes"), why, "add numerics.accuracy or leave it out")
         return
     key, verdict = ("numerics", "accuracy"), numerics.accuracy == "verdict"
+    if numerics.accuracy_of == OF_WALLS and (body is not None or not scene.is_turbulent):
+        why = f'"{OF_WALLS}" is that of a turbulent channel without a grain'
+        yield Problem(("numerics", "accuracy_of"), why, 'use "auto"')
+        return
+    if body is None and scene.is_turbulent:  # see `turbulence`
+        return
     if body is None and not scene.has_surface:
         why = "is that of the load on a grain or of a free surface but there is neither"
         yield Problem(key, why, "add a section [body], or leave it out and choose numerics.mesh_size")

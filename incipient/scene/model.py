@@ -21,7 +21,7 @@ from .flows import Flow, LogLaw, Shear
 from .kinds import Bed, Body
 from .messages import refusal
 from .motion import mass, mean_density
-from .numerics import Numerics
+from .numerics import OF_WALLS, Numerics
 from .order import order_of
 from .section import NotNegative, Positive, Section, contradiction
 from .surface import Surface, has_surface
@@ -216,7 +216,9 @@ class Scene(Section):
     def accuracy_of(self) -> str:
         """The quantity whose accuracy `numerics.accuracy` is."""
         asked = self.numerics.accuracy_of
-        return asked if asked != "auto" else "elevation" if self.body is None else "force"
+        if asked != "auto" or self.body is not None:
+            return asked if asked != "auto" else "force"
+        return OF_WALLS if self.is_turbulent else "elevation"
 
     @property
     def is_turbulent(self) -> bool:

@@ -16,6 +16,8 @@ Order = Literal["auto", 2, 3, 4]
 
 # Quantities of a free surface: elevations in the course of the run, and at its end.
 OF_SURFACE = ("elevation", "level")
+# The quantity of the walls of a turbulent flow: u* at the outflow, or its mean where the bed is not level.
+OF_WALLS = "shear velocity"
 # Below this the curved cells' geometry errs as much, which no estimate sees (docs/accuracy.md).
 FINEST = 1e-5
 
@@ -56,16 +58,20 @@ class Numerics(Section):
     )
     error_bars: bool = Field(
         True,
-        description="Estimate errors of force, couple, safety factor and elevations; takes about as long as the run",
+        description="Estimate errors of force, couple, safety factor, elevations and, with turbulence, u*; takes about "
+        "as long as the run",
     )
     accuracy: Accuracy | None = Field(
         None,
         description='Relative error wanted, or "verdict": until that is decided; mesh and order are then chosen',
         examples=[0.01],
     )
-    accuracy_of: Literal["auto", "force", "couple", "safety factor", "elevation", "level"] = Field(
+    accuracy_of: Literal[
+        "auto", "force", "couple", "safety factor", "elevation", "level", "shear velocity"
+    ] = Field(
         "auto",
-        description="The quantity whose relative error `accuracy` limits; auto: force, without a grain elevation",
+        description="The quantity whose relative error `accuracy` limits; auto: force, without a grain elevation, "
+        "with turbulence shear velocity",
     )
     accuracy_includes: Literal["discretisation", "all"] = Field(
         "discretisation",

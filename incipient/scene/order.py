@@ -32,7 +32,7 @@ def order_of(scene: Scene) -> Order:
         )
     if scene.body is not None and scene.body.moves:
         return Order(2, "the grain moves, and the mesh with it")
-    if scene.numerics.accuracy is not None:
+    if scene.numerics.accuracy is not None and not scene.is_turbulent:
         return Order(2, "a higher one is taken where it is expected to need fewer unknowns")
     return Order(3, "in the plane, where nothing moves, it errs far less than order 2 for the same time")
 

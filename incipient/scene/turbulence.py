@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from pydantic import Field, model_validator
 
 from .messages import Key, Problem
+from .numerics import OF_WALLS
 from .section import NotNegative, Positive, Section
 
 if TYPE_CHECKING:
@@ -115,7 +116,7 @@ def contradictory(scene: Scene) -> Iterator[Problem]:
                 ("turbulence",), "describes turbulence, which effects.turbulence does not ask for", remedy
             )
         return
-    for key, why, remedy in (*_of_place(scene), *_of_flow(scene), *_of_time(scene)):
+    for key, why, remedy in (*_of_place(scene), *_of_flow(scene), *_of_time(scene), *_of_accuracy(scene)):
         yield Problem(key, why, remedy)
 
 
@@ -134,9 +135,6 @@ def _of_flow(scene: Scene) -> Iterator[tuple[Key, str, str]]:
         yield ("flow", "kind"), why, 'use "poiseuille" or "open-channel"'
     elif scene.domain.top == "stream":
         yield ("domain", "top"), '"stream" contradicts turbulence below it', 'use "auto"'
-    if scene.numerics.accuracy is not None:
-        why = "is not sought with turbulence by this version"
-        yield ("numerics", "accuracy"), why, "leave it out, and refine numerics.mesh_size"
     if not scene.fluid.inertia or scene.effects.inertia is False:
         key = ("fluid", "inertia") if not scene.fluid.inertia else ("effects", "inertia")
         yield key, "is false, but without inertia there is no turbulence", "leave it out"
@@ -155,3 +153,23 @@ def _of_time(scene: Scene) -> Iterator[tuple[Key, str, str]]:
         yield ("numerics", "convection"), why, 'use "implicit"'
     if scene.numerics.form == "energy-stable":
         yield ("numerics", "form"), "is not there with turbulence by this version", 'use "printed"'
+
+
+def _of_accuracy(scene: Scene) -> Iterator[tuple[Key, str, str]]:
+    """What an accuracy cannot be that of, or include, with turbulence."""
+    numerics = scene.numerics
+    if numerics.accuracy is None:
+        return
+    if scene.time is not None:
+        why = "is not sought of turbulence in time by this version"
+        yield ("numerics", "accuracy"), why, "leave it out, and see the error bars, or leave [time] out"
+    if scene.body is not None:
+        return
+    if numerics.accuracy == "verdict":
+        yield ("numerics", "accuracy"), '"verdict" is that of a grain but there is none', "give a number"
+    if numerics.accuracy_of not in ("auto", OF_WALLS):
+        why = f'"{numerics.accuracy_of}" is not there in a turbulent channel without a grain'
+        yield ("numerics", "accuracy_of"), why, f'use "{OF_WALLS}"'
+    if numerics.accuracy_includes == "all":
+        why = '"all" means gap and domain but without a grain both belong to the scene'
+        yield ("numerics", "accuracy_includes"), why, "leave it out"

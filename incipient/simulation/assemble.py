@@ -83,7 +83,8 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
 
 def has_error_bars(scene: Scene) -> bool:
     """Whether the result of a scene is to have error bars. Not collective."""
-    return scene.numerics.error_bars and (scene.body is not None or scene.has_surface)
+    of = scene.body is not None or scene.has_surface or scene.is_turbulent
+    return scene.numerics.error_bars and of
 
 
 def with_estimates(run: Run, result: Result, solve: Callable[[Scene], Loads]) -> Result:

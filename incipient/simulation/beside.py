@@ -65,7 +65,12 @@ class Beside:
     def _all_moved(self) -> dict[str, _Moved]:
         """The mesh in every scene of a coarse run, by the JSON of the scene; none if it does not serve for one."""
         run = self._run
-        if run.scene.gdim != 3 or run.scene.time is not None or run.layout.placement is None:
+        if (
+            run.turbulence is not None
+            or run.scene.gdim != 3
+            or run.scene.time is not None
+            or run.layout.placement is None
+        ):
             return {}
         from ..accuracy.errorbars import coarse_scenes
         from ..mesh.motion import MeshMotion

@@ -43,7 +43,7 @@ def channel(reynolds, length=60.0, mesh_size=2.0, **changes):
         "fluid": Fluid(reynolds=reynolds, scale="flow"),
         "flow": OpenChannel(),
         "effects": Effects(turbulence=True),
-        "numerics": Numerics(mesh_size=mesh_size, order=2),
+        "numerics": Numerics(mesh_size=mesh_size, order=2, error_bars=False),
         "output": Output(fields=False),
     }
     return Scene(**{**sections, **changes})

@@ -1,25 +1,36 @@
 """What a scene may say of turbulence, and what a plan makes of it: walls, mesh, what enters."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scenes import message
 
+import incipient
 from incipient import make_plan
-from incipient.accuracy.errorbars import coarse_scenes, of_the_model
+from incipient.accuracy.coarse_runs import comparisons
+from incipient.accuracy.errorbars import by_coarser_mesh, coarse_scenes, of_the_model, shares
+from incipient.cost import calibration
 from incipient.cost.command import chosen, predicted_plan
+from incipient.cost.ladder import ladder
+from incipient.cost.measurement import Variant
+from incipient.cost.quantities import columns, goals
 from incipient.errors import SceneError
 from incipient.fluid.conditions import Friction
 from incipient.planning.drawing import lay_out
 from incipient.planning.stream import bed_stress
 from incipient.planning.turbulence import WallLaw, faster, grain_number, slowest, walls_of
 from incipient.planning.turbulent_conditions import conditions, entering
+from incipient.results.errorbars import Loads
 from incipient.results.turbulence import WallReport
 from incipient.scene import (
+    Contact,
     Disc,
     Domain,
     Effects,
     Flat,
     Fluid,
+    Gravity,
     LogLaw,
     Numerics,
     OpenChannel,
@@ -68,8 +79,25 @@ def channel(**changes):
             'a grain that moves in turbulence in space is not simulated by this version; use body.motion = "fixed"',
         ),
         (
-            {"body": Disc(diameter=0.2, centre=(4, 0.5)), "numerics": Numerics(accuracy=0.05)},
-            "numerics.accuracy: is not sought with turbulence by this version; leave it out",
+            {"time": Time(end=1, step=0.1), "numerics": Numerics(accuracy=0.05)},
+            "numerics.accuracy: is not sought of turbulence in time by this version; leave it out",
+        ),
+        (
+            {"numerics": Numerics(accuracy="verdict")},
+            'numerics.accuracy: "verdict" is that of a grain but there is none; give a number',
+        ),
+        (
+            {"numerics": Numerics(accuracy=0.05, accuracy_of="force")},
+            'numerics.accuracy_of: "force" is not there in a turbulent channel without a grain',
+        ),
+        (
+            {"numerics": Numerics(accuracy=0.05, accuracy_includes="all")},
+            'numerics.accuracy_includes: "all" means gap and domain but without a grain both belong to the scene',
+        ),
+        (
+            {"body": Disc(diameter=0.2, centre=(4, 0.5))}
+            | {"numerics": Numerics(accuracy=0.05, accuracy_of="shear velocity")},
+            'numerics.accuracy_of: "shear velocity" is that of a turbulent channel without a grain; use "auto"',
         ),
         (
             {"flow": LogLaw()},
@@ -206,18 +234,97 @@ def test_a_share_of_walls_outside_of_the_law_is_told_where_there_is_one(outside,
     assert ("not from" in line) is told
 
 
-def test_cost_is_not_studied_with_turbulence():
-    assert "cost: is not studied with turbulence" in message(lambda: chosen(channel(), quick=True))
+def test_the_ladder_of_turbulence_has_finer_cells_at_its_end_and_no_higher_order():
+    """No other way to solve is tried; those that turbulence refuses are no choice either."""
+    scene = channel(numerics=Numerics(order=2))
+    runs = ladder(scene, chosen(scene, quick=False))
+    assert [(one.order, round(one.mesh_size, 3)) for one in runs.variants] == [
+        (order, size) for order in (2, 3) for size in (2.0, 1.414, 1.0, 0.707)
+    ]
+    assert runs.reference == Variant(3, pytest.approx(0.5**1.5)) and not runs.compared
+    assert np.isnan(runs.ratio)  # by which nothing is extrapolated
+    assert chosen(scene, quick=True).orders == (2,)
+    refused = message(lambda: chosen(scene, quick=True, solvers=["stabilised"]))
+    assert refused.endswith("give some of: own, chords, loose, umfpack, superlu")
+
+
+@pytest.mark.parametrize(
+    ("bed", "leading"), [(None, "outflow"), (Sinusoidal(amplitude=0.02, wavelength=1.0), "mean")]
+)
+def test_what_a_channel_is_compared_by(bed, leading):
+    """u* at the outflow, over a bed that is not level in the mean; the other one is told beside."""
+    scene = channel(bed=bed)
+    reference = {"outflow_shear_velocity": 0.05, "mean_shear_velocity": 0.04}
+    found = goals(scene, reference)
+    assert columns(scene) == tuple(reference)
+    (first,) = (goal for goal in found if goal.leading)
+    assert first.name == scene.accuracy_of == "shear velocity"
+    assert first.columns == (f"{leading}_shear_velocity",)
+    run = {"outflow_shear_velocity": 0.051, "mean_shear_velocity": 0.042}
+    assert first.error(run, reference) == pytest.approx(0.02 if bed is None else 0.05)
 
 
 @pytest.mark.parametrize("width", [None, 0.5])
-def test_the_plan_offers_no_study_of_costs_nor_ways_that_turbulence_refuses(width):
+def test_what_is_known_of_laminar_scenes_is_not_believed_with_turbulence(width):
     """In the plane and in space, whatever studies of other scenes this machine knows."""
-    planned = predicted_plan(
-        channel(domain=Domain(length=20, width=width, height=1), numerics=Numerics(mesh_size=4, order=2))
-    )
-    assert planned.prediction == "  time and memory of the run: not known with turbulence"
+    scene = channel(domain=Domain(length=20, width=width, height=1), numerics=Numerics(mesh_size=4, order=2))
+    assert calibration.kind(scene).endswith("with turbulence")
+    assert not any("turbulence" in one.kind for one in calibration.shipped().values())
+    planned = predicted_plan(scene)
     assert planned.cheaper == () and planned.plan.estimate.cells > 0
+
+
+def test_the_mesh_s_term_is_exact_at_order_one_and_not_deceived_by_chance():
+    """An error of 0.01 h is found as such; where two meshes agree, half of what the coarser two differ by stands."""
+
+    def at(mesh_size, by_chance):
+        error = 0.01 * (2**0.5 if by_chance and mesh_size < 2 else mesh_size)
+        return Loads(np.array([1.0 + error, 0.0, 0.0]), np.zeros(3), shear=np.array([0.05, 0.05 + error]))
+
+    def term(by_chance):
+        scene = channel()
+        return by_coarser_mesh(scene, at(1.0, by_chance), lambda one: at(one.numerics.mesh_size, by_chance))
+
+    assert term(False).force == pytest.approx([0.01, 0.0, 0.0])
+    assert term(False).shear == pytest.approx([0.0, 0.01])
+    assert term(True).shear == pytest.approx([0.0, 0.01 * 2**0.5 / 2])
+
+
+def test_the_mesh_s_term_in_time_is_found_on_coarser_cells():
+    """k and epsilon have one order: what elements of another one change says little of it."""
+    scene = channel(time=Time(end=1, step=0.1))
+    longer, beside = comparisons(scene)
+    assert beside.order == longer.order == scene.order
+    assert beside.numerics.mesh_size == pytest.approx(2**0.5) and longer.numerics.mesh_size == 1.0
+    assert shares(scene)[1] == pytest.approx(1 / (2**0.5 - 1))
+
+
+def test_errors_of_shear_velocities_are_told_with_that_of_c_f():
+    """C_f = 2 u*^2 errs by twice as much, relative; over a bed that is not level the mean is told, too."""
+    walls = WallReport(0.08, 41.0, 220.0, 0.04, 0.05, 0.005, 1 / 11000, 0.09)
+    (line,) = walls.lines(np.array([5e-4, 2e-4]))
+    assert "u* 0.05, within 5.0e-04, and C_f 0.005, within 1.0e-04, at the outflow" in line
+    assert walls.shear_velocities[walls.leading] == 0.05
+    wavy = replace(walls, plane=False)
+    assert wavy.lines(np.array([5e-4, 2e-4]))[0].endswith(
+        "u* 0.04, within 2.0e-04, in the mean along the walls"
+    )
+    assert wavy.shear_velocities[wavy.leading] == 0.04
+
+
+def test_a_threshold_with_turbulence_chooses_no_mesh():
+    stone = Disc(diameter=0.2, x=4.0625, density=2.65)
+    scene = channel(
+        body=stone,
+        bed=Sinusoidal(amplitude=0.02, wavelength=0.25),
+        fluid=Fluid(reynolds=2e5, scale="flow"),
+        gravity=Gravity(acceleration=10.0),
+        contact=Contact(friction=0.6),
+        numerics=Numerics(accuracy=0.05),
+    )
+    assert "a threshold needs numerics.accuracy left out with turbulence" in message(
+        lambda: incipient.threshold(scene)
+    )
 
 
 def test_the_plan_says_what_it_takes_the_walls_for():

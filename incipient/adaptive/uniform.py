@@ -1,0 +1,101 @@
+"""Steady turbulent flow to a given accuracy: all cells become smaller alike, until coarser meshes differ by little.
+
+No dual solution of flow, k and epsilon is there to say which cells an error comes from. Each mesh has cells smaller by
+the root of two than the one before, and is compared with the two before it (`errorbars.by_coarser_mesh`), so that no
+run is made for an estimate alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from ..accuracy.coarse_runs import COARSER_MESH, changed, on_coarser_mesh
+from ..accuracy.errorbars import by_coarser_mesh
+from ..accuracy.goal import relative
+from ..accuracy.kept_runs import KeptRuns
+from ..errors import MeshError
+from ..results.errorbars import Loads
+from ..simulation.loads import loads
+from ..simulation.simulate import loads_of
+from .refinement import Attempt, Refinement
+
+if TYPE_CHECKING:
+    from ..results.elevations import Elevations
+    from ..results.loads import Couples, Forces
+    from ..results.turbulence import WallReport
+    from ..scene import Scene
+    from ..simulation.state import Run
+
+SMALLEST, LARGEST = 0.01, 100.0  # of numerics.mesh_size
+# Meshes on which an error is no longer seen to fall, by so much at the least, before the search ends.
+LOOKED_AT, LEAST_FALL = 3, 0.8
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What a mesh has come to; see `goal.Computed`."""
+
+    force: Forces | None
+    couple: Couples | None
+    turbulence: WallReport | None
+    elevations: Elevations | None = None
+
+
+class Uniform(Refinement):
+    """Steady turbulent flow: all cells alike, from mesh to mesh."""
+
+    def __init__(self, *arguments: Any):
+        super().__init__(*arguments)
+        self._seen: list[tuple[Scene, Loads]] = []  # on meshes one after the other, the present one last
+
+    def _first(self, factor: float) -> Attempt:
+        self._seen = []
+        return self._on(self.scene, min(factor * self.numerics.mesh_size, LARGEST))
+
+    def _on(self, scene: Scene, mesh_size: float, expected: float = 0.0, note: str = "") -> Attempt:
+        """A mesh with cells of a size, whatever that of the scene is."""
+        told = ", ".join(one for one in (f"mesh_size {mesh_size:.3g}", note) if one)
+        sized = changed(self._set_up(scene, scene.order), numerics={"mesh_size": mesh_size})
+        return Attempt(sized, lambda layout: layout, expected, told)
+
+    def _solved(self, run: Run) -> tuple[Forces | None, Couples | None]:
+        assert run.turbulence is not None
+        run.turbulence.solve(run)
+        return (None, None) if run.probe is None else loads(run, surface=False)
+
+    def _estimated(self, run: Run, force: Forces | None, couple: Couples | None) -> tuple[float | None, Any]:
+        assert run.turbulence is not None
+        found = _Found(force, couple, run.turbulence.report(run.fluid))
+        computed = Loads.at_the_end(force, couple, None, None, found.turbulence)
+        self._seen.append((run.scene, computed))
+        if len(self._seen) < 3:
+            return None, None
+        coarser = run.scene
+        for scene, there in reversed(self._seen[-3:-1]):
+            coarser = on_coarser_mesh(coarser)
+            if (scene.contact, scene.domain) == (coarser.contact, coarser.domain):
+                self.known[coarser.model_dump_json()] = there
+        runs = KeptRuns(self.known, self.spent, lambda scene: loads_of(scene, self.comm))
+        term = self.known["discretisation"] = by_coarser_mesh(run.scene, computed, runs)
+        return relative(self.goal, found, term), None
+
+    def _to_refine(self, attempt: Attempt, excess: float, shares: Any, error: float) -> Attempt | None:
+        if excess <= 1.0:
+            self.conclude(error)
+            return None
+        known = [trial.estimate for trial in self.trials if trial.estimate is not None]
+        if len(known) > LOOKED_AT and min(known[-LOOKED_AT:]) > LEAST_FALL * known[-LOOKED_AT - 1]:
+            self.reason = f"not reached: on the last {LOOKED_AT} meshes the error has hardly fallen any more"
+            return None
+        return self._within_budget(self._finer(attempt, attempt.scene.order, 0.0, shares, error))
+
+    def _finer(
+        self, attempt: Attempt, order: int, relative: float, shares: Any, error: float, note: str = ""
+    ) -> Attempt:
+        """The mesh with cells smaller by the root of two, of which there are twice as many at the most."""
+        mesh_size = attempt.scene.numerics.mesh_size / COARSER_MESH
+        if mesh_size < SMALLEST:
+            raise MeshError(f"numerics.mesh_size would be below {SMALLEST:g}: enlarge numerics.accuracy")
+        more = COARSER_MESH**self.scene.gdim
+        return self._on(attempt.scene, mesh_size, more * self.trials[-1].unknowns, note)
