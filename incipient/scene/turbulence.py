@@ -121,12 +121,9 @@ def contradictory(scene: Scene) -> Iterator[Problem]:
 
 
 def _of_place(scene: Scene) -> Iterator[tuple[Key, str, str]]:
-    key, by_this = ("effects", "turbulence"), "is not simulated by this version"
     if scene.gdim == 3 and scene.sides != "slip":
-        why = f'"{scene.sides}" with turbulence {by_this}'
+        why = f'"{scene.sides}" with turbulence is not simulated by this version'
         yield ("domain", "sides"), why, 'use "slip", sides without friction'
-    if scene.body is not None and scene.body.moves and scene.gdim == 3:
-        yield key, f"a grain that moves in turbulence in space {by_this}", 'use body.motion = "fixed"'
 
 
 def _of_flow(scene: Scene) -> Iterator[tuple[Key, str, str]]:

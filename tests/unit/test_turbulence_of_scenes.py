@@ -38,7 +38,6 @@ from incipient.scene import (
     Polyline,
     Scene,
     Sinusoidal,
-    Sphere,
     Time,
     Turbulence,
 )
@@ -69,14 +68,6 @@ def channel(**changes):
         (
             {"domain": Domain(length=20, width=2, height=1, sides="wall")},
             'domain.sides: "wall" with turbulence is not simulated',
-        ),
-        (
-            {"body": Sphere(diameter=0.2, centre=(4, 0, 0.5), motion="free", density=2)}
-            | {
-                "domain": Domain(length=20, width=2, height=1, origin=(0, -1, 0)),
-                "time": Time(end=1, step=0.1),
-            },
-            'a grain that moves in turbulence in space is not simulated by this version; use body.motion = "fixed"',
         ),
         (
             {"time": Time(end=1, step=0.1), "numerics": Numerics(accuracy=0.05)},

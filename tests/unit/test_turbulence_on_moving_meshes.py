@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import ufl
-from domains import ring, unit_box
+from domains import ball_in_box, ring, unit_box
 from floating import Floating, box_around
 from moving import RandomMotion, Steps
 
@@ -27,6 +27,7 @@ STANDARD = (0.09, 1.44, 1.92, 1.0, 1.3)
 SIDES = ("left", "right", "bottom", "top")
 STREAM, SPEED, STEP = (0.6, -0.3), 2.0, 0.01
 SLOPE, LEVEL = 3.0, -4.0
+BALL = (0.6, 0.5, 0.5)
 
 
 def uniform(x, t=0.0):
@@ -105,58 +106,76 @@ def test_what_a_stream_carries_goes_with_it_and_not_with_the_mesh():
         assert fields.state.x.array.reshape(-1, 2) == pytest.approx(exact(fluid.time)(points.T).T, abs=1e-10)
 
 
-def stuck(x):
+def given(x):
     return np.log([0 * x[0] + 0.01, 0 * x[0] + 0.02])
 
 
-@contextmanager
-def disc_in_eddies(frame, mass=1.0, free=(False,) * 3, spin=0.0, around=0.0, entering=None, course=None):
-    """A disc and a fluid at rest in a turbulent stream set off at once, seen from a frame in which they move.
+def steady(velocity):
+    return lambda x, t: np.tile(np.array(velocity, dtype=float)[:, None], x.shape[1])
 
-    The mesh goes along as a whole, but not on a `course`. It is the unit square, or within a circle, where another
-    velocity may enter.
+
+@contextmanager
+def in_eddies(domain, body, state, entering, at_first, names=("body", *SIDES), along=True):
+    """A body along which the law of the wall holds, in a turbulent fluid that enters, or leaves, at other boundaries.
+
+    `along`: the mesh goes along with it as a whole. `at_first` (gdim,) is the fluid's velocity.
     """
-    disc, place = Disc(0.3), Placement((0.5, 0.5))
-    domain = ring(0.15, around, 24, 2) if around else box_around(disc, place, cell=0.08, far=0.2)
-    outer, inner = (("outer",), "inner") if around else (SIDES, "body")
-    if around:
-        domain.mesh.geometry.x[:, :2] += 0.5
-    law = WallLaw()
-    drag = partial(law.drag, functions=SimpleNamespace(log=ufl.ln, larger=ufl.max_value))
-    passing = np.array(STREAM) + frame
-    entering = entering or (lambda x, t: np.tile(passing[:, None], x.shape[1]))
-    sides = [Prescribed(name, entering) for name in outer]
-    with Turbulence(domain, Surroundings(outer, stuck, (inner,), 0.01), 2, STANDARD) as fields:
+    name, *outer = names
+    law = partial(WallLaw().drag, functions=SimpleNamespace(log=ufl.ln, larger=ufl.max_value))
+    with Turbulence(domain, Surroundings(tuple(outer), given, (name,), 0.01), 2, STANDARD) as fields:
         model = FlowModel(
             unsteady=True,
             moving_mesh=True,
             viscosity=fields.viscosity,
             shear_velocity=fields.shear_velocity(),
         )
-        wall = Friction(inner, 0.01, drag, moves=True)
-        with Fluid(domain, model, [wall, *sides], 1e5) as fluid:
+        conditions = [
+            Friction(name, 0.01, law, moves=True),
+            *(Prescribed(side, entering) for side in outer),
+        ]
+        with Fluid(domain, model, conditions, 1e5) as fluid:
             velocity, _ = ufl.split(fluid.state)
             fields.carried_by(velocity, 1e-5, carrier=fluid.carrier(velocity))
-            fluid.state.x.array[fluid.space.velocity_map] = np.tile(frame, len(fluid.constraints.points))
-            velocities = np.array([*frame, spin])
-            imposed = course or (lambda t: velocities)
-            body = RigidBody(Inertia(mass, np.array([mass * 0.3**2 / 8])), Freedom(free, imposed))
-            displacement = RigidDisplacement(domain, inner, place, turning=False)
-            if course is None:
+            fluid.state.x.array[fluid.space.velocity_map] = np.tile(at_first, len(fluid.constraints.points))
+            displacement = RigidDisplacement(domain, name, state.placement, turning=False)
+            if along:
                 displacement.weights[:] = 1.0
-            part = RigidPart(
-                fluid, body, BodyState.at(place, velocities), displacement, lambda state: np.zeros(3)
-            )
+            part = RigidPart(fluid, body, state, displacement, lambda state: np.zeros(body.size))
             coupling = Coupling(fluid, [part], MeshMotion(domain), tolerance=1e-9)
             interface = InTime(fluid, fields, moving=coupling)
             yield Floating(fluid, coupling, part, Transient(fluid, 2, 1e-9, interface=interface)), fields
 
 
-def test_a_disc_carried_along_bears_what_a_disc_at_rest_does():
+def in_box(course, along=True):
+    """A disc of 0.3 of a box on a course, in a fluid at rest as the disc is at first, which a stream enters at once."""
+    place = Placement((0.5, 0.5))
+    first = course(0.0)
+    body = RigidBody(Inertia(1.0, np.array([1.0])), Freedom((False,) * 3, course))
+    domain = box_around(Disc(0.3), place, cell=0.08, far=0.2)
+    entering = steady(STREAM + first[:2] * along)
+    return in_eddies(domain, body, BodyState.at(place, first), entering, first[:2] * along, along=along)
+
+
+def ball_in_stream(course):
+    """A ball on a course, the mesh along with it, in a fluid at rest as the ball is at first."""
+    first = course(0.0)
+    body = RigidBody(Inertia(1.0, np.ones(3)), Freedom((False,) * 6, course))
+    entering, state = steady(np.array([*STREAM, 0.2]) + first[:3]), BodyState.at(Placement(BALL), first)
+    return in_eddies(ball_in_box(0.35), body, state, entering, first[:3], ("body", "outer"))
+
+
+@pytest.mark.parametrize(
+    ("made", "frame", "spin"),
+    [
+        (in_box, [1.7, -0.4], [1.0]),
+        pytest.param(ball_in_stream, [1.7, -0.4, 0.3], [1.0, -2.0, 0.5], marks=pytest.mark.slow),
+    ],
+)
+def test_what_is_carried_along_bears_what_it_does_at_rest(made, frame, spin):
     """Galilean invariance: with mesh and stream carried along too, force, couple, k and epsilon are the same."""
     found = []
-    for frame in ([0.0, 0.0], [1.7, -0.4]):
-        with disc_in_eddies(np.array(frame), spin=1.0) as (floating, fields):
+    for velocity in (0.0 * np.array(frame), frame):
+        with made(lambda t, velocity=velocity: np.array([*velocity, *spin])) as (floating, fields):
             floating.march(3 * STEP, STEP)
             found.append((floating.part.end.flow_load, fields.state.x.array.copy()))
     (load, eddies), (moved, carried_along) = found
@@ -165,33 +184,73 @@ def test_a_disc_carried_along_bears_what_a_disc_at_rest_does():
     assert carried_along == pytest.approx(eddies, abs=1e-6)
 
 
+def free_disc(density):
+    """Between circles of radius a and b, of which the outer one is set off at V, and what it then does.
+
+    It gets U = (c + 1) V/(density + c), c = (b^2 + a^2)/(b^2 - a^2) being its added mass over that of the fluid it
+    displaces (Lamb 1932, article 69).
+    """
+    a, b, stream = 0.15, 0.5, np.array(STREAM)
+    c = (b**2 + a**2) / (b**2 - a**2)
+    expected = (c + 1) / (density + c) * stream
+    dipole = (expected - stream) / (1 / b**2 - 1 / a**2)
+
+    def entering(x, t):
+        """grad of A . x + B . x/r^2."""
+        square = (x[:2] ** 2).sum(axis=0)
+        whole = (stream + dipole / b**2)[:, None] + dipole[:, None] / square
+        return whole - 2 * (dipole @ x[:2]) / square**2 * x[:2]
+
+    mass = density * np.pi * a**2
+    body = RigidBody(Inertia(mass, np.array([mass * a**2 / 2])))
+    state = BodyState.at(Placement((0.0, 0.0)))
+    domain = ring(a, b, 24, 2)
+    return in_eddies(domain, body, state, entering, np.zeros(2), ("inner", "outer")), expected
+
+
+def free_ball(density, cell):
+    """In a box whose sides move as the endless fluid does around a ball that gets U = 1.5 V/(density + 0.5)."""
+    radius, stream = 0.25, np.array([*STREAM, 0.2])
+    expected = 1.5 / (density + 0.5) * stream
+    dipole = -0.5 * radius**3 * (expected - stream)
+
+    def entering(x, t):
+        """grad of V . x + B . x/r^3."""
+        away = x - np.array(BALL)[:, None]
+        r = np.linalg.norm(away, axis=0)
+        return stream[:, None] + dipole[:, None] / r**3 - 3 * (dipole @ away) / r**5 * away
+
+    mass = density * 4 / 3 * np.pi * radius**3
+    body = RigidBody(Inertia(mass, np.full(3, 0.4 * mass * radius**2)))
+    state = BodyState.at(Placement(BALL))
+    return in_eddies(ball_in_box(cell), body, state, entering, np.zeros(3), ("body", "outer")), expected
+
+
+def set_off(made):
+    """Velocities of what is free in a flow that is set off at once, and how often they were corrected."""
+    with made as (floating, _):
+        steps, _ = floating.march(1e-6, 1e-6)
+        return floating.part.state.velocities, steps[-1].report.corrected
+
+
 @pytest.mark.parametrize("density", [2.65, 1.0, 0.3, 0.0])
 def test_a_free_disc_set_off_at_once_takes_the_velocity_of_an_ideal_fluid(density):
-    """Whatever its density: an impulse makes a potential flow, exact between circles (Lamb 1932, article 69).
+    """Whatever its density: an impulse makes a potential flow. No couple comes of it."""
+    made, expected = free_disc(density)
+    velocities, corrected = set_off(made)
+    assert velocities[:2] == pytest.approx(expected, rel=5e-3)
+    assert abs(velocities[2]) < 1e-3
+    assert corrected <= 5
 
-    Where the outer circle of radius b is set off at V the disc of radius a gets U = (c + 1) V/(density + c), c = (b^2 +
-    a^2)/(b^2 - a^2) being its added mass over that of the fluid it displaces. No couple comes of it.
-    """
-    a, b = 0.15, 0.5
-    c = (b**2 + a**2) / (b**2 - a**2)
-    expected = (c + 1) / (density + c) * np.array(STREAM)
-    dipole = (expected - STREAM) / (1 / b**2 - 1 / a**2)
 
-    def potential(x, t):
-        """grad of A . x + B . x/r^2."""
-        away = x[:2] - 0.5
-        square = (away**2).sum(axis=0)
-        whole = (np.array(STREAM) + dipole / b**2)[:, None] + dipole[:, None] / square
-        return whole - 2 * (dipole @ away) / square**2 * away
-
-    with disc_in_eddies(np.zeros(2), density * np.pi * a**2, (True,) * 3, around=b, entering=potential) as (
-        floating,
-        _,
-    ):
-        steps, found = floating.march(1e-6, 1e-6)
-    assert found[-1][:2] == pytest.approx(expected, rel=5e-3)
-    assert abs(found[-1][2]) < 1e-3
-    assert steps[-1].report.corrected <= 5
+@pytest.mark.slow
+def test_a_free_ball_set_off_at_once_comes_nearer_to_the_velocity_of_an_ideal_fluid_on_finer_cells():
+    """On cells as large as its radius and more a ball without mass is too fast: by 19% and by 9.5%."""
+    errors = []
+    for cell in (0.35, 0.25):
+        made, expected = free_ball(0.0, cell)
+        errors.append(np.linalg.norm(set_off(made)[0][:3] / expected - 1.0) / np.sqrt(3.0))
+    assert errors[1] < 0.11 and errors[0] / errors[1] > 1.7
 
 
 @pytest.mark.slow
@@ -207,7 +266,7 @@ def test_a_thousand_steps_of_random_lengths_on_a_random_course_leave_k_and_epsil
         """Four waves a component, none of which goes farther than 0.03."""
         return 0.03 * (rates * np.cos(rates * t + phases)).sum(axis=1)
 
-    with disc_in_eddies(np.zeros(2), course=course) as (floating, fields):
+    with in_box(course, along=False) as (floating, fields):
         halved, spans = 0, []
         for length in 10 ** random.uniform(-4.5, -1.5, 1000):
             halved += floating.transient.advance(length).rejected
