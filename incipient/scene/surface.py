@@ -202,8 +202,6 @@ def _of_sides(scene: Scene) -> Iterator[tuple[Key, str, str]]:
         yield from of_box(surface)
     if surface.bottom == "slip" and scene.bed is not None:
         yield ("surface", "bottom"), "is that of a domain without [bed]", "leave one of them out"
-    if scene.is_turbulent and surface.seepage != "0":
-        yield ("surface", "seepage"), "is that of laminar flow", "leave effects.turbulence or it out"
     if surface.bottom == "slip" and surface.seepage != "0":
         why = "enters straight up, which a bottom that slips does not ask for"
         yield ("surface", "seepage"), why, "leave surface.bottom out"

@@ -124,6 +124,9 @@ def _of_place(scene: Scene) -> Iterator[tuple[Key, str, str]]:
     if scene.gdim == 3 and scene.sides != "slip":
         why = f'"{scene.sides}" with turbulence is not simulated by this version'
         yield ("domain", "sides"), why, 'use "slip", sides without friction'
+    if scene.has_surface:
+        why = '"free-surface" with turbulence is not simulated by this version'
+        yield ("domain", "top"), why, 'use "auto", a lid without friction'
 
 
 def _of_flow(scene: Scene) -> Iterator[tuple[Key, str, str]]:

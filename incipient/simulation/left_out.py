@@ -121,6 +121,7 @@ def _free_surface(run: Run, effect: Effect, *loads: Any) -> Iterator[Omission]:
         rise = _rise_under_lid(run) / (run.scene.domain.ceiling - run.scene.datum)
         how = "of the depth, by the pressure under the lid over gravity"
         may_be = run.scene.domain.kind == "box" or run.scene.flow.kind in STREAMS
+        may_be = may_be and not run.scene.is_turbulent
         remedy = 'domain.top = "free-surface"' if may_be else "a deeper channel"
         yield Omission(effect.name, rise, how, False, remedy)
 

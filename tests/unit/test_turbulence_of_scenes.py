@@ -99,6 +99,11 @@ def channel(**changes):
             'domain.top: "stream" contradicts turbulence below it',
         ),
         (
+            {"domain": Domain(length=20, height=1, top="free-surface"), "gravity": Gravity(acceleration=10)}
+            | {"time": Time(end=1, step=0.1)},
+            'domain.top: "free-surface" with turbulence is not simulated by this version; use "auto"',
+        ),
+        (
             {"fluid": Fluid(reynolds=11000, scale="flow", inertia=False)},
             "fluid.inertia: is false, but without inertia",
         ),
