@@ -29,7 +29,8 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from ..arrays import Floats
-from ..errors import IncipientError
+from ..errors import ConvergenceError, IncipientError
+from ..planning.turbulence import coarsest
 from ..results.errorbars import ErrorBars, Loads, Term
 from ..results.loads import Couples, Forces
 from ..scene import Contact, Scene
@@ -65,6 +66,7 @@ CLOSED_WIDER = 4.0  # how much wider the space next to contacts is that is close
 ORDERS = (0.3, 2.0)  # between which the order in the gap is believed
 # Of runs with turbulence on coarser meshes: the order at which their errors are taken to fall at least, and at most.
 SLOWEST, FASTEST = 1.0, 2.0
+NOT_COARSER = "coarser meshes have no fewer rows of cells: use numerics.mesh_size = {finer:.2g} or less"
 TOO_LITTLE = 1e-6  # of the largest of three loads: changes that tell no order
 SAME_DATUM = 1e-6  # of the height of the forms
 GROUND, MODEL, POCKET = "level ground", "turbulence model", "pocket"
@@ -231,9 +233,14 @@ def by_coarser_mesh(scene: Scene, computed: Loads, solve: Solve) -> Term:
     A dual solution would be needed of flow, k and epsilon together. No order is supposed above one: k and epsilon are
     upwinded, and away from walls the cells are coarse for them. Two meshes may agree by chance: what the coarser two
     differ by is not believed to fall at an order above two.
+
+    Raises:
+        ConvergenceError: a coarser mesh has no fewer rows of cells.
     """
     how = f"runs on meshes x {COARSER_MESH:.3g} and {COARSER_MESH**2:.3g}, extrapolated at order 1"
     share, coarser = 1.0 / (COARSER_MESH**SLOWEST - 1.0), on_coarser_mesh(scene)
+    if coarser.numerics.mesh_size > (most := coarsest(scene)):
+        raise ConvergenceError(NOT_COARSER.format(finer=most / COARSER_MESH))
     in_coarser, in_coarsest = solve(coarser), solve(on_coarser_mesh(coarser))
     near = Term.of_difference("discretisation", computed, in_coarser, share, how)
     far = Term.of_difference("discretisation", in_coarser, in_coarsest, share / COARSER_MESH**FASTEST, how)

@@ -150,7 +150,19 @@ def calibrate(say: Say) -> str:
 
 def builtin() -> dict[str, Scene]:
     """A scene of each kind that takes a second or two."""
-    from ..scene import Disc, Domain, Fluid, Lid, Numerics, Scene, Shear, Time, Uniform
+    from ..scene import (
+        Disc,
+        Domain,
+        Effects,
+        Fluid,
+        Lid,
+        Numerics,
+        OpenChannel,
+        Scene,
+        Shear,
+        Time,
+        Uniform,
+    )
     from ..scene.example import grain_on_bed
 
     bars = Numerics(error_bars=False)
@@ -162,6 +174,14 @@ def builtin() -> dict[str, Scene]:
             fluid=Fluid(reynolds=400.0, scale="flow"),
             flow=Lid(),
             numerics=Numerics(order=4),
+        ),
+        "turbulent channel": Scene(
+            title="Turbulent channel, Re = 22000",
+            domain=Domain(length=10.0, height=1.0),
+            fluid=Fluid(reynolds=22000.0, scale="flow"),
+            flow=OpenChannel(),
+            effects=Effects(turbulence=True),
+            numerics=Numerics(order=2),
         ),
         "grain held in a started stream": Scene(
             title="Disc in a stream, Re = 40",

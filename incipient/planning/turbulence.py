@@ -33,6 +33,7 @@ CORRECTIONS = 4  # of u* by Newton's method, which leave less than 1e-9 of it
 SAMPLES = 2000
 # Of a channel's mesh: rows over the depth of a wall; column over that depth; finest over largest row.
 ROWS, COLUMN, GRADING = 14, 1.0, 0.3
+FEWEST_ROWS = 6  # whatever the cells' size
 # Of other meshes: cells at walls, over the distance of the law; growth away from them; cells at corners that stick out,
 # over those: a shear layer begins as thick as a cell there, which is most of the error of where it reattaches.
 WALL_CELL, WALL_GROWTH, CORNER_CELL = 4.0, 0.25, 0.05
@@ -248,11 +249,11 @@ def grid(scene: Scene, order: int, mesh_size: float) -> Grid | SolidGrid:
     from ..meshes import Grid, SolidGrid
 
     walls, domain = walls_of(scene), scene.domain
-    coarse = mesh_size * (1.0 if order > 2 else 0.75)
+    coarse = mesh_size * _coarsening(order)
     rows, columns = ROWS * walls.number / coarse, domain.length / (COLUMN * walls.depth * coarse)
     height = domain.height - walls.number * walls.distance
     corner = (domain.left, domain.bottom + walls.distance)
-    sizes = (max(4, round(columns)), max(6, round(rows)))
+    sizes = (max(4, round(columns)), max(FEWEST_ROWS, round(rows)))
     found = Grid(corner, domain.length, height, *sizes, GRADING, side_names(scene))
     if scene.gdim == 2:
         return found
@@ -261,13 +262,25 @@ def grid(scene: Scene, order: int, mesh_size: float) -> Grid | SolidGrid:
     return SolidGrid(found, (low, high), layers, (SYMMETRY if scene.symmetric else "right", "left"))
 
 
+def _coarsening(order: int) -> float:
+    """Of cells at walls with elements of an order, relative to those of order three."""
+    return 1.0 if order > 2 else 0.75
+
+
+def coarsest(scene: Scene) -> float:
+    """The largest numerics.mesh_size whose rows of cells are as few as it says; no bound but between planes."""
+    if not is_plane(scene):
+        return math.inf
+    return ROWS * walls_of(scene).number / (FEWEST_ROWS * _coarsening(scene.order))
+
+
 def cells(scene: Scene, order: int, placement: Placement | None = None) -> tuple[Near, ...]:
     """Cells along walls of which some are no planes, and at their corners, with a grain placed. Not collective."""
     from ..meshes import Away, Near
     from .layout import point
 
     walls, away = walls_of(scene), None
-    size = WALL_CELL * (1.0 if order > 2 else 0.75) * walls.distance
+    size = WALL_CELL * _coarsening(order) * walls.distance
     if placement is not None:
         # Away from a grain the flow next to the bed is that of a channel, for which its rows do.
         away = Away(point(placement.centre), AWAY_GROWTH, max(size, walls.depth / ROWS))

@@ -184,7 +184,7 @@ class ErrorBars:
 
     def lines(self, gdim: int = 2) -> list[str]:
         """Errors and where they come from, for a reader, of a scene of a dimension."""
-        lines = [f"error bars          {_errors(self, gdim)}"]
+        lines = [f"error bars          {_errors(self, gdim) if self.terms else 'not known'}"]
         for term in self.terms:
             lines.append(f"  {term.name:<18}{_errors(term, gdim)}   {term.how}")
             lines += [f"    {part.name:<16}{_errors(part, gdim)}   {part.how}" for part in term.parts]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -65,8 +66,8 @@ class WallReport:
 
     @property
     def suitable(self) -> float:
-        """The distance that the mesh would have to stand off from the walls."""
-        return AIMED_AT * self.viscosity / self.shear_velocity
+        """The distance that the mesh would have to stand off from the walls; infinite where nothing flows."""
+        return AIMED_AT * self.viscosity / self.shear_velocity if self.shear_velocity else math.inf
 
     def columns(self) -> dict[str, float]:
         """Columns of the history."""
@@ -80,7 +81,7 @@ class WallReport:
         """For a reader, with errors (2,) of the shear velocities where they are known."""
         told = f"y+ of the walls {self.least:.3g} to {self.largest:.3g}"
         if not self.plane and self.outside:
-            told += f", along {100 * self.outside:.2g}% of them not from {LOWEST:g} to {HIGHEST:g}"
+            told += f", along {100 * self.outside:.3g}% of them not from {LOWEST:g} to {HIGHEST:g}"
         friction = self._friction(errors)
         if self.backward:
             spans = ", ".join(f"{start:.5g} to {end:.5g}" for start, end in self.backward)
@@ -98,7 +99,7 @@ class WallReport:
     def _friction(self, errors: Floats | None) -> str:
         """What the walls exert, in words: at the outflow, over a bed that is not level in the mean."""
         within = ["", ""]
-        if errors is not None:
+        if errors is not None and self.at_outflow:
             error = errors[0] / self.at_outflow
             within = [f", within {errors[0]:.1e},", f", within {(2.0 + error) * error * self.friction:.1e},"]
         told = f"u* {self.at_outflow:.5g}{within[0]} and C_f {self.friction:.5g}{within[1]} at the outflow"

@@ -23,6 +23,7 @@ THICKER, MOST_THICKENINGS = 4.0, 8
 # Within a step of pseudo-time, and of corrections of the flow over what is left in the end.
 STEP_TOLERANCE, SHARE_OF_FLOW = 1e-2, 1e-2
 MOST_TURNS = 15  # within a time step
+NO_STEP = "the flow with the eddy viscosity as it is does not converge: use a smaller time.step or numerics.mesh_size"
 NO_FLOW = "the flow with the eddy viscosity as it is does not converge: use a smaller numerics.mesh_size"
 
 
@@ -186,7 +187,7 @@ class InTime:
         return np.empty(0) if self._moving is None else self._moving.velocities()
 
     def complaint(self) -> str:
-        """Why the last attempt failed, and a remedy; empty if the fluid is to blame."""
+        """Why the last attempt failed, and a remedy."""
         if self._failed:
             return "k and epsilon do not converge: use a smaller time.step"
-        return "" if self._moving is None else self._moving.complaint()
+        return (self._moving.complaint() if self._moving is not None else "") or NO_STEP

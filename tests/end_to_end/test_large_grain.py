@@ -91,6 +91,21 @@ def test_the_threshold_is_the_flow_in_which_the_stone_just_holds():
 
 
 @pytest.mark.slow
+def test_the_threshold_of_a_stone_has_error_bars():
+    """All of them are found at the critical flow; the mesh's covers what a mesh with cells half as large changes."""
+    found = incipient.threshold(stone(numerics=Numerics(mesh_size=2.0, order=2)))
+    finer = incipient.threshold(stone(mesh_size=1.0))
+    bars = found.bars
+    assert bars.loads.failed == {} and set(bars.terms) == {"discretisation", "gap", "domain", "pocket"}
+    assert set(bars.loads.left_out) == {"turbulence model"}
+    assert abs(found.factor - finer.factor) < bars.terms["discretisation"] < 0.1 * found.factor
+    assert bars.low < finer.factor < bars.high
+    assert found.errors["shields"] == pytest.approx(
+        2.0 * found.errors["factor"] * found.shields / found.factor
+    )
+
+
+@pytest.mark.slow
 def test_error_bars_of_a_stone():
     """Mesh, gap and domain are estimated; the mesh's term covers what cells half as large change."""
     bars = incipient.run(stone(numerics=Numerics(mesh_size=4.0, order=2)))

@@ -258,7 +258,12 @@ def test_the_page_says_it(tmp_path: Path) -> None:
 
 
 def test_builtin_scenes_are_of_every_kind() -> None:
-    assert {calibration.kind(made) for made in builtin().values()} == {"steady", "unsteady", "moving"}
+    assert {calibration.kind(made) for made in builtin().values()} == {
+        "steady",
+        "unsteady",
+        "moving",
+        "steady with turbulence",
+    }
 
 
 def test_elevations_at_stations_are_compared_at_equal_times():
