@@ -65,9 +65,10 @@ cost: setup ## what accuracy costs, on the demos: docs/cost.md
 effects: setup ## one scene with its effects switched on one after another: docs/effects.md
 	$(PYTHON) benchmarks/effects.py
 
-turbulence: setup ## turbulent channels, and a step beside OpenFOAM, against measurements: docs/turbulence.md
+turbulence: setup ## turbulent channels, a step beside OpenFOAM, and a hump, against measurements: docs/turbulence.md
 	$(PYTHON) benchmarks/turbulence.py
 	$(PYTHON) benchmarks/turbulent_step.py
+	$(PYTHON) benchmarks/turbulent_hump.py
 
 scaling: setup ## the solver in space from 35,000 to 240,000 unknowns: the table of docs/scaling.md
 	$(PYTHON) benchmarks/scaling.py $(ARGS)
