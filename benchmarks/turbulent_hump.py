@@ -1,7 +1,7 @@
 """A smooth hump on a wall in a turbulent boundary layer, as a held grain: its form drag and lift against measurements.
 
-The wall-mounted hump of Greenblatt et al. (2006), AIAA J. 44, 2820, Re 936,000 by its chord; data of NASA
-Modeling Resource in benchmarks/reference. The flow separates from its lee and reattaches at 1.11 +- 0.003.
+The wall-mounted hump of Greenblatt et al. (2006), AIAA J. 44, 2820, Re 936,000 by its chord; data of NASA's
+Turbulence Modeling Resource in benchmarks/reference. The flow separates from its lee and reattaches at 1.11 +- 0.003.
 
 Cost:    two to three minutes.
 Run:     python benchmarks/turbulent_hump.py
