@@ -158,11 +158,16 @@ class SolidGrid:
     """A grid of the plane of x and z extruded along y: each triangle of each layer into three tetrahedra.
 
     across: the least and the largest y
-    layers: how many there are, all of one thickness
+    ends:   where each layer ends, as ascending parts of the way across, the last of them one
     sides:  names of the boundaries at the least and the largest y
     """
 
     grid: Grid
     across: tuple[float, float]
-    layers: int
+    ends: tuple[float, ...]
     sides: tuple[str, str] = ("right", "left")
+
+    @property
+    def layers(self) -> int:
+        """How many there are."""
+        return len(self.ends)

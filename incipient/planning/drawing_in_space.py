@@ -91,7 +91,7 @@ def _near(
     if scene.is_turbulent:
         from .turbulence import cells
 
-        near.extend(cells(scene, plan.order))
+        near.extend(cells(scene, plan.order, scene.placement))
     return near
 
 

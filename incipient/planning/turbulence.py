@@ -15,7 +15,7 @@ from ..arrays import Point
 from ..meshes.solid_region import SYMMETRY
 from ..scene import Scene
 from ..scene.turbulence import LAMINAR, Turbulence
-from .cells import side_names
+from .cells import side_names, sides_across
 from .meshed_bed import resolved_bed
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ ROUGH = 8.5  # u+ at the height of the sand on rough walls (Nikuradse 1933, VDI-
 CROSSING = 11.06  # distance at which the law of a smooth wall meets the viscous sublayer
 LEAST = 1.0  # u+ where sand is higher than the mesh stands off, on the way to a solution
 CORRECTIONS = 4  # of u* by Newton's method, which leave less than 1e-9 of it
-SAMPLES = 2000
+SAMPLES, SAMPLES_OF_DUCT = 2000, 300  # along a height, and on each side of a section
 # Of a channel's mesh: rows over the depth of a wall; column over that depth; finest over largest row.
 ROWS, COLUMN, GRADING = 14, 1.0, 0.3
 FEWEST_ROWS = 6  # whatever the cells' size
@@ -113,8 +113,9 @@ class Walls:
     shear_velocity: estimated
     number:         of walls, one or two
     floor, top:     heights at the inflow of the wall below, and of what is above
-    beside:         how many walls the mesh stands off from; the others are where the mesh ends, `distance` being one
+    beside:         how many of these the mesh stands off from; the others are where the mesh ends, `distance` being one
                     of the law's alone
+    sides:          y of side walls with friction; none in the plane
     """
 
     law: WallLaw
@@ -125,16 +126,26 @@ class Walls:
     floor: float
     top: float
     beside: int
+    sides: tuple[float, ...] = ()
+
+    @property
+    def reach(self) -> float:
+        """Over which the next wall is felt: the depth, in a duct that is narrower half its width."""
+        return min(self.depth, 0.5 * (self.sides[-1] - self.sides[0])) if self.sides else self.depth
 
     @property
     def ceiling(self) -> float:
         """Height of the upper side of the mesh."""
         return self.top - (self.number - 1) * self.distance
 
-    def from_next(self, height: np.ndarray) -> np.ndarray:
-        """Distances (n,) of heights from the next wall, at least that of the law."""
-        above = height - self.floor
-        return np.maximum(np.minimum(above, self.top - height) if self.number == 2 else above, self.distance)
+    def from_next(self, height: np.ndarray, across: np.ndarray | None = None) -> np.ndarray:
+        """Distances (n,) of heights, and of y between side walls, from the next wall, at least that of the law."""
+        away = [height - self.floor]
+        if self.number == 2:
+            away.append(self.top - height)
+        if across is not None:
+            away.extend(np.abs(across - side) for side in self.sides)
+        return np.maximum(np.min(away, axis=0), self.distance)
 
     def text(self, viscosity: float) -> str:
         """What the walls are taken for, in words."""
@@ -159,20 +170,25 @@ def is_plane(scene: Scene) -> bool:
 def walls_of(scene: Scene) -> Walls:
     """Where walls are and how far from them the mesh ends. Not collective.
 
-    u* is that of the logarithmic law, whose mean over the depth h is u+(h) - 1/kappa. Beds that are not flat and
-    grains bound the mesh themselves.
+    u* is that of the logarithmic law, whose mean over the depth h is u+(h) - 1/kappa; of a duct h is the area of its
+    section over the length of its walls in it (Keulegan 1938, J. Res. Natl. Bur. Stand. 21, 707). Beds that are not flat
+    and grains bound the mesh themselves.
     """
     asked, number = section(scene), 1 if scene.flow.kind == "open-channel" else 2
     plane, bed, top = is_plane(scene), scene.bed_shape, scene.domain.ceiling
     ground = scene.domain.bottom if bed is None else height_at_inflow(scene)
     law, depth, viscosity = WallLaw(asked.roughness), (top - ground) / number, scene.viscosity
+    sides = scene.domain.across if scene.gdim == 3 and scene.sides == "wall" else ()
+    width = sides[1] - sides[0] if sides else math.inf
+    hydraulic = depth / (1.0 + 2.0 * depth / width)
     shear_velocity = scene.reference_velocity / 20.0
     for _ in range(50):
-        mean = float(law.velocity(shear_velocity, viscosity, depth)) - 1.0 / law.kappa
+        mean = float(law.velocity(shear_velocity, viscosity, hydraulic)) - 1.0 / law.kappa
         shear_velocity = scene.reference_velocity / max(mean, LEAST)
     distance = asked.wall_distance or AIMED_AT * viscosity / shear_velocity
-    floor = ground if plane else ground - distance
-    return Walls(law, depth, distance, shear_velocity, number, floor, top, number - (not plane))
+    floor, beyond = (ground, 0.0) if plane else (ground - distance, distance)
+    sides = (sides[0] - beyond, sides[1] + beyond) if sides else ()
+    return Walls(law, depth, distance, shear_velocity, number, floor, top, number - (not plane), sides)
 
 
 def height_at_inflow(scene: Scene) -> float:
@@ -190,10 +206,11 @@ def height_at_inflow(scene: Scene) -> float:
 def too_near(scene: Scene) -> str:
     """Why the law of the wall is not for a scene, or an empty string. Not collective."""
     walls = walls_of(scene)
-    if walls.distance <= LARGEST_SHARE * walls.depth:
+    if walls.distance <= LARGEST_SHARE * walls.reach:
         return ""
-    share = walls.distance / walls.depth
-    return f"the law of the wall would have to reach {percent(share)} of the depth, at most {percent(LARGEST_SHARE)}"
+    share = walls.distance / walls.reach
+    of = "depth" if walls.reach == walls.depth else "half width"
+    return f"the law of the wall would have to reach {percent(share)} of the {of}, at most {percent(LARGEST_SHARE)}"
 
 
 def grain_number(scene: Scene) -> float:
@@ -259,7 +276,21 @@ def grid(scene: Scene, order: int, mesh_size: float) -> Grid | SolidGrid:
         return found
     low, high = (domain.middle, domain.across[1]) if scene.symmetric else domain.across
     layers = max(LAYERS, round((high - low) / (COLUMN * walls.depth * coarse)))
-    return SolidGrid(found, (low, high), layers, (SYMMETRY if scene.symmetric else "right", "left"))
+    if walls.sides:
+        rubbing = 1 if scene.symmetric else 2
+        high, low = high - walls.distance, low + (rubbing - 1) * walls.distance
+        layers = max(layers, round(ROWS * rubbing / coarse))
+    names = SYMMETRY if scene.symmetric else "right", "left"
+    return SolidGrid(found, (low, high), _ends(layers, bool(walls.sides), scene.symmetric), names)
+
+
+def _ends(layers: int, rubbing: bool, half: bool) -> tuple[float, ...]:
+    """Where layers end: all of one thickness, next to sides with friction thinner than in the middle."""
+    middles = (np.arange(layers) + 0.5) / layers
+    away = 1.0 - middles if half else 2.0 * np.minimum(middles, 1.0 - middles)
+    thickness = GRADING + (1.0 - GRADING) * away if rubbing else np.ones(layers)
+    ends = np.cumsum(thickness) / thickness.sum()
+    return (*map(float, ends[:-1]), 1.0)
 
 
 def _coarsening(order: int) -> float:
@@ -320,4 +351,5 @@ def wall_names(scene: Scene) -> tuple[str, ...]:
     """Names of the boundaries that have a wall beyond them."""
     bottom, _, top, _ = side_names(scene)
     upper = () if scene.flow.kind == "open-channel" else (top,)
-    return (bottom, *upper, *(() if scene.body is None else ("body",)))
+    sides = sides_across(scene) if scene.gdim == 3 and scene.sides == "wall" else ()
+    return (bottom, *upper, *sides, *(() if scene.body is None else ("body",)))

@@ -14,19 +14,22 @@ import numpy as np
 from ..meshes.solid_region import SYMMETRY
 from ..scene import Scene
 from .cells import CLOSED, side_names, sides_across
-from .turbulence import SAMPLES, Walls, is_plane, section, wall_names, walls_of
+from .turbulence import SAMPLES, SAMPLES_OF_DUCT, Walls, is_plane, section, wall_names, walls_of
 
 if TYPE_CHECKING:
     from ..fluid.conditions import Condition
 
 
+Profile = Callable[..., np.ndarray]  # of heights (n,), and y (n,) if there are side walls
+
+
 @dataclass(frozen=True)
 class Entering:
-    """Speed, k and epsilon at heights (n,); functions that return (n,)."""
+    """Speed, k and epsilon at heights (n,), between side walls also at y (n,); functions that return (n,)."""
 
-    speed: Callable[[np.ndarray], np.ndarray]
-    energy: Callable[[np.ndarray], np.ndarray]
-    dissipation: Callable[[np.ndarray], np.ndarray]
+    speed: Profile
+    energy: Profile
+    dissipation: Profile
 
 
 def entering(scene: Scene) -> Entering:
@@ -39,38 +42,60 @@ def entering(scene: Scene) -> Entering:
     """
     if section(scene).inflow == "profile":
         found = Measured.of(scene)
-        return Entering(found.speed, found.energy, found.dissipation)
+        parts = found.speed, found.energy, found.dissipation
+        return Entering(*(partial(_at_height, part) for part in parts))
     asked, walls, viscosity = section(scene), walls_of(scene), scene.viscosity
-    c_mu, depth = asked.c_mu, walls.depth
+    c_mu, reach = asked.c_mu, walls.reach
     law = partial(walls.law.velocity, walls.shear_velocity, viscosity)
 
-    mean, low = scene.reference_velocity, walls.floor + walls.distance
-    discharge, open_height = mean * walls.number * depth, walls.ceiling - low
-    discharge -= (
-        walls.beside
-        * walls.shear_velocity
-        * walls.law.beyond(walls.shear_velocity, viscosity, walls.distance)
-    )
+    mean, places = scene.reference_velocity, inflow_places(scene)
+    in_mesh = _mean_in_mesh(scene)
     if asked.inflow == "given":
         assert asked.intensity is not None and asked.length is not None
         energy = 1.5 * (asked.intensity * mean) ** 2
         loss = c_mu**0.75 * energy**1.5 / asked.length
-        return Entering(*(partial(_uniform, value) for value in (discharge / open_height, energy, loss)))
+        return Entering(*(partial(_uniform, value) for value in (in_mesh, energy, loss)))
+    scale = in_mesh / float(np.mean(law(walls.from_next(*places))))
 
-    samples = low + open_height * (np.arange(SAMPLES) + 0.5) / SAMPLES
-    scale = discharge / (float(np.mean(law(walls.from_next(samples)))) * open_height)
-
-    def energy_at(height: np.ndarray) -> np.ndarray:
+    def energy_at(*place: np.ndarray) -> np.ndarray:
         most = 1.0 / math.sqrt(c_mu)
-        falling = 4.78 * np.exp(-2.0 * walls.from_next(height) / depth)
+        falling = 4.78 * np.exp(-2.0 * walls.from_next(*place) / reach)
         return walls.shear_velocity**2 * np.minimum(falling, most)
 
-    def dissipation_at(height: np.ndarray) -> np.ndarray:
-        inwards = 1.0 - walls.from_next(height) / depth
-        length = depth * (0.14 - 0.08 * inwards**2 - 0.06 * inwards**4)
-        return c_mu**0.75 * energy_at(height) ** 1.5 / length
+    def dissipation_at(*place: np.ndarray) -> np.ndarray:
+        inwards = 1.0 - walls.from_next(*place) / reach
+        length = reach * (0.14 - 0.08 * inwards**2 - 0.06 * inwards**4)
+        return c_mu**0.75 * energy_at(*place) ** 1.5 / length
 
-    return Entering(lambda height: scale * law(walls.from_next(height)), energy_at, dissipation_at)
+    return Entering(lambda *place: scale * law(walls.from_next(*place)), energy_at, dissipation_at)
+
+
+def section_of_mesh(scene: Scene) -> tuple[tuple[float, float], tuple[float, float]]:
+    """From where to where the inflow of the mesh extends in height and, between side walls, across; else from 0 to 1."""
+    walls = walls_of(scene)
+    low, sides = walls.floor + walls.distance, walls.sides
+    return (low, walls.ceiling), (sides[0] + walls.distance, sides[1] - walls.distance) if sides else (0.0, 1.0)
+
+
+def inflow_places(scene: Scene) -> tuple[np.ndarray, ...]:
+    """Heights and, between side walls, y of points (n,) that stand for equal parts of the inflow of the mesh."""
+    (low, high), (right, left) = section_of_mesh(scene)
+    if not walls_of(scene).sides:
+        return (low + (high - low) * (np.arange(SAMPLES) + 0.5) / SAMPLES,)
+    parts = (np.arange(SAMPLES_OF_DUCT) + 0.5) / SAMPLES_OF_DUCT
+    height, across = np.meshgrid(low + (high - low) * parts, right + (left - right) * parts)
+    return height.ravel(), across.ravel()
+
+
+def _mean_in_mesh(scene: Scene) -> float:
+    """Mean speed through the inflow of the mesh: what does not flow between it and the walls it stands off from."""
+    walls, plane = walls_of(scene), is_plane(scene)
+    (low, high), (right, left) = section_of_mesh(scene)
+    beyond = walls.shear_velocity * walls.law.beyond(walls.shear_velocity, scene.viscosity, walls.distance)
+    off = walls.distance if plane and walls.sides else 0.0
+    whole = scene.reference_velocity * walls.number * walls.depth * (left - right + 2.0 * off)
+    layers = walls.beside * (left - right) + (2.0 * (high - low) if off else 0.0)
+    return (whole - layers * beyond) / ((high - low) * (left - right))
 
 
 @dataclass(frozen=True)
@@ -159,20 +184,30 @@ class Measured:
         )  # type: ignore[return-value]
 
 
-def _uniform(value: float, y: np.ndarray) -> np.ndarray:
-    return np.full_like(y, value)
+def _uniform(value: float, height: np.ndarray, across: np.ndarray | None = None) -> np.ndarray:
+    return np.full_like(height, value)
+
+
+def _at_height(profile: Profile, height: np.ndarray, across: np.ndarray | None = None) -> np.ndarray:
+    return profile(height)
 
 
 def logarithms(scene: Scene) -> Callable[[np.ndarray], np.ndarray]:
     """ln k and ln epsilon (2, n) at places (3, n) of the inflow. Not collective."""
-    found, up = entering(scene), scene.up
-    return lambda x: np.log([found.energy(x[up]), found.dissipation(x[up])])
+    found, places = entering(scene), _places(scene)
+    return lambda x: np.log([found.energy(*places(x)), found.dissipation(*places(x))])
 
 
 def velocity(scene: Scene) -> Callable[[np.ndarray, float], np.ndarray]:
     """The velocity (gdim, n) that enters at places (3, n). Not collective."""
-    speed, up = entering(scene).speed, scene.up
-    return lambda x, t: np.vstack([speed(x[up]), *np.zeros((up, x.shape[1]))])
+    speed, places, up = entering(scene).speed, _places(scene), scene.up
+    return lambda x, t: np.vstack([speed(*places(x)), *np.zeros((up, x.shape[1]))])
+
+
+def _places(scene: Scene) -> Callable[[np.ndarray], tuple[np.ndarray, ...]]:
+    """What profiles take of places (3, n): heights, between side walls y as well."""
+    axes = (scene.up, 1) if walls_of(scene).sides else (scene.up,)
+    return lambda x: tuple(x[axis] for axis in axes)
 
 
 def conditions(scene: Scene) -> list[Condition]:
@@ -185,15 +220,18 @@ def conditions(scene: Scene) -> list[Condition]:
     _, right, top, left = side_names(scene)
     functions = SimpleNamespace(log=ufl.ln, larger=ufl.max_value)
     drag = partial(walls.law.drag, functions=functions)
-    beside = {top} if not is_plane(scene) else set(names)
+    axes = {top: scene.up} if not is_plane(scene) else dict.fromkeys(names, scene.up)
+    sides = sides_across(scene)
+    if is_plane(scene):
+        axes |= dict.fromkeys(sides, 1)
     rubbing: list[Condition] = [
         Friction(
-            *(name, walls.distance, drag, scene.up if name in beside else None),
+            *(name, walls.distance, drag, axes.get(name)),
             moves=name == "body" and scene.body is not None and scene.body.moves,
         )
         for name in (*names, *(CLOSED if scene.closes_contacts else ()))
     ]
     lids: list[Condition] = [] if top in names else [Slip(top, axis=scene.up)]
-    lids += [Slip(name, axis=1) for name in sides_across(scene)]
+    lids += [Slip(name, axis=1) for name in sides if name not in names]
     lids += [Slip(SYMMETRY, axis=1)] if scene.symmetric else []
     return [Open(right), *rubbing, *lids, Prescribed(left, velocity(scene))]

@@ -121,9 +121,9 @@ def contradictory(scene: Scene) -> Iterator[Problem]:
 
 
 def _of_place(scene: Scene) -> Iterator[tuple[Key, str, str]]:
-    if scene.gdim == 3 and scene.sides != "slip":
-        why = f'"{scene.sides}" with turbulence is not simulated by this version'
-        yield ("domain", "sides"), why, 'use "slip", sides without friction'
+    if scene.gdim == 3 and scene.sides == "stream":
+        why = '"stream" with turbulence is not simulated by this version'
+        yield ("domain", "sides"), why, 'use "wall", or "slip", sides without friction'
     if scene.has_surface:
         why = '"free-surface" with turbulence is not simulated by this version'
         yield ("domain", "top"), why, 'use "auto", a lid without friction'
