@@ -278,7 +278,9 @@ def _draw_solid_grid(grid: SolidGrid, frame: Frame) -> None:
     _, surface = _rectangle(grid.grid, frame)
     geo, depth = gmsh.model.geo, frame.size(grid.across[1] - grid.across[0])
     geo.mesh.setTransfiniteSurface(surface, "Alternate")
-    made = geo.extrude([(2, surface)], 0.0, 0.0, -depth, numElements=[1] * grid.layers, heights=list(grid.ends))
+    made = geo.extrude(
+        [(2, surface)], 0.0, 0.0, -depth, numElements=[1] * grid.layers, heights=list(grid.ends)
+    )
     geo.synchronize()
     (_, far), (_, volume), *walls = made
     named: dict[str, list[int]] = {grid.sides[0]: [surface]}

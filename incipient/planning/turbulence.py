@@ -171,8 +171,8 @@ def walls_of(scene: Scene) -> Walls:
     """Where walls are and how far from them the mesh ends. Not collective.
 
     u* is that of the logarithmic law, whose mean over the depth h is u+(h) - 1/kappa; of a duct h is the area of its
-    section over the length of its walls in it (Keulegan 1938, J. Res. Natl. Bur. Stand. 21, 707). Beds that are not flat
-    and grains bound the mesh themselves.
+    section over the length of its walls in it (Keulegan 1938, J. Res. Natl. Bur. Stand. 21, 707). Beds that are not
+    flat and grains bound the mesh themselves.
     """
     asked, number = section(scene), 1 if scene.flow.kind == "open-channel" else 2
     plane, bed, top = is_plane(scene), scene.bed_shape, scene.domain.ceiling

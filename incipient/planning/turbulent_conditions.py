@@ -71,10 +71,13 @@ def entering(scene: Scene) -> Entering:
 
 
 def section_of_mesh(scene: Scene) -> tuple[tuple[float, float], tuple[float, float]]:
-    """From where to where the inflow of the mesh extends in height and, between side walls, across; else from 0 to 1."""
+    """From where to where the mesh's inflow extends in height and, between side walls, across; else from 0 to 1."""
     walls = walls_of(scene)
     low, sides = walls.floor + walls.distance, walls.sides
-    return (low, walls.ceiling), (sides[0] + walls.distance, sides[1] - walls.distance) if sides else (0.0, 1.0)
+    return (low, walls.ceiling), (sides[0] + walls.distance, sides[1] - walls.distance) if sides else (
+        0.0,
+        1.0,
+    )
 
 
 def inflow_places(scene: Scene) -> tuple[np.ndarray, ...]:

@@ -22,6 +22,8 @@ FIRST_STEP, GROWTH, CUT, SHORTEST = 1.0, 1.6, 0.25, 1e-4
 THICKER, MOST_THICKENINGS = 4.0, 8
 # Within a step of pseudo-time, and of corrections of the flow over what is left in the end.
 STEP_TOLERANCE, SHARE_OF_FLOW = 1e-2, 1e-2
+# Corrections of the first flow, and in a round: where they do not do, more viscous eddies or a shorter step will.
+MOST_OF_FIRST, MOST_OF_FLOW = 7, 12
 MOST_TURNS = 15  # within a time step
 NO_STEP = "the flow with the eddy viscosity as it is does not converge: use a smaller time.step or numerics.mesh_size"
 NO_FLOW = "the flow with the eddy viscosity as it is does not converge: use a smaller numerics.mesh_size"
@@ -57,15 +59,14 @@ def solve_steadily(
     """
     rounds: list[Round] = []
     step, flow, eddies = FIRST_STEP * time, fluid.state.x.array, turbulence.state.x.array
-    _begin(fluid, turbulence, SHARE_OF_FLOW * tolerance)
-    moved, past = np.inf, eddies.copy()
+    moved, past = 1.0, _begin(fluid, turbulence)
     for number in range(1, MOST_ROUNDS + 1):
         with stage():
             size = turbulence.step((1 / step, -1 / step, 0.0), (past, past), STEP_TOLERANCE)
         change, past_flow = turbulence.largest(eddies - past), flow.copy()
         # The flow is found no better than its eddies are known, and with factors of earlier rounds while they serve.
-        enough = SHARE_OF_FLOW * max(tolerance, moved if rounds else 0.0)
-        if not np.isfinite(size) or not fluid.solve(enough, keep_factors=fluid.solver.regular).converged:
+        enough, kept = SHARE_OF_FLOW * max(tolerance, moved), fluid.solver.regular
+        if not np.isfinite(size) or not fluid.solve(enough, MOST_OF_FLOW, keep_factors=kept).converged:
             eddies[:], flow[:] = past, past_flow
             step *= CUT
             if step < SHORTEST * time:
@@ -82,12 +83,12 @@ def solve_steadily(
     )
 
 
-def _begin(fluid: Fluid, turbulence: Turbulence, tolerance: float) -> None:
-    """Find the flow with the eddies as they are, or with more viscous ones, which pseudo-time lets go."""
+def _begin(fluid: Fluid, turbulence: Turbulence) -> np.ndarray:
+    """Find the flow with the eddies as they are, or with more viscous ones, which pseudo-time lets go; the eddies."""
     start = fluid.state.x.array.copy()
     for _ in range(MOST_THICKENINGS + 1):
-        if fluid.solve(tolerance).converged:
-            return
+        if fluid.solve(SHARE_OF_FLOW, MOST_OF_FIRST).converged:
+            return turbulence.state.x.array.copy()
         fluid.state.x.array[:] = start
         turbulence.thicken(THICKER)
     raise ConvergenceError(NO_FLOW)

@@ -383,7 +383,9 @@ def test_a_channel_in_space_is_meshed_as_in_the_plane_layer_by_layer():
 def test_a_duct_has_walls_on_its_sides_and_lets_in_what_it_is_asked_for(flow):
     """The mesh stands off from all walls; the mean over the section, layers included, is the flow's; u* by Keulegan."""
     duct = Domain(length=20, height=1, width=0.8, sides="wall")
-    scene = channel(domain=duct, flow=flow, fluid=Fluid(reynolds=1e5, scale="flow"), numerics=Numerics(order=2))
+    scene = channel(
+        domain=duct, flow=flow, fluid=Fluid(reynolds=1e5, scale="flow"), numerics=Numerics(order=2)
+    )
     walls, found = walls_of(scene), lay_out(scene, make_plan(scene)).shape
     away, open_top = walls.distance, flow.kind == "open-channel"
     assert walls.sides == (0.0, 0.8) and walls.reach == (0.4 if open_top else 0.5 * 0.8)
