@@ -1,6 +1,7 @@
 """A large grain on the bed of a turbulent stream in space: its loads, and where they come from."""
 
 import dolfinx
+import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
@@ -19,6 +20,7 @@ from incipient.scene import (
     Numerics,
     OpenChannel,
     Output,
+    Poiseuille,
     RidgeBed,
     Scene,
     Sinusoidal,
@@ -26,6 +28,7 @@ from incipient.scene import (
 )
 from incipient.simulation.assemble import outcome
 from incipient.simulation.build import prepared
+from incipient.turbulence.along_walls import along_wall
 
 
 def stone(mesh_size=7.0, **changes):
@@ -115,3 +118,25 @@ def test_a_cylinder_across_the_stream_is_the_plane_s_disc():
     space = incipient.run(channel(4.0, 0.2, bed=Flat(), body=across, numerics=numerics))
     assert space.force.flow[0] / 0.2 == pytest.approx(plane.force.flow[0], rel=0.03)
     assert space.turbulence.at_outflow == pytest.approx(plane.turbulence.at_outflow, rel=0.01)
+
+
+def test_walls_of_a_square_duct_bear_alike():
+    """Half of one, whose mesh differs between floor and side: mean stress at the end; it is least in corners."""
+    square = Domain(length=5.0, width=1.0, height=1.0, sides="wall")
+    numerics = Numerics(mesh_size=5.0, order=2, error_bars=False)
+    duct = channel(
+        domain=square, flow=Poiseuille(), fluid=Fluid(reynolds=1e5, scale="flow"), numerics=numerics
+    )
+    stresses = {}
+    with prepared(duct, MPI.COMM_SELF) as run:
+        run.turbulence.solve(run)
+        law, away = run.turbulence._walls.law, (duct.viscosity, run.turbulence._walls.distance)
+        for name, axis in (("bottom", 1), ("top", 1), ("left", 2)):
+            along = along_wall(run.fluid, name, run.turbulence.fields.shear_velocity())
+            end = np.isclose(along.places[:, 0], 5.0)
+            stress = law.drag(along.speeds, along.shear_velocities, *away) * along.speeds
+            stresses[name] = np.average(stress[end], weights=along.lengths[end])
+            middle = np.argmin(np.abs(along.places[end, axis] - 0.5))
+            assert stress[end].min() < 0.6 * stress[end][middle]
+        assert outcome(run).turbulence.applicable
+    assert [stresses["top"], stresses["left"]] == pytest.approx([stresses["bottom"]] * 2, rel=0.02)
