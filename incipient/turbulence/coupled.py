@@ -148,7 +148,7 @@ class InTime:
                 return replace(report, corrections=tuple(sizes), error=sizes[-1])
             past = (self.past[0], self.past[-1])
             with self._stage():
-                self._failed = not np.isfinite(turbulence.step(rate, past, tolerance))
+                self._failed = not np.isfinite(turbulence.step(rate, past, tolerance, lasting=True))
             if self._failed:
                 break
         self.forget()
@@ -179,7 +179,8 @@ class InTime:
             self._moving.restore()
 
     def forget(self) -> None:
-        """Drop what earlier steps have taught about the iteration of what moves; of eddies nothing is kept."""
+        """Drop what earlier steps have taught about the iteration, and factors."""
+        self.turbulence.renew_factors()
         if self._moving is not None:
             self._moving.forget()
 

@@ -25,6 +25,8 @@ Values = Callable[[np.ndarray], np.ndarray]
 MOST_CORRECTIONS = 20
 LINEAR = 1e-4  # residual of a linear system: corrections follow until they are small
 LARGEST_CORRECTION = 2.0  # of a logarithm by Newton's method at once
+# Factors are kept while corrections shrink by this at the least, and a0 of the difference in time stays to this share.
+CONTRACTION, SAME_RATE = 0.3, 0.3
 HOPEFUL, TOO_LARGE = 10, 1.0  # corrections after which one so large says that the step is too long
 
 
@@ -122,25 +124,40 @@ class Turbulence:
         kind = Direct if self.domain.gdim == 2 else Incomplete
         self.solver = self._holding(kind(self._matrix))
         self._view = self._holding(compat.vec_view(self.state))
+        self.renew_factors()
 
-    def step(self, rate: Sequence[float], past: Sequence[np.ndarray], tolerance: float) -> float:
+    def step(
+        self, rate: Sequence[float], past: Sequence[np.ndarray], tolerance: float, lasting: bool = False
+    ) -> float:
         """Solve for the state with dK/dt = a0 K + a1 K(1) + a2 K(2) from its present values; the last correction.
 
         It is infinite if Newton's method does not converge. The size of a correction is the largest of a logarithm.
+        With `lasting` factors serve on, also those of steps before, while corrections with them shrink well.
         """
+        fresh = not lasting or abs(rate[0] - self._rate_of_factors) > SAME_RATE * abs(rate[0])
+        before = np.inf
         for constant, value in zip(self.rate, rate, strict=True):
             constant.value = value
         for function, values in zip((self._before, self._older), past, strict=False):
             function.x.array[:] = values
         for number in range(1, MOST_CORRECTIONS + 1):
-            size = self._correct()
-            if not np.isfinite(size) or size <= tolerance:
+            size = self._correct(fresh)
+            if size <= tolerance:
                 return size
+            if not np.isfinite(size):
+                break
+            fresh, before = not lasting or size > CONTRACTION * before, size
             if number >= HOPEFUL and size > TOO_LARGE:
                 break
+        self.renew_factors()
         return float("inf")
 
-    def _correct(self) -> float:
+    def renew_factors(self) -> None:
+        """Request new factors at the next step. Not collective, but to be called on every rank."""
+        self._rate_of_factors = np.inf
+
+    def _correct(self, fresh: bool) -> float:
+        """One correction, with the matrix of the present state or the one before; its size, infinite if it fails."""
         conditions = self._conditions
         with self._vector.localForm() as local:
             local.set(0.0)
@@ -148,11 +165,13 @@ class Turbulence:
         petsc.apply_lifting(self._vector, [self._jacobian], [conditions], [self._view], -1.0)
         self._vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         petsc.set_bc(self._vector, conditions, self._view, -1.0)
-        self._matrix.zeroEntries()
-        petsc.assemble_matrix(self._matrix, self._jacobian, conditions)
-        self._matrix.assemble()
+        if fresh:
+            self._matrix.zeroEntries()
+            petsc.assemble_matrix(self._matrix, self._jacobian, conditions)
+            self._matrix.assemble()
+            self._rate_of_factors = float(self.rate[0].value)
         try:
-            self.solver.solve(self._vector, self._correction, LINEAR, fresh=True)
+            self.solver.solve(self._vector, self._correction, LINEAR, fresh=fresh)
         except ConvergenceError:  # a matrix that is singular, or not finite
             return float("inf")
         values = self._correction.array_r

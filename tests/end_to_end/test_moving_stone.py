@@ -1,6 +1,7 @@
 """A large grain that moves in a turbulent open channel: its momentum and the stream's, new meshes, going on."""
 
 import csv
+import textwrap
 from functools import partial
 
 import numpy as np
@@ -16,6 +17,7 @@ from incipient.planning.clearance import surroundings
 from incipient.planning.turbulence import walls_of
 from incipient.progress import Silent
 from incipient.scene import Disc, Gravity, Numerics, Output, Poiseuille, Sphere, Time
+from incipient.scene.file import dumps
 from incipient.simulation.build import prepared
 from incipient.simulation.moving_grain import Trajectory
 
@@ -104,6 +106,28 @@ def test_a_run_with_new_meshes_goes_on_where_it_was_kept(made, tmp_path):
     assert resumed.force.flow == pytest.approx(whole.force.flow, rel=1e-10, abs=1e-12)
     for name in ("x", "velocity_x", "y_plus_max", "mesh_quality"):
         assert column(tmp_path / "cut", name) == pytest.approx(column(tmp_path / "whole", name), rel=1e-10)
+
+
+@pytest.mark.slow
+def test_a_moving_stone_on_two_ranks(mpirun, tmp_path):
+    """With a new mesh after each step, place and load are those of one rank."""
+    script = """
+        import incipient
+        from mpi4py import MPI
+        from incipient.scene.file import loads
+
+        found = incipient.run(loads(open(NAME).read()))
+        if MPI.COMM_WORLD.rank == 0:
+            print(*map(repr, [*found.force.flow[:2].tolist(), *found.trajectory["velocity"].tolist()]))
+    """
+    path = tmp_path / "scene.toml"
+    path.write_text(dumps(moving(5e-3, 1e-3, remesh_below=0.998)), encoding="utf-8")
+    found = []
+    for ranks in (1, 2):
+        done = mpirun(ranks, textwrap.dedent(script).replace("NAME", repr(str(path))))
+        assert done.returncode == 0, done.stderr
+        found.append([float(word) for word in done.stdout.split()])
+    assert found[1] == pytest.approx(found[0], rel=1e-6)
 
 
 @pytest.mark.slow
