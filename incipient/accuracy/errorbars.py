@@ -66,7 +66,9 @@ CLOSED_WIDER = 4.0  # how much wider the space next to contacts is that is close
 ORDERS = (0.3, 2.0)  # between which the order in the gap is believed
 # Of runs with turbulence on coarser meshes: the order at which their errors are taken to fall at least, and at most.
 SLOWEST, FASTEST = 1.0, 2.0
-NOT_COARSER = "coarser meshes have no fewer rows of cells: use numerics.mesh_size = {finer:.2g} or less"
+NOT_COARSER = (
+    "coarser meshes have as few rows or columns of cells: use numerics.mesh_size = {finer:g} or less"
+)
 TOO_LITTLE = 1e-6  # of the largest of three loads: changes that tell no order
 SAME_DATUM = 1e-6  # of the height of the forms
 GROUND, MODEL, POCKET = "level ground", "turbulence model", "pocket"
@@ -235,16 +237,21 @@ def by_coarser_mesh(scene: Scene, computed: Loads, solve: Solve) -> Term:
     differ by is not believed to fall at an order above two.
 
     Raises:
-        ConvergenceError: a coarser mesh has no fewer rows of cells.
+        ConvergenceError: a coarser mesh has as few rows or columns of cells.
     """
     how = f"runs on meshes x {COARSER_MESH:.3g} and {COARSER_MESH**2:.3g}, extrapolated at order 1"
+    _require_coarser(scene)
     share, coarser = 1.0 / (COARSER_MESH**SLOWEST - 1.0), on_coarser_mesh(scene)
-    if coarser.numerics.mesh_size > (most := coarsest(scene)):
-        raise ConvergenceError(NOT_COARSER.format(finer=most / COARSER_MESH))
     in_coarser, in_coarsest = solve(coarser), solve(on_coarser_mesh(coarser))
     near = Term.of_difference("discretisation", computed, in_coarser, share, how)
     far = Term.of_difference("discretisation", in_coarser, in_coarsest, share / COARSER_MESH**FASTEST, how)
     return near.at_least(far)
+
+
+def _require_coarser(scene: Scene) -> None:
+    """Raise ConvergenceError where the mesh for comparison, which is to be coarser, would not be. Not collective."""
+    if scene.is_turbulent and COARSER_MESH * scene.numerics.mesh_size > (most := coarsest(scene)):
+        raise ConvergenceError(NOT_COARSER.format(finer=math.floor(100.0 * most / COARSER_MESH) / 100.0))
 
 
 def by_coarser_runs(scene: Scene, computed: Loads, solve: Solve, of_mesh: Term | None = None) -> Term:
@@ -253,6 +260,7 @@ def by_coarser_runs(scene: Scene, computed: Loads, solve: Solve, of_mesh: Term |
     What the mesh errs by hardly depends on the steps, so that it is seen in the longer ones, too, and where it is
     known from others (`of_mesh`) that run is spared.
     """
+    _require_coarser(scene)
     longer, beside = comparisons(scene)
     in_longer, (to_step, to_mesh) = solve(longer), shares(scene)
     to_step = max(to_step, least_share(computed, in_longer, order_in_time(scene)))

@@ -132,8 +132,10 @@ def make_plan(scene: Scene) -> Plan:
 
 def _warnings(scene: Scene) -> Iterator[str]:
     if scene.is_turbulent:
-        from .turbulence import small, too_near, too_small
+        from .turbulence import beyond_walls, small, too_near, too_small
 
+        if why := beyond_walls(scene):
+            raise SceneError(f"turbulence.{why}")
         if why := too_small(scene):
             raise SceneError(f"turbulence: {why}")
         if why := too_near(scene):

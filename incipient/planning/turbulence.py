@@ -33,7 +33,7 @@ CORRECTIONS = 4  # of u* by Newton's method, which leave less than 1e-9 of it
 SAMPLES, SAMPLES_OF_DUCT = 2000, 300  # along a height, and on each side of a section
 # Of a channel's mesh: rows over the depth of a wall; column over that depth; finest over largest row.
 ROWS, COLUMN, GRADING = 14, 1.0, 0.3
-FEWEST_ROWS = 6  # whatever the cells' size
+FEWEST_ROWS, FEWEST_COLUMNS = 6, 4  # whatever the cells' size
 # Of other meshes: cells at walls, over the distance of the law; growth away from them; cells at corners that stick out,
 # over those: a shear layer begins as thick as a cell there, which is most of the error of where it reattaches.
 WALL_CELL, WALL_GROWTH, CORNER_CELL = 4.0, 0.25, 0.05
@@ -213,6 +213,17 @@ def too_near(scene: Scene) -> str:
     return f"the law of the wall would have to reach {percent(share)} of the {of}, at most {percent(LARGEST_SHARE)}"
 
 
+def beyond_walls(scene: Scene) -> str:
+    """Why a measured profile is not for a scene's walls, or an empty string. Not collective."""
+    rows, walls = section(scene).profile, walls_of(scene)
+    if walls.number == 1 or not rows or rows[-1][0] < walls.number * walls.depth:
+        return ""
+    return (
+        f"profile: has a row at {rows[-1][0]:g}, the wall on top is {walls.number * walls.depth:.4g} above that below; "
+        "leave out rows beyond it"
+    )
+
+
 def grain_number(scene: Scene) -> float:
     """u* d/nu of the scene's grain, d its largest diameter and u* estimated. Not collective."""
     return float(scene.grain.size * walls_of(scene).shear_velocity / scene.viscosity)
@@ -270,7 +281,7 @@ def grid(scene: Scene, order: int, mesh_size: float) -> Grid | SolidGrid:
     rows, columns = ROWS * walls.number / coarse, domain.length / (COLUMN * walls.depth * coarse)
     height = domain.height - walls.number * walls.distance
     corner = (domain.left, domain.bottom + walls.distance)
-    sizes = (max(4, round(columns)), max(FEWEST_ROWS, round(rows)))
+    sizes = (max(FEWEST_COLUMNS, round(columns)), max(FEWEST_ROWS, round(rows)))
     found = Grid(corner, domain.length, height, *sizes, GRADING, side_names(scene))
     if scene.gdim == 2:
         return found
@@ -299,10 +310,15 @@ def _coarsening(order: int) -> float:
 
 
 def coarsest(scene: Scene) -> float:
-    """The largest numerics.mesh_size whose rows of cells are as few as it says; no bound but between planes."""
+    """The largest numerics.mesh_size by which all cells become larger; no bound but between planes."""
     if not is_plane(scene):
         return math.inf
-    return ROWS * walls_of(scene).number / (FEWEST_ROWS * _coarsening(scene.order))
+    walls = walls_of(scene)
+    rows, columns = (
+        ROWS * walls.number / FEWEST_ROWS,
+        scene.domain.length / (COLUMN * walls.depth * FEWEST_COLUMNS),
+    )
+    return min(rows, columns) / _coarsening(scene.order)
 
 
 def cells(scene: Scene, order: int, placement: Placement | None = None) -> tuple[Near, ...]:

@@ -15,11 +15,11 @@ from incipient.cost.command import chosen, predicted_plan
 from incipient.cost.ladder import ladder
 from incipient.cost.measurement import Variant
 from incipient.cost.quantities import columns, goals
-from incipient.errors import SceneError
+from incipient.errors import ConvergenceError, SceneError
 from incipient.fluid.conditions import Friction
 from incipient.planning.drawing import lay_out
 from incipient.planning.stream import bed_stress
-from incipient.planning.turbulence import WallLaw, faster, grain_number, slowest, walls_of
+from incipient.planning.turbulence import WallLaw, coarsest, faster, grain_number, slowest, walls_of
 from incipient.planning.turbulent_conditions import conditions, entering
 from incipient.results.errorbars import Loads
 from incipient.results.turbulence import WallReport
@@ -286,6 +286,31 @@ def test_the_mesh_s_term_is_exact_at_order_one_and_not_deceived_by_chance():
     assert term(True).shear == pytest.approx([0.0, 0.01 * 2**0.5 / 2])
 
 
+@pytest.mark.parametrize(
+    ("changes", "most"),
+    [
+        ({}, 14 / 6),
+        ({"flow": Poiseuille()}, 28 / 6),
+        ({"domain": Domain(length=4, height=1)}, 1.0),
+        ({"bed": Sinusoidal(amplitude=0.02, wavelength=1.0)}, np.inf),
+    ],
+)
+def test_a_mesh_that_is_no_coarser_tells_no_error(changes, most):
+    """Between planes there are six rows and four columns at the least, where a term would be as good as nothing."""
+    scene = channel(**changes, numerics=Numerics(mesh_size=2.0))
+    assert coarsest(scene) == pytest.approx(most)
+    same = Loads(np.zeros(0), np.zeros(0), shear=np.array([0.05, 0.05]))
+    if most < 2.0**1.5:
+        with pytest.raises(
+            ConvergenceError, match="as few rows or columns of cells: use numerics"
+        ) as refused:
+            by_coarser_mesh(scene, same, lambda one: same)
+        finer = float(str(refused.value).split(" = ")[1].split()[0])
+        assert most / 2**0.5 - 0.01 < finer <= most / 2**0.5
+    else:
+        assert by_coarser_mesh(scene, same, lambda one: same).shear == pytest.approx([0.0, 0.0])
+
+
 def test_the_mesh_s_term_in_time_is_found_on_coarser_cells():
     """k and epsilon have one order: what elements of another one change says little of it."""
     scene = channel(time=Time(end=1, step=0.1))
@@ -306,6 +331,16 @@ def test_errors_of_shear_velocities_are_told_with_that_of_c_f():
         "u* 0.04, within 2.0e-04, in the mean along the walls"
     )
     assert wavy.shear_velocities[wavy.leading] == 0.04
+
+
+def test_rows_of_a_profile_lie_between_the_walls():
+    """Over an open channel they may go on above it, whose top is no wall."""
+    rows = Turbulence(**MEASURED, profile=[[0.1, 0.7], [1.5, 1.0]])
+    make_plan(channel(turbulence=rows))
+    refused = message(lambda: make_plan(channel(flow=Poiseuille(), turbulence=rows)))
+    assert refused.startswith(
+        "turbulence.profile: has a row at 1.5, the wall on top is 1 above that below; leave"
+    )
 
 
 def test_a_threshold_with_turbulence_chooses_no_mesh():
