@@ -25,23 +25,31 @@ from incipient.turbulence import InTime, Surroundings, Turbulence
 
 STANDARD = (0.09, 1.44, 1.92, 1.0, 1.3)
 SIDES = ("left", "right", "bottom", "top")
-STREAM, SPEED, STEP = (0.6, -0.3), 2.0, 0.01
+SIDES_OF_SPACE = (*SIDES, "front", "back")
+STREAM, STEP = (0.6, -0.3), 0.01
 SLOPE, LEVEL = 3.0, -4.0
 BALL = (0.6, 0.5, 0.5)
 
 
-def uniform(x, t=0.0):
-    return np.tile(np.array(STREAM)[:, None], x.shape[1])
+SPACE = (*STREAM, 0.2)
+
+
+def uniform(x, stream):
+    return np.tile(np.array(stream)[:, None], x.shape[1])
 
 
 @contextmanager
-def carried(values, inflow=(), added=lambda fields: (0, 0)):
-    """The unit square in a uniform stream that carries k and epsilon on a mesh that moves, and its steps."""
-    domain = unit_box(2, 4)
+def carried(stream, values, inflow=(), added=lambda fields: (0, 0)):
+    """The unit square or cube in a uniform stream that carries k and epsilon on a mesh that moves."""
+    gdim = len(stream)
+    domain = unit_box(gdim, 4 if gdim == 2 else 2)
     with Turbulence(domain, Surroundings(inflow, values), 2, STANDARD) as fields:
         model = FlowModel(unsteady=True, moving_mesh=True, viscosity=fields.viscosity)
-        with Fluid(domain, model, [Prescribed(name, uniform) for name in SIDES], 100.0) as fluid:
-            fluid.state.x.array[fluid.space.velocity_map] = uniform(fluid.constraints.points.T).T.ravel()
+        conditions = [Prescribed(name, steady(stream)) for name in domain.names]
+        with Fluid(domain, model, conditions, 100.0) as fluid:
+            fluid.state.x.array[fluid.space.velocity_map] = uniform(
+                fluid.constraints.points.T, stream
+            ).T.ravel()
             velocity, _ = ufl.split(fluid.state)
             fields.carried_by(velocity, 0.01, added(fields), fluid.carrier(velocity))
             yield fluid, fields
@@ -59,33 +67,39 @@ def thrown(fluid, fields, values_at, radius=0.06, count=4):
         past = [fields.state.x.array.copy(), past[0]]
 
 
-def test_a_free_stream_stays_one_on_a_mesh_moved_at_random():
+BOTH = pytest.mark.parametrize("stream", [STREAM, pytest.param(SPACE, marks=pytest.mark.slow)])
+
+
+@BOTH
+def test_a_free_stream_stays_one_on_a_mesh_moved_at_random(stream):
     """What is uniform decays as on a mesh at rest, to round-off."""
     ends = []
     for radius in (0.0, 0.06):
-        with carried(lambda x: np.log([0 * x[0] + 0.02, 0 * x[0] + 0.1])) as (fluid, fields):
+        with carried(stream, lambda x: np.log([0 * x[0] + 0.02, 0 * x[0] + 0.1])) as (fluid, fields):
             thrown(fluid, fields, lambda t: lambda x: np.zeros((2, x.shape[1])), radius)
-            velocities = fluid.velocity.x.array.reshape(-1, 2)
-            assert velocities == pytest.approx(uniform(fluid.constraints.points.T).T, abs=1e-12)
+            velocities = fluid.velocity.x.array.reshape(-1, len(stream))
+            assert velocities == pytest.approx(uniform(fluid.constraints.points.T, stream).T, abs=1e-12)
             ends.append(fields.state.x.array.reshape(-1, 2))
     assert ends[1] == pytest.approx(np.tile(ends[0][0], (len(ends[1]), 1)), abs=1e-11)
     assert ends[0][0, 0] < np.log(0.02) - 0.05
 
 
-def test_what_a_stream_carries_goes_with_it_and_not_with_the_mesh():
+@BOTH
+def test_what_a_stream_carries_goes_with_it_and_not_with_the_mesh(stream):
     """ln k falls along the stream at a rate, ln epsilon at twice that, so that nu_t is uniform: exact in elements.
 
     Where they are held up so against dissipation and diffusion they move with the stream, exact on moving nodes.
     """
 
+    speed = float(np.linalg.norm(stream))
+
     def exact(time):
-        along = np.array(STREAM) / np.hypot(*STREAM)
-        return lambda x: np.outer([1, 2], SLOPE * (along @ x[:2] - np.hypot(*STREAM) * time) + LEVEL)
+        along = np.array(stream) / speed
+        return lambda x: np.outer([1, 2], SLOPE * (along @ x[: len(stream)] - speed * time) + LEVEL)
 
     def held_up(fields):
         x, time = ufl.SpatialCoordinate(fields.domain.mesh), clock[0]
-        speed = float(np.hypot(*STREAM))
-        along = ufl.dot(ufl.as_vector([one / speed for one in STREAM]), x) - speed * time
+        along = ufl.dot(ufl.as_vector([one / speed for one in stream]), x) - speed * time
         lost, eddy = ufl.exp(SLOPE * along + LEVEL), 0.09  # epsilon/k, and nu_t = C_mu k^2/epsilon
         diffused = [(0.01 + eddy / sigma) * (i * SLOPE) ** 2 for i, sigma in ((1, 1.0), (2, 1.3))]
         return [c * lost - one for c, one in zip((1.0, 1.92), diffused, strict=True)]
@@ -100,7 +114,7 @@ def test_what_a_stream_carries_goes_with_it_and_not_with_the_mesh():
         clock[0].value = time
         return exact(time)
 
-    with carried(exact(0.0), SIDES, added) as (fluid, fields):
+    with carried(stream, exact(0.0), SIDES_OF_SPACE[: 2 * len(stream)], added) as (fluid, fields):
         thrown(fluid, fields, at)
         points = fields.space.tabulate_dof_coordinates()
         assert fields.state.x.array.reshape(-1, 2) == pytest.approx(exact(fluid.time)(points.T).T, abs=1e-10)
@@ -160,7 +174,7 @@ def ball_in_stream(course):
     """A ball on a course, the mesh along with it, in a fluid at rest as the ball is at first."""
     first = course(0.0)
     body = RigidBody(Inertia(1.0, np.ones(3)), Freedom((False,) * 6, course))
-    entering, state = steady(np.array([*STREAM, 0.2]) + first[:3]), BodyState.at(Placement(BALL), first)
+    entering, state = steady(np.array(SPACE) + first[:3]), BodyState.at(Placement(BALL), first)
     return in_eddies(ball_in_box(0.35), body, state, entering, first[:3], ("body", "outer"))
 
 
@@ -210,7 +224,7 @@ def free_disc(density):
 
 def free_ball(density, cell):
     """In a box whose sides move as the endless fluid does around a ball that gets U = 1.5 V/(density + 0.5)."""
-    radius, stream = 0.25, np.array([*STREAM, 0.2])
+    radius, stream = 0.25, np.array(SPACE)
     expected = 1.5 / (density + 0.5) * stream
     dipole = -0.5 * radius**3 * (expected - stream)
 
