@@ -98,11 +98,15 @@ def _explain_arrows(axes: Axes, view: View, unit: float, scale: float) -> None:
 def _show_components(run: Run, axes: Axes, surface: Surface) -> None:
     angles = surface.angles(_centre(run, surface))
     order = np.argsort(angles)
+    # Where no flow reaches the grain the lines are broken: after the last point, before the first.
+    last = np.flatnonzero((order[:-1] == len(order) - 1) & (order[1:] == 0))
+    broken = np.empty(0, dtype=int) if surface.is_closed else last + 1
     for part, colour, label in (
         (surface.normal_part, PUSH, "along the outward normal (negative: pressed)"),
         (surface.tangential_part, PULL, "along the surface, anticlockwise"),
     ):
-        axes.plot(angles[order], part[order], color=colour, lw=1.3, label=label)
+        lines = (np.insert(values[order], broken, np.nan) for values in (angles, part))
+        axes.plot(*lines, color=colour, lw=1.3, label=label)
     axes.axhline(0, color=INK, lw=0.5)
     axes.set(xlim=(0, 360), xlabel="direction from the grain's centre [degrees]")
     axes.set_ylabel("traction [scene units]")

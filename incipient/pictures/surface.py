@@ -13,11 +13,15 @@ from .mesh import directed, enclosed_area
 
 @dataclass(frozen=True)
 class Surface:
-    """Points, unit normals out of the grain and tractions, (n, 2) each, anticlockwise around the grain."""
+    """Points, unit normals out of the grain and tractions, (n, 2) each, anticlockwise around the grain.
+
+    is_closed: whether they go all round; else no flow reaches the grain between the last point and the first
+    """
 
     points: np.ndarray
     normals: np.ndarray
     tractions: np.ndarray
+    is_closed: bool = True
 
     @classmethod
     def of(cls, step: Step) -> Surface:
@@ -26,10 +30,10 @@ class Surface:
         edges = directed(step.cells)
         if enclosed_area(points, edges) < 0:
             edges = edges[::-1][:, [1, 0, 2]]
-        nodes = edges[:, [0, 2]].ravel()
-        along = _tangents(points, edges)
-        normals = -quarter_turned(along)
-        return cls(points[nodes], normals, step.fields["traction"][nodes, :2])
+        is_closed = bool(edges[-1, 1] == edges[0, 0])
+        nodes = np.append(edges[:, [0, 2]].ravel(), [] if is_closed else edges[-1:, 1]).astype(int)
+        normals = -quarter_turned(_tangents(points, edges, is_closed))
+        return cls(points[nodes], normals, step.fields["traction"][nodes, :2], is_closed)
 
     @property
     def size(self) -> float:
@@ -59,10 +63,14 @@ class Surface:
         return np.degrees(np.arctan2(up, across)) % 360
 
 
-def _tangents(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """(2 n, 2) unit tangents at the start and middle of each edge; between two edges their mean."""
+def _tangents(points: np.ndarray, edges: np.ndarray, is_closed: bool) -> np.ndarray:
+    """(2 n, 2) unit tangents at starts and middles of edges, between two their mean; of an open curve at its end, too."""
     start, end, middle = (points[edges[:, i]] for i in range(3))
     leaving, arriving = 4 * middle - 3 * start - end, 3 * end + start - 4 * middle
     leaving, arriving = (t / np.linalg.norm(t, axis=1)[:, None] for t in (leaving, arriving))
-    tangents = np.stack([leaving + np.roll(arriving, 1, axis=0), end - start], axis=1).reshape(-1, 2)
+    before = np.roll(arriving, 1, axis=0)
+    if not is_closed:
+        before[0] = leaving[0]
+    tangents = np.stack([leaving + before, end - start], axis=1).reshape(-1, 2)
+    tangents = np.vstack([tangents, arriving[:0] if is_closed else arriving[-1:]])
     return tangents / np.linalg.norm(tangents, axis=1)[:, None]
