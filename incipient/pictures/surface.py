@@ -64,7 +64,7 @@ class Surface:
 
 
 def _tangents(points: np.ndarray, edges: np.ndarray, is_closed: bool) -> np.ndarray:
-    """(2 n, 2) unit tangents at starts and middles of edges, between two their mean; of an open curve at its end, too."""
+    """(2 n, 2) unit tangents at starts and middles of edges, between two their mean, and at an open curve's end."""
     start, end, middle = (points[edges[:, i]] for i in range(3))
     leaving, arriving = 4 * middle - 3 * start - end, 3 * end + start - 4 * middle
     leaving, arriving = (t / np.linalg.norm(t, axis=1)[:, None] for t in (leaving, arriving))
