@@ -14,10 +14,10 @@ from incipient.turbulence.along_walls import along_wall
 INNER, VISCOSITY, DRAG = 0.5, 0.25, 1.5
 
 
-def exact():
-    """A, B of u = A r + B/r with u(1) = 1 and the shear stress nu r d(u/r)/dr = c u at the inner circle."""
-    # -2 nu B/a^2 = c (A a + B/a), A + B = 1
-    b = -DRAG * INNER / (2 * VISCOSITY / INNER**2 + DRAG * (1 / INNER - INNER))
+def exact(rate):
+    """A, B of u = A r + B/r with u(1) = 1 and the shear stress nu r d(u/r)/dr = c (u - rate r) at the inner circle."""
+    # -2 nu B/a^2 = c (A a + B/a - rate a), A + B = 1
+    b = -DRAG * INNER * (1 - rate) / (2 * VISCOSITY / INNER**2 + DRAG * (1 / INNER - INNER))
     return 1 - b, b
 
 
@@ -25,12 +25,15 @@ def turning(x, t):
     return np.array([-x[1], x[0]])
 
 
-def solved(around):
-    """Errors of the velocity, of the couple, and what crosses the circle; the outer circle turns at the rate one."""
-    wall = Friction("inner", 0.1, lambda speed, turbulent, viscosity, distance: DRAG + 0 * speed)
-    a, b = exact()
+def solved(around, rate):
+    """Errors of the velocity, of the couple, and what crosses the inner circle, which turns; the outer turns at one."""
+    moves = rate != 0.0
+    wall = Friction("inner", 0.1, lambda speed, turbulent, viscosity, distance: DRAG + 0 * speed, moves=moves)
+    a, b = exact(rate)
     conditions = [wall, Prescribed("outer", turning)]
     with Fluid(ring(INNER, 1.0, around, 2), FlowModel(), conditions, 1 / VISCOSITY) as fluid:
+        if moves:
+            fluid.walls.carry("inner", np.zeros(2), np.array([rate]), np.zeros(2))
         assert fluid.solve(1e-10).converged
         x, v = fluid.constraints.points[:, :2], fluid.velocity.x.array.reshape(-1, 2)
         r = np.linalg.norm(x, axis=1, keepdims=True)
@@ -43,14 +46,19 @@ def solved(around):
         motion.interpolate(lambda x: np.array([-x[1], x[0]]))
         power = fluid.walls.power(fluid.state, motion, "inner")
         couple = dolfinx.fem.assemble_scalar(compat.form(power))
-    return velocity, abs(couple / (2 * np.pi * INNER**2 * DRAG * (a * INNER + b / INNER)) - 1), through
+    stress = DRAG * (a * INNER + b / INNER - rate * INNER)
+    return velocity, abs(couple / (2 * np.pi * INNER**2 * stress) - 1), through
 
 
-def test_slip_with_friction_on_a_circle():
-    """Circular Couette flow over a wall whose stress is c times the velocity: errors fall as h^1.7 or faster."""
-    coarse, fine = (np.array(solved(around)) for around in (12, 24))
+@pytest.mark.parametrize("rate", [0.0, -1.0])
+def test_slip_with_friction_on_a_circle(rate):
+    """Circular Couette flow over a wall whose stress is c times the velocity past it: errors fall as h^1.7 or faster.
+
+    What crosses a circle that turns is that its cells are not quite round, and small on both meshes.
+    """
+    coarse, fine = (np.array(solved(around, rate)) for around in (12, 24))
     assert (fine < [2e-3, 2e-4, 2e-3]).all()
-    assert (coarse / fine > 2**1.7).all()
+    assert (coarse / fine > 2**1.7)[: 2 if rate else 3].all()
 
 
 def test_where_the_flow_rests_the_turbulence_gives_the_friction():
