@@ -180,6 +180,26 @@ def test_a_stone_let_go_begins_with_the_load_on_it_when_held():
 
 
 @pytest.mark.slow
+def test_a_disc_without_mass_follows_at_every_moment(tmp_path):
+    """The flow's load is minus the buoyancy, to the tolerance of the steps; its velocities change smoothly.
+
+    Its spin, which friction alone rules, does so to 1% of it.
+    """
+    disc = Disc(diameter=0.2, centre=(1.9375, 0.25), motion="free", mass=0.0, inertia=0.0)
+    time, gravity = Time(end=0.1, step=0.01, start="steady"), Gravity(acceleration=0.2)
+    incipient.run(moving(0.1, 0.01, body=disc, gravity=gravity, time=time), tmp_path)
+    load = np.array([column(tmp_path, name) for name in ("force_x", "force_y", "couple")])
+    buoyancy = 0.2 * 0.01 * np.pi
+    assert load == pytest.approx(np.outer([0.0, -1.0, 0.0], np.full(10, buoyancy)), abs=1e-3 * buoyancy)
+    assert column(tmp_path, "interface").max() <= 6
+    for name in ("velocity_x", "velocity_y"):
+        gained = np.diff(column(tmp_path, name))
+        assert np.abs(np.diff(gained)).max() < 0.1 * np.abs(gained).max()
+    spin = column(tmp_path, "spin")
+    assert np.abs(np.diff(spin, 2)).max() < 0.01 * np.abs(spin).max()
+
+
+@pytest.mark.slow
 def test_the_path_of_a_stone_let_go_converges_in_time_with_order_two():
     """Steps of 0.04, 0.02 and 0.01: velocities differ from each to the next by four times less, or nearly so.
 
