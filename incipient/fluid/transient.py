@@ -16,6 +16,9 @@ from .newton import NewtonReport
 
 MOST_REJECTED = 11  # attempts at one step: ten halvings
 SAFETY, LARGEST_GROWTH, LARGEST_CUT = 0.9, 2.0, 0.3
+# Of a first step whose flow is not found from the state before it: of such a part of it, that is set off at once and
+# nothing else, Newton's method finds the flow, and from there that of the whole step.
+IMPULSE = 0.01
 # Of fixed steps that begin short or had to be halved, each over the one before.
 GROWTH = 1.25
 
@@ -234,8 +237,34 @@ class Transient:
         self._past = [Past(self.fluid.time, self.fluid.state.x.array.copy(), velocities), *self._past[:2]]
 
     def _attempt(self, length: float) -> NewtonReport:
+        """Solve for the end of a step; a flow set off at once from what a much shorter one makes of it, if need be."""
+        self._discretise(length)
+        report = self._solved(length)
+        if report.converged or len(self._past) > 1:
+            return report
+        self._restore()
+        self._discretise(IMPULSE * length)
+        if not self.fluid.solve(self._tolerance()).converged:
+            return report
+        set_off = self.fluid.state.x.array.copy()
+        self._discretise(length)
+        self.fluid.state.x.array[:] = set_off
+        return self._solved(length)
+
+    def _solved(self, length: float) -> NewtonReport:
+        if self.interface is not None:
+            return self.interface.attempt(length, 2 if self._is_second else 1, self._tolerance())
+        return self.fluid.solve(self._tolerance())
+
+    @property
+    def _is_second(self) -> bool:
+        """Whether the step at hand is of second order."""
+        return self.order == 2 and len(self._past) > 1
+
+    def _discretise(self, length: float) -> None:
+        """Let the fluid's equations be those of a step of this length, and its state a first guess."""
         fluid, past = self.fluid, self._past
-        second = self.order == 2 and len(past) > 1
+        second = self._is_second
         ratio = length / (past[0].time - past[1].time) if len(past) > 1 else 1.0
         rate, extrapolation = backward_difference(2 if second else 1, length, ratio)
         fluid.discretise_time(rate, extrapolation)
@@ -245,9 +274,6 @@ class Transient:
         if second:
             known = [one.state for one in past]
             fluid.state.x.array[:] = extrapolated([one.time for one in past], known, fluid.time)
-        if self.interface is not None:
-            return self.interface.attempt(length, 2 if second else 1, self._tolerance())
-        return fluid.solve(self._tolerance())
 
     def _tolerance(self) -> float:
         """The tolerance of the algebraic solution in the step to come."""
@@ -265,7 +291,7 @@ class Transient:
 
     def _error(self, length: float) -> float | None:
         """Local error of the velocities relative to them, from divided differences over the past states."""
-        second = self.order == 2 and len(self._past) > 1
+        second = self._is_second
         needed = 3 if second else 2
         if len(self._past) < needed:
             return None

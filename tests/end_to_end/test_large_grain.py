@@ -10,6 +10,7 @@ from mpi4py import MPI
 
 import incipient
 from incipient import compat
+from incipient.fluid import Transient
 from incipient.planning.cells import CLOSED
 from incipient.scene import (
     Contact,
@@ -115,6 +116,21 @@ def test_error_bars_of_a_stone():
     assert "turbulence model" in bars.error_bars.left_out
     assert "but for the error of the turbulence model, which is not known: it rests" in bars.text()
     assert (change <= bars.error_bars.terms[0].force[:2]).all()
+
+
+def test_a_stream_set_off_at_once_needs_no_short_first_step(monkeypatch):
+    """Newton's method finds the flow at the end of the first step from that of a hundredth of it, not from rest."""
+    taken = []
+
+    def advance(self, length):
+        taken.append(advanced(self, length))
+        return taken[-1]
+
+    advanced = Transient.advance
+    monkeypatch.setattr(Transient, "advance", advance)
+    incipient.run(stone(time=Time(end=0.2, step=0.1)))
+    assert [one.length for one in taken] == pytest.approx([0.1, 0.1], rel=1e-12)
+    assert [one.rejected for one in taken] == [0, 0]
 
 
 @pytest.mark.slow
