@@ -166,10 +166,21 @@ def _of_verdict(result: Mapping[str, Any]) -> dict[str, Any]:
             "y_plus_min": walls["least"],
             "y_plus_max": walls["largest"],
         }
+        found |= _of_shear(walls, bars)
     for name, value in (result.get("coefficients") or {}).items():
         if name in ("drag", "lift", "moment"):
             found[name] = value
     return found
+
+
+def _of_shear(walls: Mapping[str, Any], bars: Mapping[str, Any] | None) -> dict[str, float]:
+    """The ends of the error bars of u* at the outflow and of C_f, which goes as its square; none where not known."""
+    errors, u = None if bars is None else bars.get("shear_velocity"), walls["at_outflow"]
+    if errors is None or not u:
+        return {}
+    ends = {LOW: max(u - errors[0], 0.0), HIGH: u + errors[0]}
+    friction = {f"friction{end}": walls["friction"] * (value / u) ** 2 for end, value in ends.items()}
+    return friction | {f"bed_shear_velocity{end}": value for end, value in ends.items()}
 
 
 def _vector(name: str, values: Sequence[float], errors: Sequence[float] | None) -> dict[str, float]:

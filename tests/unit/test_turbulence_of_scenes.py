@@ -215,6 +215,13 @@ def test_a_sweep_s_table_has_the_friction_and_whether_it_holds():
     walls = WallReport(0.08, 49.0, 51.0, 0.05, 0.05, 0.005, 1 / 11000, 0.09)
     found = quantities("run", {"verdict": None, "turbulence": walls.to_dict()})
     assert found["friction"] == 0.005 and found["applicable"] and found["y_plus_max"] == 51.0
+    assert "friction_low" not in found
+    bars = {"safety_factor": None, "shear_velocity": [5e-4, 1e-4]}
+    told = quantities("run", {"verdict": None, "turbulence": walls.to_dict(), "error_bars": bars})
+    assert (told["bed_shear_velocity_low"], told["bed_shear_velocity_high"]) == pytest.approx(
+        (0.0495, 0.0505)
+    )
+    assert (told["friction_low"], told["friction_high"]) == pytest.approx((0.005 * 0.99**2, 0.005 * 1.01**2))
     row = {"status": "done", "task": "run", **found}
     assert in_words(row) == "C_f 0.005"
     assert in_words(row | {"applicable": False}) == "C_f 0.005, law of the wall NOT APPLICABLE"
