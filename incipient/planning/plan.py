@@ -161,8 +161,9 @@ def _sought(scene: Scene) -> str:
     chosen = ("gap, domain, " if everything else "") + (
         "mesh and order" if scene.time is None else "steps, mesh and order"
     )
+    chosen = f"{chosen} are"
     if scene.is_turbulent:
-        chosen = chosen.removesuffix(" and order")
+        chosen = "gap, domain and mesh are" if everything else "the mesh is"
     of = "of discretisation, gap and domain" if everything else "of discretisation"
     aim = f"until the error of the {scene.accuracy_of} ({of}) is below {numerics.accuracy}"
     if numerics.accuracy == "verdict":
@@ -170,7 +171,7 @@ def _sought(scene: Scene) -> str:
     budgets = ((numerics.budget_seconds, "s"), (numerics.budget_mib, "MiB"))
     limits = [f"{limit:g} {unit}" for limit, unit in budgets if limit is not None]
     beyond = f", within {' and '.join(limits)}" if limits else ""
-    return f"numerics.accuracy: {chosen} are chosen by the run, {aim}{beyond}"
+    return f"numerics.accuracy: {chosen} chosen by the run, {aim}{beyond}"
 
 
 def _geometry_order(scene: Scene) -> int:
