@@ -42,14 +42,13 @@ def method_of(scene: Scene, slow: bool, unsteady: bool) -> Method:
             "two-level",
             "order 2 by blocks, and from there the higher one without a matrix: Stokes flow needs no more",
         )
-    if scene.is_turbulent:
-        return Method(
-            "direct",
-            "blocks do not converge with eddies; in space factors take much time and memory",
-        )
     dear = "in space factors would take much time and memory"
     if slow:
         return Method("block", f"{dear}; Stokes flow needs none")
+    if unsteady and scene.is_turbulent:
+        return Method(
+            "direct", "steps in time with eddies were not tried otherwise; factors take much memory"
+        )
     if unsteady:
         return Method("block", f"{dear}; steps in time need none")
     if upwinds(scene):

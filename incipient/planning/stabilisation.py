@@ -60,7 +60,7 @@ def stabilisation_of(scene: Scene, inertia: bool, speed: float = 1.0) -> Stabili
 
 def upwinds(scene: Scene) -> bool:
     """Whether a flow with inertia is upwinded along its streams. Not collective."""
-    steady = scene.gdim == 3 and scene.time is None and not scene.is_turbulent
+    steady = scene.gdim == 3 and scene.time is None
     return steady and scene.numerics.stabilisation != "off"
 
 

@@ -77,11 +77,7 @@ class TurbulentFlow:
         self._take(fluid, factor)
         walls, scene = self._walls, self._scene
         if not onwards:
-            enters = turbulent_conditions.velocity(scene)
-            start = dolfinx.fem.Function(fluid.space.velocity)
-            start.interpolate(lambda x: enters(x, 0.0))
-            fluid.state.x.array[fluid.space.velocity_map] = start.x.array
-            self.fields.state.interpolate(turbulent_conditions.logarithms(scene))
+            self.enter(fluid)
         with run.stage("flow"):
             rounds = solve_steadily(
                 *(fluid, self.fields, walls.depth / scene.reference_velocity),
@@ -90,6 +86,14 @@ class TurbulentFlow:
                 _stage(run),
             )
         run.accounts.count(turbulence=len(rounds))
+
+    def enter(self, fluid: Fluid) -> None:
+        """Let the velocity and its turbulence be those of the inflow everywhere."""
+        enters = turbulent_conditions.velocity(self._scene)
+        start = dolfinx.fem.Function(fluid.space.velocity)
+        start.interpolate(lambda x: enters(x, 0.0))
+        fluid.state.x.array[fluid.space.velocity_map] = start.x.array
+        self.fields.state.interpolate(turbulent_conditions.logarithms(self._scene))
 
     def _take(self, fluid: Fluid, factor: float) -> None:
         """Let viscosity, inflow and walls be those of a flow faster by a factor."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -12,6 +12,7 @@ import numpy as np
 from ..errors import ConvergenceError
 from ..fluid import Fluid
 from ..fluid.newton import NewtonReport
+from ..fluid.solvers import UnsolvedError
 from ..fluid.transient import Interface
 from .fields import Turbulence
 
@@ -65,8 +66,8 @@ def solve_steadily(
             size = turbulence.step((1 / step, -1 / step, 0.0), (past, past), STEP_TOLERANCE)
         change, past_flow = turbulence.largest(eddies - past), flow.copy()
         # The flow is found no better than its eddies are known, and with factors of earlier rounds while they serve.
-        enough, kept = SHARE_OF_FLOW * max(tolerance, moved), fluid.solver.regular
-        if not np.isfinite(size) or not fluid.solve(enough, MOST_OF_FLOW, keep_factors=kept).converged:
+        enough = SHARE_OF_FLOW * max(tolerance, moved)
+        if not np.isfinite(size) or not fluid.solve(enough, MOST_OF_FLOW, keep_factors=True).converged:
             eddies[:], flow[:] = past, past_flow
             step *= CUT
             if step < SHORTEST * time:
@@ -87,8 +88,9 @@ def _begin(fluid: Fluid, turbulence: Turbulence) -> np.ndarray:
     """Find the flow with the eddies as they are, or with more viscous ones, which pseudo-time lets go; the eddies."""
     start = fluid.state.x.array.copy()
     for _ in range(MOST_THICKENINGS + 1):
-        if fluid.solve(SHARE_OF_FLOW, MOST_OF_FIRST).converged:
-            return turbulence.state.x.array.copy()
+        with suppress(UnsolvedError):
+            if fluid.solve(SHARE_OF_FLOW, MOST_OF_FIRST).converged:
+                return turbulence.state.x.array.copy()
         fluid.state.x.array[:] = start
         turbulence.thicken(THICKER)
     raise ConvergenceError(NO_FLOW)

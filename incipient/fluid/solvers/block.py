@@ -8,11 +8,12 @@ import numpy as np
 from petsc4py import PETSc
 
 from ...errors import ConvergenceError
+from .diagonal import DiagonalBlocks
 from .direct import NOT_FINITE
 from .equations import Equations
 from .multigrid import Components
 from .options import defaults
-from .schur import schur_complement
+from .schur import ConvectedPressure, Schur, schur_complement
 from .split import Split
 from .statistics import LinearStatistics
 
@@ -162,8 +163,14 @@ class _Triangle:
 
     def __init__(self, matrix: Any, equations: Equations):
         self.split, self.transposed = Split(matrix, equations), False
-        self._velocity = Components(equations)
-        self._pressure = schur_complement(equations, self.split, self._velocity)
+        self._velocity: Components | DiagonalBlocks
+        self._pressure: Schur
+        if equations.eddies:
+            self._velocity = DiagonalBlocks(equations, self.split)
+            self._pressure = ConvectedPressure(equations, self.split)
+        else:
+            self._velocity = components = Components(equations)
+            self._pressure = schur_complement(equations, self.split, components)
         self._gradient: Any = None  # B^T, made when first assembled
         self._vectors: tuple[Any, ...] = ()
 

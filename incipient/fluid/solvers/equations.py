@@ -28,6 +28,7 @@ class Equations:
     reference_map: None for the identity
     size:          of cells over the order of the elements that upwinding is that of; None: that of the space
     surface:       what a free surface adds; None: there is none
+    eddies:        whether the viscosity is that of eddies, which varies, and walls resist the flow along them
     """
 
     space: TaylorHood
@@ -39,6 +40,7 @@ class Equations:
     reference_map: ReferenceMap | None = None
     size: Any = None
     surface: SurfaceLoad | None = None
+    eddies: bool = False
 
     def held(self) -> np.ndarray:
         """(local unknowns of the mixed space,) whether a condition holds there."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -11,13 +13,17 @@ from petsc4py import PETSc
 from ... import compat
 from ...compat import petsc
 from ...forms import preconditioning
+from ..space import cell_size
+from .diagonal import INCOMPLETE
 from .equations import Equations
-from .multigrid import Components, algebraic
+from .multigrid import Components, algebraic, component_rows
 from .options import defaults
 from .split import Split
 
 PREFIX = "fluid_pressure_"
 POISSON = "fluid_pressure_poisson_"
+# The Laplacian of stretched cells: few entries of its matrix are strong.
+STRETCHED = INCOMPLETE | {"pc_gamg_threshold": 0.2}
 # Bounds of the eigenvalues of the mass matrix over its diagonal, those of the element matrices on straight cells
 # (Wathen 1987), by the dimension and the order of the pressure.
 BOUNDS = {
@@ -210,11 +216,98 @@ class LeastSquaresCommutator:
                 held.destroy()
 
 
+class ConvectedPressure:
+    """S^-1 = N^-1 + L^-1 C M^-1, L = B D^-1 G: for steady flow with eddies along walls that resist it.
+
+    N and M are the pressures' mass matrices over the viscosity and without, C convects pressures, D has the sums of the
+    sizes in rows of the velocity's mass matrix, G is the pressure's block in momentum: what walls and upwinding do is
+    in L. As of Cahouet & Chabard for the rate, diffusion is in N and convection in L; of pressure convection-diffusion
+    (Kay, Loghin & Wathen 2002, SIAM J. Sci. Comput. 24, 237) the factors are in the other order. Order, D, and what
+    happens where fluid enters are measured (docs/scaling.md).
+    """
+
+    def __init__(self, equations: Equations, split: Split):
+        space, self._split, self._closed = equations.space, split, equations.closed
+        self._mass, self._diffused = ScaledMass(replace(equations, viscosity=1.0)), ScaledMass(equations)
+        p, q = ufl.TrialFunction(space.pressure), ufl.TestFunction(space.pressure)
+        mesh, (scalar, self._rows) = space.mixed.mesh, component_rows(space)
+        size = cell_size(mesh) / (space.order - 1)
+        carried = (equations.viscosity, equations.carrier, size, _measure(equations), ufl.ds(domain=mesh))
+        self._carried = compat.form(preconditioning.pressure_convection(p, q, *carried))
+        u, w = ufl.TrialFunction(scalar), ufl.TestFunction(scalar)
+        self._weighed = compat.form(u * w * _measure(equations))
+        self._convection = petsc.create_matrix(self._carried)
+        self._vectors = self._convection.createVecs()
+        self._blocks: list[Any] = [None, None]  # B and G
+        self._poisson: dict[bool, _Poisson] = {}
+
+    def assemble(self) -> None:
+        """Take the flow of the state, and B and G of the matrix, as they are. Collective."""
+        self._mass.assemble()
+        self._diffused.assemble()
+        self._convection.zeroEntries()
+        petsc.assemble_matrix(self._convection, self._carried)
+        self._convection.assemble()
+        divergence, gradient = self._blocks = [
+            self._split.divergence(self._blocks[0]),
+            self._split.gradient(self._blocks[1]),
+        ]
+        scale, scaled = divergence.createVecRight(), gradient.copy()
+        scale.setArray(1.0 / self._sizes())
+        scaled.diagonalScale(L=scale)
+        self._forget()
+        self._poisson[False] = _Poisson(divergence.matMult(scaled), self._closed, STRETCHED)
+        self._poisson[False].prepare()
+        scale.destroy()
+        scaled.destroy()
+
+    def _sizes(self) -> np.ndarray:
+        """(owned velocities, as in the blocks,) the diagonal D."""
+        mass = petsc.assemble_matrix(self._weighed)
+        mass.assemble()
+        begins, _, values = mass.getValuesCSR()
+        found, owned = np.empty(self._split.owned), len(begins) - 1
+        found[self._rows[:, :owned]] = np.add.reduceat(np.abs(values), begins[:-1])
+        mass.destroy()
+        return np.asarray(found[self._split.velocities])
+
+    def solve(self, right: np.ndarray, transposed: bool) -> np.ndarray:
+        """(owned pressures,) approximately S^-1, or S^-T, times the right-hand side. Collective."""
+        if transposed not in self._poisson:
+            matrix = self._poisson[False].matrix.transpose(PETSc.Mat())
+            self._poisson[True] = _Poisson(matrix, self._closed, STRETCHED)
+            self._poisson[True].prepare()
+        poisson, order = self._poisson[transposed], self._split.order
+        before, after = self._vectors
+        found, diffused = np.empty_like(right), self._diffused.solve(right, transposed).copy()
+        if transposed:
+            found[order] = poisson.solve(right[order])
+            before.setArray(found)
+            self._convection.multTranspose(before, after)
+            return diffused + self._mass.solve(after.array_r, transposed)
+        before.setArray(self._mass.solve(right, transposed))
+        self._convection.mult(before, after)
+        found[order] = poisson.solve(after.array_r[order])
+        return diffused + found
+
+    def _forget(self) -> None:
+        for poisson in self._poisson.values():
+            poisson.destroy()
+        self._poisson = {}
+
+    def destroy(self) -> None:
+        """Free PETSc's memory."""
+        self._forget()
+        for held in (self._mass, self._diffused, self._convection, *self._blocks, *self._vectors):
+            if held is not None:
+                held.destroy()
+
+
 class _Poisson:
     """One cycle of algebraic multigrid for a matrix that is held as its own; constants are taken out if `closed`."""
 
-    def __init__(self, matrix: Any, closed: bool):
-        self.matrix = matrix
+    def __init__(self, matrix: Any, closed: bool, options: Mapping[str, Any] | None = None):
+        self.matrix, self._options = matrix, options
         self._right, self._left = matrix.createVecs()
         self._constant = PETSc.NullSpace().create(constant=True, comm=matrix.comm) if closed else None
         self._cycle: Any = None
@@ -226,7 +319,7 @@ class _Poisson:
         self._cycle = PETSc.PC().create(self.matrix.comm)
         self._cycle.setOptionsPrefix(POISSON)
         self._cycle.setOperators(self.matrix)
-        with defaults(POISSON, algebraic()):
+        with defaults(POISSON, self._options or algebraic()):
             self._cycle.setFromOptions()
             self._cycle.setUp()
 

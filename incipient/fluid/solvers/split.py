@@ -26,9 +26,10 @@ class Split:
         self.pressures = space.pressure_map[: space.pressure.dofmap.index_map.size_local]
         self.order = np.argsort(self.pressures)
         self.held = np.flatnonzero(equations.held()[: self.owned])
-        self._sets = [self._index_set(rows) for rows in (self.velocities, self.pressures[self.order])]
+        self._sets = [self.index_set(rows) for rows in (self.velocities, self.pressures[self.order])]
 
-    def _index_set(self, rows: np.ndarray) -> Any:
+    def index_set(self, rows: np.ndarray) -> Any:
+        """PETSc's set of owned rows by their local numbers; the caller frees it. Collective."""
         numbers = self.matrix.getOwnershipRange()[0] + rows
         return PETSc.IS().createGeneral(numbers.astype(PETSc.IntType), comm=self.matrix.comm)
 
