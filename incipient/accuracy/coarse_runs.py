@@ -116,6 +116,11 @@ def coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
     return changed(scene, numerics=numerics, time=_longer_steps(scene.time, longer), **sections)
 
 
+def is_coarse(scene: Scene) -> bool:
+    """Whether a scene of steady flow is the first of its own coarse runs, which is then not made. Not collective."""
+    return coarse(scene) == changed(scene, numerics={"error_bars": False, "order": scene.order})
+
+
 def _longer_steps(time: Time, longer: float) -> dict[str, float]:
     """The steps of runs in time for terms of the model."""
     found = {"step": min(longer * time.step, max(time.step, time.end / FEWEST_STEPS))}

@@ -43,6 +43,7 @@ from .coarse_runs import (
     coarse,
     comparisons,
     farther,
+    is_coarse,
     on_another_mesh,
     on_coarser_mesh,
     order_in_time,
@@ -94,7 +95,10 @@ def error_terms(
     """Error bars but for what they mean for the verdict; a steady flow may be `speed` times the scene's. Collective."""
     scene, found = run.scene, _Found(run, solve)
     if scene.is_turbulent and scene.time is None:
-        found.add("discretisation", partial(by_coarser_mesh, scene, _computed(run, force, couple)))
+        computed = _computed(run, force, couple)
+        found.add("discretisation", partial(by_coarser_mesh, scene, computed))
+        if is_coarse(scene):
+            run.accounts.known[coarse(scene).model_dump_json()] = computed
     elif scene.time is None:
         of_mesh = _dual if run.fluid.coarse is None else _by_surplus
         found.add("discretisation", lambda _: of_mesh(run, speed))

@@ -8,7 +8,7 @@ from scenes import message
 
 import incipient
 from incipient import make_plan
-from incipient.accuracy.coarse_runs import comparisons
+from incipient.accuracy.coarse_runs import coarse, comparisons, is_coarse
 from incipient.accuracy.errorbars import by_coarser_mesh, coarse_scenes, of_the_model, shares
 from incipient.cost import calibration
 from incipient.cost.command import chosen, predicted_plan
@@ -348,6 +348,19 @@ def test_rows_of_a_profile_lie_between_the_walls():
     assert refused.startswith(
         "turbulence.profile: has a row at 1.5, the wall on top is 1 above that below; leave"
     )
+
+
+@pytest.mark.parametrize(("mesh_size", "order", "same"), [(2.0, 2, True), (1.0, 2, False), (2.0, 3, False)])
+def test_a_coarse_scene_is_its_own_coarse_run(mesh_size, order, same):
+    """With cells and elements of the coarse runs the scene's loads spare that without changes, which is one of them."""
+    scene = channel(
+        body=Disc(diameter=0.2, x=4.0, density=2.65),
+        bed=Flat(),
+        fluid=Fluid(reynolds=2e5, scale="flow"),
+        numerics=Numerics(mesh_size=mesh_size, order=order),
+    )
+    assert is_coarse(scene) is same
+    assert coarse(scene) in coarse_scenes(scene)
 
 
 def test_a_threshold_with_turbulence_chooses_no_mesh():
