@@ -312,10 +312,13 @@ def test_a_mesh_that_is_no_coarser_tells_no_error(changes, most):
             ConvergenceError, match="as few rows or columns of cells: use numerics"
         ) as refused:
             by_coarser_mesh(scene, same, lambda one: same)
+        assert coarse_scenes(scene) == []
         finer = float(str(refused.value).split(" = ")[1].split()[0])
         assert most / 2**0.5 - 0.01 < finer <= most / 2**0.5
     else:
         assert by_coarser_mesh(scene, same, lambda one: same).shear == pytest.approx([0.0, 0.0])
+        sizes = [one.numerics.mesh_size for one in coarse_scenes(scene)]
+        assert sizes == pytest.approx([2.0 * 2**0.5, 4.0])
 
 
 def test_the_mesh_s_term_in_time_is_found_on_coarser_cells():
