@@ -66,6 +66,49 @@ def ceiling(scene: Scene) -> float:
     return walls_of(scene).ceiling
 
 
+def narrow_gap(scene: Scene) -> str:
+    """What is to be known of the gap by which a turbulent scene's grain is held off walls, or an empty string.
+
+    Within it the law of each wall knows of no second one: its friction is too little, however narrow the gap is. Not
+    collective.
+    """
+    from .turbulence import walls_of
+
+    if scene.body is None or scene.body.centre is None or scene.body.moves or scene.placement is None:
+        return ""
+    nearest, least = surroundings(scene).clearance(scene.placement), 2.0 * walls_of(scene).distance
+    lid = side_names(scene)[2] if scene.flow.kind == "open-channel" else ""
+    sides = () if scene.gdim == 3 and scene.sides == "wall" else sides_across(scene)
+    if (
+        nearest.other in (side_names(scene)[1], side_names(scene)[3], lid, *sides)
+        or nearest.distance >= least
+    ):
+        return ""
+    return (
+        f"the grain is held {nearest.distance:.3g} from the {nearest.other}, twice the distance of the law of the wall "
+        f"is {least:.3g}: what flows between is no result of the model; hold it farther away, or let it touch by body.x"
+    )
+
+
+def through_the_top(scene: Scene) -> str:
+    """Where a turbulent scene's grain reaches what the mesh leaves out below a wall on top, or an empty string.
+
+    Not collective.
+    """
+    if scene.body is None or scene.placement is None:
+        return ""
+    around = surroundings(scene)
+    top = next(side for side in around.sides if side.axis == scene.up and side.inwards < 0)
+    found = Surroundings(around.grain, (top,)).clearance(scene.placement)
+    if found.distance > 0.0:
+        return ""
+    key = "centre" if scene.body.centre is not None else "x"
+    return (
+        f"{key}: the grain reaches {top.place - found.distance:.6g}, the mesh ends at {top.place:.6g}, the distance of "
+        "the law of the wall below the wall on top; move the grain, make it smaller or raise domain.height"
+    )
+
+
 def surroundings(scene: Scene) -> Surroundings:
     """What the grain of a scene may run into."""
     domain, up = scene.domain, scene.up

@@ -132,9 +132,10 @@ def make_plan(scene: Scene) -> Plan:
 
 def _warnings(scene: Scene) -> Iterator[str]:
     if scene.is_turbulent:
-        from .turbulence import beyond_walls, small, too_near, too_small
+        from .clearance import narrow_gap, through_the_top
+        from .turbulence import beyond_walls, small, too_near, too_small, within_sand
 
-        if why := beyond_walls(scene):
+        if why := beyond_walls(scene) or within_sand(scene):
             raise SceneError(f"turbulence.{why}")
         if why := too_small(scene):
             raise SceneError(f"turbulence: {why}")
@@ -142,8 +143,9 @@ def _warnings(scene: Scene) -> Iterator[str]:
             raise SceneError(
                 f"turbulence: {why}; use a larger fluid.reynolds, a smaller wall_distance or no turbulence"
             )
-        if told := small(scene):
-            yield told
+        if why := through_the_top(scene):
+            raise SceneError(f"body.{why}")
+        yield from filter(None, (small(scene), narrow_gap(scene)))
     gap = scene.contact.gap if scene.contact is not None and not scene.closes_contacts else 0.0
     if gap > WIDE_GAP and scene.body is not None and (scene.rests or scene.body.moves):
         yield (

@@ -213,6 +213,17 @@ def too_near(scene: Scene) -> str:
     return f"the law of the wall would have to reach {percent(share)} of the {of}, at most {percent(LARGEST_SHARE)}"
 
 
+def within_sand(scene: Scene) -> str:
+    """Why the law of the wall is not for walls as rough as a scene's, or an empty string. Not collective."""
+    walls = walls_of(scene)
+    if float(walls.law.velocity(walls.shear_velocity, scene.viscosity, walls.distance)) > LEAST:
+        return ""
+    return (
+        f"roughness: is {walls.law.roughness:g}, and the law of the wall begins within the sand, {walls.distance:.3g} "
+        "from the wall; set wall_distance to the roughness or more, or use a smaller roughness"
+    )
+
+
 def beyond_walls(scene: Scene) -> str:
     """Why a measured profile is not for a scene's walls, or an empty string. Not collective."""
     rows, walls = section(scene).profile, walls_of(scene)

@@ -135,6 +135,9 @@ def _of_flow(scene: Scene) -> Iterator[tuple[Key, str, str]]:
         yield ("flow", "kind"), why, 'use "poiseuille" or "open-channel"'
     elif scene.domain.top == "stream":
         yield ("domain", "top"), '"stream" contradicts turbulence below it', 'use "auto"'
+    elif getattr(scene.flow, "datum", "auto") != "auto":
+        why = "is not there with turbulence, whose profile starts at the bed's height at the inflow"
+        yield ("flow", "datum"), why, "leave it out"
     if not scene.fluid.inertia or scene.effects.inertia is False:
         key = ("fluid", "inertia") if not scene.fluid.inertia else ("effects", "inertia")
         yield key, "is false, but without inertia there is no turbulence", "leave it out"

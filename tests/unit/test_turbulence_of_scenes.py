@@ -116,6 +116,10 @@ def channel(**changes):
             "numerics.convection: with turbulence the walls' friction is implicit",
         ),
         (
+            {"flow": OpenChannel(datum="crest")},
+            "flow.datum: is not there with turbulence, whose profile starts at the bed's height at the inflow; leave",
+        ),
+        (
             {"turbulence": {"wall": "rough"}},
             'turbulence.roughness: is 0 but wall is "rough"; give the equivalent',
         ),
@@ -350,6 +354,42 @@ def test_rows_of_a_profile_lie_between_the_walls():
     refused = message(lambda: make_plan(channel(flow=Poiseuille(), turbulence=rows)))
     assert refused.startswith(
         "turbulence.profile: has a row at 1.5, the wall on top is 1 above that below; leave"
+    )
+
+
+def test_the_law_of_the_wall_does_not_begin_within_the_sand():
+    """Rough walls at the sand's height have u+ = 8.5, at a hundredth of it the law has no velocity any more."""
+    rough = Turbulence(wall="rough", roughness=0.05, wall_distance=0.05)
+    fluid = Fluid(reynolds=1e6, scale="flow")
+    make_plan(channel(turbulence=rough, fluid=fluid))
+    near = rough.model_copy(update={"wall_distance": 5e-4})
+    refused = message(lambda: make_plan(channel(turbulence=near, fluid=fluid)))
+    assert refused.startswith(
+        "turbulence.roughness: is 0.05, and the law of the wall begins within the sand, 0.0005 from the wall; set"
+    )
+
+
+def test_a_grain_in_midstream_is_away_from_walls():
+    """A gap narrower than twice the law's distance is no result; next to a wall on top nothing is meshed."""
+    sections = {
+        "fluid": Fluid(reynolds=2e5, scale="flow"),
+        "bed": Flat(),
+        "turbulence": Turbulence(wall_distance=0.01),
+    }
+
+    def held(height, flow):
+        return channel(body=Disc(diameter=0.2, centre=(10.0, height)), flow=flow, **sections)
+
+    def told(height, flow):
+        return [one for one in make_plan(held(height, flow)).warnings if one.startswith("the grain is held")]
+
+    assert told(0.115, OpenChannel())[0].startswith(
+        "the grain is held 0.015 from the bed, twice the distance of the law of the wall is 0.02: what flows"
+    )
+    assert not told(0.5, OpenChannel()) and not told(0.89, OpenChannel())
+    assert told(0.88, Poiseuille())[0].startswith("the grain is held 0.01 from the top")
+    assert message(lambda: make_plan(held(0.895, Poiseuille()))).startswith(
+        "body.centre: the grain reaches 0.995, the mesh ends at 0.99, the distance of the law of the wall below"
     )
 
 
