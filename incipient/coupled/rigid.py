@@ -291,9 +291,9 @@ class RigidPart:
             changes[k], residual = self.fluid.response(motion, forcing[k], ANSWERED)
             if self._rubs:
                 resistance[:, k] = self._resistance_of_wall(*self._nudged(end, k, length), changes[k])
+                self._try(end)
             else:
                 resistance[:, k] = -self._load_of(self.probe.resultant_of(residual))
-        self._try(end)
         return Response(changes, resistance, length)
 
     def _of_displacements(self, end: BodyState, length: float, free: NDArray[np.intp]) -> dict[int, Floats]:
