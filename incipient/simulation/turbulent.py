@@ -12,6 +12,7 @@ import numpy as np
 import ufl
 
 from .. import compat
+from ..errors import ConvergenceError
 from ..fluid import FlowModel, Fluid
 from ..forms import turbulence as forms
 from ..mesh.domain import Domain
@@ -19,7 +20,6 @@ from ..mesh.transfer import Transfer
 from ..planning import turbulence as planned
 from ..planning import turbulent_conditions
 from ..planning.cells import side_names
-from ..planning.effects import moves
 from ..planning.turbulence import HIGHEST, LOWEST
 from ..results.turbulence import WallReport
 from ..scene import Scene
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 Stage = Callable[[str], AbstractContextManager[Any]]
 
 ORDER = 2  # of the elements of ln k and ln epsilon
+NOT_STEADY = 'time.start: no steady flow to begin with was found; use "rest", or a smaller numerics.mesh_size'
 
 
 class TurbulentFlow:
@@ -117,15 +118,17 @@ class TurbulentFlow:
     def begin(self, run: Run, fluid: Fluid) -> None:
         """Find the steady flow of a fluid with this turbulence, and give its k and epsilon to the run's.
 
-        A grain that moves later has the velocity at its surface that it has at first.
+        A grain that moves later is at rest: with a velocity at its surface fluid would enter through it, of which no k
+        is known.
+
+        Raises:
+            ConvergenceError: none was found.
         """
         self.joined(fluid)
-        if moves(self._scene):
-            from ..planning.body import initial_state
-
-            state = initial_state(self._scene)
-            fluid.walls.carry("body", state.velocity, state.spin, state.place)
-        self.solve(run, fluid=fluid)
+        try:
+            self.solve(run, fluid=fluid)
+        except ConvergenceError as error:
+            raise ConvergenceError(NOT_STEADY) from error
         assert run.turbulence is not None
         run.turbulence.fields.state.x.array[:] = self.fields.state.x.array
 
