@@ -406,6 +406,13 @@ def test_a_coarse_scene_is_its_own_coarse_run(mesh_size, order, same):
     assert coarse(scene) in coarse_scenes(scene)
 
 
+def test_walls_along_which_nothing_flows_are_told_all_the_same():
+    """As after a first step in time that failed, of which result.json tells."""
+    walls = WallReport(0.08, 0.0, 0.0, 0.0, 0.0, 0.0, 1 / 11000, 0.09)
+    assert walls.to_dict()["suitable_distance"] == np.inf and not walls.applicable
+    assert walls.lines(np.zeros(2))[-1].strip() == "u* 0 and C_f 0 at the outflow"
+
+
 def test_a_threshold_with_turbulence_chooses_no_mesh():
     stone = Disc(diameter=0.2, x=4.0625, density=2.65)
     scene = channel(
