@@ -62,6 +62,15 @@ SCENES = (
         ),
         "Elevations at both ends and in the middle at sixteen times in three periods, relative to those together.",
     ),
+    Scene(
+        "turbulent_channel",
+        said="u* at the outflow; the error of C_f is twice as much, relative. k and epsilon have order two.",
+    ),
+    Scene(
+        "large_grain",
+        ("--orders", "2", "--sizes", "2", "1.41421", "1", "0.707107"),
+        "Force, couple and safety factor by the k-epsilon model.",
+    ),
 )
 
 
