@@ -1,5 +1,7 @@
 """A large grain on the bed of a turbulent stream in space: its loads, and where they come from."""
 
+import textwrap
+
 import dolfinx
 import numpy as np
 import pytest
@@ -25,7 +27,9 @@ from incipient.scene import (
     Scene,
     Sinusoidal,
     Sphere,
+    Time,
 )
+from incipient.scene.file import dumps
 from incipient.simulation.assemble import outcome
 from incipient.simulation.build import prepared
 from incipient.turbulence.along_walls import along_wall
@@ -144,3 +148,63 @@ def test_walls_of_a_square_duct_bear_alike():
             assert stress[end].min() < 0.6 * stress[end][middle]
         assert outcome(run).turbulence.applicable
     assert [stresses["top"], stresses["left"]] == pytest.approx([stresses["bottom"]] * 2, rel=0.02)
+
+
+@pytest.mark.slow
+def test_error_bars_of_a_sphere():
+    """Mesh, gap and domain are estimated; the mesh's term covers what cells smaller by 1.4 change of the drag."""
+    bars = incipient.run(stone(numerics=Numerics(mesh_size=5.0)))
+    finer = incipient.run(stone(mesh_size=3.5))
+    assert [term.name for term in bars.error_bars.terms] == ["discretisation", "gap", "domain"]
+    assert "turbulence model" in bars.error_bars.left_out
+    print(bars.text(), finer.force.flow)
+    assert abs(bars.force.flow[0] - finer.force.flow[0]) <= bars.error_bars.terms[0].force[0]
+
+
+@pytest.mark.slow
+def test_the_threshold_of_a_sphere_between_ridges():
+    """In units of the critical flow its Reynolds number is larger and the sphere is lighter: safety factor one."""
+
+    def between(reynolds=2e5, acceleration=3.0):
+        return stone(
+            fluid=Fluid(reynolds=reynolds, scale="flow"),
+            body=Sphere(diameter=0.4, x=0.875, density=2.65),
+            bed=RidgeBed(amplitude=0.04, wavelength=0.5),
+            gravity=Gravity(acceleration=acceleration),
+        )
+
+    found = incipient.threshold(between())
+    assert found.is_critical
+    there = incipient.run(between(2e5 * found.factor, 3.0 / found.factor**2))
+    assert there.verdict["safety_factor"] == pytest.approx(1.0, abs=0.03)
+
+
+@pytest.mark.slow
+def test_a_sphere_on_two_ranks_and_resumed(mpirun, tmp_path):
+    """Steadily on one rank and two; in time the whole run and one that was cut."""
+    script = """
+        import incipient
+        from mpi4py import MPI
+        from incipient.scene.file import loads
+
+        found = incipient.run(loads(open({path!r}).read()))
+        if MPI.COMM_WORLD.rank == 0:
+            print(*map(repr, found.force.flow.tolist() + found.couple.flow.tolist()))
+    """
+    scene = stone(numerics=Numerics(mesh_size=7.0, error_bars=False, tolerance=1e-9))
+    (tmp_path / "scene.toml").write_text(dumps(scene), encoding="utf-8")
+    found = []
+    for ranks in (1, 2):
+        done = mpirun(ranks, textwrap.dedent(script).format(path=str(tmp_path / "scene.toml")))
+        assert done.returncode == 0, done.stderr
+        found.append([float(word) for word in done.stdout.split()])
+    assert found[1] == pytest.approx(found[0], rel=1e-8)
+
+    def in_time(end):
+        """In steps short enough that all have the same length."""
+        return stone(time=Time(end=end, step=2.5e-4), output=Output(fields=False, checkpoint=3))
+
+    whole = incipient.run(in_time(1.5e-3), tmp_path / "whole")
+    incipient.run(in_time(7.5e-4), tmp_path / "cut")
+    resumed = incipient.resume(tmp_path / "cut", ["time.end=1.5e-3"])
+    assert resumed.force.flow == pytest.approx(whole.force.flow, rel=1e-12, abs=1e-12)
