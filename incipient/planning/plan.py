@@ -133,7 +133,7 @@ def make_plan(scene: Scene) -> Plan:
 def _warnings(scene: Scene) -> Iterator[str]:
     if scene.is_turbulent:
         from .clearance import narrow_gap, through_the_top
-        from .turbulence import beyond_walls, small, too_near, too_small, within_sand
+        from .turbulence import beyond_walls, cornered, small, too_near, too_small, within_sand
 
         if why := beyond_walls(scene) or within_sand(scene):
             raise SceneError(f"turbulence.{why}")
@@ -145,7 +145,7 @@ def _warnings(scene: Scene) -> Iterator[str]:
             )
         if why := through_the_top(scene):
             raise SceneError(f"body.{why}")
-        yield from filter(None, (small(scene), narrow_gap(scene)))
+        yield from filter(None, (small(scene), narrow_gap(scene), cornered(scene)))
     gap = scene.contact.gap if scene.contact is not None and not scene.closes_contacts else 0.0
     if gap > WIDE_GAP and scene.body is not None and (scene.rests or scene.body.moves):
         yield (

@@ -261,6 +261,16 @@ def small(scene: Scene) -> str:
     )
 
 
+def cornered(scene: Scene) -> str:
+    """What is to be known of the model in a scene's ducts, or an empty string. Not collective."""
+    if not walls_of(scene).sides:
+        return ""
+    return (
+        "the k-epsilon model makes no secondary flow, which in a real duct brings fast fluid into the corners: "
+        "friction there is larger than computed"
+    )
+
+
 def faster(scene: Scene, factor: float) -> Scene:
     """The scene with its flow faster by a factor at the same viscosity, in units of that flow. Not collective."""
     plain = scene.model_dump()

@@ -507,6 +507,7 @@ def test_a_duct_has_walls_on_its_sides_and_lets_in_what_it_is_asked_for(flow):
     beyond = walls.shear_velocity * walls.law.beyond(walls.shear_velocity, scene.viscosity, away)
     along = walls.beside * (y[-1] - y[0]) + 2 * (z[-1] - z[0])
     assert mean * (y[-1] - y[0]) * (z[-1] - z[0]) + along * beyond == pytest.approx(0.8, rel=1e-3)
+    assert "no secondary flow" in make_plan(scene).text()
     hydraulic = 0.8 / (0.8 * walls.number + 2.0)
     estimate = walls.law.velocity(walls.shear_velocity, scene.viscosity, hydraulic) - 1 / walls.law.kappa
     assert walls.shear_velocity * estimate == pytest.approx(1.0)
