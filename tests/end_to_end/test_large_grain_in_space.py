@@ -12,8 +12,6 @@ import incipient
 from incipient import compat
 from incipient.scene import (
     Contact,
-    Cylinder,
-    Disc,
     Domain,
     Effects,
     Flat,
@@ -115,19 +113,6 @@ def test_ridges_across_the_stream_are_the_plane_s():
     assert [space.least, space.largest] == pytest.approx([plane.least, plane.largest], rel=0.05)
 
 
-@pytest.mark.slow
-def test_a_cylinder_across_the_stream_is_the_plane_s_disc():
-    """Drag per width, by the computation in the plane on cells as large: 0.0675, here 0.0678."""
-    size = {"diameter": 0.3}
-    numerics = Numerics(mesh_size=2.0, order=2, error_bars=False)
-    disc = Disc(centre=(1.6, 0.3), **size)
-    plane = incipient.run(channel(4.0, bed=Flat(), body=disc, numerics=numerics))
-    across = Cylinder(centre=(1.6, 0.1, 0.3), length=0.2, **size)
-    space = incipient.run(channel(4.0, 0.2, bed=Flat(), body=across, numerics=numerics))
-    assert space.force.flow[0] / 0.2 == pytest.approx(plane.force.flow[0], rel=0.03)
-    assert space.turbulence.at_outflow == pytest.approx(plane.turbulence.at_outflow, rel=0.01)
-
-
 def test_walls_of_a_square_duct_bear_alike():
     """Half of one, whose mesh differs between floor and side: mean stress at the end; it is least in corners."""
     square = Domain(length=5.0, width=1.0, height=1.0, sides="wall")
@@ -148,35 +133,6 @@ def test_walls_of_a_square_duct_bear_alike():
             assert stress[end].min() < 0.6 * stress[end][middle]
         assert outcome(run).turbulence.applicable
     assert [stresses["top"], stresses["left"]] == pytest.approx([stresses["bottom"]] * 2, rel=0.02)
-
-
-@pytest.mark.slow
-def test_error_bars_of_a_sphere():
-    """Mesh, gap and domain are estimated; the model's error is said to be in none of them."""
-    found = incipient.run(stone(numerics=Numerics(mesh_size=5.0)))
-    bars = found.error_bars
-    assert [term.name for term in bars.terms] == ["discretisation", "gap", "domain"]
-    assert all((term.force[[0, 2]] > 0.0).all() and term.force[1] == 0.0 for term in bars.terms)
-    assert "turbulence model" in bars.left_out and not bars.failed
-    assert "but for the error of the turbulence model, which is not known" in found.text()
-
-
-@pytest.mark.slow
-def test_the_threshold_of_a_sphere_between_ridges():
-    """In units of the critical flow its Reynolds number is larger and the sphere is lighter: safety factor one."""
-
-    def between(reynolds=2e5, acceleration=3.0):
-        return stone(
-            fluid=Fluid(reynolds=reynolds, scale="flow"),
-            body=Sphere(diameter=0.4, x=0.875, density=2.65),
-            bed=RidgeBed(amplitude=0.04, wavelength=0.5),
-            gravity=Gravity(acceleration=acceleration),
-        )
-
-    found = incipient.threshold(between())
-    assert found.is_critical
-    there = incipient.run(between(2e5 * found.factor, 3.0 / found.factor**2))
-    assert there.verdict["safety_factor"] == pytest.approx(1.0, abs=0.03)
 
 
 @pytest.mark.slow
