@@ -8,6 +8,7 @@ from typing import Any
 from ..output.earlier import DRAWN
 from ..pictures.judged import Judged, judged, sentence
 from ..pictures.record import parsed_json
+from ..results.turbulence import longest
 from .errors import certainty, of_errors
 from .expense import of_adaptation, of_cost, of_omissions, of_plan, versions
 from .page import Cell, Erring, Part, Picture, Section, section, table, words
@@ -200,7 +201,9 @@ def _turbulence(found: dict[str, Any] | None) -> tuple[Section, ...]:
     ]
     if not found["plane"]:
         rows.append(("share of the walls with y+ not from 30 to 300", found["outside"]))
-    rows += [("next to the bed the flow runs upstream from x, to x", tuple(one)) for one in found["backward"]]
+    told, others = longest(found["backward"])
+    rows += [("next to the bed the flow runs upstream from x, to x", tuple(one)) for one in told]
+    rows += [("shorter places where it does", others)] if others else []
     return section("Turbulence", words(f"{holds}{advice}."), table(("at the walls", ""), rows))
 
 

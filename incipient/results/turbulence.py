@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ from ..planning.turbulence import AIMED_AT, HIGHEST, LOWEST
 if TYPE_CHECKING:
     from ..arrays import Floats
 
+MOST_SPANS = 4  # along which the flow runs upstream, told in words
 MOST_OUTSIDE = 0.1  # of the walls' length, in space of their area, where some are no planes
 
 
@@ -84,8 +86,7 @@ class WallReport:
             told += f", along {100 * self.outside:.3g}% of them not from {LOWEST:g} to {HIGHEST:g}"
         friction = self._friction(errors)
         if self.backward:
-            spans = ", ".join(f"{start:.5g} to {end:.5g}" for start, end in self.backward)
-            friction += f"; the flow next to the bed runs upstream from x = {spans}"
+            friction += f"; the flow next to the bed runs upstream from x = {self._spans()}"
         if self.applicable:
             return [f"turbulence          {told}: the law of the wall holds; {friction}"]
         remedy = f"set turbulence.wall_distance = {self.suitable:.3g}"
@@ -95,6 +96,12 @@ class WallReport:
         if not self.plane:
             bounds = f"at most {100 * MOST_OUTSIDE:g}% may be"
         return [f"turbulence          NOT APPLICABLE: {told}, {bounds}; {remedy}", f"{'':<20}{friction}"]
+
+    def _spans(self) -> str:
+        """From where to where the flow next to the bed runs upstream."""
+        told, others = longest(self.backward)
+        spans = ", ".join(f"{start:.5g} to {end:.5g}" for start, end in told)
+        return spans + (f", and in {others} shorter places" if others else "")
 
     def _friction(self, errors: Floats | None) -> str:
         """What the walls exert, in words: at the outflow, over a bed that is not level in the mean."""
@@ -106,3 +113,9 @@ class WallReport:
         if self.plane or errors is None:
             return told
         return f"{told}; u* {self.shear_velocity:.5g}, within {errors[1]:.1e}, in the mean along the walls"
+
+
+def longest(spans: Sequence[Sequence[float]]) -> tuple[list[Sequence[float]], int]:
+    """The longest few of spans, as they are sorted, and how many others there are: narrow wedges are full of eddies."""
+    chosen = sorted(range(len(spans)), key=lambda i: spans[i][0] - spans[i][1])[:MOST_SPANS]
+    return [spans[i] for i in sorted(chosen)], len(spans) - len(chosen)

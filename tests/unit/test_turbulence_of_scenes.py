@@ -347,6 +347,16 @@ def test_errors_of_shear_velocities_are_told_with_that_of_c_f():
     assert wavy.shear_velocities[wavy.leading] == 0.04
 
 
+def test_of_many_places_where_the_flow_runs_upstream_the_longest_are_told():
+    """Narrow wedges next to contacts are full of eddies, each shorter than the one before."""
+    spans = tuple((place, place + 0.01 * place) for place in (1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
+    walls = WallReport(0.08, 41.0, 220.0, 0.04, 0.05, 0.005, 1 / 11000, 0.09, backward=spans)
+    assert walls.lines()[0].endswith(
+        "x = 3 to 3.03, 4 to 4.04, 5 to 5.05, 6 to 6.06, and in 2 shorter places"
+    )
+    assert replace(walls, backward=spans[:1]).lines()[0].endswith("upstream from x = 1 to 1.01")
+
+
 def test_rows_of_a_profile_lie_between_the_walls():
     """Over an open channel they may go on above it, whose top is no wall."""
     rows = Turbulence(**MEASURED, profile=[[0.1, 0.7], [1.5, 1.0]])
