@@ -161,7 +161,8 @@ A way that is as accurate and quicker takes the place of the scene's own on the 
 time t = start + fixed + n^p (a + c m) for n unknowns and m time steps, error E = C h^q + D dt^r for each order, cells h
 and steps dt. The laws of every study are kept as this machine's calibration
 (`$XDG_CACHE_HOME/incipient/calibration.json`). For a scene that was studied its own are taken, and times are right to a
-factor of {prediction.OWN:g}; for others the mean of those of its kind (steady, in time, with a grain that moves), to a
+factor of {prediction.OWN:g}; for others the mean of those of its kind (steady, in time, with a grain that moves;
+with turbulence), to a
 factor of {prediction.FOREIGN:g}; `plan --study DIRECTORY` goes by the study there. Of error bars the dual solution
 counts as a run with its unknowns, a coarse run as one whose mesh is made. `incipient calibrate` studies small scenes of
 each kind in a minute or two; until then laws of another machine that come with the program serve, to a factor of
