@@ -33,6 +33,9 @@ BED_LARGEST = 0.6  # of the bed's smallest feature, whatever mesh_size: larger c
 # corrected by two levels without a matrix, and, of order two, of a flow on the mesh moved; fitted (docs/space.md).
 OF_FACTORS, OF_BLOCKS, OF_CORRECTIONS, OF_MOVED = 450.0, 3000.0, 900.0, 1600.0
 DENSER = 1600.0  # bytes per unknown by which matrices of order three, by blocks, are denser
+OF_EDDIES = (
+    2500.0  # bytes per unknown of the flow by k and epsilon, and what solves them and the flow with them
+)
 # MiB of a free surface and bytes per unknown of it and what it displaces; bytes per unknown of the steady flow from
 # which a run below one starts; fitted.
 OF_SURFACE, OF_RISING, OF_START = 14.0, 350.0, 900.0
@@ -169,6 +172,11 @@ def memory_in_space(solver: str, unknowns: Callable[[int], int], order: int, dua
         of_order = OF_BLOCKS + DENSER * (order > LOWEST_ORDER)
         size = of_order * unknowns(order) + (OF_CORRECTIONS * unknowns(order + 1) if dual else 0.0)
     return memory_of_libraries() + size / 2**20
+
+
+def memory_of_eddies(scene: Scene, unknowns: int) -> float:
+    """MiB that k and epsilon, and blocks that are the Jacobian's, add to those of a flow in space. Not collective."""
+    return OF_EDDIES * unknowns / 2**20 if scene.gdim == 3 and scene.is_turbulent else 0.0
 
 
 def memory_of_surface(scene: Scene, unknowns: int) -> float:

@@ -10,7 +10,7 @@ from ..installed import memory_of_libraries, required
 from ..parallel import collectively
 from ..planning import drawing
 from ..planning.cells import CLOSED
-from ..planning.drawing_in_space import memory_of_surface
+from ..planning.drawing_in_space import memory_of_eddies, memory_of_surface
 from ..planning.effects import EffectName
 from ..planning.plan import Estimate, Plan, make_plan
 from ..progress import Silent
@@ -156,7 +156,8 @@ def estimate(scene: Scene) -> Plan:
         plan.solver.name,
         None if wider is None else drawing.lay_out(wider, plan),
     )
-    expense = expense.with_more(memory_of_surface(scene, expense.unknowns))
+    more = memory_of_surface(scene, expense.unknowns) + memory_of_eddies(scene, expense.unknowns)
+    expense = expense.with_more(more)
     if scene.gdim == 3 and scene.has_surface and scene.numerics.error_bars:
         other = estimate(comparisons(scene)[1]).estimate
         assert other is not None

@@ -18,16 +18,16 @@ from .split import Split
 from .statistics import LinearStatistics
 
 PREFIX = "fluid_"
-# Steady, and in time, where a shorter step does more than further iterations.
-MOST_ITERATIONS, MOST_IN_TIME = 400, 200
+# Steady; in time, where a shorter step does more than further iterations; and with eddies, where more viscous ones do.
+MOST_ITERATIONS, MOST_IN_TIME, MOST_WITH_EDDIES = 400, 200, 150
 RESTART = 100
 # A preconditioner is made anew when it needs this many times the iterations that it needed when it was new.
 AGED = 1.5
 # An old one is given up after this many times the iterations that it needed when it was new.
 USELESS = 4.0
-# Residual, relative to the right-hand side, of a correction that is one of several, steady and in time: a step of the
-# chord method. In time it is that of the preconditioned system, which is nearer to the error.
-ROUGH, ROUGH_IN_TIME = 1e-3, 3e-2
+# Residual, relative to the right-hand side, of a correction that is one of several, steady, in time, and with eddies: a
+# step of the chord method. In time it is that of the preconditioned system, which is nearer to the error.
+ROUGH, ROUGH_IN_TIME, ROUGH_WITH_EDDIES = 1e-3, 3e-2, 1e-2
 
 
 class UnsolvedError(ConvergenceError):
@@ -56,7 +56,11 @@ class Block:
         # Of the matrix when last prepared (-1: never), and the iterations a decade of the residual needed then.
         self._state, self._usual = -1, np.inf
         self._null_space = _constant_pressures(matrix, equations) if equations.closed else None
-        self._rough = ROUGH if equations.rate is None else ROUGH_IN_TIME
+        self._rough, self._most = ROUGH, MOST_ITERATIONS
+        if equations.rate is not None:
+            self._rough, self._most = ROUGH_IN_TIME, MOST_IN_TIME
+        elif equations.eddies:
+            self._rough, self._most = ROUGH_WITH_EDDIES, MOST_WITH_EDDIES
         self._solver = self._made(equations)
         self._most = self._solver.getTolerances()[3]
 
@@ -67,7 +71,7 @@ class Block:
         preconditioner = solver.getPC()
         preconditioner.setType("python")
         preconditioner.setPythonContext(self._preconditioner)
-        solver.setTolerances(atol=1e-50, max_it=MOST_ITERATIONS if equations.rate is None else MOST_IN_TIME)
+        solver.setTolerances(atol=1e-50, max_it=self._most)
         side = "right" if equations.rate is None else "left"
         chosen = {"ksp_type": "gmres", "ksp_pc_side": side, "ksp_gmres_restart": RESTART}
         with defaults(PREFIX, chosen):
