@@ -136,6 +136,15 @@ def test_walls_of_a_square_duct_bear_alike():
 
 
 @pytest.mark.slow
+def test_error_bars_of_a_sphere():
+    """Mesh, gap and domain are estimated; the model's error is said to be in none of them."""
+    bars = incipient.run(stone(numerics=Numerics(mesh_size=5.0))).error_bars
+    assert [term.name for term in bars.terms] == ["discretisation", "gap", "domain"]
+    assert all((term.force[[0, 2]] > 0.0).all() and term.force[1] == 0.0 for term in bars.terms)
+    assert "turbulence model" in bars.left_out and not bars.failed
+
+
+@pytest.mark.slow
 def test_a_sphere_on_two_ranks_and_resumed(mpirun, tmp_path):
     """Steadily on one rank and two; in time the whole run and one that was cut."""
     script = """
