@@ -191,6 +191,11 @@ class Constraints:
         return tuple(one.boundary for one in self._friction)
 
     @property
+    def walls_are_level(self) -> bool:
+        """Whether all boundaries along which the flow is resisted are planes across an axis, at a distance of walls."""
+        return all(one.axis is not None for one in self._friction)
+
+    @property
     def crossings(self) -> tuple[str, ...]:
         """Names of the ends across which the flow is not held: open ones, and those at which it is given along only."""
         return (*self.open, *(entry.boundary for entry in self.entries))

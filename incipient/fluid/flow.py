@@ -154,6 +154,7 @@ class Fluid:
             *(self.space, held.dirichlet, held.open_pressures(), self.viscosity),
             *(rate, carrier, model.reference_map, self._upwind_size(), self.surface),
             eddies=self.walls is not None,
+            level=held.walls_are_level,
         )
 
     def _upwind_size(self) -> Any:

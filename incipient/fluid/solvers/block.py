@@ -13,7 +13,7 @@ from .direct import NOT_FINITE
 from .equations import Equations
 from .multigrid import Components
 from .options import defaults
-from .schur import ConvectedPressure, Schur, schur_complement
+from .schur import schur_complement
 from .split import Split
 from .statistics import LinearStatistics
 
@@ -167,14 +167,8 @@ class _Triangle:
 
     def __init__(self, matrix: Any, equations: Equations):
         self.split, self.transposed = Split(matrix, equations), False
-        self._velocity: Components | DiagonalBlocks
-        self._pressure: Schur
-        if equations.eddies:
-            self._velocity = DiagonalBlocks(equations, self.split)
-            self._pressure = ConvectedPressure(equations, self.split)
-        else:
-            self._velocity = components = Components(equations)
-            self._pressure = schur_complement(equations, self.split, components)
+        self._velocity = DiagonalBlocks(equations, self.split) if equations.eddies else Components(equations)
+        self._pressure = schur_complement(equations, self.split, self._velocity)
         self._gradient: Any = None  # B^T, made when first assembled
         self._vectors: tuple[Any, ...] = ()
 

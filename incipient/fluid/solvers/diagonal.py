@@ -60,6 +60,20 @@ class DiagonalBlocks:
         for rows, cycle in zip(self._rows, self._cycles[transposed], strict=True):
             left[rows] = cycle.solve(right[rows])
 
+    def multiply(self, right: np.ndarray, transposed: bool = False) -> np.ndarray:
+        """The blocks, or their transposes, times (owned rows of the mixed system,). Collective."""
+        left = np.zeros_like(right)
+        for rows, cycle in zip(self._rows, self._cycles[False], strict=True):
+            left[rows] = cycle.multiply(right[rows], transposed)
+        return left
+
+    def diagonal(self) -> np.ndarray:
+        """(owned rows of the mixed system,) the diagonal of the blocks, one where conditions hold."""
+        found = np.ones(self._split.owned)
+        for rows, cycle in zip(self._rows, self._cycles[False], strict=True):
+            found[rows] = cycle.diagonal()
+        return found
+
     def _forget(self) -> None:
         for transposed, cycles in self._cycles.items():
             for cycle in cycles:
@@ -90,6 +104,17 @@ class _Cycle:
         """(owned rows,) the approximate solution, to be copied."""
         self._right.setArray(right)
         self._cycle.apply(self._right, self._left)
+        return np.asarray(self._left.array_r)
+
+    def multiply(self, right: np.ndarray, transposed: bool) -> np.ndarray:
+        """(owned rows,) the matrix or its transpose times a vector, to be copied."""
+        self._right.setArray(right)
+        (self._matrix.multTranspose if transposed else self._matrix.mult)(self._right, self._left)
+        return np.asarray(self._left.array_r)
+
+    def diagonal(self) -> np.ndarray:
+        """(owned rows,) the diagonal of the matrix, to be copied."""
+        self._matrix.getDiagonal(self._left)
         return np.asarray(self._left.array_r)
 
     def destroy(self, matrix: bool) -> None:

@@ -29,6 +29,7 @@ class Equations:
     size:          of cells over the order of the elements that upwinding is that of; None: that of the space
     surface:       what a free surface adds; None: there is none
     eddies:        whether the viscosity is that of eddies, which varies, and walls resist the flow along them
+    level:         whether all these walls are, as in channels whose cells are much longer than high
     """
 
     space: TaylorHood
@@ -41,6 +42,7 @@ class Equations:
     size: Any = None
     surface: SurfaceLoad | None = None
     eddies: bool = False
+    level: bool = False
 
     def held(self) -> np.ndarray:
         """(local unknowns of the mixed space,) whether a condition holds there."""

@@ -16,7 +16,7 @@ from ...forms import preconditioning
 from ..space import cell_size
 from .diagonal import INCOMPLETE
 from .equations import Equations
-from .multigrid import Components, algebraic, component_rows
+from .multigrid import algebraic, component_rows
 from .options import defaults
 from .split import Split
 
@@ -54,8 +54,22 @@ class Schur(Protocol):
         ...
 
 
-def schur_complement(equations: Equations, split: Split, velocity: Components) -> Schur:
+class VelocityBlock(Protocol):
+    """Operators that stand for the velocity block. Methods are collective."""
+
+    def multiply(self, right: np.ndarray, transposed: bool = False) -> np.ndarray:
+        """The operators, or their transposes, times (owned rows of the mixed system,)."""
+        ...
+
+    def diagonal(self) -> np.ndarray:
+        """(owned rows of the mixed system,) the diagonal of the operators."""
+        ...
+
+
+def schur_complement(equations: Equations, split: Split, velocity: VelocityBlock) -> Schur:
     """The approximation for the terms that there are. Collective."""
+    if equations.eddies and equations.level:
+        return ConvectedPressure(equations, split)
     if equations.rate is not None:
         return CahouetChabard(equations)
     if equations.carrier is not None:
@@ -148,13 +162,13 @@ class CahouetChabard:
 class LeastSquaresCommutator:
     """S^-1 = L^-1 (B D^-1 F D^-1 G) L^-1, L = B D^-1 G: for steady flow with inertia.
 
-    F are the operators of the velocity's components, stabilised along the streams, and D their diagonals. G is the
+    F are the operators of the velocity's components, or its diagonal blocks, and D their diagonals. G is the
     pressure's block in momentum, which is B^T and what upwinding adds to it: both it and F have the upwinded tests,
     so that these cancel in S = B F^-1 G. Rows where conditions hold are in none of them. Source: Elman, Howle, Shadid,
     Shuttleworth & Tuminaro (2006), SIAM J. Sci. Comput. 27, 1651; scaling and G are measured (docs/scaling.md).
     """
 
-    def __init__(self, equations: Equations, split: Split, velocity: Components):
+    def __init__(self, equations: Equations, split: Split, velocity: VelocityBlock):
         self._split, self._velocity, self._closed = split, velocity, equations.closed
         self._divergence: Any = None
         self._gradient: Any = None
@@ -217,7 +231,7 @@ class LeastSquaresCommutator:
 
 
 class ConvectedPressure:
-    """S^-1 = N^-1 + L^-1 C M^-1, L = B D^-1 G: for steady flow with eddies along walls that resist it.
+    """S^-1 = N^-1 + L^-1 C M^-1, L = B D^-1 G: for steady flow with eddies along level walls, on stretched cells.
 
     N and M are the pressures' mass matrices over the viscosity and without, C convects pressures, D has the sums of the
     sizes in rows of the velocity's mass matrix, G is the pressure's block in momentum: what walls and upwinding do is
