@@ -65,7 +65,7 @@ cost: setup ## what accuracy costs, on the demos: docs/cost.md
 effects: setup ## one scene with its effects switched on one after another: docs/effects.md
 	$(PYTHON) benchmarks/effects.py
 
-turbulence: setup ## turbulent channels, a step beside OpenFOAM, and a hump, against measurements: docs/turbulence.md
+turbulence: setup ## turbulent channels, a step beside OpenFOAM, and a hump, against measurements: docs/turbulence.md, large_grains.md
 	$(PYTHON) benchmarks/turbulence.py
 	$(PYTHON) benchmarks/turbulent_step.py
 	$(PYTHON) benchmarks/turbulent_hump.py

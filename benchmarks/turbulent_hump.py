@@ -5,7 +5,7 @@ Turbulence Modeling Resource in benchmarks/reference. The flow separates from it
 
 Cost:    two to three minutes.
 Run:     python benchmarks/turbulent_hump.py
-Results: the tables in docs/turbulence.md
+Results: the tables in docs/large_grains.md
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from incipient import scene as of
 from incipient.simulation.build import prepared
 
 ROOT = Path(__file__).parents[1]
-PAGE, DATA = ROOT / "docs/turbulence.md", ROOT / "benchmarks/reference"
+PAGE, DATA = ROOT / "docs/large_grains.md", ROOT / "benchmarks/reference"
 BEGIN, END = "<!-- hump: begin -->", "<!-- hump: end -->"
 REYNOLDS, HEIGHT, UPSTREAM, DOWNSTREAM = 936000.0, 0.90905, -2.14, 3.0  # over the chord
 INCH = 25.4 / 420.0
