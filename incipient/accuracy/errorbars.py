@@ -74,6 +74,7 @@ NOT_COARSER = (
 TOO_LITTLE = 1e-6  # of the largest of three loads: changes that tell no order
 SAME_DATUM = 1e-6  # of the height of the forms
 GROUND, MODEL, POCKET = "level ground", "turbulence model", "pocket"
+LAW = "law of the wall, which is not applicable here"
 OF_MESH = "mesh"  # name of the part of the discretisation's term that outlasts a change of steps
 NO_CONTACT = "does not apply: no grain rests on a bed"
 MOVES = "does not apply: the grain moves, and contact.gap says where it stops"
@@ -119,7 +120,10 @@ def error_terms(
 
 
 def with_safety(bars: ErrorBars, run: Run, force: Forces | None, couple: Couples | None) -> ErrorBars:
-    """The bars with the safety factor's, where there is a verdict and at least one term. Not collective."""
+    """The bars with the safety factor's, where there is a verdict and at least one term. Collective.
+
+    Nothing is certain of a turbulent flow along whose walls the law of the wall does not hold.
+    """
     if run.contacts is None or force is None or couple is None or not bars.terms:
         return bars
     errors = {term.name: np.concatenate([term.force, term.couple]) for term in bars.terms}
@@ -127,6 +131,8 @@ def with_safety(bars: ErrorBars, run: Run, force: Forces | None, couple: Couples
 
     bar = bar_of_scene(run.scene, run.contacts, force, couple, errors)
     unknown = (*bars.failed, *({MODEL} & bars.left_out.keys()))
+    if bar is not None and run.turbulence is not None and not run.turbulence.report(run.fluid).applicable:
+        bar = replace(bar, certain=False, decisive=LAW)
     return replace(bars, safety=bar and replace(bar, unknown=unknown))
 
 

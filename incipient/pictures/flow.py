@@ -65,16 +65,22 @@ def profiles(run: Run) -> Figure:
 def draw_solids(run: Run, axes: Axes, fluid_shown: bool, grain_shown: bool = True) -> None:
     """The bed with the ground below it, and the grain; without the fluid in colour, the bed is cut out."""
     x0, x1, _, y1 = run.box
-    outer, *holes = run.mesh.loops
+    outer = run.mesh.loops[0]
     if run.scene.get("bed"):
         low = axes.get_ylim()[0]
         axes.add_artist(Rectangle((x0, low - 1), x1 - x0, y1 - low + 1, color=GROUND, lw=0, zorder=0))
     if not fluid_shown:
         axes.add_artist(Polygon(curve(run.mesh.points, outer), facecolor="white", zorder=0.5))
     axes.add_artist(Polygon(curve(run.mesh.points, outer), fill=False, edgecolor=INK, lw=0.8, zorder=3))
-    for hole in holes if grain_shown else ():
-        outline = curve(run.mesh.points, hole)
+    for outline in _grains(run) if grain_shown else ():
         axes.add_artist(Polygon(outline, facecolor=GRAIN, edgecolor=INK, lw=0.9, zorder=3))
+
+
+def _grains(run: Run) -> list[np.ndarray]:
+    """Outlines (n, 2) of what is not fluid amid the mesh, or the grain whose contacts are closed."""
+    if run.touching_grain is not None:
+        return [run.touching_grain]
+    return [curve(run.mesh.points, hole) for hole in run.mesh.loops[1:]]
 
 
 def draw_streamlines(run: Run, axes: Axes, view: View, color: str = "white", alpha: float = 0.9) -> None:
@@ -103,9 +109,9 @@ def _draw_isobars(run: Run, axes: Axes, view: View) -> None:
 
 def near_grain(run: Run) -> View | None:
     """The part of the plane around the grain and its wake; None without a grain."""
-    if len(run.mesh.loops) < 2:
+    if not (outlines := _grains(run)):
         return None
-    outline = curve(run.mesh.points, np.vstack(run.mesh.loops[1:]))
+    outline = np.vstack(outlines)
     (left, low), (right, high) = outline.min(axis=0), outline.max(axis=0)
     size = max(right - left, high - low)
     x0, x1, _, y1 = run.box

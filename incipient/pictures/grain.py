@@ -41,7 +41,7 @@ def verdict(run: Run) -> Figure:
     view = _show_place(run, axes, surface)
     draw_streamlines(run, axes, view, color="#9db8cf", alpha=0.55)
     # The flow was computed with a gap; the grain is judged where it touches, and shown there.
-    outline = surface.points + _settled(run)
+    outline = _outline(run, surface) + _settled(run)
     draw_grain(axes, outline)
     marks = (
         _draw_unjudged(run, axes, surface) if case is None else draw_case(axes, case, outline, surface.size)
@@ -57,6 +57,11 @@ def _surface(run: Run) -> Surface:
     return Surface.of(run.surface)
 
 
+def _outline(run: Run, surface: Surface) -> np.ndarray:
+    """Points (n, 2) around the grain: those of its surface that the flow reaches, or all where contacts are closed."""
+    return surface.points if run.touching_grain is None else run.touching_grain
+
+
 def _show_place(run: Run, axes: Axes, surface: Surface, above: float = 0.55) -> View:
     """Make the axes show the grain true to scale with the solids, more of the fluid than of the ground."""
     view = show_place(axes, surface.points, surface.size, above)
@@ -67,7 +72,7 @@ def _show_place(run: Run, axes: Axes, surface: Surface, above: float = 0.55) -> 
 def _show_arrows(run: Run, axes: Axes, surface: Surface) -> None:
     """Pressing tractions end on the surface, pulling ones start there: all stand outside the grain."""
     view = _show_place(run, axes, surface, above=0.95)
-    draw_grain(axes, surface.points)
+    draw_grain(axes, _outline(run, surface))
     chosen = surface.spaced(_ARROWS)
     tractions = surface.tractions[chosen]
     strength = np.linalg.norm(tractions, axis=1)

@@ -38,6 +38,20 @@ class Run:
         (x0, y0), (x1, y1) = self.mesh.points.min(axis=0), self.mesh.points.max(axis=0)
         return float(x0), float(x1), float(y0), float(y1)
 
+    @cached_property
+    def touching_grain(self) -> np.ndarray | None:
+        """Outline (n, 2), anticlockwise, of a grain whose contacts are closed, so that the mesh has but a part of it.
+
+        None of any other grain, and without one.
+        """
+        if not self.value("gap", "closed"):
+            return None
+        from ..scene import Scene
+        from .outlines import grain_outline
+
+        scene = Scene(**self.scene)
+        return grain_outline(scene.grain, scene.placement)
+
     def field(self, name: str) -> np.ndarray:
         """Nodal values of a field of the flow, (nodes,) or (nodes, 3)."""
         if name not in self.fields.fields:

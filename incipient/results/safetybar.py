@@ -15,7 +15,8 @@ class SafetyBar:
     """The safety factor over all loads within the error bars, what is certain of them, and what to improve.
 
     low, high: the smallest and the largest safety factor of a load within the bars
-    certain:   whether it is proved that all of these loads are held, or that none is: rest, or motion
+    certain:   whether it is proved that all of these loads are held, or that none is: rest, or motion; in turbulent
+               flow only where the law of the wall holds
     modes:     what loads within the bars do, with `complete`; otherwise what those that were asked do
     complete:  whether it is proved that no load within the bars does anything else; one mode is then certain
     decisive:  the term without which the range of safety factors would shrink most

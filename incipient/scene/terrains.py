@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field, ValidationInfo, model_validator
 
 from ..errors import SceneError
-from .messages import split
+from .messages import Problem, refusal, split
 from .points import about_file, file_key, with_file_read
 from .section import NotNegative, Pair, Positive, PositivePair
 from .shapes import BedSection
@@ -123,6 +123,8 @@ class RasterBed(TerrainSection):
 
         def raster(path: Path) -> dict[str, Any]:
             """The heights in a file, how far apart they are and where the first one is."""
+            for key in ("cell", "offset"):
+                _require_two(cls.__name__, key, data.get(key))
             try:
                 found = cls._in_file(path, data)
             except (SceneError, TypeError) as error:
@@ -202,6 +204,17 @@ class MeshBed(RasterBed):
 
         cell = data.get("cell")
         return HeightMap.from_surface(path, None if cell is None else tuple(cell), data.get("scale", 1.0))
+
+
+def _require_two(section: str, key: str, value: Any) -> None:
+    """Refuse what is not two numbers before a file is read by it; None stands for what is not given."""
+    if value is None or (
+        isinstance(value, (list, tuple))
+        and len(value) == 2
+        and all(isinstance(one, (int, float)) for one in value)
+    ):
+        return
+    raise refusal(section, [Problem((key,), f"is {value!r}", "give two lengths, as in [0.1, 0.1]")])
 
 
 TerrainBed = SphereBed | RidgeBed | HeightMapBed | MeshBed

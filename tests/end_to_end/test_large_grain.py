@@ -11,6 +11,7 @@ from mpi4py import MPI
 import incipient
 from incipient import compat
 from incipient.fluid import Transient
+from incipient.pictures import record
 from incipient.planning.cells import CLOSED
 from incipient.scene import (
     Contact,
@@ -26,6 +27,7 @@ from incipient.scene import (
     Scene,
     Sinusoidal,
     Time,
+    Turbulence,
 )
 from incipient.simulation.assemble import outcome
 from incipient.simulation.build import prepared
@@ -149,6 +151,20 @@ def test_how_far_contacts_are_closed_does_not_matter(bed, x):
     assert narrow.gap.closed and "closed where it is narrower than 0.001" in narrow.text()
     assert narrow.coefficients.lift == pytest.approx(wide.coefficients.lift, rel=0.01)
     assert narrow.coefficients.drag == pytest.approx(wide.coefficients.drag, rel=0.005)
+
+
+@pytest.mark.slow
+def test_where_the_law_of_the_wall_does_not_hold_nothing_is_certain(tmp_path):
+    """y+ is 500; the pictures show all of the disc, though the space about its contacts is not in the mesh."""
+    far = Turbulence(wall_distance=0.06)
+    found = incipient.run(
+        stone(turbulence=far, numerics=Numerics(mesh_size=4.0, order=2), output=Output()), tmp_path
+    )
+    assert not found.turbulence.applicable
+    assert "reduce the error of the law of the wall, which is not applicable here" in found.text()
+    outline = record.read(tmp_path).touching_grain
+    assert np.linalg.norm(outline - found.grain["centre"][:2], axis=1) == pytest.approx(0.1)
+    assert outline[:, 1].min() == pytest.approx(found.grain["centre"][1] - 0.1, abs=1e-3)
 
 
 @pytest.mark.slow

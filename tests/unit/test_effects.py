@@ -250,10 +250,6 @@ def test_auto_is_the_default_and_one_word():
     ("changes", "expected"),
     [
         (
-            {"turbulence": True, **FREE},
-            "turbulence: a grain that moves in turbulence is not simulated by this version",
-        ),
-        (
             {"unsteadiness": True},
             "unsteadiness: is true but without [time] the flow is steady; add a section",
         ),

@@ -237,6 +237,9 @@ def test_a_height_map_is_read_once_and_stands_in_the_resolved_scene(tmp_path):
     found = Scene(**{**scene().model_dump(), "bed": data})
     assert found.bed_shape.height([[6.0, 4.0], [3.0, 1.0]]) == pytest.approx([0.2, 0.1])
     assert loads(dumps(found)) == found
+    for key in ("cell", "offset"):
+        wrong = {**scene().model_dump(), "bed": {**data, key: 0.1}}
+        assert f"bed.{key}: is 0.1; give two lengths" in message(lambda wrong=wrong: Scene(**wrong))
 
 
 def test_a_scanned_bed_is_the_upper_side_of_its_triangles(tmp_path):
