@@ -1,30 +1,18 @@
 """What a scene may say of turbulence, and what a plan makes of it: walls, mesh, what enters."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scenes import message
+from turbulent import channel, grain
 
-import incipient
 from incipient import make_plan
-from incipient.accuracy.coarse_runs import coarse, comparisons, is_coarse
-from incipient.accuracy.errorbars import by_coarser_mesh, coarse_scenes, of_the_model, shares
-from incipient.cost import calibration
-from incipient.cost.command import chosen, predicted_plan
-from incipient.cost.ladder import ladder
-from incipient.cost.measurement import Variant
-from incipient.cost.quantities import columns, goals
-from incipient.errors import ConvergenceError, SceneError
+from incipient.errors import SceneError
 from incipient.fluid.conditions import Friction
 from incipient.planning.drawing import lay_out
 from incipient.planning.stream import bed_stress
-from incipient.planning.turbulence import WallLaw, coarsest, faster, grain_number, slowest, walls_of
+from incipient.planning.turbulence import WallLaw, faster, grain_number, slowest, walls_of
 from incipient.planning.turbulent_conditions import conditions, entering
-from incipient.results.errorbars import Loads
-from incipient.results.turbulence import WallReport
 from incipient.scene import (
-    Contact,
     Disc,
     Domain,
     Effects,
@@ -36,26 +24,12 @@ from incipient.scene import (
     OpenChannel,
     Poiseuille,
     Polyline,
-    Scene,
     Sinusoidal,
     Time,
     Turbulence,
 )
-from incipient.sweep.table import in_words, quantities
-
-CHANNEL = {
-    "domain": Domain(length=20, height=1),
-    "fluid": Fluid(reynolds=11000, scale="flow"),
-    "flow": OpenChannel(),
-    "effects": Effects(turbulence=True),
-}
-
 
 MEASURED = {"inflow": "profile", "intensity": 0.01, "length": 0.1}
-
-
-def channel(**changes):
-    return Scene(**{**CHANNEL, **changes})
 
 
 @pytest.mark.parametrize(
@@ -171,12 +145,6 @@ def test_a_flow_too_slow_for_the_law_of_the_wall_is_refused_by_the_plan():
         make_plan(channel(fluid=Fluid(reynolds=2000, scale="flow")))
 
 
-def grain(diameter, reynolds=2e5):
-    return channel(
-        fluid=Fluid(reynolds=reynolds, scale="flow"), body=Disc(diameter=diameter, x=4), bed=Flat()
-    )
-
-
 def test_a_grain_too_small_for_the_law_of_the_wall_is_refused_by_the_plan_and_a_small_one_told_of():
     """u* is 0.0405 (estimated by the logarithmic law): u* d/nu is 8100 times the diameter."""
     with pytest.raises(
@@ -190,19 +158,6 @@ def test_a_grain_too_small_for_the_law_of_the_wall_is_refused_by_the_plan_and_a_
     assert not any("law of the wall" in one for one in make_plan(grain(0.2)).warnings)
 
 
-def test_error_bars_of_a_grain_in_turbulence_have_mesh_gap_and_domain():
-    """The stream enters at the bed's own height, so that no other datum is tried, and the plan names none."""
-    scene = channel(
-        fluid=Fluid(reynolds=2e5, scale="flow"),
-        body=Disc(diameter=0.2, x=3.9375, density=2.65),
-        bed=Sinusoidal(amplitude=0.02, wavelength=0.25),
-    )
-    assert list(of_the_model(scene)) == ["gap", "domain"]
-    wider = [one for one in coarse_scenes(scene) if one.numerics.mesh_size == pytest.approx(2**0.5)]
-    assert len(wider) == 1 and not wider[0].numerics.error_bars
-    assert make_plan(scene).datum is None
-
-
 def test_a_faster_flow_is_one_of_larger_reynolds_number_and_has_the_stress_of_its_own_law():
     """tau_b = (factor V)^2 (u*/V)^2, u*/V by the logarithmic law at the larger Reynolds number."""
     scene = grain(0.2)
@@ -213,148 +168,6 @@ def test_a_faster_flow_is_one_of_larger_reynolds_number_and_has_the_stress_of_it
     slow = faster(scene, slowest(scene))
     assert grain_number(slow) == pytest.approx(300.0, rel=1e-3)
     assert walls_of(slow).distance < 0.2
-
-
-def test_a_sweep_s_table_has_the_friction_and_whether_it_holds():
-    walls = WallReport(0.08, 49.0, 51.0, 0.05, 0.05, 0.005, 1 / 11000, 0.09)
-    found = quantities("run", {"verdict": None, "turbulence": walls.to_dict()})
-    assert found["friction"] == 0.005 and found["applicable"] and found["y_plus_max"] == 51.0
-    assert "friction_low" not in found
-    bars = {"safety_factor": None, "shear_velocity": [5e-4, 1e-4]}
-    told = quantities("run", {"verdict": None, "turbulence": walls.to_dict(), "error_bars": bars})
-    assert (told["bed_shear_velocity_low"], told["bed_shear_velocity_high"]) == pytest.approx(
-        (0.0495, 0.0505)
-    )
-    assert (told["friction_low"], told["friction_high"]) == pytest.approx((0.005 * 0.99**2, 0.005 * 1.01**2))
-    row = {"status": "done", "task": "run", **found}
-    assert in_words(row) == "C_f 0.005"
-    assert in_words(row | {"applicable": False}) == "C_f 0.005, law of the wall NOT APPLICABLE"
-    judged = row | {"mode": "rest", "safety_factor": 2.673, "applicable": False}
-    assert in_words(judged) == "rest, safety factor 2.673, law of the wall NOT APPLICABLE"
-
-
-@pytest.mark.parametrize(("outside", "told"), [(0.0, False), (0.021, True)])
-def test_a_share_of_walls_outside_of_the_law_is_told_where_there_is_one(outside, told):
-    walls = WallReport(0.08, 41.0, 220.0, 0.05, 0.05, 0.005, 1 / 11000, 0.09, outside=outside, plane=False)
-    (line,) = walls.lines()
-    assert "the law of the wall holds" in line and ("along 2.1% of them" in line) is told
-    assert ("not from" in line) is told
-
-
-def test_the_ladder_of_turbulence_has_finer_cells_at_its_end_and_no_higher_order():
-    """No other way to solve is tried; those that turbulence refuses are no choice either."""
-    scene = channel(numerics=Numerics(order=2))
-    runs = ladder(scene, chosen(scene, quick=False))
-    assert [(one.order, round(one.mesh_size, 3)) for one in runs.variants] == [
-        (order, size) for order in (2, 3) for size in (2.0, 1.414, 1.0, 0.707)
-    ]
-    assert runs.reference == Variant(3, pytest.approx(0.5**1.5)) and not runs.compared
-    assert np.isnan(runs.ratio)  # by which nothing is extrapolated
-    assert chosen(scene, quick=True).orders == (2,)
-    refused = message(lambda: chosen(scene, quick=True, solvers=["stabilised"]))
-    assert refused.endswith("give some of: own, chords, loose, umfpack, superlu")
-
-
-@pytest.mark.parametrize(
-    ("bed", "leading"), [(None, "outflow"), (Sinusoidal(amplitude=0.02, wavelength=1.0), "mean")]
-)
-def test_what_a_channel_is_compared_by(bed, leading):
-    """u* at the outflow, over a bed that is not level in the mean; the other one is told beside."""
-    scene = channel(bed=bed)
-    reference = {"outflow_shear_velocity": 0.05, "mean_shear_velocity": 0.04}
-    found = goals(scene, reference)
-    assert columns(scene) == tuple(reference)
-    (first,) = (goal for goal in found if goal.leading)
-    assert first.name == scene.accuracy_of == "shear velocity"
-    assert first.columns == (f"{leading}_shear_velocity",)
-    run = {"outflow_shear_velocity": 0.051, "mean_shear_velocity": 0.042}
-    assert first.error(run, reference) == pytest.approx(0.02 if bed is None else 0.05)
-
-
-@pytest.mark.parametrize("width", [None, 0.5])
-def test_what_is_known_of_laminar_scenes_is_not_believed_with_turbulence(width):
-    """In the plane and in space, whatever studies of other scenes this machine knows."""
-    scene = channel(domain=Domain(length=20, width=width, height=1), numerics=Numerics(mesh_size=4, order=2))
-    assert calibration.kind(scene).endswith("with turbulence")
-    assert not any("turbulence" in one.kind for one in calibration.shipped().values())
-    planned = predicted_plan(scene)
-    assert planned.cheaper == () and planned.plan.estimate.cells > 0
-
-
-def test_the_mesh_s_term_is_exact_at_order_one_and_not_deceived_by_chance():
-    """An error of 0.01 h is found as such; where two meshes agree, half of what the coarser two differ by stands."""
-
-    def at(mesh_size, by_chance):
-        error = 0.01 * (2**0.5 if by_chance and mesh_size < 2 else mesh_size)
-        return Loads(np.array([1.0 + error, 0.0, 0.0]), np.zeros(3), shear=np.array([0.05, 0.05 + error]))
-
-    def term(by_chance):
-        scene = channel()
-        return by_coarser_mesh(scene, at(1.0, by_chance), lambda one: at(one.numerics.mesh_size, by_chance))
-
-    assert term(False).force == pytest.approx([0.01, 0.0, 0.0])
-    assert term(False).shear == pytest.approx([0.0, 0.01])
-    assert term(True).shear == pytest.approx([0.0, 0.01 * 2**0.5 / 2])
-
-
-@pytest.mark.parametrize(
-    ("changes", "most"),
-    [
-        ({}, 14 / 6),
-        ({"flow": Poiseuille()}, 28 / 6),
-        ({"domain": Domain(length=4, height=1)}, 1.0),
-        ({"bed": Sinusoidal(amplitude=0.02, wavelength=1.0)}, np.inf),
-    ],
-)
-def test_a_mesh_that_is_no_coarser_tells_no_error(changes, most):
-    """Between planes there are six rows and four columns at the least, where a term would be as good as nothing."""
-    scene = channel(**changes, numerics=Numerics(mesh_size=2.0))
-    assert coarsest(scene) == pytest.approx(most)
-    same = Loads(np.zeros(0), np.zeros(0), shear=np.array([0.05, 0.05]))
-    if most < 2.0**1.5:
-        with pytest.raises(
-            ConvergenceError, match="as few rows or columns of cells: use numerics"
-        ) as refused:
-            by_coarser_mesh(scene, same, lambda one: same)
-        assert coarse_scenes(scene) == []
-        finer = float(str(refused.value).split(" = ")[1].split()[0])
-        assert most / 2**0.5 - 0.01 < finer <= most / 2**0.5
-    else:
-        assert by_coarser_mesh(scene, same, lambda one: same).shear == pytest.approx([0.0, 0.0])
-        sizes = [one.numerics.mesh_size for one in coarse_scenes(scene)]
-        assert sizes == pytest.approx([2.0 * 2**0.5, 4.0])
-
-
-def test_the_mesh_s_term_in_time_is_found_on_coarser_cells():
-    """k and epsilon have one order: what elements of another one change says little of it."""
-    scene = channel(time=Time(end=1, step=0.1))
-    longer, beside = comparisons(scene)
-    assert beside.order == longer.order == scene.order
-    assert beside.numerics.mesh_size == pytest.approx(2**0.5) and longer.numerics.mesh_size == 1.0
-    assert shares(scene)[1] == pytest.approx(1 / (2**0.5 - 1))
-
-
-def test_errors_of_shear_velocities_are_told_with_that_of_c_f():
-    """C_f = 2 u*^2 errs by twice as much, relative; over a bed that is not level the mean is told, too."""
-    walls = WallReport(0.08, 41.0, 220.0, 0.04, 0.05, 0.005, 1 / 11000, 0.09)
-    (line,) = walls.lines(np.array([5e-4, 2e-4]))
-    assert "u* 0.05, within 5.0e-04, and C_f 0.005, within 1.0e-04, at the outflow" in line
-    assert walls.shear_velocities[walls.leading] == 0.05
-    wavy = replace(walls, plane=False)
-    assert wavy.lines(np.array([5e-4, 2e-4]))[0].endswith(
-        "u* 0.04, within 2.0e-04, in the mean along the walls"
-    )
-    assert wavy.shear_velocities[wavy.leading] == 0.04
-
-
-def test_of_many_places_where_the_flow_runs_upstream_the_longest_are_told():
-    """Narrow wedges next to contacts are full of eddies, each shorter than the one before."""
-    spans = tuple((place, place + 0.01 * place) for place in (1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
-    walls = WallReport(0.08, 41.0, 220.0, 0.04, 0.05, 0.005, 1 / 11000, 0.09, backward=spans)
-    assert walls.lines()[0].endswith(
-        "x = 3 to 3.03, 4 to 4.04, 5 to 5.05, 6 to 6.06, and in 2 shorter places"
-    )
-    assert replace(walls, backward=spans[:1]).lines()[0].endswith("upstream from x = 1 to 1.01")
 
 
 def test_rows_of_a_profile_lie_between_the_walls():
@@ -400,41 +213,6 @@ def test_a_grain_in_midstream_is_away_from_walls():
     assert told(0.88, Poiseuille())[0].startswith("the grain is held 0.01 from the top")
     assert message(lambda: make_plan(held(0.895, Poiseuille()))).startswith(
         "body.centre: the grain reaches 0.995, the mesh ends at 0.99, the distance of the law of the wall below"
-    )
-
-
-@pytest.mark.parametrize(("mesh_size", "order", "same"), [(2.0, 2, True), (1.0, 2, False), (2.0, 3, False)])
-def test_a_coarse_scene_is_its_own_coarse_run(mesh_size, order, same):
-    """With cells and elements of the coarse runs the scene's loads spare that without changes, which is one of them."""
-    scene = channel(
-        body=Disc(diameter=0.2, x=4.0, density=2.65),
-        bed=Flat(),
-        fluid=Fluid(reynolds=2e5, scale="flow"),
-        numerics=Numerics(mesh_size=mesh_size, order=order),
-    )
-    assert is_coarse(scene) is same
-    assert coarse(scene) in coarse_scenes(scene)
-
-
-def test_walls_along_which_nothing_flows_are_told_all_the_same():
-    """As after a first step in time that failed, of which result.json tells."""
-    walls = WallReport(0.08, 0.0, 0.0, 0.0, 0.0, 0.0, 1 / 11000, 0.09)
-    assert walls.to_dict()["suitable_distance"] == np.inf and not walls.applicable
-    assert walls.lines(np.zeros(2))[-1].strip() == "u* 0 and C_f 0 at the outflow"
-
-
-def test_a_threshold_with_turbulence_chooses_no_mesh():
-    stone = Disc(diameter=0.2, x=4.0625, density=2.65)
-    scene = channel(
-        body=stone,
-        bed=Sinusoidal(amplitude=0.02, wavelength=0.25),
-        fluid=Fluid(reynolds=2e5, scale="flow"),
-        gravity=Gravity(acceleration=10.0),
-        contact=Contact(friction=0.6),
-        numerics=Numerics(accuracy=0.05),
-    )
-    assert "a threshold needs numerics.accuracy left out with turbulence" in message(
-        lambda: incipient.threshold(scene)
     )
 
 
