@@ -8,7 +8,7 @@ from ..scene import Scene
 from .stabilisation import largest_peclet, upwinds
 
 LOWEST_ORDER = 2
-
+FEW_CELLS = 5000  # up to which steady flow with eddies takes factors in space (docs/scaling.md)
 
 # Peclet number |c| h/(2 k nu) of the largest cells up to which blocks do without upwinding (docs/scaling.md).
 RESOLVED = 25.0
@@ -51,6 +51,8 @@ def method_of(scene: Scene, slow: bool, unsteady: bool) -> Method:
         )
     if unsteady:
         return Method("block", f"{dear}; steps in time need none")
+    if upwinds(scene) and scene.is_turbulent:
+        return Method("block", f"{dear}; on {FEW_CELLS} cells or less, where they are faster, they are taken")
     if upwinds(scene):
         return Method("block", f"{dear}; upwinding makes them needless")
     if scene.time is None and largest_peclet(scene) <= RESOLVED:

@@ -20,6 +20,7 @@ from ..mesh.transfer import Transfer
 from ..planning import turbulence as planned
 from ..planning import turbulent_conditions
 from ..planning.cells import side_names
+from ..planning.linear import FEW_CELLS
 from ..planning.turbulence import HIGHEST, LOWEST
 from ..results.turbulence import WallReport
 from ..scene import Scene
@@ -53,9 +54,11 @@ class TurbulentFlow:
         self.fields = Turbulence(domain, surroundings, ORDER, planned.section(scene).constants)
 
     def within(self, model: FlowModel) -> FlowModel:
-        """A model of the flow with the eddies in it."""
-        fields = self.fields
-        return replace(model, viscosity=fields.viscosity, shear_velocity=fields.shear_velocity())
+        """A model of the flow with the eddies in it; on few cells it is solved by factors in place of blocks."""
+        fields, cells = self.fields, self.fields.domain.mesh.topology.index_map(self._scene.gdim).size_global
+        solver = "direct" if model.solver == "block" and cells <= FEW_CELLS else model.solver
+        eddies = {"viscosity": fields.viscosity, "shear_velocity": fields.shear_velocity()}
+        return replace(model, solver=solver, **eddies)
 
     def joined(self, fluid: Fluid) -> None:
         """Let the velocity of the fluid that this turbulence is in carry it; both are freed together."""
