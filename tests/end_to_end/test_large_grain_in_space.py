@@ -12,6 +12,8 @@ import incipient
 from incipient import compat
 from incipient.scene import (
     Contact,
+    Cylinder,
+    Disc,
     Domain,
     Effects,
     Flat,
@@ -112,6 +114,20 @@ def test_ridges_across_the_stream_are_the_plane_s():
     assert space.applicable and not space.plane
     assert space.shear_velocity == pytest.approx(plane.shear_velocity, rel=0.01)
     assert [space.least, space.largest] == pytest.approx([plane.least, plane.largest], rel=0.05)
+
+
+@pytest.mark.slow
+def test_a_cylinder_across_the_stream_is_the_plane_s_disc():
+    """Load per width, by the computation in the plane on cells as large: 0.0675 and 0.020, here 0.0687 and 0.020."""
+    size = {"diameter": 0.3}
+    numerics = Numerics(mesh_size=2.0, order=2, error_bars=False)
+    disc = Disc(centre=(1.6, 0.3), **size)
+    plane = incipient.run(channel(4.0, bed=Flat(), body=disc, numerics=numerics))
+    across = Cylinder(centre=(1.6, 0.1, 0.3), length=0.2, **size)
+    space = incipient.run(channel(4.0, 0.2, bed=Flat(), body=across, numerics=numerics))
+    assert space.force.flow[0] / 0.2 == pytest.approx(plane.force.flow[0], rel=0.03)
+    assert space.force.flow[2] / 0.2 == pytest.approx(plane.force.flow[1], rel=0.1)
+    assert space.turbulence.at_outflow == pytest.approx(plane.turbulence.at_outflow, rel=0.01)
 
 
 def test_walls_of_a_square_duct_bear_alike():
