@@ -6,6 +6,8 @@ DEMO := grain_on_bed
 BESIDE := -n 2 --dist loadfile --no-loadscope-reorder
 # Passed on to pytest, as in: make test ARGS="-k contact -x"
 ARGS ?=
+# One part of the slow tests, or all (tests/slow_parts.py).
+PART ?= all
 
 # Parallelism is MPI's: threads of the linear algebra would only compete with its ranks.
 export OMP_NUM_THREADS := 1
@@ -32,8 +34,8 @@ test: setup ## the default tests (ARGS="-k name -x" goes to pytest)
 test-quick: setup ## the tests that need no flow: under a minute
 	$(PYTHON) -m pytest -m "quick and not slow" $(BESIDE) $(ARGS)
 
-test-slow: setup ## the tests that take minutes
-	$(PYTHON) -m pytest -m slow $(ARGS)
+test-slow: setup ## the tests that take minutes, in parts of at most half an hour (PART=space; PART=all)
+	@files=$$($(PYTHON) tests/slow_parts.py $(PART)) && $(PYTHON) -m pytest -m slow $(BESIDE) $(ARGS) $$files
 
 test-debian13: ## the default tests on Debian 13, in a directory of its own (as root)
 	.ci/debian13 packages $(ARGS)

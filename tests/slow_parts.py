@@ -1,0 +1,125 @@
+"""The slow tests in parts, each under half an hour, by the files that have them.
+
+`python tests/slow_parts.py` prints the parts; with the name of one, or "today", the files of that part.
+"""
+
+from __future__ import annotations
+
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+
+TESTS = Path(__file__).parent
+PARTS = {
+    "accuracy": (
+        "end_to_end/test_accuracy.py",
+        "end_to_end/test_cost_command.py",
+        "end_to_end/test_critical_flow.py",
+        "end_to_end/test_physics.py",
+        "unit/test_dual.py",
+        "unit/test_errorbars.py",
+        "unit/test_modelling.py",
+    ),
+    "contact": (
+        "end_to_end/test_contact_pictures.py",
+        "stability/test_random_contacts.py",
+        "stability/test_siconos.py",
+        "unit/test_batch.py",
+        "unit/test_settle.py",
+    ),
+    "motion": (
+        "convergence/test_coupling.py",
+        "convergence/test_rotation.py",
+        "convergence/test_shear_orbit.py",
+        "convergence/test_time.py",
+        "end_to_end/test_moving_grain.py",
+        "end_to_end/test_moving_pictures.py",
+        "stability/test_moving_mesh.py",
+        "unit/test_integrator.py",
+        "unit/test_rigidbody.py",
+    ),
+    "running": (
+        "end_to_end/test_command_line.py",
+        "end_to_end/test_demos.py",
+        "end_to_end/test_effects_of_scenes.py",
+        "end_to_end/test_failure.py",
+        "end_to_end/test_faults.py",
+        "end_to_end/test_missing.py",
+        "end_to_end/test_report.py",
+        "end_to_end/test_shapes.py",
+        "end_to_end/test_sweeps.py",
+        "stability/test_flow.py",
+        "stability/test_hard_cases.py",
+        "stability/test_random_scenes.py",
+        "unit/test_parallel.py",
+        "unit/test_scene_file.py",
+        "unit/test_scene_shapes.py",
+        "unit/test_xdmf.py",
+    ),
+    "space": (
+        "convergence/test_cylinder_in_space.py",
+        "convergence/test_space.py",
+        "end_to_end/test_bead.py",
+        "end_to_end/test_moving_in_space.py",
+        "end_to_end/test_pebble.py",
+        "end_to_end/test_runs_in_space.py",
+        "end_to_end/test_settling_sphere.py",
+        "unit/test_coupling_space.py",
+        "unit/test_drawing_in_space.py",
+        "unit/test_scene_in_space.py",
+        "unit/test_settle_in_space.py",
+        "unit/test_solid_meshes.py",
+    ),
+    "surface": (
+        "convergence/test_channels.py",
+        "convergence/test_channels_in_space.py",
+        "convergence/test_errors_of_waves.py",
+        "convergence/test_nonlinear_waves.py",
+        "convergence/test_waves.py",
+        "end_to_end/test_free_surface.py",
+        "end_to_end/test_open_channels.py",
+        "stability/test_surface.py",
+    ),
+    "turbulence": (
+        "end_to_end/test_large_grain.py",
+        "end_to_end/test_large_grain_in_space.py",
+        "end_to_end/test_moving_stone.py",
+        "end_to_end/test_turbulent_accuracy.py",
+        "end_to_end/test_turbulent_channels.py",
+        "unit/test_turbulence.py",
+        "unit/test_turbulence_on_moving_meshes.py",
+    ),
+}
+
+
+def of_day(day: int) -> str:
+    """The part whose turn it is on a day of the year: each comes round once a week."""
+    return sorted(PARTS)[day % len(PARTS)]
+
+
+def files(part: str) -> list[str]:
+    """The files of a part, or of all parts for an empty name, relative to the working directory where that is above.
+
+    Raises KeyError for a part that there is not.
+    """
+    names = PARTS[part] if part else [name for names in PARTS.values() for name in names]
+    return [str(TESTS / name) for name in names]
+
+
+def main() -> None:
+    """Print the parts, or the files of one; exit with a line that names the parts for another name."""
+    match sys.argv[1:]:
+        case []:
+            print(" ".join(sorted(PARTS)))
+        case ["today"]:
+            print(of_day(datetime.now(UTC).timetuple().tm_yday))
+        case [part] if part == "all" or part in PARTS:
+            print(" ".join(files("" if part == "all" else part)))
+        case other:
+            sys.exit(
+                f"PART: {' '.join(other)}: there is no such part; use one of {', '.join(sorted(PARTS))}, all"
+            )
+
+
+if __name__ == "__main__":
+    main()
