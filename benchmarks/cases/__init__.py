@@ -1,6 +1,17 @@
 """The benchmarks: each measures (`measure`) and tells what it found (`describe`)."""
 
-from . import cavity, contact, cylinder, free_body, grain, memory, ranks, steep_cavity, vortex_street
+from . import (
+    cavity,
+    contact,
+    cylinder,
+    free_body,
+    grain,
+    memory,
+    outlines,
+    ranks,
+    steep_cavity,
+    vortex_street,
+)
 
 ALL = {
     "cylinder": cylinder,
@@ -12,4 +23,5 @@ ALL = {
     "ranks": ranks,
     "memory": memory,
     "contact": contact,
+    "outlines": outlines,
 }

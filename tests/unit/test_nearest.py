@@ -1,9 +1,8 @@
 """Nearest points, distances and what is inside, on surfaces of many triangles and of a few."""
 
-import time
-
 import numpy as np
 import pytest
+from allocated import allocated
 
 from incipient.geometry import Plane, Triangulated, rest
 from incipient.geometry.space.nearest import RAY, Triangles, nearest_on_triangles
@@ -55,14 +54,15 @@ def test_points_whose_ray_meets_corners_and_edges_are_inside_all_the_same():
         assert (turns[clear] == (radius[clear] < 0.8)).all()
 
 
-def test_a_scanned_grain_of_many_triangles_rests_in_seconds():
-    """Tables of all pairs of points and triangles would take minutes."""
-    began = time.process_time()
-    grain = scanned(40)
-    assert len(grain.triangles) == 32_000
-    placement = rest(grain, Plane(), (0.07, 0.13))
-    contacts = touching(grain, placement, Plane(), 1e-9)
+def test_a_scanned_grain_of_many_triangles_rests_without_tables_of_pairs():
+    """A number for every pair of vertex and triangle takes 4 GB, and minutes. Measured: 30 MiB."""
+    with allocated() as most:
+        grain = scanned(40)
+        assert len(grain.triangles) == 32_000
+        placement = rest(grain, Plane(), (0.07, 0.13))
+        contacts = touching(grain, placement, Plane(), 1e-9)
+    assert most() < 200.0
     points = placement.to_body(contacts.points)
     assert np.abs(grain.level(points)).max() < 1e-12
-    assert grain.normal(points)[:, 2] == pytest.approx(-1.0, abs=0.2)
-    assert time.process_time() - began < 10.0
+    # Triangles are 0.02 wide and turn by that over a radius of 0.5: 0.04, whose cosine is 0.9992.
+    assert grain.normal(points)[:, 2] == pytest.approx(-1.0, abs=1e-3)
