@@ -10,6 +10,7 @@ import pytest
 import incipient
 from incipient.errors import SceneError
 from incipient.geometry import Hemispheres
+from incipient.installed import MEMORY, memory_of_libraries
 from incipient.meshes import Resolved, SolidRegion
 from incipient.meshes.exact import Ground
 from incipient.meshes.solid_region import SolidFrame
@@ -84,6 +85,8 @@ def test_only_the_nearest_balls_are_asked(spacing: float) -> None:
     assert np.abs(found - expected)[as_it_is].max() < 1e-13
 
 
+# What the libraries took where the peaks below were measured, with dolfinx 0.5; other versions take more or less.
+LIBRARIES = MEMORY["0.5"]
 # Peaks of whole runs of spheres on a plane and in a pocket: unknowns by order, order, method, error bars, MiB.
 PEAKS = (
     ({2: 45_077, 3: 150_000}, 2, "block", False, 312),
@@ -99,7 +102,9 @@ PEAKS = (
 def test_memory_is_what_was_measured(
     unknowns: dict[int, int], order: int, solver: str, bars: bool, peak: float
 ) -> None:
-    assert memory_in_space(solver, unknowns.__getitem__, order, bars) == pytest.approx(peak, rel=0.1)
+    of_flow = memory_in_space(solver, unknowns.__getitem__, order, bars) - memory_of_libraries()
+    # A tenth is what the allocator's pages and a mesh's shape change from run to run.
+    assert of_flow == pytest.approx(peak - LIBRARIES, abs=0.1 * peak)
 
 
 # Peaks of a sphere under waves and of a film over a bump, which starts from the steady flow below a lid: MiB.
@@ -118,4 +123,4 @@ def test_memory_below_a_surface_is_what_was_measured(
 ) -> None:
     scene = incipient.load(SCENES / f"{name}.toml")
     foreseen = memory_in_space("block", lambda k: unknowns, order, False) + memory_of_surface(scene, unknowns)
-    assert foreseen == pytest.approx(peak, rel=0.05)
+    assert foreseen - memory_of_libraries() == pytest.approx(peak - LIBRARIES, abs=0.05 * peak)
