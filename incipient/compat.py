@@ -9,6 +9,10 @@ from __future__ import annotations
 import hashlib
 import importlib.metadata
 import inspect
+import logging
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +34,9 @@ with versions_without_setuptools(), handlers_kept():
     from petsc4py import PETSc
 # isort: on
 
+# Loggers that compilations write to, the root's too, and where in Python's path those who write to them are.
+COMPILING = ("", "ffcx", "compilers.C.base", "setuptools", "distutils")
+BUILDERS = ("distutils", "setuptools", "ffcx", "cffi")
 ADD = dolfinx.la.InsertMode.add if hasattr(dolfinx.la, "InsertMode") else dolfinx.la.ScatterMode.add
 
 
@@ -57,7 +64,7 @@ def mixed_element(parts: list[Any]) -> Any:
 def function_space(mesh: Any, any_element: Any) -> Any:
     """Function space of an element as made by `element` or `mixed_element`, or of a coordinate element."""
     make = getattr(dolfinx.fem, "functionspace", None) or dolfinx.fem.FunctionSpace
-    with required():
+    with required(), quiet_compiler():
         return make(mesh, any_element, **_kept(make, repr(any_element)))
 
 
@@ -76,9 +83,44 @@ def form(expression: Any, compiler: dict[str, Any] | None = None) -> Any:
     keyword = "form_compiler_options"
     if keyword not in inspect.signature(dolfinx.fem.form).parameters:
         keyword = "form_compiler_params"
-    with required():
+    with required(), quiet_compiler():
         options = _kept(dolfinx.fem.form, expression.signature())
         return dolfinx.fem.form(expression, **{keyword: dict(compiler or {})}, **options)
+
+
+def interpolate(function: Any, expression: Any) -> None:
+    """Give a function the values of a UFL expression at its space's points. Collective.
+
+    Raises:
+        MissingError: the C compiler, or what it needs, is not installed.
+    """
+    with required(), quiet_compiler():
+        compiled = dolfinx.fem.Expression(expression, interpolation_points(function.function_space))
+    function.interpolate(compiled)
+
+
+@contextmanager
+def quiet_compiler() -> Iterator[None]:
+    """Keep what the form compiler and the C compiler's driver log and warn of from the user. Not collective.
+
+    A program that has configured logging would get a dozen lines of each build; a warning of many quadrature points
+    asks for something that the user cannot change.
+    """
+    loggers = [logging.getLogger(name) for name in COMPILING]
+    for logger in loggers:
+        logger.addFilter(_is_not_of_a_build)
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Number of integration points per cell", UserWarning)
+            yield
+    finally:
+        for logger in loggers:
+            logger.removeFilter(_is_not_of_a_build)
+
+
+def _is_not_of_a_build(record: logging.LogRecord) -> bool:
+    """Whether a record comes from elsewhere than the compilers, or is a warning at least."""
+    return record.levelno >= logging.WARNING or not any(name in record.pathname for name in BUILDERS)
 
 
 def create_vector(compiled: Any, space: Any) -> Any:

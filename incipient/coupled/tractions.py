@@ -193,8 +193,7 @@ class TractionProbe:
         if self._map is None:
             return self.fluid.constraints.points[self._blocks, :gdim]
         place = dolfinx.fem.Function(self.fluid.space.velocity)
-        points = compat.interpolation_points(self.fluid.space.velocity)
-        place.interpolate(dolfinx.fem.Expression(self.fluid.place(), points))
+        compat.interpolate(place, self.fluid.place())
         return place.x.array.reshape(-1, gdim)[self._blocks]
 
     def _boundary_mass(self) -> Any:

@@ -101,6 +101,6 @@ def measured_cell_reynolds(fluid: Fluid) -> float:
     v, _ = ufl.split(fluid.state)
     found = dolfinx.fem.Function(space)
     number = ufl.sqrt(ufl.inner(v, v)) * size / fluid.viscosity
-    found.interpolate(dolfinx.fem.Expression(number, compat.interpolation_points(space)))
+    compat.interpolate(found, number)
     mine = float(np.max(found.x.array, initial=0.0))
     return float(fluid.domain.comm.allreduce(mine, op=MPI.MAX))

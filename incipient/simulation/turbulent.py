@@ -166,8 +166,7 @@ class TurbulentFlow:
         found = {}
         for name, expression in expressions.items():
             found[name] = dolfinx.fem.Function(scalar, name=name)
-            points = compat.interpolation_points(scalar)
-            found[name].interpolate(dolfinx.fem.Expression(expression, points))
+            compat.interpolate(found[name], expression)
         return found
 
     def report(self, fluid: Fluid) -> WallReport:

@@ -73,7 +73,7 @@ def along_wall(fluid: Fluid, boundary: str, shear_velocity: Any) -> AlongWall:
     )
     found = dolfinx.fem.Function(space)
     expression = ufl.as_vector([shear_velocity] + [0.0] * (gdim - 1))
-    found.interpolate(dolfinx.fem.Expression(expression, compat.interpolation_points(space)))
+    compat.interpolate(found, expression)
     places = space.tabulate_dof_coordinates()[nodes, :gdim]
     columns = [
         places,

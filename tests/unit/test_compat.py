@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import dolfinx
@@ -239,3 +240,26 @@ def test_a_mesh_made_of_another_ones_cells_is_that_mesh(degree: int) -> None:
     dofs, rows = compat.cell_dofs(space), compat.geometry_dofs(again)
     places = space.tabulate_dof_coordinates()
     assert np.abs(places[dofs] - again.geometry.x[rows]).max() < 1e-14
+
+
+LOGGING = """
+import logging, sys
+logging.basicConfig(level=logging.INFO, stream=sys.stdout)
+import dolfinx, ufl
+from mpi4py import MPI
+from incipient import compat
+mesh = dolfinx.mesh.create_unit_square(MPI.COMM_SELF, 1, 1)
+u = dolfinx.fem.Function(compat.space(mesh, ("Lagrange", 1)))
+compat.interpolate(dolfinx.fem.Function(u.function_space), 2.0 * u)
+compat.form(u**2 * ufl.dx(metadata={"quadrature_degree": 30}))
+logging.getLogger().info("mine")
+logging.getLogger("ffcx").warning("also mine")
+"""
+
+
+def test_a_program_that_logs_hears_nothing_of_builds(mpirun: Any, tmp_path: Path, monkeypatch: Any) -> None:
+    """A quadrature of degree 30 has 256 points, of which the form compiler warns; nothing is in the cache yet."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    done = mpirun(1, LOGGING)
+    assert done.returncode == 0, done.stderr
+    assert (done.stdout.splitlines(), done.stderr) == (["INFO:root:mine", "WARNING:ffcx:also mine"], "")
