@@ -113,6 +113,7 @@ def test_orders_in_space() -> None:
             found.append(STEADY.errors(fluid, fields))
     observed = np.array([orders([1 / n for n in counts], column) for column in np.array(found).T])
     print(found[-1], observed)
+    # Between 8 and 16 cells a side the next term of the error still makes 0.13 of an order.
     assert observed[:, -1] == pytest.approx([3.0, 2.0, 3.0, 3.0], abs=0.2)
 
 
@@ -128,4 +129,4 @@ def test_orders_in_time(order: int) -> None:
             found.append(IN_TIME.errors(fluid, fields))
     observed = np.array([orders([1 / n for n in counts], column)[-1] for column in np.array(found).T])
     print(order, found[-1], observed)
-    assert observed == pytest.approx(order, abs=0.2)
+    assert observed == pytest.approx(order, abs=0.1)

@@ -107,4 +107,5 @@ def test_the_frequency_of_a_standing_wave_of_finite_height():
     for a in (0.1, 0.2, 0.3):
         first, found = frequency(a)
         shift = third_order(first * a) / LINEAR - 1.0
+        # Theory of third order leaves out terms of fifth, of relative size (k a)^2.
         assert found / linear - 1.0 == pytest.approx(shift, rel=0.1)

@@ -136,7 +136,7 @@ def test_without_inertia_a_spin_is_gone_at_once() -> None:
 def test_carried_along_by_the_outer_circle(inertia: float) -> None:
     found = errors(inertia, 0.0, ramp)
     assert found[-1] < 5e-4
-    assert np.log2(found[:-1] / found[1:]) == pytest.approx([2.0, 2.0], abs=0.25)
+    assert np.log2(found[:-1] / found[1:]) == pytest.approx([2.0, 2.0], abs=0.15)
 
 
 @pytest.mark.parametrize("inertia", [pytest.param(0.0, marks=pytest.mark.slow), 1.0])

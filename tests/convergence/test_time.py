@@ -109,6 +109,7 @@ def test_order_in_time(order: int, steps: Any, convection: str, motion: Motion |
     found = np.array([errors_after(steps(n), order, convection, motion) for n in counts])
     observed = [orders([1 / n for n in counts], column) for column in found.T]
     print(order, steps.__name__, convection, motion is not None, found[-1], observed)
+    # The next term of the error makes a tenth of an order at these steps.
     assert [o[-1] for o in observed] == pytest.approx([order, order], abs=0.15)
 
 
@@ -135,6 +136,7 @@ def test_order_in_time_on_a_moved_mesh(order: int, steps: Any, convection: str, 
     found = np.array([errors_on_a_moved_mesh(steps(n), order, model) for n in counts])
     observed = [orders([1 / n for n in counts], column) for column in found.T]
     print(order, steps.__name__, convection, energy_stable, found[-1], observed)
+    # The next term of the error makes a tenth of an order at these steps.
     assert [o[-1] for o in observed] == pytest.approx([order, order], abs=0.15)
 
 
@@ -157,6 +159,7 @@ def test_error_follows_the_tolerance(order: int) -> None:
     tolerances = [1e-2, 1e-3] if order == 1 else [1e-3, 1e-4, 1e-5]
     found = [largest_error(BURST, order, tolerance, 0.1) for tolerance in tolerances]
     print(found, orders(tolerances, found))
+    # Steps change by quarters and are few at loose tolerances: 0.720 and 0.647 of order two.
     assert orders(tolerances, found) == pytest.approx([order / (order + 1)] * (len(found) - 1), abs=0.1)
     assert all(error < 10 * tolerance for error, tolerance in zip(found, tolerances, strict=True))
 
@@ -164,7 +167,7 @@ def test_error_follows_the_tolerance(order: int) -> None:
 def test_error_does_not_depend_on_the_first_step() -> None:
     """Nothing tells the error of the first step: it must be short by itself."""
     short, long = (largest_error(FLOW, 2, 1e-4, step) for step in (0.01, 0.25))
-    assert long == pytest.approx(short, rel=0.1)
+    assert long == pytest.approx(short, rel=0.01)
 
 
 def test_rejected_steps_leave_no_trace() -> None:
@@ -194,5 +197,6 @@ def test_order_in_time_of_steps_solved_to_a_share_of_their_error(order: int) -> 
             corrections += sum(step.report.iterations for step in steps)
     observed = orders([1 / n for n in counts], found)
     print(order, found, observed, corrections / sum(counts))
+    # Beside the next term of the error there is what the iterations leave, a tenth of it.
     assert observed == pytest.approx([order] * 2, abs=0.15)
     assert corrections < 2.0 * sum(counts)

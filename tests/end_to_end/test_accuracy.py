@@ -133,7 +133,7 @@ def test_what_is_asked_for_is_reached_and_not_much_more(
     assert found is not None and found.met and found.reason == "reached"
     assert found.trials[0].unknowns == first_mesh(scene(accuracy=accuracy)).unknowns, "as the plan says"
     assert accuracy / 20.0 < true < accuracy
-    assert found.reached == pytest.approx(true, rel=0.5)
+    assert found.reached == pytest.approx(true, rel=0.1)
     assert found.reached == found.trials[-1].estimate
     assert result.gap is None or result.gap.resolved
 
@@ -169,7 +169,8 @@ def test_budget_of_time_stops(tmp_path: Path) -> None:
     assert len(result.adaptation.trials) == 1
     assert "numerics.budget_seconds = 0.001: the next mesh would take about" in stored["reason"]
     assert stored["met"] is False
-    assert stored["reached"] == pytest.approx(error_of(result, ON_BED), rel=0.5)
+    # On the first, coarse mesh the estimate is a sixth below the error.
+    assert stored["reached"] == pytest.approx(error_of(result, ON_BED), rel=0.25)
     assert stored["reason"] in result.text()
 
 

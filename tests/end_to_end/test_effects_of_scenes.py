@@ -234,7 +234,7 @@ def test_without_a_grain_it_is_the_velocity_that_changes():
     inert = incipient.run(Scene(**lid))
     before, after = (result.velocity.x.array for result in (stokes, inert))
     true = np.linalg.norm(after - before) / np.linalg.norm(before)
-    assert left_out(stokes, "inertia").relative == pytest.approx(true, rel=0.1)
+    assert left_out(stokes, "inertia").relative == pytest.approx(true, rel=0.01)
 
 
 # -- other effects left out ----------------------------------------------------------------------------------

@@ -126,6 +126,7 @@ def test_a_cylinder_across_the_stream_is_the_plane_s_disc():
     across = Cylinder(centre=(1.6, 0.1, 0.3), length=0.2, **size)
     space = incipient.run(channel(4.0, 0.2, bed=Flat(), body=across, numerics=numerics))
     assert space.force.flow[0] / 0.2 == pytest.approx(plane.force.flow[0], rel=0.03)
+    # Both lifts are 0.020 to the two digits that they were measured with: 5% at most in each.
     assert space.force.flow[2] / 0.2 == pytest.approx(plane.force.flow[1], rel=0.1)
     assert space.turbulence.at_outflow == pytest.approx(plane.turbulence.at_outflow, rel=0.01)
 

@@ -150,7 +150,8 @@ def test_a_channel_with_a_closed_end_fills_and_drains_by_what_is_given(tmp_path,
     history, rate = history_of(tmp_path), float(f"{sign}0.2")
     assert history["inflow"] == pytest.approx(rate, rel=1e-13)
     assert history["volume_above_level"] == pytest.approx(rate * history["time"], abs=1e-14)
-    assert history["elevation_2"][-1] == pytest.approx(rate / LENGTH, rel=0.5)
+    # At one place the level also has the waves of filling: 6% and 7% less than the mean.
+    assert history["elevation_2"][-1] == pytest.approx(rate / LENGTH, rel=0.15)
 
 
 def test_a_resumed_channel_is_the_whole_one_and_two_ranks_are_as_one(tmp_path, session: Session):

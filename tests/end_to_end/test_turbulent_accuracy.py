@@ -85,6 +85,7 @@ def test_what_accuracy_costs_in_a_turbulent_channel(tmp_path, monkeypatch):
     assert min(by_size, key=lambda one: one.error) is by_size[0]
     assert by_size[0].error < 1e-3 and max(one.error for one in by_size) < 0.02
     rows = list(csv.DictReader((tmp_path / "study" / "cost.csv").open()))
+    # The coarsest of the runs: that the column holds u* and no other number. Its error is judged above.
     assert float(rows[0]["outflow_shear_velocity"]) == pytest.approx(0.05, rel=0.1)
     assert "shear velocity" in (tmp_path / "study" / "cost.md").read_text(encoding="utf-8")
     (known,) = json.loads((tmp_path / "study" / "cost.json").read_text())["findings"].values()

@@ -175,7 +175,7 @@ def test_iterations_for_stokes_flow_do_not_depend_on_its_viscosity() -> None:
         with Fluid(unit_box(2, 8), block(STOKES), box(2), reynolds) as fluid:
             fluid.solve(RTOL)
             found.append(fluid.solver.statistics.krylov_iterations)
-    assert found[0] == pytest.approx(found[1], rel=0.3)
+    assert abs(found[0] - found[1]) <= 2
 
 
 def test_the_prepared_operators_serve_while_the_matrix_stays() -> None:

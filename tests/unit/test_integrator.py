@@ -63,7 +63,8 @@ def test_convergence_order(order: int) -> None:
     for count in (8, 16, 32, 64):
         y = solved(fixed(riccati, 1.0 / count, order), 0.0, [1.0], 1.0)
         errors.append(abs(y[0] - 1 / (1 + np.sin(1.0))))
-    assert rates(errors)[-1] == pytest.approx(order, abs=0.25)
+    # At 64 steps the next term of the error makes 0.11 of an order.
+    assert rates(errors)[-1] == pytest.approx(order, abs=0.15)
 
 
 @pytest.mark.parametrize("order", [4, 5])
@@ -150,7 +151,7 @@ def test_dense_output_order(order: int) -> None:
         integrator.step()
         inner = np.linspace(0.0, h, 41)
         errors.append(max(np.abs(integrator.interpolate(t) - [np.cos(t), -np.sin(t)]).max() for t in inner))
-    assert rates(errors)[-1] == pytest.approx(order + 1, abs=0.2)
+    assert rates(errors)[-1] == pytest.approx(order + 1, abs=0.05)
 
 
 def test_dense_output_joins_the_steps() -> None:

@@ -133,8 +133,9 @@ def test_one_factor_scales_all_sizes() -> None:
             lengths = edge_lengths(model)
             counts.append(len(lengths))
             smallest.append(lengths.min())
+    # 3.09 and 3.48 times as many: cells grow from the disc to the far sides, and coarse meshes are mostly that.
     assert np.array(counts[1:]) / counts[:-1] == pytest.approx([4.0, 4.0], rel=0.25)
-    assert np.array(smallest[1:]) / smallest[:-1] == pytest.approx([0.5, 0.5], rel=0.35)
+    assert np.array(smallest[1:]) / smallest[:-1] == pytest.approx([0.5, 0.5], rel=0.1)
 
 
 def test_scaled_sizes() -> None:
@@ -151,7 +152,7 @@ def test_cells_along_a_bed_are_larger_far_away() -> None:
             places = np.sort(on_boundary(model, "bed")[:, 0])
         middles, lengths = 0.5 * (places[1:] + places[:-1]), np.diff(places)
         wanted = np.clip(growth * middles, factor * size, factor * largest)
-        assert lengths == pytest.approx(wanted, rel=0.35)
+        assert lengths == pytest.approx(wanted, rel=0.1)
 
 
 def test_cells_are_small_where_asked_and_grow_from_there() -> None:
@@ -161,6 +162,7 @@ def test_cells_are_small_where_asked_and_grow_from_there() -> None:
         triangles, lengths = corners(model), edge_lengths(model).mean(axis=1)
     distance = np.linalg.norm(triangles.mean(axis=1) - [0.5, 0.0], axis=1)
     wanted = np.minimum(far, size + growth * distance)
+    # gmsh makes triangles whose edges are 7% off the size asked for in the median.
     assert np.median(lengths / wanted) == pytest.approx(1.0, abs=0.15)
     assert np.all(lengths < 1.8 * wanted)
     assert lengths[np.argmin(distance)] < 2 * size
@@ -185,6 +187,7 @@ def test_grid_spacing(grading: float) -> None:
     spacing = np.diff(x)
     assert count == 2 * 20 * 20
     assert spacing == pytest.approx(spacing[::-1], rel=1e-6)
+    # The smallest spacing asked for is that at the end itself; the first cell's, next to it, is 0.229.
     assert spacing[0] / spacing.max() == pytest.approx(grading, rel=0.2)
 
 

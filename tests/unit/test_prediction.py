@@ -96,8 +96,9 @@ def test_a_study_predicts_its_scene(tmp_path: Path) -> None:
     made = scene(QUIET, "numerics.mesh_size=1.2", "numerics.order=2")
     found = predict(known_laws(made), Estimate(555, round(4000 * 1.2**-2), 200.0))
     assert isinstance(found, Prediction) and found.own
+    # What starting takes is fitted as well: 6% more than was made up.
     assert found.cpu == pytest.approx(1.0 + 0.2 * 1.2**-2 * 2, rel=0.15)
-    assert found.errors["force"].value == pytest.approx(0.02 * 0.6**4, rel=0.2)
+    assert found.errors["force"].value == pytest.approx(0.02 * 0.6**4, rel=0.01)
     assert "by runs of this scene on this machine" in found.text()
     foreign = predict(known_laws(scene("fluid.reynolds=21.0", QUIET)), FIRST)
     assert isinstance(foreign, Prediction) and not foreign.own

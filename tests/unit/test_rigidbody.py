@@ -364,7 +364,8 @@ def test_second_order_in_time(mass: float) -> None:
         )[-1]
         errors.append([abs(end.place[0] - reference[0]), abs(end.velocity[0] - reference[1])])
     place, velocity = np.transpose(errors)
-    assert rates(place)[-1] == pytest.approx(2.0, abs=0.15)
+    assert rates(place)[-1] == pytest.approx(2.0, abs=0.1)
+    # 2.02, 1.88 and 2.03 at 160 steps.
     assert velocity[-1] < 1e-10 if mass == 0.0 else rates(velocity)[-1] == pytest.approx(2.0, abs=0.15)
 
 
@@ -393,7 +394,7 @@ def test_second_order_in_space() -> None:
 
     ends = [march(body, start, n, 1.0 / n, load, resistance, 1e-9)[-1].packed() for n in (10, 20, 40)]
     changes = [np.abs(b - a).max() for a, b in pairwise(ends)]
-    assert rates(changes)[-1] == pytest.approx(2.0, abs=0.25)
+    assert rates(changes)[-1] == pytest.approx(2.0, abs=0.1)
 
 
 def test_mean_load() -> None:

@@ -187,7 +187,8 @@ def test_the_number_of_cells_is_foretold() -> None:
         region, point = grain_above(solid, gap=gap, symmetric=True)
         sizes = finer_in_the_gap(size, gap, point)
         with solid_model(region, sizes, 1) as model:
-            assert sum(expected_cells(region, sizes).values()) == pytest.approx(len(cells(model)), rel=0.25)
+            # Foretold are 3 to 4% fewer, by integrating over the sizes.
+            assert sum(expected_cells(region, sizes).values()) == pytest.approx(len(cells(model)), rel=0.1)
 
 
 def test_a_grain_in_the_bed_is_refused() -> None:
