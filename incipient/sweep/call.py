@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..cost.frontier import seconds as in_words
 from ..errors import SceneError
-from ..parallel import collectively, ranks_there_are
+from ..parallel import collectively, ranks_there_are, start_petsc
 from .cases import Case
 from .expectation import Expected, Foresight, cores, free_memory_mib, total
 from .procedure import Limits, Progress, Sweep, Watcher
@@ -142,6 +142,8 @@ def computed(
     with collectively(comm):
         if comm.rank == 0:
             stores = [_opened(prepared, file, means)]
+    if comm.size > 1 and comm.bcast(any(case.task != "judge" for case in prepared.cases)):
+        start_petsc(comm)
     if comm.rank:
         from .crowd import serve
 

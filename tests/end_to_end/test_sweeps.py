@@ -201,6 +201,27 @@ def test_ranks_compute_the_cases_of_one_sweep(tmp_path: Path, command: Any) -> N
     assert few.returncode == 2 and few.stderr.count("incipient: ") == 1 and "start 3 or more" in few.stderr
 
 
+@pytest.mark.parametrize(
+    ("ranks", "task", "more"),
+    [
+        (2, "run", ()),
+        (3, "threshold", ("--ranks", 2)),
+        pytest.param(3, "run", (), marks=pytest.mark.slow),
+        pytest.param(2, "threshold", (), marks=pytest.mark.slow),
+        pytest.param(3, "run", ("--ranks", 2), marks=pytest.mark.slow),
+    ],
+)
+def test_ranks_compute_flows_in_a_sweep(
+    tmp_path: Path, command: Any, ranks: int, task: str, more: tuple[object, ...]
+) -> None:
+    """PETSc starts on all ranks together, also on the first, which computes no flow: the others waited for it."""
+    file = tmp_path / "sweep.sqlite"
+    order = ("sweep", written(tmp_path, COARSE), "--do", task, "--over", "fluid.reynolds=1,2", "--out", file)
+    done = command(*order, *more, ranks=ranks, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert rows(file, "status, tries") == [("done", 1)] * 2
+
+
 class Crowded(Watcher):
     """Notes how many cases were computed at a time."""
 
