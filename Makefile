@@ -17,7 +17,7 @@ unexport PYTHONDONTWRITEBYTECODE
 export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 
-.PHONY: help setup demo test test-quick test-slow test-debian13 test-wheel lint types docs gallery bench cost effects turbulence scaling stress surface channels clean
+.PHONY: help setup demo test test-quick test-slow test-debian13 test-wheel lint types docs docs-commands gallery bench cost effects turbulence scaling stress surface channels clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -54,6 +54,9 @@ types: setup ## mypy
 docs: setup ## the documentation: site/index.html, without warnings, links checked
 	@$(PYTHON) -c "import material" 2>/dev/null || $(PYTHON) -m pip install --quiet --disable-pip-version-check --no-build-isolation --editable '.[docs]'
 	NO_MKDOCS_2_WARNING=1 $(PYTHON) -m mkdocs build --strict
+
+docs-commands: setup ## every command on every page, run once: hours (PAGE=howto/cluster.md for one page)
+	$(PYTHON) docs/commands.py $(PAGE)
 
 gallery: setup ## the pictures of docs/gallery.md, from runs of the demos
 	$(PYTHON) benchmarks/gallery.py $(ARGS)

@@ -1,6 +1,7 @@
 """The documents name commands, keys of scenes and files that exist."""
 
 import re
+import sys
 import typing
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,6 +13,10 @@ from incipient import cli
 from incipient.scene import Scene
 
 ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "docs"))
+import commands as documents  # noqa: E402
+
+TARGETS = set(re.findall(r"^([a-z0-9-]+):", (ROOT / "Makefile").read_text(), re.M))
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 NOT_KEYS = {
     "toml",
@@ -49,6 +54,19 @@ KEYS = {
 def test_commands_exist(page: Path) -> None:
     named = re.findall(r"(?:`|^ *|bin/)incipient ([a-z]+)", page.read_text(), re.MULTILINE)
     assert set(named) <= set(cli._commands())
+
+
+@of_every_page
+def test_commands_are_taken(page: Path) -> None:
+    """Their options exist and have values of the right kind; `make docs-commands` runs them."""
+    for command in documents.commands(page):
+        program, *words = command.program
+        if program == "incipient":
+            cli._parser().parse_args(words)
+        elif program == "make":
+            assert words[0] in TARGETS, command.text
+        else:
+            assert words[0].startswith("-") or (ROOT / words[0]).exists(), command.text
 
 
 @of_every_page
