@@ -22,7 +22,7 @@ from .commands.drawing import tell_of_pictures
 from .commands.options import alone, named, overrides
 from .errors import IncipientError, OutputError, SceneError
 from .installed import required
-from .interrupt import forget_unfinished_form, nobody_reads
+from .interrupt import nobody_reads
 from .parallel import ranks_there_are, start_alone_quickly
 
 if TYPE_CHECKING:
@@ -398,8 +398,7 @@ def _guarded(arguments: Sequence[str] | None) -> int:
         if comm.rank == 0:
             print(f"incipient: {error}", file=sys.stderr, flush=True)
         return error.exit_code
-    except KeyboardInterrupt as interrupt:
-        forget_unfinished_form(interrupt)
+    except KeyboardInterrupt:
         if comm.rank == 0:
             print("incipient: interrupted; what was computed so far is kept", file=sys.stderr, flush=True)
         return _leave(comm, INTERRUPTED)

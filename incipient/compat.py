@@ -10,14 +10,16 @@ import hashlib
 import importlib.metadata
 import inspect
 import logging
+import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from . import form_cache
 from .installed import required, versions_without_setuptools
 from .interrupt import handlers_kept
 
@@ -64,8 +66,7 @@ def mixed_element(parts: list[Any]) -> Any:
 def function_space(mesh: Any, any_element: Any) -> Any:
     """Function space of an element as made by `element` or `mixed_element`, or of a coordinate element."""
     make = getattr(dolfinx.fem, "functionspace", None) or dolfinx.fem.FunctionSpace
-    with required(), quiet_compiler():
-        return make(mesh, any_element, **_kept(make, repr(any_element)))
+    return _compiled(make, repr(any_element), mesh.comm, lambda keys: make(mesh, any_element, **keys))
 
 
 def space(mesh: Any, degree: tuple[str, int], shape: tuple[int, ...] = ()) -> Any:
@@ -83,9 +84,9 @@ def form(expression: Any, compiler: dict[str, Any] | None = None) -> Any:
     keyword = "form_compiler_options"
     if keyword not in inspect.signature(dolfinx.fem.form).parameters:
         keyword = "form_compiler_params"
-    with required(), quiet_compiler():
-        options = _kept(dolfinx.fem.form, expression.signature())
-        return dolfinx.fem.form(expression, **{keyword: dict(compiler or {})}, **options)
+    options, make = {keyword: dict(compiler or {})}, dolfinx.fem.form
+    comm, signature = expression.ufl_domains()[0].ufl_cargo().comm, f"{expression.signature()}{options}"
+    return _compiled(make, signature, comm, lambda keys: make(expression, **options, **keys))
 
 
 def interpolate(function: Any, expression: Any) -> None:
@@ -94,9 +95,14 @@ def interpolate(function: Any, expression: Any) -> None:
     Raises:
         MissingError: the C compiler, or what it needs, is not installed.
     """
-    with required(), quiet_compiler():
-        compiled = dolfinx.fem.Expression(expression, interpolation_points(function.function_space))
-    function.interpolate(compiled)
+    from ffcx.naming import compute_signature
+
+    space, make = function.function_space, dolfinx.fem.Expression
+    points = interpolation_points(space)
+    signature = compute_signature([(expression, points)], "")
+    function.interpolate(
+        _compiled(make, signature, space.mesh.comm, lambda keys: make(expression, points, **keys))
+    )
 
 
 @contextmanager
@@ -129,18 +135,18 @@ def create_vector(compiled: Any, space: Any) -> Any:
     return petsc.create_vector(space if takes_spaces else compiled)
 
 
-def _kept(compiled_by: Any, signature: str) -> dict[str, Any]:
-    """The option that says in which folder the code of a form or an element of this signature is kept, if it has any.
-
-    The loader lists the whole folder for each form, and nothing ever leaves it: with thousands of files that takes
-    seconds. So there are 256 folders, by a hash, within the one that dolfinx is set to.
-    """
+def _compiled(compiled_by: Any, signature: str, comm: MPI.Comm, make: Callable[[dict[str, Any]], Any]) -> Any:
+    """What `make` makes with the option for the folder of the code, by a signature of what is compiled. Collective."""
     settings = getattr(dolfinx.jit, "get_options", None) or dolfinx.jit.get_parameters
     keyword = "jit_options" if hasattr(dolfinx.jit, "get_options") else "jit_params"
-    if keyword not in inspect.signature(compiled_by).parameters:
-        return {}
-    folder = hashlib.sha1(signature.encode(), usedforsecurity=False).hexdigest()[:2]
-    return {keyword: {"cache_dir": Path(settings()["cache_dir"]) / "incipient" / folder}}
+    with required(), quiet_compiler():
+        if keyword not in inspect.signature(compiled_by).parameters:
+            return make({})
+        chosen = settings()
+        told = (compiled_by.__name__, signature, dolfinx.__version__, sys.implementation.cache_tag, chosen)
+        name = hashlib.sha1(str(told).encode(), usedforsecurity=False).hexdigest()
+        root = Path(chosen["cache_dir"]) / "incipient"
+        return form_cache.compiled(root, name, comm, lambda folder: make({keyword: {"cache_dir": folder}}))
 
 
 def model_to_mesh(model: Any, comm: MPI.Comm, gdim: int) -> tuple[Any, Any, Any]:

@@ -7,9 +7,8 @@ import select
 import signal
 import threading
 import time
-import traceback
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -61,15 +60,15 @@ class Interruption:
 
 @contextmanager
 def handlers_kept() -> Iterator[None]:
-    """Let Python's handlers of SIGINT, SIGTERM and SIGPIPE hold after the block, in which libraries in C are started.
+    """Let handlers of SIGINT, SIGTERM, SIGHUP and SIGPIPE hold after the block, in which libraries in C are started.
 
-    PETSc takes a reader that has gone for a crash, and gmsh 4.15 gives all signals back to the system, which ends the
+    PETSc takes a reader or a terminal that has gone for a crash, and gmsh 4.15 gives all signals back to the system, which ends the
     process. Signals wait until the handlers are back. Off the main thread nothing is changed. Not collective.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = {number: signal.getsignal(number) for number in (*SIGNALS, signal.SIGPIPE)}
+    before = {number: signal.getsignal(number) for number in (*SIGNALS, signal.SIGHUP, signal.SIGPIPE)}
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
     try:
         yield
@@ -95,7 +94,6 @@ def told_where_kept(directory: Path | None, comm: MPI.Comm) -> Iterator[None]:
     except KeyboardInterrupt as interrupt:
         if directory is None or comm.size > 1:
             raise
-        forget_unfinished_form(interrupt)
         raise Interrupted(
             f"interrupted while the error bars were computed; the result without them is kept in {directory}"
         ) from interrupt
@@ -110,19 +108,3 @@ def nobody_reads() -> bool:
         return False
     os.dup2(os.open(os.devnull, os.O_WRONLY), output)
     return True
-
-
-def forget_unfinished_form(interrupt: BaseException) -> None:
-    """Remove from the cache the form whose compilation was interrupted, if one was. Not collective.
-
-    The form compiler takes back what failed, but does not count an interrupt as a failure; the file that
-    marks a compilation as begun would stay. Forms that another process is compiling are left alone.
-    """
-    for frame, _ in traceback.walk_tb(interrupt.__traceback__):
-        here = (frame.f_globals.get("__name__"), frame.f_code.co_name)
-        if here != ("ffcx.codegeneration.jit", "_compile_objects"):
-            continue
-        source = Path(frame.f_locals["cache_dir"]) / f"{frame.f_locals['module_name']}.c"
-        if not source.with_suffix(".c.cached").exists():
-            with suppress(OSError):
-                source.unlink()

@@ -102,18 +102,6 @@ def start_alone_quickly() -> None:
         del os.environ[name]
 
 
-def start_petsc(comm: MPI.Comm | Alone) -> None:
-    """Start PETSc on all ranks, where some of them will compute flows while others do not. Collective.
-
-    PETSc starts on all ranks together: one that began alone would wait for the others without an end.
-
-    Raises:
-        MissingError: on all ranks, the libraries of the flow are not installed.
-    """
-    with collectively(comm), required():
-        from . import compat  # noqa: F401
-
-
 def ranks_there_are() -> MPI.Comm:
     """All ranks; without an MPI this process alone, which judges and plans, and says what is missing for a flow."""
     try:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from ..cost.frontier import seconds as in_words
 from ..errors import SceneError
-from ..parallel import collectively, ranks_there_are, start_petsc
+from ..installed import required
+from ..parallel import collectively, ranks_there_are
 from .cases import Case
 from .expectation import Expected, Foresight, cores, free_memory_mib, total
 from .procedure import Limits, Progress, Sweep, Watcher
@@ -143,7 +144,7 @@ def computed(
         if comm.rank == 0:
             stores = [_opened(prepared, file, means)]
     if comm.size > 1 and comm.bcast(any(case.task != "judge" for case in prepared.cases)):
-        start_petsc(comm)
+        _start_petsc(comm)
     if comm.rank:
         from .crowd import serve
 
@@ -156,6 +157,15 @@ def computed(
     if prepared.refinement is not None:
         progress.refined = prepared.refinement.lines()
     return progress
+
+
+def _start_petsc(comm: MPI.Comm) -> None:
+    """Start PETSc on all ranks, also on the first, which computes no flow.
+
+    It starts on all together: where the first did not come the others waited for it without an end.
+    """
+    with collectively(comm), required():
+        from .. import compat  # noqa: F401
 
 
 def _further(prepared: Prepared, store: Store, means: Means) -> list[Case]:

@@ -206,3 +206,48 @@ def test_a_sweep_asked_to_end_does_so_orderly(tmp_path: Path, started: Any) -> N
     assert complaint.count("incipient: ") == 1 and "0 of 2 cases are finished and kept" in complaint
     assert "Traceback" not in complaint and gone(working)
     assert rows(file, "status, tries") == [("waiting", 0)] * 2
+
+
+# -- compilation of forms ------------------------------------------------------------------------------------
+
+FEW_FORMS = settings(fluid_inertia=False, numerics_order=2, numerics_mesh_size=4)
+CAVITY = Path(__file__).parents[2] / "demos" / "scenes" / "cavity.toml"
+
+
+@pytest.mark.parametrize("times", [4, pytest.param(20, marks=pytest.mark.slow)])
+def test_a_first_run_killed_at_random_does_not_block_the_next(
+    tmp_path: Path, started: Any, command: Any, times: int
+) -> None:
+    """By SIGKILL, as batch systems do, or SIGHUP of a terminal that has gone, while its forms are compiled."""
+    random, cache = np.random.default_rng(11), {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+    scene = ["run", CAVITY, *FEW_FORMS, "--out", tmp_path / "x"]
+    for number in range(times):
+        run = started(1, *scene, **cache)
+        time.sleep(random.uniform(0.8, 4.0))
+        os.killpg(run.pid, (signal.SIGKILL, signal.SIGHUP)[number % 2])
+        said = run.communicate()[1]
+        assert run.returncode in (0, -signal.SIGKILL, -signal.SIGHUP) and "PETSC ERROR" not in said, said
+    again = command(*scene, **cache)
+    assert again.returncode == 0 and "timed out" not in again.stderr, again.stderr
+    left = [path for path in (tmp_path / "cache/fenics/incipient").iterdir() if "." in path.name]
+    assert left == [], "folders of compilations that were cut short"
+
+
+def test_two_first_runs_at_once_are_right(tmp_path: Path, started: Any) -> None:
+    cache = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+    both = [started(1, "run", CAVITY, *FEW_FORMS, "--out", tmp_path / name, **cache) for name in "xy"]
+    said = [run.communicate(timeout=120)[1] for run in both]
+    assert [run.returncode for run in both] == [0, 0], said
+    assert_same_numbers(result_of(tmp_path / "x")["centrelines"], result_of(tmp_path / "y")["centrelines"])
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_cache_that_cannot_be_written_is_named_in_one_line(
+    tmp_path: Path, command: Any, monkeypatch: Any, ranks: int
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", "/proc/cache")
+    done = command("run", CAVITY, *FEW_FORMS, "--out", tmp_path / "x", ranks=ranks)
+    assert done.returncode == OutputError.exit_code, done.stderr
+    last = done.stderr.strip().splitlines()[-1] if ranks == 1 else done.stderr
+    assert last.count("incipient: /proc/cache/fenics/incipient: compiled forms cannot be kept") == 1
+    assert "Traceback" not in done.stderr

@@ -15,7 +15,18 @@ import incipient
 PACKAGE = Path(incipient.__file__).parent
 # From the lowest floor up; rooms beside each other on one floor do not know each other either, but for the first.
 FLOORS = (
-    ("errors", "installed", "arrays", "compat", "files", "interrupt", "parallel", "progress", "tables"),
+    (
+        "errors",
+        "installed",
+        "arrays",
+        "compat",
+        "files",
+        "form_cache",
+        "interrupt",
+        "parallel",
+        "progress",
+        "tables",
+    ),
     *(
         ("forms", "geometry"),
         ("meshes", "contact"),
