@@ -93,13 +93,18 @@ def session() -> Iterator[Any]:
 
 @contextmanager
 def complaints_as_errors() -> Iterator[None]:
-    """Turn gmsh's complaints while drawing and meshing into MeshError."""
+    """Turn gmsh's complaints while drawing and meshing into MeshError; other errors are defects, and pass."""
     try:
         yield
-    except MeshError:
-        raise
     except Exception as error:
+        if not _is_of_gmsh(error):
+            raise
         raise MeshError(f"the geometry could not be meshed: {str(error) or type(error).__name__}") from error
+
+
+def _is_of_gmsh(error: Exception) -> bool:
+    """Whether an error is gmsh's, which raises the base class of all others."""
+    return type(error) is Exception
 
 
 class _Pen:
@@ -250,8 +255,9 @@ def _set_either(field: int, names: tuple[str, ...], put: Any, value: Any) -> Non
         try:
             put(field, name, value)
             return
-        except Exception:
-            continue
+        except Exception as error:
+            if not _is_of_gmsh(error):
+                raise
     raise MeshError(f"this gmsh knows none of the field options {', '.join(names)}")
 
 
@@ -259,7 +265,9 @@ def set_option(name: str, older: str, value: float) -> None:
     """Set an option under its name, or under the one it had before gmsh 4.8."""
     try:
         gmsh.option.setNumber(name, value)
-    except Exception:
+    except Exception as error:
+        if not _is_of_gmsh(error):
+            raise
         gmsh.option.setNumber(older, value)
 
 

@@ -25,7 +25,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -85,8 +85,8 @@ def error_bars(run: Run, force: Forces | None, couple: Couples | None, solve: So
     """The error bars of a finished run with a grain or a free surface. Collective.
 
     Coarse runs of their own are made where needed; where one fails the term is left out, and the reason said. What
-    `run.accounts.known` holds, terms by name and loads of coarse runs by the JSON of their scene, is not computed
-    again, and what is found is added to it. `solve` runs the scene of a coarse run for its loads.
+    `run.accounts.known` holds is not computed again, and what is found is added to it. `solve` runs the scene of a
+    coarse run for its loads.
     """
     return with_safety(error_terms(run, force, couple, solve), run, force, couple)
 
@@ -100,13 +100,13 @@ def error_terms(
         computed = _computed(run, force, couple)
         found.add("discretisation", partial(by_coarser_mesh, scene, computed))
         if is_coarse(scene):
-            run.accounts.known[coarse(scene).model_dump_json()] = computed
+            run.accounts.known.loads[coarse(scene).model_dump_json()] = computed
     elif scene.time is None:
         of_mesh = _dual if run.fluid.coarse is None else _by_surplus
         found.add("discretisation", lambda _: of_mesh(run, speed))
     else:
         computed = _computed(run, force, couple)
-        known = cast("Term | None", run.accounts.known.get(OF_MESH))
+        known = run.accounts.known.terms.get(OF_MESH)
         found.add("discretisation", partial(by_coarser_runs, scene, computed, of_mesh=known))
     for name, reason in not_there(scene).items():
         found.leave_out(name, reason)
@@ -187,8 +187,8 @@ class _Found:
     """Terms as they are found."""
 
     def __init__(self, run: Run, solve: Solve):
-        self._known = run.accounts.known
-        self._solve = KeptRuns(run.accounts.known, run.accounts.spent, solve)
+        self._known = run.accounts.known.terms
+        self._solve = KeptRuns(run.accounts.known.loads, run.accounts.spent, solve)
         self._terms: list[Term] = []
         self._left_out: dict[str, str] = {}
         self._failed: dict[str, str] = {}
@@ -196,10 +196,9 @@ class _Found:
     def add(self, name: str, estimate: Callable[[Solve], Term]) -> None:
         """Estimate a term, unless it is known; a failure is noted in its place. Collective."""
         try:
-            term = self._known.get(name)
-            if not isinstance(term, Term):
-                term = self._known[name] = estimate(self._solve)
-            self._terms.append(term)
+            if name not in self._known:
+                self._known[name] = estimate(self._solve)
+            self._terms.append(self._known[name])
         except IncipientError as error:
             self._failed[name] = str(error)
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from dataclasses import dataclass, field
 
 from ..errors import IncipientError
-from ..results.errorbars import Loads
+from ..results.errorbars import Loads, Term
 from ..scene import Scene
 
 Solve = Callable[[Scene], Loads]
@@ -16,10 +16,19 @@ class Spent(IncipientError):
     """What may be spent on estimates is used up."""
 
 
+@dataclass
+class Known:
+    """What estimates have found: terms of error bars by name, loads of coarse runs by the JSON of their scene."""
+
+    terms: dict[str, Term] = field(default_factory=dict)
+    loads: dict[str, Loads] = field(default_factory=dict)
+
+
 class KeptRuns:
-    """Loads of coarse runs, each made once and kept in `known` by the JSON of its scene. Calling is collective.
+    """Loads of coarse runs, each made once and kept by the JSON of its scene. Calling is collective.
 
     Args:
+        known: loads that are known already; those of runs are added.
         spent: why no run shall be begun any more, or nothing.
         solve: runs a scene for its loads.
 
@@ -27,15 +36,14 @@ class KeptRuns:
         Spent: when called, if nothing may be begun.
     """
 
-    def __init__(self, known: dict[str, Any], spent: Callable[[], str], solve: Solve):
+    def __init__(self, known: dict[str, Loads], spent: Callable[[], str], solve: Solve):
         self._known, self._spent, self._run = known, spent, solve
 
     def __call__(self, scene: Scene) -> Loads:
         """The loads of a scene, by a run if they are not known. Collective."""
         key = scene.model_dump_json()
-        loads = self._known.get(key)
-        if not isinstance(loads, Loads):
+        if key not in self._known:
             if reason := self._spent():
                 raise Spent(reason)
-            loads = self._known[key] = self._run(scene)
-        return loads
+            self._known[key] = self._run(scene)
+        return self._known[key]

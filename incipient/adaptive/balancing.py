@@ -16,7 +16,7 @@ import numpy as np
 from ..accuracy.coarse_runs import HIGHEST_ORDER, LONGEST_STEP, changed, comparisons, order_in_time
 from ..accuracy.errorbars import OF_MESH, by_coarser_runs
 from ..accuracy.goal import relative
-from ..accuracy.kept_runs import KeptRuns
+from ..accuracy.kept_runs import KeptRuns, Known
 from ..errors import ConvergenceError, IncipientError, Interrupted
 from ..planning.cells import FAR_CELL, FAR_CELL_IN_SPACE
 from ..planning.open_channel import LEVEL
@@ -70,7 +70,7 @@ class Balancing(Search):
     def _tell_of_failure(self, scene: Scene, error: ConvergenceError) -> bool:
         """Keep a run that has failed as a trial; whether a finer one is to be tried. Not collective."""
         assert scene.time is not None
-        self.known = {}
+        self.known = Known()
         self.keep_model_terms()
         self.tell(Trial(scene.order, 0, 0, None, 0.0, scene.time.step, f"failed: {error}"))
         return len(self.trials) < MOST_RUNS
@@ -78,7 +78,7 @@ class Balancing(Search):
     def _keep_for(self, following: Refined, scene: Scene) -> None:
         """Forget what was found about a scene but what the next one shares with it. Not collective."""
         of_mesh = self._of_mesh if following.keeps_mesh(scene.order) else None
-        self.known = {} if of_mesh is None else {OF_MESH: of_mesh}
+        self.known = Known({} if of_mesh is None else {OF_MESH: of_mesh})
         self.keep_model_terms()
 
     # -- one run --------------------------------------------------------------------------------
@@ -103,11 +103,11 @@ class Balancing(Search):
     def _compare(self, scene: Scene) -> None:
         """Run what a scene is compared with, quickly done beside it, or note why that fails. Collective."""
         self._failed = ""
-        kept = KeptRuns(self.known, lambda: "", self._loads_of)
+        kept = KeptRuns(self.known.loads, lambda: "", self._loads_of)
         longer, beside = comparisons(scene)
         try:
             kept(longer)
-            if OF_MESH not in self.known:
+            if OF_MESH not in self.known.terms:
                 kept(beside)
         except Interrupted:
             raise
@@ -121,7 +121,7 @@ class Balancing(Search):
         estimate = of_step = of_mesh = None
         cost = result.cost
         if not self._failed:
-            term = by_coarser_runs(scene, Loads.of(result), self._known_run, self.known.get(OF_MESH))
+            term = by_coarser_runs(scene, Loads.of(result), self._known_run, self.known.terms.get(OF_MESH))
             estimate, of_step, of_mesh = (relative(self.goal, result, one) for one in (term, *term.parts))
             # What the mesh does to waves is seen the less the longer the steps are, which damp them.
             self._of_mesh = None if scene.accuracy_of in OF_SURFACE else term.parts[-1]
@@ -132,7 +132,7 @@ class Balancing(Search):
             self.conclude(estimate)
 
     def _known_run(self, scene: Scene) -> Loads:
-        return cast(Loads, self.known[scene.model_dump_json()])
+        return self.known.loads[scene.model_dump_json()]
 
     # -- what next ------------------------------------------------------------------------------
 

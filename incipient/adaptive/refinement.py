@@ -167,7 +167,7 @@ class Refinement(Search):
             # Loads over those of the fluid, which has a speed of its own; both are near, or it is Stokes flow.
             unit = goals.allowance * self.speed * run.fluid.reynolds / run.plan.reynolds
             of_force, of_couple = unit * goals.force, unit * goals.couple
-            self.known["discretisation"] = by_dual(of_force, of_couple)
+            self.known.terms["discretisation"] = by_dual(of_force, of_couple)
             parts = [goals.shares(unit * goal) for goal in self.goal.goals(force, couple)]
             error = self.goal.error(force, couple, of_force, of_couple)
             return error, gathered(run.domain.mesh, parts)
@@ -191,7 +191,7 @@ class Refinement(Search):
 
     def _repeated(self, attempt: Attempt) -> Result:
         """Solve once more on a mesh that was solved on before. Collective."""
-        self.known.pop("discretisation", None)
+        self.known.terms.pop("discretisation", None)
         with self._prepared(attempt) as run:
             self._solved(run)
             return self._concluded(run, self._handed_over(run))
@@ -262,7 +262,7 @@ class Refinement(Search):
             )
             return None
         for name in ("gap", "domain", "datum"):
-            self.known.pop(name, None)
+            self.known.terms.pop(name, None)
         unknowns = 1.2 * self.trials[-1].unknowns
         return self._within_budget(replace(attempt, scene=other[0], expected=unknowns, note=other[1]))
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..accuracy.goal import Goal, Quantity
-from ..accuracy.kept_runs import KeptRuns
+from ..accuracy.kept_runs import KeptRuns, Known
 from ..planning.drawing import MEMORY_GROWTH
 from ..progress import Silent
 from ..results.adaptation import Adaptation, Trial
@@ -87,7 +87,7 @@ class Search:
         self.scene, self.comm, self.recorder, self.voice = scene, comm, recorder, voice
         self.numerics, self.ledger, self.trials = scene.numerics, Ledger(), list[Trial]()
         self.iterations: dict[str, int] = {}
-        self.known: dict[str, Any] = {}
+        self.known = Known()
         self.goal: Quantity = Goal.of(scene)
         self.speed = 1.0  # of the flow whose loads are looked at, over that of the scene
         self.reason, self.met = "", False
@@ -110,7 +110,7 @@ class Search:
             return
         from ..simulation.simulate import loads_of
 
-        runs = KeptRuns(self.known, self.spent, lambda scene: loads_of(scene, self.comm))
+        runs = KeptRuns(self.known.loads, self.spent, lambda scene: loads_of(scene, self.comm))
         with self.ledger.stage("error bars"):
             self.suited = suited(self.scene, asked, self.goal, runs, self.voice.say)
         self.scene = self.suited.scene
@@ -119,7 +119,7 @@ class Search:
     def keep_model_terms(self) -> None:
         """Let error bars have the terms of gap and domain that were found. Not collective."""
         if self.suited is not None:
-            self.known.update({term.name: term for term in self.suited.terms})
+            self.known.terms.update({term.name: term for term in self.suited.terms})
 
     def conclude(self, estimate: float) -> None:
         """End the search: the discretisation's error is small enough. Not collective."""

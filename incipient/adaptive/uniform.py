@@ -77,9 +77,9 @@ class Uniform(Refinement):
         for scene, there in reversed(self._seen[-3:-1]):
             coarser = on_coarser_mesh(coarser)
             if (scene.contact, scene.domain) == (coarser.contact, coarser.domain):
-                self.known[coarser.model_dump_json()] = there
-        runs = KeptRuns(self.known, self.spent, lambda scene: loads_of(scene, self.comm))
-        term = self.known["discretisation"] = by_coarser_mesh(run.scene, computed, runs)
+                self.known.loads[coarser.model_dump_json()] = there
+        runs = KeptRuns(self.known.loads, self.spent, lambda scene: loads_of(scene, self.comm))
+        term = self.known.terms["discretisation"] = by_coarser_mesh(run.scene, computed, runs)
         return relative(self.goal, found, term), None
 
     def _to_refine(self, attempt: Attempt, excess: float, shares: Any, error: float) -> Attempt | None:

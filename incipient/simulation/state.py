@@ -7,6 +7,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from ..accuracy.kept_runs import Known
 from ..progress import Silent
 from ..results.cost_of_effects import Corrections
 from ..results.elevations import Elevations, Reading
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from ..mesh.domain import Domain
     from ..planning.drawing import Layout
     from ..planning.plan import Plan
-    from ..results.errorbars import Loads, Term
     from ..scene import Scene
     from ..turbulence import InTime
     from .free_surface import MovingSurface
@@ -34,13 +34,13 @@ if TYPE_CHECKING:
 class Accounts:
     """What the runs of one search share: what they cost, and the estimates that are known already.
 
-    known: terms of error bars by their name, and loads of coarse runs by the JSON of their scene
+    known: what estimates have found already
     spent: why no estimate shall be begun any more, or an empty string
     """
 
     ledger: Ledger = field(default_factory=Ledger)
     iterations: dict[str, int] = field(default_factory=dict)
-    known: dict[str, Term | Loads] = field(default_factory=dict)
+    known: Known = field(default_factory=Known)
     spent: Callable[[], str] = lambda: ""
 
     def count(self, **numbers: int) -> None:
