@@ -91,7 +91,8 @@ def write_bytes_atomically(path: Path, data: bytes) -> None:
     part = part_of(path)
     with reported(path):
         try:
-            with part.open("wb") as stream:
+            part.unlink(missing_ok=True)
+            with part.open("xb") as stream:  # never through a link
                 stream.write(data)
                 stream.flush()
                 os.fsync(stream.fileno())  # some file systems tell of a full disk only here

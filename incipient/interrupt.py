@@ -62,8 +62,9 @@ class Interruption:
 def handlers_kept() -> Iterator[None]:
     """Let handlers of SIGINT, SIGTERM, SIGHUP and SIGPIPE hold after the block, in which libraries in C are started.
 
-    PETSc takes a reader or a terminal that has gone for a crash, and gmsh 4.15 gives all signals back to the system, which ends the
-    process. Signals wait until the handlers are back. Off the main thread nothing is changed. Not collective.
+    PETSc takes a reader or a terminal that has gone for a crash, and gmsh 4.15 gives all signals back to the system,
+    which ends the process. Signals wait until the handlers are back. Off the main thread nothing is changed. Not
+    collective.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..output.ownership import refuse_foreign
 from .drawing import say_drawn
 from .options import named, overrides
 
@@ -62,6 +63,7 @@ def _judge_series(case: Case, options: argparse.Namespace) -> None:
     print(found.text())
     if options.out is not None:
         directory = options.series.parent if options.out is BESIDE else options.out
+        refuse_foreign(directory, ("series.csv", "series.json"))
         save_series(found, directory)
         print(f"numbers             {directory}/: series.csv, series.json", flush=True)
         from ..pictures.apart import draw_apart
@@ -74,6 +76,7 @@ def _keep(judgement: dict[str, Any], directory: Path) -> None:
     from ..pictures.apart import draw_apart
     from ..simulation.judge_case import save
 
+    refuse_foreign(directory, ("judgement.json",))
     save(judgement, directory)
     print(f"numbers             {directory / 'judgement.json'}", flush=True)
     say_drawn(draw_apart(directory), directory)

@@ -14,6 +14,7 @@ from typing import Any
 
 from ..errors import ConvergenceError, OutputError, SceneError
 from ..files import reported
+from ..output.ownership import refuse_foreign
 from ..scene import Scene, load, save
 from . import frontier
 from .comparison import Compared, compared
@@ -116,6 +117,7 @@ def prepare(scene: Scene, directory: Path) -> None:
         OutputError: it is that of another scene, or cannot be made.
     """
     stored = directory / "scene.toml"
+    refuse_foreign(directory, (TABLE, stored.name))
     if (directory / TABLE).exists() and stored.exists():
         if load(stored) != scene:
             raise OutputError(

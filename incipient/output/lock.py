@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, BinaryIO
 from ..errors import OutputError
 from ..files import reported
 from ..parallel import collectively
+from .ownership import refuse_foreign
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -69,7 +70,8 @@ def locked(directory: Path, comm: MPI.Comm, make: bool = False) -> Iterator[None
         make: whether to make the directory if it is not there.
 
     Raises:
-        OutputError: on all ranks, when another run is at work there, or the lock cannot be written.
+        OutputError: on all ranks, when another run is at work there, a file there is not of a run, or the lock cannot
+            be written.
     """
     mine = Holder.here()
     with collectively(comm):
@@ -77,6 +79,7 @@ def locked(directory: Path, comm: MPI.Comm, make: bool = False) -> Iterator[None
             if make:
                 with reported(directory):
                     directory.mkdir(parents=True, exist_ok=True)
+            refuse_foreign(directory)
             _take(directory, mine)
     try:
         yield
