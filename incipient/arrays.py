@@ -1,6 +1,8 @@
 """Types of arrays, and the few operations on arrays of vectors that are needed everywhere. Not collective."""
 
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,6 +11,25 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
 Point = tuple[float, float]  # in the plane
+
+# Beyond these sizes products of a few numbers leave what a computer can represent.
+LARGEST, SMALLEST = 1e30, 1e-30
+MOST_HEIGHTS = 250_000  # of a raster
+
+
+@contextmanager
+def unwarned() -> Iterator[None]:
+    """Keeps warnings of Python and numpy from the user while something odd is read, which is refused in words."""
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        yield
+
+
+def decimal(text: str) -> float:
+    """The number that a text is; ValueError where it is none, also for 1_2, which Python takes for 12."""
+    if "_" in text or not text.isascii():
+        raise ValueError(f'"{text[:40]}" is no plain number')
+    return float(text)
 
 
 def rows(x: ArrayLike) -> Floats:

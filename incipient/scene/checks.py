@@ -325,7 +325,7 @@ def _beyond_height_map(scene: Scene) -> Iterator[Problem]:
         slack = 1e-9 * (side[1] - side[0])
         if side[0] < reach[0] - slack or side[1] > reach[1] + slack:
             why = f"reaches from {axis} = {reach[0]:g} to {reach[1]:g}, the domain from {side[0]:g} to {side[1]:g}"
-            yield Problem(("bed",), why, "enlarge its cell or shrink the domain")
+            yield Problem(("bed",), why, "enlarge its cell, change its offset or shrink the domain")
 
 
 def _datum_of_the_bed(scene: Scene) -> Iterator[Problem]:

@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic import Field, ValidationError, ValidationInfo
 
-from ..arrays import Point
+from ..arrays import Point, decimal
 from .messages import Problem, counted, refusal
 
 LARGEST_FILE = 16  # MiB
@@ -20,6 +20,8 @@ MOST_POINTS = 100_000
 
 def file_text(path: Path) -> str:
     """The text of a file in UTF-8, its line ends made uniform; no more is read than a file may hold.
+
+    A pipe is read to its end.
 
     Raises:
         OSError: it cannot be read, or is larger than LARGEST_FILE.
@@ -38,6 +40,8 @@ def read_points(path: Path, fewest: int, section: str) -> list[Point]:
     Raises:
         ValidationError: about the key `file` of a section, where there are not `fewest` to MOST_POINTS points.
     """
+    if path.exists() and not (path.is_file() or path.is_dir()):  # one would wait for a pipe for ever
+        raise about_file(section, f"{path} is a pipe or a device", "give the name of a CSV file of x, y")
     try:
         lines = file_text(path).splitlines()
     except (OSError, UnicodeDecodeError, ValueError) as error:
@@ -106,6 +110,6 @@ def _point(section: str, place: str, row: Sequence[str]) -> Point:
 
 def _is_number(cell: str) -> bool:
     try:
-        return math.isfinite(float(cell))
+        return math.isfinite(decimal(cell))
     except ValueError:
         return False

@@ -15,11 +15,9 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
+from ..arrays import LARGEST, SMALLEST
 from ..errors import SceneError
 from .messages import WITHIN, Problem, counted, one_line, problems_of, refusal
-
-# Beyond these sizes products of a few numbers leave what a computer can represent.
-LARGEST, SMALLEST = 1e30, 1e-30
 
 
 def _not_tiny(value: float) -> float:

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field, ValidationInfo, model_validator
 
+from ..arrays import LARGEST, MOST_HEIGHTS, SMALLEST
 from ..errors import SceneError
-from .messages import Problem, refusal, split
+from .messages import Problem, refusal, shown, split
 from .points import about_file, file_key, with_file_read
 from .section import NotNegative, Pair, Positive, PositivePair
 from .shapes import BedSection
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from ..geometry.space.heightmap import HeightMap
     from ..geometry.space.terrain import Terrain
 
-MOST_HEIGHTS = 250_000
 _FILES = {"HeightMapBed": "a PNG, TIFF, .npy or .asc file", "MeshBed": "an STL, PLY or OBJ file"}
 Heights = Annotated[
     tuple[Annotated[tuple[float, ...], Field(strict=False)], ...],
@@ -123,11 +123,11 @@ class RasterBed(TerrainSection):
 
         def raster(path: Path) -> dict[str, Any]:
             """The heights in a file, how far apart they are and where the first one is."""
-            for key in ("cell", "offset"):
-                _require_two(cls.__name__, key, data.get(key))
+            for key in ("cell", "offset", "scale"):
+                _require_numbers(cls.__name__, key, data.get(key))
             try:
                 found = cls._in_file(path, data)
-            except (SceneError, TypeError) as error:
+            except SceneError as error:
                 raise about_file(cls.__name__, *split(str(error))) from None
             x, y = data.get("offset", (0.0, 0.0))
             offset = x + found.origin[0], y + found.origin[1]
@@ -206,15 +206,23 @@ class MeshBed(RasterBed):
         return HeightMap.from_surface(path, None if cell is None else tuple(cell), data.get("scale", 1.0))
 
 
-def _require_two(section: str, key: str, value: Any) -> None:
-    """Refuse what is not two numbers before a file is read by it; None stands for what is not given."""
+_NUMBERS = {  # keys by which a file is read: how many numbers, the least that they may be, what to give
+    "cell": (2, SMALLEST, "give two lengths, as in [0.1, 0.1]"),
+    "offset": (2, -LARGEST, "give two lengths, as in [0.1, 0.1]"),
+    "scale": (1, SMALLEST, "give a positive number"),
+}
+
+
+def _require_numbers(section: str, key: str, value: Any) -> None:
+    """Refuse what a file cannot be read by, before it is read; None stands for what is not given."""
+    count, least, remedy = _NUMBERS[key]
+    numbers = value if count > 1 and isinstance(value, (list, tuple)) else [value]
     if value is None or (
-        isinstance(value, (list, tuple))
-        and len(value) == 2
-        and all(isinstance(one, (int, float)) for one in value)
+        len(numbers) == count
+        and all(isinstance(one, (int, float)) and least <= one <= LARGEST for one in numbers)
     ):
         return
-    raise refusal(section, [Problem((key,), f"is {value!r}", "give two lengths, as in [0.1, 0.1]")])
+    raise refusal(section, [Problem((key,), f"is {shown(value)}", remedy)])
 
 
 TerrainBed = SphereBed | RidgeBed | HeightMapBed | MeshBed

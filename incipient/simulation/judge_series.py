@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import Floats, unwarned
 from ..contact.batch import Batch, Loads, judge_batch
 from ..errors import MissingError, SceneError
 from ..files import reported, write_json
@@ -191,7 +191,7 @@ def read_columns(path: Path) -> dict[str, Floats]:
     if path.suffix == ".parquet":
         return _parquet(path)
     try:
-        with path.open(encoding="utf-8-sig") as stream:
+        with unwarned(), path.open(encoding="utf-8-sig") as stream:
             names = [name.strip() for name in next(csv.reader([stream.readline()]), [])]
             table = np.loadtxt(stream, delimiter=",", ndmin=2)
     except OSError as error:

@@ -6,14 +6,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from incipient.arrays import Floats, rows
+from incipient.arrays import MOST_HEIGHTS, Floats, decimal, rows, unwarned
 from incipient.errors import SceneError
 from incipient.geometry.shape import require_positive
 from incipient.geometry.space.terrain import Extent, Sides, Smooth
+from incipient.geometry.space.triangle_files import require_file, triangles_in
 
 ACROSS = 200  # points of the raster of a surface along its longer side
 OVERSHOOT = 0.25  # of the range of heights, by which cubics through them may exceed them: twice 1/8
 IMAGES = (".png", ".tif", ".tiff")
+LARGEST_FILE = 64  # MiB
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,8 +57,7 @@ class HeightMap(Smooth):
         is added. Raises SceneError if the file is missing, cannot be read, or is no table of finite heights.
         """
         path = Path(path)
-        if not path.is_file():
-            raise SceneError(f"{path} does not exist; give the name of a PNG, TIFF, .npy or .asc file")
+        require_file(path, "a PNG, TIFF, .npy or .asc file", LARGEST_FILE)
         heights, own_cell, corner = _read(path)
         if cell is None and own_cell is None:
             raise SceneError(f"{path} does not say how far apart its heights are; give cell")
@@ -72,19 +73,24 @@ class HeightMap(Smooth):
         Heights are taken at points `cell` apart, by default 200 along the longer side, the lowest being zero.
         Raises SceneError if the file is missing or cannot be read, or the surface has a hole as seen from above.
         """
-        from incipient.geometry.space.polyhedra import triangles_in
-
+        require_positive("scale", scale)
         points, triangles = triangles_in(path)
         corners = scale * points[triangles]
         low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
         extent = high - low
+        if not extent[:2].min() > 1e-9 * extent.max():
+            raise SceneError(f"{path} has no upper side: it stands upright; turn it until z is upwards")
         dx, dy = cell or 2 * (float(extent[:2].max()) / ACROSS,)
+        require_positive("cell", dx, dy)
+        _require_few(path, *(extent[:2] / (dx, dy)))
         along, across = (np.arange(low[k], high[k] + 1e-9 * d, d) for k, d in ((0, dx), (1, dy)))
         heights = _seen_from_above(corners, along, across, 1e-9 * float(extent[:2].max()))
         if not np.isfinite(heights).all():
             row, column = np.argwhere(~np.isfinite(heights))[0]
             where = f"x = {along[column]:g}, y = {across[row]:g}"
-            raise SceneError(f"{path} has a hole as seen from above, at {where}; fill it")
+            raise SceneError(
+                f"{path} has a hole as seen from above, at {where}; fill it, or cut the surface to a rectangle"
+            )
         return cls(heights - heights.min(), (dx, dy), (float(low[0]), float(low[1]), 0.0))
 
     @property
@@ -168,18 +174,19 @@ def _weights(t: Floats, derivative: int, step: float) -> Floats:
 def _seen_from_above(corners: Floats, along: Floats, across: Floats, slack: float) -> Floats:
     """The highest points (rows, columns) of triangles (m, 3, 3) above a raster of places; -inf where there is none."""
     heights = np.full((len(across), len(along)), -np.inf)
-    for one in corners:
-        low, high = one.min(axis=0) - slack, one.max(axis=0) + slack
-        columns = slice(*np.searchsorted(along, [low[0], high[0]]))
-        lines = slice(*np.searchsorted(across, [low[1], high[1]]))
-        first, second = one[1] - one[0], one[2] - one[0]
-        area = first[0] * second[1] - first[1] * second[0]
-        if abs(area) <= slack**2:
-            continue  # upright
+    low, high = corners.min(axis=1) - slack, corners.max(axis=1) + slack
+    left, right = np.searchsorted(along, low[:, 0]), np.searchsorted(along, high[:, 0])
+    near, far = np.searchsorted(across, low[:, 1]), np.searchsorted(across, high[:, 1])
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    areas = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
+    # Most triangles of a scan lie between the places, others are upright.
+    for k in np.flatnonzero((left < right) & (near < far) & (np.abs(areas) > slack**2)):
+        columns, lines = slice(left[k], right[k]), slice(near[k], far[k])
+        one, a, b, area = corners[k], first[k], second[k], areas[k]
         x, y = np.meshgrid(along[columns] - one[0, 0], across[lines] - one[0, 1])
-        s, t = (x * second[1] - y * second[0]) / area, (y * first[0] - x * first[1]) / area
+        s, t = (x * b[1] - y * b[0]) / area, (y * a[0] - x * a[1]) / area
         inside = (s >= -1e-9) & (t >= -1e-9) & (s + t <= 1.0 + 1e-9)
-        here = np.where(inside, one[0, 2] + s * first[2] + t * second[2], -np.inf)
+        here = np.where(inside, one[0, 2] + s * a[2] + t * b[2], -np.inf)
         heights[lines, columns] = np.maximum(heights[lines, columns], here)
     return heights
 
@@ -193,7 +200,8 @@ def _read(path: Path) -> Raster:
     if kind not in readers:
         raise SceneError(f"{path} is not a PNG, TIFF, .npy or .asc file; convert it")
     try:
-        return readers[kind](path)
+        with unwarned():
+            return readers[kind](path)
     except SceneError:
         raise
     except Exception as error:  # whatever the reader stumbled over
@@ -202,7 +210,18 @@ def _read(path: Path) -> Raster:
 
 
 def _read_array(path: Path) -> Raster:
-    return np.load(path, allow_pickle=False).astype(float), None, (0.0, 0.0)
+    found = np.load(path, mmap_mode="r", allow_pickle=False)
+    if found.dtype.kind not in "fiub":
+        raise SceneError(f"{path} holds values of type {found.dtype.name}; save real numbers")
+    _require_few(path, *found.shape)
+    return found.astype(float), None, (0.0, 0.0)
+
+
+def _require_few(path: Path, *counts: float) -> None:
+    """Refuse a raster of too many heights before it is read or made."""
+    count = float(np.prod(np.array(counts, dtype=float)))
+    if count > MOST_HEIGHTS:
+        raise SceneError(f"{path} has {count:.7g} heights; give {MOST_HEIGHTS} at most, or a larger cell")
 
 
 def _read_image(path: Path) -> Raster:
@@ -211,6 +230,7 @@ def _read_image(path: Path) -> Raster:
 
     with Image.open(path) as opened:
         image: Image.Image = opened
+        _require_few(path, *image.size)
         if image.mode in ("P", "1", "LA", "RGBA", "CMYK"):
             image = image.convert("L" if image.mode in ("1", "LA") else "RGB")
         values = np.asarray(image)
@@ -227,12 +247,18 @@ def _read_grid(path: Path) -> Raster:
     lines = path.read_text(encoding="ascii").splitlines()
     while lines and lines[0].split() and lines[0].split()[0][0].isalpha():
         word, number = lines.pop(0).split()
-        header[word.lower()] = float(number)
+        header[word.lower()] = decimal(number)
     missing = [word for word in ("ncols", "nrows", "cellsize") if word not in header]
     if missing:
         raise SceneError(f"{path} lacks {missing[0]} in its header; write an ESRI ASCII grid")
-    shape = int(header["nrows"]), int(header["ncols"])
-    values = np.array(" ".join(lines).split(), dtype=float)
+    counts = header["nrows"], header["ncols"]
+    if not all(count.is_integer() and count > 1 for count in counts):
+        raise SceneError(
+            f"{path} says that it has {counts[0]:g} rows of {counts[1]:g}; give whole numbers above 1"
+        )
+    _require_few(path, *counts)
+    shape = int(counts[0]), int(counts[1])
+    values = np.array([decimal(one) for one in " ".join(lines).split()])
     if values.size != shape[0] * shape[1]:
         raise SceneError(
             f"{path} has {values.size} heights instead of {shape[0]} x {shape[1]}; check its header"

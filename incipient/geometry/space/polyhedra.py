@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +18,7 @@ from incipient.geometry.space.nearest import Triangles
 from incipient.geometry.space.repair import repaired, require_plain
 from incipient.geometry.space.solid import Core, Solid
 from incipient.geometry.space.surfaces import Surface
+from incipient.geometry.space.triangle_files import triangles_in
 
 
 class FlatSided(Solid):
@@ -219,27 +219,3 @@ class Polyhedron(Triangulated):
             raise SceneError("a polyhedron needs four or more vertices of three finite coordinates; add them")
         hull = surfaces.hull_of(corners - corners.mean(axis=0))
         super().__init__(hull.points, hull.triangles, "the polyhedron")
-
-
-def triangles_in(path: str | Path) -> tuple[Floats, np.ndarray]:
-    """Vertices (n, 3) and triangles (m, 3) of a surface in an STL, PLY or OBJ file.
-
-    Raises SceneError if the file is missing or cannot be read.
-    """
-    import trimesh
-
-    path = Path(path)
-    if not path.is_file():
-        raise SceneError(f"{path} does not exist; give the name of an STL, PLY or OBJ file")
-    if path.suffix.lower() not in (".stl", ".ply", ".obj"):
-        raise SceneError(f"{path} is not an STL, PLY or OBJ file; convert it")
-    try:
-        mesh: Any = trimesh.load(path, force="mesh", process=False)
-        points: Floats = np.array(mesh.vertices, dtype=np.float64)
-        triangles = np.array(mesh.faces)
-    except Exception as error:  # whatever the reader stumbled over
-        why = " ".join(str(error).split()) or type(error).__name__
-        raise SceneError(f"{path} cannot be read ({why[:80]}); export it again") from None
-    if len(triangles) == 0:
-        raise SceneError(f"{path} holds no triangles; export it again")
-    return points.reshape(-1, 3), triangles.reshape(-1, 3)

@@ -104,13 +104,17 @@ def _grid(columns: int, rows: int) -> tuple[Floats, Indices]:
 
 
 def merged(points: Floats, triangles: Indices, tolerance: float) -> Surface:
-    """The surface with points that agree to a tolerance taken as one, and no triangles without area."""
+    """The surface whose points that agree to a tolerance are one, without triangles of fewer than three points.
+
+    Points of no triangle are left out.
+    """
     _, first, inverse = np.unique(
         np.round(points / tolerance), axis=0, return_index=True, return_inverse=True
     )
     triangles = inverse.ravel()[triangles]
     a, b, c = triangles.T
-    return Surface(points[first], triangles[(a != b) & (b != c) & (c != a)])
+    used, triangles = np.unique(triangles[(a != b) & (b != c) & (c != a)], return_inverse=True)
+    return Surface(points[first][used], triangles.reshape(-1, 3))
 
 
 def refined(surface: Surface, spacing: float) -> Surface:

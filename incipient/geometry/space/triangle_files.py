@@ -1,0 +1,109 @@
+"""Surfaces of triangles in STL, PLY and OBJ files, with what is wrong with them said in one line."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from incipient.arrays import LARGEST, SMALLEST, Floats, Integers, decimal, unwarned
+from incipient.errors import SceneError
+
+KINDS = (".stl", ".ply", ".obj")
+LARGEST_FILE = 256  # MiB: five million triangles
+
+
+def triangles_in(path: str | Path) -> tuple[Floats, Integers]:
+    """Vertices (n, 3), all of them used, and triangles (m, 3) of a surface in an STL, PLY or OBJ file.
+
+    Raises:
+        SceneError: the file is missing, is no file, cannot be read, names vertices that it does not have, or has
+            coordinates that are not finite or out of proportion.
+    """
+    path = Path(path)
+    require_file(path, "an STL, PLY or OBJ file", LARGEST_FILE)
+    kind = path.suffix.lower()
+    if kind not in KINDS:
+        raise SceneError(f"{path} is not an STL, PLY or OBJ file; convert it")
+    try:
+        with unwarned():
+            points, triangles = _obj(path) if kind == ".obj" else _by_trimesh(path)
+    except SceneError:
+        raise
+    except Exception as error:  # whatever the reader stumbled over
+        why = " ".join(str(error).split()) or type(error).__name__
+        raise SceneError(f"{path} cannot be read ({why[:80]}); export it again") from None
+    return _checked(path, points, triangles)
+
+
+def require_file(path: Path, kinds: str, largest: int) -> None:
+    """Refuse what is not a file, such as a pipe, of which one would wait for ever, or is larger than MiB `largest`.
+
+    Raises:
+        SceneError: naming the path, what it is and the remedy.
+    """
+    if not path.exists():
+        raise SceneError(f"{path} does not exist; give the name of {kinds}")
+    if not path.is_file():
+        what = "a directory" if path.is_dir() else "a pipe or a device"
+        raise SceneError(f"{path} is {what}; give the name of {kinds}")
+    if path.stat().st_size > largest << 20:
+        raise SceneError(f"{path} is larger than {largest} MiB; reduce it")
+
+
+def _by_trimesh(path: Path) -> tuple[Floats, Integers]:
+    import trimesh
+
+    mesh: Any = trimesh.load(path, force="mesh", process=False)
+    points = np.array(mesh.vertices, dtype=np.float64).reshape(-1, 3)
+    return points, np.array(mesh.faces).astype(np.int64).reshape(-1, 3)
+
+
+def _obj(path: Path) -> tuple[Floats, Integers]:
+    """Lines `v x y z` and `f a b c`; vertices are counted from 1, or back from the last one before the line."""
+    points: list[list[float]] = []
+    triangles: list[tuple[int, int, int]] = []
+    lines = path.read_text(encoding="utf-8", errors="replace").replace("\\\n", " ").splitlines()
+    for number, line in enumerate(lines, 1):
+        word, *rest = line.partition("#")[0].split() or [""]
+        if word == "v":
+            points.append([decimal(one) for one in rest[:3]])
+            if len(rest) < 3:
+                raise SceneError(f"{path} line {number} has no vertex of three coordinates; export it again")
+        elif word == "f":
+            around = [_index(path, number, one, len(points)) for one in rest]
+            triangles += [(around[0], b, c) for b, c in pairwise(around[1:])]
+    return np.array(points).reshape(-1, 3), np.array(triangles, dtype=np.int64).reshape(-1, 3)
+
+
+def _index(path: Path, line: int, text: str, before: int) -> int:
+    """The number from 0 of the vertex that a face names, of which there are `before` so far."""
+    decimal(text.partition("/")[0])  # which refuses what Python reads otherwise
+    number = int(text.partition("/")[0])
+    if number == 0:
+        raise SceneError(f"{path} line {line} names vertex 0; OBJ files count from 1, export it again")
+    return number - 1 if number > 0 else before + number
+
+
+def _checked(path: Path, points: Floats, triangles: Integers) -> tuple[Floats, Integers]:
+    """The surface without the vertices that no triangle uses, refused if it makes no sense."""
+    if len(triangles) == 0:
+        raise SceneError(f"{path} holds no triangles; export it again")
+    wrong = (triangles < 0) | (triangles >= len(points))
+    if wrong.any():
+        which = int(triangles[wrong][0])
+        why = f"has a triangle of vertex {which} (counted from 0) but {len(points)} vertices"
+        raise SceneError(f"{path} {why}; export it again")
+    used, triangles = np.unique(triangles, return_inverse=True)
+    points, triangles = points[used], triangles.reshape(-1, 3)
+    if not np.isfinite(points).all():
+        raise SceneError(f"{path} has a vertex that is not finite; give finite numbers")
+    if (largest := float(np.abs(points).max())) > LARGEST:
+        raise SceneError(
+            f"{path} has a coordinate of {largest:g}; give numbers of at most {LARGEST:g} in size"
+        )
+    if (extent := float(np.ptp(points, axis=0).max())) < SMALLEST:
+        raise SceneError(f"{path} measures {extent:g} from end to end; give it at least {SMALLEST:g}")
+    return points, triangles

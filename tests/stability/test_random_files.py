@@ -1,0 +1,192 @@
+"""Mesh files and height maps at random: each is read, or refused in one line; no warning of a library is shown."""
+
+import os
+import re
+import warnings
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from PIL import Image
+from random_files import written
+from random_scenes import fate, limited
+
+from incipient.errors import SceneError
+from incipient.geometry.space.triangle_files import triangles_in
+from incipient.scene import loads
+
+USUAL = settings(derandomize=True, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+AROUND = """
+[domain]
+length = 8.0
+height = 4.0
+width = 8.0
+[fluid]
+reynolds = 1.0
+scale = "flow"
+[flow]
+kind = "shear"
+"""
+GRAIN = '[body]\nshape = "mesh"\nsize = 1.0\nfile = "{name}"\n'
+USES = {
+    "held": GRAIN + "centre = [4.0, 4.0, 2.0]\n",
+    "resting": GRAIN + 'x = 4.0\n[bed]\nkind = "flat"\n',
+    "surface": '[bed]\nkind = "mesh"\nscale = 8.0\nfile = "{name}"\n',
+    "heights": '[bed]\nkind = "height-map"\nrelief = 0.5\ncell = [1.0, 1.0]\nfile = "{name}"\n',
+    "grid": '[bed]\nkind = "height-map"\nrelief = 0.5\nfile = "{name}"\n',
+}
+OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 {last}\n"
+PLY = (
+    "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+    "element face 4\nproperty list uchar int vertex_indices\nend_header\n"
+    "0 0 0\n1 0 0\n0 1 0\n0 0 {top}\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 {last}\n"
+)
+
+
+@pytest.fixture(scope="module")
+def directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("files")
+
+
+def scene(use: str, name: str) -> str:
+    return AROUND + USES[use].format(name=name)
+
+
+def use_of(path: Path, turn: int) -> str:
+    """What a file is used for, in turn where there are several uses."""
+    if path.suffix == ".asc":
+        return "grid"
+    return ("held", "resting", "surface")[turn % 3] if path.suffix in (".stl", ".ply", ".obj") else "heights"
+
+
+def tried(number: int, directory: Path) -> Counter[str]:
+    """What becomes of so many files, chosen by hypothesis, every fifth laid out as well."""
+    found: Counter[str] = Counter()
+
+    @settings(USUAL, max_examples=number)
+    @given(st.randoms(use_true_random=False), st.integers(0, 14))
+    def one(random: object, turn: int) -> None:
+        path = written(random, directory)
+        text = scene(use_of(path, turn), path.name)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            try:
+                with limited(20):
+                    loads(text, directory)
+                found["read"] += 1
+            except SceneError as error:
+                said = str(error)
+                assert "\n" not in said and len(said) < 500 and "Error(" not in said, said
+                found["refused"] += 1
+                return
+            if turn % 5 == 0:
+                found[fate(text, directory, mesh=False)] += 1
+
+    one()
+    return found
+
+
+def test_mesh_files_and_height_maps_are_read_or_refused_in_one_line(directory: Path) -> None:
+    found = tried(300, directory)
+    assert found["refused"] > 100 and found["read"] > 30 and found["planned"] > 5, found
+
+
+@pytest.mark.slow
+def test_many_mesh_files_and_height_maps_are_read_or_refused_in_one_line(directory: Path) -> None:
+    found = tried(3000, directory)
+    assert found["refused"] > 1000 and found["read"] > 300 and found["planned"] > 50, found
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "why"),
+    [
+        ("a.ply", PLY.format(top=1, last=99), "has a triangle of vertex 99 (counted from 0) but 4 vertices"),
+        ("b.ply", PLY.format(top=1, last=-1), "has a triangle of vertex -1 (counted from 0) but 4 vertices"),
+        ("c.ply", PLY.format(top="1e300", last=3), "has a vertex that is not finite"),
+        ("d.obj", OBJ.format(last=0), "line 8 names vertex 0; OBJ files count from 1"),
+        ("e.obj", OBJ.format(last="1_2"), "cannot be read"),
+        ("f.obj", OBJ.format(last=4).replace("1", "1e300", 1), "has a coordinate of 1e+300"),
+        ("g.obj", OBJ.format(last=4).replace("1", "nan", 1), "has a vertex that is not finite"),
+        ("h.obj", OBJ.format(last=4).replace("v 1", "v a"), "cannot be read"),
+    ],
+)
+@pytest.mark.parametrize("use", ["held", "surface"])
+def test_what_is_wrong_with_a_mesh_file_is_said(
+    name: str, text: str, why: str, use: str, tmp_path: Path
+) -> None:
+    (tmp_path / name).write_text(text)
+    with pytest.raises(SceneError, match=re.escape(why)) as told:
+        loads(scene(use, name), tmp_path)
+    assert f"{'bed' if use == 'surface' else 'body'}.file: " in str(told.value)
+
+
+def test_obj_files_may_count_back_from_the_last_vertex_before_a_face(tmp_path: Path) -> None:
+    """A face between the vertices, one of four corners; vertices that nothing uses are left out."""
+    path = tmp_path / "grain.obj"
+    path.write_text(
+        "v 9 9 9\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf -3/1 -2/2 -1/3\nv 0 0 1\nv 5 5 5\nf 2//1 3//1 4//1 5//1\n"
+    )
+    points, triangles = triangles_in(path)
+    assert points.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    assert triangles.tolist() == [[0, 1, 2], [0, 1, 2], [0, 2, 3]]
+
+
+def test_a_point_that_no_triangle_uses_does_not_make_a_grain_larger(tmp_path: Path) -> None:
+    (tmp_path / "plain.obj").write_text(OBJ.format(last=4) + "v 90 0 0\n")
+    text = scene("held", "plain.obj").replace("size = 1.0\n", "")
+    assert loads(text, tmp_path).grain.size == pytest.approx(np.sqrt(2.0))
+
+
+@pytest.mark.parametrize(
+    ("kind", "use"), [("pipe.stl", "held"), ("pipe.obj", "surface"), ("pipe.png", "heights")]
+)
+def test_pipes_are_refused_at_once(kind: str, use: str, tmp_path: Path) -> None:
+    """Nobody writes to them: to read one would wait for ever."""
+    os.mkfifo(tmp_path / kind)
+    with pytest.raises(SceneError, match="is a pipe or a device; give the name of"):
+        loads(scene(use, kind), tmp_path)
+
+
+@pytest.mark.parametrize("cell", ["1_0", "٣", "inf", "0x1"])
+def test_cells_of_tables_are_plain_numbers(cell: str, tmp_path: Path) -> None:
+    (tmp_path / "bed.csv").write_text(f"0,0\n4,{cell}\n8,0\n", encoding="utf-8")
+    text = AROUND.replace("width = 8.0\n", "") + '[bed]\nkind = "polyline"\nfile = "bed.csv"\n'
+    with pytest.raises(SceneError, match=r'bed\.file: .*bed\.csv line 2 is "4,'):
+        loads(text, tmp_path)
+    (tmp_path / "bed.csv").unlink()
+    os.mkfifo(tmp_path / "bed.csv")
+    with pytest.raises(SceneError, match=r"bed\.csv is a pipe or a device"):
+        loads(text, tmp_path)
+
+
+def test_height_maps_hold_real_numbers_and_few(tmp_path: Path) -> None:
+    for table, why in ((np.zeros((9, 9), complex), "complex128"), (np.zeros((9, 9), "M8[s]"), "datetime64")):
+        np.save(tmp_path / "map.npy", table)
+        with pytest.raises(SceneError, match=f"holds values of type {why}.*; save real numbers"):
+            loads(scene("heights", "map.npy"), tmp_path)
+    Image.new("1", (10_000, 10_000)).save(tmp_path / "map.png")  # of which Pillow warns
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(SceneError, match="has 1e\\+08 heights; give 250000 at most"):
+            loads(scene("heights", "map.png"), tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "remedy"),
+    [
+        ("cell", "[0.0, 1.0]", "give two lengths"),
+        ("cell", "[nan, 1.0]", "give two lengths"),
+        ("cell", "[1e-9, 1e-9]", "has 6.4e+19 heights; give 250000 at most, or a larger cell"),
+        ("scale", "-1.0", "give a positive number"),
+        ("scale", '"big"', "give a positive number"),
+    ],
+)
+def test_a_surface_is_read_by_sensible_numbers(key: str, value: str, remedy: str, tmp_path: Path) -> None:
+    (tmp_path / "bed.obj").write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n")
+    text = scene("surface", "bed.obj")
+    text = text.replace("scale = 8.0", f"scale = {value}") if key == "scale" else f"{text}{key} = {value}\n"
+    with pytest.raises(SceneError, match=re.escape(remedy)):
+        loads(text, tmp_path)
