@@ -7,11 +7,12 @@ from incipient.arrays import Floats, planar_cross
 from .exact import Body, Ground
 from .region import Grid, Near, Region, Sizes, SolidGrid
 from .solid_region import SolidFrame, SolidRegion
-from .solid_sizes import CORNERS, SizeMap, boxes
+from .solid_sizes import BOX, CORNERS, SizeMap, boxes
 
 PER_VOLUME = 5.4  # tetrahedra of side h in a volume of h^3
 PER_AREA = 2.3  # triangles of side h on an area of h^2
 PER_CURVE = 4.0  # triangles about a curve that is shorter than the cells next to it
+MOST_COUNTED = 50_000  # boxes from which the number of tetrahedra is told: with more it takes a minute
 PARTS = 50  # of a boundary along which sizes grow
 
 
@@ -81,11 +82,18 @@ def _expected_tetrahedra(region: SolidRegion, sizes: Sizes) -> dict[str, float]:
         name: Body(placed, frame, region.symmetric, region.fillet) for name, placed in region.holes.items()
     }
     size = SizeMap(region, sizes, frame, ground, bodies)
-    cubes = boxes(size, float(ground.draft().surface.points[:, 2].min()))
+    cubes = boxes(size, float(ground.draft().surface.points[:, 2].min()), MOST_COUNTED)
     inner = cubes.centres[:, None] + 0.25 * cubes.sides[:, None, None] * CORNERS
     share = 1.0 - size.outside(inner.reshape(-1, 3)).reshape(-1, 8).mean(axis=1)
+    share[size.within(cubes.centres)] = 0.0
     count = PER_VOLUME * share * cubes.sides**3 * (cubes.sizes**-3.0).mean(axis=1)
     asking = np.argmin(size.parts(cubes.centres)[0], axis=0)
+    # Were the others cut on, to the smallest size of what asks for it, their number would grow as it did; but as many
+    # are about a point at each distance.
+    halvings = np.log2(cubes.sides / (BOX * size.least[asking])).clip(0.0)
+    about_points = np.array([False, *(bool(near.points) for near in sizes.near), False, False])[asking]
+    grown = np.where(about_points, halvings, cubes.growth**halvings)
+    count = np.where(cubes.uncut, np.maximum(count, PER_VOLUME * share * BOX**3 * grown), count)
     found: dict[str, float] = {}
     for number, name in enumerate(size.names):
         found[name] = found.get(name, 0.0) + float(count[asking == number].sum())

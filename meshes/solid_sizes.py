@@ -117,8 +117,7 @@ class SizeMap:
         if not np.isfinite(self.sizes.gap_part) or len(names) < 2:
             return np.full(count, np.inf)
         both = np.sort(np.array([distances[name] for name in names]), axis=0)
-        least = LEAST * self.frame.size(min([self.sizes.far, *(near.size for near in self.sizes.near)]))
-        return np.asarray(np.maximum(self.sizes.gap_part * (both[0] + both[1]), least))
+        return np.asarray(np.maximum(self.sizes.gap_part * (both[0] + both[1]), LEAST * self.least[-2]))
 
     def _at_spots(self, x: Floats) -> Floats:
         if not len(self.spots):
@@ -138,23 +137,43 @@ class SizeMap:
         assert self.sizes.field is not None
         return NearestOf(self.frame.local(self.sizes.field.points))
 
+    @property
+    def least(self) -> Floats:
+        """The smallest size that each of `names` asks for anywhere, in the frame (names,)."""
+        known = [self.sizes.far, *(near.size for near in self.sizes.near)]
+        adapted = np.inf if self.sizes.field is None else self.sizes.field.sizes.min()
+        return np.array([self.frame.size(size) for size in (*known, min(known), adapted)])
+
     def outside(self, x: Floats) -> np.ndarray:
-        """Which of the points (n, 3) are in no fluid."""
+        """Which of the points (n, 3) are beyond the sides or in the bed."""
         low, high = (self.frame.local(np.array([[*end, 0.0]]))[0, :2] for end in self.region.rectangle)
         beyond = (x[:, :2] < low).any(axis=1) | (x[:, :2] > high).any(axis=1) | (x[:, 2] > 1.0)
         beyond |= self.ground.distance(x) < 0.0
-        for placed in self.region.holes.values():
-            beyond |= placed.solid.level(placed.placement.to_body(self.frame.scene(x))) < 0.0
         return np.asarray(beyond)
+
+    def within(self, x: Floats) -> np.ndarray:
+        """Which of the points (n, 3) are in a grain."""
+        inside, points = np.zeros(len(x), dtype=bool), self.frame.scene(x)
+        for placed in self.region.holes.values():
+            body = placed.placement.to_body(points)
+            near = np.flatnonzero(np.linalg.norm(body, axis=1) < placed.solid.size)
+            inside[near] |= placed.solid.level(body[near]) < 0.0
+        return inside
 
 
 @dataclass(frozen=True, eq=False)
 class Boxes:
-    """Cubes that fill a region, no larger than a few cells: centres (n, 3), sides (n,), sizes at the corners (n, 8)."""
+    """Cubes that fill a region, no larger than a few cells: centres (n, 3), sides (n,), sizes at the corners (n, 8).
+
+    uncut:  which (n,) are larger, because they would become too many
+    growth: by what factor the last cut made larger the number of those to be cut on
+    """
 
     centres: Floats
     sides: Floats
     sizes: Floats
+    uncut: np.ndarray
+    growth: float = 1.0
 
     @property
     def corners(self) -> Floats:
@@ -166,8 +185,11 @@ CORNERS = np.array([[x, y, z] for z in (-1, 1) for x, y in ((-1, -1), (1, -1), (
 MOST_BOXES = 400_000  # from then on the boxes are larger than asked: so many stand for ten million cells
 
 
-def boxes(size: SizeMap, bottom: float) -> Boxes:
-    """Cubes from `bottom` (in the frame) on, cut into eight until they are about as small as the cells within them."""
+def boxes(size: SizeMap, bottom: float, most: int = MOST_BOXES) -> Boxes:
+    """Cubes from `bottom` (in the frame) on, cut into eight until they are about as small as the cells within them.
+
+    Those that would make more than `most` stay as they are.
+    """
     low, high = (
         np.array([*end, z]) for end, z in zip(size.region.rectangle, (0.0, size.region.ceiling), strict=True)
     )
@@ -177,17 +199,20 @@ def boxes(size: SizeMap, bottom: float) -> Boxes:
     counts = np.ceil((high - low) / side).astype(int)
     steps = np.stack(np.meshgrid(*(np.arange(n) for n in counts), indexing="ij"), axis=-1).reshape(-1, 3)
     centres = 0.5 * (low + high) + side * (steps + 0.5 - 0.5 * counts)
-    found, total = [], 0
+    found, total, cut = [], 0, [1]
     while len(centres):
         corners = centres[:, None] + 0.5 * side * CORNERS
         values = in_blocks(size, corners.reshape(-1, 3)).reshape(-1, 8)
         least = np.minimum(values.min(axis=1), in_blocks(size, centres))
         split = side > BOX * least
-        found.append((centres[~split], np.full(int((~split).sum()), side), values[~split]))
-        total += len(found[-1][0])
-        if total + 8 * int(split.sum()) > MOST_BOXES:
-            found.append((centres[split], np.full(int(split.sum()), side), values[split]))
+        count, small = int(split.sum()), int((~split).sum())
+        found.append((centres[~split], np.full(small, side), values[~split], np.zeros(small, dtype=bool)))
+        total, cut = total + small, [*cut, count]
+        if total + 8 * count > most:
+            found.append((centres[split], np.full(count, side), values[split], np.ones(count, dtype=bool)))
             break
         centres = (centres[split][:, None] + 0.25 * side * CORNERS).reshape(-1, 3)
         side *= 0.5
-    return Boxes(*(np.concatenate(column) for column in zip(*found, strict=True)))
+    growth = float(np.clip(cut[-1] / max(cut[-2], 1), 1.0, 8.0))
+    at, lengths, values, uncut = (np.concatenate(column) for column in zip(*found, strict=True))
+    return Boxes(at, lengths, values, uncut, growth)

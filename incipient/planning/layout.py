@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from ..installed import required
 from ..meshes import Grid, Region, Sizes, SolidGrid, SolidRegion
 from ..scene import Scene
 
+MANY_CELLS = 50_000  # expected, from which it is said that a mesh takes long
 Place = Any  # a point (gdim,) as a tuple of numbers
 
 
@@ -78,6 +80,12 @@ class Layout:
                 f"numerics.max_cells: a mesh of about {expected:.2g} cells is expected, most for the {most}, more than "
                 f"{self.max_cells:g}; enlarge {smallest}, or allow them with "
                 f"--set numerics.max_cells={_round_up(expected)}"
+            )
+        if expected > MANY_CELLS:
+            logging.getLogger("incipient").info(
+                "a mesh of about %.2g cells is made, most for the %s: it takes minutes, and the flow on it more",
+                expected,
+                most,
             )
 
 

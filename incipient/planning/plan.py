@@ -133,10 +133,12 @@ def make_plan(scene: Scene) -> Plan:
 def _warnings(scene: Scene) -> Iterator[str]:
     if scene.is_turbulent:
         from .clearance import narrow_gap, through_the_top
-        from .turbulence import beyond_walls, cornered, small, too_near, too_small, within_sand
+        from .turbulence import beyond_walls, cornered, small, too_near, too_small, within_forms, within_sand
 
         if why := beyond_walls(scene) or within_sand(scene):
             raise SceneError(f"turbulence.{why}")
+        if why := within_forms(scene):
+            raise SceneError(f"bed: {why}")
         if why := too_small(scene):
             raise SceneError(f"turbulence: {why}")
         if why := too_near(scene):

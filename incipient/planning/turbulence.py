@@ -30,6 +30,8 @@ ROUGH = 8.5  # u+ at the height of the sand on rough walls (Nikuradse 1933, VDI-
 CROSSING = 11.06  # distance at which the law of a smooth wall meets the viscous sublayer
 LEAST = 1.0  # u+ where sand is higher than the mesh stands off, on the way to a solution
 CORRECTIONS = 4  # of u* by Newton's method, which leave less than 1e-9 of it
+FORMS = ("sinusoidal", "half-discs", "ridges", "spheres")  # beds made of forms of one size
+FINEST_FORM = 0.5  # of the law's distance: half a form at the least
 SAMPLES, SAMPLES_OF_DUCT = 2000, 300  # along a height, and on each side of a section
 # Of a channel's mesh: rows over the depth of a wall; column over that depth; finest over largest row.
 ROWS, COLUMN, GRADING = 14, 1.0, 0.3
@@ -221,6 +223,19 @@ def within_sand(scene: Scene) -> str:
     return (
         f"roughness: is {walls.law.roughness:g}, and the law of the wall begins within the sand, {walls.distance:.3g} "
         "from the wall; set wall_distance to the roughness or more, or use a smaller roughness"
+    )
+
+
+def within_forms(scene: Scene) -> str:
+    """Why the law of the wall is not for a bed as fine as a scene's, or an empty string. Not collective."""
+    bed, distance = scene.bed, walls_of(scene).distance
+    fine = bed is not None and bed.kind in FORMS and scene.bed_shape.feature < FINEST_FORM * distance
+    if not fine:
+        return ""
+    return (
+        f"has forms as fine as {2.0 * scene.bed_shape.feature:.3g}, the law of the wall begins {distance:.3g} "
+        'from them: it stands for more than one of them; give a flat bed and turbulence.wall = "rough" with their '
+        "height as roughness"
     )
 
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 ALIKE = 1e-6  # of the grain's size, or of the bed's relief and the flow's speed: differences below it do not count
 SPACING = 0.1  # of points on a grain's surface, in its size
+FEW = 200  # points at which a grain is compared first
 PLACES = 41  # in each direction, at which bed and flow are looked at
 MIRRORED = np.array([1.0, -1.0, 1.0])
 
@@ -50,10 +51,13 @@ def _of_grain(scene: Scene) -> str:
     if abs(away) > ALIKE * grain.size:
         return f"the grain's centroid is {abs(away):.3g} beside the middle, y = {middle:g}"
     points = grain.surface(SPACING * grain.size).points
-    mirrored = placement.to_scene(points)
-    mirrored[:, 1] = 2.0 * middle - mirrored[:, 1]
-    off = float(np.abs(grain.level(placement.to_body(mirrored)) - grain.level(points)).max())
-    return "" if off <= ALIKE * grain.size else f"the grain is {off:.2g} off its mirror image"
+    for some in (points[:: 1 + len(points) // FEW], points):  # few tell at once that a scanned grain is none
+        mirrored = placement.to_scene(some)
+        mirrored[:, 1] = 2.0 * middle - mirrored[:, 1]
+        off = float(np.abs(grain.level(placement.to_body(mirrored)) - grain.level(some)).max())
+        if off > ALIKE * grain.size:
+            return f"the grain is {off:.2g} off its mirror image"
+    return ""
 
 
 def _of_motion(scene: Scene) -> str:

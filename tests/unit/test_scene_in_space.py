@@ -412,3 +412,24 @@ def test_numerics_are_those_of_the_plane():
     creeping = Fluid(reynolds=1, scale="grain", inertia=False)
     assert make_plan(scene(fluid=creeping)).solver.name == "two-level"
     assert make_plan(scene(fluid=creeping, numerics=Numerics(order=2))).solver.name == "block"
+
+
+def test_a_scanned_grain_is_seen_to_be_none_of_its_mirror_image_at_few_points(tmp_path, monkeypatch):
+    """Each point is compared with each triangle: with all points the plan of a pebble of 5,000 took half a minute."""
+    from incipient.geometry import Triangulated
+
+    ball = trimesh.creation.icosphere(3)
+    ball.vertices[:, 1] *= 1.0 + 0.1 * ball.vertices[:, 1]
+    ball.export(tmp_path / "grain.ply")
+    asked = []
+    level = Triangulated.level
+
+    def counted(self, x):
+        asked.append(len(x))
+        return level(self, x)
+
+    monkeypatch.setattr(Triangulated, "level", counted)
+    body = {"shape": "mesh", "file": str(tmp_path / "grain.ply"), "size": 1.0, "centre": (6.0, 4.0, 2.0)}
+    found = Scene(**{**scene().model_dump(exclude={"contact", "gravity"}), "bed": None, "body": body})
+    assert not found.symmetric
+    assert 0 < sum(asked) < 1000

@@ -192,6 +192,14 @@ def test_the_law_of_the_wall_does_not_begin_within_the_sand():
     )
 
 
+def test_a_bed_finer_than_the_layer_of_the_law_of_the_wall_is_refused_by_the_plan():
+    """The layer of 50 nu/u* stands for several waves, which 10^5 cells would be made for; longer waves are planned."""
+    distance = walls_of(channel(bed=Sinusoidal(amplitude=0.001, wavelength=1.0))).distance
+    finer = channel(bed=Sinusoidal(amplitude=0.01 * distance, wavelength=0.9 * distance))
+    assert 'give a flat bed and turbulence.wall = "rough"' in message(lambda: make_plan(finer))
+    make_plan(channel(bed=Sinusoidal(amplitude=0.1 * distance, wavelength=2.2 * distance)))
+
+
 def test_a_grain_in_midstream_is_away_from_walls():
     """A gap narrower than twice the law's distance is no result; next to a wall on top nothing is meshed."""
     sections = {

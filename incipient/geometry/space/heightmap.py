@@ -82,7 +82,7 @@ class HeightMap(Smooth):
             raise SceneError(f"{path} has no upper side: it stands upright; turn it until z is upwards")
         dx, dy = cell or 2 * (float(extent[:2].max()) / ACROSS,)
         require_positive("cell", dx, dy)
-        _require_few(path, *(extent[:2] / (dx, dy)))
+        _require_few(Path(path), *(extent[:2] / (dx, dy)))
         along, across = (np.arange(low[k], high[k] + 1e-9 * d, d) for k, d in ((0, dx), (1, dy)))
         heights = _seen_from_above(corners, along, across, 1e-9 * float(extent[:2].max()))
         if not np.isfinite(heights).all():
