@@ -41,3 +41,9 @@ class Interrupted(IncipientError):
     """The run was asked to end; what it needs to go on has been kept."""
 
     exit_code = 130
+
+
+def shortened(said: object, most: int = 80) -> str:
+    """What is quoted in an error, such as a library's words or a name from a file, in one line of so many letters."""
+    text = " ".join(str(said).split())
+    return text if len(text) <= most else f"{text[: most - 3]}..."

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 # Seconds in which further signals are taken for the same: mpirun passes on those that its ranks have had already.
 SAME_WISH = 2.0
+_ONE_AT_A_TIME = threading.RLock()  # of threads that start libraries
 NOTICE = b"stopping after this step; once more to stop at once\n"
 
 
@@ -63,11 +64,12 @@ def handlers_kept() -> Iterator[None]:
     """Let handlers of SIGINT, SIGTERM, SIGHUP and SIGPIPE hold after the block, in which libraries in C are started.
 
     PETSc takes a reader or a terminal that has gone for a crash, and gmsh 4.15 gives all signals back to the system,
-    which ends the process. Signals wait until the handlers are back. Off the main thread nothing is changed. Not
-    collective.
+    which ends the process. Signals wait until the handlers are back. Off the main thread, where gmsh's own try to take
+    an interrupt would be an error, handlers stay as they are. Not collective.
     """
     if threading.current_thread() is not threading.main_thread():
-        yield
+        with _handlers_left_alone():
+            yield
         return
     before = {number: signal.getsignal(number) for number in (*SIGNALS, signal.SIGHUP, signal.SIGPIPE)}
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
@@ -78,6 +80,23 @@ def handlers_kept() -> Iterator[None]:
             if handler is not None:  # put in by the program around this one, not by Python
                 signal.signal(number, handler)
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+
+
+@contextmanager
+def _handlers_left_alone() -> Iterator[None]:
+    """Let `signal.signal` do nothing off the main thread, where it would raise a ValueError."""
+    with _ONE_AT_A_TIME:
+        real = signal.signal
+
+        def only_on_the_main_thread(number: int, handler: Any) -> Any:
+            on_main = threading.current_thread() is threading.main_thread()
+            return real(number, handler) if on_main else signal.getsignal(number)
+
+        signal.signal = only_on_the_main_thread  # type: ignore[assignment]
+        try:
+            yield
+        finally:
+            signal.signal = real
 
 
 @contextmanager

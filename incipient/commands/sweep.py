@@ -190,7 +190,7 @@ def _print(file: Path) -> None:
     for head in (*heads, "status", "", "time"):
         shown.add_column(head, overflow="fold")
     for row in found:
-        said = in_words(row) if row["status"] in ("done", "failed") else ""
+        said = in_words(row) if row["status"] in ("done", "failed", "damaged") else ""
         time = "" if row["wall"] is None else f"{row['wall']:.1f} s"
         shown.add_row(*(_cell(row.get(head)) for head in heads), row["status"], said, time)
     Console(width=None if sys.stdout.isatty() else WIDE, markup=False).print(shown)

@@ -12,7 +12,7 @@ import tomli_w
 from ..errors import OutputError
 from ..pictures.apart import draw_sweep_apart
 from ..results.si import FLOW
-from ..sweep.store import DONE, FAILED, Store
+from ..sweep.store import DAMAGED, DONE, FAILED, Store
 from ..sweep.table import HIGH, LOW, rows
 from .page import Bounded, Cell, Part, Picture, Settings, section, table
 
@@ -52,15 +52,18 @@ def part(file: Path) -> Part:
     with Store(file) as store:
         keys, scenes = store.keys(), _scenes(store)
     drawn = draw_sweep_apart(file)
-    done, failed = ([row for row in found if row["status"] == status] for status in (DONE, FAILED))
+    done, failed, damaged = (
+        [row for row in found if row["status"] == status] for status in (DONE, FAILED, DAMAGED)
+    )
     named = [key for key in ("source", *keys) if len({str(row.get(key)) for row in found}) > 1]
     sources = ", ".join(dict.fromkeys(str(row["source"]) for row in found))
-    rest = len(found) - len(done) - len(failed)
+    rest = len(found) - len(done) - len(failed) - len(damaged)
     return Part(
         kind="Sweep",
         title=f"Sweep of {sources}",
         statements=(
             f"{len(found)} cases: {len(done)} computed, {len(failed)} failed"
+            + (f", {len(damaged)} damaged" if damaged else "")
             + (f", {rest} not computed yet." if rest else "."),
         ),
         certainty="",
@@ -87,7 +90,7 @@ def _scenes(store: Store) -> dict[str, str]:
     first: dict[str, str] = {}
     for stored in store.rows():
         text = stored["scene"]
-        if stored["source"] not in first:
+        if stored["source"] not in first and stored["status"] != DAMAGED:
             first[stored["source"]] = tomli_w.dumps(json.loads(text)) if stored["task"] == "judge" else text
     return first
 

@@ -12,12 +12,13 @@ import numpy as np
 
 from ..arrays import Floats, unwarned
 from ..contact.batch import Batch, Loads, judge_batch
-from ..errors import MissingError, SceneError
+from ..errors import MissingError, SceneError, shortened
 from ..files import reported, write_json
 from .judge_case import Case
 
 AXES = "xyz"
 SAMPLES, SUMMARY = "series.csv", "series.json"
+LONGEST_HEAD = 10_000  # letters of the row of names
 MOST_EVENTS = 10  # told in words, the longest first
 
 
@@ -116,7 +117,7 @@ def _check(case: Case, columns: Mapping[str, Floats]) -> None:
             raise SceneError(f"series: has no column {name}; give {', '.join(needed)}")
     for name, values in columns.items():
         if name not in known:
-            raise SceneError(f"series: column {name} is not known; known are {', '.join(known)}")
+            raise SceneError(f"series: column {shortened(name)} is not known; known are {', '.join(known)}")
         bad = np.flatnonzero(~np.isfinite(values))
         if len(bad):
             raise SceneError(f"series: {name} is not finite in sample {bad[0] + 1}; leave such samples out")
@@ -192,13 +193,16 @@ def read_columns(path: Path) -> dict[str, Floats]:
         return _parquet(path)
     try:
         with unwarned(), path.open(encoding="utf-8-sig") as stream:
-            names = [name.strip() for name in next(csv.reader([stream.readline()]), [])]
+            head = stream.readline()
+            if len(head) > LONGEST_HEAD:
+                raise ValueError(f"its first row has {len(head)} letters")
+            names = [name.strip() for name in next(csv.reader([head]), [])]
             table = np.loadtxt(stream, delimiter=",", ndmin=2)
     except OSError as error:
         raise SceneError(f"{path}: cannot be read ({error.strerror}); give the name of a CSV file") from None
-    except ValueError as error:  # of undecodable text, too
+    except (ValueError, csv.Error) as error:  # of undecodable text, too
         raise SceneError(
-            f"{path}: is not a table of numbers ({error}); give CSV with a row of names"
+            f"{path}: is not a table of numbers ({shortened(error)}); give CSV with a row of names"
         ) from None
     if table.size == 0 or table.shape[1] != len(names):
         raise SceneError(
@@ -206,7 +210,7 @@ def read_columns(path: Path) -> dict[str, Floats]:
         )
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
-        raise SceneError(f"{path}: has two columns {twice}; leave one of them out")
+        raise SceneError(f"{path}: has two columns {shortened(twice)}; leave one of them out")
     return dict(zip(names, table.T, strict=True))
 
 

@@ -90,7 +90,9 @@ def _range(parts: Sequence[str], option: str) -> list[str]:
         ends, count = (float(first), float(last)), int(number)
     except ValueError:
         raise SceneError(f"--over {option}: is not a range of numbers; {_REMEDY}") from None
-    if not 1 <= count <= _MOST or not np.isfinite(ends).all():
+    if not np.isfinite(ends).all():
+        raise SceneError(f"--over {option}: {first} to {last} are not finite numbers; give finite ones")
+    if not 1 <= count <= _MOST:
         raise SceneError(f"--over {option}: gives {number} values; give a number from 1 to {_MOST}")
     if kind == "log" and min(ends) <= 0.0:
         raise SceneError(f"--over {option}: a logarithmic range needs ends above zero; use lin")

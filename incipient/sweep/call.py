@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
     from ..scene import Scene
     from .crowd import Crowd
 
+log = logging.getLogger("incipient")
+
 
 @dataclass(frozen=True)
 class Means:
@@ -43,8 +46,9 @@ class Means:
 
     def __post_init__(self) -> None:
         for name, value in (("jobs", self.jobs), ("ranks", self.ranks), ("memory", self.memory_mib)):
-            if value is not None and value <= 0:
-                raise SceneError(f"--{name} {value}: is not above zero; give a positive number")
+            if value is not None and not value > 0:
+                why = "is not above zero" if value <= 0 else "is not a number"
+                raise SceneError(f"--{name} {value}: {why}; give a positive number")
 
     @property
     def limits(self) -> Limits:
@@ -107,6 +111,8 @@ def run(
     """
     comm = comm or ranks_there_are()
     limit = seconds(wall) if isinstance(wall, str) else wall or float("inf")
+    if not limit > 0:
+        raise SceneError(f"--wall {wall}: is not a time; write it as 8h, 30m or 1h30m")
     means = Means(jobs, ranks, memory_mib, limit, retry)
     table = None if cases is None else Path(cases)
     refined, prepared = Refined(refine, most, quantity), Prepared()
@@ -179,6 +185,12 @@ def _further(prepared: Prepared, store: Store, means: Means) -> list[Case]:
 
 def _opened(prepared: Prepared, file: Path, means: Means) -> Store:
     store = Store(file, make=True)
+    if changed := store.mark_damaged():
+        log.warning(
+            "%s: %d cases were changed or damaged after they were written; those of this sweep are computed again",
+            file,
+            changed,
+        )
     _put(store, prepared.cases, prepared.keys, means)
     store.free_abandoned()
     return store

@@ -1,36 +1,53 @@
 """The one file of a sweep: cases, results, errors, costs, versions and status, in SQLite.
 
 A sweep claims a case before it computes it, so that several sweeps on one file compute nothing twice; what a sweep that
-has ended has claimed and not finished is free again. Results stand in the file as soon as they are there.
+has ended has claimed and not finished is free again. Results stand in the file as soon as they are there. Each case has
+a checksum of what it is and what came out: one that was changed since is `DAMAGED`, and computed again.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import sqlite3
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any, Self
 
-from ..errors import OutputError
+from ..errors import OutputError, shortened
 from ..files import reported
 from ..output.lock import Holder
 from .cases import Case
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION, WITHOUT_CHECKSUMS = 2, 1
 APPLICATION = 0x696E6370  # in the file's head: "incp"
 PATIENCE = 60.0  # seconds that a writer waits for another
-WAITING, RUNNING, DONE, FAILED = "waiting", "running", "done", "failed"
+WAITING, RUNNING, DONE, FAILED, DAMAGED = "waiting", "running", "done", "failed", "damaged"
+CHANGED = "was changed or damaged after it was written; the next incipient sweep computes it again"
 _TABLES = """
 CREATE TABLE cases (
     id TEXT PRIMARY KEY, task TEXT NOT NULL, source TEXT NOT NULL, settings TEXT NOT NULL, scene TEXT NOT NULL,
     status TEXT NOT NULL, reason TEXT NOT NULL DEFAULT '', owner TEXT, tries INTEGER NOT NULL DEFAULT 0,
-    finished TEXT, wall REAL, cpu REAL, peak_mib REAL, versions TEXT, result TEXT
+    finished TEXT, wall REAL, cpu REAL, peak_mib REAL, versions TEXT, result TEXT, checksum TEXT
 );
 CREATE TABLE parameters (key TEXT PRIMARY KEY);
 """
+# What a case is, what came out, and what changes while it is at work.
+_CASE = ("id", "task", "source", "settings", "scene")
+_OUTCOME = ("reason", "finished", "wall", "cpu", "peak_mib", "versions", "result")
+_COLUMNS = frozenset((*_CASE, *_OUTCOME, "status", "owner", "tries"))
+_UNREADABLE = "\N{REPLACEMENT CHARACTER}"  # in place of bytes that are no text
+_OF_THE_DISK = {
+    sqlite3.SQLITE_FULL: "free some space",
+    sqlite3.SQLITE_IOERR: "check the disk, or copy the file to another",
+    sqlite3.SQLITE_BUSY: "another program writes to it; wait until it has ended",
+    sqlite3.SQLITE_LOCKED: "another program writes to it; wait until it has ended",
+}
+_OF_RIGHTS = (sqlite3.SQLITE_READONLY, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_PERM, sqlite3.SQLITE_AUTH)
 
 
 @dataclass(frozen=True)
@@ -52,7 +69,7 @@ class Store:
     """The file, opened; a context manager. Not collective: one process opens it.
 
     Raises:
-        OutputError: it is not the file of a sweep, is of another version, or cannot be read or written.
+        OutputError: it is not the file of a sweep, is damaged, of another version, or cannot be read or written.
     """
 
     def __init__(self, path: Path, make: bool = False):
@@ -65,8 +82,14 @@ class Store:
         with self._told():
             # Statements commit themselves; what belongs together says so.
             self._base = sqlite3.connect(path, timeout=PATIENCE, isolation_level=None)
-            self._base.row_factory = sqlite3.Row
-            self._prepare()
+            try:
+                self._base.row_factory = sqlite3.Row
+                # Text that was damaged differs from its checksum, and is not an error of the file as a whole.
+                self._base.text_factory = partial(str, encoding="utf-8", errors="replace")
+                self._prepare(make)
+            except BaseException:
+                self._base.close()
+                raise
 
     def __enter__(self) -> Self:
         return self
@@ -79,19 +102,17 @@ class Store:
         """Turn SQLite's errors into one line."""
         try:
             yield
-        except sqlite3.OperationalError as error:
-            remedy = "free some space, or check that directory and file may be written to"
-            raise OutputError(f"{self.path}: {error}; {remedy}") from error
-        except sqlite3.DatabaseError as error:
-            raise OutputError(
-                f"{self.path}: is not the file of a sweep ({error}); give another name"
-            ) from error
+        except (sqlite3.Error, UnicodeDecodeError) as error:
+            raise OutputError(f"{self.path}: {_complaint(error)}") from error
 
-    def _prepare(self) -> None:
+    def _prepare(self, make: bool) -> None:
         application, version = (self._pragma(name) for name in ("application_id", "user_version"))
         if application == APPLICATION:
-            if version != SCHEMA_VERSION:
+            if version not in (SCHEMA_VERSION, WITHOUT_CHECKSUMS):
                 raise OutputError(f"{self.path}: is of another version of the program; give another name")
+            self._require_whole({*_COLUMNS, "checksum"} if version == SCHEMA_VERSION else _COLUMNS)
+            if make and version == WITHOUT_CHECKSUMS:
+                self._add_checksums()
             return
         if application or self._base.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
             raise OutputError(f"{self.path}: is the database of another program; give another name")
@@ -103,6 +124,23 @@ class Store:
                     self._base.execute(statement)
                 self._base.execute(f"PRAGMA application_id = {APPLICATION}")
                 self._base.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
+
+    def _require_whole(self, columns: Set[str]) -> None:
+        """Refuse a file whose pages do not fit together: cases may be missing without a trace."""
+        found = {row["name"] for row in self._base.execute("PRAGMA table_info(cases)")}
+        missing = sorted(columns - found)
+        said = str(self._base.execute("PRAGMA integrity_check(1)").fetchone()[0])
+        if missing or said != "ok":
+            raise OutputError(f"{self.path}: {_damaged(f'no column {missing[0]}' if missing else said)}")
+
+    def _add_checksums(self) -> None:
+        with self._together():
+            if self._pragma("user_version") == SCHEMA_VERSION:
+                return
+            self._base.execute("ALTER TABLE cases ADD COLUMN checksum TEXT")
+            self._base.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
+            for row in self._base.execute("SELECT * FROM cases").fetchall():
+                self._base.execute("UPDATE cases SET checksum = ? WHERE id = ?", (_checksum(row), row["id"]))
 
     def _pragma(self, name: str) -> int:
         return int(self._base.execute(f"PRAGMA {name}").fetchone()[0])
@@ -121,18 +159,39 @@ class Store:
             self._base.execute("COMMIT")
 
     def add(self, cases: Sequence[Case], keys: Sequence[str]) -> None:
-        """Put in the cases that are not there yet, and the keys that they vary."""
-        rows = [
-            (case.identity, case.task, case.source, json.dumps(case.settings), case.text, WAITING)
-            for case in cases
-        ]
+        """Put in the cases that are not there yet, or damaged, and the keys that they vary."""
+        names = (*_CASE, "checksum", "status")
+        rows = []
+        for case in cases:
+            told = case.identity, case.task, case.source, json.dumps(case.settings), case.text
+            rows.append((*told, _checksum(dict(zip(_CASE, told, strict=True))), WAITING))
+        anew = ", ".join(
+            [f"{name} = excluded.{name}" for name in names[1:]]
+            + ["reason = ''", "owner = NULL", *(f"{name} = NULL" for name in _OUTCOME[1:])]
+        )
         with self._together():
             self._base.executemany(
-                "INSERT OR IGNORE INTO cases (id, task, source, settings, scene, status)"
-                " VALUES (?, ?, ?, ?, ?, ?)",
+                f"INSERT INTO cases ({', '.join(names)}) VALUES ({', '.join('?' * len(names))})"
+                f" ON CONFLICT (id) DO UPDATE SET {anew} WHERE status = '{DAMAGED}'",
                 rows,
             )
             self._base.executemany("INSERT OR IGNORE INTO parameters VALUES (?)", [(key,) for key in keys])
+
+    def mark_damaged(self) -> int:
+        """Give the status `DAMAGED` to cases that were changed since they were written; how many there are."""
+        if not self._changed():
+            return 0
+        with self._together():
+            found = self._changed()
+            self._base.executemany(
+                "UPDATE cases SET status = ? WHERE rowid = ?", [(DAMAGED, number) for number in found]
+            )
+        return len(found)
+
+    def _changed(self) -> list[int]:
+        with self._told():
+            rows = self._base.execute("SELECT rowid AS number, * FROM cases")
+            return [row["number"] for row in rows if _is_damaged(row)]
 
     def free_abandoned(self) -> int:
         """Let cases wait again that a sweep which has ended was at; how many there were."""
@@ -168,15 +227,15 @@ class Store:
             }
 
     def results(self, identities: Sequence[str]) -> dict[str, tuple[str, Any]]:
-        """Task and result of those of the cases that are done, by identity."""
+        """Task and result of those of the cases that are done and not damaged, by identity."""
         found = {}
         with self._told():
             for identity in identities:
                 row = self._base.execute(
-                    "SELECT task, result FROM cases WHERE id = ? AND status = ?", (identity, DONE)
+                    "SELECT * FROM cases WHERE id = ? AND status = ?", (identity, DONE)
                 ).fetchone()
-                if row is not None:
-                    found[identity] = row[0], json.loads(row[1])
+                if row is not None and not _is_damaged(row):
+                    found[identity] = row["task"], json.loads(row["result"])
         return found
 
     def claim(self, identity: str) -> bool:
@@ -190,25 +249,22 @@ class Store:
 
     def finish(self, identity: str, outcome: Outcome) -> None:
         """Write what a claimed case came to."""
-        texts = [
+        versions, result = (
             None if data is None else json.dumps(data, allow_nan=False)
             for data in (outcome.versions, outcome.result)
-        ]
-        with self._told():
-            self._base.execute(
-                "UPDATE cases SET status = ?, reason = ?, owner = NULL, finished = datetime('now'), wall = ?, cpu = ?,"
-                " peak_mib = ?, versions = ?, result = ? WHERE id = ? AND owner = ?",
-                (
-                    DONE if outcome.result is not None else FAILED,
-                    outcome.reason,
-                    outcome.wall,
-                    outcome.cpu,
-                    outcome.peak_mib,
-                    *texts,
-                    identity,
-                    self._owner,
-                ),
+        )
+        state = FAILED if result is None else DONE
+        now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S")
+        found = (outcome.reason, now, outcome.wall, outcome.cpu, outcome.peak_mib, versions, result)
+        with self._together():
+            changed = self._base.execute(
+                f"UPDATE cases SET status = ?, owner = NULL, {', '.join(f'{name} = ?' for name in _OUTCOME)}"
+                " WHERE id = ? AND owner = ?",
+                (state, *found, identity, self._owner),
             )
+            if changed.rowcount:
+                row = self._base.execute("SELECT * FROM cases WHERE id = ?", (identity,)).fetchone()
+                self._base.execute("UPDATE cases SET checksum = ? WHERE id = ?", (_checksum(row), identity))
 
     def give_back(self) -> None:
         """Let the cases wait again that this sweep has claimed and not finished."""
@@ -221,14 +277,58 @@ class Store:
     def keys(self) -> list[str]:
         """The keys that cases vary, in the order in which they came."""
         with self._told():
-            return [key for (key,) in self._base.execute("SELECT key FROM parameters ORDER BY rowid")]
+            found = [key for (key,) in self._base.execute("SELECT key FROM parameters ORDER BY rowid")]
+        if not all(isinstance(key, str) and key.isprintable() and _UNREADABLE not in key for key in found):
+            raise OutputError(f"{self.path}: {_damaged('a key of its parameters is none')}")
+        return found
 
     def rows(self) -> list[dict[str, Any]]:
-        """All cases as they stand in the file, in the order in which they came."""
+        """All cases in the order in which they came; damaged ones with that status and no result."""
         with self._told():
-            return [dict(row) for row in self._base.execute("SELECT * FROM cases ORDER BY rowid")]
+            found = self._base.execute("SELECT * FROM cases ORDER BY rowid")
+            return [damaged(dict(row)) if _is_damaged(row) else dict(row) for row in found]
+
+
+def _checksum(row: Mapping[str, Any] | sqlite3.Row) -> str:
+    """The checksum of what a case is and what came out."""
+    held = row.keys()
+    told = [row[name] if name in held else "" if name == "reason" else None for name in (*_CASE, *_OUTCOME)]
+    return hashlib.sha256(json.dumps(told, default=repr).encode()).hexdigest()
+
+
+def _is_damaged(row: sqlite3.Row) -> bool:
+    """Whether a case is not what was written; of those written without a checksum, whether it cannot be."""
+    held = row.keys()
+    if row["status"] not in (WAITING, RUNNING, DONE, FAILED) or (row["status"] == DONE) != bool(
+        row["result"]
+    ):
+        return True
+    return "checksum" in held and row["checksum"] != _checksum(row)
+
+
+def damaged(row: Mapping[str, Any]) -> dict[str, Any]:
+    """A case of which nothing is believed but that it is there."""
+    believed = {name: str(row[name]) for name in ("id", "source", "task")}
+    return {**dict.fromkeys(row), **believed, "status": DAMAGED, "reason": CHANGED}
+
+
+def _complaint(error: Exception) -> str:
+    """What SQLite complains of, and the remedy."""
+    code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF
+    if code == sqlite3.SQLITE_NOTADB:
+        return f"is not the file of a sweep ({shortened(error)}); give another name"
+    if code in _OF_RIGHTS:
+        return f"{shortened(error)}; check that directory and file may be written to"
+    return f"{shortened(error)}; {_OF_THE_DISK[code]}" if code in _OF_THE_DISK else _damaged(error)
+
+
+def _damaged(why: object) -> str:
+    return (
+        f"is damaged ({shortened(why)}); put back a copy, give another name, or save what can be read with "
+        "sqlite3 FILE .recover"
+    )
 
 
 def _is_gone(owner: str | None) -> bool:
-    holder = Holder.read((owner or "").encode())
+    holder = Holder.read(str(owner or "").encode())
     return holder is None or holder.is_gone()

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import MissingError
 from ..files import reported
-from .store import Store
+from .store import DAMAGED, FAILED, Store, damaged
 
 if TYPE_CHECKING:
     import pandas
@@ -27,14 +27,15 @@ _AXES = ("x", "y", "z")
 def rows(path: Path | str) -> list[dict[str, Any]]:
     """One dictionary a case, in the order in which cases came; columns as in docs/sweeps.md. Not collective.
 
-    A number that a case does not have is missing, an infinite one is infinite.
+    A number that a case does not have is missing, an infinite one is infinite. A case that was changed after it was
+    written has the status "damaged" and no numbers.
 
     Raises:
         OutputError: the file is not there, damaged, or not that of a sweep.
     """
     with Store(Path(path)) as store:
         keys = store.keys()
-        return [_row(stored, keys) for stored in store.rows()]
+        return [_believed(stored, keys) for stored in store.rows()]
 
 
 def frame(path: Path | str) -> pandas.DataFrame:
@@ -86,8 +87,18 @@ def write_parquet(source: Path, target: Path) -> None:
         made.to_parquet(target)
 
 
+def _believed(stored: Mapping[str, Any], keys: Sequence[str]) -> dict[str, Any]:
+    """The row of a case; one that was written without a checksum and cannot be read is damaged."""
+    try:
+        return _row(stored, keys)
+    except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
+        if stored.get("checksum") is not None:
+            raise
+        return _row(damaged(stored), keys)
+
+
 def _row(stored: Mapping[str, Any], keys: Sequence[str]) -> dict[str, Any]:
-    scene = _scene(stored)
+    scene = {} if stored["status"] == DAMAGED else _scene(stored)
     row: dict[str, Any] = {"source": stored["source"], "task": stored["task"], "status": stored["status"]}
     row |= {key: _shown(value) for key in keys if (value := _at(scene, key)) is not None}
     if stored["result"]:
@@ -197,7 +208,7 @@ def _vector(name: str, values: Sequence[float], errors: Sequence[float] | None) 
 
 def in_words(row: Mapping[str, Any]) -> str:
     """What came out of a case, in a few words."""
-    if row["status"] == "failed":
+    if row["status"] in (FAILED, DAMAGED):
         return str(row["reason"])
     if row["task"] == "threshold":
         bar = row.get(f"shields{HIGH}")

@@ -367,3 +367,26 @@ def test_a_disk_too_full_for_the_result_names_the_first_failure(command, tmp_pat
     assert Outcome([5], done.stderr.splitlines()).complaint.startswith(
         f"{tmp_path}/fields.h5: cannot be written"
     )
+
+
+IN_A_THREAD = """
+import signal, threading
+import incipient
+from incipient.scene import example, loads
+before = signal.getsignal(signal.SIGINT), signal.signal
+settings = ["numerics.mesh_size=6", "numerics.error_bars=false", "effects.inertia=false"]
+def compute():
+    found.append(incipient.run(loads(example(), overrides=settings)).verdict["mode"])
+found = []
+thread = threading.Thread(target=compute)
+thread.start()
+thread.join()
+assert (signal.getsignal(signal.SIGINT), signal.signal) == before
+print(found)
+"""
+
+
+def test_a_scene_runs_in_a_thread_and_signals_stay_as_they_were() -> None:
+    """In a fresh process: libraries that take interrupts for themselves are then loaded in the thread, too."""
+    ended = subprocess.run([sys.executable, "-c", IN_A_THREAD], capture_output=True, text=True, timeout=120)
+    assert ended.returncode == 0 and ended.stdout.startswith("['"), ended.stderr

@@ -19,7 +19,7 @@ from incipient.contact.grasp import grasp, wrenches
 from incipient.contact.support import support
 from incipient.geometry.contacts import Contacts
 from incipient.simulation.judge_case import load_case
-from incipient.simulation.judge_series import judge_series
+from incipient.simulation.judge_series import judge_series, read_columns
 
 CASES = Path(__file__).parents[2] / "demos" / "cases"
 INERT = (1.0, 0.4 * np.eye(3))
@@ -255,6 +255,14 @@ def test_couples_are_about_the_point_of_the_case(tmp_path: Path) -> None:
 def test_wrong_series_are_refused(columns: dict[str, Any], said: str, tmp_path: Path) -> None:
     case = load_case(case_of(tmp_path))
     assert said in message(lambda: judge_series(case, block(**columns)))
+
+
+@pytest.mark.parametrize("letters", [5_000, 200_000])
+def test_a_head_of_thousands_of_letters_is_refused_in_one_short_line(tmp_path: Path, letters: int) -> None:
+    path = tmp_path / "long.csv"
+    path.write_text(f"time,force_x,force_y,couple,{'a' * letters}\n0,1,2,3,4\n")
+    said = message(lambda: judge_series(load_case(case_of(tmp_path)), read_columns(path)))
+    assert len(said) < 400 and ("is not known" in said or "its first row has 200029 letters" in said)
 
 
 def test_the_command_judges_a_series(tmp_path: Path, capsys: Any) -> None:

@@ -15,6 +15,7 @@ from incipient.errors import OutputError
 from incipient.pictures.sweep import soulsby_whitehouse
 from incipient.scene import example, load
 from incipient.sweep.axes import combined, of_mapping, parsed, table_of_cases
+from incipient.sweep.call import Means
 from incipient.sweep.cases import Case, Source, resolved
 from incipient.sweep.request import requested, seconds
 from incipient.sweep.store import DONE, RUNNING, WAITING, Outcome, Store
@@ -71,6 +72,8 @@ def test_cases_are_combinations_or_pairs_for_each_row_of_a_table(tmp_path: Path)
         ("fluid.reynolds=log:0:1:3", "ends above zero"),
         ("fluid.reynolds=log:1:x:3", "is not a range of numbers"),
         ("fluid.reynolds=lin:0:1:0", "gives 0 values"),
+        ("fluid.reynolds=lin:1:nan:5", "1 to nan are not finite numbers"),
+        ("fluid.reynolds=log:1:inf:5", "1 to inf are not finite numbers"),
         ("fluid.reynolds=1,,2", "has an empty value"),
     ],
 )
@@ -92,6 +95,12 @@ def test_wrong_requests_are_refused(tmp_path: Path) -> None:
     wrong = requested([SOURCE], [parsed("fluid.reynolds=1,-1")])
     assert "case 2 of 2 (fluid.reynolds=-1): --set fluid.reynolds=-1" in message(wrong.cases)
     assert "is not a time" in message(lambda: seconds("soon"))
+
+
+def test_means_that_are_no_positive_numbers_are_refused() -> None:
+    assert "--memory nan: is not a number" in message(lambda: Means(memory_mib=float("nan")))
+    assert "--memory -1.0: is not above zero" in message(lambda: Means(memory_mib=-1.0))
+    assert "--jobs 0: is not above zero" in message(lambda: Means(jobs=0))
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,113 @@
+"""The file of a sweep when it is damaged, changed by hand, or of an earlier version of the program."""
+
+from __future__ import annotations
+
+import json
+import random
+import shutil
+import sqlite3
+from pathlib import Path
+
+import pytest
+
+from incipient.errors import OutputError
+from incipient.sweep.cases import Case
+from incipient.sweep.store import DAMAGED, DONE, WAITING, Outcome, Store
+from incipient.sweep.table import as_csv, columns, in_words, rows
+
+CASES = [Case(f"case{n}", "judge", "made", (f"a.x={n}",), json.dumps({"a": {"x": n}}), "") for n in range(40)]
+AS_LONG_AS_RESULTS = "x" * 3000
+
+
+def filled(path: Path) -> list[dict]:
+    """A file of finished cases, closed as a sweep leaves it, and its table."""
+    with Store(path, make=True) as store:
+        store.add(CASES, ["a.x"])
+        for number, case in enumerate(CASES):
+            assert store.claim(case.identity)
+            result = {"verdict": None, "coefficients": {"drag": float(number)}, "text": AS_LONG_AS_RESULTS}
+            store.finish(case.identity, Outcome(result, wall=1.5, versions={"incipient": "1"}))
+    return rows(path)
+
+
+def changed(path: Path, statement: str, *values: object) -> None:
+    with sqlite3.connect(path) as base:
+        base.execute(statement, values)
+    base.close()
+
+
+@pytest.mark.parametrize("start", range(5))
+def test_random_bytes_give_one_line_or_a_table_that_says_what_is_damaged(tmp_path: Path, start: int) -> None:
+    """Two hundred bytes at random places, as of a bad disk, in 200 files in all: no other error, no wrong number."""
+    path, broken = tmp_path / "whole.sqlite", tmp_path / "broken.sqlite"
+    whole = filled(path)
+    content, unnoticed = path.read_bytes(), 0
+    for seed in range(40 * start, 40 * start + 40):
+        chance, bytes_of = random.Random(seed), bytearray(content)
+        number = chance.choice((1, 20, 200))
+        for place in (chance.randrange(len(content)) for _ in range(number)):
+            bytes_of[place] = chance.randrange(256)
+        for left_over in tmp_path.glob("broken*"):
+            left_over.unlink()
+        broken.write_bytes(bytes_of)
+        try:
+            found = rows(broken)
+        except OutputError as error:
+            assert len(str(error)) < 400 and "\n" not in str(error)
+            continue
+        as_csv(found), columns(found), [in_words(row) for row in found]
+        sure = [row for row in found if row["status"] != DAMAGED]
+        assert all(
+            {**row, "status": "", "tries": 0} in [{**one, "status": "", "tries": 0} for one in whole]
+            for row in sure
+        )
+        unnoticed += len(sure) == len(whole)
+    assert unnoticed < 40  # free pages, and single bytes that do not matter
+
+
+@pytest.mark.parametrize(
+    ("column", "value"),
+    [("result", '{"verdict": null}'), ("scene", '{"a": {"x": 7}}'), ("wall", 99.0), ("status", "dome")],
+)
+def test_a_changed_case_is_noticed_and_waits_again(tmp_path: Path, column: str, value: object) -> None:
+    path = tmp_path / "sweep.sqlite"
+    whole = filled(path)
+    changed(path, f"UPDATE cases SET {column} = ? WHERE id = 'case3'", value)
+    found = rows(path)
+    assert [row["id"] for row in found if row["status"] == DAMAGED] == ["case3"]
+    assert "computes it again" in in_words(found[3]) and "drag" not in found[3]
+    with Store(path, make=True) as store:
+        assert store.mark_damaged() == 1
+        assert store.results(["case2", "case3"]).keys() == {"case2"}
+        store.add(CASES, ["a.x"])
+        assert store.states(["case2", "case3"]) == {"case2": DONE, "case3": WAITING}
+        assert store.claim("case3") and store.mark_damaged() == 0
+        store.finish("case3", Outcome({"verdict": None, "coefficients": {"drag": 3.0}}, wall=1.5))
+        assert store.mark_damaged() == 0
+    anew = rows(path)
+    assert [row["id"] for row in anew] == [row["id"] for row in whole]
+    assert anew[3]["drag"] == 3.0 and anew[3]["a.x"] == 3
+
+
+def test_a_file_without_checksums_is_read_and_given_them(tmp_path: Path) -> None:
+    """As the first version of the file was: the same tables without the column."""
+    path, kept = tmp_path / "sweep.sqlite", tmp_path / "kept.sqlite"
+    whole = filled(path)
+    changed(path, "ALTER TABLE cases DROP COLUMN checksum")
+    changed(path, "PRAGMA user_version = 1")
+    shutil.copy(path, kept)
+    assert rows(path) == whole
+    with Store(path, make=True) as store:
+        assert store.mark_damaged() == 0
+    changed(path, "UPDATE cases SET result = '{}' WHERE id = 'case0'")
+    assert rows(path)[0]["status"] == DAMAGED
+    changed(kept, "UPDATE cases SET result = '{}' WHERE id = 'case0'")
+    assert rows(kept)[0]["status"] == DAMAGED
+
+
+def test_a_missing_column_is_refused_in_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "sweep.sqlite"
+    filled(path)
+    changed(path, "ALTER TABLE cases RENAME COLUMN versions TO versionz")
+    with pytest.raises(OutputError, match=r"is damaged \(no column versions\); put back a copy"):
+        rows(path)
