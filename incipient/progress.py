@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from typing import Any
 
 log = logging.getLogger("incipient")
+MANY = 1000  # from which a log says that they are gone through
 
 
 class Silent:
@@ -25,6 +26,9 @@ class Silent:
 
     def advance(self, time: float, end: float) -> None:
         """Time has come so far."""
+
+    def count(self, what: str, done: int, total: int) -> None:
+        """So many are done, of many alike."""
 
 
 class Logged(Silent):
@@ -47,6 +51,11 @@ class Logged(Silent):
     def advance(self, time: float, end: float) -> None:
         """Log at level debug."""
         log.debug("time %.6g of %.6g", time, end)
+
+    def count(self, what: str, done: int, total: int) -> None:
+        """Log at level info that many have been begun."""
+        if not done and total >= MANY:
+            log.info("%s: %d", what, total)
 
 
 class Live(Logged):
@@ -74,6 +83,10 @@ class Live(Logged):
         self._bar.update(
             self._task, completed=time, total=end, description=f"flow: t = {time:.4g} of {end:g}"
         )
+
+    def count(self, what: str, done: int, total: int) -> None:
+        """Show the share that is done."""
+        self._bar.update(self._task, completed=done, total=total, description=f"{what}: {done} of {total}")
 
 
 @contextmanager

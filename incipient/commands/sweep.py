@@ -106,22 +106,27 @@ def refuse_options_of_show(options: argparse.Namespace) -> None:
 def sweep(options: argparse.Namespace, comm: MPI.Comm) -> int:
     """Compute the cases that the file does not hold, and say what came out."""
     from ..parallel import collectively
-    from ..sweep.call import Means, Prepared, computed, foretold
+    from ..progress import telling
+    from ..sweep.call import Means, Prepared, computed
+    from ..sweep.dry_run import foretold
     from ..sweep.live import watching
     from ..sweep.request import seconds, usual_file
 
     wall = float("inf") if options.wall is None else seconds(options.wall)
     means = Means(options.jobs, options.ranks, options.memory, wall, options.retry)
     places, files = means.places(comm), [Path()]
-    prepared = Prepared()
+    prepared, lines = Prepared(), ""
     with collectively(comm):
         if comm.rank == 0:
             request = _request(options)
             files = [options.out or usual_file(request)]
-            prepared = Prepared.of(request)
-            if options.dry_run:
-                print(foretold(prepared, files[0], means, places))
+            with telling(comm.rank) as voice:
+                if options.dry_run:
+                    lines = foretold(request, files[0], means, places, voice) + "\n"
+                else:
+                    prepared = Prepared.of(request, voice)
     if options.dry_run:
+        print(lines, end="", flush=True)
         return 0
     with watching(comm) as watcher:
         progress = computed(prepared, files[0], means, watcher, comm)

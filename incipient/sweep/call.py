@@ -9,16 +9,16 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..cost.frontier import seconds as in_words
 from ..errors import SceneError
 from ..installed import required
 from ..parallel import collectively, ranks_there_are
+from ..progress import Silent
 from .cases import Case
-from .expectation import Expected, Foresight, cores, free_memory_mib, total
+from .expectation import Foresight, cores, free_memory_mib
 from .procedure import Limits, Progress, Sweep, Watcher
 from .refinement import Refinement
 from .request import Refined, Request, of_python, seconds
-from .store import DONE, FAILED, Store
+from .store import Store
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -134,9 +134,9 @@ class Prepared:
     refinement: Refinement | None = None
 
     @classmethod
-    def of(cls, request: Request) -> Prepared:
+    def of(cls, request: Request, voice: Silent | None = None) -> Prepared:
         """Those of a request, checked; raises SceneError."""
-        cases, keys = request.cases()
+        cases, keys = request.cases(voice)
         return cls(cases, keys, request.refinement(cases))
 
 
@@ -206,46 +206,3 @@ def _crowd(comm: MPI.Comm, means: Means, places: int) -> Crowd:
     from .crowd import Processes, Ranks
 
     return Ranks(comm, means.ranks) if comm.size > 1 else Processes(places, means.ranks)
-
-
-def foretold(prepared: Prepared, file: Path, means: Means, places: int) -> str:
-    """How many cases there are to compute, and what they will take, without computing any."""
-    cases, states = prepared.cases, dict[str, str]()
-    if file.is_file():
-        with Store(file) as store:
-            states = store.states([case.identity for case in cases])
-    over = (DONE,) if means.retry else (DONE, FAILED)
-    left = [case for case in cases if states.get(case.identity) not in over]
-    expected = Foresight().of(left)
-    known = len(cases) - len(left)
-    lines = [
-        f"{'cases':<20}{len(cases)}: {known} known to {file}, {len(left)} to compute, {places} at a time"
-    ]
-    if prepared.refinement is not None:
-        lines.append(
-            f"{'refinement':<20}up to {prepared.refinement.most} cases in all; what follows is without it"
-        )
-    return "\n".join([*lines, _time(expected, places), _memory(expected, means, places)])
-
-
-def _time(expected: Mapping[str, Expected], places: int) -> str:
-    sum_of_all = total(expected)
-    told = "not known; it is after `incipient calibrate`, or `incipient cost` of the scene"
-    if sum_of_all is not None:
-        told = f"about {in_words(sum_of_all / places)}, {in_words(sum_of_all)} of processor time"
-    return f"{'time':<20}{told}"
-
-
-def _memory(expected: Mapping[str, Expected], means: Means, places: int) -> str:
-    sizes = sorted((one.memory_mib or 0.0 for one in expected.values()), reverse=True)
-    most, limit = sizes[:1] or [0.0], means.limits.memory_mib
-    together = sum(sizes[:places])
-    told = f"up to {most[0]:.0f} MiB a case, {together:.0f} MiB at a time; {limit:.0f} MiB may be taken"
-    if any(one.memory_mib is None for one in expected.values()):
-        told += "; that of some cases is not known"
-    too_large = sum(size > limit for size in sizes)
-    if too_large:
-        told += f"; {too_large} cases are too large"
-    elif together > limit:
-        told += ": fewer go at a time"
-    return f"{'memory':<20}{told}"

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import SceneError
+from ..progress import Silent
 from . import axes
 from .axes import Axis
 from .cases import TASKS, Case, Source, keys_of, resolved
@@ -16,6 +17,7 @@ from .lattice import directions
 from .refinement import MOST, USUAL, Aim, Family, Refinement
 
 ENDING = ".sqlite"
+CHECKING = "checking cases"
 _KEYS = ("over", "zip", "cases", "do", "refine", "most", "quantity")
 _FITS = {
     "refine": "give a share of the range such as 0.01, or true",
@@ -72,19 +74,33 @@ class Request:
     common: tuple[str, ...] = field(default=())
     aim: Aim | None = None
 
-    def cases(self) -> tuple[list[Case], list[str]]:
-        """The cases, each once, and the keys that they vary.
+    def cases(self, voice: Silent | None = None) -> tuple[list[Case], list[str]]:
+        """The cases, each once, and the keys that they vary; `voice` is told how many have been checked.
 
         Raises:
             SceneError: one of them contradicts itself; it says which.
         """
-        settings = axes.combined(self.over, self.together, self._rows())
-        found: dict[str, Case] = {}
-        for source in self.sources:
-            for number, one in enumerate(settings, 1):
-                case = self._resolved(source, one, f"case {number} of {len(settings)}")
-                found.setdefault(case.identity, case)
+        settings = self.settings()
+        voice, found = voice or Silent(), dict[str, Case]()
+        total = len(self.sources) * len(settings)
+        for number in range(total):
+            voice.count(CHECKING, number, total)
+            case = self.case(number, settings)
+            found.setdefault(case.identity, case)
         return list(found.values()), keys_of(settings)
+
+    def settings(self) -> list[axes.Settings]:
+        """What is set in each case of a source."""
+        return axes.combined(self.over, self.together, self._rows())
+
+    def case(self, number: int, settings: Sequence[axes.Settings]) -> Case:
+        """The case of a number: those of the first source come first. Raises as `cases`."""
+        source, one = self.sources[number // len(settings)], settings[number % len(settings)]
+        which = f"case {number % len(settings) + 1} of {len(settings)}"
+        try:
+            return self._case(source, one)
+        except SceneError as error:
+            raise SceneError(f"{which} ({', '.join(one) or source.name}): {error}") from None
 
     def refinement(self, cases: Sequence[Case]) -> Refinement | None:
         """The refinement between these cases, which are all of the request; None where none is asked for.
@@ -106,12 +122,6 @@ class Request:
 
     def _case(self, source: Source, settings: axes.Settings) -> Case:
         return resolved(source, settings, self.task, self.common)
-
-    def _resolved(self, source: Source, settings: axes.Settings, which: str) -> Case:
-        try:
-            return self._case(source, settings)
-        except SceneError as error:
-            raise SceneError(f"{which} ({', '.join(settings) or source.name}): {error}") from None
 
 
 def requested(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sqlite3
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,12 @@ from scenes import message
 
 from incipient.errors import OutputError
 from incipient.pictures.sweep import soulsby_whitehouse
+from incipient.progress import Silent
 from incipient.scene import example, load
 from incipient.sweep.axes import combined, of_mapping, parsed, table_of_cases
 from incipient.sweep.call import Means
 from incipient.sweep.cases import Case, Source, resolved
+from incipient.sweep.dry_run import foretold, sampled
 from incipient.sweep.request import requested, seconds
 from incipient.sweep.store import DONE, RUNNING, WAITING, Outcome, Store
 
@@ -101,6 +104,40 @@ def test_means_that_are_no_positive_numbers_are_refused() -> None:
     assert "--memory nan: is not a number" in message(lambda: Means(memory_mib=float("nan")))
     assert "--memory -1.0: is not above zero" in message(lambda: Means(memory_mib=-1.0))
     assert "--jobs 0: is not above zero" in message(lambda: Means(jobs=0))
+
+
+class Counting(Silent):
+    """Keeps what was counted."""
+
+    def __init__(self) -> None:
+        self.counted: list[tuple[int, int]] = []
+
+    def count(self, what: str, done: int, total: int) -> None:
+        self.counted.append((done, total))
+
+
+def test_a_dry_run_of_many_cases_looks_at_a_sample_and_says_so(tmp_path: Path) -> None:
+    """One case of a hundred thousand is looked at in no time at all; it stands for all, and that is told."""
+    many = [parsed("fluid.reynolds=lin:1:20:1000"), parsed("contact.friction=lin:0.1:0.9:100")]
+    request, voice = requested([SOURCE], many), Counting()
+    sample = sampled(request, voice, longest=1e-9)
+    assert (len(sample.cases), sample.of_all, voice.counted) == (1, 100_000, [(100, 100)])
+    few = requested([SOURCE], [parsed("fluid.reynolds=1,2,1.0"), parsed("contact.friction=0.1,0.2")])
+    found = sampled(few)
+    assert found.is_whole and found.of_all == 4  # 1 and 1.0 are the same
+    assert found.cases.keys() == {case.identity for case in few.cases()[0]}
+
+
+def test_what_a_sample_says_is_taken_for_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    request = requested([SOURCE], [parsed("fluid.reynolds=lin:1:20:50")])
+    file = tmp_path / "sweep.sqlite"
+    whole = foretold(request, file, Means(memory_mib=1.0), 2).splitlines()
+    assert whole[0].endswith("50: 0 known to " + str(file) + ", 50 to compute, 2 at a time")
+    assert whole[-1].endswith("; 50 cases are too large") and len(whole) == 3
+    monkeypatch.setattr("incipient.sweep.dry_run.sampled", partial(sampled, longest=1e-9))
+    some = foretold(request, file, Means(memory_mib=1.0), 2).splitlines()
+    assert some[0] == whole[0] and some[-1].endswith("; 50 cases are too large")
+    assert some[1].startswith("sample") and "1 cases drawn at random" in some[1]
 
 
 @pytest.mark.parametrize(
