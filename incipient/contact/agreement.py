@@ -66,15 +66,13 @@ class Reason(Enum):
         "the contacts wedge the grain: bracing one another they hold any load, which no contact does alone"
     )
     STICK_ANSWERS_FORCE_AND_COUPLE = (
-        "the significant contact could hold the load, but by (24) it answers F + F_tau, "
-        "and F = -F_tau is left"
+        "the contact can hold the load, but the paper lets its friction answer the couple besides the force (24), "
+        "and a force is left over"
     )
     EQUAL_SHARING = (
         "the significant contacts hold the load by unequal shares of it, and the paper shares equally"
     )
-    ONE_CONTACT_AT_A_TIME = (
-        "the paper asks the significant contact only, and others hold or guide the grain with it"
-    )
+    ONE_CONTACT_AT_A_TIME = "the paper asks the significant contact only, that pressed most, and others hold or guide the grain with it"
     ROLLING_CALLED_SLIDING = (
         "the grain rolls or pivots, and the force that its centre needs for that counts as sliding in (24)"
     )

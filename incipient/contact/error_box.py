@@ -99,9 +99,11 @@ def safety_range(load: Load, contacts: Contacts, friction: float, box: ErrorBox)
 
 
 def held_words(some: Interval | None, every: Interval | None) -> str:
-    """At which multiples of the flow's load a grain is held, for one that its weight alone moves."""
-    if some is None or some[1] == 0.0:
+    """At which multiples of the flow's load a grain is held, for one whose safety factor is zero."""
+    if some is None:
         return "no multiple of the flow's load holds it"
+    if some[1] == 0.0:
+        return "any part of the flow's load moves it"
     may = f"{_ends(some)} times the flow's load may hold it"
     return f"{may}, none for certain" if every is None else f"{may}, {_ends(every)} times do for certain"
 

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from incipient.contact.agreement import Agreement, compare
+from incipient.contact.agreement import Agreement, Reason, compare
 from incipient.contact.criteria import Classification, classify
 from incipient.contact.exact import Exact, MassAndInertia, judged
 from incipient.contact.model import Load
@@ -76,7 +76,9 @@ def paper_sentence(verdict: Verdict) -> str:
     agreement = verdict.agreement
     if agreement.agree:
         return f"{said}, in agreement"
-    return f"{said}; they differ: {agreement.explanation}"
+    alone = verdict.criteria.moves and not verdict.moves and agreement.reason is not Reason.BOUNDARY
+    rests = ", so it rests" if alone else ""
+    return f"{said}; they differ: {agreement.explanation}{rests}"
 
 
 def _of_paper(paper: Classification) -> str:

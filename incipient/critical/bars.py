@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 Range = tuple[float, float]
 
+ADDED = "absolute errors of that multiple, added in full: "
 DIFFERENCE = 1e-4  # of the load, for derivatives of the safety factor
 
 
@@ -58,7 +59,7 @@ class CriticalBars:
     def lines(self) -> list[str]:
         """Where the error of the factor comes from, for a reader."""
         known = [f"{name} {error:.1e}" for name, error in self.terms.items()]
-        lines = [f"error bars          of that multiple: {', '.join(known) or 'none is known'}"]
+        lines = [f"error bars          {ADDED if known else 'none is known'}{', '.join(known)}"]
         lines += [f"  {name:<18}{why}" for name, why in self.loads.left_out.items()]
         return lines + [f"  {name:<18}not computed: {why}" for name, why in self.loads.failed.items()]
 

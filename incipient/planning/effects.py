@@ -114,7 +114,10 @@ class Numbers:
             "Froude": self.froude,
             "Re*": self.shear_reynolds,
         }
-        return ", ".join(f"{name} {value:.3g}" for name, value in named.items() if value is not None)
+        told = {"grain Re": " (largest speed at its height)"}
+        return ", ".join(
+            f"{name} {value:.3g}{told.get(name, '')}" for name, value in named.items() if value is not None
+        )
 
 
 def accuracy_asked(scene: Scene) -> float:

@@ -238,7 +238,12 @@ class TestVerdict:
             (load(), box(0.1), 0.5, ["no load of the flow", "there is no incipient motion"]),
             (load((0.0, 2.0), weight=-1.0), box(0.1), 0.5, ["factor 0: its weight alone moves it"]),
             (load((0.0, -2.0), weight=-1.0), box(0.1), 0.5, ["at rest", "weight alone moves it, 0.5 to any"]),
-            (load((0.2, 0.0)), pocket(0.5), 0.0, ["they differ: the paper asks the significant contact"]),
+            (
+                load((0.2, 0.0)),
+                pocket(0.5),
+                0.0,
+                ["they differ: the paper asks the significant contact", "so it rests"],
+            ),
         ],
     )
     def test_sentence(self, acting, contacts, friction, words):

@@ -229,7 +229,10 @@ def test_channels_that_may_be_turbulent():
 
 def test_the_plan_tells_the_numbers():
     text = make_plan(scene()).text()
-    assert "grain Re 20, flow Re 720, density ratio 2.65, Stokes 2.94, Froude 0.129" in text
+    assert (
+        "grain Re 20 (largest speed at its height), flow Re 720, density ratio 2.65, Stokes 2.94, Froude 0.129"
+        in text
+    )
 
 
 # -- the section ---------------------------------------------------------------------------------------------

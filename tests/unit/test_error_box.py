@@ -89,6 +89,7 @@ class TestClosedFormulas:
 
     def test_words_of_what_the_flow_holds(self):
         assert held_words(None, None) == "no multiple of the flow's load holds it"
+        assert held_words((0.0, 0.0), (0.0, 0.0)) == "any part of the flow's load moves it"
         assert held_words((0.1, 1.0), None) == "0.1 to 1 times the flow's load may hold it, none for certain"
         assert held_words((0.1, math.inf), (0.2, 3.0)).endswith("0.2 to 3 times do for certain")
 

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 
 from incipient.contact import Load
 from incipient.contact.equilibrium import safety_factor
-from incipient.critical.bars import CriticalGoal
+from incipient.critical.bars import CriticalBars, CriticalGoal
 from incipient.critical.loadpath import LoadPath
 from incipient.critical.search import Found, Search
 from incipient.critical.threshold import bed_stress, find_threshold, with_error
@@ -23,6 +23,7 @@ from incipient.geometry.space.solid import Sphere
 from incipient.geometry.space.terrain import Hemispheres
 from incipient.geometry.touching import touching
 from incipient.progress import Silent
+from incipient.results.errorbars import ErrorBars
 from incipient.results.loads import Couples, Forces
 from incipient.results.verdict import find_contacts
 from incipient.scene import loads
@@ -260,3 +261,11 @@ def test_goal_of_a_threshold_in_space(halved: bool) -> None:
         ahead, behind = (critical(flow + sign * step / factor * np.eye(6)[place]) for sign in (1.0, -1.0))
         assert goal[place] == pytest.approx(np.log(ahead / behind) / (2.0 * step), rel=1e-3, abs=1e-3)
     assert goal[0] < 0.0 < -goal[4] and (not halved or not goal[[1, 3, 5]].any())
+
+
+def test_the_parts_of_an_error_are_told_to_be_absolute_and_added() -> None:
+    bars = CriticalBars(2.0, 1.5, 2.4, {"gap": 0.3, "domain": 0.2}, ErrorBars(()))
+    assert bars.lines() == [
+        "error bars          absolute errors of that multiple, added in full: gap 3.0e-01, domain 2.0e-01"
+    ]
+    assert CriticalBars(2.0, 2.0, 2.0, {}, ErrorBars(())).lines() == ["error bars          none is known"]
