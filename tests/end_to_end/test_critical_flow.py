@@ -185,6 +185,14 @@ def test_a_threshold_at_a_high_reynolds_number() -> None:
     assert below > 1.0 > above
 
 
+def test_the_smallest_disc_of_the_stability_curve_at_its_largest_reynolds_number() -> None:
+    """The flows up to 8.12 times the scene's tell a loss at 8.3; from order two that flow is not found, from its like it is."""
+    found = threshold_of(on_bed(*POCKET, *SMALL, ALONE, "body.diameter=0.6", "fluid.reynolds=200"))
+    assert found.is_critical and not found.unsolved
+    assert found.factor == pytest.approx(8.3, rel=0.01)
+    assert found.trials[-1].safety_factor == pytest.approx(1.0, abs=3e-3)
+
+
 def margins(scene: incipient.Scene, factors: list[float]) -> list[float]:
     """Safety factors in faster and faster flows, each found from the one before."""
     found, before = [], 0.0
