@@ -50,6 +50,7 @@ PARTS = {
         "end_to_end/test_sweeps.py",
         "stability/test_flow.py",
         "stability/test_hard_cases.py",
+        "stability/test_random_files.py",
         "stability/test_random_scenes.py",
         "unit/test_parallel.py",
         "unit/test_scene_file.py",

@@ -72,7 +72,10 @@ class Reason(Enum):
     EQUAL_SHARING = (
         "the significant contacts hold the load by unequal shares of it, and the paper shares equally"
     )
-    ONE_CONTACT_AT_A_TIME = "the paper asks the significant contact only, that pressed most, and others hold or guide the grain with it"
+    ONE_CONTACT_AT_A_TIME = (
+        "the paper asks the significant contact only, that pressed most, "
+        "and others hold or guide the grain with it"
+    )
     ROLLING_CALLED_SLIDING = (
         "the grain rolls or pivots, and the force that its centre needs for that counts as sliding in (24)"
     )

@@ -186,7 +186,7 @@ def test_a_threshold_at_a_high_reynolds_number() -> None:
 
 
 def test_the_smallest_disc_of_the_stability_curve_at_its_largest_reynolds_number() -> None:
-    """The flows up to 8.12 times the scene's tell a loss at 8.3; from order two that flow is not found, from its like it is."""
+    """The flows up to 8.12 times the scene's give 8.3; that flow is found from one of its own order, not of two."""
     found = threshold_of(on_bed(*POCKET, *SMALL, ALONE, "body.diameter=0.6", "fluid.reynolds=200"))
     assert found.is_critical and not found.unsolved
     assert found.factor == pytest.approx(8.3, rel=0.01)
