@@ -23,7 +23,7 @@ from .commands.options import alone, named, overrides
 from .errors import IncipientError, OutputError, SceneError
 from .installed import required
 from .interrupt import nobody_reads
-from .parallel import ranks_there_are, start_alone_quickly
+from .parallel import Meeting, ranks_there_are, start_alone_quickly
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -34,6 +34,7 @@ DEFECT, INTERRUPTED = 70, 130
 UNREAD = 128 + signal.SIGPIPE  # as of programs that the system ends because nobody reads what they print
 # What one of the commands leaves in a directory of results.
 RECORDS = ("result.json", "threshold.json", "judgement.json", "cost.json", "series.json", "scene.toml")
+TO_COME = 10.0  # seconds in which other ranks come where they have failed as well
 TO_SPEAK = 0.5  # seconds that other ranks leave the first to say why, before they end all
 
 
@@ -387,15 +388,22 @@ def _schema(options: argparse.Namespace, comm: MPI.Comm) -> int:
 def _guarded(arguments: Sequence[str] | None) -> int:
     """Run the command; turn errors into one line and an exit code, on all ranks, without a hang."""
     comm = ranks_there_are()
+    meeting = Meeting(comm)
     try:
         options = _parser().parse_args(arguments)
         _listen(options.log_level)
         signal.signal(signal.SIGTERM, _as_interrupt)
         with required():
-            return int(options.command(options, comm))
+            code = int(options.command(options, comm))
+        meeting.failed(False)
+        return code
     except IncipientError as error:
-        # Raised on all ranks alike: rank 0 speaks for all, and all leave in an orderly way.
-        if comm.rank == 0:
+        failed = meeting.failed(True, TO_COME)
+        if not failed:  # others are elsewhere, and may wait for this one
+            print(f"incipient: on rank {comm.rank} alone: {error}", file=sys.stderr)
+            return _leave(comm, error.exit_code)
+        # Mostly raised on all ranks alike: the first of them speaks for all, and all leave in an orderly way.
+        if comm.rank == failed.index(True):
             print(f"incipient: {error}", file=sys.stderr, flush=True)
         return error.exit_code
     except KeyboardInterrupt:

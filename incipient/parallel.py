@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar, cast
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 T = TypeVar("T")
+OFTEN = 0.01  # seconds between looks at who has come
 
 
 class Alone:
@@ -63,6 +65,25 @@ def collectively(comm: MPI.Comm | Alone) -> Iterator[None]:
         raise error
     kind, message = failures[0]
     raise kind(message) from error
+
+
+class Meeting:
+    """Where all ranks come at their end, whatever it is, and learn which of them have failed. Made collectively."""
+
+    def __init__(self, comm: MPI.Comm | Alone):
+        self._comm = None if comm.size == 1 else cast("MPI.Comm", comm).Dup()
+
+    def failed(self, has_failed: bool, seconds: float = float("inf")) -> list[bool]:
+        """Who has failed, by rank; nobody knows where not all have come after so many seconds: an empty list."""
+        if self._comm is None:
+            return [has_failed]
+        mine, all_of_them = bytearray([has_failed]), bytearray(self._comm.size)
+        request, until = self._comm.Iallgather(mine, all_of_them), time.monotonic() + seconds
+        while not request.Test():
+            if time.monotonic() > until:
+                return []
+            time.sleep(OFTEN)
+        return [bool(one) for one in all_of_them]
 
 
 def from_first(comm: MPI.Comm | Alone, compute: Callable[[], T]) -> T:

@@ -390,3 +390,33 @@ def test_a_scene_runs_in_a_thread_and_signals_stay_as_they_were() -> None:
     """In a fresh process: libraries that take interrupts for themselves are then loaded in the thread, too."""
     ended = subprocess.run([sys.executable, "-c", IN_A_THREAD], capture_output=True, text=True, timeout=120)
     assert ended.returncode == 0 and ended.stdout.startswith("['"), ended.stderr
+
+
+# -- errors of one rank ----------------------------------------------------------------------------------------
+
+ALONE = """
+import sys
+from mpi4py import MPI
+from incipient import cli
+from incipient.errors import ConvergenceError
+
+def fails(options, comm):
+    if comm.rank == int(sys.argv[1]):
+        raise ConvergenceError("no flow found")
+    if sys.argv[2] == "waits":
+        comm.barrier()
+    return 0
+
+cli.TO_COME = 1.0
+cli._commands = lambda: {"run": (fails, "run", cli._no_options)}
+raise SystemExit(cli.main(["run"]))
+"""
+
+
+@pytest.mark.parametrize(("rank", "others"), [(1, "waits"), (1, "ends"), (0, "waits"), (0, "ends")])
+def test_an_error_of_one_rank_is_said(mpirun, rank, others):
+    """Its text had been lost where the first rank had none: the code alone was seen, or mpirun's own words."""
+    done = mpirun(2, ALONE, rank, others, timeout=60)
+    assert done.returncode != 0
+    assert done.stderr.count("no flow found") == 1
+    assert (f"incipient: on rank {rank} alone: no flow" in done.stderr) == (others == "waits")
