@@ -16,7 +16,9 @@ from ..files import numbered, reported
 log = logging.getLogger("incipient")
 
 SCENE, RESULT, CHECKPOINT = "scene.toml", "result.json", "checkpoint.h5"
-SERIES = tuple(f"{name}.{ending}" for name in ("fields", "surface") for ending in ("xdmf", "h5", "vtkhdf"))
+SERIES = tuple(
+    f"{name}.{ending}" for name in ("fields", "surface") for ending in ("xdmf", "h5", "h5.journal", "vtkhdf")
+)
 DATA = (RESULT, "history.csv", *SERIES, "threshold.json")
 DRAWN = (
     "flow",

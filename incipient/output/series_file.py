@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from ..errors import OutputError
 from ..files import cause_of, ends_with, insert_before_end, reported, write_text_atomically
 from ..parallel import Alone, collectively, from_first
-from ..tables.hdf5 import reserve, write_rows
+from ..tables.hdf5 import WriteAhead, complete, journal_of, reserve, write_rows
 from ..tables.rows import Rows
 from .earlier import put_aside
 from .vtkhdf import write_vtkhdf
@@ -107,6 +107,7 @@ class SeriesFile:
         self._steps = 0  # written
         self._mesh = _Mesh()  # of the last step written
         self._open: Any = None  # the HDF5 file while a step is written
+        self._ahead: WriteAhead  # what it is opened on
         self._waiting: dict[str, Rows] = {}  # to be written with the next step, by what they are
 
     def create(self) -> None:
@@ -116,6 +117,7 @@ class SeriesFile:
         self._forget_vtk()
         with reported(self._xdmf):
             self._xdmf.unlink(missing_ok=True)
+            journal_of(self._hdf5).unlink(missing_ok=True)
         with reported(self._hdf5, (RuntimeError,)), h5py.File(self._hdf5, "w", locking=False) as file:
             file.attrs["format"] = "incipient fields, version 1"
 
@@ -139,7 +141,11 @@ class SeriesFile:
 
     def put_aside(self) -> Path | None:
         """Give the HDF5 file another name; which, None if there is none."""
-        return put_aside(self._hdf5) if self._hdf5.exists() else None
+        if not self._hdf5.exists():
+            return None
+        with reported(self._hdf5):
+            complete(self._hdf5)
+        return put_aside(self._hdf5)
 
     def add_mesh(self, topology: Table) -> None:
         """Cells (cells, nodes per cell) for the steps to come; a geometry must follow. On every rank."""
@@ -190,7 +196,9 @@ class SeriesFile:
         step = f"step{self._steps}"
         with reported(self._hdf5, (RuntimeError, ValueError)):
             _reserve(self._hdf5, sum(table.nbytes for table in tables.values()) + _METADATA_BYTES)
-            self._open = held.enter_context(h5py.File(self._hdf5, "r+", locking=False))
+            complete(self._hdf5)
+            self._ahead = held.enter_context(WriteAhead(self._hdf5))
+            self._open = held.enter_context(h5py.File(self._ahead, "r+"))
             for name in (step, *names.values()):  # what an earlier, failed attempt at this step has left
                 if name in self._open:
                     del self._open[name]
@@ -202,6 +210,8 @@ class SeriesFile:
         about = {"time": float(time), "topology": mesh.topology.name, "geometry": mesh.geometry.name}
         with reported(self._hdf5, (RuntimeError, ValueError)):
             self._open[f"step{self._steps}"].attrs.update(about)
+            self._open.close()
+            self._ahead.commit()
             held.close()
 
     def _tell(self, time: float, mesh: _Mesh, stored: Mapping[str, _Dataset]) -> None:
@@ -296,6 +306,8 @@ def _opened(path: Path, mode: str) -> Iterator[Any]:
     if not path.is_file():
         raise Unreadable(f"{path}: no such file; run the scene with output.fields = true")
     try:
+        with suppress(PermissionError):
+            complete(path)
         with h5py.File(path, mode, locking=False) as file:
             yield file
     except (OSError, KeyError, IndexError, RuntimeError, ValueError) as error:

@@ -2,18 +2,27 @@
 
 A table is stored in one piece, whose place in the file the library tells before anything is in it. Rank 0 makes the
 file with all its tables, empty; then each rank writes its rows to their place.
+
+What HDF5 itself changes in a file when it closes it, in many places, is written through a journal: a process that is
+killed meanwhile leaves either the file as it was or a journal that completes it.
 """
 
 from __future__ import annotations
 
+import io
 import os
+import struct
+import zlib
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from .rows import Rows
+
+_PAIR = struct.Struct("<QQ")
 
 
 def reserve(group: Any, name: str, rows: Rows) -> int:
@@ -38,9 +47,124 @@ def write_rows(path: Path, places: Mapping[str, int], tables: Mapping[str, Rows]
     try:
         for name, rows in tables.items():
             data = np.ascontiguousarray(rows.values).reshape(-1).view(np.uint8).data
-            place = places[name] + rows.first * (len(data) // max(len(rows.values), 1))
-            while data:
-                written = os.pwrite(descriptor, data, place)
-                data, place = data[written:], place + written
+            _write_at(descriptor, data, places[name] + rows.first * (len(data) // max(len(rows.values), 1)))
     finally:
         os.close(descriptor)
+
+
+class WriteAhead(io.RawIOBase):
+    """A file opened for HDF5, whose changes are kept in memory until `commit`. Not collective.
+
+    Changes are what HDF5 knows of tables, some kilobytes; the tables themselves go to the file past it.
+    """
+
+    def __init__(self, path: Path):
+        super().__init__()
+        self._path, self._file = path, path.open("rb", buffering=0)
+        self._size = os.fstat(self._file.fileno()).st_size
+        self._place = 0
+        self._changes: list[tuple[int, bytes]] = []
+
+    def readable(self) -> bool:
+        """See `io.RawIOBase`."""
+        return True
+
+    writable = seekable = readable
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        """See `io.RawIOBase`."""
+        start = {os.SEEK_SET: 0, os.SEEK_CUR: self._place, os.SEEK_END: self._size}[whence]
+        self._place = start + offset
+        return self._place
+
+    def tell(self) -> int:
+        """See `io.RawIOBase`."""
+        return self._place
+
+    def readinto(self, buffer: Any) -> int:
+        """See `io.RawIOBase`; what has been changed is read as it will be."""
+        wanted = min(len(buffer), max(self._size - self._place, 0))
+        held = bytearray(os.pread(self._file.fileno(), wanted, self._place).ljust(wanted, b"\0"))
+        for at, data in self._changes:
+            first, last = max(at, self._place), min(at + len(data), self._place + wanted)
+            if first < last:
+                held[first - self._place : last - self._place] = data[first - at : last - at]
+        buffer[:wanted] = held
+        self._place += wanted
+        return wanted
+
+    def write(self, data: Any) -> int:
+        """See `io.RawIOBase`."""
+        self._changes.append((self._place, bytes(data)))
+        self._place += len(data)
+        self._size = max(self._size, self._place)
+        return len(data)
+
+    def truncate(self, size: int | None = None) -> int:
+        """See `io.RawIOBase`."""
+        self._size = self._place if size is None else size
+        return self._size
+
+    def close(self) -> None:
+        """Close the file without its changes, unless `commit` has made them."""
+        self._file.close()
+        super().close()
+
+    def commit(self) -> None:
+        """Make the changes: the journal first, then the file, so that one of both is whole. Raises OSError."""
+        changes = _packed(self._size, self._changes)
+        journal = journal_of(self._path)
+        with journal.open("wb") as stream:
+            stream.write(zlib.crc32(changes).to_bytes(4, "big") + changes)
+            stream.flush()
+            os.fsync(stream.fileno())
+        complete(self._path)
+
+
+def journal_of(path: Path) -> Path:
+    """Where the changes of a file are before they are made."""
+    return path.with_name(path.name + ".journal")
+
+
+def complete(path: Path) -> None:
+    """Make the changes that a journal beside a file holds, if there is a whole one; made twice they are the same.
+
+    Raises OSError where the file cannot be written. Not collective.
+    """
+    journal = journal_of(path)
+    if not journal.exists():
+        return
+    held = journal.read_bytes()
+    if zlib.crc32(held[4:]) == int.from_bytes(held[:4], "big") and len(held) > 4:
+        size, changes = _unpacked(held[4:])
+        descriptor = os.open(path, os.O_WRONLY)
+        try:
+            for at, data in changes:
+                _write_at(descriptor, data, at)
+            os.ftruncate(descriptor, size)
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+    with suppress(FileNotFoundError):
+        journal.unlink()
+
+
+def _packed(size: int, changes: list[tuple[int, bytes]]) -> bytes:
+    """The size of a file, and for each change its place, its length and its bytes."""
+    parts = [part for at, data in changes for part in (_PAIR.pack(at, len(data)), data)]
+    return b"".join([_PAIR.pack(size, len(changes)), *parts])
+
+
+def _unpacked(held: bytes) -> tuple[int, list[tuple[int, bytes]]]:
+    (size, count), changes, start = _PAIR.unpack_from(held), [], _PAIR.size
+    for _ in range(count):
+        at, length = _PAIR.unpack_from(held, start)
+        start += _PAIR.size + length
+        changes.append((at, held[start - length : start]))
+    return size, changes
+
+
+def _write_at(descriptor: int, data: bytes | memoryview, place: int) -> None:
+    while data:
+        written = os.pwrite(descriptor, data, place)
+        data, place = data[written:], place + written

@@ -1,6 +1,7 @@
 """The XDMF file beside the HDF5 file: whole after every step, written once, open to other programs."""
 
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import h5py
@@ -8,7 +9,8 @@ import meshio
 import numpy as np
 import pytest
 
-from incipient.output.series_file import SeriesFile, times
+from incipient.output.series_file import SeriesFile, read_step, times
+from incipient.tables import hdf5
 
 # Two quadratic triangles that share a side, which is curved.
 POINTS = np.array(
@@ -93,3 +95,70 @@ def test_a_step_that_was_not_written_to_its_end_is_dropped(tmp_path: Path) -> No
     again.add_geometry(POINTS)
     again.add_step(2.0, fields_at(2.0))
     assert listed_times(tmp_path / "fields") == times(tmp_path / "fields") == [0.0, 1.0, 2.0]
+
+
+class Killed(BaseException):
+    """Stands for a SIGKILL: nothing that tidies up is run after it."""
+
+
+def files_of(directory: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in directory.iterdir()}
+
+
+def put_back(directory: Path, files: dict[str, bytes]) -> None:
+    for path in directory.iterdir():
+        path.unlink()
+    for name, content in files.items():
+        (directory / name).write_bytes(content)
+
+
+def test_a_writer_killed_at_any_of_its_writes_leaves_a_whole_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of the third step: before, between and after all changes of the file; the first two steps are always there."""
+    series = opened(tmp_path / "f")
+    for time in (0.5, 1.0):
+        series.add_step(time, fields_at(time))
+    before, write, left = files_of(tmp_path), hdf5._write_at, [0]
+
+    def write_until_killed(*arguments: Any) -> None:
+        if left[0] == 0:
+            raise Killed
+        left[0] -= 1
+        write(*arguments)
+
+    monkeypatch.setattr(hdf5, "_write_at", write_until_killed)
+    for allowed in range(200):
+        left[0], ended = allowed, False
+        try:
+            series.add_step(1.5, fields_at(1.5))
+            ended = True
+        except Killed:
+            pass
+        monkeypatch.setattr(hdf5, "_write_at", write)
+        found = times(tmp_path / "f")
+        assert found in ([0.5, 1.0], [0.5, 1.0, 1.5]) and (not ended or len(found) == 3)
+        assert set(read_step(tmp_path / "f", 1).fields) == set(fields_at(1.0))
+        if ended:
+            break
+        put_back(tmp_path, before)
+        series = opened_again(tmp_path / "f", 1.0)
+        monkeypatch.setattr(hdf5, "_write_at", write_until_killed)
+    assert ended and allowed > 10
+    assert not (tmp_path / "f.h5.journal").exists()
+
+
+def test_half_a_journal_counts_as_none(tmp_path: Path) -> None:
+    series = opened(tmp_path / "f")
+    series.add_step(0.5, fields_at(0.5))
+    (tmp_path / "f.h5.journal").write_bytes(b"\x00" * 11)
+    assert times(tmp_path / "f") == [0.5]
+    assert not (tmp_path / "f.h5.journal").exists()
+
+
+def opened_again(stem: Path, time: float) -> SeriesFile:
+    series = SeriesFile(stem, "Triangle_6")
+    series.resume(time)
+    series.add_mesh(CELLS)
+    series.add_geometry(POINTS)
+    return series
