@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from ctypes import byref, c_int, c_size_t, c_void_p
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -271,21 +272,30 @@ def set_option(name: str, older: str, value: float) -> None:
         gmsh.option.setNumber(older, value)
 
 
-def _rectangle(grid: Grid, frame: Frame) -> tuple[list[int], int]:
-    """The tags of the sides, cut, and of what is between them."""
+def _rectangle(grid: Grid, frame: Frame) -> tuple[list[tuple[int, str]], int]:
+    """The lines of the sides, cut, in their order around with the sides' names, and what is between them."""
     length, geo = frame.size(grid.length), gmsh.model.geo
     corners = [(0.0, 0.0), (length, 0.0), (length, 1.0), (0.0, 1.0)]
     points = [geo.addPoint(*corner, 0.0) for corner in corners]
-    lines = [geo.addLine(points[i], points[(i + 1) % 4]) for i in range(4)]
-    for line, cells in zip(lines, [grid.columns, grid.rows] * 2, strict=True):
-        geo.mesh.setTransfiniteCurve(line, cells + 1, "Bump", grid.grading)
-    return lines, geo.addPlaneSurface([geo.addCurveLoop(lines)])
+    stops = [[points[i], points[(i + 1) % 4]] for i in range(4)]
+    for side, x, heights in ((1, length, grid.ends[:-1]), (3, 0.0, grid.ends[-2::-1])):
+        stops[side][1:1] = [geo.addPoint(x, height, 0.0) for height in heights]
+    lines = [
+        (geo.addLine(*ends), name)
+        for name, along in zip(grid.sides, stops, strict=True)
+        for ends in pairwise(along)
+    ]
+    upright = [1] * len(grid.ends) or [grid.rows]
+    for (line, _), number in zip(lines, [grid.columns, *upright] * 2, strict=True):
+        geo.mesh.setTransfiniteCurve(line, number + 1, "Bump", grid.grading)
+    surface = geo.addPlaneSurface([geo.addCurveLoop([line for line, _ in lines])])
+    geo.mesh.setTransfiniteSurface(surface, "Alternate", points)
+    return lines, surface
 
 
 def _draw_solid_grid(grid: SolidGrid, frame: Frame) -> None:
-    _, surface = _rectangle(grid.grid, frame)
+    lines, surface = _rectangle(grid.grid, frame)
     geo, depth = gmsh.model.geo, frame.size(grid.across[1] - grid.across[0])
-    geo.mesh.setTransfiniteSurface(surface, "Alternate")
     made = geo.extrude(
         [(2, surface)], 0.0, 0.0, -depth, numElements=[1] * grid.layers, heights=list(grid.ends)
     )
@@ -293,7 +303,7 @@ def _draw_solid_grid(grid: SolidGrid, frame: Frame) -> None:
     (_, far), (_, volume), *walls = made
     named: dict[str, list[int]] = {grid.sides[0]: [surface]}
     named.setdefault(grid.sides[1], []).append(far)
-    for name, (_, wall) in zip(grid.grid.sides, walls, strict=True):
+    for (_, name), (_, wall) in zip(lines, walls, strict=True):
         named.setdefault(name, []).append(wall)
     gmsh.model.addPhysicalGroup(3, [volume], 1)
     gmsh.model.setPhysicalName(3, 1, "fluid")
@@ -304,9 +314,8 @@ def _draw_solid_grid(grid: SolidGrid, frame: Frame) -> None:
 
 def _draw_grid(grid: Grid, frame: Frame) -> None:
     lines, surface = _rectangle(grid, frame)
-    gmsh.model.geo.mesh.setTransfiniteSurface(surface, "Alternate")
     curves: dict[str, list[int]] = {}
-    for name, line in zip(grid.sides, lines, strict=True):
+    for line, name in lines:
         curves.setdefault(name, []).append(line)
     _name(curves, surface)
 

@@ -141,7 +141,8 @@ class Sizes:
 class Grid:
     """A rectangle cut into graded columns and rows, each cell into two triangles.
 
-    grading is the ratio of the smallest to the largest spacing on each side; both ends are fine.
+    grading is the ratio of the smallest to the largest spacing on each side; both ends are fine. `ends`, where they are
+    given, are where the rows end, as ascending parts of the height, the last of them one.
     """
 
     origin: Point
@@ -151,6 +152,7 @@ class Grid:
     rows: int
     grading: float = 0.05
     sides: tuple[str, str, str, str] = ("bottom", "right", "top", "left")
+    ends: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -10,14 +10,24 @@ C_MU, C_1, C_2, SIGMA_K, SIGMA_E = 0.09, 1.44, 1.92, 1.0, 1.3
 KAPPA, OFFSET = 0.41, 5.2
 
 
-def developed_channel(re_tau, y_plus, cells=120, step=0.02):
+def law_of_the_wall(y_plus, sand=0.0):
+    """u+ by Nikuradse's measurements, fitted by Cebeci & Bradshaw (1977), over walls with u* k/nu = sand."""
+    lost = 0.0
+    if sand > 2.25:
+        lost = OFFSET - 8.5 + np.log(sand) / KAPPA
+        lost *= np.sin(0.4258 * (np.log(sand) - 0.811)) if sand < 90.0 else 1.0
+    return np.where(y_plus < 11.06, y_plus, np.log(y_plus) / KAPPA + OFFSET) - lost
+
+
+def developed_channel(re_tau, y_plus, cells=120, step=0.02, sand=0.0):
     """Mean velocity over u* of a channel of half depth 1 and u* = 1, from a first place at y+ to its middle.
 
     The stress falls linearly from the wall. Below the first place is the logarithmic law, there k does not change with
-    height and epsilon falls as 1/y.
+    height and epsilon falls as 1/y. Cells are even in the logarithm of the distance where the first place is near.
     """
     nu, low = 1.0 / re_tau, y_plus / re_tau
-    faces = low + (1.0 - low) * np.linspace(0.0, 1.0, cells + 1) ** 1.5
+    parts = np.linspace(0.0, 1.0, cells + 1)
+    faces = low + (1.0 - low) * parts**1.5 if low > 0.02 else low ** (1.0 - parts)
     y, size = 0.5 * (faces[1:] + faces[:-1]), np.diff(faces)
     apart = np.diff(y)
     k, epsilon = 3.3 - 2.3 * y, 1.0 / (KAPPA * y)
@@ -49,7 +59,6 @@ def developed_channel(re_tau, y_plus, cells=120, step=0.02):
             break
     assert change < 1e-9
     rise = 0.5 * (gradient[1:] + gradient[:-1]) * size
-    velocity = np.log(y_plus) / KAPPA + OFFSET + np.cumsum(rise) - 0.5 * rise
-    below = (np.arange(20000) + 0.5) / 20000 * y_plus
-    law = np.where(below < 11.06, below, np.log(below) / KAPPA + OFFSET)
-    return float((velocity * size).sum() + law.mean() * low)
+    velocity = law_of_the_wall(y_plus, sand) + np.cumsum(rise) - 0.5 * rise
+    below = law_of_the_wall((np.arange(20000) + 0.5) / 20000 * y_plus, sand)
+    return float((velocity * size).sum() + below.clip(min=0.0).mean() * low)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
 from matplotlib.figure import Figure
 
-from ..results.turbulence import HIGHEST, LOWEST
+from ..planning.wall_law import WallLaw
 from .record import Run
 from .style import FLOW, GROUND, INK, PUSH
 
@@ -17,7 +20,9 @@ def picture(run: Run) -> Figure:
     figure = Figure(figsize=_SIZE, layout="constrained")
     figure.suptitle(run.headline)
     upper, lower = figure.subplots(2, 1, sharex=True)
-    upper.axhspan(LOWEST, HIGHEST, color=GROUND, alpha=0.3, label="the law of the wall holds")
+    upper.axhspan(
+        *_bounds(run.result["turbulence"]), color=GROUND, alpha=0.3, label="the law of the wall holds"
+    )
     lower.axhline(0.0, color=GROUND)
     for colour, (name, found) in zip(_COLOURS, run.result["turbulence"]["along"].items(), strict=False):
         for axes, column in ((upper, "y_plus"), (lower, "friction")):
@@ -26,3 +31,11 @@ def picture(run: Run) -> Figure:
     lower.set(xlabel="x [scene units]", ylabel="friction 2 tau/V\u00b2")
     upper.legend(loc="best")
     return figure
+
+
+def _bounds(found: dict[str, Any]) -> tuple[float, float]:
+    """y+ at the walls' distance from which to which the law holds; both one where it never does."""
+    viscosity, distance = found["viscosity"], found["distance"]
+    law, y_plus = WallLaw(found.get("roughness", 0.0)), np.geomspace(1.0, 1e9, 9001)
+    holds = law.holds(y_plus * viscosity / distance, viscosity, distance, found.get("reach", np.inf))
+    return tuple(y_plus[holds][[0, -1]]) if holds.any() else (y_plus[0], y_plus[0])

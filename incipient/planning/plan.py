@@ -142,9 +142,7 @@ def _warnings(scene: Scene) -> Iterator[str]:
         if why := too_small(scene):
             raise SceneError(f"turbulence: {why}")
         if why := too_near(scene):
-            raise SceneError(
-                f"turbulence: {why}; use a larger fluid.reynolds, a smaller wall_distance or no turbulence"
-            )
+            raise SceneError(f"turbulence: {why}")
         if why := through_the_top(scene):
             raise SceneError(f"body.{why}")
         yield from filter(None, (small(scene), narrow_gap(scene), cornered(scene)))

@@ -6,8 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise, takewhile
-from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,93 +16,34 @@ from ..scene import Scene
 from ..scene.turbulence import LAMINAR, Turbulence
 from .cells import side_names, sides_across
 from .meshed_bed import resolved_bed
+from .wall_law import LARGEST_SHARE, LEAST, SAMPLES, WallLaw
 
 if TYPE_CHECKING:
     from ..geometry.placement import Placement
     from ..geometry.plane.curves import Curve
     from ..meshes import Grid, Near, SolidGrid
 
-LOWEST, HIGHEST = 30.0, 300.0  # distances from the wall, in nu/u*, between which the law holds
-AIMED_AT = 50.0
-LARGEST_SHARE = 0.2  # of the depth over which a wall is felt, that the mesh may stand off from it
-ROUGH = 8.5  # u+ at the height of the sand on rough walls (Nikuradse 1933, VDI-Forschungsheft 361)
-CROSSING = 11.06  # distance at which the law of a smooth wall meets the viscous sublayer
-LEAST = 1.0  # u+ where sand is higher than the mesh stands off, on the way to a solution
-CORRECTIONS = 4  # of u* by Newton's method, which leave less than 1e-9 of it
 FORMS = ("sinusoidal", "half-discs", "ridges", "spheres")  # beds made of forms of one size
 FINEST_FORM = 0.5  # of the law's distance: half a form at the least
-SAMPLES, SAMPLES_OF_DUCT = 2000, 300  # along a height, and on each side of a section
+SAMPLES_OF_DUCT = 300  # on each side of a section
 # Of a channel's mesh: rows over the depth of a wall; column over that depth; finest over largest row.
 ROWS, COLUMN, GRADING = 14, 1.0, 0.3
 FEWEST_ROWS, FEWEST_COLUMNS = 6, 4  # whatever the cells' size
+# First of these rows over their mean; where the law's distance is less than 1/FINE_ROW of it, the first row is FINE_ROW
+# distances thick, and rows grow by ROW_GROWTH of the distance from it: velocity and epsilon change as fast as that.
+FIRST_ROW, FINE_ROW, ROW_GROWTH = 0.5, 4.0 / 3.0, 0.4
 # Of other meshes: cells at walls, over the distance of the law; growth away from them; cells at corners that stick out,
 # over those: a shear layer begins as thick as a cell there, which is most of the error of where it reattaches.
 WALL_CELL, WALL_GROWTH, CORNER_CELL = 4.0, 0.25, 0.05
-# u* d/nu of grains below which the law of the wall is not for them, and from which on its layer is thin.
-SMALLEST_GRAIN, LARGE_GRAIN = 300.0, 1000.0
+SMALLEST_GRAIN = 300.0  # u* d/nu of grains below which the law of the wall is not for them
+THICK = 0.05  # of a grain, from which on the layer of the law is told: 50 nu/u* of one of u* d/nu = 1000
+THICKEST = 0.5  # of a grain: a layer on both its sides as thick as itself
 BISECTIONS = 40
 AWAY_GROWTH = 0.05  # of cells along a bed, with the distance from a grain
 # Behind such a corner: how far its shear layer reaches, and the cells in it, over the height by which the bed falls;
 # their growth away from it; points along it; sine of the turn from which on a corner is one.
 LEE, LEE_CELL, LEE_GROWTH, LEE_POINTS, OUTWARD = 6.0, 0.09, 0.15, 25, -0.17
 LAYERS = 2  # of cells across a channel in space, at the least
-NUMPY = SimpleNamespace(log=np.log, larger=np.maximum)
-
-
-@dataclass(frozen=True)
-class WallLaw:
-    """u+ = ln(y+/(1 + c k+))/kappa + B, k+ of the equivalent sand roughness, c so that rough walls are Nikuradse's.
-
-    Its functions take numbers, arrays, or UFL expressions with the functions `log` and `larger` of UFL.
-
-    roughness: equivalent sand roughness, 0: smooth [length]
-    """
-
-    roughness: float = 0.0
-    kappa: float = 0.41
-    offset: float = 5.2
-
-    def velocity(self, shear_velocity: Any, viscosity: Any, distance: Any, functions: Any = NUMPY) -> Any:
-        """u+ at a distance from the wall for a shear velocity u*."""
-        away = functions.larger(distance * shear_velocity / viscosity, CROSSING)
-        sand = self._sand(shear_velocity, viscosity)
-        return functions.larger(functions.log(away / sand) / self.kappa + self.offset, LEAST)
-
-    def _sand(self, shear_velocity: Any, viscosity: Any) -> Any:
-        """1 + c k+."""
-        return 1 + math.exp(-self.kappa * (ROUGH - self.offset)) * self.roughness * shear_velocity / viscosity
-
-    def shear_velocity(self, speed: Any, viscosity: Any, distance: Any, functions: Any = NUMPY) -> Any:
-        """u* for a speed at a distance from the wall, by corrections of the law u+ = 8.3 (y+)^(1/7)."""
-        found = (speed / 8.3) ** (7 / 8) * (viscosity / distance) ** (1 / 8)
-        for _ in range(CORRECTIONS):
-            law = self.velocity(found, viscosity, distance, functions)
-            slope = 1 / (self.kappa * self._sand(found, viscosity))  # du+/d ln u*
-            found = (speed + slope * found) / (law + slope)
-        return found
-
-    def governing(
-        self, speed: Any, turbulent: Any, viscosity: Any, distance: Any, functions: Any = NUMPY
-    ) -> Any:
-        """The larger of u* for a speed at a distance from the wall and of that which the turbulence there stands for.
-
-        Where the flow separates the speed vanishes and k does not: Kuzmin, Mierka & Turek (2007).
-        """
-        return functions.larger(self.shear_velocity(speed, viscosity, distance, functions), turbulent)
-
-    def drag(self, speed: Any, turbulent: Any, viscosity: Any, distance: Any, functions: Any = NUMPY) -> Any:
-        """Friction over the velocity, u*/u+ of the governing u*, not below that of a viscous sublayer, nu/y."""
-        found = self.governing(speed, turbulent, viscosity, distance, functions)
-        return functions.larger(
-            found / self.velocity(found, viscosity, distance, functions), viscosity / distance
-        )
-
-    def beyond(self, shear_velocity: float, viscosity: float, distance: float) -> float:
-        """The flux between the wall and a distance from it, over u*; within the viscous sublayer u+ = y+."""
-        y = distance * (np.arange(SAMPLES) + 0.5) / SAMPLES
-        within = y * shear_velocity / viscosity
-        law = self.velocity(shear_velocity, viscosity, y)
-        return float(distance * np.mean(np.where(within < CROSSING, np.minimum(within, law), law)))
 
 
 @dataclass(frozen=True)
@@ -187,7 +127,7 @@ def walls_of(scene: Scene) -> Walls:
     for _ in range(50):
         mean = float(law.velocity(shear_velocity, viscosity, hydraulic)) - 1.0 / law.kappa
         shear_velocity = scene.reference_velocity / max(mean, LEAST)
-    distance = asked.wall_distance or AIMED_AT * viscosity / shear_velocity
+    distance = asked.wall_distance or law.suitable(shear_velocity, viscosity)
     floor, beyond = (ground, 0.0) if plane else (ground - distance, distance)
     sides = (sides[0] - beyond, sides[1] + beyond) if sides else ()
     return Walls(law, depth, distance, shear_velocity, number, floor, top, number - (not plane), sides)
@@ -212,7 +152,13 @@ def too_near(scene: Scene) -> str:
         return ""
     share = walls.distance / walls.reach
     of = "depth" if walls.reach == walls.depth else "half width"
-    return f"the law of the wall would have to reach {percent(share)} of the {of}, at most {percent(LARGEST_SHARE)}"
+    remedy = "use a larger fluid.reynolds, a smaller wall_distance or no turbulence"
+    if walls.distance == walls.law.roughness:
+        remedy = "use a smaller roughness, from which the law begins at rough walls, or no turbulence"
+    return (
+        f"the law of the wall would have to reach {percent(share)} of the {of}, at most {percent(LARGEST_SHARE)}; "
+        f"{remedy}"
+    )
 
 
 def within_sand(scene: Scene) -> str:
@@ -257,7 +203,15 @@ def grain_number(scene: Scene) -> float:
 
 def too_small(scene: Scene) -> str:
     """Why the law of the wall is not for a scene's grain, or an empty string. Not collective."""
-    if scene.body is None or grain_number(scene) >= SMALLEST_GRAIN:
+    if scene.body is None:
+        return ""
+    share = walls_of(scene).distance / scene.grain.size
+    if share > THICKEST:
+        return (
+            f"the layer that the law of the wall stands for is {percent(share)} of the grain, at most "
+            f"{percent(THICKEST)}; use a smaller roughness or wall_distance, or a larger fluid.reynolds"
+        )
+    if grain_number(scene) >= SMALLEST_GRAIN:
         return ""
     return (
         f"the grain has u* d/nu = {grain_number(scene):.3g}, for the law of the wall it must be {SMALLEST_GRAIN:g} at "
@@ -267,12 +221,14 @@ def too_small(scene: Scene) -> str:
 
 def small(scene: Scene) -> str:
     """What is to be known of the law of the wall on a scene's grain, or an empty string. Not collective."""
-    if scene.body is None or grain_number(scene) >= LARGE_GRAIN:
+    if scene.body is None:
         return ""
     share = walls_of(scene).distance / scene.grain.size
+    if share <= THICK:
+        return ""
     return (
         f"the grain has u* d/nu = {grain_number(scene):.3g}: the layer that the law of the wall stands for is "
-        f"{percent(share)} of it; from {LARGE_GRAIN:g} on it is 5% or less"
+        f"{percent(share)} of it; it is thin up to {percent(THICK)}"
     )
 
 
@@ -314,11 +270,12 @@ def grid(scene: Scene, order: int, mesh_size: float) -> Grid | SolidGrid:
 
     walls, domain = walls_of(scene), scene.domain
     coarse = mesh_size * _coarsening(order)
-    rows, columns = ROWS * walls.number / coarse, domain.length / (COLUMN * walls.depth * coarse)
+    columns = max(FEWEST_COLUMNS, round(domain.length / (COLUMN * walls.depth * coarse)))
     height = domain.height - walls.number * walls.distance
     corner = (domain.left, domain.bottom + walls.distance)
-    sizes = (max(FEWEST_COLUMNS, round(columns)), max(FEWEST_ROWS, round(rows)))
-    found = Grid(corner, domain.length, height, *sizes, GRADING, side_names(scene))
+    ends = _row_ends(walls, coarse, height)
+    rows = len(ends) or max(FEWEST_ROWS, round(ROWS * walls.number / coarse))
+    found = Grid(corner, domain.length, height, columns, rows, GRADING, side_names(scene), ends)
     if scene.gdim == 2:
         return found
     low, high = (domain.middle, domain.across[1]) if scene.symmetric else domain.across
@@ -329,6 +286,25 @@ def grid(scene: Scene, order: int, mesh_size: float) -> Grid | SolidGrid:
         layers = max(layers, round(ROWS * rubbing / coarse))
     names = SYMMETRY if scene.symmetric else "right", "left"
     return SolidGrid(found, (low, high), _ends(layers, bool(walls.sides), scene.symmetric), names)
+
+
+def _row_ends(walls: Walls, coarse: float, height: float) -> tuple[float, ...]:
+    """Where rows end that are as fine at walls as the law's distance asks for; none: rows graded as usual do."""
+    largest, first = walls.depth / ROWS, FINE_ROW * walls.distance
+    if first >= FIRST_ROW * largest:
+        return ()
+    part = height / walls.number
+    bend = min((largest - first) / ROW_GROWTH, part)  # where rows are largest
+    to_bend = math.log1p(ROW_GROWTH * bend / first) / ROW_GROWTH
+    whole = to_bend + (part - bend) / largest  # rows of one wall, with cells of size one
+    number = max(math.ceil(whole / coarse), FEWEST_ROWS // walls.number)
+    counted = whole * np.arange(1, number + 1) / number
+    near = first * np.expm1(ROW_GROWTH * np.minimum(counted, to_bend)) / ROW_GROWTH
+    ends = (near + largest * np.maximum(counted - to_bend, 0.0)) / part
+    ends[-1] = 1.0
+    if walls.number == 2:
+        ends = 0.5 * np.concatenate([ends, 2.0 - ends[-2::-1], [2.0]])
+    return tuple(map(float, ends))
 
 
 def _ends(layers: int, rubbing: bool, half: bool) -> tuple[float, ...]:

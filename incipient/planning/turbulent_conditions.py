@@ -14,7 +14,8 @@ import numpy as np
 from ..meshes.solid_region import SYMMETRY
 from ..scene import Scene
 from .cells import CLOSED, side_names, sides_across
-from .turbulence import SAMPLES, SAMPLES_OF_DUCT, Walls, is_plane, section, wall_names, walls_of
+from .turbulence import SAMPLES_OF_DUCT, Walls, is_plane, section, wall_names, walls_of
+from .wall_law import SAMPLES
 
 if TYPE_CHECKING:
     from ..fluid.conditions import Condition
@@ -221,7 +222,7 @@ def conditions(scene: Scene) -> list[Condition]:
 
     walls, names = walls_of(scene), wall_names(scene)
     _, right, top, left = side_names(scene)
-    functions = SimpleNamespace(log=ufl.ln, larger=ufl.max_value)
+    functions = SimpleNamespace(log=ufl.ln, larger=ufl.max_value, sin=ufl.sin, cos=ufl.cos)
     drag = partial(walls.law.drag, functions=functions)
     axes = {top: scene.up} if not is_plane(scene) else dict.fromkeys(names, scene.up)
     sides = sides_across(scene)

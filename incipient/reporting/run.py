@@ -189,9 +189,9 @@ def _turbulence(found: dict[str, Any] | None) -> tuple[Section, ...]:
     holds = (
         "The law of the wall holds" if found["applicable"] else "Warning: the law of the wall does NOT hold"
     )
-    advice = (
-        "" if found["applicable"] else f"; give turbulence.wall_distance = {found['suitable_distance']:.3g}"
-    )
+    # Results of earlier versions have no remedy.
+    remedy = found.get("remedy", f"give turbulence.wall_distance = {found['suitable_distance']:.3g}")
+    advice = "" if found["applicable"] else f"; {remedy}"
     rows: list[tuple[Cell, ...]] = [
         ("least y+ of the walls", found["least"]),
         ("largest y+ of the walls", found["largest"]),
@@ -200,7 +200,7 @@ def _turbulence(found: dict[str, Any] | None) -> tuple[Section, ...]:
         ("friction C_f at the outflow", found["friction"]),
     ]
     if not found["plane"]:
-        rows.append(("share of the walls with y+ not from 30 to 300", found["outside"]))
+        rows.append(("share of the walls at which the law does not hold", found["outside"]))
     told, others = longest(found["backward"])
     rows += [("next to the bed the flow runs upstream from x, to x", tuple(one)) for one in told]
     rows += [("shorter places where it does", others)] if others else []

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..planning.turbulence import AIMED_AT, HIGHEST, LOWEST
+from ..planning.wall_law import HIGHEST, LARGEST_SHARE, LOWEST, WallLaw
 
 if TYPE_CHECKING:
     from ..arrays import Floats
@@ -26,11 +26,13 @@ class WallReport:
     least, largest: of y+, that distance in nu/u*, along the walls
     shear_velocity: u*, its mean along the walls; at_outflow: that at the downstream end
     friction:       C_f = 2 (u*/V)^2 at the downstream end, V being the mean velocity
-    outside:        share of the walls' length, in space of their area, along which y+ is not between 30 and 300
+    outside:        share of the walls' length, in space of their area, where the law does not hold at that distance
     plane:          whether all walls are planes; else the flow may separate, where y+ may be small
     backward:       in the plane from where to where along the bed the flow runs upstream next to it
     along:          of scenes in the plane, by the names of walls: x, y_plus, and friction 2 tau/V^2, below zero where
                     the flow runs upstream, at nodes of ascending x
+    roughness:      equivalent sand roughness of the walls
+    reach:          depth over which a wall is felt
     """
 
     distance: float
@@ -45,13 +47,20 @@ class WallReport:
     plane: bool = True
     backward: tuple[tuple[float, float], ...] = ()
     along: dict[str, dict[str, list[float]]] = field(default_factory=dict)
+    roughness: float = 0.0
+    reach: float = math.inf
 
     @property
     def applicable(self) -> bool:
         """Whether the law of the wall holds: at all walls, or at nearly all where the flow may separate."""
         if self.plane:
-            return self.least >= LOWEST and self.largest <= HIGHEST
+            ends = np.array([self.least, self.largest]) * self.viscosity / self.distance
+            return bool(self._law.holds(ends, self.viscosity, self.distance, self.reach).all())
         return self.outside <= MOST_OUTSIDE
+
+    @property
+    def _law(self) -> WallLaw:
+        return WallLaw(self.roughness)
 
     @property
     def shear_velocities(self) -> Floats:
@@ -69,7 +78,15 @@ class WallReport:
     @property
     def suitable(self) -> float:
         """The distance that the mesh would have to stand off from the walls; infinite where nothing flows."""
-        return AIMED_AT * self.viscosity / self.shear_velocity if self.shear_velocity else math.inf
+        return self._law.suitable(self.shear_velocity, self.viscosity)
+
+    @property
+    def remedy(self) -> str:
+        """What to do where the law does not hold: a distance that the plan accepts, or a faster flow."""
+        if self.suitable > LARGEST_SHARE * self.reach:
+            return "use a larger fluid.reynolds"
+        found = f"set turbulence.wall_distance = {self.suitable:.3g}"
+        return found + (", or use a larger fluid.reynolds" if self.suitable > self.distance else "")
 
     def columns(self) -> dict[str, float]:
         """Columns of the history."""
@@ -77,25 +94,34 @@ class WallReport:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for result.json."""
-        return asdict(self) | {"applicable": self.applicable, "suitable_distance": self.suitable}
+        found = {"applicable": self.applicable, "suitable_distance": self.suitable}
+        return asdict(self) | found | {"remedy": "" if self.applicable else self.remedy}
 
     def lines(self, errors: Floats | None = None) -> list[str]:
         """For a reader, with errors (2,) of the shear velocities where they are known."""
         told = f"y+ of the walls {self.least:.3g} to {self.largest:.3g}"
+        if self.roughness:
+            away, sand = self.distance / self.roughness, self.roughness / self.distance
+            told += f", {away:.3g} times the roughness off"
+            told += f", u* k/nu {sand * self.least:.3g} to {sand * self.largest:.3g}"
         if not self.plane and self.outside:
-            told += f", along {100 * self.outside:.3g}% of them not from {LOWEST:g} to {HIGHEST:g}"
+            told += f", along {100 * self.outside:.3g}% of them not from {self._bounds()}"
         friction = self._friction(errors)
         if self.backward:
             friction += f"; the flow next to the bed runs upstream from x = {self._spans()}"
         if self.applicable:
             return [f"turbulence          {told}: the law of the wall holds; {friction}"]
-        remedy = f"set turbulence.wall_distance = {self.suitable:.3g}"
-        if self.suitable > self.distance:
-            remedy += ", or use a larger fluid.reynolds"
-        bounds = f"the law of the wall holds from {LOWEST:g} to {HIGHEST:g}"
+        bounds = f"the law of the wall holds from {self._bounds()}"
         if not self.plane:
             bounds = f"at most {100 * MOST_OUTSIDE:g}% may be"
-        return [f"turbulence          NOT APPLICABLE: {told}, {bounds}; {remedy}", f"{'':<20}{friction}"]
+        return [f"turbulence          NOT APPLICABLE: {told}, {bounds}; {self.remedy}", f"{'':<20}{friction}"]
+
+    def _bounds(self) -> str:
+        """From where to where the law holds, in words."""
+        if not self.roughness:
+            return f"{LOWEST:g} to {HIGHEST:g}"
+        lowest, highest = self._law.bounds(self.shear_velocity, self.viscosity, self.reach)
+        return f"a distance of {lowest:.3g} to {highest:.3g}"
 
     def _spans(self) -> str:
         """From where to where the flow next to the bed runs upstream."""

@@ -21,7 +21,6 @@ from ..planning import turbulence as planned
 from ..planning import turbulent_conditions
 from ..planning.cells import side_names
 from ..planning.linear import FEW_CELLS
-from ..planning.turbulence import HIGHEST, LOWEST
 from ..results.turbulence import WallReport
 from ..scene import Scene
 from ..scene.tolerance import of_steady
@@ -180,7 +179,7 @@ class TurbulentFlow:
         y_plus = governing * walls.distance / scene.viscosity
         at_end = np.isclose(x, x.max())
         last = np.average(found[at_end], weights=shares[at_end])
-        outside = (y_plus < LOWEST) | (y_plus > HIGHEST)
+        outside = ~walls.law.holds(governing, scene.viscosity, walls.distance, walls.reach)
         return WallReport(
             distance=walls.distance,
             least=float(y_plus.min()),
@@ -192,6 +191,8 @@ class TurbulentFlow:
             c_mu=planned.section(scene).c_mu,
             outside=float(shares[outside].sum() / shares.sum()),
             plane=planned.is_plane(scene),
+            roughness=walls.law.roughness,
+            reach=walls.reach,
             backward=along[names[0]].backward() if scene.gdim == 2 else (),
             along={name: self._told(one) for name, one in along.items()} if scene.gdim == 2 else {},
         )

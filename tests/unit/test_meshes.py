@@ -191,6 +191,15 @@ def test_grid_spacing(grading: float) -> None:
     assert spacing[0] / spacing.max() == pytest.approx(grading, rel=0.2)
 
 
+def test_rows_of_a_grid_end_where_they_are_told_to() -> None:
+    ends = (0.1, 0.4, 1.0)
+    with grid_model(Grid((0.0, 1.0), 3.0, 2.0, 4, 3, ends=ends), 1) as model:
+        for side in ("left", "right"):
+            heights = np.sort(on_boundary(model, side)[:, 1])
+            assert heights == pytest.approx([1.0, *(1.0 + 2.0 * one for one in ends)])
+        assert len(corners(model)) == 2 * 4 * 3 and area(model) == pytest.approx(6.0)
+
+
 @pytest.mark.parametrize("order", [1, 2, 3])
 def test_grid_of_an_order(order: int) -> None:
     with grid_model(Grid((0.0, 0.0), 1.0, 1.0, 3, 2), order) as model:

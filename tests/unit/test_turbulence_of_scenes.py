@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from one_dimensional import law_of_the_wall
 from scenes import message
 from turbulent import channel, grain
 
@@ -343,11 +344,65 @@ def test_the_law_of_the_wall():
     """u+ = ln(y+)/0.41 + 5.2; on rough walls ln(y/k_s)/0.41 + 8.5 (Nikuradse 1933); u* from the speed and back."""
     smooth, rough = WallLaw(), WallLaw(roughness=0.2)
     assert smooth.velocity(1.0, 0.01, 1.0) == pytest.approx(np.log(100) / 0.41 + 5.2)
-    assert rough.velocity(1.0, 1e-5, 1.0) == pytest.approx(np.log(5) / 0.41 + 8.5, rel=1e-3)
-    for law in (smooth, rough):
+    assert rough.velocity(1.0, 1e-5, 1.0) == pytest.approx(np.log(5) / 0.41 + 8.5, rel=1e-12)
+    for law in (smooth, rough, WallLaw(roughness=1e-3)):
         speeds = np.array([0.3, 1.0, 30.0])
         found = law.shear_velocity(speeds, 1e-4, 0.3)
-        assert found * law.velocity(found, 1e-4, 0.3) == pytest.approx(speeds, rel=1e-8)
+        assert found * law.velocity(found, 1e-4, 0.3) == pytest.approx(speeds, rel=1e-7)
+
+
+def test_between_smooth_and_rough_walls_the_law_is_nikuradse_s():
+    """As `tests/one_dimensional.py` has it from the source: sand is not felt up to u* k/nu of 2.25, rough from 90."""
+    sand = np.array([1.0, 2.25, 5.0, 20.0, 60.0, 90.0, 1000.0])
+    found = [float(WallLaw(roughness=1e-3 * one).velocity(1.0, 1e-3, 2.0)) for one in sand]
+    assert found == pytest.approx([float(law_of_the_wall(2000.0, one)) for one in sand], abs=2e-3)
+    assert found[1] == pytest.approx(np.log(2000.0) / 0.41 + 5.2)
+
+
+def test_rough_walls_are_judged_by_sand_and_depth_and_smooth_ones_by_viscosity():
+    """Rough: from k to a fifth of the depth; the default is the larger of 50 nu/u* and k, which the law holds at."""
+    fluid = Fluid(reynolds=1e6, scale="flow")
+    for k in (5e-4, 0.005, 0.02, 0.05):
+        scene = channel(turbulence=Turbulence(wall="rough", roughness=k), fluid=fluid)
+        walls = walls_of(scene)
+        assert walls.distance == pytest.approx(max(50.0 * 1e-6 / walls.shear_velocity, k))
+        assert walls.law.holds(walls.shear_velocity, 1e-6, walls.distance, 1.0)
+    law = WallLaw(roughness=0.01)
+    assert law.bounds(0.05, 1e-6, 1.0) == pytest.approx((0.01, 0.2))
+    assert WallLaw().bounds(0.05, 1e-6, 1.0) == pytest.approx((6e-4, 6e-3))
+    assert WallLaw(roughness=4e-5).bounds(0.05, 1e-6, 1.0) == pytest.approx((6e-4, 6e-3))
+    between = WallLaw(roughness=2.85e-4).bounds(0.05, 1e-6, 1.0)  # u* k/nu = 14.2, half way in its logarithm
+    assert between == pytest.approx((6e-4, 6e-3 * (0.2 / 6e-3) ** 0.7071), rel=2e-3)
+
+
+def test_sand_that_is_too_high_for_the_depth_is_refused_by_a_remedy_that_helps():
+    fluid = Fluid(reynolds=1e6, scale="flow")
+    with pytest.raises(
+        SceneError, match=r"have to reach 30% of the depth, at most 20%; use a smaller roughness"
+    ):
+        make_plan(channel(turbulence=Turbulence(wall="rough", roughness=0.3), fluid=fluid))
+    gravel = Turbulence(wall="rough", roughness=0.15)
+    with pytest.raises(SceneError, match=r"is 75% of the grain, at most 50%; use a smaller roughness"):
+        make_plan(
+            channel(turbulence=gravel, fluid=fluid, body=Disc(diameter=0.2, centre=(10, 0.5)), bed=Flat())
+        )
+
+
+@pytest.mark.parametrize("flow", [OpenChannel(), Poiseuille()])
+@pytest.mark.parametrize("mesh_size", [2.0, 1.0])
+def test_rows_next_to_walls_are_as_fine_as_the_distance_of_the_law_asks_for(flow, mesh_size):
+    """The first row is as thick as the distance, times mesh_size; none over 1/14 of a depth; they grow by degrees."""
+    numerics = Numerics(order=2, mesh_size=mesh_size)
+    scene = channel(flow=flow, fluid=Fluid(reynolds=1e6, scale="flow"), numerics=numerics)
+    walls, grid = walls_of(scene), lay_out(scene, make_plan(scene)).shape
+    thick = np.diff([0.0, *grid.ends]) * grid.height
+    assert len(thick) == grid.rows and thick.sum() == pytest.approx(1.0 - walls.number * walls.distance)
+    assert 0.7 < thick[0] / (mesh_size * walls.distance) < 1.4
+    assert thick.max() <= 0.75 * mesh_size * walls.depth / 14 * (1 + 1e-9)
+    if walls.number == 2:
+        assert thick == pytest.approx(thick[::-1])
+        thick = thick[: len(thick) // 2]
+    assert (np.diff(thick) > -1e-12).all() and (thick[1:] / thick[:-1]).max() < 1.0 + 0.45 * mesh_size
 
 
 @pytest.mark.parametrize("turbulence", [None, Turbulence(inflow="given", intensity=0.1, length=0.05)])
