@@ -66,3 +66,17 @@ def test_a_scanned_grain_of_many_triangles_rests_without_tables_of_pairs():
     assert np.abs(grain.level(points)).max() < 1e-12
     # Triangles are 0.02 wide and turn by that over a radius of 0.5: 0.04, whose cosine is 0.9992.
     assert grain.normal(points)[:, 2] == pytest.approx(-1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_point_at_the_corner_of_a_segment_is_found(seed):
+    """As far from the middle as the segment reaches: one ulp used to lose some of these, or all."""
+    starts = 5.0 + np.random.default_rng(seed).random((200, 3))
+    ends = starts + np.random.default_rng(seed + 2).normal(size=(200, 3)) * 1e-2
+    segments = Triangles(np.stack([starts, ends, ends], axis=1))
+    feet, row, _ = segments.nearest(np.concatenate([starts, ends]), 0.0)
+    assert np.array_equal(np.unique(row), np.arange(400))
+    assert feet == pytest.approx(np.concatenate([starts, ends]), abs=1e-14)
+    # One segment alone has no other to be found in its place.
+    for one in segments.corners:
+        assert len(Triangles(one[None]).nearest(one, 0.0)[0]) == 3

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 BLOCK = 1_000_000  # pairs of points and triangles that are looked at together
 RAY = unit(np.array([0.36419, 0.27183, 0.89124]))  # no direction in which grains have faces and edges
+ROUND_OFF = 1e-9  # of the largest triangle: added to how far a point may be
 CLEAR = 1e-9  # how far a ray must pass an edge to be counted: an area, in squares of the triangles' size
 
 
@@ -51,10 +52,11 @@ class Triangles:
 
     def near(self, points: Floats, within: float | Floats) -> tuple[np.ndarray, np.ndarray]:
         """Rows of points (n, 3) and triangles (k,) each that may be as near as `within` (a length, or (n,))."""
-        within = np.broadcast_to(within, len(points))
-        row, triangle = _matches(self._centroids, points, within + self._reach.max())
+        # A point at a corner is as far from a centroid as the triangle reaches: round-off must not lose it.
+        around = np.broadcast_to(within, len(points)) + ROUND_OFF * self._reach.max()
+        row, triangle = _matches(self._centroids, points, around + self._reach.max())
         apart = np.linalg.norm(points[row] - self._centroids.data[triangle], axis=1)
-        close = apart <= self._reach[triangle] + within[row]
+        close = apart <= self._reach[triangle] + around[row]
         return row[close], triangle[close]
 
     def nearest(self, points: Floats, slack: float) -> tuple[Floats, np.ndarray, np.ndarray]:
