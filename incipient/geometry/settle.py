@@ -94,12 +94,32 @@ def settle(
 
     Raises SceneError if grain and bed are not of one dimension, or gravity or friction make no sense.
     """
+    down = _downward(gravity, grain.gdim)
+    return settle_under(grain, bed, start, down, np.zeros(2 * grain.gdim - 3), friction, reach, max_steps)
+
+
+def settle_under(
+    grain: Grain | Solid,
+    bed: Bed | Terrain,
+    start: Placement,
+    force: Floats,
+    couple: Floats,
+    friction: float,
+    reach: float = 10.0,
+    max_steps: int = 2000,
+) -> Settled:
+    """Where the grain comes to rest from `start` under a dead load, which does not turn with it; else as `settle`.
+
+    `force` (gdim,) at the centroid, not zero, and `couple` about it, (1,) or in space (3,); only their ratio counts.
+
+    Raises SceneError as `settle` does.
+    """
     if not friction >= 0.0:
         raise SceneError(f"friction {friction} is not a coefficient; give a number that is not negative")
-    descent = _Descent(grain, bed, _downward(gravity, grain.gdim), float(friction))
     if start.gdim != grain.gdim:
         raise SceneError(f"a placement in {start.gdim} dimensions does not fit a grain in {grain.gdim}")
-    return descent.run(start, reach * grain.size, max_steps)
+    load = np.append(force, np.asarray(couple) / grain.size) / float(np.linalg.norm(force))
+    return _Descent(grain, bed, load, float(friction)).run(start, reach * grain.size, max_steps)
 
 
 def _downward(gravity: Sequence[float] | Floats | None, dimension: int) -> Floats:
@@ -139,18 +159,13 @@ class _Descent:
 
     grain: Grain | Solid
     bed: Bed | Terrain
-    down: Floats
+    load: Floats  # of unit force, with the couple about the centre over the size
     friction: float
 
     @cached_property
     def size(self) -> float:
         """The grain's largest diameter, computed once: of a polyhedron it takes time."""
         return self.grain.size
-
-    @cached_property
-    def _load(self) -> Floats:
-        """The weight as a load of unit force at the centre."""
-        return np.concatenate([self.down, np.zeros(1 if len(self.down) == 2 else 3)])
 
     @cached_property
     def _proximity(self):  # type: ignore[no-untyped-def]
@@ -178,7 +193,7 @@ class _Descent:
                     if found is not None and found.stable and found.imbalance <= BALANCED:
                         return self._settled(found, step)
                 pushed = None if found is None else self._pushed(found)
-                if pushed is not None and self._depth(pushed) > self._depth(placement):
+                if pushed is not None and self._work(placement, pushed) > 0.0:
                     placement, length, tried = pushed, FIRST_STEP, 0.0
                     continue
             if length < SHORTEST_STEP:
@@ -189,8 +204,8 @@ class _Descent:
             ahead = self._proximity.locally_least(placement, near, corners=True)
             motion = self._step(placement, ahead, touching, pull, length)
             trial = self._proximity.lowered(self._followed(placement, ahead, motion))
-            gain = self._depth(trial) - self._depth(placement)
-            expected = self.size * float(motion @ self._load)
+            gain = self._work(placement, trial)
+            expected = self.size * float(motion @ self.load)
             turned = not gain > max(0.1 * expected, 0.0)
             if not turned:
                 placement = trial
@@ -201,16 +216,20 @@ class _Descent:
                 return self._unsettled(placement, Outcome.ROLLS_OFF, step)
         return self._unsettled(placement, Outcome.UNSETTLED, max_steps)
 
-    def _depth(self, placement: Placement) -> float:
-        """How far down the centre is."""
-        return float(np.asarray(placement.centre) @ self.down)
+    def _work(self, before: Placement, after: Placement) -> float:
+        """Work of the load from one placement to another close by: of the weight, how far down the centre goes."""
+        shift = np.asarray(after.centre) - np.asarray(before.centre)
+        if not self.load[len(shift) :].any():
+            return float(self.load[: len(shift)] @ shift)
+        return float(self.load @ np.append(shift, self.size * after.turn_since(before)))
 
     def _left(self, placement: Placement, start: Placement, reach: float) -> bool:
-        """Whether the grain is off the bed or far from the start."""
+        """Whether the grain is off the bed or far from the start, or a couple spins it where it is."""
         extent = np.array(self.bed.extent, dtype=float).reshape(-1, 2)
         x, x0 = np.array(placement.centre[:-1]), np.array(start.centre[:-1])
         beyond = (x < extent[:, 0]) | (x > extent[:, 1])
-        return bool(beyond.any() or np.linalg.norm(x - x0) > reach)
+        turned = np.linalg.norm(placement.turn_since(start)) if self.load[len(x) + 1 :].any() else 0.0
+        return bool(beyond.any() or max(np.linalg.norm(x - x0), 0.25 * turned * self.size) > reach)
 
     def _touching(self, placement: Placement, near: Near, tolerance: float) -> Near:
         """The places that count as contacts."""
@@ -225,14 +244,14 @@ class _Descent:
 
     def _pull(self, placement: Placement, touching: Near) -> Floats:
         """What contacts leave of the weight."""
-        return balance(self._grip(placement, touching).rows, self._load)[0]
+        return balance(self._grip(placement, touching).rows, self.load)[0]
 
     def _step(self, placement: Placement, near: Near, touching: Near, pull: Floats, length: float) -> Floats:
         """A motion of at most about `length` grain sizes and radians that follows the pull."""
         hold = self._grip(placement, touching).rows
         closing = wrenches(near.normals, self._arms(placement, near), self.size)
         gaps = np.maximum(near.gaps, 0.0) / self.size
-        wish = self._load / max(float(np.linalg.norm(pull)), 1e-6)
+        wish = self.load / max(float(np.linalg.norm(pull)), 1e-6)
         if self.friction == 0.0:
             motion = length * nearest_motion(closing, -gaps / length, wish)
             return motion / max(1.0, 0.5 * float(np.linalg.norm(motion)) / length)
@@ -257,7 +276,7 @@ class _Descent:
 
     def _moved(self, placement: Placement, motion: Floats) -> Placement:
         """The placement after a motion in grain sizes and radians."""
-        d = len(self.down)
+        d = self.grain.gdim
         return placement.moved(self.size * motion[:d], motion[d:])
 
     # Near equilibrium.
@@ -265,14 +284,14 @@ class _Descent:
     def _carrying(self, placement: Placement, touching: Near) -> Near:
         """The contacts that take part in holding the weight."""
         hold = self._grip(placement, touching)
-        _, factors = balance(hold.rows, self._load)
+        _, factors = balance(hold.rows, self.load)
         return touching.only(np.unique(hold.owner[factors > USED]))
 
     def _constraints(self, placement: Placement, carrying: Near) -> Floats:
         """Rows of the forces that the carrying contacts exert; with all tangents where they do not slip."""
         arms = self._arms(placement, carrying)
         hold = grip(carrying.normals, arms, self.friction, self.size)
-        _, factors = balance(hold.rows, self._load)
+        _, factors = balance(hold.rows, self.load)
         used = hold.rows[factors > USED]
         if self.friction == 0.0 or (np.isfinite(self.friction) and len(used) <= len(carrying)):
             return used
@@ -297,7 +316,7 @@ class _Descent:
     def _verified(self, found: Placement, before: Placement) -> _Rest | None:
         """The equilibrium, if it is one that is not above the placement before; at once where it is unstable."""
         near = self._proximity.minima(found, 0.01 * self.size)
-        climb = self._depth(before) - self._depth(found)
+        climb = self._work(found, before)
         if len(near) == 0 or near.gaps.min() < -CLOSED * self.size or climb > TOUCHING * self.size:
             return None
         touching = self._touching(found, near, CLOSED)
@@ -335,7 +354,7 @@ class _Descent:
         round within it.
         """
         carrying = self._touching_at(placement)
-        for _ in range(2 * len(self._load)):
+        for _ in range(2 * len(self.load)):
             pull = self._pull(placement, carrying)
             if len(carrying) == 0 or np.abs(pull).max() <= BALANCED:
                 break
@@ -392,13 +411,13 @@ class _Descent:
         """Gaps [grain sizes] of the carrying contacts, and the part of the weight outside what they can exert."""
         moved = self._proximity.tracked(placement, carrying)
         rows = self._constraints(placement, moved)
-        factors = np.linalg.lstsq(rows.T, self._load, rcond=1e-9)[0]
-        return np.concatenate([moved.gaps / self.size, self._load - factors @ rows])
+        factors = np.linalg.lstsq(rows.T, self.load, rcond=1e-9)[0]
+        return np.concatenate([moved.gaps / self.size, self.load - factors @ rows])
 
     def _derivative(self, placement: Placement, carrying: Near) -> Floats:
         """The derivative of the error by the motion, by central differences."""
         h, columns = 1e-6, []
-        for motion in h * np.eye(len(self._load)):
+        for motion in h * np.eye(len(self.load)):
             ahead, behind = (self._error(self._moved(placement, s * motion), carrying) for s in (1.0, -1.0))
             columns.append((ahead - behind) / (2.0 * h))
         return np.column_stack(columns)
@@ -420,11 +439,13 @@ class _Descent:
             return None
         motions = [s * push * rest.way_down for push in PUSHES for s in (1.0, -1.0)]
         ends = [self._moved_in_contact(rest.placement, rest.carrying, motion) for motion in motions]
-        return max((self._proximity.lowered(end) for end in ends), key=self._depth)
+        return max(
+            (self._proximity.lowered(end) for end in ends), key=lambda end: self._work(rest.placement, end)
+        )
 
     def _stiffness(self, placement: Placement, carrying: Near, free: Floats) -> Floats:
         """Second derivatives (f, f) of the centre's height [grain sizes] by free motions (f, n)."""
-        here, count = self._depth(placement), len(free)
+        count = len(free)
         along = np.zeros((count, count))
         for i in range(count):
             for j in range(i + 1):
@@ -432,7 +453,7 @@ class _Descent:
                 ends = [
                     self._moved_in_contact(placement, carrying, s * PROBE * direction) for s in (1.0, -1.0)
                 ]
-                rise = 2.0 * here - sum(self._depth(end) for end in ends)
+                rise = -sum(self._work(placement, end) for end in ends)
                 along[i, j] = along[j, i] = rise / (PROBE**2 * self.size)
         # The derivative along (a + b)/sqrt(2) is the mean of those along a and b, plus the mixed one.
         pure = np.diag(along)
@@ -453,9 +474,9 @@ class _Descent:
 
     def _falls(self, placement: Placement, carrying: Near, direction: Floats) -> bool:
         """Whether the grain, disturbed one way or the other, gets lower without being in the way of the bed."""
-        here = self._depth(placement)
         ends = (self._moved_in_contact(placement, carrying, s * PROBE * direction) for s in (1.0, -1.0))
-        return any(self._depth(self._proximity.lowered(end)) > here + 1e-11 * self.size for end in ends)
+        lowered = (self._proximity.lowered(end) for end in ends)
+        return any(self._work(placement, end) > 1e-11 * self.size for end in lowered)
 
     # Results.
 

@@ -132,7 +132,7 @@ def _judged(verdict: dict[str, Any]) -> Judged:
         states=states,
         share=share,
         motion=None if motion is None or motion["mode"] == "REST" else _motion(motion),
-        mode=exact["mode"],
+        mode=verdict["mode"] if "rocking" in verdict else exact["mode"],
         safety_factor=math.inf if stored is None else float(stored),
         outcome=f"{paper['row']}: {quoted(paper['wording'])}",
         significant=tuple(paper["significant"]),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -22,6 +22,8 @@ class SafetyBar:
     decisive:  the term without which the range of safety factors would shrink most
     some, every: the smallest and largest multiple of the flow's load with which some load within the bars is held,
                and with which all are; None where there is none
+    frozen:    of a grain that rocks, how much its flow's load may change as it does, relative: low and high are about
+               so far away, and nothing is proved
     unknown:   terms that should be there but could not be computed, and the model of turbulence
     """
 
@@ -35,6 +37,21 @@ class SafetyBar:
     some: Interval | None
     every: Interval | None
     unknown: tuple[str, ...] = ()
+    frozen: float | None = None
+
+    def of_rocking(self, factor: float | None, mode: str, share: float, drift: float) -> SafetyBar:
+        """The bar of a grain that rocks: nothing is proved of the last of its rests, under a load that is frozen.
+
+        Args:
+            factor: the safety factor, None for an infinite one.
+            share: errors of the load, relative.
+            drift: by how much the load may differ where the grain has rocked to, relative.
+        """
+        value, error = math.inf if factor is None else factor, share + drift
+        low, high = value / (1.0 + error), value / (1.0 - error) if error < 1.0 else math.inf
+        return replace(
+            self, value=value, low=low, high=high, certain=False, modes=(mode,), complete=False, frozen=drift
+        )
 
     @property
     def relative(self) -> float:
@@ -57,6 +74,10 @@ class SafetyBar:
             from ..contact.error_box import held_words
 
             between = f"safety factor 0, {held_words(self.some, self.every)}"
+        if self.frozen is not None:
+            between = f"safety factor {self.value:.4g}, about {self.low:.4g} to {self.high:.4g}"
+            said = "likely, but not proved" if self.low > 1.0 or self.high < 1.0 else "NOT certain"
+            return f"{said}: {between}, the flow's load being that in the first pose, off by about {self.frozen:.0%}"
         if not self.certain:
             return f"NOT certain: {between}; to decide, reduce the error of the {self.decisive}"
         if self.unknown:

@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from ..arrays import spatial
 from ..contact import Contacts, Load
 from ..contact.exact import MassAndInertia
+from ..contact.rocking import Rocking, follow
 from ..contact.verdict import judge as judge_load
 from ..geometry.placement import Placement
 from ..geometry.touching import touching
 from ..scene import Body, Scene
 from ..scene.motion import inertia_tensor, mass
+from ..scene.solids import orientation_of
 from .loads import Couples, Forces
+
+ROCKS = "rocks to another rest"  # the mode of a grain that does
+RENEWED = (
+    "that is by the load of the flow past the first pose; past the other it may differ by about {drift:.0%}, which a "
+    "scene with {keys} and settle = false tells"
+)
 
 
 def find_contacts(scene: Scene) -> Contacts:
@@ -51,3 +60,47 @@ def mass_and_inertia(body: Body, placement: Placement | None = None) -> MassAndI
     if body.gdim == 3 and placement is not None:
         inert = placement.rotation @ inert @ placement.rotation.T
     return heavy, inert
+
+
+def followed(scene: Scene, load: Load) -> Rocking | None:
+    """The rests of a scene's grain as the load of the flow grows to this and beyond; None if it has none.
+
+    The first is where the scene has the grain, or close by.
+    """
+    body, contact = scene.body, scene.contact
+    assert body is not None and contact is not None and scene.placement is not None
+    inert = mass_and_inertia(body, scene.placement)
+    return follow(scene.grain, scene.bed_shape, scene.placement, load, contact.friction, inert)
+
+
+def with_rocking(verdict: dict[str, Any], rocking: Rocking) -> dict[str, Any]:
+    """A verdict on a grain that the load moves, which rocks before it leaves its pocket, or in place of that.
+
+    What the judges say of the first pose is kept.
+    """
+    factor = rocking.critical
+    paper = verdict["sentence"].partition("; ")[2]
+    return verdict | {
+        "moves": rocking.leaves,
+        "mode": rocking.mode if rocking.leaves else ROCKS,
+        "sentence": f"{rocking.sentence}; {paper}",
+        "safety_factor": factor if math.isfinite(factor) else None,
+        "safety_status": "ROCKS",
+        "rocking": rocking.to_dict(),
+        "note": RENEWED.format(drift=rocking.drift(rocking.last), keys=standing(rocking.last.placement)),
+    }
+
+
+def standing(placement: Placement) -> str:
+    """The keys of a grain that stands where it is placed, as it is turned there."""
+    if placement.gdim == 2:
+        angle = math.degrees(placement.angle) % 360.0
+        return f"body.x = {placement.centre[0]:.6g} and body.angle = {angle:.6g}"
+    x, y, _ = placement.centre
+    about = ", ".join(f"{angle:.6g}" for angle in orientation_of(placement))
+    return f"body.x = {x:.6g}, body.y = {y:.6g} and body.orientation = [{about}]"
+
+
+def may_rock(verdict: dict[str, Any] | None) -> bool:
+    """Whether the grain is held against its weight, but not against the load: it may find another rest."""
+    return verdict is not None and verdict["moves"] and verdict["safety_status"] in ("AT_ONCE", "CRITICAL")

@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 
 # What a result says of error bars that are still to come; a run that is stopped leaves it so.
 TO_COME = "not computed: the run goes on, or was stopped while they were"
+NO_MORE = (
+    0.01  # by how much the load that a grain rocks under is more than what moves it, and counts as the same
+)
 
 
 def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
@@ -81,6 +84,22 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
     )
 
 
+def with_rests(run: Run, result: Result) -> Result:
+    """A complete result whose verdict says where a grain comes to rest that rocks under the load. Collective."""
+    from ..results.verdict import followed, load_of, may_rock, with_rocking
+
+    if not may_rock(result.verdict) or run.trajectory is not None:
+        return result
+    assert result.verdict is not None and result.force is not None and result.couple is not None
+    run.voice.begin("rests")
+    with run.stage("contact"):
+        first = result.verdict["safety_factor"]
+        rocking = followed(run.scene, load_of(run.scene, result.force, result.couple))
+        if rocking is None or rocking.critical <= first * (1.0 + NO_MORE):
+            return result
+        return replace(result, verdict=with_rocking(result.verdict, rocking), cost=cost(run))
+
+
 def has_error_bars(scene: Scene) -> bool:
     """Whether the result of a scene is to have error bars. Not collective."""
     of = scene.body is not None or scene.has_surface or scene.is_turbulent
@@ -112,9 +131,17 @@ def _error_bars(run: Run, result: Result, solve: Callable[[Scene], Loads]) -> tu
 
     with run.stage("error bars"):
         try:
-            return error_bars(run, result.force, result.couple, solve), ""
+            bars = error_bars(run, result.force, result.couple, solve)
         except IncipientError as error:
             return None, f"not computed: {error}"
+    rocking = (result.verdict or {}).get("rocking")
+    if rocking is None or bars.safety is None:
+        return bars, ""
+    assert result.verdict is not None and result.force is not None and run.scene.grain is not None
+    apart = np.linalg.norm(bars.force) + np.linalg.norm(bars.couple) / run.scene.grain.size
+    share = float(apart / np.linalg.norm(result.force.flow))
+    mode, drift = result.verdict["mode"], rocking["drift"]
+    return replace(bars, safety=bars.safety.of_rocking(rocking["critical"], mode, share, drift)), ""
 
 
 def _omissions(run: Run, result: Result) -> tuple[Omission, ...]:

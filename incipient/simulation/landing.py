@@ -7,7 +7,6 @@ the grain's motion, and weight and buoyancy. Nothing here is collective.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,9 +21,8 @@ from ..geometry.touching import touching
 from ..planning.cells import side_names
 from ..planning.clearance import Clearance
 from ..results.loads import Couples, Forces
-from ..results.verdict import mass_and_inertia
+from ..results.verdict import mass_and_inertia, standing
 from ..scene import Scene
-from ..scene.solids import orientation_of
 
 # Relative to the distance at which the grain has met the bed: how much farther its other contacts may be.
 FARTHER = 1.01
@@ -69,18 +67,8 @@ def _note(state: BodyState) -> str:
     return (
         "no error bar of the safety factor: it is that of the load at one moment, and how that load depends on gap and "
         "time step is not estimated; the load at the end holds the fluid's resistance to the grain's motion; for a "
-        f"grain that has come to rest run a scene with {_standing(state)} in place of centre and motion"
+        f"grain that has come to rest run a scene with {standing(state.placement)} in place of centre and motion"
     )
-
-
-def _standing(state: BodyState) -> str:
-    """The keys of a grain that stands where it is in a state, as it is turned there."""
-    if len(state.place) == 2:
-        angle = math.degrees(float(state.orientation[0])) % 360.0
-        return f"body.x = {state.place[0]:.6g} and body.angle = {angle:.6g}"
-    x, y, _ = state.place
-    about = ", ".join(f"{angle:.6g}" for angle in orientation_of(state.placement))
-    return f"body.x = {x:.6g}, body.y = {y:.6g} and body.orientation = [{about}]"
 
 
 def _missing(scene: Scene) -> str:

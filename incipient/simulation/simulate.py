@@ -15,7 +15,7 @@ from ..interrupt import Interruption, told_where_kept
 from ..progress import Silent
 from ..results.errorbars import Loads
 from ..scene import Scene
-from .assemble import outcome, with_estimates
+from .assemble import outcome, with_estimates, with_rests
 from .beside import Beside
 from .build import prepared
 from .recorder import Recorder, Unrecorded, record_fields
@@ -38,8 +38,11 @@ def simulate(
     voice: Silent | None = None,
     checkpoint: Checkpoint | None = None,
     accounts: Accounts | None = None,
+    follows: bool = True,
 ) -> Result:
     """Run a scene from plan to verdict, from the start or from a checkpoint of it. Collective over `comm`.
+
+    With `follows` a grain that the load moves is followed to where it rests again, if it does.
 
     Raises:
         IncipientError: on all ranks; what was computed before it has been handed to the recorder.
@@ -50,7 +53,7 @@ def simulate(
         prepared(scene, comm, accounts, recorder, voice, checkpoint) as run,
     ):
         _solve(run, recorder, interruption, checkpoint)
-        return finished(run, recorder)
+        return finished(run, recorder, follows)
 
 
 def hand_over(run: Run, recorder: Recorder) -> Path | None:
@@ -63,7 +66,7 @@ def hand_over(run: Run, recorder: Recorder) -> Path | None:
     return recorder.provisional(outcome(run))
 
 
-def finished(run: Run, recorder: Recorder) -> Result:
+def finished(run: Run, recorder: Recorder, follows: bool = True) -> Result:
     """Judge what has been solved, estimate errors, and hand the result over. Collective.
 
     The result is handed over before the errors are estimated, too: that may take as long as the run.
@@ -71,7 +74,7 @@ def finished(run: Run, recorder: Recorder) -> Result:
     Raises:
         Interrupted: meanwhile; where the result without them is kept.
     """
-    result = outcome(run)
+    result = with_rests(run, outcome(run)) if follows else outcome(run)
     if run.scene.numerics.error_bars:
         kept = recorder.provisional(result)
         with told_where_kept(kept, run.comm):
@@ -85,7 +88,7 @@ def finished(run: Run, recorder: Recorder) -> Result:
 def loads_of(scene: Scene, comm: MPI.Comm, speed: float = 1.0) -> Loads:
     """Run a scene for its force and couple at the end; a steady flow may be `speed` times the scene's. Collective."""
     if speed == 1.0:
-        return Loads.of(simulate(scene, comm))
+        return Loads.of(simulate(scene, comm, follows=False))
     with prepared(scene, comm) as run:
         force, couple = loads_at(run, speed)
         return Loads(force.flow, couple.flow)

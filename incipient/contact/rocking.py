@@ -1,0 +1,252 @@
+"""A grain that rocks in its pocket as the flow's load grows: its rest followed from the weight alone upwards.
+
+Contacts that hold a grain against its weight but not against every load (one in the plane, one or two in space) give
+way to any flow. In a stable trough the grain then finds another rest, turned and moved a little. This follows the rest
+under weight + s (flow force, flow couple) from s = 0, with the settling of `geometry.settle`: where contacts hold more
+than the load they have, up to what they hold at most, else in steps in which the grain settles anew. Where no step is
+short enough for a rest close by, the grain leaves its pocket.
+
+The flow's load is frozen: force and couple about the centre of mass are those of the first pose, also for a grain that
+has turned and moved. `drift` says by how much that may be wrong.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from incipient.arrays import spatial
+from incipient.contact.exact import MassAndInertia, judged
+from incipient.contact.model import Load
+from incipient.contact.safety import safety_factor
+from incipient.geometry.contacts import Contacts
+from incipient.geometry.placement import Placement
+from incipient.geometry.plane.bed import Bed
+from incipient.geometry.plane.grain import Grain
+from incipient.geometry.settle import settle_under
+from incipient.geometry.space.solid import Solid
+from incipient.geometry.space.terrain import Terrain
+
+# By how many grain sizes, and radians, a rest may jump and be in the same pocket: with less than half a right angle the
+# same side of the grain is down.
+POCKET, SIDE = 0.3, 0.75
+# Steps of the share a/(1 + a) that the flow's load has in all of it, a in weights.
+FIRST, LONGEST, GROWTH = 0.02, 0.1, 3.0
+SHRINK = 0.005  # of steps from no flow at all
+RESOLVED = 5e-3  # of the factor: how near the critical one is found
+NOTHING = 1e-4  # share that counts as none
+ALL = 0.999  # share that counts as all
+BEYOND = 0.02  # by how much the load that shows the motion is more than critical
+MOST_STEPS, MOST_WAY = 200, 20  # of the load, and of the grain on its way to a rest close by
+
+
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """A rest under the weight and the flow's load at factors from `low` to `high`."""
+
+    low: float
+    high: float
+    placement: Placement
+    contacts: Contacts
+
+
+@dataclass(frozen=True, eq=False)
+class Rocking:
+    """The rests of a grain as the load of the flow, frozen, grows.
+
+    rests:    in the order of factors, the first under the weight alone
+    critical: the largest factor with a rest in the pocket; inf: every one has one
+    mode:     how the grain leaves the last rest, by the exact judge; "rest" if it does not
+    size:     the grain's largest diameter; round: whether turning leaves its shape as it is
+    """
+
+    rests: tuple[Rest, ...]
+    critical: float
+    mode: str
+    size: float
+    round: bool
+
+    @property
+    def leaves(self) -> bool:
+        """Whether the load as it is, at factor one, has no rest in the pocket."""
+        return self.critical < 1.0
+
+    @property
+    def last(self) -> Rest:
+        """The rest at factor one, or the last one before the grain leaves."""
+        return next((rest for rest in self.rests if rest.high >= 1.0), self.rests[-1])
+
+    def turned(self, rest: Rest) -> float:
+        """Angle by which the grain has turned to a rest [radians]."""
+        return float(np.linalg.norm(rest.placement.turn_since(self.rests[0].placement)))
+
+    def moved(self, rest: Rest) -> float:
+        """Distance by which the grain's centre has moved to a rest [length]."""
+        return math.dist(rest.placement.centre, self.rests[0].placement.centre)
+
+    def drift(self, rest: Rest) -> float:
+        """By how much the flow's load may differ there from the frozen one, relative: shift over size, and turn."""
+        return self.moved(rest) / self.size + (0.0 if self.round else self.turned(rest))
+
+    def way(self, rest: Rest) -> str:
+        """How far a rest is from the first, in words."""
+        turned, moved = math.degrees(self.turned(rest)), self.moved(rest) / self.size
+        return f"turned by {turned:.3g} degrees and moved by {moved:.3g} of its size"
+
+    @property
+    def sentence(self) -> str:
+        """What becomes of the grain."""
+        way, factor = self.way(self.last), f"safety factor {self.critical:.4g}"
+        if self.leaves:
+            way = f"begins to move ({self.mode}), having rocked, {way}"
+            return f"the grain {way}, {factor}: with more than that of the flow's load it leaves its pocket"
+        if not math.isfinite(self.critical):
+            factor = "safety factor infinite"
+        return f"the grain rocks to another rest, {way}, {factor}: up to that of the flow's load it keeps to its pocket"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON; an infinite factor is None. The pose is the last one at factors up to one."""
+        place = self.last.placement
+        turn = {"angle": place.angle} if place.quaternion is None else {"quaternion": list(place.quaternion)}
+        return {
+            "critical": self.critical if math.isfinite(self.critical) else None,
+            "leaves": self.leaves,
+            "mode": self.mode,
+            "turned": self.turned(self.last),
+            "moved": self.moved(self.last),
+            "drift": self.drift(self.last),
+            "centre": list(place.centre),
+            **turn,
+            "contacts": len(self.last.contacts),
+        }
+
+
+def follow(
+    grain: Grain | Solid,
+    bed: Bed | Terrain,
+    start: Placement,
+    load: Load,
+    friction: float,
+    mass_and_inertia: MassAndInertia | None = None,
+    resolved: float = RESOLVED,
+) -> Rocking | None:
+    """Follow the rest of a grain from its weight alone until it leaves its pocket; None if it has no rest at `start`.
+
+    `load.centre` is not used: the load acts at the grain's centroid. Without mass and inertia the mode is not known.
+    `resolved` is how near the critical factor is found, relative.
+
+    Raises SceneError if grain and bed are not of one dimension, or friction is not a coefficient.
+    """
+    pocket = _Pocket(grain, bed, load, friction, resolved)
+    first = pocket.rest(0.0, start)
+    if first is None:
+        return None
+    rests = tuple(pocket.rests(first))
+    last = rests[-1]
+    mode = "rest"
+    if math.isfinite(last.high):
+        more = max(last.high * (1.0 + BEYOND), BEYOND * pocket.unit)
+        beyond = pocket.load_at(more, last.placement)
+        mode = judged(beyond, last.contacts, friction, mass_and_inertia).label
+    return Rocking(rests, last.high, mode, grain.size, pocket.round)
+
+
+@dataclass(frozen=True, eq=False)
+class _Pocket:
+    """A grain on its bed, and the load of the flow that grows in proportion."""
+
+    grain: Grain | Solid
+    bed: Bed | Terrain
+    load: Load
+    friction: float
+    resolved: float
+
+    @property
+    def round(self) -> bool:
+        """Whether the grain is a disc or a sphere."""
+        return type(self.grain).__name__ in ("Disc", "Sphere")
+
+    @cached_property
+    def unit(self) -> float:
+        """The factor with which the flow's force, and couple over the size, are as large as the weight."""
+        flow = math.hypot(*self.load.flow_force, *(self.load.flow_couple / self.size))
+        return math.hypot(*self.load.weight) / flow if flow else math.inf
+
+    @cached_property
+    def size(self) -> float:
+        """The grain's largest diameter."""
+        return self.grain.size
+
+    def load_at(self, factor: float, placement: Placement) -> Load:
+        """The load at a factor, on the grain where it is."""
+        flow, couple = factor * self.load.flow_force, factor * self.load.flow_couple
+        return Load(flow, couple, self.load.weight, spatial(placement.centre))
+
+    def rest(self, factor: float, start: Placement) -> Rest | None:
+        """The stable rest in the same pocket as `start` under the load at a factor."""
+        acting = self.load_at(factor, start)
+        force, couple = acting.force, acting.couple
+        if self.grain.gdim == 2:
+            force, couple = force[:2], couple[2:]
+        if not force.any():
+            return None
+        found = settle_under(
+            self.grain, self.bed, start, force, couple, self.friction, 2.0 * POCKET, MOST_WAY
+        )
+        if not found.stable or found.contacts is None or self._far(start, found.placement):
+            return None
+        return Rest(
+            factor, self._held_to(factor, found.placement, found.contacts), found.placement, found.contacts
+        )
+
+    def rests(self, rest: Rest) -> Iterator[Rest]:
+        """The rests from the first one on as the factor grows; the `high` of the last is the critical factor."""
+        # The smallest share at which no rest close by was found, and the step to the next: a short one beyond all
+        # that the contacts hold, since they rarely give way to another rest.
+        lost, step = 1.0, FIRST if self._share(rest.high) <= NOTHING else 0.0
+        for _ in range(MOST_STEPS):
+            share = self._share(rest.high)
+            if share >= ALL:
+                break
+            shortest = self.resolved * share * (1.0 - share) + NOTHING
+            tried = self._tried(share, step, lost, shortest)
+            found = self.rest(self.unit * tried / (1.0 - tried), rest.placement)
+            if found is None:
+                if tried - share <= 1.01 * shortest:
+                    break
+                lost = tried
+                continue
+            yield rest
+            held = self._share(found.high) > tried + shortest
+            step = 0.0 if held else min(GROWTH * (tried - share), LONGEST)
+            rest, lost = found, lost if tried < lost else 1.0
+        none, every = self._share(rest.high) <= 2.0 * NOTHING, self._share(rest.high) >= ALL
+        yield replace(rest, high=0.0 if none else math.inf) if none or every else rest
+
+    def _tried(self, share: float, step: float, lost: float, shortest: float) -> float:
+        """The next share to look for a rest at; not beyond that of the load as it is before that was looked at."""
+        if share <= NOTHING and lost < 1.0:
+            return max(SHRINK * lost, share + shortest)
+        whole, tried = self._share(1.0), max(min(share + step, 0.5 * (share + lost)), share + shortest)
+        return whole if share < whole < tried else tried
+
+    def _share(self, factor: float) -> float:
+        """The flow's part of the load at a factor."""
+        return 1.0 if math.isinf(factor) else factor / (self.unit + factor)
+
+    def _held_to(self, factor: float, placement: Placement, contacts: Contacts) -> float:
+        """The largest factor, not below the one that the contacts hold already, up to which they hold the load."""
+        interval = safety_factor(self.load_at(1.0, placement), contacts, self.friction).interval
+        if interval is None or interval[0] > factor * (1.0 + self.resolved):
+            return factor
+        return max(factor, interval[1])
+
+    def _far(self, before: Placement, after: Placement) -> bool:
+        """Whether the grain has moved or turned too far for its pocket."""
+        turned = 0.0 if self.round else float(np.linalg.norm(after.turn_since(before)))
+        return math.dist(before.centre, after.centre) > POCKET * self.size or turned > SIDE
