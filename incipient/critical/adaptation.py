@@ -56,6 +56,11 @@ class CriticalRefinement(Refinement):
         self._search = search = Search(run)
         found = search.near(self._found[-1]) if self._found else search.from_rest()
         self._found.append(found)
+        if found.rocking is not None:
+            raise SceneError(
+                "numerics.accuracy: the grain rocks before it leaves its pocket, and no error bar of that is known; "
+                "leave it out"
+            )
         if found.is_critical:
             self.speed, self.goal = found.factor, CriticalGoal(found, self.scene.gdim, self.scene.symmetric)
         return search.at_nearest(found.factor)

@@ -19,11 +19,12 @@ from ..contact import Load
 from ..contact.equilibrium import SafetyStatus, safety_factor
 from ..errors import ConvergenceError
 from ..planning.effects import EffectName
-from ..results.verdict import load_of
+from ..results.verdict import followed, load_of
 from ..simulation.steady import loads_at, make_as_fast
 from .loadpath import LoadPath
 
 if TYPE_CHECKING:
+    from ..contact.rocking import Rocking
     from ..results.loads import Couples, Forces
     from ..simulation.state import Run
 
@@ -57,6 +58,7 @@ class Found:
 
     factor:   factor of the critical flow; 0: any flow, or none at all, moves the grain; inf: none that was seen
     between:  factors of flows that it is between, where no steady flow was found nearer to it
+    rocking:  the rests in that flow as its load grows, of a grain that any flow moves and that rests again
     held_to:  factor up to which the grain is held, inf if it always is
     path:     the load as the flow grows
     trials:   flows solved, in that order; unsolved: factors at which no steady flow was found
@@ -70,6 +72,7 @@ class Found:
     unsolved: tuple[float, ...] = ()
     reason: str = ""
     between: tuple[float, float] | None = None
+    rocking: Rocking | None = None
 
     @property
     def low(self) -> float:
@@ -127,12 +130,49 @@ class Search:
         self._solve(slow)
         value, load = self.trials[0].safety_factor, self._load(slow)
         status = safety_factor(load, self._contacts, self._friction).status
+        if status is SafetyStatus.AT_ONCE:
+            found = self._of_rocking(slow)
+            if found is not None:
+                return found
         if value == 0.0:
             held = status is SafetyStatus.AT_ONCE
             return self._ended(0.0, 0.0, "any flow moves the grain" if held else "its weight alone moves it")
         if not inertia:
             return self._ended(slow * value, slow * value, "the load grows in proportion")
         return self._upwards(slow)
+
+    def _of_rocking(self, slow: float) -> Found | None:
+        """The flow in which a grain leaves its pocket that rocks in slower ones; None if it does not rock.
+
+        Every flow solved says by the load of what shape, growing from nothing, the grain leaves. How that goes with
+        the flow is taken from the last two.
+        """
+        rocking, factor, power = self._rocking(slow), slow, 1.0
+        if rocking is None or rocking.critical == 0.0:
+            return None
+        largest = max(LARGEST / self._reynolds, MOST_FASTER)
+        while np.isfinite(rocking.critical) and len(self.trials) < MOST_FLOWS:
+            goal = factor * rocking.critical ** (1.0 / power)
+            if not self.run.plan.has(EffectName.INERTIA) or self._is_near(goal):
+                return replace(self._ended(goal, goal, ""), rocking=rocking)
+            following = min(goal, FIRST / self._reynolds if factor == slow else GROWTH * factor)
+            if following > largest or not self._try(following):
+                break
+            before, at = rocking.critical, factor
+            rocking, factor = self._rocking(following), following
+            if rocking is None or rocking.critical == 0.0:
+                break
+            power = float(np.clip(np.log(before / rocking.critical) / np.log(factor / at), 1.0, 3.0))
+        reason = "the grain rocks from rest to rest in all flows looked at"
+        return replace(self._ended(np.inf, factor, reason), rocking=rocking)
+
+    def _rocking(self, factor: float) -> Rocking | None:
+        """The rests in a flow solved as its load grows; the trial tells of them."""
+        found = followed(self.run.scene, self._load(factor))
+        if found is not None:
+            self.trials[-1] = Trial(factor, found.critical)
+            self.run.voice.say(f"flow x {factor:.6g}: rocks, safety factor {found.critical:.6g}")
+        return found
 
     def _from_slowest(self) -> Found:
         """Search from the slowest flow upwards in which the law of the wall is for the grain: none below is known."""

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..arrays import spatial
+from ..contact import Contacts, Load
 from ..errors import IncipientError, SceneError
 from ..interrupt import told_where_kept
 from ..planning.stream import bed_stress
@@ -26,7 +28,6 @@ from ..simulation.assemble import TO_COME, cost
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from ..contact import Contacts, Load
     from ..contact.verdict import Verdict
     from ..results.adaptation import Adaptation
     from ..simulation.state import Run
@@ -41,6 +42,10 @@ SHIELDS = "tau_b/((rho_s - rho_f) g d), d = {size:g}: the largest diameter of th
 NOMINAL = "{shields:.4g} with its nominal diameter {size:.4g}, that of the {what}"
 ROUND = "the nominal one is the same"
 TURBULENT = "in the mean of a turbulent flow over one grain{plane}, tau_b by the law of the wall; gusts move it sooner"
+ROCKED = (
+    "before it leaves it rocks, {way}; by the load of the flow past its first pose, off by about {drift:.0%}"
+)
+OF_ROCKING = "not computed: the grain rocks before it leaves, under a load that is that of the flow past its first pose"
 LAMINAR = "in laminar {flow} over one grain{plane}: not a point of Shields' curve, which is of turbulent flow"
 
 
@@ -225,6 +230,8 @@ def find_threshold(
             threshold = replace(threshold, adaptation=adaptation)
         if not (found.is_critical and run.scene.numerics.error_bars):
             return threshold
+        if found.rocking is not None:
+            return replace(threshold, without_bars=OF_ROCKING)
         kept = keep(replace(threshold, without_bars=TO_COME))
         with told_where_kept(kept, comm):
             return _with_bars(threshold, run, search, found)
@@ -271,8 +278,8 @@ def _require(scene: Scene) -> None:
 
 def _threshold(run: Run, found: Found) -> Threshold:
     """The threshold without error bars. Collective."""
-    scene, load, nominal = run.scene, found.load, nominal_diameter(run.scene.grain)
-    critical = _judged(run, load)
+    scene, load, nominal = run.scene, _load_at(found), nominal_diameter(run.scene.grain)
+    critical = _judged(run, found, load)
     stress = found.factor * bed_stress(scene, found.factor)
     return Threshold(
         factor=found.factor,
@@ -288,7 +295,7 @@ def _threshold(run: Run, found: Found) -> Threshold:
         mode=_mode(run, found),
         load=load,
         contact_forces=critical.equilibrium.safety.contact_forces,
-        contacts=found.path.contacts,
+        contacts=_contacts_at(run, found),
         verdict=critical.to_dict(),
         trials=found.trials,
         unsolved=found.unsolved,
@@ -332,6 +339,9 @@ def _notes(scene: Scene, found: Found) -> tuple[str, ...]:
     notes = [_shields_note(scene, found), told.format(flow=f"{scene.flow.kind} flow", plane=plane)]
     if turbulent := transition(scene, numbers_of(scene), found.factor):
         notes.append(turbulent.text(" at the threshold"))
+    if found.rocking is not None:
+        rocking, last = found.rocking, found.rocking.rests[-1]
+        notes.append(ROCKED.format(way=rocking.way(last), drift=rocking.drift(last)))
     if found.between is not None:
         low, high = found.between
         notes.append(f"interpolated between {low:.4g} and {high:.4g} times the flow: {found.reason}")
@@ -353,16 +363,31 @@ def _mode(run: Run, found: Found) -> str:
     """How the grain begins to move when the flow is a little faster than critical."""
     if not np.isfinite(found.factor):
         return "rest"
+    if found.rocking is not None:
+        return found.rocking.mode
     load = found.path.load(found.factor * (1.0 + BEYOND)) if found.factor else found.load
-    return _judged(run, load).equilibrium.label
+    return _judged(run, found, load).equilibrium.label
 
 
-def _judged(run: Run, load: Load) -> Verdict:
+def _load_at(found: Found) -> Load:
+    """The load at the threshold, of a grain that rocks where it has rocked to."""
+    if found.rocking is None:
+        return found.load
+    centre = spatial(found.rocking.rests[-1].placement.centre)
+    return Load(found.load.flow_force, found.load.flow_couple, found.load.weight, centre)
+
+
+def _contacts_at(run: Run, found: Found) -> Contacts:
+    assert run.contacts is not None
+    return run.contacts if found.rocking is None else found.rocking.rests[-1].contacts
+
+
+def _judged(run: Run, found: Found, load: Load) -> Verdict:
     from ..contact.verdict import judge
     from ..results.verdict import mass_and_inertia
 
-    scene, contacts = run.scene, run.contacts
-    assert scene.body is not None and scene.contact is not None and contacts is not None
+    scene, contacts = run.scene, _contacts_at(run, found)
+    assert scene.body is not None and scene.contact is not None
     return judge(load, contacts, scene.contact.friction, mass_and_inertia(scene.body, scene.placement))
 
 
