@@ -324,6 +324,11 @@ def _require_left_by(directory: Path, names: Sequence[str], comm: MPI.Comm) -> N
 def _show(options: argparse.Namespace, comm: MPI.Comm) -> int:
     from .parallel import collectively
 
+    if options.directory.suffix == ".toml":
+        why = "is a scene and no results"
+        raise SceneError(
+            f"{options.directory}: {why}; run it, then give the directory that the run was written to"
+        )
     if options.directory.is_file():
         return sweep_command.show(options, comm)
     sweep_command.refuse_options_of_show(options)
@@ -365,6 +370,8 @@ def _new(options: argparse.Namespace, comm: MPI.Comm) -> int:
     from .scene import example
 
     path = Path(options.name.removesuffix(".toml") + ".toml")
+    if path.name == ".toml" or not options.name.strip():
+        raise SceneError(f'"{options.name}" is no name of a scene; give one, as in incipient new grain')
     with collectively(comm):
         if comm.rank == 0:
             if path.exists():

@@ -13,7 +13,7 @@ from math import hypot
 
 import numpy as np
 
-from ..arrays import quarter_turned
+from ..arrays import quarter_turned, unit
 from .mesh import QuadraticMesh, triangles_of
 
 _CELLS_ACROSS = 400
@@ -116,8 +116,8 @@ def _neighbours(line: np.ndarray, apart: float) -> np.ndarray:
     """Places on both sides of a line, a little more than the separation away."""
     if len(line) < 2:
         return np.empty((0, 2))
-    along = np.gradient(line, axis=0)
-    across = quarter_turned(along) * (1.05 * apart / np.linalg.norm(along, axis=1))[:, None]
+    # A line that swings to and fro where streams meet goes nowhere: beside it is where it is.
+    across = 1.05 * apart * quarter_turned(unit(np.gradient(line, axis=0)))
     every = max(1, int(apart / _STEP / 2))
     return np.concatenate([line[::every] + across[::every], line[::every] - across[::every]])
 

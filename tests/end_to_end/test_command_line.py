@@ -273,6 +273,13 @@ BAD_COMMANDS = [
     (["plan", "nowhere.toml"], 2, "nowhere.toml: cannot be read"),
     (["show", "nowhere"], 2, "nowhere: there is no such directory; give the directory that a run was"),
     (["show", "."], 2, ".: is not the directory of a run; give the directory that a run was written to"),
+    (
+        ["show", CAVITY],
+        2,
+        "is a scene and no results; run it, then give the directory that the run was written to",
+    ),
+    (["new", ""], 2, '"" is no name of a scene; give one'),
+    (["new", "made/.toml"], 2, '"made/.toml" is no name of a scene; give one'),
     (["resume", "."], 2, ".: is not the directory of a run; give the directory that a run was written to"),
     (["run", CAVITY, "--out", ""], 2, "argument --out: the name is empty; give the name of a directory"),
     (["judge", "x.toml", "--out", " "], 2, "argument --out: the name is empty; give the name of"),

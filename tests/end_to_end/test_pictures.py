@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+import warnings
 from itertools import pairwise
 from pathlib import Path
 
@@ -22,7 +23,7 @@ from incipient.pictures import draw, flow, grain, style
 from incipient.pictures.apart import draw_apart
 from incipient.pictures.mesh import QuadraticMesh, enclosed_area
 from incipient.pictures.record import read
-from incipient.pictures.streamlines import sample, streamlines
+from incipient.pictures.streamlines import Sampled, sample, streamlines
 from incipient.pictures.surface import Surface
 
 RADIUS, SIDE = 1.0, 8.0
@@ -285,6 +286,16 @@ def test_quadratic_fields_are_evaluated_exactly():
     found = mesh.evaluated(field(mesh.points), points)
     assert np.allclose(found[:3], field(points[:3]), atol=1e-12)
     assert np.isnan(found[3])
+
+
+def test_streamlines_end_where_streams_meet():
+    """A line swings there between two places: its neighbours are at one place, its slope is 0 over 0."""
+    velocity = np.zeros((40, 40, 2))
+    velocity[:, :20, 0], velocity[:, 20:, 0] = 1.0, -1.0
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        lines = streamlines(Sampled(np.zeros(2), 1.0, velocity), 4.0)
+    assert len(lines) > 8 and all(np.isfinite(line).all() for line in lines)
 
 
 def test_streamlines_of_a_rotation_are_circles_run_anticlockwise():
