@@ -1,10 +1,11 @@
 """Geometry in, gmsh mesh and tags out."""
 
-from .region import Away, Grid, Near, Region, SizeField, Sizes, SolidGrid
+from .region import Away, BoxGrid, Grid, Near, Region, SizeField, Sizes, SolidGrid
 from .solid_region import PlacedSolid, Resolved, SolidFrame, SolidRegion
 
 __all__ = [
     "Away",
+    "BoxGrid",
     "Grid",
     "Near",
     "PlacedSolid",

@@ -5,7 +5,7 @@ import numpy as np
 from incipient.arrays import Floats, planar_cross
 
 from .exact import Body, Ground
-from .region import Grid, Near, Region, Sizes, SolidGrid
+from .region import BoxGrid, Grid, Near, Region, Sizes, SolidGrid
 from .solid_region import SolidFrame, SolidRegion
 from .solid_sizes import BOX, CORNERS, SizeMap, boxes
 
@@ -16,7 +16,9 @@ MOST_COUNTED = 50_000  # boxes from which the number of tetrahedra is told: with
 PARTS = 50  # of a boundary along which sizes grow
 
 
-def expected_cells(shape: Region | Grid | SolidRegion | SolidGrid, sizes: Sizes) -> dict[str, float]:
+def expected_cells(
+    shape: Region | Grid | SolidRegion | SolidGrid | BoxGrid, sizes: Sizes
+) -> dict[str, float]:
     """About how many cells each part of the sizes asks for, by name: the sum is that of all.
 
     The sizes grow with the distance from boundaries and points, so that their integrals are known.
@@ -25,6 +27,8 @@ def expected_cells(shape: Region | Grid | SolidRegion | SolidGrid, sizes: Sizes)
         return _expected_tetrahedra(shape, sizes)
     if isinstance(shape, SolidGrid):
         return {"domain": 6.0 * shape.grid.columns * shape.grid.rows * shape.layers}
+    if isinstance(shape, BoxGrid):
+        return {"domain": float(shape.cells)}
     if isinstance(shape, Grid):
         return {"domain": 2.0 * shape.columns * shape.rows}
     left, right = shape.bottom[0].start, shape.bottom[-1].end

@@ -173,3 +173,24 @@ class SolidGrid:
     def layers(self) -> int:
         """How many there are."""
         return len(self.ends)
+
+
+@dataclass(frozen=True)
+class BoxGrid:
+    """A box in space cut into graded cells, each into six tetrahedra.
+
+    extents: the least and the largest x, y and z
+    ends:    where the cells along each of the three axes end, as ascending parts of the extent, the last of them one
+    sides:   names of the boundaries at the least and the largest x, y and z; names may occur twice
+    half:    the least y is a plane of symmetry, in the middle of the whole box
+    """
+
+    extents: tuple[Point, Point, Point]
+    ends: tuple[tuple[float, ...], ...]
+    sides: tuple[str, str, str, str, str, str]
+    half: bool = False
+
+    @property
+    def cells(self) -> int:
+        """How many tetrahedra there are."""
+        return 6 * len(self.ends[0]) * len(self.ends[1]) * len(self.ends[2])

@@ -5,7 +5,7 @@ Each source of error is a term of its own:
 - discretisation: steady flow by the dual-weighted residual (`dual`), or from two orders where both are at hand, with
   turbulence by the same run on two coarser meshes; flow in time, or a moving grain, by the same run in longer steps,
   and by one in elements of one order more, with turbulence on a coarser mesh, as well: what is the step's, and the
-  mesh's;
+  mesh's; steady velocities in a lid-driven box by the same run on two coarser meshes;
 - gap: a grain at rest on a bed is computed with a gap. Coarse runs with one, two and four times the gap show
   how force and couple go with it, and what closing it would change. Where the space next to contacts is closed, a
   coarse run in which it is closed four times as widely shows what that changes;
@@ -31,8 +31,9 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import ConvergenceError, IncipientError
+from ..planning.cells import coarsest_grid
 from ..planning.turbulence import coarsest
-from ..results.errorbars import ErrorBars, Loads, Term
+from ..results.errorbars import ErrorBars, Loads, Term, centreline_velocities
 from ..results.loads import Couples, Forces
 from ..scene import Contact, Scene
 from ..scene.datum import effective_height, height_of_datum, starts_at_effective_height
@@ -68,6 +69,7 @@ CLOSED_WIDER = 4.0  # how much wider the space next to contacts is that is close
 ORDERS = (0.3, 2.0)  # between which the order in the gap is believed
 # Of runs with turbulence on coarser meshes: the order at which their errors are taken to fall at least, and at most.
 SLOWEST, FASTEST = 1.0, 2.0
+OF_DRIVEN_BOXES = 2.0  # the order of velocities in a driven box (docs/space.md)
 NOT_COARSER = (
     "coarser meshes have as few rows or columns of cells: use numerics.mesh_size = {finer:g} or less"
 )
@@ -101,6 +103,8 @@ def error_terms(
         found.add("discretisation", partial(by_coarser_mesh, scene, computed))
         if is_coarse(scene):
             run.accounts.known.loads[coarse(scene).model_dump_json()] = computed
+    elif scene.time is None and scene.has_centrelines:
+        found.add("discretisation", partial(on_centrelines, scene, _computed(run, force, couple)))
     elif scene.time is None:
         of_mesh = _dual if run.fluid.coarse is None else _by_surplus
         found.add("discretisation", lambda _: of_mesh(run, speed))
@@ -142,8 +146,11 @@ def _computed(run: Run, force: Forces | None, couple: Couples | None) -> Loads:
     if run.trajectory is not None:
         state = run.trajectory.state
         place = np.concatenate([state.place, state.orientation])
+    from ..mesh.sampling import centrelines
+
     walls = None if run.turbulence is None or force is not None else run.turbulence.report(run.fluid)
-    return Loads.at_the_end(force, couple, place, run.elevations, walls)
+    lines = centreline_velocities(centrelines(run.scene, run.fluid))
+    return replace(Loads.at_the_end(force, couple, place, run.elevations, walls), centreline=lines)
 
 
 def _dual(run: Run, speed: float) -> Term:
@@ -226,6 +233,8 @@ def coarse_scenes(scene: Scene) -> list[Scene]:
             by_coarser_runs(scene, nothing, note)
         elif scene.is_turbulent:
             by_coarser_mesh(scene, nothing, note)
+        elif scene.has_centrelines:
+            on_centrelines(scene, nothing, note)
     for estimate in of_the_model(scene).values():
         estimate(note)
     if (wider := on_more_bed(scene)) is not None:
@@ -257,6 +266,26 @@ def by_coarser_mesh(scene: Scene, computed: Loads, solve: Solve) -> Term:
     in_coarser, in_coarsest = solve(coarser), solve(on_coarser_mesh(coarser))
     near = Term.of_difference("discretisation", computed, in_coarser, share, how)
     far = Term.of_difference("discretisation", in_coarser, in_coarsest, share / COARSER_MESH**FASTEST, how)
+    return near.at_least(far)
+
+
+def on_centrelines(scene: Scene, computed: Loads, solve: Solve) -> Term:
+    """The term of the velocities on the centrelines of a lid-driven box: by runs on two coarser meshes.
+
+    Whatever the velocity's order they are taken to converge at order 2: at the ends of the lid the flow is singular.
+    Two meshes may agree by chance: what the coarser two differ by, fallen at that order, is not gone below.
+
+    Raises:
+        ConvergenceError: the coarser meshes have as few rows or columns of cells.
+    """
+    if scene.numerics.mesh_size > (most := coarsest_grid(scene) / COARSER_MESH**2 * (1.0 + 1e-9)):
+        raise ConvergenceError(NOT_COARSER.format(finer=math.floor(100.0 * most) / 100.0))
+    fall = COARSER_MESH**OF_DRIVEN_BOXES
+    how = f"runs on meshes x {COARSER_MESH:.3g} and {COARSER_MESH**2:.3g}, extrapolated at order {OF_DRIVEN_BOXES:g}"
+    coarser = on_coarser_mesh(scene)
+    in_coarser, in_coarsest = solve(coarser), solve(on_coarser_mesh(coarser))
+    near = Term.of_difference("discretisation", computed, in_coarser, 1.0 / (fall - 1.0), how)
+    far = Term.of_difference("discretisation", in_coarser, in_coarsest, 1.0 / (fall - 1.0) / fall, how)
     return near.at_least(far)
 
 

@@ -232,7 +232,8 @@ def predict(known: KnownLaws, estimate: Estimate) -> Prediction | str:
         coarser = on_coarser_mesh(end.scene)
         wanted = [one for one in wanted if one not in (coarser, on_coarser_mesh(coarser))]
     runs = [run.size for run in (*path, *beside, *map(_counted, wanted))]
-    has_duals = scene.time is None and not scene.is_turbulent and (bars or last is not None)
+    of_loads = scene.time is None and scene.body is not None and not scene.is_turbulent
+    has_duals = of_loads and (bars or last is not None)
     duals = [run.of_dual for run in path] if has_duals else []
     cpu = known.mean(lambda one: one.time.seconds(runs, duals))
     memory = known.mean(lambda one: one.memory) * drawing.memory(end.unknowns, *duals[-1:])

@@ -28,6 +28,7 @@ SETTLED = 0.75  # of the time after which flow from a steady inflow is taken to 
 TIMES = 16  # in the time of a run, at which elevations are compared
 WALLS = {"outflow_shear_velocity": "u* at the outflow", "mean_shear_velocity": "mean u*"}
 LINES = {"u_min": "minimum of v1", "v_max": "maximum of v2", "v_min": "minimum of v2"}
+LINES_IN_SPACE = {"u_min": "minimum of v1", "w_max": "maximum of v3", "w_min": "minimum of v3"}
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,11 @@ def columns(scene: Scene) -> tuple[str, ...]:
     """Names of the numbers that a scene's runs are compared by."""
     if scene.body is None:
         lines = (
-            (*LINES,) if _has_centrelines(scene) else (*WALLS,) if scene.is_turbulent else ("kinetic_energy",)
+            (*_lines(scene),)
+            if scene.has_centrelines
+            else (*WALLS,)
+            if scene.is_turbulent
+            else ("kinetic_energy",)
         )
         return _elevations(scene) or lines
     if scene.body.moves:
@@ -90,8 +95,8 @@ def goals(scene: Scene, reference: Mapping[str, float]) -> tuple[Goal, ...]:
 # -- what a run says ----------------------------------------------------------------------------------------
 
 
-def _has_centrelines(scene: Scene) -> bool:
-    return scene.flow.kind == "lid"
+def _lines(scene: Scene) -> dict[str, str]:
+    return LINES if scene.gdim == 2 else LINES_IN_SPACE
 
 
 def _elevations(scene: Scene) -> tuple[str, ...]:
@@ -117,8 +122,8 @@ def _of_surface(scene: Scene, history: Sequence[Mapping[str, Any]]) -> dict[str,
 
 
 def _of_flow(scene: Scene, result: Result) -> dict[str, float]:
-    if _has_centrelines(scene) and result.centrelines is not None:
-        return {name: result.centrelines[key].value for name, key in LINES.items()}
+    if result.centrelines is not None:
+        return {name: result.centrelines[key].value for name, key in _lines(scene).items()}
     if result.turbulence is not None:
         return dict(zip(WALLS, result.turbulence.shear_velocities.tolist(), strict=True))
     return {"kinetic_energy": _kinetic_energy(result.velocity)}
@@ -190,7 +195,9 @@ def _single(name: str, reference: Mapping[str, float], scene: Scene) -> Goal:
     from ..planning.turbulence import is_plane
 
     of_walls = (*WALLS,)[0 if is_plane(scene) else 1]
-    said = OF_WALLS if name == of_walls else (LINES | WALLS).get(name, name.replace("_", " "))
+    said = (
+        OF_WALLS if name == of_walls else (LINES | LINES_IN_SPACE | WALLS).get(name, name.replace("_", " "))
+    )
     return Goal(said, (name,), abs(reference[name]), name == of_walls or name not in WALLS)
 
 

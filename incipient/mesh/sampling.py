@@ -67,16 +67,24 @@ def cells_between(mesh: Any, start: Sequence[float], end: Sequence[float]) -> in
 
 
 def centrelines(scene: Scene, fluid: Fluid) -> dict[str, Extremum] | None:
-    """Extrema of the velocity on the centrelines of a lid-driven box without a grain. Collective."""
-    domain = scene.domain
-    if scene.flow.kind != "lid" or scene.body is not None:
+    """Extrema of the velocity on the centrelines of a lid-driven box without a grain. Collective.
+
+    Along the upright one it is the first component, along the level one in the lid's direction the upward one.
+    """
+    domain, up = scene.domain, scene.up
+    if not scene.has_centrelines:
         return None
-    x, y = domain.left + domain.length / 2, domain.bottom + domain.height / 2
-    velocity = fluid.velocity
-    upright = (lambda s: np.column_stack([np.full_like(s, x), s])), (domain.bottom, domain.ceiling)
-    level = (lambda s: np.column_stack([s, np.full_like(s, y)])), (domain.left, domain.right)
+    centre = np.array([*domain.entrance[:-1], domain.bottom + 0.5 * domain.height])
+    centre[0] += 0.5 * domain.length
+
+    def along(axis: int) -> Callable[[np.ndarray], np.ndarray]:
+        direction = np.eye(scene.gdim)[axis]
+        return lambda s: centre + (s - centre[axis])[:, None] * direction
+
+    upright, level = (domain.bottom, domain.ceiling), (domain.left, domain.right)
+    upward = f"v{up + 1}"
     return {
-        "minimum of v1": extremum(velocity, 0, *upright, sign=-1),
-        "maximum of v2": extremum(velocity, 1, *level, sign=1),
-        "minimum of v2": extremum(velocity, 1, *level, sign=-1),
+        "minimum of v1": extremum(fluid.velocity, 0, along(up), upright, sign=-1),
+        f"maximum of {upward}": extremum(fluid.velocity, up, along(0), level, sign=1),
+        f"minimum of {upward}": extremum(fluid.velocity, up, along(0), level, sign=-1),
     }

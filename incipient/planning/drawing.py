@@ -10,9 +10,9 @@ from ..arrays import Point
 from ..geometry.placement import Placement
 from ..geometry.plane.curves import Curve, Line
 from ..installed import memory_of_libraries
-from ..meshes import Away, Grid, Near, Region, Sizes, SolidGrid, SolidRegion
+from ..meshes import Away, BoxGrid, Grid, Near, Region, Sizes, SolidGrid, SolidRegion
 from ..scene import Scene
-from .cells import CLOSED, FAR_CELL, corners, is_grid, largest_cell, side_names
+from .cells import CLOSED, FAR_CELL, FEWEST, corners, largest_cell, side_names
 from .clearance import ceiling, surroundings
 from .drawing_in_space import count_in_space, lay_out_in_space
 from .effects import EffectName, moves
@@ -44,7 +44,7 @@ def lay_out(scene: Scene, plan: Plan, moved: Placement | None = None) -> Layout:
             return Layout(channel, Sizes(1.0), plan.geometry_order, max_cells=most)
     if scene.gdim == 3:
         return lay_out_in_space(scene, plan, moved)
-    if is_grid(scene):
+    if scene.is_empty_box:
         return Layout(_grid(scene, plan), Sizes(1.0), plan.geometry_order, max_cells=most)
     if scene.closes_contacts and moved is None:
         return _lay_out_closed(scene, plan)
@@ -143,7 +143,7 @@ def _gap_points(scene: Scene, plan: Plan, ends: tuple[Point, Point]) -> tuple[Po
 
 def _grid(scene: Scene, plan: Plan) -> Grid:
     domain, cell = scene.domain, plan.mesh_size * largest_cell(scene)
-    columns, rows = (max(4, round(side / cell)) for side in (domain.length, domain.height))
+    columns, rows = (max(FEWEST[2], round(side / cell)) for side in (domain.length, domain.height))
     return Grid(
         (domain.left, domain.bottom), domain.length, domain.height, columns, rows, sides=side_names(scene)
     )
@@ -158,7 +158,7 @@ def count(
     solver: of the linear systems, a name in `fluid.solvers.SOLVERS`
     wider:  of a run for the error bars that is made while the flow is kept; in space
     """
-    if isinstance(layout.shape, SolidRegion | SolidGrid):
+    if isinstance(layout.shape, SolidRegion | SolidGrid | BoxGrid):
         return count_in_space(layout, order, dual, solver, wider)
     with layout.drawing() as model:
         _, tags, nodes = model.mesh.getElements(2)

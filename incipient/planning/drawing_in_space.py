@@ -11,9 +11,10 @@ from ..geometry.space.cylinder import Cylinder
 from ..geometry.space.polyhedra import Box
 from ..geometry.space.terrain import Plane, Terrain
 from ..installed import memory_of_libraries
-from ..meshes import Away, Near, PlacedSolid, Sizes, SolidGrid, SolidRegion
+from ..meshes import Away, BoxGrid, Near, PlacedSolid, Sizes, SolidGrid, SolidRegion
+from ..meshes.solid_region import SYMMETRY
 from ..scene import Scene
-from .cells import largest_cell_in_space, side_names
+from .cells import FEWEST, largest_cell, largest_cell_in_space, layer_ends, side_names
 from .clearance import ceiling, surroundings
 from .effects import moves
 from .layout import Layout, Place, halved, placed, point
@@ -28,11 +29,14 @@ GAP_CELL = {2: 0.8, 3: 1.5, 4: 1.8}  # of the gap between grain and bed, and of 
 EDGE_CELL = 0.5  # of the grain's cells, at sharp edges
 GROWTH, GAP_GROWTH = 0.3, 0.22  # of cell sizes with distance
 BED_GROWTH = 0.15  # along a bed away from the grain, see `drawing`
+GRID_GRADING = 0.2  # of the cells of an empty box, at walls over those in the middle
 BED_LARGEST = 0.6  # of the bed's smallest feature, whatever mesh_size: larger cells do not follow its surface
 # Bytes per n^(4/3) of n unknowns of sparse factors; per unknown of the solver by blocks, of a higher order that is
 # corrected by two levels without a matrix, and, of order two, of a flow on the mesh moved; fitted (docs/space.md).
 OF_FACTORS, OF_BLOCKS, OF_CORRECTIONS, OF_MOVED = 450.0, 3000.0, 900.0, 1600.0
 DENSER = 1600.0  # bytes per unknown by which matrices of order three, by blocks, are denser
+# Factors of higher orders over those of order two, by measured peaks of a lid-driven cube (docs/space.md).
+FULLER = {2: 1.0, 3: 1.33, 4: 1.65}
 OF_EDDIES = (
     2500.0  # bytes per unknown of the flow by k and epsilon, and what solves them and the flow with them
 )
@@ -43,6 +47,9 @@ OF_SURFACE, OF_RISING, OF_START = 14.0, 350.0, 900.0
 
 def lay_out_in_space(scene: Scene, plan: Plan, moved: Placement | None = None) -> Layout:
     """Place the grain, where the scene has it or where it has `moved`, and decide cell sizes. Not collective."""
+    if scene.is_empty_box:
+        grid = box_grid(scene, plan.mesh_size * largest_cell(scene))
+        return Layout(grid, Sizes(1.0), plan.geometry_order, max_cells=scene.numerics.max_cells)
     resting, placement, gap, ends = placed(scene) if moved is None else (moved, moved, np.inf, None)
     moving = moves(scene)
     if moving and placement is not None:
@@ -54,6 +61,21 @@ def lay_out_in_space(scene: Scene, plan: Plan, moved: Placement | None = None) -
     most = scene.numerics.max_cells
     sizes = sizes.scaled(plan.mesh_size)
     return Layout(region, sizes, plan.geometry_order, resting, placement, gap, ends, most)
+
+
+def box_grid(scene: Scene, cell: float) -> BoxGrid:
+    """The grid of an empty box with cells of a size on average, finer next to its walls; half of it if symmetric."""
+    domain, half, sides = scene.domain, scene.symmetric, side_names(scene)
+    across = (domain.middle, domain.across[1]) if half else domain.across
+    extents = ((domain.left, domain.right), across, (domain.bottom, domain.ceiling))
+    counts = [max(FEWEST[3], round((high - low) / cell)) for low, high in extents]
+    gradings = (GRID_GRADING, GRID_GRADING if scene.sides == "wall" else 1.0, GRID_GRADING)
+    ends = (
+        layer_ends(n, grading, half and axis == 1)
+        for axis, (n, grading) in enumerate(zip(counts, gradings, strict=True))
+    )
+    names = (sides[3], sides[1], SYMMETRY if half else "right", "left", sides[0], sides[2])
+    return BoxGrid(extents, (*ends,), names, half)
 
 
 def _region(scene: Scene, placement: Placement | None, moving: bool) -> SolidRegion:
@@ -128,7 +150,7 @@ def count_in_space(
 
 def _counted(layout: Layout) -> tuple[int, Callable[[int], int]]:
     """Cells of the layout's mesh, and unknowns on it by order of the velocity, by making it."""
-    assert isinstance(layout.shape, SolidRegion | SolidGrid)
+    assert isinstance(layout.shape, SolidRegion | SolidGrid | BoxGrid)
     with layout.drawing() as model:
         _, tags, nodes = model.mesh.getElements(3)
         cells = sum(len(t) for t in tags)
@@ -143,9 +165,9 @@ def _counted(layout: Layout) -> tuple[int, Callable[[int], int]]:
     return cells, lambda k: 3 * lagrange(k, *numbers) + lagrange(k - 1, *numbers)
 
 
-def euler_number(region: SolidRegion | SolidGrid) -> int:
+def euler_number(region: SolidRegion | SolidGrid | BoxGrid) -> int:
     """Euler's number of a region: a whole grain is a cavity, half a grain a dent, a cylinder a tunnel."""
-    if isinstance(region, SolidGrid):
+    if isinstance(region, SolidGrid | BoxGrid):
         return 1
     across = sum(isinstance(hole.solid, Cylinder) for hole in region.holes.values())
     return 1 - across + (0 if region.symmetric else len(region.holes) - across)
@@ -164,7 +186,11 @@ def memory_in_space(solver: str, unknowns: Callable[[int], int], order: int, dua
     takes memory in proportion to n; both were fitted to measured peaks. `unknowns` counts those of any order.
     """
     if solver == "direct":
-        size = OF_FACTORS * sum(unknowns(k) ** (4.0 / 3.0) for k in range(order, order + 1 + dual))
+        size = (
+            OF_FACTORS
+            * FULLER[order]
+            * sum(unknowns(k) ** (4.0 / 3.0) for k in range(order, order + 1 + dual))
+        )
     elif solver == "two-level":
         of_two = OF_BLOCKS + OF_MOVED * dual
         size = of_two * unknowns(LOWEST_ORDER) + OF_CORRECTIONS * unknowns(order)

@@ -15,7 +15,7 @@ from ..geometry.placement import Placement
 from ..geometry.plane.closing import Closing, closing
 from ..geometry.rest import clearance, lifted
 from ..installed import required
-from ..meshes import Grid, Region, Sizes, SolidGrid, SolidRegion
+from ..meshes import BoxGrid, Grid, Region, Sizes, SolidGrid, SolidRegion
 from ..scene import Scene
 
 MANY_CELLS = 50_000  # expected, from which it is said that a mesh takes long
@@ -34,7 +34,7 @@ class Layout:
     max_cells: triangles, in space tetrahedra, expected above which no mesh is made
     """
 
-    shape: Region | Grid | SolidRegion | SolidGrid
+    shape: Region | Grid | SolidRegion | SolidGrid | BoxGrid
     sizes: Sizes
     geometry_order: int
     resting: Placement | None = None
@@ -58,6 +58,11 @@ class Layout:
                 from ..meshes.solid_model import solid_model
 
             return solid_model(self.shape, self.sizes, self.geometry_order)
+        if isinstance(self.shape, BoxGrid):
+            with required():
+                from ..meshes.box import box_model
+
+            return box_model(self.shape, self.geometry_order)
         with required():
             from ..meshes.model import grid_model, region_model, solid_grid_model
 

@@ -51,6 +51,8 @@ def method_of(scene: Scene, slow: bool, unsteady: bool) -> Method:
         )
     if unsteady:
         return Method("block", f"{dear}; steps in time need none")
+    if scene.is_empty_box:
+        return Method("direct", "in a closed box blocks do not converge; factors take much time and memory")
     if upwinds(scene) and scene.is_turbulent:
         return Method("block", f"{dear}; on {FEW_CELLS} cells or less, where they are faster, they are taken")
     if upwinds(scene):

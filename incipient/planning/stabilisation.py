@@ -59,9 +59,12 @@ def stabilisation_of(scene: Scene, inertia: bool, speed: float = 1.0) -> Stabili
 
 
 def upwinds(scene: Scene) -> bool:
-    """Whether a flow with inertia is upwinded along its streams. Not collective."""
-    steady = scene.gdim == 3 and scene.time is None
-    return steady and scene.numerics.stabilisation != "off"
+    """Whether a flow with inertia is upwinded along its streams. Not collective.
+
+    In a box with a grid that does harm, and blocks do not converge on it in any case.
+    """
+    steady, asked = scene.gdim == 3 and scene.time is None, scene.numerics.stabilisation
+    return steady and (asked == "on" or (asked == "auto" and not scene.is_empty_box))
 
 
 def cell_reynolds(scene: Scene) -> float:

@@ -14,7 +14,7 @@ from ..arrays import Point
 from ..meshes.solid_region import SYMMETRY
 from ..scene import Scene
 from ..scene.turbulence import LAMINAR, Turbulence
-from .cells import side_names, sides_across
+from .cells import layer_ends, side_names, sides_across
 from .meshed_bed import resolved_bed
 from .wall_law import LARGEST_SHARE, LEAST, SAMPLES, WallLaw
 
@@ -285,7 +285,9 @@ def grid(scene: Scene, order: int, mesh_size: float) -> Grid | SolidGrid:
         high, low = high - walls.distance, low + (rubbing - 1) * walls.distance
         layers = max(layers, round(ROWS * rubbing / coarse))
     names = SYMMETRY if scene.symmetric else "right", "left"
-    return SolidGrid(found, (low, high), _ends(layers, bool(walls.sides), scene.symmetric), names)
+    return SolidGrid(
+        found, (low, high), layer_ends(layers, GRADING if walls.sides else 1.0, scene.symmetric), names
+    )
 
 
 def _row_ends(walls: Walls, coarse: float, height: float) -> tuple[float, ...]:
@@ -305,15 +307,6 @@ def _row_ends(walls: Walls, coarse: float, height: float) -> tuple[float, ...]:
     if walls.number == 2:
         ends = 0.5 * np.concatenate([ends, 2.0 - ends[-2::-1], [2.0]])
     return tuple(map(float, ends))
-
-
-def _ends(layers: int, rubbing: bool, half: bool) -> tuple[float, ...]:
-    """Where layers end: all of one thickness, next to sides with friction thinner than in the middle."""
-    middles = (np.arange(layers) + 0.5) / layers
-    away = 1.0 - middles if half else 2.0 * np.minimum(middles, 1.0 - middles)
-    thickness = GRADING + (1.0 - GRADING) * away if rubbing else np.ones(layers)
-    ends = np.cumsum(thickness) / thickness.sum()
-    return (*map(float, ends[:-1]), 1.0)
 
 
 def _coarsening(order: int) -> float:

@@ -1,4 +1,4 @@
-"""Error bars on force, couple, path, the elevations of a free surface and u* of turbulent walls: terms, as data."""
+"""Error bars on loads, path, elevations, u* of turbulent walls and velocities on centrelines: terms, as data."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from .loads import loads_words
 from .safetybar import SafetyBar
 
 if TYPE_CHECKING:
+    from ..mesh.sampling import Extremum
     from .loads import Couples, Forces
     from .result import Result
     from .turbulence import WallReport
@@ -30,6 +31,7 @@ class Loads:
     place:         of a grain that moves, with its angle or quaternion: (3 or 7,)
     elevations:    of a free surface
     shear:         (2,) u* at the outflow and its mean along the walls, of a turbulent flow without a grain
+    centreline:    (3,) extreme velocities on the centrelines of a lid-driven box without a grain
     """
 
     force: Floats
@@ -37,6 +39,7 @@ class Loads:
     place: Floats | None = None
     elevations: Elevations | None = None
     shear: Floats | None = None
+    centreline: Floats | None = None
 
     @classmethod
     def at_the_end(
@@ -60,7 +63,8 @@ class Loads:
             path = result.trajectory
             turned = path["quaternion"] if "quaternion" in path else [path["angle"]]
             place = np.array([*path["place"], *turned])
-        return cls.at_the_end(result.force, result.couple, place, result.elevations, result.turbulence)
+        found = cls.at_the_end(result.force, result.couple, place, result.elevations, result.turbulence)
+        return replace(found, centreline=centreline_velocities(result.centrelines))
 
 
 @dataclass(frozen=True)
@@ -72,6 +76,7 @@ class Term:
     elevation: (stations,) of a free surface, the largest ones within the run
     level:     (stations,) of these at the end
     shear:     (2,) of u* at the outflow, and of its mean along the walls
+    centreline: (3,) of the extreme velocities on the centrelines of a lid-driven box
     power:     exponent of the gap with which its error is expected to fall
     parts:     terms that this one is the sum of, if any
     """
@@ -86,6 +91,7 @@ class Term:
     elevation: Floats | None = None
     level: Floats | None = None
     shear: Floats | None = None
+    centreline: Floats | None = None
 
     @classmethod
     def of_parts(cls, name: str, parts: tuple[Term, ...], how: str) -> Term:
@@ -99,7 +105,7 @@ class Term:
     @classmethod
     def of_difference(cls, name: str, one: Loads, other: Loads, share: float, how: str) -> Term:
         """The error that is a share of what two runs differ by."""
-        place = elevation = level = shear = None
+        place = elevation = level = shear = centreline = None
         if one.place is not None and other.place is not None:
             place = share * np.abs(way(one.place, other.place))
         if one.elevations is not None and other.elevations is not None:
@@ -107,13 +113,19 @@ class Term:
             level = share * one.elevations.apart_at_the_end(other.elevations)
         if one.shear is not None and other.shear is not None:
             shear = share * np.abs(one.shear - other.shear)
+        if one.centreline is not None and other.centreline is not None:
+            # A single one of them may be the same on two meshes by chance.
+            apart = np.abs(one.centreline - other.centreline)
+            centreline = np.full(len(apart), share * apart.max())
         force, couple = np.abs(one.force - other.force), np.abs(one.couple - other.couple)
         of_loads = share * force, share * couple
-        return cls(name, *of_loads, how, place, elevation=elevation, level=level, shear=shear)
+        return cls(
+            name, *of_loads, how, place, elevation=elevation, level=level, shear=shear, centreline=centreline
+        )
 
     def at_least(self, other: Term) -> Term:
         """The term with errors that are nowhere below those of another one, of the same quantities."""
-        names = ("force", "couple", "place", "elevation", "level", "shear")
+        names = ("force", "couple", "place", "elevation", "level", "shear", "centreline")
         pairs = {name: (getattr(self, name), getattr(other, name)) for name in names}
         return replace(self, **{n: np.maximum(a, b) for n, (a, b) in pairs.items() if a is not None})
 
@@ -167,6 +179,11 @@ class ErrorBars:
         """(2,) absolute error of u* at the outflow, and of its mean along the walls."""
         return _sum_of(self.terms, "shear")
 
+    @property
+    def centreline(self) -> Floats | None:
+        """(3,) absolute error of the extreme velocities on the centrelines of a lid-driven box."""
+        return _sum_of(self.terms, "centreline")
+
     def to_dict(self) -> dict[str, Any]:
         """Plain data for result.json."""
         return {
@@ -176,6 +193,7 @@ class ErrorBars:
             "elevation": self.elevation,
             "level": self.level,
             "shear_velocity": self.shear,
+            "centreline": self.centreline,
             "terms": [term.to_dict() for term in self.terms],
             "left_out": self.left_out,
             "failed": self.failed,
@@ -211,7 +229,14 @@ def _errors(term: Term | ErrorBars, gdim: int) -> str:
         said.append(f"elevation {most:.1e}, at the end {at_end:.1e}")
     if term.shear is not None:
         said.append("u* {:.1e} at the outflow, {:.1e} in the mean".format(*term.shear))
+    if term.centreline is not None:
+        said.append(f"velocity on the centrelines {float(term.centreline.max()):.1e}")
     return "   ".join(said)
+
+
+def centreline_velocities(found: dict[str, Extremum] | None) -> Floats | None:
+    """The extreme velocities (3,) on centrelines, None without them."""
+    return None if found is None else np.array([extreme.value for extreme in found.values()])
 
 
 def _end_of_path(place: Floats) -> str:

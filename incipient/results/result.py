@@ -137,7 +137,7 @@ def _lines(result: Result) -> list[str]:
     if result.surface is not None:
         lines += _levels(result.surface, result.error_bars)
     for name, extreme in (result.centrelines or {}).items():
-        lines.append(f"{name:<20}{extreme.value:.6f} at {extreme.position:.4f}")
+        lines.append(f"{name:<20}{extreme.value:.6f}{_within(result)} at {extreme.position:.4f}")
     if result.verdict is not None:
         said = result.verdict["sentence"].split("; ", 1)
         lines += [f"{'' if row else 'verdict':<20}{part}" for row, part in enumerate(said)]
@@ -150,6 +150,12 @@ def _lines(result: Result) -> list[str]:
     for omission in result.omitted:
         lines += omission.lines()
     return lines + cost_lines(result.cost.get("effects", {}))
+
+
+def _within(result: Result) -> str:
+    """By how much a velocity on the centrelines may be off, where that is known."""
+    error = None if result.error_bars is None else result.error_bars.centreline
+    return "" if error is None else f", within {float(error.max()):.1e},"
 
 
 def _without_rest(scene: dict[str, Any]) -> str:

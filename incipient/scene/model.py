@@ -192,6 +192,17 @@ class Scene(Section):
         return self.gdim - 1
 
     @property
+    def is_empty_box(self) -> bool:
+        """Whether the scene is a closed box without grain and bed; in space without a free surface, too."""
+        empty = self.domain.kind == "box" and self.body is None and self.bed is None
+        return empty and (self.gdim == 2 or not self.has_surface)
+
+    @property
+    def has_centrelines(self) -> bool:
+        """Whether the velocities on the centrelines of a lid-driven box without a grain are of interest."""
+        return self.flow.kind == "lid" and self.body is None
+
+    @property
     def order(self) -> int:
         """Order of the velocity: what the scene says, or for "auto" what measurements recommend."""
         return order_of(self).number

@@ -26,6 +26,8 @@ def order_of(scene: Scene) -> Order:
         return Order(asked)
     if scene.gdim == 3 and scene.numerics.accuracy is None and scene.body is not None and creeps(scene):
         return Order(3, "in creeping flow in space it errs far less than order 2, from which it is found")
+    if is_driven_box(scene):
+        return Order(4, "in a driven box in space it errs far less than order 2 for the same time")
     if scene.gdim == 3:
         return Order(
             2, "the scene lies in space, where higher orders take long but for creeping flow past a grain"
@@ -35,6 +37,11 @@ def order_of(scene: Scene) -> Order:
     if scene.numerics.accuracy is not None and not scene.is_turbulent:
         return Order(2, "a higher one is taken where it is expected to need fewer unknowns")
     return Order(3, "in the plane, where nothing moves, it errs far less than order 2 for the same time")
+
+
+def is_driven_box(scene: Scene) -> bool:
+    """Whether the scene is steady flow in a box in space that holds nothing. Not collective."""
+    return scene.gdim == 3 and scene.time is None and scene.is_empty_box and scene.flow.kind != "still"
 
 
 def creeps(scene: Scene) -> bool:

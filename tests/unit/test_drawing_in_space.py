@@ -87,7 +87,8 @@ def test_only_the_nearest_balls_are_asked(spacing: float) -> None:
 
 # What the libraries took where the peaks below were measured, with dolfinx 0.5; other versions take more or less.
 LIBRARIES = MEMORY["0.5"]
-# Peaks of whole runs of spheres on a plane and in a pocket: unknowns by order, order, method, error bars, MiB.
+# Peaks of whole runs of spheres on a plane and in a pocket, and of a lid-driven cube (direct): unknowns by order,
+# order, method, error bars, MiB.
 PEAKS = (
     ({2: 45_077, 3: 150_000}, 2, "block", False, 312),
     ({2: 45_077, 3: 150_000}, 2, "block", True, 428),
@@ -95,6 +96,9 @@ PEAKS = (
     ({2: 162_468}, 2, "block", False, 636),
     ({2: 35_300, 3: 116_779}, 3, "two-level", True, 442),
     ({2: 147_900, 3: 488_873}, 3, "two-level", False, 1036),
+    ({2: 25_558}, 2, "direct", False, 515),
+    ({3: 26_976}, 3, "direct", False, 643),
+    ({4: 36_568}, 4, "direct", False, 952),
 )
 
 

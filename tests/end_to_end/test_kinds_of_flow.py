@@ -1,0 +1,50 @@
+"""Every kind of flow in the plane and in space, in a box and in a channel: it runs to its end, or is refused."""
+
+import json
+from typing import get_args
+
+import numpy as np
+import pytest
+from scenes import message
+
+import incipient
+from incipient.scene import Domain, Fluid, Numerics, Scene
+from incipient.scene.flows import Flow
+
+EXTENTS = {2: {"length": 2.0, "height": 1.0}, 3: {"length": 2.0, "width": 1.0, "height": 1.0}}
+COMPONENTS = {2: ["0.1*y", "0"], 3: ["0.1*z", "0", "0"]}
+FLOWS = [kind.model_fields["kind"].default for kind in get_args(get_args(Flow)[0])]
+THROUGH = {"shear", "poiseuille", "open-channel", "uniform", "log-law"}
+REFUSED = {*((kind, "box") for kind in THROUGH), ("lid", "channel")}
+
+
+def flow_in(kind: str, domain: str, gdim: int) -> Scene:
+    """An empty domain at Re = 10 on few cells."""
+    flow = {"kind": kind} | ({"components": COMPONENTS[gdim]} if kind == "expression" else {})
+    return Scene(
+        domain=Domain(kind=domain, **EXTENTS[gdim]),
+        fluid=Fluid(reynolds=10.0, scale="flow"),
+        flow=flow,
+        numerics=Numerics(mesh_size=4.0, order=2, error_bars=False),
+    )
+
+
+@pytest.mark.parametrize("gdim", [2, 3])
+@pytest.mark.parametrize(
+    ("kind", "domain"), [(kind, d) for kind in FLOWS for d in ("box", "channel") if (kind, d) not in REFUSED]
+)
+def test_a_flow_runs_to_its_end_and_its_fields_are_whole(kind, domain, gdim, tmp_path):
+    result = incipient.run(flow_in(kind, domain, gdim), tmp_path)
+    stored = json.loads((tmp_path / "result.json").read_text())
+    assert stored["status"] == "complete"
+    assert {"fields.h5", "fields.xdmf"} <= {file.name for file in tmp_path.iterdir()}
+    assert (stored["centrelines"] is None) == (kind != "lid")
+    speeds = np.abs(result.velocity.x.array).max()
+    assert np.isfinite(speeds)
+    assert (speeds > 0.0) == (kind != "still")
+
+
+@pytest.mark.parametrize("gdim", [2, 3])
+@pytest.mark.parametrize(("kind", "domain"), sorted(REFUSED))
+def test_a_flow_that_a_domain_cannot_have_is_refused(kind, domain, gdim):
+    assert message(lambda: flow_in(kind, domain, gdim)).startswith("Scene: flow.kind: ")
