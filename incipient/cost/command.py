@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from .prediction import Prediction
 
 Say = Callable[[str], None]
+# How many times as long runs below a free surface took with their error bars, the least and the most (docs/surface.md).
+WITH_BARS = 1.3, 5.3
 UNKNOWN = "  time and errors are not known of scenes of this kind; they are after `incipient cost SCENE`"
 
 
@@ -76,21 +78,31 @@ def _told_of_solver(one: Compared) -> str:
 
 @dataclass(frozen=True)
 class PredictedPlan:
-    """A plan, what the run will come to or in words why that is not known, and ways to solve that are cheaper."""
+    """A plan, what the run will come to or in words why that is not known, and ways to solve that are cheaper.
+
+    price: of error bars, in words; empty where it is not told
+    """
 
     plan: Plan
     prediction: Prediction | str
     cheaper: tuple[str, ...] = ()
+    price: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data; what is known in words alone is None."""
         prediction = None if isinstance(self.prediction, str) else plain(self.prediction)
-        return {**self.plan.to_dict(), "prediction": prediction, "cheaper": list(self.cheaper)}
+        return {
+            **self.plan.to_dict(),
+            "prediction": prediction,
+            "cheaper": list(self.cheaper),
+            "price": self.price,
+        }
 
     def text(self) -> str:
         """A few lines for a reader."""
         words = self.prediction if isinstance(self.prediction, str) else self.prediction.text()
-        return "\n".join([self.plan.text(), words, *(f"  {way}" for way in self.cheaper)])
+        ways = [f"  {way}" for way in (self.price, *self.cheaper) if way]
+        return "\n".join([self.plan.text(), words, *ways])
 
 
 def predicted_plan(scene: Scene, directory: Path | None = None) -> PredictedPlan:
@@ -116,10 +128,26 @@ def predicted_plan(scene: Scene, directory: Path | None = None) -> PredictedPlan
         estimated = estimate(scene).estimate if scene.numerics.accuracy is None else first_mesh(scene)
         assert estimated is not None
         told = UNKNOWN if known is None else predict(known, estimated)
-        return PredictedPlan(plan.with_estimate(estimated), told, cheaper)
+        return PredictedPlan(plan.with_estimate(estimated), told, cheaper, price_of_bars(scene))
     except MissingError as error:
         unknown = f"  cells, unknowns, memory and time are not known: {error}"
-        return PredictedPlan(plan, unknown, cheaper)
+        return PredictedPlan(plan, unknown, cheaper, price_of_bars(scene))
+
+
+def price_of_bars(scene: Scene) -> str:
+    """What the error bars of a free surface without a grain take, in words; empty for other scenes. Not collective."""
+    wanted = scene.numerics.error_bars and scene.numerics.accuracy is None
+    if not wanted or scene.body is not None or not scene.has_surface:
+        return ""
+    from ..accuracy.errorbars import coarse_scenes
+
+    runs = [(run.time, run.order) for run in coarse_scenes(scene) if run.time is not None]
+    named = ", ".join(f"P{order}-P{order - 1} in steps of {time.step:.3g}" for time, order in runs)
+    least, most = WITH_BARS
+    return (
+        f"error bars take {len(runs)} more runs to the same end ({named}): with them runs below a free surface took "
+        f"{least:g} to {most:g} times as long; numerics.error_bars = false leaves them out"
+    )
 
 
 # -- calibration --------------------------------------------------------------------------------------------

@@ -23,6 +23,7 @@ Profile = Callable[[Floats, float], Floats]
 
 # Length, over the depth, of the zone in which the surface comes in level; a cell at the least.
 LEVEL = 0.25
+NEAR_CRITICAL = 0.95, 1.3  # Froude numbers of which a plan warns
 # A long wave that runs through the sponge to the end and back keeps exp(-ABSORBED) of its height.
 ABSORBED = 5.0
 
@@ -134,3 +135,18 @@ def _coming_in(scene: Scene, wave: StokesWave) -> Wave:
 def surface_of(scene: Scene) -> Surface:
     """The section [surface] of a scene whose top is free, or what it is by default. Not collective."""
     return scene.surface or Surface()
+
+
+def near_critical(scene: Scene) -> str:
+    """What is to be known of a stream about as fast as its long waves, or an empty string. Not collective."""
+    if not scene.has_surface or scene.domain.kind != "channel":
+        return ""
+    number = froude(scene)
+    if not NEAR_CRITICAL[0] <= number <= NEAR_CRITICAL[1]:
+        return ""
+    low, high = NEAR_CRITICAL
+    return (
+        f"the Froude number, {number:.3g}, is between {low:g} and {high:g}: long waves hardly leave a stream near the "
+        "critical one, so that its level hangs on the ends and on how long the run is; compare with a larger "
+        "domain.length and time.end, or choose another gravity.acceleration or flow.velocity"
+    )

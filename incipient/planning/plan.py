@@ -19,6 +19,7 @@ from ..scene.order import order_of
 from .datum import Datum, datum_of
 from .effects import Effect, EffectName, Numbers, effects_of, numbers_of
 from .linear import Method, method_of
+from .open_channel import near_critical
 from .stabilisation import NO_CONVECTION, Stabilisation, stabilisation_of
 
 __all__ = ["Effect", "Estimate", "Plan", "make_plan"]
@@ -146,6 +147,8 @@ def _warnings(scene: Scene) -> Iterator[str]:
         if why := through_the_top(scene):
             raise SceneError(f"body.{why}")
         yield from filter(None, (small(scene), narrow_gap(scene), cornered(scene)))
+    if why := near_critical(scene):
+        yield why
     gap = scene.contact.gap if scene.contact is not None and not scene.closes_contacts else 0.0
     if gap > WIDE_GAP and scene.body is not None and (scene.rests or scene.body.moves):
         yield (

@@ -7,6 +7,7 @@ from scipy.integrate import solve_ivp
 from test_free_surface import changed, history_of
 
 import incipient
+from incipient.cost.command import predicted_plan
 from incipient.errors import SceneError
 from incipient.planning.open_channel import wave_of
 from incipient.planning.plan import make_plan
@@ -288,3 +289,27 @@ def test_a_box_has_no_inflow():
     box = FILLING.replace('kind = "channel"', 'kind = "box"')
     with pytest.raises(SceneError, match=r"surface.inflow: is that of a channel but the domain is a box"):
         loads(box)
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize(
+    ("froude", "warned"), [(0.5, False), (0.94, False), (0.96, True), (1.29, True), (1.31, False)]
+)
+def test_a_stream_near_the_critical_one_is_warned_of(froude, warned):
+    """Of unit gravity and depth; across the bed it is the cosine of the slope."""
+    speed = froude * np.sqrt(np.cos(np.radians(SLOPE)))
+    warnings = make_plan(loads(SHORT.replace(f"velocity = {SPEED}", f"velocity = {float(speed)!r}"))).warnings
+    assert any(f"the Froude number, {froude:g}, is between 0.95 and 1.3" in one for one in warnings) == warned
+    assert len(warnings) == warned
+
+
+def test_the_plan_tells_what_error_bars_take():
+    with_bars, without = (
+        predicted_plan(loads(SHORT.replace("error_bars = false", f"error_bars = {bars}"))).text()
+        for bars in ("true", "false")
+    )
+    # In longer steps, these in another order, and coarse ones of this channel and of a longer one.
+    runs = ", ".join(f"P{k}-P{k - 1} in steps of 0.1" for k in (3, 4, 2, 2))
+    assert f"error bars take 4 more runs to the same end ({runs})" in with_bars
+    assert "numerics.error_bars = false leaves them out" in with_bars
+    assert "leaves them out" not in without
