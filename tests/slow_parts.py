@@ -25,6 +25,7 @@ PARTS = {
         "stability/test_random_contacts.py",
         "stability/test_siconos.py",
         "unit/test_batch.py",
+        "unit/test_rocking.py",
         "unit/test_settle.py",
     ),
     "motion": (
@@ -61,6 +62,7 @@ PARTS = {
         "convergence/test_cylinder_in_space.py",
         "convergence/test_space.py",
         "end_to_end/test_bead.py",
+        "end_to_end/test_driven_boxes.py",
         "end_to_end/test_moving_in_space.py",
         "end_to_end/test_pebble.py",
         "end_to_end/test_runs_in_space.py",
