@@ -19,6 +19,8 @@ from ..scene import Scene
 from .cells import side_names, sides_across
 from .layout import Place, point
 
+FREE_OF_INFLOW = 1.0  # grain sizes before a grain, below which the plan warns
+
 SAMPLES = (
     2000  # on each curve of the outline; the distance of a side then is known to 1e-7 of the grain's size
 )
@@ -64,6 +66,24 @@ def ceiling(scene: Scene) -> float:
     from .turbulence import walls_of
 
     return walls_of(scene).ceiling
+
+
+def near_inflow(scene: Scene) -> str:
+    """A warning for a grain so near to the inflow that its velocity is given next to it, or an empty string.
+
+    Not collective.
+    """
+    placement = scene.placement
+    if placement is None or scene.domain.kind == "box" or scene.flow.kind == "still":
+        return ""
+    size = scene.grain.size
+    away = (placement.centre[0] - scene.domain.left) / size - 0.5
+    if away >= FREE_OF_INFLOW:
+        return ""
+    return (
+        f"the grain is {max(away, 0.0):.2g} of its size from the inflow, where the velocity is given, which its load "
+        f"tells of; leave {FREE_OF_INFLOW:g} of its size at the least, by body.x or domain.origin"
+    )
 
 
 def narrow_gap(scene: Scene) -> str:

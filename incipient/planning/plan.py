@@ -16,6 +16,7 @@ from ..geometry.plane.curves import Line
 from ..scene import Scene
 from ..scene.model import WIDE_GAP
 from ..scene.order import order_of
+from .clearance import near_inflow
 from .datum import Datum, datum_of
 from .effects import Effect, EffectName, Numbers, effects_of, numbers_of
 from .linear import Method, method_of
@@ -147,8 +148,7 @@ def _warnings(scene: Scene) -> Iterator[str]:
         if why := through_the_top(scene):
             raise SceneError(f"body.{why}")
         yield from filter(None, (small(scene), narrow_gap(scene), cornered(scene)))
-    if why := near_critical(scene):
-        yield why
+    yield from filter(None, (near_critical(scene), near_inflow(scene)))
     gap = scene.contact.gap if scene.contact is not None and not scene.closes_contacts else 0.0
     if gap > WIDE_GAP and scene.body is not None and (scene.rests or scene.body.moves):
         yield (

@@ -123,6 +123,10 @@ def _free_surface(run: Run, effect: Effect, *loads: Any) -> Iterator[Omission]:
         may_be = run.scene.domain.kind == "box" or run.scene.flow.kind in STREAMS
         may_be = may_be and not run.scene.is_turbulent
         remedy = 'domain.top = "free-surface"' if may_be else "a deeper channel"
+        if rise > 1.0:
+            how = f"the pressure under the lid is that of {rise:.2g} depths, as after an impulse"
+            yield Omission(effect.name, None, how, True, remedy)
+            return
         yield Omission(effect.name, rise, how, False, remedy)
 
 

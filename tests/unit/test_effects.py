@@ -303,3 +303,10 @@ def test_contradictions_are_one_line_with_a_remedy(changes, expected):
 def test_a_choice_is_auto_or_true_or_false(value):
     with pytest.raises(SceneError, match='use "auto", true or false'):
         Effects(inertia=value)
+
+
+@pytest.mark.parametrize(("x", "warned"), [(0.53, True), (1.4, True), (1.6, False)])
+def test_a_grain_next_to_the_inflow_is_warned_of(x, warned):
+    """The velocity is given there: 0.03 of its size from it a disc had a lift coefficient of 40."""
+    found = make_plan(scene(body=Disc(diameter=1.0, x=x, density=2.65)))
+    assert any("from the inflow" in one and "body.x" in one for one in found.warnings) == warned
