@@ -300,7 +300,7 @@ def test_what_a_free_surface_would_have_changed():
 
 
 def test_after_an_impulse_the_pressure_under_a_lid_is_no_rise():
-    """It is that of the impulse over the step, thousands of depths: a surface would matter, by how much is not known."""
+    """It is that of the impulse over the step, thousands of depths: that a surface matters, not by how much."""
     scene = Scene(
         domain=Domain(length=6.0, height=2.0),
         fluid=Fluid(reynolds=10.0, scale="flow"),
