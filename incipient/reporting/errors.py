@@ -52,7 +52,7 @@ def bar(stored: dict[str, Any]) -> SafetyBar:
 
 
 def of_errors(stored: dict[str, Any] | None, planar: bool) -> tuple[Section, ...]:
-    """The terms of error bars on force and couple, on elevations or on u*, with remedies."""
+    """The terms of error bars on force and couple, on elevations, u* or velocities on centrelines, with remedies."""
     if stored is None:
         return ()
     told = [column for column in _columns(planar) if stored.get(column.key) is not None]
@@ -94,6 +94,7 @@ def _columns(planar: bool) -> tuple[_Column, ...]:
         _Column("elevation", "of elevations, at most", _largest, _largest),
         _Column("level", "of elevations at the end", _largest, _largest),
         _Column("shear_velocity", "of u*, at most", _largest, _largest),
+        _Column("centreline", "of velocities on centrelines", _largest, _largest),
     )
 
 

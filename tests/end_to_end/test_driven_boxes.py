@@ -9,7 +9,9 @@ from processes import CAVITY, settings
 
 import incipient
 from incipient.errors import SceneError
+from incipient.files import plain
 from incipient.mesh.sampling import sample
+from incipient.reporting.errors import of_errors
 from incipient.scene import Domain, Fluid, Lid, Numerics, Scene
 
 REFERENCE = Path(__file__).parents[1] / "reference" / "cube_albensoeder_kuhlmann_2005.csv"
@@ -41,7 +43,9 @@ def test_the_error_bar_of_a_cavity_holds_its_error(mesh_size):
     # 1.4e-4 within 9.1e-4, and 1.6e-3 within 6.8e-3, when written: a bar ten times too wide would say little.
     assert off < result.error_bars.centreline.max() < 10.0 * off
     assert f"within {result.error_bars.centreline.max():.1e}, at" in result.text()
-    assert len(result.to_dict()["error_bars"]["centreline"]) == 3
+    stored = plain(result.to_dict())["error_bars"]
+    assert len(stored["centreline"]) == 3
+    assert "of velocities on centrelines" in repr(of_errors(stored, planar=True))
 
 
 @pytest.mark.slow
@@ -65,6 +69,12 @@ def test_without_coarser_cells_there_is_no_error_bar_and_the_run_says_why():
     result = incipient.run(cube(10, mesh_size=5.0, order=2))
     assert result.error_bars.centreline is None
     assert "few rows or columns of cells: use numerics.mesh_size = 4 or less" in result.text()
+
+
+def test_a_cavity_in_time_makes_no_coarse_runs():
+    overrides = settings(numerics_mesh_size=4.0, numerics_order=2, time_end=0.2, time_step=0.1)
+    result = incipient.run(incipient.load(CAVITY, [one for one in overrides if one != "--set"]))
+    assert result.error_bars is None and result.without_error_bars == ""
 
 
 def test_a_cube_takes_an_accuracy_from_its_cells():
