@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 import numpy as np
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from ...errors import ConvergenceError
@@ -12,9 +13,11 @@ from .equations import Equations
 from .statistics import LinearStatistics
 
 # MUMPS's estimate of its own workspace is often too small for saddle points with pivoting: how much to add, in
-# percent, at first and when that was not enough.
-WORKSPACES = (200, 800)
+# percent, and how rows and columns are scaled (MUMPS's ICNTL(8)), at first and when that was not enough. At first MUMPS
+# chooses; of scenes in metres for microns, whose viscosity is 1e-12 beside gradients of 1e-6, it then finds no pivots.
+ATTEMPTS = ((200, 77), (800, 8))
 
+WIDEST = 1e12  # factor between numbers of a matrix beyond which it is not the memory that does not suffice
 SINGULAR = (-6, -10)  # MUMPS's errors for matrices that are singular in structure or in numbers
 NOT_FINITE = (
     "the linear system of the flow is not finite, its numbers have overflowed: use a smaller fluid.reynolds or, with "
@@ -37,9 +40,9 @@ class Direct:
         self.matrix, self.patience = matrix, patience
         self.statistics = LinearStatistics()
         self._aged, self._factored = True, -1
-        self._solver = self._make(WORKSPACES[0])
+        self._solver = self._make(*ATTEMPTS[0])
 
-    def _make(self, workspace: int) -> Any:
+    def _make(self, workspace: int, scaling: int) -> Any:
         solver = PETSc.KSP().create(self.matrix.comm)
         solver.setOptionsPrefix("fluid_")
         solver.setType("gmres")
@@ -52,6 +55,7 @@ class Direct:
             preconditioner.setFactorSolverType("mumps")
             preconditioner.setFactorSetUpSolverType()
             preconditioner.getFactorMatrix().setMumpsIcntl(14, workspace)
+            preconditioner.getFactorMatrix().setMumpsIcntl(8, scaling)
         solver.setFromOptions()
         return solver
 
@@ -126,7 +130,7 @@ class Direct:
 
     def _factorise(self) -> None:
         self._aged, self._factored = True, -1
-        for next_workspace in (*WORKSPACES[1:], WORKSPACES[0]):
+        for following in (*ATTEMPTS[1:], ATTEMPTS[0]):
             self._set_up()
             error = self._factor_error() if self._mumps else 0
             if error >= 0:
@@ -134,7 +138,7 @@ class Direct:
                 return
             # PETSc never factorises again with an object of MUMPS that has failed once: take a new one.
             self._solver.destroy()
-            self._solver = self._make(next_workspace)
+            self._solver = self._make(*following)
         raise ConvergenceError(self._why_not_factorised(error))
 
     def _set_up(self) -> None:
@@ -161,8 +165,19 @@ class Direct:
         failed = f"the linear system of the flow ({rows} unknowns on this rank) could not be factorised"
         if error in SINGULAR:
             return f"{failed}, it is singular: use another numerics.mesh_size or numerics.order"
+        if (apart := self._span()) > WIDEST:
+            remedy = "choose units in which lengths and velocities are about 1"
+            return f"{failed}, its numbers differ by a factor of {apart:.0e}: {remedy}"
         remedy = "use a coarser mesh (numerics.mesh_size) or more ranks"
         return f"{failed}, the memory does not suffice (MUMPS's error {error}): {remedy}"
+
+    def _span(self) -> float:
+        """The largest of the matrix's numbers over the least of its diagonal that is not zero. Collective."""
+        diagonal = self.matrix.getDiagonal()
+        sizes = np.abs(diagonal.array)
+        least = self.matrix.comm.tompi4py().allreduce(sizes[sizes > 0.0].min(initial=np.inf), MPI.MIN)
+        diagonal.destroy()
+        return float(self.matrix.norm(PETSc.NormType.NORM_INFINITY) / least)
 
     def _why_not_solved(self, b: Any) -> str:
         """Why GMRES has not converged with new factors, from its reason. Collective."""
