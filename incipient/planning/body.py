@@ -10,7 +10,7 @@ from ..arrays import Floats
 from ..body.rigidbody import RigidBody
 from ..body.state import BodyState, Freedom, Inertia
 from ..scene import Scene
-from ..scene.expression import Expression
+from ..scene.expression import expressions
 from ..scene.motion import inertia_tensor
 
 DEGREES = {2: ("x", "y", "angle"), 3: ("x", "y", "z", "rx", "ry", "rz")}
@@ -51,5 +51,5 @@ def _inertia(scene: Scene) -> Inertia:
 
 def _course(formulas: tuple[str, ...]) -> Callable[[float], Floats]:
     """Velocities (3,), in space (6,), as functions of time."""
-    components = [Expression(formula) for formula in formulas]
+    components = expressions(formulas, "body.course")
     return lambda time: np.array([float(one(np.zeros((3, 1)), time)[0]) for one in components])

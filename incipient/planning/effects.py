@@ -431,13 +431,13 @@ def _own_speed(scene: Scene, times: np.ndarray) -> float:
     """Estimated speed of the grain itself: prescribed, initial, or settling (Stokes, capped by free fall)."""
     import numpy as np
 
-    from ..scene.expression import Expression
+    from ..scene.expression import expressions
 
     body, grain = scene.body, scene.grain
     if body is None or grain is None or not body.moves:
         return 0.0
     if body.course is not None:
-        course = [Expression(formula) for formula in body.course]
+        course = expressions(body.course, "body.course")
         origin = np.zeros((3, 1))
         velocities = np.abs([[float(one(origin, float(t))[0]) for one in course] for t in times])
         turning = 3 if scene.gdim == 3 else 1

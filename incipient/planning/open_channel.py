@@ -63,7 +63,7 @@ def seepage(scene: Scene) -> Callable[[Floats, float], Floats]:
     """The velocity at which fluid seeps through the bed of a scene, straight up. Not collective."""
     from ..scene.expression import Expression
 
-    speed, up = Expression(surface_of(scene).seepage), scene.up
+    speed, up = Expression(surface_of(scene).seepage, "surface.seepage"), scene.up
     return lambda x, t: np.vstack([*np.zeros((up, x.shape[1])), speed(x, t)])
 
 
@@ -98,7 +98,7 @@ def _beside_stream(scene: Scene) -> Profile:
     """The velocity along a channel at its inflow with what a formula adds to the stream."""
     from ..scene.expression import Expression
 
-    stream, beside = inflow(scene), Expression(surface_of(scene).inflow)
+    stream, beside = inflow(scene), Expression(surface_of(scene).inflow, "surface.inflow")
     return lambda x, t: stream(x, t)[0] + beside(x, t)
 
 

@@ -137,7 +137,7 @@ def _in_duct(scene: Scene, mean: float, depth: float) -> Profile:
 
 
 def _from_expressions(flow: ExpressionFlow) -> Velocity:
-    from ..scene.expression import Expression
+    from ..scene.expression import expressions
 
-    components = [Expression(text) for text in flow.components]
+    components = expressions(flow.components, "flow.components")
     return lambda x, t: np.vstack([component(x, t) for component in components])

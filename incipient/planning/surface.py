@@ -24,7 +24,7 @@ def free_surface(scene: Scene) -> FreeSurface:
     asked, domain = surface_of(scene), scene.domain
     # Where the still level meets the right end, the pressure without the hydrostatic part is zero.
     origin = (domain.right, *((domain.middle,) if scene.gdim == 3 else ()), domain.ceiling)
-    pressure = None if asked.pressure == "0" else Expression(asked.pressure)
+    pressure = None if asked.pressure == "0" else Expression(asked.pressure, "surface.pressure")
     top, gravity = side_names(scene)[2], tuple(scene.gravity_vector.tolist())
     return FreeSurface(top, gravity, origin, pressure, asked.tension, sticking(scene), sponges(scene))
 

@@ -380,8 +380,13 @@ def _body_place(scene: Scene) -> Iterator[Problem]:
         yield Problem(("body", "length"), why, "give domain.width, and the middle in centre")
     for why in outside:
         yield Problem(key, why, "move the grain, make it smaller or enlarge the domain")
+    remedy = "raise the grain, or give x to let it rest on the bed"
+    if scene.body.x is not None:  # lowered onto a bed whose shape is finer than what tells how low it may get
+        remedy = (
+            "enlarge the bed's forms or make them flatter: beside the grain they are too steep to lower it"
+        )
     for why in into_bed:
-        yield Problem(key, why, "raise the grain, or give x to let it rest on the bed")
+        yield Problem(key, why, remedy)
 
 
 def _far_out(scene: Scene) -> Iterator[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import math
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
 from typing import TYPE_CHECKING, Any
@@ -60,13 +60,15 @@ class Expression:
 
     Known are numbers, ``x y z t pi``, ``+ - * / **``, ``sin cos tan exp log sqrt tanh abs min max``
     and ``where(condition, a, b)`` whose condition is made of ``< <= > >=`` with ``and``, ``or``, ``not``.
-    Nothing else is accepted, so a formula from an untrusted scene can compute but not act.
+    Nothing else is accepted, so a formula from an untrusted scene can compute but not act. `key` is where the scene
+    has it, which a refused value names.
 
     Raises:
         SceneError: the text is not such a formula.
     """
 
     text: str
+    key: str = ""
 
     def __post_init__(self) -> None:
         try:
@@ -94,6 +96,7 @@ class Expression:
                 self.text,
                 f"is {values[i]:g} at {where}, t = {t:g}",
                 "give a formula that is finite there, or guard it with where(condition, a, b)",
+                self.key,
             )
         return values
 
@@ -122,8 +125,14 @@ def _parse(text: str) -> ast.expr:
         raise _refusal(text, f"is not a formula ({reason})") from None
 
 
-def _refusal(text: str, why: str, remedy: str = _VOCABULARY) -> SceneError:
-    return SceneError(" ".join(f'"{text}" {why}; {remedy}'.split()))
+def _refusal(text: str, why: str, remedy: str = _VOCABULARY, key: str = "") -> SceneError:
+    place = f"{key}: " if key else ""
+    return SceneError(" ".join(f'{place}"{text}" {why}; {remedy}'.split()))
+
+
+def expressions(texts: Sequence[str], key: str) -> list[Expression]:
+    """The formulas that a scene has in a list under a key."""
+    return [Expression(text, f"{key}[{number}]") for number, text in enumerate(texts)]
 
 
 def _check_number(node: ast.AST, text: str) -> None:

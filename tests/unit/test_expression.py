@@ -6,7 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from incipient.errors import SceneError
-from incipient.scene.expression import MAXIMUM_LENGTH, Expression
+from incipient.planning.plan import make_plan
+from incipient.planning.stream import inflow
+from incipient.scene import loads
+from incipient.scene.expression import MAXIMUM_LENGTH, Expression, expressions
 
 POINTS = np.array([[0.25, 1.0, 2.0], [0.5, 1.5, 3.0], [0.1, 0.2, 0.3]])
 X, Y, Z = POINTS
@@ -150,3 +153,39 @@ def test_any_text_gives_numbers_or_one_clear_error(text):
 @given(st.text(alphabet="xyzt0123.+-*/()<>, wherminaxsqp", max_size=30))
 def test_any_text_of_our_alphabet_gives_numbers_or_one_clear_error(text):
     assert gives_numbers_or_one_clear_error(text)
+
+
+def test_a_value_that_is_not_finite_names_the_key_of_its_formula():
+    with pytest.raises(SceneError, match=r'^flow\.components\[1\]: "1/x" is inf at x = 0,'):
+        expressions(("y", "1/x"), "flow.components")[1](np.zeros((3, 1)))
+    with pytest.raises(SceneError, match=r'^"1/x" is inf at x = 0,'):
+        Expression("1/x")(np.zeros((3, 1)))
+
+
+FORMULAS = """
+[domain]
+length = 8.0
+height = 4.0
+{top}
+[fluid]
+reynolds = 1.0
+scale = "flow"
+[flow]
+kind = "expression"
+components = ["{flow}", "0"]
+[time]
+end = 1.0
+step = 0.1
+{more}
+"""
+MOVING = '[body]\nshape = "disc"\ndiameter = 1.0\ncentre = [4.0, 2.0]\nmotion = "prescribed"\n'
+MOVING += 'course = ["0", "1/t", "0"]\n'
+
+
+def test_formulas_that_become_infinite_only_in_the_run_are_refused_with_their_keys():
+    scene = loads(FORMULAS.format(top="", flow="1/y", more=""))
+    with pytest.raises(SceneError, match=r'^flow\.components\[0\]: "1/y" is inf at x = 0, y = 0,'):
+        inflow(scene)(np.zeros((3, 1)), 0.0)
+    scene = loads(FORMULAS.format(top="", flow="y", more=MOVING))
+    with pytest.raises(SceneError, match=r'^body\.course\[1\]: "1/t" is inf at .* t = 0;'):
+        make_plan(scene)
