@@ -113,6 +113,7 @@ def quiet_compiler() -> Iterator[None]:
     asks for something that the user cannot change.
     """
     loggers = [logging.getLogger(name) for name in COMPILING]
+    level = logging.getLogger().level  # which a build sets to that of its own narration
     for logger in loggers:
         logger.addFilter(_is_not_of_a_build)
     try:
@@ -120,6 +121,7 @@ def quiet_compiler() -> Iterator[None]:
             warnings.filterwarnings("ignore", "Number of integration points per cell", UserWarning)
             yield
     finally:
+        logging.getLogger().setLevel(level)
         for logger in loggers:
             logger.removeFilter(_is_not_of_a_build)
 

@@ -92,6 +92,9 @@ def session() -> Iterator[Any]:
             gmsh.finalize()
 
 
+REMEDY = "use another numerics.mesh_size, and make thin parts and narrow passages wider"
+
+
 @contextmanager
 def complaints_as_errors() -> Iterator[None]:
     """Turn gmsh's complaints while drawing and meshing into MeshError; other errors are defects, and pass."""
@@ -100,7 +103,8 @@ def complaints_as_errors() -> Iterator[None]:
     except Exception as error:
         if not _is_of_gmsh(error):
             raise
-        raise MeshError(f"the geometry could not be meshed: {str(error) or type(error).__name__}") from error
+        reason = str(error) or type(error).__name__
+        raise MeshError(f"the geometry could not be meshed: {reason}; {REMEDY}") from error
 
 
 def _is_of_gmsh(error: Exception) -> bool:
@@ -341,7 +345,7 @@ def require_no_complaint(said: int, dimension: int) -> None:
     complaints = [line for line in gmsh.logger.get()[said:] if line.startswith("Error")]
     if complaints or len(gmsh.model.mesh.getElements(dimension)[0]) == 0:
         reason = complaints[0].removeprefix("Error: ") if complaints else "gmsh made no cells"
-        raise MeshError(f"the geometry could not be meshed: {reason}")
+        raise MeshError(f"the geometry could not be meshed: {reason}; {REMEDY}")
 
 
 def _put_in_place(frame: Frame, across: float | None = None) -> None:

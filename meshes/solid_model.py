@@ -87,9 +87,14 @@ class Outline:
                 bed = found.pop(size.region.names[5])
                 return size, bed, found
             size = size.finer_at(whole.corners[wrong].mean(axis=1))
+        ends = np.cumsum([len(surface.triangles) for surface in found.values()])
+        crossing = [list(named)[k] for k in np.unique(np.searchsorted(ends, wrong, side="right"))]
+        remedy = "use a smaller numerics.mesh_size, or a wider contact.gap"
+        if len(crossing) == 1:  # cells made half as large again and again have not helped
+            remedy = f"make {crossing[0]} thicker or blunter there, or round its edges"
         raise MeshError(
-            f"the surfaces of {' and '.join(named)} cross in {len(wrong)} triangles near "
-            f"{np.round(size.frame.scene(size.spots[-1:])[0], 6).tolist()}: use a smaller numerics.mesh_size"
+            f"the surface of {' and that of '.join(crossing)} cross{'es itself' if len(crossing) == 1 else ''} in "
+            f"{len(wrong)} triangles near {np.round(size.frame.scene(size.spots[-1:])[0], 6).tolist()}: {remedy}"
         )
 
     def _require_clear(self, found: dict[str, Surface]) -> None:

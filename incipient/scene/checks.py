@@ -285,37 +285,25 @@ def _resolution(scene: Scene) -> Iterator[Problem]:
 
 
 def _forms(scene: Scene) -> Iterator[Problem]:
-    """More bed forms than can be meshed, which it would take too long to look at one by one."""
+    """More bed forms than can be meshed, which it would take too long to look at; in space those below the grain."""
     if scene.bed is None:
         return
+    domain, grain = scene.domain, scene.grain
+    forms, where = scene.bed.forms(domain.length), "on the domain's length"
     if scene.gdim == 3:
-        yield from _forms_under_the_grain(scene)
-        return
-    forms = scene.bed.forms(scene.domain.length)
+        area = domain.extents[0] * domain.extents[1]
+        area, where = (
+            (area, "in the domain") if grain is None else (min(grain.size**2, area), "under the grain")
+        )
+        forms = area / (2.0 * scene.bed_shape.feature) ** 2
     if forms * CELLS_OF_A_FORM > scene.numerics.max_cells:
         why = (
-            f"has about {forms:.2g} forms on the domain's length, with at least {CELLS_OF_A_FORM} cells each more than "
+            f"has about {forms:.2g} forms {where}, with at least {CELLS_OF_A_FORM} cells each more than "
             f"numerics.max_cells = {scene.numerics.max_cells}"
         )
-        remedy = "shorten the domain or enlarge the forms, or allow more with --set numerics.max_cells=NUMBER"
-        yield Problem(("bed",), why, remedy)
-
-
-def _forms_under_the_grain(scene: Scene) -> Iterator[Problem]:
-    """In space beds are meshed about the grain, which is placed among the forms below it; without one everywhere."""
-    if not math.isfinite(scene.bed_shape.feature):
-        return
-    area = scene.domain.extents[0] * scene.domain.extents[1]
-    if scene.grain is not None:
-        area = min(scene.grain.size**2, area)
-    forms = area / (2.0 * scene.bed_shape.feature) ** 2
-    if forms * CELLS_OF_A_FORM > scene.numerics.max_cells:
-        where = " under the grain" if scene.grain is not None else ""
-        why = (
-            f"has about {forms:.2g} forms{where}, with at least {CELLS_OF_A_FORM} cells each more than "
-            f"numerics.max_cells = {scene.numerics.max_cells}"
+        remedy = (
+            "enlarge them, give a flat bed in their place, or allow more with --set numerics.max_cells=NUMBER"
         )
-        remedy = "enlarge the forms, or give a flat bed in place of forms so small"
         yield Problem(("bed",), why, remedy)
 
 

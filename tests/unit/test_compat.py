@@ -254,6 +254,9 @@ compat.interpolate(dolfinx.fem.Function(u.function_space), 2.0 * u)
 compat.form(u**2 * ufl.dx(metadata={"quadrature_degree": 30}))
 logging.getLogger().info("mine")
 logging.getLogger("ffcx").warning("also mine")
+logging.getLogger().setLevel(logging.WARNING)
+compat.form(u**3 * ufl.dx)
+assert logging.getLogger().level == logging.WARNING
 """
 
 

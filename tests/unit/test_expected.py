@@ -6,6 +6,7 @@ import pytest
 from scenes import message
 
 from incipient import load
+from incipient.errors import MeshError
 from incipient.meshes import expected
 from incipient.planning import drawing
 from incipient.planning.plan import make_plan
@@ -103,7 +104,7 @@ SPHERE = '[body]\nshape = "sphere"\ndiameter = 1.0\nx = 5.0\ndensity = 2.65\n'
 def test_too_many_bed_forms_in_space_are_refused_at_once(grain: str, bed: str) -> None:
     """All spheres below the grain, 10^8 of them, would not fit into the memory."""
     found = message(lambda: loads(f"{IN_SPACE}{grain}[bed]\n{bed}\n"))
-    assert "bed: has about " in found and "give a flat bed in place of forms so small" in found
+    assert "bed: has about " in found and "give a flat bed in their place" in found
 
 
 @pytest.mark.parametrize("bed", ['kind = "flat"', 'kind = "spheres"\nradius = 0.5\nspacing = 1.05'])
@@ -128,3 +129,24 @@ def test_the_cells_of_a_narrow_gap_are_foretold_as_if_all_were_counted(
     assert numbers[0] == pytest.approx(
         numbers[1], rel=0.3
     )  # a ninth, by what was counted when this was written
+
+
+@pytest.mark.parametrize(
+    ("across", "remedy"),
+    [
+        (
+            [[0, 1e-5, 0], [0, 0, 1e-5]],
+            "the surface of body crosses itself in .*: make body thicker or blunter there",
+        ),
+        (
+            [[0, 1, 0], [0.3, 0.3, 1e-4]],
+            "could not be meshed: .*; use another numerics.mesh_size, and make thin parts",
+        ),
+    ],
+)
+def test_what_helps_a_grain_that_cannot_be_meshed_is_said(across: list[list[float]], remedy: str) -> None:
+    """A needle, whose cells made smaller again and again cross all the same, and a sheet."""
+    vertices = [[0, 0, 0], [1, 0, 0], *across]
+    body = f'[body]\nshape = "polyhedron"\nvertices = {vertices}\ncentre = [5.0, 5.0, 2.0]\n'
+    with pytest.raises(MeshError, match=remedy):
+        estimate(loads(f"{IN_SPACE}{body}[numerics]\nmesh_size = 3.0\n"))
