@@ -14,11 +14,15 @@ from ..errors import SceneError
 from ..geometry.placement import Placement
 from ..geometry.plane.closing import Closing, closing
 from ..geometry.rest import clearance, lifted
+from ..geometry.space.terrain import Smooth
 from ..installed import required
 from ..meshes import BoxGrid, Grid, Region, Sizes, SolidGrid, SolidRegion
 from ..scene import Scene
 
 MANY_CELLS = 50_000  # expected, from which it is said that a mesh takes long
+STEEP = (
+    2.5  # slope of a bed in space: one of 1.9 is meshed in seconds, of one of 5.7 triangles cross for minutes
+)
 Place = Any  # a point (gdim,) as a tuple of numbers
 
 
@@ -86,12 +90,14 @@ class Layout:
                 f"{self.max_cells:g}; enlarge {smallest}, or allow them with "
                 f"--set numerics.max_cells={_round_up(expected)}"
             )
+        log = logging.getLogger("incipient")
         if expected > MANY_CELLS:
-            logging.getLogger("incipient").info(
-                "a mesh of about %.2g cells is made, most for the %s: it takes minutes, and the flow on it more",
-                expected,
-                most,
-            )
+            words = "a mesh of about %.2g cells is made, most for the %s: it takes minutes, and the flow on it more"
+            log.info(words, expected, most)
+        bed = self.shape.bed if isinstance(self.shape, SolidRegion) else None
+        if isinstance(bed, Smooth) and bed.steepest > STEEP:
+            words = "the bed rises by %.2g on 1: to mesh it takes minutes and may fail; give a flatter or smoother one"
+            log.info(words, bed.steepest)
 
 
 def _round_up(number: float) -> int:

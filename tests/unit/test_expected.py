@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from scenes import message
 
@@ -150,3 +151,20 @@ def test_what_helps_a_grain_that_cannot_be_meshed_is_said(across: list[list[floa
     body = f'[body]\nshape = "polyhedron"\nvertices = {vertices}\ncentre = [5.0, 5.0, 2.0]\n'
     with pytest.raises(MeshError, match=remedy):
         estimate(loads(f"{IN_SPACE}{body}[numerics]\nmesh_size = 3.0\n"))
+
+
+@pytest.mark.parametrize(
+    ("relief", "said"), [(1.0, ""), (3.0, "the bed rises by 5.7 on 1: to mesh it takes minutes")]
+)
+def test_a_bed_of_spikes_is_told_of_before_it_is_meshed(
+    relief: float, said: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Of 20 x 20 heights every second one of every second row is raised; neighbours are 0.53 apart."""
+    heights = np.zeros((20, 20))
+    heights[1::2, 1::2] = relief
+    np.save(tmp_path / "bed.npy", heights)
+    bed = f'[bed]\nkind = "height-map"\nfile = "{tmp_path / "bed.npy"}"\ncell = [0.53, 0.53]\n'
+    scene = loads(f"{IN_SPACE}{SPHERE}{bed}[gravity]\nacceleration = 1.0\n[contact]\nfriction = 0.5\n")
+    with caplog.at_level("INFO", "incipient"):
+        drawing.lay_out(scene, make_plan(scene))._require_few_cells()
+    assert caplog.text.count("the bed rises by") == bool(said) and said in caplog.text

@@ -104,6 +104,12 @@ class HeightMap(Smooth):
         return 2.0 * min(self.cell)
 
     @property
+    def steepest(self) -> float:
+        """The largest difference of neighbouring heights over their distance."""
+        rises = (np.abs(np.diff(self.heights, axis=axis)).max() for axis in (1, 0))
+        return max(float(rise / step) for rise, step in zip(rises, self.cell, strict=True))
+
+    @property
     def crest(self) -> float:
         """The highest of the heights, and by how much cubics may exceed them."""
         rise = float(np.ptp(self.heights))

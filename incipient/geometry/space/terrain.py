@@ -241,6 +241,11 @@ class Hemispheres(Terrain):
 class Smooth(Terrain):
     """A bed with two derivatives."""
 
+    @property
+    def steepest(self) -> float:
+        """The tangent of the steepest slope between places as close as the bed's shape is known; 0: it is not known."""
+        return 0.0
+
     @abstractmethod
     def hessian(self, x: ArrayLike) -> Floats:
         """The second derivatives of b at points (n, 2), (n, 2, 2)."""
@@ -306,6 +311,11 @@ class Ridges(_Waves):
     def __post_init__(self) -> None:
         require_positive("wavelength", self.wavelength)
         _require_amplitude(self.amplitude)
+
+    @property
+    def steepest(self) -> float:
+        """Midway between crests and troughs."""
+        return 2.0 * np.pi * self.amplitude / self.wavelength
 
     @property
     def waves(self) -> Floats:
