@@ -25,6 +25,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
+from ..scene.grains import FRICTIONLESS
+from ..scene.settling import DEFAULT_FRICTION
 from .transition import REMEDY, transition, turbulent_from
 
 if TYPE_CHECKING:
@@ -32,6 +34,7 @@ if TYPE_CHECKING:
 
     from ..geometry.placement import Placement
     from ..scene import Scene
+    from ..scene.grains import FRICTIONLESS
 
 OSEEN = 3.0 / 16.0
 SHARE = 0.1  # of the accuracy asked for that an effect left out by the plan may use up
@@ -222,7 +225,14 @@ def _contact(scene: Scene) -> Effect:
         return Effect(EffectName.CONTACT, False, "no grain rests on a bed")
     if scene.effects.contact is False:
         return Effect(EffectName.CONTACT, False, "effects.contact = false: no verdict", True)
-    return Effect(EffectName.CONTACT, True, "the grain rests on the bed", scene.effects.contact is True)
+    reason = "the grain rests on the bed"
+    if scene.body is not None and scene.body.settle == FRICTIONLESS:
+        reason += ", where it settled without friction"
+    elif scene.body is not None and scene.body.settle:
+        friction = DEFAULT_FRICTION if scene.contact is None else scene.contact.friction
+        reason += f", where it settled by friction {friction:g}"
+        reason += ' (settle = "frictionless" gives one rest to compare)'
+    return Effect(EffectName.CONTACT, True, reason, scene.effects.contact is True)
 
 
 def _flow(scene: Scene) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from ..errors import SceneError
 from .messages import Problem, refusal, split
@@ -29,6 +29,17 @@ Motion = Annotated[
     Literal["fixed", "free", "prescribed"],
     Field(description="How the grain moves: not, as flow and weight move it, or as `course` says"),
 ]
+FRICTIONLESS = "frictionless"
+SETTLES = 'on the bed, by contact.friction; "frictionless": without'
+
+
+def _settles(value: Any) -> Any:
+    if not isinstance(value, bool) and value != FRICTIONLESS:
+        raise contradiction(f"is {value!r}", f'give true, false or "{FRICTIONLESS}"')
+    return value
+
+
+Settle = Annotated[bool | Literal["frictionless"], BeforeValidator(_settles)]
 OnContact = Annotated[
     Literal["stop", "repel"],
     Field(
@@ -47,7 +58,7 @@ class BodySection(Section):
         x: float | None
         centre: Any
         density: float | None
-        settle: bool
+        settle: Settle
         motion: str
         mass: float | None
         inertia: Any

@@ -18,6 +18,7 @@ from .datum import height_of_datum
 from .domain import Domain, Sides, Top
 from .effects import Effects, section_of
 from .flows import Flow, LogLaw, Shear
+from .grains import FRICTIONLESS
 from .kinds import Bed, Body
 from .messages import refusal
 from .motion import mass, mean_density
@@ -292,7 +293,8 @@ class Scene(Section):
     def placement(self) -> Placement | None:
         """Where the grain is: lowered onto the bed until it touches, or held at its centre; without a gap.
 
-        With body.settle it then rolls and tips until it rests. Raises SceneError if it does not.
+        With body.settle it then rolls and tips until it rests, by the scene's friction or none. Raises SceneError if it
+        does not.
         """
         import numpy as np
 
@@ -316,6 +318,7 @@ class Scene(Section):
         start = body.placed([*np.subtract(over, corner[:-1]), 0.0])
         if body.settle:
             down, friction = tuple(self.gravity_direction), self.contact.friction if self.contact else None
+            friction = 0.0 if body.settle == FRICTIONLESS else friction
             found = rested(body.grain(), bed, start, down, friction, self.domain.length)
         else:
             turned: Any = start.angle if start.quaternion is None else start.quaternion

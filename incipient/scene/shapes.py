@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 
 from ..arrays import Point
 from ..errors import SceneError
-from .grains import BodySection, Density, Motion, OnContact
+from .grains import SETTLES, BodySection, Density, Motion, OnContact, Settle
 from .messages import split
 from .points import MOST_POINTS, about_file, file_key, read_points, with_file_read
 from .section import NotNegative, Pair, Positive, PositivePair, Section, three
@@ -51,8 +51,8 @@ class GrainSection(BodySection):
     )
     angle: float = Field(0.0, description="Turned counter-clockwise by this [degrees]")
     density: Density = None
-    settle: bool = Field(
-        False, description="Let the grain roll and tip from x and angle until it is in equilibrium on the bed"
+    settle: Settle = Field(
+        False, description=f"Let the grain roll and tip from x and angle until it is in equilibrium {SETTLES}"
     )
     motion: Motion = "fixed"
     mass: NotNegative | None = Field(

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 
 from ..errors import SceneError
-from .grains import BodySection, Density, Motion, OnContact
+from .grains import SETTLES, BodySection, Density, Motion, OnContact, Settle
 from .messages import counted, split
 from .points import MOST_POINTS, about_file, file_key, with_file_read
 from .section import NotNegative, Positive, PositiveTriple, Triple, contradiction
@@ -73,8 +73,8 @@ class SolidSection(BodySection):
         (0.0, 0.0, 0.0), description="Turned about x, then about y, then about z by these [degrees]"
     )
     density: Density = None
-    settle: bool = Field(
-        False, description="Let the grain roll and tip from x and y until it is in equilibrium on the bed"
+    settle: Settle = Field(
+        False, description=f"Let the grain roll and tip from x and y until it is in equilibrium {SETTLES}"
     )
     motion: Motion = "fixed"
     mass: NotNegative | None = Field(

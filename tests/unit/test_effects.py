@@ -310,3 +310,13 @@ def test_a_grain_next_to_the_inflow_is_warned_of(x, warned):
     """The velocity is given there: 0.03 of its size from it a disc had a lift coefficient of 40."""
     found = make_plan(scene(body=Disc(diameter=1.0, x=x, density=2.65)))
     assert any("from the inflow" in one and "body.x" in one for one in found.warnings) == warned
+
+
+@pytest.mark.parametrize(
+    ("settle", "said"), [(True, "by friction 0.3"), ("frictionless", "without friction")]
+)
+def test_the_plan_says_what_the_rest_of_a_grain_depends_on(settle, said):
+    body = Disc(diameter=1, x=4, density=2.65, settle=settle)
+    case = Scene(**{**GRAIN_ON_BED, "body": body, "contact": Contact(friction=0.3)})
+    contact = next(one for one in make_plan(case).effects if one.name is EffectName.CONTACT)
+    assert said in contact.reason

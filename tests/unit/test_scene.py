@@ -9,12 +9,15 @@ import pytest
 from pydantic import ValidationError
 from scenes import BOX, FLOW_SCALE, message, scene
 
+from incipient.contact import Load
+from incipient.contact.equilibrium import safety_factor
 from incipient.geometry.plane import bed as bed_geometry
 from incipient.geometry.plane import discs as disc_geometry
 from incipient.geometry.plane import grain as grain_geometry
 from incipient.geometry.plane import polygon as polygon_geometry
 from incipient.geometry.plane import smooth as smooth_geometry
 from incipient.geometry.plane.polyline import Polyline as PolylineBed
+from incipient.results.verdict import find_contacts
 from incipient.scene import (
     Contact,
     Disc,
@@ -168,6 +171,29 @@ def test_a_grain_settles_if_asked_to():
     settled = scene(body=Rectangle(**tilted, settle=True)).placement
     assert settled.angle == pytest.approx(0.0, abs=1e-12)
     assert settled.centre[1] == pytest.approx(0.3, rel=1e-12)
+
+
+def test_a_grain_settles_by_friction_or_without():
+    """By friction it stays where contacts first hold it; without, in the one rest that friction has no part in."""
+    bed = HalfDiscs(radius=0.5, spacing=1.4, offset=0)
+
+    def rest(settle, friction):
+        body = Ellipse(semi_axes=(0.6, 0.4), x=4.2, angle=20, density=2.0, settle=settle)
+        found = scene(body=body, bed=bed, contact=Contact(friction=friction))
+        load = Load(np.zeros(3), np.zeros(3), [0, -1, 0], [*found.placement.centre, 0])
+        return found.placement, safety_factor(load, find_contacts(found), 0.0).held
+
+    alone, held = rest("frictionless", 0.8)
+    assert held
+    assert rest("frictionless", 0.1)[0] == alone
+    by_friction, held = rest(True, 0.8)
+    assert not held
+    assert by_friction.centre[1] > alone.centre[1]
+
+
+@pytest.mark.parametrize("given", ["slide", 1, None])
+def test_how_a_grain_settles_is_true_false_or_frictionless(given):
+    assert "settle: is " in message(lambda: Disc(diameter=1, x=4.2, settle=given))
 
 
 def test_a_disc_settles_into_the_pocket_of_two_half_discs():
