@@ -269,3 +269,28 @@ def test_the_parts_of_an_error_are_told_to_be_absolute_and_added() -> None:
         "error bars          absolute errors of that multiple, added in full: gap 3.0e-01, domain 2.0e-01"
     ]
     assert CriticalBars(2.0, 2.0, 2.0, {}, ErrorBars(())).lines() == ["error bars          none is known"]
+
+
+@pytest.mark.parametrize("inertia", [1.0, pytest.param(0.0, marks=pytest.mark.slow)])
+def test_an_ellipse_that_rocks_on_a_plane_leaves_at_its_largest_slope(inertia: float) -> None:
+    """Turned by t its centre is h = sqrt(a^2 sin^2 t + b^2 cos^2 t) high, its contact h' beside: force/weight = h'/h.
+
+    That is (a^2 - b^2)/(2 a b) at most. By a force along the stream alone, in proportion to the flow or growing faster.
+    """
+    pretended = Pretended(lambda f: np.array([1.0, 0, 0, 0, 0, 0]) * (0.3 + inertia * f))
+    text = commented(grain_on_bed()).replace('shape = "disc"', 'shape = "ellipse"\nsemi_axes = [0.5, 0.3]')
+    text = "\n".join(line for line in text.splitlines() if not line.startswith("diameter"))
+    pretended.scene = loads(text, overrides=["body.settle=true", "contact.friction=0.8"])
+    pretended.contacts = find_contacts(pretended.scene)
+    found = pretended.from_rest()
+    weight = float(np.linalg.norm(found.load.weight))
+
+    def excess(factor: float) -> float:
+        return factor * (0.3 + inertia * factor) / weight - 0.16 / 0.3
+
+    assert found.rocking is not None
+    assert found.rocking.mode == "rolling"
+    assert found.is_critical and found.held_to == found.factor
+    assert found.factor == pytest.approx(float(brentq(excess, 0.0, 100.0)), rel=0.01)
+    assert len(found.trials) <= 6
+    assert found.trials[-1].safety_factor == pytest.approx(1.0, rel=0.01)
