@@ -18,6 +18,7 @@ import numpy as np
 from ..contact import Load
 from ..contact.equilibrium import SafetyStatus, safety_factor
 from ..errors import ConvergenceError
+from ..parallel import collectively
 from ..planning.effects import EffectName
 from ..results.verdict import followed, load_of
 from ..simulation.steady import loads_at, make_as_fast
@@ -168,7 +169,11 @@ class Search:
 
     def _rocking(self, factor: float) -> Rocking | None:
         """The rests in a flow solved as its load grows; the trial tells of them."""
-        found = followed(self.run.scene, self._load(factor))
+        found = None
+        with collectively(self.run.comm):
+            if self.run.comm.rank == 0:
+                found = followed(self.run.scene, self._load(factor))
+        found = self.run.comm.bcast(found)
         if found is not None:
             self.trials[-1] = Trial(factor, found.critical)
             self.run.voice.say(f"flow x {factor:.6g}: rocks, safety factor {found.critical:.6g}")

@@ -101,6 +101,6 @@ def standing(placement: Placement) -> str:
     return f"body.x = {x:.6g}, body.y = {y:.6g} and body.orientation = [{about}]"
 
 
-def may_rock(verdict: dict[str, Any] | None) -> bool:
+def may_rock(verdict: dict[str, Any]) -> bool:
     """Whether the grain is held against its weight, but not against the load: it may find another rest."""
-    return verdict is not None and verdict["moves"] and verdict["safety_status"] in ("AT_ONCE", "CRITICAL")
+    return verdict["moves"] and verdict["safety_status"] in ("AT_ONCE", "CRITICAL")

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import IncipientError
+from ..parallel import collectively
 from ..planning.effects import EffectName
 from ..results.loads import Gap
 from ..results.result import Result
@@ -86,15 +87,23 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
 
 def with_rests(run: Run, result: Result) -> Result:
     """A complete result whose verdict says where a grain comes to rest that rocks under the load. Collective."""
+    if result.verdict is None or run.trajectory is not None:
+        return result
     from ..results.verdict import followed, load_of, may_rock, with_rocking
 
-    if not may_rock(result.verdict) or run.trajectory is not None:
+    if not may_rock(result.verdict):
         return result
-    assert result.verdict is not None and result.force is not None and result.couple is not None
+    assert result.force is not None and result.couple is not None
     run.voice.begin("rests")
     with run.stage("contact"):
         first = result.verdict["safety_factor"]
-        rocking = followed(run.scene, load_of(run.scene, result.force, result.couple))
+        rocking = None
+        with collectively(
+            run.comm
+        ):  # the last digits of loads, and so the steps taken, may differ from rank to rank
+            if run.comm.rank == 0:
+                rocking = followed(run.scene, load_of(run.scene, result.force, result.couple))
+        rocking = run.comm.bcast(rocking)
         if rocking is None or rocking.critical <= first * (1.0 + NO_MORE):
             return result
         return replace(result, verdict=with_rocking(result.verdict, rocking), cost=cost(run))

@@ -52,7 +52,7 @@ class Pretended:
         )
         self.turbulence, self.states = None, [self.fluid.state]
         self.voice, self.load, self.limit = Silent(), load, limit
-        self.tried: list[float] = []
+        self.comm, self.tried = MPI.COMM_SELF, list[float]()
 
     def loads_at(self, run: Any, factor: float, start: float) -> tuple[Forces, Couples]:
         if factor not in (self.limit, *self.tried):
