@@ -97,7 +97,7 @@ class _Drawing:
 
 def _draw_run(directory: Path, drawing: _Drawing) -> None:
     from ..files import reported
-    from . import cells, space, style
+    from . import space, style
     from .record import read
 
     run = read(directory)
@@ -105,21 +105,16 @@ def _draw_run(directory: Path, drawing: _Drawing) -> None:
         from . import trajectory
 
         drawing.add(directory / "history.csv", partial(trajectory.draw, title=run.headline))
-    in_space = space.is_in_space(run)
-    for name, make in (space.makers(run) if in_space else _makers(run)).items():
+    for name, make in (space.makers(run) if space.is_in_space(run) else _makers(run)).items():
         path = directory / f"{name}.png"
         with drawing.attempt(path), style.applied(), reported(path):
             make(run).savefig(path, dpi=style.DOTS_PER_INCH, pil_kwargs={"compress_level": 3})
             drawing.done(path)
-    path = directory / "mesh.png"
-    with drawing.attempt(path), reported(path):
-        (space.mesh if in_space else cells.picture)(run, path)
-        drawing.done(path)
 
 
 def _makers(run: Run) -> dict[str, Maker]:
     """What draws the pictures of a run's last fields, by the pictures' names."""
-    from . import flow, grain
+    from . import cells, flow, grain
 
     makers: dict[str, Maker] = {"flow": flow.speed, "pressure": flow.pressure}
     makers["vorticity"] = flow.vorticity
@@ -134,4 +129,5 @@ def _makers(run: Run) -> dict[str, Maker]:
         makers["walls"] = walls.picture
     if run.setting("domain", "kind") == "box" and not run.moves:
         makers["profiles"] = flow.profiles
+    makers["mesh"] = cells.picture
     return makers

@@ -3,44 +3,68 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
 
 from ..arrays import spatial
 from . import style
 from .record import Run
 
-PIXELS = (1600, 800)
+PIXELS = 1600  # across
+COLOURS = "YlGnBu"  # of the speed
 
 
-def picture(run: Run, path: Path) -> None:
-    """Render the cells over the speed off screen with pyvista and write a PNG. Not collective."""
+def picture(run: Run) -> Figure:
+    """The cells over the speed, rendered off screen with pyvista. Not collective."""
     pyvista = pyvista_off_screen()
     grid = pyvista.UnstructuredGrid(
         {pyvista.CellType.QUADRATIC_TRIANGLE: run.mesh.cells}, spatial(run.mesh.points)
     )
     grid["speed"] = np.linalg.norm(run.field("velocity"), axis=1)
-    plotter = pyvista.Plotter(off_screen=True, window_size=list(PIXELS))
-    plotter.background_color = "white"
     view = _view(run)
-    # Without the empty line the title would touch the numbers.
-    bar = {"title": "speed [scene units]\n", "color": style.INK, "vertical": False, "fmt": "%.2g"}
-    bar |= {"position_x": 0.3, "width": 0.4, "position_y": 0.01, "height": 0.1, "label_font_size": 20}
+    fastest = _fastest(run, view)
+    plotter = stage(view)
     plotter.add_mesh(
         grid.extract_surface(nonlinear_subdivision=2, algorithm="dataset_surface"),
         scalars="speed",
-        cmap="YlGnBu",
-        clim=(0.0, _fastest(run, view)),
+        cmap=COLOURS,
+        clim=(0.0, fastest),
         lighting=False,
-        scalar_bar_args={**bar, "title_font_size": 22},
+        show_scalar_bar=False,
     )
     plotter.add_mesh(_edges(pyvista, run), color=style.INK, line_width=1.5, lighting=False)
     plotter.view_xy()
-    _look_at(plotter, view)
-    plotter.screenshot(path)
+    middle = (0.5 * (view[0] + view[1]), 0.5 * (view[2] + view[3]))
+    plotter.camera.focal_point, plotter.camera.position = (*middle, 0.0), (*middle, 1.0)
+    return framed(plotter, view, run.headline, "Cells, coloured by the speed", fastest)
+
+
+def stage(view: style.View) -> Any:
+    """A plotter off screen for a view that fills it, seen without perspective."""
+    pixels = [PIXELS, max(int(PIXELS * (view[3] - view[2]) / (view[1] - view[0])), 2)]
+    plotter = pyvista_off_screen().Plotter(off_screen=True, window_size=pixels)
+    plotter.background_color = "white"
+    plotter.camera.parallel_projection = True
+    return plotter
+
+
+def framed(plotter: Any, view: style.View, title: str, what: str, fastest: float, up: str = "y") -> Figure:
+    """What a plotter shows of a view, with a title, axes and the colours of the speed, from zero; it is closed."""
+    plotter.camera.parallel_scale = 0.5 * (view[3] - view[2])
+    plotter.reset_camera_clipping_range()
+    image = np.asarray(plotter.screenshot(return_img=True))
     plotter.close()
+    figure, ((axes, bar),) = style.panels([view], title)
+    axes.imshow(image, extent=view, interpolation="antialiased", zorder=0)
+    axes.set(xlim=view[:2], ylim=view[2:], ylabel=f"{up} [scene units]", title=what)
+    figure.colorbar(ScalarMappable(Normalize(0.0, fastest), COLOURS), cax=bar).set_label(
+        "speed [scene units]"
+    )
+    return figure
 
 
 def pyvista_off_screen() -> Any:
@@ -79,14 +103,3 @@ def _fastest(run: Run, view: style.View) -> float:
     x, y = run.mesh.points.T
     seen = (x >= view[0]) & (x <= view[1]) & (y >= view[2]) & (y <= view[3])
     return float(np.linalg.norm(run.field("velocity"), axis=1)[seen].max(initial=1e-12))
-
-
-def _look_at(plotter: Any, view: style.View) -> None:
-    """The view, with room for the colour bar below it."""
-    x0, x1, y0, y1 = view
-    height = 1.2 * max(y1 - y0, (x1 - x0) * PIXELS[1] / PIXELS[0])
-    middle = ((x0 + x1) / 2, (y0 + y1) / 2 - 0.07 * height)
-    plotter.camera.parallel_projection = True
-    plotter.camera.focal_point = (*middle, 0.0)
-    plotter.camera.position = (*middle, 1.0)
-    plotter.camera.parallel_scale = height / 2

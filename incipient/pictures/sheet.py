@@ -9,6 +9,8 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
+from matplotlib.textpath import TextPath
 
 from .judged import Judged, pressed
 from .style import FLOW, FORCES, INK, MOTION, STATES
@@ -22,6 +24,7 @@ _ACROSS, UP = 5.3, 4.4  # the drawing; renderings of space have its proportions
 _COLUMN = 6.36  # where the numbers begin
 _BELOW = 1.3  # axis labels and the legend
 _LINE, _ROW = 0.21, 0.172
+_LETTERS, _BETWEEN = 8, 0.12  # of the numbers: points; the least between name and value
 _MOST_CONTACTS = 4
 _NAMES = {"flow": "Force of the flow", "weight": "Weight less buoyancy", "resultant": "Resultant"}
 
@@ -29,7 +32,8 @@ _NAMES = {"flow": "Force of the flow", "weight": "Weight less buoyancy", "result
 def sheet(first: str, second: str, subject: str, up: float = UP) -> tuple[Figure, Axes]:
     """A figure that says something in bold, more in plain, what it is about; axes for the drawing, `up` inches."""
     bold, plain = textwrap.wrap(first, 94), textwrap.wrap(second, 134)
-    top = 0.25 + _LINE * (len(bold) + 0.8 * len(plain)) + 0.33
+    about = textwrap.wrap(subject, 76)
+    top = 0.25 + _LINE * (len(bold) + 0.8 * len(plain)) + 0.33 + 0.15 * (len(about) - 1)
     height = top + up + _BELOW
     figure = Figure(figsize=(_WIDTH, height))
     left = _MARGIN / _WIDTH
@@ -37,7 +41,7 @@ def sheet(first: str, second: str, subject: str, up: float = UP) -> tuple[Figure
     below = 1 - (0.22 + _LINE * len(bold)) / height
     figure.text(left, below, "\n".join(plain), fontsize=9, va="top", linespacing=1.3)
     axes = figure.add_axes((left, _BELOW / height, _ACROSS / _WIDTH, up / height))
-    axes.set_title(textwrap.shorten(subject, 76, placeholder=" …"), fontsize=9, color="#555a61")
+    axes.set_title("\n".join(about), fontsize=9, color="#555a61")
     return figure, axes
 
 
@@ -55,18 +59,33 @@ def write_numbers(axes: Axes, groups: Iterable[Group], below: float = 0.12) -> N
     figure = _figure_of(axes)
     height = figure.get_figheight()
     row = height * axes.get_position().y1 - below
-    for heading, *rows in filter(None, groups):
-        _write(figure, heading, row / height, weight="bold")
-        for number, line in enumerate(rows, start=1):
-            _write(figure, line, (row - number * _ROW) / height)
-        row -= (len(rows) + 1.5) * _ROW
+    for group in filter(None, groups):
+        for number, (name, value, colour) in enumerate(group):
+            weight, value = "normal" if number else "bold", value.replace("-", "−")
+            figure.text(
+                _COLUMN / _WIDTH,
+                row / height,
+                name,
+                color=colour,
+                fontsize=_LETTERS,
+                weight=weight,
+                va="center",
+            )
+            if _wide(name, weight) + _wide(value) + _BETWEEN > _WIDTH - _EDGE - _COLUMN:
+                row -= _ROW  # the value has a line of its own
+            figure.text(1 - _EDGE / _WIDTH, row / height, value, fontsize=_LETTERS, ha="right", va="center")
+            row -= _ROW
+        row -= 0.5 * _ROW
 
 
-def _write(figure: Figure, row: Row, height: float, weight: str = "normal") -> None:
-    name, value, colour = row
-    figure.text(_COLUMN / _WIDTH, height, name, color=colour, fontsize=8, weight=weight, va="center")
-    value = value.replace("-", "−")
-    figure.text(1 - _EDGE / _WIDTH, height, value, fontsize=8, ha="right", va="center")
+def _wide(words: str, weight: str = "normal") -> float:
+    """How wide words of the column of numbers are, inches."""
+    font = FontProperties(weight=weight)
+    return (
+        float(TextPath((0.0, 0.0), words, size=_LETTERS, prop=font).get_extents().width) / 72
+        if words
+        else 0.0
+    )
 
 
 def panel(axes: Axes, height: float) -> Axes:

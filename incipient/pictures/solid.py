@@ -7,7 +7,7 @@ at the places that the rendering tells.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from ..arrays import unit
 from .cells import pyvista_off_screen
 from .judged import Judged, Motion
 from .style import FLOW, FORCES, GRAIN, GROUND, INK, MOTION, REACTION, STATES
+
+if TYPE_CHECKING:
+    from ..geometry.space.terrain import Terrain
 
 PIXELS = (1590, 1320)
 _TURNED, _RAISED = 24.0, 17.0  # of the view: from across the flow, and above the horizontal; degrees
@@ -26,6 +29,7 @@ _PATCH = (0.2, 0.035)  # radius and thickness of a piece of bed
 _PLATE = 1.25  # by how much a piece of bed under a patch is larger than it
 _RING = (0.055, 0.008)
 _MOVED, _ACCELERATION, _COUPLE = 0.09, 0.5, 0.25
+_BED = (0.95, 0.01)  # how far the bed is shown, and the spacing of its points
 _SHARP = 35.0  # degrees between the sides of an edge that is shown
 _SMALL = 0.03  # forces below it, relative to the largest, are not shown
 _ARC = 40.0  # half of an arc that shows the sense of turning, degrees
@@ -56,14 +60,21 @@ class Frame:
     size: float
 
 
-def rendered(case: Judged, points: np.ndarray, triangles: np.ndarray) -> Rendering:
-    """Render a case with the grain's surface, points (n, 3) and triangles (m, 3), off screen. Not collective."""
+def rendered(
+    case: Judged, points: np.ndarray, triangles: np.ndarray, terrain: Terrain | None = None
+) -> Rendering:
+    """Render a case with the grain's surface, points (n, 3) and triangles (m, 3), off screen. Not collective.
+
+    Without the bed's shape pieces of it are drawn at the contacts.
+    """
     pyvista, plotter = empty_stage(PIXELS)
     frame = frame_of(case, points)
     scene = Stage(pyvista, plotter, frame)
     if len(triangles):
         scene.grain(points, triangles)
-    tips, numbers = scene.load(case), scene.contacts(case)
+    if terrain is not None:
+        scene.bed(terrain)
+    tips, numbers = scene.load(case), scene.contacts(case, pieces=terrain is None)
     if case.motion is not None:
         scene.motion(case.motion, points, triangles)
     scene.look(np.vstack([points, *tips.values(), *numbers]))
@@ -83,6 +94,21 @@ def empty_stage(pixels: tuple[int, int]) -> tuple[Any, Any]:
     plotter.render_window.SetMultiSamples(0)  # depth peeling cannot do with them
     plotter.enable_depth_peeling(6)
     return pyvista, plotter
+
+
+def bed_around(pyvista: Any, terrain: Terrain, centre: np.ndarray, reach: float, step: float) -> Any:
+    """The bed's surface about a vertical line through a point, cut off in a circle of radius `reach`."""
+    side = np.arange(-reach, reach + step, step)
+    x, y = np.meshgrid(centre[0] + side, centre[1] + side)
+    z = terrain.height(np.column_stack([x.ravel(), y.ravel()])).reshape(x.shape)
+    surface = pyvista.StructuredGrid(x, y, z).extract_surface(algorithm="dataset_surface")
+    return within(surface, centre, reach)
+
+
+def within(surface: Any, centre: np.ndarray, reach: float) -> Any:
+    """What of a surface, or of lines, is not farther from a vertical line than `reach`."""
+    surface["away"] = np.hypot(*(surface.points[:, :2] - centre[:2]).T)
+    return surface.clip_scalar(scalars="away", value=reach)
 
 
 def frame_of(case: Judged, points: np.ndarray) -> Frame:
@@ -126,16 +152,21 @@ class Stage:
             self._arc(case.load.flow_couple, _COUPLE * frame.size, FLOW, 0.8 * _THIN)
         return tips
 
-    def contacts(self, case: Judged) -> list[np.ndarray]:
+    def bed(self, terrain: Terrain) -> None:
+        """The bed below and around the grain, translucent."""
+        reach, step = (share * self.frame.size for share in _BED)
+        self._show(bed_around(self.pyvista, terrain, self.frame.centre, reach, step), GROUND, opacity=0.4)
+
+    def contacts(self, case: Judged, pieces: bool = True) -> list[np.ndarray]:
         """Pieces of bed, cones and the forces in them; where the contacts' numbers belong."""
         size, scale, numbers = self.frame.size, _STRONGEST * self.frame.size / _largest(case), []
-        for group in case.patches:
+        for group in case.patches if pieces else ():
             self._plate(case.contacts.points[group], case.contacts.normals[group[0]])
         for index, (point, normal) in enumerate(
             zip(case.contacts.points, case.contacts.normals, strict=True)
         ):
             colour, force = STATES[case.states[index]][0], scale * case.forces[index]
-            if not any(index in group for group in case.patches):
+            if pieces and not any(index in group for group in case.patches):
                 self._piece(point, normal)
             reach = max(_SHORTEST_CONE * size, _BEYOND * float(np.linalg.norm(force)))
             self._cone(point, normal, case.cone_angle, reach, colour)

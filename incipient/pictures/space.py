@@ -6,8 +6,7 @@ The fields of a run stand on quadratic tetrahedra, which VTK cuts and samples; m
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,7 +17,7 @@ from matplotlib.figure import Figure
 
 from ..scene import Scene
 from . import elevation
-from .cells import PIXELS, pyvista_off_screen
+from .cells import COLOURS, framed, pyvista_off_screen, stage
 from .judged import Judged, judged
 from .plane import Marks, aside, label, marks_of
 from .record import Run
@@ -26,7 +25,10 @@ from .section import BESIDE, TETRAHEDRON, Section, level_of, section_of, tetrahe
 from .sheet import Group, explain, judge_rows, load_rows, sheet, write_numbers
 from .solid import Rendering, rendered
 from .streamlines import streamlines
-from .style import FLOW, FORCES, GROUND, INK, PAPER, View, panels
+from .style import FLOW, FORCES, GROUND, INK, PAPER, panels
+
+if TYPE_CHECKING:
+    from ..geometry.space.terrain import Terrain
 
 SPACING = 0.04  # of the triangles of a grain's surface, in grain sizes
 _CLIPPED = 0.5  # per cent of the points, at either end, whose pressure exceeds the colour bar
@@ -50,6 +52,7 @@ def makers(run: Run) -> dict[str, Callable[[Run], Figure]]:
     # A grain under way rests on nothing; where it has met the bed there is a verdict.
     if run.surface is not None and not (run.moves and run.result.get("verdict") is None):
         found["verdict"] = verdict
+    found["mesh"] = mesh
     return found
 
 
@@ -109,9 +112,8 @@ def _without_extremes(seen: np.ndarray) -> Normalize:
 # -- mesh and traction ------------------------------------------------------------------------------------
 
 
-def mesh(run: Run, path: Path) -> None:
-    """The cells that the vertical plane through the grain cuts, and the surface of the grain behind it, as PNG."""
-    pyvista = pyvista_off_screen()
+def mesh(run: Run) -> Figure:
+    """The cells that the vertical plane through the grain cuts, over the speed."""
     view = views_of(run)[-1]
     grid = tetrahedra(run, view, ["velocity"])
     level = level_of(run)
@@ -121,30 +123,21 @@ def mesh(run: Run, path: Path) -> None:
     behind = corners[..., 1].max(axis=1) > level
     kept = grid.extract_cells(np.flatnonzero(behind & (corners[..., 1].min(axis=1) <= level)))
     kept["speed"] = np.linalg.norm(kept["velocity"], axis=1)
-    plotter = pyvista.Plotter(off_screen=True, window_size=list(PIXELS))
-    plotter.background_color = "white"
     shown = kept.extract_surface(nonlinear_subdivision=0, algorithm="dataset_surface")
-    bar = {"title": "speed [scene units]\n", "color": INK, "vertical": False, "fmt": "%.2g"}
-    bar |= {"position_x": 0.3, "width": 0.4, "position_y": 0.01, "height": 0.1, "label_font_size": 20}
-    plotter.add_mesh(
-        shown, scalars="speed", cmap="YlGnBu", show_edges=True, edge_color=INK, lighting=False,
-        scalar_bar_args={**bar, "title_font_size": 22},
-    )  # fmt: skip
-    _look_along_y(plotter, view, level)
-    plotter.screenshot(path)
-    plotter.close()
-
-
-def _look_along_y(plotter: Any, view: View, level: float) -> None:
     x0, x1, z0, z1 = view
-    height = 1.2 * max(z1 - z0, (x1 - x0) * PIXELS[1] / PIXELS[0])
-    middle = (0.5 * (x0 + x1), 0.5 * (z0 + z1) - 0.07 * height)
-    plotter.camera.parallel_projection = True
-    plotter.camera.focal_point = (middle[0], level, middle[1])
-    plotter.camera.position = (middle[0], level - 10.0 * (x1 - x0), middle[1])
+    across, up = shown.points[:, 0], shown.points[:, 2]
+    seen = (across >= x0) & (across <= x1) & (up >= z0) & (up <= z1)
+    fastest = float(shown["speed"][seen].max(initial=1e-12))
+    plotter = stage(view)
+    plotter.add_mesh(
+        shown, scalars="speed", cmap=COLOURS, clim=(0.0, fastest), show_edges=True, edge_color=INK, lighting=False,
+        show_scalar_bar=False,
+    )  # fmt: skip
+    plotter.camera.focal_point = (0.5 * (x0 + x1), level, 0.5 * (z0 + z1))
+    plotter.camera.position = (0.5 * (x0 + x1), level - 10.0 * (x1 - x0), 0.5 * (z0 + z1))
     plotter.camera.up = (0.0, 0.0, 1.0)
-    plotter.camera.parallel_scale = 0.5 * height
-    plotter.reset_camera_clipping_range()
+    what = f"Cells cut by the plane y = {level:.4g}, coloured by the speed"
+    return framed(plotter, view, run.headline, what, fastest, "z")
 
 
 def traction(run: Run) -> Figure:
@@ -229,7 +222,8 @@ def verdict(run: Run) -> Figure:
         return figure
     case = judged(stored, run.directory / "result.json")
     figure, axes = sheet(*case.sentences, run.headline)
-    explain(axes, show_judged(axes, case, *surface_of(Scene(**run.scene))))
+    scene = Scene(**run.scene)
+    explain(axes, show_judged(axes, case, *surface_of(scene), scene.bed_shape))
     groups: list[Group] = [
         load_rows(case.acting, case.load.flow_couple, _UNIT, planar=False),
         *judge_rows(case),
@@ -252,9 +246,11 @@ def surface_of(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     return placement.to_scene(surface.points), surface.triangles
 
 
-def show_judged(axes: Axes, case: Judged, points: np.ndarray, triangles: np.ndarray) -> Marks:
+def show_judged(
+    axes: Axes, case: Judged, points: np.ndarray, triangles: np.ndarray, terrain: Terrain | None = None
+) -> Marks:
     """Show a judged case in space with its grain's surface, points (n, 3) and triangles (m, 3); what the marks mean."""
-    seen = rendered(case, points, triangles)
+    seen = rendered(case, points, triangles, terrain)
     axes.imshow(seen.image, aspect="auto", interpolation="antialiased")
     axes.set(xticks=[], yticks=[])
     _name_forces(axes, seen)

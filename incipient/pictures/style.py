@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -56,6 +57,7 @@ _SETTINGS = {
 }
 _WIDTH, _LEFT, _RIGHT, _TOP, _BOTTOM, _GAP = 9.0, 0.65, 1.1, 0.75, 0.5, 0.75  # inches
 _TALLEST = 4.6  # inches
+_LETTER, _HEADLINE = 0.088, 0.2  # width and height of a letter of the title, inches
 
 
 @contextmanager
@@ -73,9 +75,10 @@ def panels(views: list[View], title: str) -> tuple[Figure, list[tuple[Axes, Axes
     aspects = np.array([(y1 - y0) / (x1 - x0) for x0, x1, y0, y1 in views])
     stacked = len(views) == 1 or aspects[0] <= 0.6
     figure, places = _stack(aspects) if stacked else _row(aspects)
-    figure.text(
-        _LEFT / figure.get_figwidth(), 1 - 0.22 / figure.get_figheight(), title, fontsize=11, va="top"
-    )
+    lines = textwrap.wrap(title, int((figure.get_figwidth() - _LEFT) / _LETTER))
+    figure.set_figheight(figure.get_figheight() + _HEADLINE * (len(lines) - 1))
+    left, top = _LEFT / figure.get_figwidth(), 1 - 0.22 / figure.get_figheight()
+    figure.text(left, top, "\n".join(lines), fontsize=11, va="top")
     made = []
     for view, (left, bottom, across, up) in zip(views, places, strict=True):
         axes = _placed(figure, left, bottom, across, up)

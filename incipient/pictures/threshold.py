@@ -89,7 +89,7 @@ def _figure(stored: dict[str, Any], scene: Scene, source: Path) -> Figure:
 
 def _draw_place(axes: Axes, case: Judged, scene: Scene) -> Marks:
     if scene.gdim == 3:
-        return show_judged(axes, case, *surface_of(scene))
+        return show_judged(axes, case, *surface_of(scene), scene.bed_shape)
     grain, placement = scene.grain, scene.placement
     assert grain is not None and placement is not None
     outline = grain_outline(grain, placement)

@@ -23,7 +23,7 @@ from .film_file import DOTS
 from .judged import judged
 from .record import Run, read
 from .section import tetrahedra
-from .solid import Stage, empty_stage, frame_of
+from .solid import Stage, bed_around, empty_stage, frame_of, within
 from .space import QUADRATIC_TRIANGLE, is_in_space, surface_of, whole_surface
 from .style import FLOW, GROUND
 
@@ -146,19 +146,14 @@ class _Turntable:
         bed = self._scene.bed_shape
         if bed is None:
             return
-        side = np.arange(-_REACH, _REACH + _STEP, _STEP) * self._size
-        x, y = np.meshgrid(self._centre[0] + side, self._centre[1] + side)
-        z = bed.height(np.column_stack([x.ravel(), y.ravel()])).reshape(x.shape)
-        grid = self._pyvista.StructuredGrid(x, y, z)
+        around = bed_around(self._pyvista, bed, self._centre, _REACH * self._size, _STEP * self._size)
         self._plotter.add_mesh(
-            self._near(grid.extract_surface(algorithm="dataset_surface")), color=GROUND, smooth_shading=True,
-            ambient=0.25, opacity=_THROUGH["bed"],
-        )  # fmt: skip
+            around, color=GROUND, smooth_shading=True, ambient=0.25, opacity=_THROUGH["bed"]
+        )
 
     def _near(self, surface: Any) -> Any:
         """What of a surface, or of lines, is not too far from the grain."""
-        surface["away"] = np.hypot(*(surface.points[:, :2] - self._centre[:2]).T)
-        return surface.clip_scalar(scalars="away", value=_REACH * self._size)
+        return within(surface, self._centre, _REACH * self._size)
 
     def _streamlines(self) -> list[Any]:
         """Through points upstream of the grain, in a scene of which half was computed with their mirror images."""

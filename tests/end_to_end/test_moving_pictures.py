@@ -63,7 +63,7 @@ def test_all_pictures_of_a_grain_that_moves(run):
     names = ["trajectory", "flow", "pressure", "vorticity", "traction", "mesh"]
     assert [path.stem for path in written] == names
     for path in written:
-        assert_is_a_picture(path, margin=path.stem != "mesh")
+        assert_is_a_picture(path)
 
 
 def test_path_outlines_and_quantities(texts):

@@ -1,0 +1,78 @@
+"""Words on pictures: nothing over anything else, nothing cut."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from incipient.contact import Contacts, Load
+from incipient.contact.verdict import judge
+from incipient.files import plain
+from incipient.geometry.space.solid import Sphere
+from incipient.geometry.space.terrain import Plane
+from incipient.pictures import style
+from incipient.pictures.judged import judged
+from incipient.pictures.sheet import load_rows, sheet, write_numbers
+from incipient.pictures.solid import rendered
+
+LONG = "A scanned pebble on a random bed of spheres, with bed.slope=3.0, with contact.friction=0.35, with bed.seed=4"
+
+
+def boxes(figure: Figure) -> list:
+    """Where each text of a figure stands, in pixels."""
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    axes_titles = [title for axes in figure.axes for title in (axes.title, axes._left_title)]
+    written = [text for text in (*figure.texts, *axes_titles) if text.get_text()]
+    return [(text.get_text(), text.get_window_extent(renderer)) for text in written]
+
+
+def test_names_and_numbers_of_a_case_in_space_do_not_overlap() -> None:
+    """Numbers as of a light grain: each component takes eight letters."""
+    with style.applied():
+        figure, axes = sheet("The grain stays at rest.", "So does the paper's.", LONG)
+        small = np.array([-1.234e-5, 2.345e-5, -3.456e-5])
+        write_numbers(
+            axes, [load_rows({"flow": small, "weight": small}, small, "[scene units]", planar=False)]
+        )
+        found = boxes(figure)
+    column = [(words, box) for words, box in found if box.x0 > axes.bbox.x1]
+    assert len(column) == 8
+    for number, (words, box) in enumerate(column):
+        for other, (more, another) in enumerate(column):
+            assert number == other or not box.overlaps(another), f"{words} over {more}"
+    assert all(box.x1 <= figure.bbox.x1 for _, box in found)
+
+
+@pytest.mark.parametrize("view", [(0.0, 4.0, 0.0, 2.0), (0.0, 1.0, 0.0, 1.0)])
+def test_titles_are_wrapped_not_cut(view: style.View) -> None:
+    with style.applied():
+        figure, ((axes, _),) = style.panels([view], LONG)
+        ((title, box), *_) = boxes(figure)
+    assert title.replace("\n", " ") == LONG and "\n" in title
+    assert box.x0 >= 0.0 and box.x1 <= figure.bbox.x1 and box.y1 <= figure.bbox.y1 and box.y0 > axes.bbox.y1
+
+
+def test_the_subject_of_a_verdict_is_not_cut() -> None:
+    with style.applied():
+        figure, axes = sheet("The grain stays at rest.", "", LONG)
+        words = axes.get_title(loc="left")
+        (_, told), *_, (_, box) = boxes(figure)
+    assert words.replace("\n", " ") == LONG and box.y1 < told.y0
+
+
+def test_the_bed_of_a_grain_in_space_is_drawn() -> None:
+    """Of a plane without relief the ground fills the lower part of the picture; without it there are pieces only."""
+    load = Load([0.2, 0.0, 0.0], np.zeros(3), [0.0, 0.0, -1.0], [0.0, 0.0, 0.5])
+    contacts = Contacts([[0.0, 0.0, 0.0]], [[0.0, 0.0, -1.0]])
+    case = judged(plain(judge(load, contacts, 0.5).to_dict()), Path("made"))
+    surface = Sphere(1.0).surface(0.1)
+    points = surface.points + np.array([0.0, 0.0, 0.5])
+    shown = {}
+    for bed in (None, Plane((0.0, 0.0), 0.0)):
+        image = rendered(case, points, surface.triangles, bed).image
+        shown[bed is None] = float((image.min(axis=2) < 250).mean())
+    assert shown[False] > shown[True] + 0.1
