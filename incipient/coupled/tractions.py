@@ -137,6 +137,15 @@ class TractionProbe:
         solve_mass_matrix(mass, right, traction)
         return traction
 
+    def vectors(self) -> tuple[np.ndarray, np.ndarray]:
+        """Points (n, gdim) of the boundary and the traction there (n, gdim), those of all ranks on each of them."""
+        gdim = self.fluid.space.gdim
+        traction = self.field()
+        found = traction.x.array.reshape(-1, gdim)[self._blocks]
+        gathered = self.fluid.domain.comm.allgather((self._places(), found))
+        points, tractions = (np.concatenate(parts) for parts in zip(*gathered, strict=True))
+        return points, tractions
+
     def _across_symmetry(self) -> np.ndarray:
         """Global numbers, in the velocity's space, of owned components across a plane of symmetry in it."""
         domain, space = self.fluid.domain, self.fluid.space.velocity

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..arrays import Floats
+from ..errors import SceneError
 from ..geometry.placement import Placement
 from ..planning.plan import Plan
 from .cost_of_effects import cost_lines
@@ -14,6 +17,8 @@ from .loads import Coefficients, Couples, Forces, Gap, loads_words
 from .si import si_lines
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from ..mesh.sampling import Extremum
     from .adaptation import Adaptation
     from .elevations import Elevations
@@ -31,6 +36,25 @@ AS_THEY_ARE = (
 
 
 @dataclass(frozen=True)
+class FlowAt:
+    """The flow at a point: velocity (gdim,), and pressure without its hydrostatic part."""
+
+    velocity: Floats
+    pressure: float
+
+
+@dataclass(frozen=True)
+class Traction:
+    """The fluid's traction on the grain: points (n, gdim) on its surface, in no order, and vectors (n, gdim) there.
+
+    Of a scene of which half was computed they are those of that half.
+    """
+
+    points: Floats
+    vectors: Floats
+
+
+@dataclass(frozen=True, repr=False)
 class Result:
     """The outcome of a run. Vectors have three components in scene units; see `to_dict` for what is stored.
 
@@ -41,6 +65,7 @@ class Result:
     turbulence:             at the walls of a turbulent flow, None without turbulence
     steady:                 whether a flow became steady that was to, None where that is not asked
     si:                     flow and loads in SI units (`results.si`), None without [units]
+    traction:               of the fluid on the grain at the end, None without a grain
     """
 
     title: str
@@ -70,6 +95,52 @@ class Result:
     elevations: Elevations | None = field(default=None, repr=False)
     velocity: Any = field(default=None, repr=False)
     pressure: Any = field(default=None, repr=False)
+    traction: Traction | None = field(default=None, repr=False)
+
+    def __repr__(self) -> str:
+        """The outcome on one line."""
+        told = [self.title or "untitled", self.status]
+        if self.verdict is not None:
+            factor = self.verdict["safety_factor"]
+            told.append(f"{self.verdict['mode']}, safety factor {math.inf if factor is None else factor:.4g}")
+        if self.force is not None and self.couple is not None:
+            told.append(f"force of the flow {loads_words(self.force.flow, self.couple.flow, self.gdim)}")
+        return f"<Result: {'; '.join(' '.join(one.split()) for one in told)}>"
+
+    def at(self, points: ArrayLike) -> list[FlowAt | None]:
+        """The flow at points (n, gdim), or at one (gdim,); None for each that is outside the fluid. Collective.
+
+        Of a scene of which half was computed the other half is its mirror image.
+
+        Raises:
+            SceneError: the points have not as many coordinates as the scene, or the result has no fields.
+        """
+        given = np.atleast_2d(np.asarray(points, dtype=float))
+        if given.ndim != 2 or given.shape[1] != self.gdim:
+            raise SceneError(f"points of shape {np.shape(points)} do not fit; give an array (n, {self.gdim})")
+        if self.velocity is None or self.pressure is None:
+            raise SceneError("the result has no fields; run the scene to have them")
+        velocity, pressure = self._sampled(given)
+        if self.gdim == 3 and np.isnan(pressure).any():
+            outside = np.flatnonzero(np.isnan(pressure))
+            velocity[outside], pressure[outside] = self._mirrored(given[outside])
+        return [None if np.isnan(p) else FlowAt(v, float(p)) for v, p in zip(velocity, pressure, strict=True)]
+
+    def _sampled(self, points: Floats) -> tuple[Floats, Floats]:
+        from ..mesh.sampling import sample
+
+        return sample(self.velocity, points), sample(self.pressure, points)[:, 0]
+
+    def _mirrored(self, points: Floats) -> tuple[Floats, Floats]:
+        """The flow at points of the half that was not computed; nan where there is none."""
+        from ..scene import Scene
+
+        scene = Scene(**self.scene)
+        if not scene.symmetric:
+            return np.full(points.shape, np.nan), np.full(len(points), np.nan)
+        mirror = np.array([1.0, -1.0, 1.0])
+        velocity, pressure = self._sampled(mirror * points + [0.0, 2.0 * scene.domain.middle, 0.0])
+        return mirror * velocity, pressure
 
     @property
     def met(self) -> bool:

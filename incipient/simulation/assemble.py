@@ -15,7 +15,7 @@ from ..errors import IncipientError
 from ..parallel import collectively
 from ..planning.effects import EffectName
 from ..results.loads import Gap
-from ..results.result import Result
+from ..results.result import Result, Traction
 from ..results.si import in_si
 from ..results.timing import peak_memory_mib
 from .loads import coefficients, judged, loads
@@ -42,10 +42,11 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
 
     scene, travel = run.scene, run.trajectory
     with run.stage("tractions"):
-        force = couple = verdict = None
+        force = couple = verdict = traction = None
         contacts, trajectory = run.contacts, None if travel is None else travel.summary()
         if run.probe is not None:
             force, couple = loads(run, surface=True)
+            traction = Traction(*run.probe.vectors())
             if status == "complete":
                 verdict = judged(run, force, couple)
             if travel is not None and trajectory is not None and travel.coupling.met:
@@ -82,6 +83,7 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
         elevations=run.elevations,
         velocity=run.fluid.velocity,
         pressure=run.fluid.pressure,
+        traction=traction,
     )
 
 
