@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Set
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -192,13 +193,32 @@ def _print(file: Path) -> None:
     if len({row["source"] for row in found}) == 1:
         heads.remove("source")
     shown = Table(box=None)
-    for head in (*heads, "status", "", "time"):
-        shown.add_column(head, overflow="fold")
+    for head in heads:
+        unit = _unit(head, {row["task"] for row in found})
+        numbers = all(_is_number(row[head]) for row in found if row.get(head) is not None)
+        shown.add_column(f"{head}{unit}", overflow="fold", justify="right" if numbers else "left")
+    shown.add_column("status", overflow="fold")
+    shown.add_column("", overflow="fold")
+    shown.add_column("time [s]", overflow="fold", justify="right")
     for row in found:
         said = in_words(row) if row["status"] in ("done", "failed", "damaged") else ""
-        time = "" if row["wall"] is None else f"{row['wall']:.1f} s"
+        time = "" if row["wall"] is None else f"{row['wall']:.1f}"
         shown.add_row(*(_cell(row.get(head)) for head in heads), row["status"], said, time)
     Console(width=None if sys.stdout.isatty() else WIDE, markup=False).print(shown)
+
+
+def _unit(key: str, tasks: Set[str]) -> str:
+    """The unit of a key in brackets, after a space; nothing where it has none."""
+    from ..scene import Scene
+    from ..scene.key_units import unit_of
+    from ..simulation.judge_case import Case
+
+    unit = unit_of(Case if tasks == {"judge"} else Scene, key)
+    return f" [{unit}]" if unit else ""
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _cell(value: object) -> str:

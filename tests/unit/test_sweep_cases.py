@@ -7,15 +7,18 @@ import subprocess
 import sys
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from scenes import message
 
+from incipient.cli import main
 from incipient.errors import OutputError
 from incipient.pictures.sweep import soulsby_whitehouse
 from incipient.progress import Silent
-from incipient.scene import example, load
+from incipient.scene import Scene, example, load
+from incipient.scene.key_units import unit_of
 from incipient.sweep.axes import combined, of_mapping, parsed, table_of_cases
 from incipient.sweep.call import Means
 from incipient.sweep.cases import Case, Source, resolved
@@ -226,3 +229,20 @@ def test_the_curve_beside_ours_is_that_of_soulsby_and_whitehouse() -> None:
     reynolds, shields = soulsby_whitehouse(np.array([1e-9, 1.0, 17.0, 1e6]))
     assert shields == pytest.approx([0.30, 0.30 / 2.2 + 0.055 * 0.0198013267, 0.0298, 0.055], rel=5e-3)
     assert reynolds == pytest.approx(np.sqrt(shields) * np.array([1e-9, 1.0, 17.0, 1e6]) ** 1.5)
+
+
+def test_the_table_has_units_in_its_heads_and_numbers_to_the_right(tmp_path: Path, capsys: Any) -> None:
+    """Of each key the unit that `incipient new` writes beside it."""
+    axes = [parsed("body.diameter=0.5,10"), parsed("bed.kind=flat"), parsed("contact.friction=0.25")]
+    request, file = requested([SOURCE], axes), tmp_path / "sweep.sqlite"
+    cases, keys = request.cases()
+    with Store(file, make=True) as store:
+        store.add(cases, keys)
+        assert store.claim(cases[0].identity)
+        store.finish(cases[0].identity, Outcome({"verdict": None}, wall=2.5))
+    assert main(["table", str(file)]) == 0
+    head, first, second = capsys.readouterr().out.splitlines()
+    places = [head.index(word) + len(word) for word in ("body.diameter [length]", "time [s]")]
+    assert first[: places[0]].endswith("  0.5") and second[: places[0]].endswith("   10")
+    assert first[: places[1]].endswith("  2.5") and "bed.kind " in head and "contact.friction [-]" in head
+    assert unit_of(Scene, "gravity.acceleration") == "length/time^2" and unit_of(Scene, "no.such") == ""
