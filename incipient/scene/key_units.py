@@ -12,7 +12,7 @@ _UNIT = re.compile(r"\[([^\[\]]+)\]")
 
 
 def unit_of(model: type[BaseModel], key: str) -> str:
-    """The unit of a key such as ``body.density`` of a scene or case, "-" for a pure number; empty where there is none."""
+    """The unit of a key such as ``body.density`` of a scene, "-" for a pure number; empty where there is none."""
     models, described = [model], [""]
     for part in key.split("."):
         fields = [one.model_fields[part] for one in models if part in one.model_fields]

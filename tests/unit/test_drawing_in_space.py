@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -100,6 +102,22 @@ PEAKS = (
     ({3: 26_976}, 3, "direct", False, 643),
     ({4: 36_568}, 4, "direct", False, 952),
 )
+
+
+LIBRARIES = """
+from mpi4py import MPI
+import incipient.meshes.model, incipient.fluid, incipient.coupled.tractions, incipient.contact.verdict
+import incipient.output.directory, dolfinx
+from incipient.results.timing import peak_memory_mib
+dolfinx.mesh.create_unit_square(MPI.COMM_SELF, 8, 8)
+print(peak_memory_mib())
+"""
+
+
+def test_the_libraries_take_what_the_plan_counts_for_them() -> None:
+    """Measured in a fresh process, whichever version of dolfinx is there; forms compiled in a run add some MiB."""
+    told = subprocess.run([sys.executable, "-c", LIBRARIES], capture_output=True, text=True, check=True)
+    assert float(told.stdout) == pytest.approx(memory_of_libraries(), rel=0.1)
 
 
 @pytest.mark.parametrize(("unknowns", "order", "solver", "bars", "peak"), PEAKS)
