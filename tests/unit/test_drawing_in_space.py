@@ -105,19 +105,21 @@ PEAKS = (
 
 
 LIBRARIES = """
-from mpi4py import MPI
-import incipient.meshes.model, incipient.fluid, incipient.coupled.tractions, incipient.contact.verdict
-import incipient.output.directory, dolfinx
-from incipient.results.timing import peak_memory_mib
-dolfinx.mesh.create_unit_square(MPI.COMM_SELF, 8, 8)
-print(peak_memory_mib())
+import incipient
+from incipient.scene import example, loads
+few = ("numerics.mesh_size=8", "numerics.order=2", "numerics.error_bars=false", "effects.inertia=false")
+result = incipient.run(loads(example(), overrides=few))
+print(result.cost["peak_memory_mib"])
 """
 
 
 def test_the_libraries_take_what_the_plan_counts_for_them() -> None:
-    """Measured in a fresh process, whichever version of dolfinx is there; forms compiled in a run add some MiB."""
+    """Measured in a fresh process by a run so small that little else counts, whichever version of dolfinx is there.
+
+    More than a tenth above it plans would promise too little. Debian 12 takes 193 of 180 MiB, Debian 13 282 of 328.
+    """
     told = subprocess.run([sys.executable, "-c", LIBRARIES], capture_output=True, text=True, check=True)
-    assert float(told.stdout) == pytest.approx(memory_of_libraries(), rel=0.1)
+    assert 0.8 < float(told.stdout) / memory_of_libraries() < 1.1
 
 
 @pytest.mark.parametrize(("unknowns", "order", "solver", "bars", "peak"), PEAKS)
