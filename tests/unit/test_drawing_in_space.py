@@ -104,7 +104,7 @@ PEAKS = (
 )
 
 
-LIBRARIES = """
+TINY_RUN = """
 import incipient
 from incipient.scene import example, loads
 few = ("numerics.mesh_size=8", "numerics.order=2", "numerics.error_bars=false", "effects.inertia=false")
@@ -118,7 +118,7 @@ def test_the_libraries_take_what_the_plan_counts_for_them() -> None:
 
     More than a tenth above it plans would promise too little. Debian 12 takes 193 of 180 MiB, Debian 13 282 of 328.
     """
-    told = subprocess.run([sys.executable, "-c", LIBRARIES], capture_output=True, text=True, check=True)
+    told = subprocess.run([sys.executable, "-c", TINY_RUN], capture_output=True, text=True, check=True)
     assert 0.8 < float(told.stdout) / memory_of_libraries() < 1.1
 
 
