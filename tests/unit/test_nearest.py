@@ -80,3 +80,15 @@ def test_a_point_at_the_corner_of_a_segment_is_found(seed):
     # One segment alone has no other to be found in its place.
     for one in segments.corners:
         assert len(Triangles(one[None]).nearest(one, 0.0)[0]) == 3
+
+
+def test_points_straight_beyond_the_end_of_a_segment_find_it():
+    """Their distance from its middle is its half and that from its end, but for round-off: a third were lost."""
+    random = np.random.default_rng(0)
+    for _ in range(100):
+        start, along = 10.0 * random.random(3), random.normal(size=3)
+        segment = Triangles(np.array([[start, start + along, start + along]]))
+        points = start - along * random.random((20, 1))
+        feet, row, _ = segment.nearest(points, 0.0)
+        assert row.tolist() == list(range(20))
+        assert feet == pytest.approx(np.tile(start, (20, 1)), abs=1e-12)
