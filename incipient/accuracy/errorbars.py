@@ -12,6 +12,7 @@ Each source of error is a term of its own:
 - pocket: what is enclosed between two contacts may have the pressure on either side of them;
 - domain: a coarse run with inflow, outflow and sides that move as the stream does farther away shows what they change;
 - datum: over a bed with forms a coarse run whose stream starts where it may as well shows what the scene's changes;
+- scan: how coarser copies of a grain or a bed from a file hold the load (`scans`);
 - level ground: a run of steady flow in space with a larger part of its bed meshed as it is shows what the rest changes.
 
 For flow in time the coarse runs go to the same end, in longer steps. Terms are added in absolute value: an error bar
@@ -53,6 +54,7 @@ from .coarse_runs import (
 )
 from .far_sides import has_no_far_sides
 from .kept_runs import KeptRuns, Solve
+from .scans import SCAN, is_scanned, of_scans
 from .waves import LONGER_STEP, OF_FEW_STEPS, enlarged, error_over_change, least_share
 
 if TYPE_CHECKING:
@@ -120,6 +122,8 @@ def error_terms(
         found.add(POCKET, lambda _: _of_pocket(run, speed))
     if (wider := on_more_bed(scene)) is not None:
         found.add(GROUND, partial(of_level_ground, wider, _computed(run, force, couple)))
+    if run.contacts is not None and force is not None and couple is not None and is_scanned(scene):
+        found.add(SCAN, lambda _: of_scans(scene, force, couple))
     return found.bars()
 
 
@@ -133,10 +137,13 @@ def with_safety(bars: ErrorBars, run: Run, force: Forces | None, couple: Couples
     errors = {term.name: np.concatenate([term.force, term.couple]) for term in bars.terms}
     from .safetybar import bar_of_scene  # which loads linear programs, slowly
 
-    bar = bar_of_scene(run.scene, run.contacts, force, couple, errors)
+    terms = (term for term in bars.terms if term.modes)
+    bar = bar_of_scene(run.scene, run.contacts, force, couple, errors, *terms)
     unknown = (*bars.failed, *({MODEL} & bars.left_out.keys()))
     if bar is not None and run.turbulence is not None and not run.turbulence.report(run.fluid).applicable:
         bar = replace(bar, certain=False, decisive=LAW)
+    if bar is not None and SCAN in bars.failed:
+        bar = replace(bar, certain=False, decisive=SCAN)
     return replace(bars, safety=bar and replace(bar, unknown=unknown))
 
 

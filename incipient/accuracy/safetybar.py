@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -17,6 +18,7 @@ from ..results.safetybar import SafetyBar
 from ..results.verdict import load_of, mass_and_inertia
 
 if TYPE_CHECKING:
+    from ..results.errorbars import Term
     from ..results.loads import Couples, Forces
     from ..scene import Scene
 
@@ -25,29 +27,47 @@ Errors = Mapping[str, Floats]
 
 
 def bar_of_scene(
-    scene: Scene, contacts: Contacts, force: Forces, couple: Couples, errors: Errors
+    scene: Scene, contacts: Contacts, force: Forces, couple: Couples, errors: Errors, *terms: Term
 ) -> SafetyBar | None:
-    """The bar of a scene's grain under the loads computed; None where there is nothing to judge. Not collective."""
+    """The bar of a scene's grain under the loads computed; None where there is nothing to judge. Not collective.
+
+    `terms` are those of `errors` that change the safety factor at the same load.
+    """
     if scene.contact is None or scene.body is None or scene.mass is None:
         return None
     inert = mass_and_inertia(scene.body, scene.placement)
-    return bar_of_safety(load_of(scene, force, couple), contacts, scene.contact.friction, inert, errors)
+    return bar_of_safety(
+        load_of(scene, force, couple), contacts, scene.contact.friction, inert, errors, *terms
+    )
 
 
 def bar_of_safety(
-    load: Load, contacts: Contacts, friction: float, inert: MassAndInertia | None, errors: Errors
+    load: Load,
+    contacts: Contacts,
+    friction: float,
+    inert: MassAndInertia | None,
+    errors: Errors,
+    *terms: Term,
 ) -> SafetyBar:
-    """What is proved of all loads within the sum of the errors, by `safety_range`. Not collective."""
+    """What is proved of all loads within the sum of the errors, by `safety_range`. Not collective.
+
+    `terms` are those of `errors` that change the safety factor at the same load.
+    """
 
     def within(names: set[str]) -> tuple[ErrorBox, SafetyRange]:
         """The box of the terms named, and what the loads in it have in common."""
         box = ErrorBox.of(sum((errors[name] for name in sorted(names)), np.zeros(6)))
-        return box, safety_range(load, contacts, friction, box)
+        ratio = math.prod(term.ratio for term in terms if term.name in names)
+        return box, safety_range(load, contacts, friction, box).widened(ratio)
 
     box, found = within(set(errors))
     widths = {name: within(set(errors) - {name})[1].width for name in errors}
     exact = judged(load, contacts, friction, inert)
     modes, complete = _modes(_Case(load, contacts, friction, inert), box, found, exact)
+    if not found.rests:
+        others = dict.fromkeys(mode for term in terms for mode in term.modes)
+        complete = complete and others.keys() <= set(modes)
+        modes = tuple(dict.fromkeys([*modes, *others]))
     value = exact.safety.value
     return SafetyBar(
         value=value,

@@ -74,6 +74,22 @@ class SafetyRange:
         """Whether no load of the box is held as it is."""
         return not _contains(self.some, 1.0)
 
+    def widened(self, ratio: float) -> "SafetyRange":
+        """The range where all factors may be larger or smaller by a ratio of at least one. Not collective."""
+        if ratio == 1.0:
+            return self
+        if math.isinf(ratio):
+            return replace(self, some=(0.0, math.inf), every=None, low=0.0, high=math.inf)
+        some, every = self.some, self.every
+        less = None if every is None else (ratio * every[0], every[1] / ratio)
+        return replace(
+            self,
+            some=some and (some[0] / ratio, some[1] * ratio),
+            every=less if less and less[0] <= less[1] else None,
+            low=self.low / ratio,
+            high=self.high * ratio,
+        )
+
     @property
     def width(self) -> float:
         """How much longer `some` is than `every`, on the scale of s / (1 + s), where infinity is a number, too."""

@@ -67,8 +67,9 @@ class CriticalBars:
 def critical_bars(found: Found, loads: ErrorBars) -> CriticalBars:
     """The error bars of a critical flow from those of force and couple there. Not collective."""
     errors = {term.name: np.concatenate([term.force, term.couple]) for term in loads.terms}
-    ranges = {name: factor_range(found, {name: error}) for name, error in errors.items()}
-    low, high = factor_range(found, errors)
+    ratios = {term.name: term.ratio for term in loads.terms}
+    ranges = {name: factor_range(found, {name: error}, ratios[name]) for name, error in errors.items()}
+    low, high = factor_range(found, errors, math.prod(ratios.values()))
     if found.low < found.high:
         ranges["search"] = found.low, found.high
         low, high = low + found.low - found.factor, high + found.high - found.factor
@@ -76,11 +77,14 @@ def critical_bars(found: Found, loads: ErrorBars) -> CriticalBars:
     return CriticalBars(found.factor, max(low, 0.0), high, terms, loads)
 
 
-def factor_range(found: Found, errors: Errors) -> Range:
-    """The smallest and the largest critical factor within errors (6,) of force and couple. Not collective."""
+def factor_range(found: Found, errors: Errors, ratio: float = 1.0) -> Range:
+    """The smallest and the largest critical factor within errors (6,) of force and couple. Not collective.
+
+    Safety factors may besides be larger or smaller by a ratio.
+    """
     path, factor = found.path, found.factor
     box = ErrorBox.of(sum(errors.values(), np.zeros(6)))
-    within = safety_range(found.load, path.contacts, path.friction, box)
+    within = safety_range(found.load, path.contacts, path.friction, box).widened(ratio)
     power = path.steepness(factor)
     return factor * _root(min(within.low, 1.0), power), factor * _root(max(within.high, 1.0), power)
 

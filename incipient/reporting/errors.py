@@ -24,6 +24,7 @@ REMEDIES = {
     "pocket": "nothing: in the plane what leaks past contacts is not known",
     "domain": "larger domain.length and domain.height",
     "datum": 'flow.datum = "auto", where it is not; a larger domain, slowly',
+    "scan": "a finer scan of grain or bed",
     "level ground": "a larger numerics.meshed_bed",
     "search": "nothing: steady flows near the threshold were not found",
 }

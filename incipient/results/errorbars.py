@@ -79,6 +79,8 @@ class Term:
     centreline: (3,) of the extreme velocities on the centrelines of a lid-driven box
     power:     exponent of the gap with which its error is expected to fall
     parts:     terms that this one is the sum of, if any
+    ratio:     factor by which the safety factor may be larger or smaller at the same load, for another reason
+    modes:     what the grain does where it is
     """
 
     name: str
@@ -92,6 +94,8 @@ class Term:
     level: Floats | None = None
     shear: Floats | None = None
     centreline: Floats | None = None
+    ratio: float = 1.0
+    modes: tuple[str, ...] = ()
 
     @classmethod
     def of_parts(cls, name: str, parts: tuple[Term, ...], how: str) -> Term:
@@ -221,6 +225,8 @@ def _if_any(errors: Floats) -> Floats | None:
 
 
 def _errors(term: Term | ErrorBars, gdim: int) -> str:
+    if isinstance(term, Term) and term.modes:
+        return f"safety factor times or over {term.ratio:.3g}"
     said = [loads_words(term.force, term.couple, gdim, ".1e")] if len(term.force) else []
     if term.place is not None:
         said.append(_end_of_path(term.place))

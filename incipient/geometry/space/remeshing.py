@@ -33,11 +33,15 @@ SizeOf = Callable[[Floats], Floats]
 
 @dataclass(frozen=True, eq=False)
 class Draft:
-    """A first triangulation: points, triangles, which coordinates (n, 3) of points are held, whether edges are kept."""
+    """A first triangulation: points, triangles, which coordinates (n, 3) of points are held, whether edges are kept.
+
+    `faceted`: of edges that are kept also those of faces larger than the cells that meet at a small angle.
+    """
 
     surface: Surface
     held: np.ndarray
     sharp: bool = False
+    faceted: bool = True
 
 
 class Exact(ABC):
@@ -124,7 +128,7 @@ def _begun(draft: Draft, size: SizeOf) -> tuple[Mesh, Triangles | None]:
     topology = Topology(surface.triangles)
     sharp = np.empty((0, 2), dtype=int)
     if draft.sharp:
-        sharp = topology.edges[_bent(surface, topology, size) & ~topology.open]
+        sharp = topology.edges[_bent(draft, topology, size) & ~topology.open]
     kept = np.vstack([sharp, topology.edges[topology.open]])
     count = len(surface.points)
     meeting = np.bincount(kept.ravel(), minlength=count)
@@ -136,11 +140,14 @@ def _begun(draft: Draft, size: SizeOf) -> tuple[Mesh, Triangles | None]:
     return Mesh(surface.points, sizes, surface.triangles, draft.held, fixed, sharp), curves
 
 
-def _bent(surface: Surface, topology: Topology, size: SizeOf) -> np.ndarray:
+def _bent(draft: Draft, topology: Topology, size: SizeOf) -> np.ndarray:
     """Which edges (k,) are to be kept: those at which facets meet at an angle that the cells are to show."""
+    surface = draft.surface
     areas = vector_areas(surface.corners)
     first, second = topology.beside.T
     cosine = (unit(areas)[first] * unit(areas)[second]).sum(axis=1)
+    if not draft.faceted:
+        return np.asarray(cosine < BENT)
     ends = surface.points[topology.edges]
     length = np.maximum(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1), 1e-300)
     smaller = np.minimum(*(np.linalg.norm(areas[beside], axis=1) for beside in (first, second)))

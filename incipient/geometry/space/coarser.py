@@ -1,0 +1,73 @@
+"""Coarser copies of surfaces of triangles and of heights on a raster: what scans of less resolution would be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from incipient.arrays import Floats
+from incipient.geometry.space.heightmap import HeightMap
+from incipient.geometry.space.nearest import Triangles
+from incipient.geometry.space.remeshing import Draft, Exact, remeshed
+from incipient.geometry.space.surfaces import Surface
+
+AROUND = 8  # points whose edges are averaged for the length of edges at a place
+
+
+@dataclass(frozen=True, eq=False)
+class _Scan(Exact):
+    """A closed surface of triangles in a unit in which its extent is one; sharp edges stay."""
+
+    surface: Surface
+    faces: Triangles
+
+    def draft(self) -> Draft:
+        """The triangles themselves."""
+        return Draft(self.surface, np.zeros(self.surface.points.shape, dtype=bool), sharp=True, faceted=False)
+
+    def project(self, x: Floats, held: np.ndarray) -> Floats:
+        """The nearest points of the triangles."""
+        return self.faces.nearest(x, 0.0)[0]
+
+
+def coarser_surface(surface: Surface, factor: float) -> Surface:
+    """A closed surface with edges about `factor` times as long everywhere, its corners on the given one.
+
+    Edges at which facets meet at more than 35 degrees stay.
+
+    Raises:
+        MeshError: the triangles do not settle.
+    """
+    from scipy.spatial import cKDTree
+
+    low, extent = surface.points.min(axis=0), float(np.ptp(surface.points, axis=0).max())
+    unit_one = Surface((surface.points - low) / extent, surface.triangles)
+    middles, lengths = _edges(unit_one)
+    tree = cKDTree(middles)
+
+    def size(x: Floats) -> Floats:
+        """The wanted length of edges at points (n, 3)."""
+        near = tree.query(x, k=min(AROUND, len(middles)))[1]
+        return np.asarray(factor * lengths[near].mean(axis=1))
+
+    exact = _Scan(unit_one, Triangles(unit_one.corners))
+    found = remeshed(exact, exact.draft(), size)
+    return Surface(low + extent * found.points, found.triangles)
+
+
+def coarser_heights(heights: Floats, copy: int) -> Floats:
+    """Heights (rows, columns) as every second row and column of them tell, `copy` 0 to 3 from which on."""
+    row, column = divmod(copy % 4, 2)
+    coarse = HeightMap(heights[row::2, column::2], (2.0, 2.0), (float(column), float(row), 0.0))
+    rows_, columns = heights.shape
+    x, y = np.meshgrid(np.arange(columns, dtype=float), np.arange(rows_, dtype=float))
+    return coarse.height(np.column_stack([x.ravel(), y.ravel()])).reshape(heights.shape)
+
+
+def _edges(surface: Surface) -> tuple[Floats, Floats]:
+    """Middles (k, 3) and lengths (k,) of the sides of all triangles."""
+    corners = surface.corners
+    following = np.roll(corners, -1, axis=1)
+    middles = 0.5 * (corners + following)
+    return middles.reshape(-1, 3), np.linalg.norm(following - corners, axis=2).ravel()
