@@ -81,6 +81,28 @@ class GoalErrors:
         """(3,) computed couple less that of the finer elements."""
         return self.computed.couple - self.improved.couple
 
+    @property
+    def is_upwinded(self) -> bool:
+        """Whether the flow is upwinded where its correction is not, so that one may not be enough."""
+        return self.fluid.model.upwind and self.finer.model.exact
+
+    def correct_again(self) -> float:
+        """Make one more correction; how much of all that is corrected by now it was, the more of force and couple.
+
+        The residual is that without upwinding, the Jacobian that with it: a correction leaves some of what upwinding
+        changes, and the next one tells how much. `force` and `couple` then are those of both.
+        """
+        before = self.improved
+        self.finer.correct()
+        self.improved = TractionProbe(self.finer, self._boundary, self._about.tolist()).resultant()
+        pairs = (
+            (before.force - self.improved.force, self.force),
+            (before.couple - self.improved.couple, self.couple),
+        )
+        return max(
+            float(np.linalg.norm(change)) / max(float(np.linalg.norm(all_)), 1e-300) for change, all_ in pairs
+        )
+
     def shares(self, goal: Floats) -> Floats:
         """What each local vertex of the mesh contributes to the error of a goal: (vertices, ghosts included).
 

@@ -30,7 +30,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..arrays import Floats
 from ..errors import ConvergenceError, IncipientError
 from ..planning.cells import coarsest_grid
 from ..planning.turbulence import coarsest
@@ -55,10 +54,19 @@ from .coarse_runs import (
 from .far_sides import has_no_far_sides
 from .kept_runs import KeptRuns, Solve
 from .scans import SCAN, is_scanned, of_scans
-from .waves import LONGER_STEP, OF_FEW_STEPS, enlarged, error_over_change, least_share
+from .waves import (
+    LONGER_STEP,
+    OF_FEW_STEPS,
+    doubt_of_stream,
+    enlarged,
+    error_over_change,
+    least_share,
+    of_large_errors,
+)
 
 if TYPE_CHECKING:
     from ..simulation.state import Run
+    from .dual import GoalErrors
 
 # Error of loads over what their elements change in those of order two on the same mesh (docs/space.md).
 LEFT = 0.35
@@ -67,10 +75,14 @@ DECAY_OVER_FORMS = 1.5  # there, by a stream that suits them: measured are 1.6 t
 # How much larger the bed's part meshed as it is becomes, and the decay of what the rest changes (docs/space.md).
 WIDER, DECAY_OF_GROUND = 1.5, 1.0
 LARGER, SMALLER = (1.0, 2.0, 4.0), (0.25, 0.5, 1.0)  # gaps of three runs, relative to the scene's
+# Part of both corrections against upwinding that the second one may be: were the next ones to fall as slowly, all of
+# them together would be twice the first one.
+SETTLED = 0.5
 CLOSED_WIDER = 4.0  # how much wider the space next to contacts is that is closed in a coarse run
 ORDERS = (0.3, 2.0)  # between which the order in the gap is believed
 # Of runs with turbulence on coarser meshes: the order at which their errors are taken to fall at least, and at most.
-SLOWEST, FASTEST = 1.0, 2.0
+# Those of u* over forms of a bed scatter rather than fall (docs/turbulence.md).
+SLOWEST, FASTEST, SCATTERING = 1.0, 2.0, 0.0
 OF_DRIVEN_BOXES = 2.0  # the order of velocities in a driven box (docs/space.md)
 NOT_COARSER = (
     "coarser meshes have as few rows or columns of cells: use numerics.mesh_size = {finer:g} or less"
@@ -142,8 +154,8 @@ def with_safety(bars: ErrorBars, run: Run, force: Forces | None, couple: Couples
     unknown = (*bars.failed, *({MODEL} & bars.left_out.keys()))
     if bar is not None and run.turbulence is not None and not run.turbulence.report(run.fluid).applicable:
         bar = replace(bar, certain=False, decisive=LAW)
-    if bar is not None and SCAN in bars.failed:
-        bar = replace(bar, certain=False, decisive=SCAN)
+    if bar is not None and (doubtful := bars.doubtful or (SCAN if SCAN in bars.failed else "")):
+        bar = replace(bar, certain=False, decisive=doubtful)
     return replace(bars, safety=bar and replace(bar, unknown=unknown))
 
 
@@ -167,8 +179,7 @@ def _dual(run: Run, speed: float) -> Term:
     assert placement is not None
     with GoalErrors(run.fluid, "body", placement.centre) as goals:
         # The fluid's unit of speed is its own; what is left of the way to `speed` is short, or in Stokes flow.
-        unit = goals.allowance * speed * run.fluid.reynolds / run.plan.reynolds
-        return by_dual(unit * goals.force, unit * goals.couple)
+        return by_dual(goals, goals.allowance * speed * run.fluid.reynolds / run.plan.reynolds)
 
 
 def _by_surplus(run: Run, speed: float) -> Term:
@@ -252,9 +263,20 @@ def coarse_scenes(scene: Scene) -> list[Scene]:
 # -- the terms --------------------------------------------------------------------------------------
 
 
-def by_dual(force: Floats, couple: Floats) -> Term:
-    """The term of the discretisation from the errors that `dual.GoalErrors` estimates, with its allowance."""
-    return Term("discretisation", np.abs(force), np.abs(couple), "dual-weighted residual, one order more")
+def by_dual(goals: GoalErrors, unit: float) -> Term:
+    """The term of the discretisation from estimated errors, in a unit that has their allowance. Collective.
+
+    Where the flow is upwinded a second correction is made, which leaves the estimates those of both.
+    """
+    left = goals.correct_again() if goals.is_upwinded else 0.0
+    doubt = ""
+    if left > SETTLED:
+        doubt = (
+            f"upwinding changes much, and of two corrections against it the second still made {left:.0%}; "
+            "use a smaller numerics.mesh_size"
+        )
+    force, couple = unit * np.abs(goals.force), unit * np.abs(goals.couple)
+    return Term("discretisation", force, couple, "dual-weighted residual, one order more", doubt=doubt)
 
 
 def by_coarser_mesh(scene: Scene, computed: Loads, solve: Solve) -> Term:
@@ -271,8 +293,10 @@ def by_coarser_mesh(scene: Scene, computed: Loads, solve: Solve) -> Term:
     _require_coarser(scene)
     share, coarser = 1.0 / (COARSER_MESH**SLOWEST - 1.0), on_coarser_mesh(scene)
     in_coarser, in_coarsest = solve(coarser), solve(on_coarser_mesh(coarser))
+    scatters = scene.body is None and scene.bed is not None and scene.bed.kind != "flat"
+    fastest = SCATTERING if scatters else FASTEST
     near = Term.of_difference("discretisation", computed, in_coarser, share, how)
-    far = Term.of_difference("discretisation", in_coarser, in_coarsest, share / COARSER_MESH**FASTEST, how)
+    far = Term.of_difference("discretisation", in_coarser, in_coarsest, share / COARSER_MESH**fastest, how)
     return near.at_least(far)
 
 
@@ -321,7 +345,8 @@ def by_coarser_runs(scene: Scene, computed: Loads, solve: Solve, of_mesh: Term |
         how = how if on_another_mesh(scene) else f"these on a mesh for elements of order {beside.order}"
         found = Term.of_difference(OF_MESH, in_longer, solve(beside), to_mesh, how)
         of_mesh = enlarged(found, error_over_change(scene))
-    return Term.of_parts("discretisation", (of_step, of_mesh), "time step and mesh together")
+    together = Term.of_parts("discretisation", (of_step, of_mesh), "time step and mesh together")
+    return replace(enlarged(together, of_large_errors(together, computed)), doubt=doubt_of_stream(scene))
 
 
 def shares(scene: Scene) -> tuple[float, float]:

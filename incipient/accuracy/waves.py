@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from ..planning.cells import largest_cell, largest_cell_in_space
+from ..planning.open_channel import LEVEL
 from ..results.errorbars import Loads, Term
 
 if TYPE_CHECKING:
@@ -17,6 +20,9 @@ OF_FEW_STEPS = 1.6
 # Error of a stream's level over what elements of one order more change on the default mesh for them, likewise measured
 # (docs/channels.md).
 OF_STREAM = 1.6
+# By how much estimated errors of `LARGE` and more of the largest elevation are too small, the most that was measured,
+# less below (docs/surface.md, tests/convergence/test_errors_of_waves.py).
+UNSEEN_OF_LARGE, LARGE = 0.35, 0.06
 OUT_OF_PHASE = 0.7  # of the largest elevation
 # Second differences of an elevation in longer steps, over its largest value: one where a period has six of them.
 COARSE, COARSEST = 1.0, 4.0
@@ -41,6 +47,40 @@ def least_share(computed: Loads, in_longer: Loads, order: int) -> float:
     return 0.0 if resolved else 1.0 / (LONGER_STEP**order - 1.0)
 
 
+def of_large_errors(term: Term, computed: Loads) -> float:
+    """By how much the estimated errors of elevations are too small for being large. Not collective.
+
+    What extrapolation leaves out is in proportion to the errors themselves.
+    """
+    if term.elevation is None or computed.elevations is None or computed.elevations.largest == 0.0:
+        return 1.0
+    relative = float(term.elevation.max(initial=0.0)) / computed.elevations.largest
+    return 1.0 + UNSEEN_OF_LARGE * min(relative / LARGE, 1.0)
+
+
+def is_stream(scene: Scene) -> bool:
+    """Whether a stream enters below a free surface. Not collective."""
+    return scene.has_surface and scene.domain.kind == "channel" and scene.flow.kind != "still"
+
+
+def doubt_of_stream(scene: Scene) -> str:
+    """Why the estimated errors of a stream's level may be too small, or nothing. Not collective.
+
+    The zone at the inflow is a cell long at the least, which no comparison tells of.
+    """
+    if not is_stream(scene):
+        return ""
+    order = scene.order
+    largest = largest_cell(scene) if scene.gdim == 2 else largest_cell_in_space(scene, order)
+    most = LEVEL * scene.domain.height / largest
+    if scene.numerics.mesh_size <= most:
+        return ""
+    return (
+        "the zone in which a stream's level comes in is one cell long where cells are larger than "
+        f"{LEVEL:g} of the depth; use numerics.mesh_size = {math.floor(100.0 * most) / 100.0:g} or less"
+    )
+
+
 def enlarged(term: Term, factor: float) -> Term:
     """The term with larger errors of elevations, the same where there are none. Not collective."""
     if term.elevation is None or term.level is None:
@@ -50,5 +90,4 @@ def enlarged(term: Term, factor: float) -> Term:
 
 def error_over_change(scene: Scene) -> float:
     """Error of elevations over what elements of one order more change. Not collective."""
-    streams = scene.has_surface and scene.domain.kind == "channel" and scene.flow.kind != "still"
-    return OF_STREAM if streams and scene.order == 2 else 1.0
+    return OF_STREAM if is_stream(scene) and scene.order == 2 else 1.0

@@ -17,6 +17,7 @@ from ..accuracy.coarse_runs import HIGHEST_ORDER, LONGEST_STEP, changed, compari
 from ..accuracy.errorbars import OF_MESH, by_coarser_runs
 from ..accuracy.goal import relative
 from ..accuracy.kept_runs import KeptRuns, Known
+from ..accuracy.waves import is_stream
 from ..errors import ConvergenceError, IncipientError, Interrupted
 from ..planning.cells import FAR_CELL, FAR_CELL_IN_SPACE
 from ..planning.open_channel import LEVEL
@@ -119,17 +120,19 @@ class Balancing(Search):
 
     def _judge(self, scene: Scene, result: Result, seconds: float) -> None:
         estimate = of_step = of_mesh = None
+        doubt = ""
         cost = result.cost
         if not self._failed:
             term = by_coarser_runs(scene, Loads.of(result), self._known_run, self.known.terms.get(OF_MESH))
             estimate, of_step, of_mesh = (relative(self.goal, result, one) for one in (term, *term.parts))
+            doubt = term.doubt
             # What the mesh does to waves is seen the less the longer the steps are, which damp them.
             self._of_mesh = None if scene.accuracy_of in OF_SURFACE else term.parts[-1]
         order, cells, unknowns = result.plan.order, cost["cells"], cost["unknowns"]
         step = scene.time.step if scene.time is not None else None
         self.tell(Trial(order, cells, unknowns, estimate, seconds, step, self._failed, of_step, of_mesh))
         if estimate is not None and estimate <= self.asked:
-            self.conclude(estimate)
+            self.conclude(estimate, doubt)
 
     def _known_run(self, scene: Scene) -> Loads:
         return self.known.loads[scene.model_dump_json()]
@@ -185,7 +188,7 @@ def _coarsest(scene: Scene) -> float:
     Where a stream enters below a free surface they are so small that the zone at the inflow, one cell at the least, is
     as long on all meshes, those of one order more included: else its length errs, which the comparison does not tell.
     """
-    if not scene.has_surface or scene.domain.kind != "channel" or scene.flow.kind == "still":
+    if not is_stream(scene):
         return COARSEST_MESH
     sizes = FAR_CELL if scene.gdim == 2 else FAR_CELL_IN_SPACE
     suitable = LEVEL / (sizes[min(scene.order + 1, HIGHEST_ORDER)] * scene.numerics.mesh_size)

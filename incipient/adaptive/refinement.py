@@ -166,10 +166,9 @@ class Refinement(Search):
         with GoalErrors(run.fluid, "body", run.layout.placement.centre) as goals:
             # Loads over those of the fluid, which has a speed of its own; both are near, or it is Stokes flow.
             unit = goals.allowance * self.speed * run.fluid.reynolds / run.plan.reynolds
-            of_force, of_couple = unit * goals.force, unit * goals.couple
-            self.known.terms["discretisation"] = by_dual(of_force, of_couple)
             parts = [goals.shares(unit * goal) for goal in self.goal.goals(force, couple)]
-            error = self.goal.error(force, couple, of_force, of_couple)
+            self.known.terms["discretisation"] = term = by_dual(goals, unit)
+            error = self.goal.error(force, couple, term.force, term.couple)
             return error, gathered(run.domain.mesh, parts)
 
     def _solved(self, run: Run) -> tuple[Forces | None, Couples | None]:
@@ -201,7 +200,7 @@ class Refinement(Search):
     def _to_refine(self, attempt: Attempt, excess: float, shares: Shares, error: float) -> Attempt | None:
         """The next mesh, or nothing once the accuracy is reached or cannot be."""
         if excess <= 1.0:
-            self.conclude(error)
+            self.conclude(error, self.known["discretisation"].doubt)
             return None
         order = attempt.scene.order
         if np.isinf(error):  # the safety factor may be infinite: how much finer is enough is not known

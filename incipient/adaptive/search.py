@@ -121,9 +121,12 @@ class Search:
         if self.suited is not None:
             self.known.terms.update({term.name: term for term in self.suited.terms})
 
-    def conclude(self, estimate: float) -> None:
-        """End the search: the discretisation's error is small enough. Not collective."""
+    def conclude(self, estimate: float, doubt: str = "") -> None:
+        """End the search: the discretisation's error is small enough, unless there is a doubt. Not collective."""
         asked, self.reason, self.met = self.numerics.accuracy, "reached", True
+        if doubt:
+            self.reason, self.met = f"not known to be reached: {doubt}", False
+            return
         if self.suited is None or not isinstance(asked, float | int):
             return
         if estimate + self.suited.error > asked:

@@ -81,6 +81,7 @@ class Term:
     parts:     terms that this one is the sum of, if any
     ratio:     factor by which the safety factor may be larger or smaller at the same load, for another reason
     modes:     what the grain does where it is
+    doubt:     why the errors may be more than twice as large; nothing where they are not known to be
     """
 
     name: str
@@ -96,6 +97,7 @@ class Term:
     centreline: Floats | None = None
     ratio: float = 1.0
     modes: tuple[str, ...] = ()
+    doubt: str = ""
 
     @classmethod
     def of_parts(cls, name: str, parts: tuple[Term, ...], how: str) -> Term:
@@ -174,6 +176,11 @@ class ErrorBars:
         return _sum_of(self.terms, "elevation")
 
     @property
+    def doubtful(self) -> str:
+        """The name of the first term that may be more than twice as large; nothing where there is none."""
+        return next((term.name for term in self.terms if term.doubt), "")
+
+    @property
     def level(self) -> Floats | None:
         """(stations,) absolute error of the elevations of a free surface at the end."""
         return _sum_of(self.terms, "level")
@@ -209,6 +216,11 @@ class ErrorBars:
         lines = [f"error bars          {_errors(self, gdim) if self.terms else 'not known'}"]
         for term in self.terms:
             lines.append(f"  {term.name:<18}{_errors(term, gdim)}   {term.how}")
+            lines += (
+                [f"    {'not certain':<16}may be more than twice as large: {term.doubt}"]
+                if term.doubt
+                else []
+            )
             lines += [f"    {part.name:<16}{_errors(part, gdim)}   {part.how}" for part in term.parts]
         lines += [f"  {name:<18}{why}" for name, why in self.left_out.items()]
         return lines + [f"  {name:<18}not computed: {why}" for name, why in self.failed.items()]

@@ -97,12 +97,16 @@ def test_error_bars_of_a_wave_released_from_rest() -> None:
     assert bars.to_dict()["force"] is None and bars.to_dict()["terms"][0]["parts"][0]["couple"] is None
 
 
-@pytest.mark.parametrize("accuracy", [0.03, pytest.param(0.003, marks=SLOW), pytest.param(0.001, marks=SLOW)])
+@pytest.mark.parametrize(
+    "accuracy", [0.1, 0.03, pytest.param(0.003, marks=SLOW), pytest.param(0.001, marks=SLOW)]
+)
 def test_an_accuracy_of_elevations_is_reached(accuracy: float) -> None:
     result = incipient.run(scene(DEEP, f"numerics.accuracy={accuracy}", "time.end=2.0"))
     assert result.adaptation is not None and result.adaptation.met
     assert result.adaptation.of == "elevation"
     assert result.elevations is not None
     true = true_error(result.elevations, prosperetti(np.maximum(result.elevations.times, 1e-12), 0.01, np.pi))
-    assert true < accuracy
+    assert true < min(
+        accuracy, result.adaptation.reached
+    )  # at 0.1 it was 1.25 to 1.33 times what was estimated
     assert result.adaptation.reached < 1.0001 * accuracy
