@@ -200,7 +200,7 @@ class Refinement(Search):
     def _to_refine(self, attempt: Attempt, excess: float, shares: Shares, error: float) -> Attempt | None:
         """The next mesh, or nothing once the accuracy is reached or cannot be."""
         if excess <= 1.0:
-            self.conclude(error, self.known["discretisation"].doubt)
+            self.conclude(error, self.known.terms["discretisation"].doubt)
             return None
         order = attempt.scene.order
         if np.isinf(error):  # the safety factor may be infinite: how much finer is enough is not known

@@ -134,20 +134,21 @@ def make_plan(scene: Scene) -> Plan:
 
 def _warnings(scene: Scene) -> Iterator[str]:
     if scene.is_turbulent:
+        from . import turbulence as walls
         from .clearance import narrow_gap, through_the_top
-        from .turbulence import beyond_walls, cornered, small, too_near, too_small, within_forms, within_sand
 
-        if why := beyond_walls(scene) or within_sand(scene):
+        if why := walls.beyond_walls(scene) or walls.within_sand(scene):
             raise SceneError(f"turbulence.{why}")
-        if why := within_forms(scene):
+        if why := walls.within_forms(scene):
             raise SceneError(f"bed: {why}")
-        if why := too_small(scene):
+        if why := walls.too_small(scene):
             raise SceneError(f"turbulence: {why}")
-        if why := too_near(scene):
+        if why := walls.too_near(scene):
             raise SceneError(f"turbulence: {why}")
         if why := through_the_top(scene):
             raise SceneError(f"body.{why}")
-        yield from filter(None, (small(scene), narrow_gap(scene), cornered(scene)))
+        told = (walls.small, narrow_gap, walls.cornered, walls.coarse_at_grain, walls.smooth_grain)
+        yield from filter(None, (one(scene) for one in told))
     yield from filter(None, (near_critical(scene), near_inflow(scene)))
     gap = scene.contact.gap if scene.contact is not None and not scene.closes_contacts else 0.0
     if gap > WIDE_GAP and scene.body is not None and (scene.rests or scene.body.moves):

@@ -38,6 +38,7 @@ WALL_CELL, WALL_GROWTH, CORNER_CELL = 4.0, 0.25, 0.05
 SMALLEST_GRAIN = 300.0  # u* d/nu of grains below which the law of the wall is not for them
 THICK = 0.05  # of a grain, from which on the layer of the law is told: 50 nu/u* of one of u* d/nu = 1000
 THICKEST = 0.5  # of a grain: a layer on both its sides as thick as itself
+FEWEST_ACROSS = 6.0  # cells, of a grain in space, below which its loads are told to be uncertain
 BISECTIONS = 40
 AWAY_GROWTH = 0.05  # of cells along a bed, with the distance from a grain
 # Behind such a corner: how far its shear layer reaches, and the cells in it, over the height by which the bed falls;
@@ -229,6 +230,31 @@ def small(scene: Scene) -> str:
     return (
         f"the grain has u* d/nu = {grain_number(scene):.3g}: the layer that the law of the wall stands for is "
         f"{percent(share)} of it; it is thin up to {percent(THICK)}"
+    )
+
+
+def coarse_at_grain(scene: Scene) -> str:
+    """What is to be known of how few cells a scene's grain has in space, or an empty string. Not collective."""
+    if scene.body is None or scene.gdim == 2:
+        return ""
+    size = WALL_CELL * _coarsening(scene.order) * walls_of(scene).distance * scene.numerics.mesh_size
+    across = scene.grain.size / size
+    if across >= FEWEST_ACROSS:
+        return ""
+    return (
+        f"the grain is {across:.2g} cells across: with 3 of them drag was a fifth too large and a safety factor a "
+        f"quarter off; use numerics.mesh_size = {scene.numerics.mesh_size * across / FEWEST_ACROSS:.2g} or less"
+    )
+
+
+def smooth_grain(scene: Scene) -> str:
+    """How far the model is from measured loads on grains, or an empty string. Not collective."""
+    if scene.body is None:
+        return ""
+    return (
+        "the k-epsilon model is far from measured loads on smooth round bodies, by more than error bars tell: drag on "
+        "a sphere on a bed a third too small, on a hump a quarter to two fifths of it, lift there a quarter to a third "
+        "too large"
     )
 
 

@@ -14,6 +14,7 @@ from incipient.planning.stream import bed_stress
 from incipient.planning.turbulence import WallLaw, faster, grain_number, slowest, walls_of
 from incipient.planning.turbulent_conditions import conditions, entering
 from incipient.scene import (
+    Contact,
     Disc,
     Domain,
     Effects,
@@ -26,6 +27,7 @@ from incipient.scene import (
     Poiseuille,
     Polyline,
     Sinusoidal,
+    Sphere,
     Time,
     Turbulence,
 )
@@ -157,6 +159,25 @@ def test_a_grain_too_small_for_the_law_of_the_wall_is_refused_by_the_plan_and_a_
         "u* d/nu = 648: the layer that the law of the wall stands for is 8% of it" in one for one in warned
     )
     assert not any("law of the wall" in one for one in make_plan(grain(0.2)).warnings)
+
+
+def test_loads_that_the_model_or_few_cells_make_uncertain_are_warned_of():
+    """As docs/large_grains.md has measured them: a sphere of three cells across, and round grains at all."""
+    sphere = {"body": Sphere(diameter=0.4, x=0.6), "bed": Flat(), "contact": Contact(friction=0.6, gap=0.03)}
+    sphere |= {
+        "domain": Domain(length=1.6, width=1.2, height=1.0),
+        "fluid": Fluid(reynolds=2e5, scale="flow"),
+    }
+
+    def told(mesh_size):
+        return " ".join(make_plan(channel(**sphere, numerics=Numerics(mesh_size=mesh_size))).warnings)
+
+    assert "the grain is 3.1 cells across" in told(7.0) and "use numerics.mesh_size = 3.6 or less" in told(
+        7.0
+    )
+    assert "cells across" not in told(3.5) and "cells across" not in " ".join(make_plan(grain(0.2)).warnings)
+    assert "the k-epsilon model is far from measured loads" in told(3.5)
+    assert not any("k-epsilon model is far" in one for one in make_plan(channel()).warnings)
 
 
 def test_a_faster_flow_is_one_of_larger_reynolds_number_and_has_the_stress_of_its_own_law():
