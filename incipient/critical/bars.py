@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 Range = tuple[float, float]
 
 ADDED = "absolute errors of that multiple, added in full: "
+OWN_MESH = "own mesh"  # what a mesh made for the law of the wall of the critical flow itself changes
 DIFFERENCE = 1e-4  # of the load, for derivatives of the safety factor
 
 
@@ -68,6 +69,8 @@ def critical_bars(found: Found, loads: ErrorBars) -> CriticalBars:
     """The error bars of a critical flow from those of force and couple there. Not collective."""
     errors = {term.name: np.concatenate([term.force, term.couple]) for term in loads.terms}
     ratios = {term.name: term.ratio for term in loads.terms}
+    if found.own_mesh is not None:
+        errors[OWN_MESH], ratios[OWN_MESH] = found.own_mesh.change, 1.0
     ranges = {name: factor_range(found, {name: error}, ratios[name]) for name, error in errors.items()}
     low, high = factor_range(found, errors, math.prod(ratios.values()))
     if found.low < found.high:

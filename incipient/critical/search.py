@@ -54,6 +54,18 @@ class Trial:
 
 
 @dataclass(frozen=True, eq=False)
+class OwnMesh:
+    """The critical turbulent flow on a mesh made for that flow itself.
+
+    change:        (6,) of force and couple there, without sign
+    safety_factor: there; one if the meshes agree
+    """
+
+    change: np.ndarray
+    safety_factor: float
+
+
+@dataclass(frozen=True, eq=False)
 class Found:
     """What a search has found.
 
@@ -64,6 +76,7 @@ class Found:
     path:     the load as the flow grows
     trials:   flows solved, in that order; unsolved: factors at which no steady flow was found
     reason:   why the search ended without a critical flow
+    own_mesh: with turbulence what a mesh made for the critical flow itself says of it
     """
 
     factor: float
@@ -74,6 +87,7 @@ class Found:
     reason: str = ""
     between: tuple[float, float] | None = None
     rocking: Rocking | None = None
+    own_mesh: OwnMesh | None = None
 
     @property
     def low(self) -> float:
@@ -206,6 +220,13 @@ class Search:
             if self._is_near(new) or len(self.trials) >= MOST_FLOWS:
                 return Found(new, new, path, tuple(self.trials), tuple(self.unsolved))
             factor = new
+
+    def load_at(self, factor: float) -> Load:
+        """The load in the flow at a factor, found at once or else from one half as fast. Raises ConvergenceError."""
+        if not self._try(factor):
+            self._solve(0.5 * factor)
+            self._solve(factor)
+        return self._load(factor)
 
     def at_nearest(self, factor: float) -> tuple[Forces, Couples]:
         """Make the fluid that of the flow solved nearest to a factor; force and couple there."""

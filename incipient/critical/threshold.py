@@ -37,6 +37,11 @@ if TYPE_CHECKING:
 SCHEMA_VERSION = 2
 SAME_SIZE = 1e-9  # relative
 BEYOND = 1e-4  # how much faster than critical a flow is that shows the motion
+NOT_ONE = 0.02  # by which the safety factor of a critical flow is off from one on a mesh of its own, told from here on
+OTHERWISE = (
+    "WARNING: on a mesh made for the critical flow itself the safety factor is {:.3g}, not 1: the mesh is too coarse "
+    "for a threshold; use a smaller numerics.mesh_size"
+)
 # What shields is, and what it is not, beside the number.
 SHIELDS = "tau_b/((rho_s - rho_f) g d), d = {size:g}: the largest diameter of the grain; "
 NOMINAL = "{shields:.4g} with its nominal diameter {size:.4g}, that of the {what}"
@@ -239,6 +244,10 @@ def find_threshold(
     voice = voice or Silent()
     if scene.numerics.accuracy is not None:
         return CriticalRefinement(scene, comm, voice, concluded).threshold()
+    if scene.is_turbulent:
+        from .own_mesh import on_its_own_mesh
+
+        return on_its_own_mesh(scene, comm, voice, concluded)
     with prepared(scene, comm, voice=voice) as run:
         search = Search(run)
         return concluded(run, search, search.from_rest())
@@ -345,6 +354,9 @@ def _notes(scene: Scene, found: Found) -> tuple[str, ...]:
     if found.between is not None:
         low, high = found.between
         notes.append(f"interpolated between {low:.4g} and {high:.4g} times the flow: {found.reason}")
+    own = found.own_mesh
+    if own is not None and abs(own.safety_factor - 1.0) > NOT_ONE:
+        notes.append(OTHERWISE.format(own.safety_factor))
     return tuple(notes)
 
 

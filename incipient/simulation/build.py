@@ -39,6 +39,7 @@ def prepared(
     voice: Silent | None = None,
     checkpoint: Checkpoint | None = None,
     sizing: Callable[[Layout], Layout] = lambda layout: layout,
+    speed: float = 1.0,
 ) -> Iterator[Run]:
     """The run of a scene with its mesh and its fluid, before anything is solved; freed at the end. Collective.
 
@@ -47,6 +48,7 @@ def prepared(
         recorder: told when the mesh is there.
         checkpoint: the checkpoint of an earlier session of the run, whose mesh is taken and whose costs are counted on.
         sizing: changes the cell sizes that the plan has laid out.
+        speed: of the turbulent flow whose law of the wall the mesh is made for, over the scene's.
 
     Raises:
         IncipientError: on all ranks: the scene cannot be planned or meshed.
@@ -55,7 +57,8 @@ def prepared(
     voice.begin("plan")
     with accounts.ledger.stage("plan"):
         plan = make_plan(scene)
-        layout = sizing(drawing.lay_out(scene, plan))
+        meshed = _meshed_for(scene, speed)
+        layout = sizing(drawing.lay_out(meshed, plan))
     voice.begin("import")
     with accounts.ledger.stage("import"), required():
         _load_libraries(comm, draws=checkpoint is None)
@@ -74,7 +77,7 @@ def prepared(
             turbulent = _turbulent(scene, plan, made)
             if turbulent is not None:
                 model = turbulent.within(model)
-            newest = [raised.made(made, model, conditions(scene), plan.reynolds)]
+            newest = [raised.made(made, model, conditions(meshed), plan.reynolds)]
             # Another fluid may have taken its place by the end.
             stack.push(lambda *exception: newest[0].__exit__(*exception))
             if turbulent is not None:
@@ -89,6 +92,15 @@ def prepared(
             yield run
         finally:
             newest[0] = run.fluid
+
+
+def _meshed_for(scene: Scene, speed: float) -> Scene:
+    """The scene that a mesh is made for: one of a flow as fast, whose law of the wall has another distance."""
+    if not scene.is_turbulent or speed == 1.0:
+        return scene
+    from ..planning.turbulence import faster
+
+    return faster(scene, speed)
 
 
 def _turbulent(scene: Scene, plan: Plan, domain: Domain) -> TurbulentFlow | None:

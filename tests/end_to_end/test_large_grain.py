@@ -99,7 +99,13 @@ def test_the_threshold_of_a_stone_has_error_bars():
     found = incipient.threshold(stone(numerics=Numerics(mesh_size=2.0, order=2)))
     finer = incipient.threshold(stone(mesh_size=1.0))
     bars = found.bars
-    assert bars.loads.failed == {} and set(bars.terms) == {"discretisation", "gap", "domain", "pocket"}
+    assert bars.loads.failed == {} and set(bars.terms) == {
+        "discretisation",
+        "gap",
+        "domain",
+        "pocket",
+        "own mesh",
+    }
     assert set(bars.loads.left_out) == {"turbulence model"}
     assert abs(found.factor - finer.factor) < bars.terms["discretisation"] < 0.1 * found.factor
     assert bars.low < finer.factor < bars.high
