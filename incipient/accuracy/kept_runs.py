@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 from ..errors import IncipientError
-from ..results.errorbars import Loads, Term
+from ..results.errorbars import Loads
 from ..scene import Scene
 
 Solve = Callable[[Scene], Loads]
@@ -14,14 +13,6 @@ Solve = Callable[[Scene], Loads]
 
 class Spent(IncipientError):
     """What may be spent on estimates is used up."""
-
-
-@dataclass
-class Known:
-    """What estimates have found: terms of error bars by name, loads of coarse runs by the JSON of their scene."""
-
-    terms: dict[str, Term] = field(default_factory=dict)
-    loads: dict[str, Loads] = field(default_factory=dict)
 
 
 class KeptRuns:

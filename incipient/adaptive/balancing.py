@@ -16,7 +16,7 @@ import numpy as np
 from ..accuracy.coarse_runs import HIGHEST_ORDER, LONGEST_STEP, changed, comparisons, order_in_time
 from ..accuracy.errorbars import OF_MESH, by_coarser_runs
 from ..accuracy.goal import relative
-from ..accuracy.kept_runs import KeptRuns, Known
+from ..accuracy.kept_runs import KeptRuns
 from ..accuracy.waves import is_stream
 from ..errors import ConvergenceError, IncipientError, Interrupted
 from ..planning.cells import FAR_CELL, FAR_CELL_IN_SPACE
@@ -28,7 +28,7 @@ from ..scene import Scene
 from ..scene.numerics import OF_SURFACE
 from ..simulation.recorder import Recorder, Unrecorded
 from ..simulation.simulate import simulate
-from ..simulation.state import Accounts
+from ..simulation.state import Accounts, Known
 from .balance import WORK_POWER, Parts, Powers, Refined, cheapest, halved, milder
 from .search import Search, Told
 

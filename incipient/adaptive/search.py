@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..accuracy.goal import Goal, Quantity
-from ..accuracy.kept_runs import KeptRuns, Known
+from ..accuracy.kept_runs import KeptRuns
 from ..planning.drawing import MEMORY_GROWTH
 from ..progress import Silent
 from ..results.adaptation import Adaptation, Trial
@@ -22,6 +22,7 @@ from ..results.result import Result
 from ..results.timing import Ledger, peak_memory_mib
 from ..scene import Scene
 from ..simulation.recorder import Recorder
+from ..simulation.state import Known
 from .modelling import SHARE, Suited, not_estimated, remedies, suited
 
 if TYPE_CHECKING:

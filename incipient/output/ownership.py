@@ -26,7 +26,7 @@ KEYS: dict[str, Collection[str]] = {
 }
 HEADS = {
     "history.csv": "time,step,newton,",
-    "cost.csv": "order,mesh_size,",
+    "cost.csv": "order,mesh_size",
     "series.csv": "time,safety_factor,mode",
 }
 SECTIONS = ("domain", "fluid", "flow", "effects", "numerics", "output")  # of a scene that a run has written

@@ -7,7 +7,6 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from ..accuracy.kept_runs import Known
 from ..progress import Silent
 from ..results.cost_of_effects import Corrections
 from ..results.elevations import Elevations, Reading
@@ -22,12 +21,21 @@ if TYPE_CHECKING:
     from ..mesh.domain import Domain
     from ..planning.drawing import Layout
     from ..planning.plan import Plan
+    from ..results.errorbars import Loads, Term
     from ..scene import Scene
     from ..turbulence import InTime
     from .free_surface import MovingSurface
     from .moving_grain import Trajectory
     from .steadiness import Steadiness
     from .turbulent import TurbulentFlow
+
+
+@dataclass
+class Known:
+    """What estimates have found: terms of error bars by name, loads of coarse runs by the JSON of their scene."""
+
+    terms: dict[str, Term] = field(default_factory=dict)
+    loads: dict[str, Loads] = field(default_factory=dict)
 
 
 @dataclass

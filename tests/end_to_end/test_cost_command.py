@@ -21,6 +21,7 @@ from environment import end, environment
 from processes import CAVITY, CYLINDER, GRAIN_ON_BED, SCENES, settings
 
 from incipient.cli import main
+from incipient.scene import load, save
 
 COARSE = settings(numerics_mesh_size=2.5, contact_gap=0.05, domain_length=12.0, domain_height=6.0, body_x=4.0)
 
@@ -189,8 +190,8 @@ def test_bad_input_is_one_line(capsys: Any, tmp_path: Path, options: list[str], 
 def test_the_directory_of_another_scene(command: Any, tmp_path: Path) -> None:
     study = tmp_path / "study"
     study.mkdir()
-    (study / "scene.toml").write_text(CAVITY.read_text())
-    (study / "cost.csv").write_text("order\n")
+    save(load(CAVITY), study / "scene.toml")
+    (study / "cost.csv").write_text("order,mesh_size\n")
     done = command("cost", GRAIN_ON_BED, "--out", study)
     assert done.returncode == 5
     assert "holds the runs of another scene" in done.stderr
