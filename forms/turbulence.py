@@ -45,6 +45,7 @@ class Stream:
     known: logarithms of an earlier state, whose eddies decide on upwinding: it then is no matter of Newton's method
     added: (2,) what else makes k and epsilon, over k and epsilon themselves
     carrier: the velocity less that of the mesh, where that is moved; None: the velocity
+    per_step: factor of the newest state in its rate, about one over the time step; 0 in a steady flow
     """
 
     velocity: Any
@@ -54,6 +55,7 @@ class Stream:
     known: Any = None
     added: Any = (0, 0)
     carrier: Any = None
+    per_step: Any = 0
 
 
 def eddy_viscosity(logarithms: Any, closure: Closure) -> Any:
@@ -99,6 +101,8 @@ def residual(logarithms: Any, rate: Any, tests: Any, stream: Stream, closure: Cl
         if stream.size is not None:
             known = stream.viscosity + eddy_viscosity(stream.known, closure) / sigma
             delta = streamline_time(carrier, known, stream.size)
+            # No longer than a step in time takes: the rate would weigh more along the flow than by itself.
+            delta /= ufl.max_value(1, stream.per_step * delta)
             form += delta * strong * ufl.dot(carrier, ufl.grad(test)) * stream.measure
     return form
 

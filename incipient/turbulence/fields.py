@@ -103,7 +103,7 @@ class Turbulence:
         measure = ufl.dx(domain=mesh, metadata={"quadrature_degree": 3 * self.order + 1})
         states = (unknowns, ufl.split(self._before), ufl.split(self._older))
         size = cell_size(mesh) / self.order
-        stream = forms.Stream(velocity, of_molecules, measure, size, states[1], added, carrier)
+        stream = forms.Stream(velocity, of_molecules, measure, size, states[1], added, carrier, self.rate[0])
         rate = [sum(a * one[i] for a, one in zip(self.rate, states, strict=True)) for i in range(2)]
         form = forms.residual(unknowns, rate, tests, stream, self.closure)
         if self.surroundings.walls:

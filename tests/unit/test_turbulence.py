@@ -188,7 +188,7 @@ def test_the_logarithmic_layer_is_a_solution(wall):
     assert errors[1] < 0.02 and errors[0] / errors[1] > 3.5
 
 
-MOST_CUTS = 15  # after which a run ends, and says that k and epsilon do not converge
+MOST_CUTS = 20  # after which a run ends, and says that k and epsilon do not converge
 
 
 def random_steps(number, seed):
@@ -231,6 +231,9 @@ def test_no_start_and_no_step_makes_k_or_epsilon_negative():
 
 @pytest.mark.slow
 def test_a_thousand_starts_meshes_and_steps_leave_k_and_epsilon_positive():
-    """Some starts that jump at the inflow have no step however short on stretched cells: upwinding weighs the rate."""
+    """Each has a step that is short enough, 19 quarterings at most of steps up to 1000.
+
+    Upwinding that is longer than the step weighs the rate more along the flow than by itself: six starts had no step.
+    """
     cuts = random_steps(1000, 4)
-    assert len(cuts) >= 1000 and np.mean(np.array(cuts) == MOST_CUTS) < 0.05
+    assert len(cuts) >= 1000 and max(cuts) < MOST_CUTS
