@@ -70,9 +70,10 @@ cost: setup ## what accuracy costs, on the demos: docs/cost.md
 effects: setup ## one scene with its effects switched on one after another: docs/effects.md
 	$(PYTHON) benchmarks/effects.py
 
-turbulence: setup ## turbulent channels, a step beside OpenFOAM, and a hump, against measurements: docs/turbulence.md, large_grains.md
+turbulence: setup ## turbulent channels, a step and a stone beside OpenFOAM, and a hump, against measurements: docs/turbulence.md, large_grains.md
 	$(PYTHON) benchmarks/turbulence.py
 	$(PYTHON) benchmarks/turbulent_step.py
+	$(PYTHON) benchmarks/turbulent_stone.py
 	$(PYTHON) benchmarks/turbulent_hump.py
 
 scaling: setup ## the solver in space from 35,000 to 240,000 unknowns: the table of docs/scaling.md
