@@ -16,9 +16,11 @@ PARTS = {
         "end_to_end/test_cost_command.py",
         "end_to_end/test_critical_flow.py",
         "end_to_end/test_physics.py",
+        "unit/test_doubt.py",
         "unit/test_dual.py",
         "unit/test_errorbars.py",
         "unit/test_modelling.py",
+        "unit/test_threshold.py",
     ),
     "contact": (
         "end_to_end/test_contact_pictures.py",
@@ -26,6 +28,7 @@ PARTS = {
         "stability/test_siconos.py",
         "unit/test_batch.py",
         "unit/test_rocking.py",
+        "unit/test_scans.py",
         "unit/test_settle.py",
     ),
     "motion": (

@@ -91,6 +91,7 @@ TOO_LITTLE = 1e-6  # of the largest of three loads: changes that tell no order
 SAME_DATUM = 1e-6  # of the height of the forms
 GROUND, MODEL, POCKET = "level ground", "turbulence model", "pocket"
 LAW = "law of the wall, which is not applicable here"
+OF_MODEL = "turbulence model at grains, which no finer mesh reduces (docs/large_grains.md)"
 OF_MESH = "mesh"  # name of the part of the discretisation's term that outlasts a change of steps
 NO_CONTACT = "does not apply: no grain rests on a bed"
 MOVES = "does not apply: the grain moves, and contact.gap says where it stops"
@@ -142,7 +143,7 @@ def error_terms(
 def with_safety(bars: ErrorBars, run: Run, force: Forces | None, couple: Couples | None) -> ErrorBars:
     """The bars with the safety factor's, where there is a verdict and at least one term. Collective.
 
-    Nothing is certain of a turbulent flow along whose walls the law of the wall does not hold.
+    Nothing is certain of a grain in turbulent flow: another program with the same model finds other loads.
     """
     if run.contacts is None or force is None or couple is None or not bars.terms:
         return bars
@@ -152,8 +153,9 @@ def with_safety(bars: ErrorBars, run: Run, force: Forces | None, couple: Couples
     terms = (term for term in bars.terms if term.modes)
     bar = bar_of_scene(run.scene, run.contacts, force, couple, errors, *terms)
     unknown = (*bars.failed, *({MODEL} & bars.left_out.keys()))
-    if bar is not None and run.turbulence is not None and not run.turbulence.report(run.fluid).applicable:
-        bar = replace(bar, certain=False, decisive=LAW)
+    if bar is not None and run.turbulence is not None:
+        holds = run.turbulence.report(run.fluid).applicable
+        bar = replace(bar, certain=False, decisive=OF_MODEL if holds else LAW)
     if bar is not None and (doubtful := bars.doubtful or (SCAN if SCAN in bars.failed else "")):
         bar = replace(bar, certain=False, decisive=doubtful)
     return replace(bars, safety=bar and replace(bar, unknown=unknown))

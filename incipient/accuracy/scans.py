@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..contact.exact import Exact, judged
 from ..errors import ConvergenceError, SceneError
 from ..results.errorbars import Term
-from ..results.verdict import find_contacts, load_of, mass_and_inertia
 from .coarse_runs import changed
 
 if TYPE_CHECKING:
+    from ..contact.exact import Exact
     from ..results.loads import Couples, Forces
     from ..scene import Scene
 
@@ -43,7 +42,8 @@ def of_scans(scene: Scene, force: Forces, couple: Couples) -> Term:
         ConvergenceError: fewer than two coarser copies come to rest.
         MeshError: a copy cannot be triangulated.
     """
-    found, why = list[Exact](), ""
+    found: list[Exact] = []
+    why = ""
     for copy in range(len(COARSER)):
         try:
             found.append(_judged(coarser_copy(scene, copy), force, couple))
@@ -62,6 +62,9 @@ def of_scans(scene: Scene, force: Forces, couple: Couples) -> Term:
 
 def _judged(scene: Scene, force: Forces, couple: Couples) -> Exact:
     """What mechanics say of a load on the scene's grain."""
+    from ..contact.exact import judged  # which loads linear programs, slowly
+    from ..results.verdict import find_contacts, load_of, mass_and_inertia
+
     assert scene.contact is not None and scene.body is not None
     inert = mass_and_inertia(scene.body, scene.placement)
     return judged(load_of(scene, force, couple), find_contacts(scene), scene.contact.friction, inert)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
@@ -35,7 +36,7 @@ SETTLES = 'on the bed, by contact.friction; "frictionless": without'
 
 def _settles(value: Any) -> Any:
     if not isinstance(value, bool) and value != FRICTIONLESS:
-        raise contradiction(f"is {value!r}", f'give true, false or "{FRICTIONLESS}"')
+        raise contradiction(f"is {json.dumps(value, default=str)}", f'give true, false or "{FRICTIONLESS}"')
     return value
 
 

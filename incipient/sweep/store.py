@@ -43,7 +43,7 @@ _COLUMNS = frozenset((*_CASE, *_OUTCOME, "status", "owner", "tries"))
 _UNREADABLE = "\N{REPLACEMENT CHARACTER}"  # in place of bytes that are no text
 _OF_THE_DISK = {
     sqlite3.SQLITE_FULL: "free some space",
-    sqlite3.SQLITE_IOERR: "check the disk, or copy the file to another",
+    sqlite3.SQLITE_IOERR: "free some space, check the disk, or copy the file to another",
     sqlite3.SQLITE_BUSY: "another program writes to it; wait until it has ended",
     sqlite3.SQLITE_LOCKED: "another program writes to it; wait until it has ended",
 }

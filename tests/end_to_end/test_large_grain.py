@@ -122,7 +122,8 @@ def test_error_bars_of_a_stone():
     assert [term.name for term in bars.error_bars.terms] == ["discretisation", "gap", "domain", "pocket"]
     change = np.abs(bars.force.flow - finer.force.flow)[:2]
     assert "turbulence model" in bars.error_bars.left_out
-    assert "but for the error of the turbulence model, which is not known: it rests" in bars.text()
+    assert "NOT certain: " in bars.text()
+    assert "reduce the error of the turbulence model at grains, which no finer mesh reduces" in bars.text()
     assert (change <= bars.error_bars.terms[0].force[:2]).all()
 
 

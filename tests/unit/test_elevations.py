@@ -91,7 +91,10 @@ def test_step_and_mesh_are_told_apart():
     assert of_step[0] == pytest.approx(OF_FEW_STEPS * exact, rel=0.01)
     assert of_mesh == pytest.approx([1e-3, 5e-4], rel=1e-6)
     bars = ErrorBars((term,))
-    assert bars.elevation == pytest.approx(of_step + of_mesh)
+    # Large errors are larger than they are estimated: up to 1.35 times, from 6% of the largest elevation, 1, on.
+    assert bars.elevation == pytest.approx(
+        (1 + 0.35 * (of_step + of_mesh)[0] / 0.06) * (of_step + of_mesh), rel=1e-4
+    )
     assert bars.force.shape == (0,)
     assert f"discretisation    elevation {bars.elevation[0]:.1e}" in "\n".join(bars.lines())
     found = SimpleNamespace(force=None, couple=None, elevations=wave(40, size=0.5))

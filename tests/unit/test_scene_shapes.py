@@ -164,7 +164,7 @@ class TestBadScenes:
             ),
             (
                 f'{SUPERELLIPSE}\nsettle = "yes"',
-                'body.settle: is "yes"; give true or false',
+                'body.settle: is "yes"; give true, false or "frictionless"',
             ),
         ],
     )
