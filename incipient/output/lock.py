@@ -79,8 +79,12 @@ def locked(directory: Path, comm: MPI.Comm, make: bool = False) -> Iterator[None
             if make:
                 with reported(directory):
                     directory.mkdir(parents=True, exist_ok=True)
-            refuse_foreign(directory)
             _take(directory, mine)
+            try:
+                refuse_foreign(directory)
+            except OutputError:
+                _give_back(directory / LOCK, mine)
+                raise
     try:
         yield
     finally:

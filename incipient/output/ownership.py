@@ -48,7 +48,7 @@ def refuse_foreign(directory: Path, names: Iterable[str] = ()) -> None:
             continue
         if path.is_symlink():
             raise OutputError(f"{path}: is a link, and nothing is written through links; {REMEDY}")
-        if path.suffix != ".part" and not _is_own(path, name):
+        if path.suffix != ".part" and path.exists() and not _is_own(path, name):
             raise OutputError(f"{path}: is not of an incipient run, which would replace it; {REMEDY}")
 
 

@@ -39,7 +39,7 @@ def scene(power: int) -> Scene:
     return loads(SCENE.format(power=power))
 
 
-@pytest.mark.parametrize("power", [-6, -7])
+@pytest.mark.parametrize("power", [-6, pytest.param(-7, marks=pytest.mark.slow)])
 def test_lengths_in_metres_give_what_those_in_microns_do(power: int) -> None:
     """Viscosity is 5e-14 there beside gradients of 1e-6: by its own choice of scales MUMPS finds no pivots."""
     there, here = incipient.run(scene(power)).to_dict(), incipient.run(scene(0)).to_dict()
