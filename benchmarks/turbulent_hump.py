@@ -97,7 +97,7 @@ def computed(shape: np.ndarray, distance: float, mesh_size: float) -> Pressures:
 
         x, found = along("body")
         level = np.interp(UPSTREAM + 0.05, *along("bed"))
-        walls = run.turbulence.report(run.fluid)
+        walls = run.turbulence.report()
         friction = np.array([walls.along["body"][name] for name in ("x", "friction")])
         back = friction[0, friction[1] < 0.0]
         cells = run.domain.mesh.topology.index_map(2).size_global

@@ -15,13 +15,13 @@ import sys
 from typing import Any
 
 # Modules that are for one effect only.
-OF_UNSTEADINESS = ("simulation.time_loop", "fluid.transient", "fluid.quasisteady")
+OF_UNSTEADINESS = ("simulation.march", "simulation.time_loop", "fluid.transient", "fluid.quasisteady")
 OF_MOVING_MESH = (
     "mesh.motion",
     "mesh.transfer",
     "coupled.remeshing",
     "coupled.energy",
-    "simulation.moving_grain",
+    "effects.moving_grain",
 )
 OF_FREE_BODY = ("coupled.coupling", "coupled.rigid", "body.rigidbody", "body.integrator", "body.fehlberg")
 OF_FREE_SURFACE = (
@@ -29,14 +29,14 @@ OF_FREE_SURFACE = (
     "fluid.surface",
     "mesh.elevation",
     "coupled.surface",
-    "simulation.free_surface",
+    "effects.free_surface",
     "planning.surface",
 )
 OF_TURBULENCE = (
     "forms.turbulence",
     "fluid.friction",
     "turbulence",
-    "simulation.turbulent",
+    "effects.turbulence",
     "planning.turbulence",
     "results.turbulence",
 )

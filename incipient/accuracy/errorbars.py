@@ -154,7 +154,7 @@ def with_safety(bars: ErrorBars, run: Run, force: Forces | None, couple: Couples
     bar = bar_of_scene(run.scene, run.contacts, force, couple, errors, *terms)
     unknown = (*bars.failed, *({MODEL} & bars.left_out.keys()))
     if bar is not None and run.turbulence is not None:
-        holds = run.turbulence.report(run.fluid).applicable
+        holds = run.turbulence.report().applicable
         bar = replace(bar, certain=False, decisive=OF_MODEL if holds else LAW)
     if bar is not None and (doubtful := bars.doubtful or (SCAN if SCAN in bars.failed else "")):
         bar = replace(bar, certain=False, decisive=doubtful)
@@ -164,12 +164,12 @@ def with_safety(bars: ErrorBars, run: Run, force: Forces | None, couple: Couples
 def _computed(run: Run, force: Forces | None, couple: Couples | None) -> Loads:
     """What a run has come to."""
     place = None
-    if run.trajectory is not None:
-        state = run.trajectory.state
+    if run.grain is not None:
+        state = run.grain.state
         place = np.concatenate([state.place, state.orientation])
     from ..mesh.sampling import centrelines
 
-    walls = None if run.turbulence is None or force is not None else run.turbulence.report(run.fluid)
+    walls = None if run.turbulence is None or force is not None else run.turbulence.report()
     lines = centreline_velocities(centrelines(run.scene, run.fluid))
     return replace(Loads.at_the_end(force, couple, place, run.elevations, walls), centreline=lines)
 

@@ -67,7 +67,7 @@ class Uniform(Refinement):
 
     def _estimated(self, run: Run, force: Forces | None, couple: Couples | None) -> tuple[float | None, Any]:
         assert run.turbulence is not None
-        found = _Found(force, couple, run.turbulence.report(run.fluid))
+        found = _Found(force, couple, run.turbulence.report())
         computed = Loads.at_the_end(force, couple, None, None, found.turbulence)
         self._seen.append((run.scene, computed))
         coarser = on_coarser_mesh(run.scene)

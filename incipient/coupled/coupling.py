@@ -175,6 +175,15 @@ class Coupling:
         """(n,) velocities of all parts at the end of the last attempt."""
         return np.concatenate([part.velocities() for part in self.parts])
 
+    def columns(self, report: NewtonReport) -> dict[str, float]:
+        """Columns of the history after a step: corrections of the parts, what they leave, the worst cell."""
+        assert isinstance(report, InterfaceReport)
+        return {
+            "interface": report.corrected,
+            "interface_residual": report.residuals[-1],
+            "mesh_quality": self.quality.worst,
+        }
+
     def quality_ahead(self, length: float, order: int) -> MeshQuality:
         """The mesh's quality after one more step, in which the parts go on by themselves."""
         for part in self.parts:

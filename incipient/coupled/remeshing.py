@@ -52,17 +52,15 @@ class Remeshing:
     energy: float
 
 
-def carry_over(
-    old: tuple[Coupling, RigidPart], new: tuple[Coupling, RigidPart], states: Sequence[Past]
-) -> tuple[list[Past], Remeshing]:
-    """Carry the states of the old fluid, the present one first, to the new fluid, its coupling and body. Collective.
+def carry_over(before: Coupling, coupling: Coupling, states: Sequence[Past]) -> tuple[list[Past], Remeshing]:
+    """Carry states of the fluid, the present one first, to the new fluid, its coupling and body. Collective.
 
     The new fluid's state becomes the present one; the states come back as they are on the new mesh.
 
     Raises:
         MeshError: the new mesh is folded, or too coarse for the flow. The old fluid is as it was.
     """
-    (before, was), (coupling, part) = old, new
+    was, part = _body_of(before), _body_of(coupling)
     fluid, carrier = coupling.fluid, Carrier(before.fluid, coupling.fluid)
     part.mean_load, part.end, fluid.time = was.mean_load, was.end, before.fluid.time
     part.past, coupling.places = list(was.past), [carrier.places(one) for one in before.places]
@@ -85,6 +83,10 @@ def carry_over(
             f"(change {summary.change:.2g}, worst cell {summary.new_quality:.2g}): use a smaller numerics.mesh_size"
         )
     return carried, summary
+
+
+def _body_of(coupling: Coupling) -> RigidPart:
+    return next(part for part in coupling.parts if isinstance(part, RigidPart))
 
 
 def _admissible(

@@ -155,7 +155,7 @@ class Checkpoint:
     mesh: StoredMesh
     times: Floats
     flow: StoredFlow
-    body: Body | None
+    body: Body | None = None
     recorded: Recorded = Recorded()
     surface: Surface | None = None
     turbulence: StoredTurbulence | None = None

@@ -40,22 +40,23 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
     """What the flow at hand says, without what has to be estimated: see `with_estimates`."""
     from ..mesh.sampling import centrelines
 
-    scene, travel = run.scene, run.trajectory
+    scene, grain = run.scene, run.grain
+    reported = {name: value for part in run.parts for name, value in part.reported().items()}
     with run.stage("tractions"):
         force = couple = verdict = traction = None
-        contacts, trajectory = run.contacts, None if travel is None else travel.summary()
+        contacts = run.contacts
         if run.probe is not None:
             force, couple = loads(run, surface=True)
             traction = Traction(*run.probe.vectors())
             if status == "complete":
                 verdict = judged(run, force, couple)
-            if travel is not None and trajectory is not None and travel.coupling.met:
-                from .landing import landing
+            if grain is not None and grain.part.met:
+                from ..effects.moving_grain.landing import landing
 
-                landed = landing(scene, travel.state, travel.clearance(), force, couple)
+                landed = landing(scene, grain.state, grain.clearance(), force, couple)
                 contacts, verdict = landed.contacts, landed.verdict
-                trajectory["ended"]["without_verdict"] = landed.why_not
-        gap = None if travel is not None else _gap_of(run.layout, run.domain)
+                reported["trajectory"]["ended"]["without_verdict"] = landed.why_not
+        gap = None if grain is not None else _gap_of(run.layout, run.domain)
         lines = centrelines(scene, run.fluid)
         cells = _cell_reynolds(run)
     return Result(
@@ -69,18 +70,15 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
         gap=gap,
         contacts=_contacts(contacts),
         verdict=verdict,
-        trajectory=trajectory,
         centrelines=lines,
         measured_cell_reynolds=cells,
-        surface=None if run.surface is None else run.surface.told(),
         steady=None if run.steadiness is None else run.steadiness.told(),
-        turbulence=None if run.turbulence is None else run.turbulence.report(run.fluid),
         si=in_si(scene, 1.0, *(None if one is None else one.flow for one in (force, couple))),
         cost=cost(run),
         status=status,
         error=error,
         without_error_bars=TO_COME if status == "complete" and has_error_bars(scene) else "",
-        elevations=run.elevations,
+        **reported,
         velocity=run.fluid.velocity,
         pressure=run.fluid.pressure,
         traction=traction,
@@ -89,7 +87,7 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
 
 def with_rests(run: Run, result: Result) -> Result:
     """A complete result whose verdict says where a grain comes to rest that rocks under the load. Collective."""
-    if result.verdict is None or run.trajectory is not None:
+    if result.verdict is None or run.grain is not None:
         return result
     from ..results.verdict import followed, load_of, may_rock, with_rocking
 
@@ -213,8 +211,8 @@ def _grain(run: Run) -> dict[str, Any] | None:
     """Place of the grain at rest and where the flow was computed, and its size. Not collective."""
     layout, grain = run.layout, run.scene.grain
     resting, placement = layout.resting, layout.placement
-    if run.trajectory is not None:
-        resting = placement = run.trajectory.state.placement
+    if run.grain is not None:
+        resting = placement = run.grain.state.placement
     if resting is None or placement is None or grain is None:
         return None
     return {
@@ -248,15 +246,11 @@ def _unknowns(run: Run) -> dict[str, int]:
     """Unknowns by effect: the flow, mesh motion, the grain's velocities, the surface's elevations, contact forces."""
     gdim = run.scene.gdim
     counted: dict[str, int] = {EffectName.FLOW: run.fluid.space.unknowns}
-    if run.trajectory is not None or run.surface is not None:
+    if any(part.moving() for part in run.parts):
         mesh = run.fluid.domain.mesh
         counted[EffectName.MOVING_MESH] = int(mesh.geometry.index_map().size_global)
-    if run.surface is not None:
-        counted[EffectName.FREE_SURFACE] = run.surface.unknowns()
-    if run.trajectory is not None:
-        counted[EffectName.FREE_BODY] = int(run.trajectory.body.mask.sum())
-    if run.turbulence is not None:
-        counted[EffectName.TURBULENCE] = run.turbulence.unknowns()
+    for part in run.parts:
+        counted |= part.unknowns()
     if run.contacts is not None:
         counted[EffectName.CONTACT] = gdim * len(run.contacts.points)
     return counted

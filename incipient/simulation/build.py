@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 
     from ..contact import Contacts
     from ..coupled.tractions import TractionProbe
+    from ..effects.run_part import RunPart
     from ..fluid import FlowModel, Fluid
     from ..mesh.domain import Domain
     from ..planning.drawing import Layout
     from ..restart.checkpoint import Checkpoint
-    from .turbulent import TurbulentFlow
 
 
 @contextmanager
@@ -74,16 +74,16 @@ def prepared(
         voice.begin("forms")
         with accounts.ledger.stage("forms"):
             model = flow_model(scene, plan, unsteady=plan.has(EffectName.UNSTEADINESS))
-            turbulent = _turbulent(scene, plan, made)
-            if turbulent is not None:
-                model = turbulent.within(model)
+            parts = _steady_parts(scene, plan, made, accounts)
+            for part in parts:
+                model = part.within(model)
             newest = [raised.made(made, model, conditions(meshed), plan.reynolds)]
             # Another fluid may have taken its place by the end.
             stack.push(lambda *exception: newest[0].__exit__(*exception))
-            if turbulent is not None:
-                turbulent.joined(newest[0])
+            for part in parts:
+                part.joined(newest[0])
             probe = probe_of(newest[0], layout)
-            run = Run(scene, plan, layout, contacts, newest[0], probe, accounts, voice, turbulent)
+            run = Run(scene, plan, layout, contacts, newest[0], probe, accounts, voice, parts)
         if checkpoint is not None:
             from ..restart import resumption
 
@@ -103,12 +103,13 @@ def _meshed_for(scene: Scene, speed: float) -> Scene:
     return faster(scene, speed)
 
 
-def _turbulent(scene: Scene, plan: Plan, domain: Domain) -> TurbulentFlow | None:
+def _steady_parts(scene: Scene, plan: Plan, domain: Domain, accounts: Accounts) -> list[RunPart]:
+    """What a steady flow, too, is solved together with."""
     if not plan.has(EffectName.TURBULENCE):
-        return None
-    from .turbulent import TurbulentFlow
+        return []
+    from ..effects.turbulence.part import TurbulentFlow
 
-    return TurbulentFlow(scene, domain)
+    return [TurbulentFlow(scene, domain, accounts.ledger.stage)]
 
 
 def _load_libraries(comm: MPI.Comm, draws: bool) -> None:

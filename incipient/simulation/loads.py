@@ -24,9 +24,9 @@ def loads(run: Run, surface: bool, speed: float = 1.0) -> tuple[Forces, Couples]
     (buoyancy, weight), unit = weights(scene), speed**2
     force = Forces(unit * flow.force, unit * check.force, buoyancy, weight)
     couple = Couples(unit * flow.couple, unit * check.couple, flow.about)
-    if run.trajectory is None:
+    if run.grain is None:
         return force, couple
-    pushed, twisted = apart(run.trajectory.repulsion())
+    pushed, twisted = apart(run.grain.repulsion())
     return replace(force, repulsion=pushed), replace(couple, repulsion=twisted)
 
 

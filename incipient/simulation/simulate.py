@@ -20,7 +20,7 @@ from .beside import Beside
 from .build import prepared
 from .recorder import Recorder, Unrecorded, record_fields
 from .state import Accounts, Run
-from .steady import loads_at, solve_steadily
+from .steady import loads_at, solve_with_parts
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -97,10 +97,7 @@ def loads_of(scene: Scene, comm: MPI.Comm, speed: float = 1.0) -> Loads:
 def _solve(run: Run, recorder: Recorder, interruption: Interruption, checkpoint: Checkpoint | None) -> None:
     try:
         if run.scene.time is None:
-            if run.turbulence is not None:
-                run.turbulence.solve(run)
-            else:
-                solve_steadily(run, run.fluid)
+            solve_with_parts(run, run.fluid, run.parts)
             record_fields(recorder, run, 0, last=True)
         else:
             from .time_loop import TimeLoop

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
+from ..planning.effects import EffectName
 from ..progress import Silent
 from ..results.cost_of_effects import Corrections
-from ..results.elevations import Elevations, Reading
 from ..results.timing import Ledger
 
 if TYPE_CHECKING:
@@ -17,17 +17,19 @@ if TYPE_CHECKING:
 
     from ..contact import Contacts
     from ..coupled.tractions import TractionProbe
+    from ..effects.free_surface.part import MovingSurface
+    from ..effects.moving_grain.part import MovingGrain
+    from ..effects.run_part import RunPart
+    from ..effects.turbulence.part import TurbulentFlow
     from ..fluid import Fluid, Transient
     from ..mesh.domain import Domain
     from ..planning.drawing import Layout
     from ..planning.plan import Plan
+    from ..results.elevations import Elevations
     from ..results.errorbars import Loads, Term
     from ..scene import Scene
-    from ..turbulence import InTime
-    from .free_surface import MovingSurface
-    from .moving_grain import Trajectory
+    from .march import March
     from .steadiness import Steadiness
-    from .turbulent import TurbulentFlow
 
 
 @dataclass
@@ -64,7 +66,7 @@ class Run:
         fluid: on the mesh that was made for the scene; it is replaced when a moving grain is meshed anew.
         probe: reads the traction on the grain; None without a grain.
         voice: told of the stages.
-        turbulence: of the fluid; None where there is none.
+        parts: what is solved together with the flow.
     """
 
     def __init__(
@@ -77,31 +79,32 @@ class Run:
         probe: TractionProbe | None,
         accounts: Accounts,
         voice: Silent,
-        turbulence: TurbulentFlow | None = None,
+        parts: Sequence[RunPart] = (),
     ):
         self.scene, self.plan, self.layout, self.contacts = scene, plan, layout, contacts
-        self.accounts, self.voice, self._turbulence = accounts, voice, turbulence
+        self.accounts, self.voice, self._parts = accounts, voice, tuple(parts)
         self.comm: MPI.Comm = fluid.domain.comm
         self.corrections = Corrections(accounts.ledger, plan)
         fluid.watch = self.corrections.record
         self._fluid, self._probe = fluid, probe
-        self._time_stepper: Transient | None = None
-        self._trajectory: Trajectory | None = None
-        self._surface: MovingSurface | None = None
-        self._eddies: InTime | None = None
+        self._march: March | None = None
         self._steadiness: Steadiness | None = None
         self._first_motion: float | None = None
-        self._readings: list[Reading] = []
 
     @property
     def fluid(self) -> Fluid:
         """The flow, on the newest mesh."""
-        return self._fluid if self._trajectory is None else self._trajectory.fluid
+        return self._fluid
+
+    @property
+    def parts(self) -> tuple[RunPart, ...]:
+        """What is solved together with the flow, on the newest mesh; boundaries that move first."""
+        return self._parts
 
     @property
     def states(self) -> list[Any]:
-        """The functions that a steady flow is the state of: the flow's, and with turbulence ln k and ln epsilon."""
-        return [self.fluid.state, *(() if self.turbulence is None else (self.turbulence.fields.state,))]
+        """The functions that a steady flow is the state of: the flow's, and those of its parts."""
+        return [self.fluid.state, *(state for part in self.parts for state in part.states())]
 
     @property
     def domain(self) -> Domain:
@@ -111,32 +114,40 @@ class Run:
     @property
     def probe(self) -> TractionProbe | None:
         """Reads the traction on the grain; None without a grain."""
-        return self._probe if self._trajectory is None else self._trajectory.part.probe
+        return next((part.probe for part in self.parts if part.probe is not None), self._probe)
+
+    @property
+    def march(self) -> March | None:
+        """The integration in time; None for a steady flow, and before the first step."""
+        return self._march
 
     @property
     def time_stepper(self) -> Transient | None:
-        """The integration in time; None for a steady flow, and before the first step."""
-        return self._time_stepper
+        """The steps in time; None for a steady flow, and before the first step."""
+        return None if self._march is None else self._march.transient
 
     @property
-    def trajectory(self) -> Trajectory | None:
+    def grain(self) -> MovingGrain | None:
         """The grain that moves; None without one, and before the first step."""
-        return self._trajectory
+        return cast("MovingGrain | None", self._part(EffectName.FREE_BODY))
 
     @property
     def surface(self) -> MovingSurface | None:
         """The free surface; None without one, and before the first step."""
-        return self._surface if self._trajectory is None else self._trajectory.surface
+        return cast("MovingSurface | None", self._part(EffectName.FREE_SURFACE))
+
+    @property
+    def elevations(self) -> Elevations | None:
+        """Elevations of the free surface so far; None without one, and before the first step."""
+        return None if self.surface is None else self.surface.elevations
 
     @property
     def turbulence(self) -> TurbulentFlow | None:
-        """That of the flow, on the newest mesh; None without."""
-        return self._turbulence if self._trajectory is None else self._trajectory.turbulence
+        """Turbulence model on the newest mesh, or None."""
+        return cast("TurbulentFlow | None", self._part(EffectName.TURBULENCE))
 
-    @property
-    def eddies(self) -> InTime | None:
-        """k and epsilon in time; None without turbulence, and before the first step."""
-        return self._eddies if self._trajectory is None else self._trajectory.eddies
+    def _part(self, effect: EffectName) -> RunPart | None:
+        return next((part for part in self.parts if part.effect == effect), None)
 
     @property
     def steadiness(self) -> Steadiness | None:
@@ -153,26 +164,14 @@ class Run:
         """Time at which a grain that is held in time would first have moved."""
         return self._first_motion
 
-    @property
-    def elevations(self) -> Elevations | None:
-        """Those of the free surface so far; None without one, and before the first step."""
-        return Elevations.of(self._readings) if self._readings else None
+    def march_with(self, march: March, parts: Sequence[RunPart]) -> None:
+        """Take a time integration and what is solved together with the flow into the state. Not collective."""
+        self._march, self._parts = march, tuple(parts)
 
-    def read_surface(self) -> None:
-        """Keep the elevations of the free surface as they are now, if there is one. Collective."""
-        if self.surface is not None:
-            self._readings.append(self.surface.reading())
-
-    def march_with(
-        self,
-        time_stepper: Transient,
-        trajectory: Trajectory | None = None,
-        surface: MovingSurface | None = None,
-        eddies: InTime | None = None,
-    ) -> None:
-        """Take a time integration and what is solved together with it into the state. Not collective."""
-        self._time_stepper, self._trajectory = time_stepper, trajectory
-        self._surface, self._eddies = surface, eddies
+    def take_mesh(self, fluid: Fluid, parts: Sequence[RunPart]) -> None:
+        """Go on with a fluid and its parts on a new mesh; the fluid before is freed. Collective."""
+        before, self._fluid, self._parts = self._fluid, fluid, tuple(parts)
+        before.destroy()
 
     def watch(self, steadiness: Steadiness) -> None:
         """Take what tells whether the flow is steady into the state. Not collective."""

@@ -9,8 +9,8 @@ import numpy as np
 from ..results.steady import Steadied
 
 if TYPE_CHECKING:
+    from ..effects.free_surface.part import MovingSurface
     from ..fluid import Fluid, TimeStep
-    from .free_surface import MovingSurface
 
 
 class Steadiness:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,7 @@ from .build import probe_of
 from .loads import loads
 
 if TYPE_CHECKING:
+    from ..effects.run_part import RunPart
     from ..fluid import Fluid
     from ..results.loads import Couples, Forces
     from .state import Run
@@ -49,6 +51,16 @@ def solve_steadily(run: Run, fluid: Fluid, **way: float) -> None:
     run.accounts.count(continuation=len(steps), newton=sum(step.report.iterations for step in steps))
 
 
+def solve_with_parts(run: Run, fluid: Fluid, parts: Sequence[RunPart]) -> None:
+    """Find the steady flow of a fluid together with the parts that it depends on. Collective.
+
+    Raises:
+        ConvergenceError: there is none that could be found.
+    """
+    if not any(part.solve(run) for part in parts):
+        solve_steadily(run, fluid)
+
+
 def loads_at(run: Run, factor: float, start: float = 0.0) -> tuple[Forces, Couples]:
     """Solve steadily with the flow faster by a factor at the same viscosity; the loads then. Collective.
 
@@ -59,8 +71,7 @@ def loads_at(run: Run, factor: float, start: float = 0.0) -> tuple[Forces, Coupl
     Raises:
         ConvergenceError: the fluid then holds the last flow found on the way, at its Reynolds number.
     """
-    if run.turbulence is not None:
-        run.turbulence.solve(run, factor, onwards=start > 0.0)
+    if any(part.solve(run, factor, onwards=start > 0.0) for part in run.parts):
         return loads(run, surface=False, speed=factor)
     make_as_fast(run, factor)
     way = {"reached": start / factor, "smallest_step": SMALLEST_SHARE} if start else {}

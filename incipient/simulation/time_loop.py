@@ -3,37 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import IncipientError, Interrupted, OutputError
+from ..errors import ConvergenceError, IncipientError, Interrupted, OutputError
 from ..planning.effects import EffectName, moves
 from ..results.loads import named, named_couple
 from .build import flow_model
 from .loads import coefficients, judged, loads
 from .recorder import record_fields
-from .steady import solve_steadily
+from .steady import solve_steadily, solve_with_parts
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from ..fluid import TimeStep
-    from ..fluid.transient import Interface
     from ..interrupt import Interruption
     from ..restart.checkpoint import Checkpoint
-    from .free_surface import MovingSurface
-    from .moving_grain import Trajectory
     from .recorder import Recorder
     from .state import Run
+
+
+NOT_STEADY = 'time.start: no steady flow to begin with was found; use "rest", or a smaller numerics.mesh_size'
 
 
 class TimeLoop:
     """Takes a run from its start, or from its checkpoint, to the end of its time. Every method is collective.
 
     Args:
-        run: the run of a scene in time. It gets the time integration, and the trajectory of a moving grain.
+        run: the run of a scene in time. It gets the time integration, and its parts in time.
         recorder: told of every step.
         interruption: asked between steps whether to stop.
         checkpoint: where to go on from; None: from the start.
@@ -56,10 +56,7 @@ class TimeLoop:
         """
         try:
             self._start()
-            if moves(self._run.scene):
-                self._travel()
-            else:
-                self._march()
+            self._march()
         except Interrupted:
             raise
         except IncipientError as error:
@@ -79,98 +76,50 @@ class TimeLoop:
             self._start_from(inertia=start == "steady")
 
     def _start_from(self, inertia: bool) -> None:
-        """A steady flow around the grain, which is held, as the fluid's state."""
+        """A steady flow around the grain, which is held, as the state of fluid and parts."""
         from ..fluid import Fluid
         from ..planning.conditions import conditions
 
         run = self._run
         model = flow_model(run.scene, run.plan, unsteady=False, inertia=inertia)
         held = conditions(run.scene, held=True, lid=True)
-        eddies = None if run.turbulence is None else run.turbulence.on(run.domain)
-        model = model if eddies is None else eddies.within(model)
+        parts = [part.on(run.domain) for part in run.parts]
+        for part in parts:
+            model = part.within(model)
         with Fluid(run.domain, model, held, run.plan.reynolds) as initial:
-            if eddies is None:
-                solve_steadily(run, initial)
-            else:
-                eddies.begin(run, initial)
+            for part in parts:
+                part.joined(initial)
+            try:
+                solve_with_parts(run, initial, parts)
+            except ConvergenceError as error:
+                if not parts:
+                    raise
+                raise ConvergenceError(NOT_STEADY) from error
             run.fluid.state.x.array[:] = initial.state.x.array
+            for part, steady in zip(run.parts, parts, strict=True):
+                part.start(steady)
 
     def _march(self) -> None:
-        """March with a grain that is held, or none, below a free surface or not."""
-        from ..fluid import QuasiSteady, Transient
-        from ..scene.tolerance import of_steady, of_steps
+        """March to the end, or until a moving grain has met something."""
+        from .march import March
 
         run, time = self._run, self._time
-        order = 2 if time.scheme == "bdf2" else 1
-        kind = Transient if run.plan.has(EffectName.UNSTEADINESS) else QuasiSteady
-        asked = run.scene.numerics.tolerance
-        tolerance = of_steps(asked) if kind is Transient else of_steady(asked)
-        surface = self._surface() if run.plan.has(EffectName.FREE_SURFACE) else None
-        found, stage = run.turbulence, run.accounts.ledger.stage
-        eddies = None if found is None else found.in_time(run.fluid, stage)
-        coupling: Interface | None = eddies if surface is None else surface.coupling
-        transient = kind(run.fluid, order, tolerance, time.tolerance, coupling)
-        run.march_with(transient, surface=surface, eddies=eddies)
-        if self._checkpoint is not None:
-            from ..restart import resumption
-
-            if surface is not None:
-                resumption.put_back_surface(self._checkpoint, surface)
-            if eddies is not None:
-                resumption.put_back_turbulence(self._checkpoint, eddies)
-            resumption.put_back_flow(self._checkpoint, transient)
+        stage = run.stage("mesh motion" if moves(run.scene) else "free surface")
+        with stage if run.plan.has(EffectName.MOVING_MESH) else nullcontext():
+            march, domain = March(run, self._checkpoint), run.domain
         if time.until_steady is not None:
             from .steadiness import Steadiness
 
-            run.watch(Steadiness(run.fluid, surface, run.scene.domain.height, time.until_steady))
-        for step in self._timed(transient.march(time.end, time.step, time.first_step)):
-            row = self._row(step)
-            last = run.is_steady or step.time >= time.end * (1 - 1e-9)
-            self._record(step, row, last)
-            if surface is not None and not last:
-                surface.ends(step)
-
-    def _surface(self) -> MovingSurface:
-        """The free surface at the start, above a mesh as it was made."""
-        from ..mesh.motion import MeshMotion
-        from .free_surface import MovingSurface
-
-        run = self._run
-        with run.stage("free surface"):
-            surface = MovingSurface(run.scene, run.fluid, run.accounts.ledger.stage)
-            surface.coupled(MeshMotion(run.domain))
-        return surface
-
-    def _travel(self) -> None:
-        """March with a grain that moves."""
-        run, time = self._run, self._time
-        travel, domain = self._trajectory(), run.domain
-        run.march_with(travel.transient, travel)
-        for step in self._timed(travel.steps()):
+            run.watch(Steadiness(run.fluid, run.surface, run.scene.domain.height, time.until_steady))
+        for step in self._timed(march.steps()):
             if run.domain is not domain:
                 domain = run.domain
                 self._recorder.remeshed(domain)
-            met, over = travel.coupling.met, step.time >= time.end * (1 - 1e-9)
-            self._record(step, travel.row(step), met or over, kept=met and not over)
-            if travel.surface is not None and not (met or over):
-                travel.surface.ends(step, travel.state.placement)
-
-    def _trajectory(self) -> Trajectory:
-        """The grain and its surroundings, at the start or as the checkpoint has them."""
-        from .moving_grain import Trajectory
-
-        run = self._run
-        parts = (run.scene, run.plan, run.fluid, run.accounts.ledger.stage)
-        with run.stage("mesh motion"):
-            if self._checkpoint is None:
-                return Trajectory(*parts, run.voice, turbulence=run.turbulence)
-            from ..restart import resumption
-
-            assert self._checkpoint.body is not None
-            state = resumption.state_of_mesh(self._checkpoint.body)
-            travel = Trajectory(*parts, run.voice, state, run.turbulence)
-            resumption.put_back_body(self._checkpoint, travel)
-            return travel
+            row, over = self._row(step), step.time >= time.end * (1 - 1e-9)
+            last = over or run.is_steady or march.met
+            self._record(step, row, last, kept=march.met and not over)
+            if not last:
+                march.check(step)
 
     # -- each step --------------------------------------------------------------------------------
 
@@ -178,7 +127,7 @@ class TimeLoop:
         """The steps, each counted and its time taken; from the first on, the run can be stopped between them."""
         run = self._run
         self._recorded, self._interruption.armed = run.fluid.time, True
-        run.read_surface()
+        self._read()
         while not run.is_steady:
             with run.stage("flow"), run.corrections.begun():
                 step = next(steps, None)
@@ -189,13 +138,18 @@ class TimeLoop:
             yield step
         self._interruption.armed = False
 
+    def _read(self) -> None:
+        """Keep the elevations of a free surface as they are now."""
+        if self._run.surface is not None:
+            self._run.surface.read()
+
     def _record(self, step: TimeStep, row: dict[str, Any], last: bool, kept: bool = False) -> None:
         """Hand a step over to the recorder, with a checkpoint where one is due, and stop if that was asked for.
 
         `kept` asks for one of the last step: a run that has ended at contact may go on otherwise.
         """
         run = self._run
-        run.read_surface()
+        self._read()
         self._recorder.step(row)
         run.voice.advance(step.time, self._time.end)
         record_fields(self._recorder, run, step.number, last)
@@ -209,23 +163,26 @@ class TimeLoop:
             raise Interrupted(f"interrupted at t = {step.time:.6g}; to go on: incipient resume {path}")
 
     def _row(self, step: TimeStep) -> dict[str, Any]:
-        """One line of the history of a grain that is held, or of a flow without one."""
+        """One line of the history: the step, the parts, and the loads on a grain that is held."""
         run = self._run
+        assert run.march is not None
         row: dict[str, Any] = {"time": step.time, "step": step.length, "newton": step.report.iterations}
         row["error"] = np.nan if step.error is None else step.error
-        if run.surface is not None:
-            row |= run.surface.columns(step)
-        if run.turbulence is not None:
-            row |= run.turbulence.report(run.fluid).columns()
+        for part in run.parts:
+            row |= part.columns(step, run.march.coupling)
         if run.steadiness is not None:
             row |= run.steadiness.column(step)
-        if run.probe is None:
-            return row
+        for part in run.parts:
+            row |= part.budget()
+        return row if run.probe is None or run.grain is not None else row | self._loads(step)
+
+    def _loads(self, step: TimeStep) -> dict[str, Any]:
+        """Columns of the loads on a grain that is held, and of the verdict on them."""
+        run, gdim = self._run, self._run.scene.gdim
         with run.stage("tractions"):
             force, couple = loads(run, surface=False)
         found = coefficients(run.scene, force, couple)
-        gdim = run.scene.gdim
-        row |= named("force", force.flow, gdim) | named_couple("couple", couple.flow, gdim)
+        row: dict[str, Any] = named("force", force.flow, gdim) | named_couple("couple", couple.flow, gdim)
         row |= {"drag": found.drag, "lift": found.lift, "moment": found.moment}
         verdict = judged(run, force, couple)
         row["mode"] = verdict["mode"] if verdict else ""

@@ -145,7 +145,7 @@ def test_the_count_sees_an_effect_that_is_there(used):
     assert inert["forms"] != without["forms"]
     assert inert["unknowns"] == without["unknowns"]
     unsteady = used("there", time=Time(end=0.2, step=0.1))
-    added = {"simulation.time_loop", "fluid.quasisteady", "fluid.transient"}
+    added = {"simulation.march", "simulation.time_loop", "fluid.quasisteady", "fluid.transient"}
     assert set(unsteady["modules"]) - set(without["modules"]) == added
 
 
@@ -160,7 +160,7 @@ def test_a_run_in_time_imports_nothing_it_does_not_need(used, tmp_path):
     )
     absent = {*OF_CONTACT, *OF_ESTIMATES, *OF_CHECKPOINTS, *OF_FREE_SURFACE}
     assert not held & {*absent, *OF_MOVING_MESH, *OF_FREE_BODY}
-    assert not free & absent and free >= {"simulation.moving_grain", "coupled.coupling"}
+    assert not free & absent and free >= {"effects.moving_grain.part", "coupled.coupling"}
     assert saved & absent == {"restart"}
 
 

@@ -15,11 +15,10 @@ import incipient
 from incipient.geometry.placement import Placement
 from incipient.planning.clearance import surroundings
 from incipient.planning.turbulence import walls_of
-from incipient.progress import Silent
 from incipient.scene import Disc, Gravity, Numerics, Output, Poiseuille, Sphere, Time
 from incipient.scene.file import dumps
 from incipient.simulation.build import prepared
-from incipient.simulation.moving_grain import Trajectory
+from incipient.simulation.march import March
 
 
 def moving(end, step, density=2.65, remesh_below=0.35, output=None, mesh_size=4.0, **changes):
@@ -55,11 +54,9 @@ def balances(scene):
     Then the load along the stream by the walls, what it leaves of the stream, and what the stream loses.
     """
     with prepared(scene, MPI.COMM_SELF) as run:
-        parts = (run.scene, run.plan, run.fluid, run.accounts.ledger.stage, Silent())
-        travel = Trajectory(*parts, turbulence=run.turbulence)
-        run.march_with(travel.transient, travel)
-        steps = list(travel.steps())
-        fluid, domain, past, gdim = run.fluid, run.domain, travel.part.past, scene.gdim
+        steps = list(March(run, None).steps())
+        fluid, domain, grain, gdim = run.fluid, run.domain, run.grain, scene.gdim
+        past = grain.part.past
         v, _ = ufl.split(fluid.state)
         rate = sum(
             a * ufl.split(one)[0][0] for a, one in zip(fluid.rate, [fluid.state, *fluid.history], strict=True)
@@ -71,8 +68,8 @@ def balances(scene):
         leaving = integral(domain, fluid.viscosity * turned * domain.measure("outflow"))
         x = ufl.as_vector([1.0, *[0.0] * (gdim - 1)])
         borne = [integral(domain, fluid.walls.power(fluid.state, x, name)) for name in ("body", "bed")]
-        load, state = travel.part.end.flow_load[:gdim], past[0]
-        mass = travel.body.inertia.mass
+        load, state = grain.part.end.flow_load[:gdim], past[0]
+        mass = grain.body.inertia.mass
         gained = mass * sum(float(a.value) * one.velocity for a, one in zip(fluid.rate, past, strict=True))
         weight = (mass - scene.grain.volume) * np.array(scene.gravity_vector)
         carried = integral(domain, inertia * fluid.quadrature())

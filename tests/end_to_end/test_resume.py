@@ -318,7 +318,7 @@ def test_a_mesh_that_cannot_be_made_leaves_a_checkpoint(
         monkeypatch.context() as patch,
         pytest.raises(MeshError, match=r"t = 0\.8 is kept: incipient resume"),
     ):
-        patch.setattr("incipient.simulation.moving_grain.carry_over", failing)
+        patch.setattr("incipient.coupled.remeshing.carry_over", failing)
         incipient.run(pothole(), tmp_path)
     incipient.resume(tmp_path)
     assert_same_run(tmp_path, whole_pothole)

@@ -39,8 +39,9 @@ FLOORS = (
     *(
         ("planning",),
         ("results",),
-        ("accuracy",),
         ("restart",),
+        ("effects",),
+        ("accuracy",),
         ("simulation",),
         ("adaptive",),
         ("critical",),

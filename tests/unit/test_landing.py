@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from incipient.body.state import BodyState
+from incipient.effects.moving_grain.landing import FARTHER, landing
 from incipient.geometry.placement import Placement
 from incipient.planning.clearance import surroundings
 from incipient.results.loads import Couples, Forces
@@ -23,7 +24,6 @@ from incipient.scene import (
     Still,
     Time,
 )
-from incipient.simulation.landing import FARTHER, landing
 
 GAP = 0.05
 BOX = Rectangle(width=1.0, height=0.5, centre=(2.0, 2.0), density=3.0, motion="free")

@@ -2,41 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import dolfinx
 import numpy as np
 from mpi4py import MPI
 
-from .. import compat
-from ..arrays import Floats, spatial
-from ..coupled.coupling import Coupling, InterfaceReport
-from ..coupled.energy import EnergyBudget
-from ..coupled.part import Part
-from ..coupled.surface import SurfacePart
-from ..errors import ConvergenceError, MeshError
-from ..fluid import Fluid, TimeStep
-from ..geometry.placement import Placement
-from ..mesh.elevation import RisingDisplacement
-from ..mesh.locator import Locator
-from ..mesh.motion import MeshMotion
-from ..mesh.sampling import sample
-from ..planning.open_channel import surface_of
-from ..planning.surface import OUTLINE, depths, stays_below
-from ..results.elevations import Reading
-from ..scene import Scene
-from ..scene.surface import stations_of
+from ... import compat
+from ...arrays import Floats, spatial
+from ...coupled.coupling import Coupling
+from ...coupled.energy import EnergyBudget
+from ...coupled.surface import SurfacePart
+from ...errors import ConvergenceError, MeshError
+from ...fluid import Fluid, TimeStep, Transient
+from ...geometry.placement import Placement
+from ...mesh.domain import Domain
+from ...mesh.elevation import RisingDisplacement
+from ...mesh.locator import Locator
+from ...mesh.motion import MeshMotion
+from ...mesh.sampling import sample
+from ...planning.effects import EffectName
+from ...planning.open_channel import surface_of
+from ...planning.surface import OUTLINE, depths, stays_below
+from ...results.elevations import Elevations, Reading
+from ...scene import Scene
+from ...scene.surface import stations_of
+from ..run_part import RunPart, Stage
 
-Stage = Callable[[str], AbstractContextManager[Any]]
+if TYPE_CHECKING:
+    from ...restart.checkpoint import Checkpoint
 
 # Distance of a moving grain from the surface, in its size, that counts as touching; and distance from the still level
 # below which a new mesh has its top at the height of the surface above the grain.
 TOUCHING, NEAR = 0.05, 0.25
 
 
-class MovingSurface:
+class MovingSurface(RunPart):
     """The free surface above a fluid whose mesh is as it was made, level on top. Every method is collective.
 
     Where the mesh's top is not the still level, the mesh is moved by the elevation less the height in between.
@@ -45,16 +46,22 @@ class MovingSurface:
         stage: context managers by name that take the time.
 
     Attributes:
-        coupling: of flow, surface and what moves with them, once `coupled` has made it.
+        part: the surface in the coupling, once `joined` has made it.
+        readings: elevations so far; none before the first step.
     """
 
-    coupling: Coupling
+    effect = EffectName.FREE_SURFACE
+    part: SurfacePart
 
-    def __init__(self, scene: Scene, fluid: Fluid, stage: Stage):
+    def __init__(self, scene: Scene, stage: Stage):
+        self._scene, self._stage = scene, stage
+        self.readings: list[Reading] = []
+
+    def joined(self, fluid: Fluid, before: MovingSurface | None = None) -> None:
+        """Enter a fluid; the surface on the mesh before goes on above it, and its volume stays."""
         assert fluid.surface is not None
-        self.fluid, self._scene, self._stage, space = fluid, scene, stage, fluid.surface.space
-        condition = fluid.surface.condition
-        held, pinned = stays_below(scene), condition.pinned
+        self.fluid, space, condition = fluid, fluid.surface.space, fluid.surface.condition
+        scene, held, pinned = self._scene, stays_below(self._scene), condition.pinned
         self._up = fluid.domain.gdim - 1
         rising = RisingDisplacement(
             fluid.domain, space, condition.boundary, held, pinned, condition.origin[self._up]
@@ -65,38 +72,43 @@ class MovingSurface:
         self._places[:, self._up] -= rising.raised
         elevation[rising.nodes] = surface_of(scene).height(self._places.T)
         room[rising.nodes], below = depths(scene, self._places)
-        self.part = SurfacePart(fluid, rising, elevation, room, below, stage)
+        self.part = SurfacePart(fluid, rising, elevation, room, below, self._stage)
         self._energy = EnergyBudget(fluid)
+        if before is not None:
+            self.readings = before.readings
+            self._take_over(before)
 
-    def coupled(self, motion: MeshMotion, *others: Part) -> Coupling:
-        """The coupling of the flow with other parts and the surface; the mesh goes to where they are."""
-        asked = self._scene.numerics.interface_tolerance
-        tolerance = None if asked == "auto" else asked
-        self.coupling = Coupling(self.fluid, [*others, self.part], motion, tolerance, stage=self._stage)
-        self.fluid.domain.mesh.geometry.x[:] = self.coupling.places[0]
-        self.fluid.constraints.boundary_points_moved()
-        return self.coupling
+    def displaced(self, motion: MeshMotion) -> None:
+        """Keep the motion of the mesh, from whose reference another mesh reads."""
+        self._motion = motion
 
-    def carried_to(self, fluid: Fluid) -> MovingSurface:
-        """The surface with its past above a new mesh, as that was made; its volume stays."""
-        new, mesh, old = MovingSurface(self._scene, fluid, self._stage), self.fluid.domain.mesh, self.part
+    def moving(self) -> tuple[SurfacePart, ...]:
+        """The surface."""
+        return (self.part,)
+
+    def on(self, domain: Domain) -> MovingSurface:
+        """The surface for another mesh."""
+        return MovingSurface(self._scene, self._stage)
+
+    def _take_over(self, old: MovingSurface) -> None:
+        """Take elevations now and before from the surface of another mesh; the meshes are where they are."""
+        mesh = old.fluid.domain.mesh
         comm, now = mesh.comm, mesh.geometry.x.copy()
-        everywhere = comm.allgather(new._places + old.mesh.raised * np.eye(3)[self._up])
-        mesh.geometry.x[:] = self.coupling.motion.reference
-        part, function = new.part, dolfinx.fem.Function(old.mesh.space)
-        part.times, part.past = list(old.times), []
-        for elevation in old.past:
+        everywhere = comm.allgather(self._places + old.part.mesh.raised * np.eye(3)[self._up])
+        mesh.geometry.x[:] = old._motion.reference
+        part, function = self.part, dolfinx.fem.Function(old.part.mesh.space)
+        part.times, part.past = list(old.part.times), []
+        for elevation in old.part.past:
             function.x.array[:] = elevation
             values = sample(function, np.concatenate(everywhere))[:, 0]
             mine = np.split(values, np.cumsum([len(one) for one in everywhere])[:-1])[comm.rank]
-            found = np.zeros_like(fluid.surface.elevation.x.array)
+            found = np.zeros_like(self.fluid.surface.elevation.x.array)
             found[part.mesh.nodes] = mine
-            part.past.append(part.mesh.with_volume(found, old.mesh.mean(elevation)))
+            part.past.append(part.mesh.with_volume(found, old.part.mesh.mean(elevation)))
         part.restore()
         mesh.geometry.x[:] = now
-        return new
 
-    def ends(self, step: TimeStep, placement: Placement | None = None) -> None:
+    def check(self, step: TimeStep, placement: Placement | None) -> None:
         """Refuse to go on from a surface that cannot, above a moving grain's placement if there is one.
 
         Raises:
@@ -108,7 +120,7 @@ class MovingSurface:
         if why:
             raise ConvergenceError(f"at t = {step.time:.6g} {why}")
 
-    def drawn(self, placement: Placement) -> Scene:
+    def drawn_scene(self, scene: Scene, placement: Placement) -> Scene:
         """The scene as a new mesh around a grain is drawn for it.
 
         Its top is the still level, or where the grain comes near to that the mean height of the surface above it.
@@ -131,9 +143,9 @@ class MovingSurface:
                 "a heavier grain or deeper water"
             )
         if raised == 0.0:
-            return self._scene
+            return scene
         higher = domain.model_copy(update={"height": domain.height + raised})
-        return self._scene.model_copy(update={"domain": higher})
+        return scene.model_copy(update={"domain": higher})
 
     def _mean_above(self, placement: Placement, size: float) -> float:
         """The mean elevation of the surface's nodes within half of a grain's size of its centre along the level."""
@@ -157,14 +169,19 @@ class MovingSurface:
         nearest = self.fluid.domain.comm.allreduce(float(distances.min(initial=np.inf)), op=MPI.MIN)
         return float(nearest - TOUCHING * grain.size)
 
-    def reading(self) -> Reading:
-        """The elevations at the stations now, and the largest anywhere."""
+    def read(self) -> None:
+        """Keep the elevations at the stations now, and the largest anywhere."""
         values = self._stations.values(self.part.elevation)
-        return Reading(self.fluid.time, values, self.part.largest())
+        self.readings.append(Reading(self.fluid.time, values, self.part.largest()))
 
-    def columns(self, step: TimeStep) -> dict[str, float]:
-        """What the history tells of the surface after a step."""
-        assert isinstance(step.report, InterfaceReport)
+    @property
+    def elevations(self) -> Elevations | None:
+        """The elevations so far; None before the first step."""
+        return Elevations.of(self.readings) if self.readings else None
+
+    def columns(self, step: TimeStep, coupling: Coupling | None) -> dict[str, float]:
+        """Elevations, discharge and energies after a step."""
+        assert coupling is not None
         with self._stage("free surface"):
             told = self._stations.values(self.part.elevation)
             found = {f"elevation_{number}": value for number, value in enumerate(told, 1)}
@@ -172,19 +189,17 @@ class MovingSurface:
                 **self._discharge(),
                 "volume_above_level": self.part.volume(),
                 "through_surface": self.part.crossed(),
-                "interface": step.report.corrected,
-                "interface_residual": step.report.residuals[-1],
-                "mesh_quality": self.coupling.quality.worst,
+                **coupling.columns(step.report),
                 "energy_fluid": self._energy.kinetic(),
                 "energy_potential": self.part.energy(),
                 "dissipation": self._energy.dissipation(),
             }
 
-    def told(self) -> dict[str, Any]:
-        """What a result tells of the surface at the end."""
+    def reported(self) -> dict[str, Any]:
+        """The surface at the end, and its elevations on the way."""
         stations = [one[0] if len(one) == 1 else one for one in stations_of(self._scene)]
         found = {"stations": stations, "elevations": self._stations.values(self.part.elevation)}
-        return found | self._discharge()
+        return {"surface": found | self._discharge(), "elevations": self.elevations}
 
     def _discharge(self) -> dict[str, float]:
         """What enters per time at the inflow of a channel and through the bed, of the whole where half is meshed."""
@@ -192,9 +207,25 @@ class MovingSurface:
         found = {"inflow": whole * (held.influx - held.seepage)} if held.entries else {}
         return found | ({"seepage": whole * held.seepage} if held.seeps else {})
 
-    def unknowns(self) -> int:
-        """Number of nodes of the surface over all ranks."""
-        return int(self.fluid.domain.comm.allreduce(self.part.mesh.owned))
+    def unknowns(self) -> dict[str, int]:
+        """Nodes of the surface."""
+        return {EffectName.FREE_SURFACE: int(self.fluid.domain.comm.allreduce(self.part.mesh.owned))}
+
+    # -- checkpoints ------------------------------------------------------------------------------
+
+    def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
+        """Elevations now and before, and the places of the mesh."""
+        from .keeping import stored
+
+        assert coupling is not None
+        return {"surface": stored(self.part, coupling)}
+
+    def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
+        """Take elevations and places of the mesh from a checkpoint."""
+        from .keeping import restore
+
+        assert kept.surface is not None and coupling is not None
+        restore(self.part, kept.surface, coupling)
 
 
 class _Stations:

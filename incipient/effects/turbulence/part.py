@@ -2,50 +2,58 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import dolfinx
 import numpy as np
 import ufl
 
-from .. import compat
-from ..errors import ConvergenceError
-from ..fluid import FlowModel, Fluid
-from ..forms import turbulence as forms
-from ..mesh.domain import Domain
-from ..mesh.transfer import Transfer
-from ..planning import turbulence as planned
-from ..planning import turbulent_conditions
-from ..planning.cells import side_names
-from ..planning.linear import FEW_CELLS
-from ..results.turbulence import WallReport
-from ..scene import Scene
-from ..scene.tolerance import of_steady
-from ..turbulence import InTime, Surroundings, Turbulence, solve_steadily
-from ..turbulence.along_walls import AlongWall, along_wall
+from ... import compat
+from ...fluid import FlowModel, Fluid, TimeStep, Transient
+from ...fluid.transient import Interface
+from ...forms import turbulence as forms
+from ...mesh.domain import Domain
+from ...mesh.transfer import Transfer
+from ...planning import turbulence as planned
+from ...planning import turbulent_conditions
+from ...planning.cells import side_names
+from ...planning.effects import EffectName
+from ...planning.linear import FEW_CELLS
+from ...results.turbulence import WallReport
+from ...scene import Scene
+from ...scene.tolerance import of_steady
+from ...turbulence import InTime, Surroundings, Turbulence, solve_steadily
+from ...turbulence.along_walls import AlongWall, along_wall
+from ..run_part import RunPart, Stage
 
 if TYPE_CHECKING:
-    from ..turbulence.coupled import Moving
-    from .state import Run
-
-Stage = Callable[[str], AbstractContextManager[Any]]
+    from ...coupled.coupling import Coupling
+    from ...restart.checkpoint import Checkpoint
+    from ...simulation.state import Run
+    from ...turbulence.coupled import Moving
 
 ORDER = 2  # of the elements of ln k and ln epsilon
-NOT_STEADY = 'time.start: no steady flow to begin with was found; use "rest", or a smaller numerics.mesh_size'
 
 
-class TurbulentFlow:
+class TurbulentFlow(RunPart):
     """The turbulence of a scene's flow. Every method is collective.
+
+    Args:
+        stage: context managers by name that take the time.
 
     Attributes:
         fields: k and epsilon.
+        in_time: k and epsilon in the steps of a flow in time, once there are any (`around`).
     """
 
-    def __init__(self, scene: Scene, domain: Domain):
+    effect = EffectName.TURBULENCE
+    in_time: InTime | None = None
+
+    def __init__(self, scene: Scene, domain: Domain, stage: Stage):
         self._scene, self._walls, self._of_run = scene, planned.walls_of(scene), scene
+        self._stage = stage
         inflow, walls = (side_names(scene)[3],), planned.wall_names(scene)
         surroundings = Surroundings(
             inflow, turbulent_conditions.logarithms(scene), walls, self._walls.distance
@@ -59,24 +67,23 @@ class TurbulentFlow:
         eddies = {"viscosity": fields.viscosity, "shear_velocity": fields.shear_velocity()}
         return replace(model, solver=solver, **eddies)
 
-    def joined(self, fluid: Fluid) -> None:
+    def joined(self, fluid: Fluid, before: TurbulentFlow | None = None) -> None:
         """Let the velocity of the fluid that this turbulence is in carry it; both are freed together."""
         fluid.holding(self.fields)
         velocity, _ = ufl.split(fluid.state)
-        self._viscosity = self.fields.constant(self._scene.viscosity)
+        self._viscosity, self._fluid = self.fields.constant(self._scene.viscosity), fluid
         carrier = fluid.carrier(velocity) if fluid.model.moving_mesh else None
         self.fields.carried_by(velocity, self._viscosity, carrier=carrier)
 
-    def solve(self, run: Run, factor: float = 1.0, onwards: bool = False, fluid: Fluid | None = None) -> None:
+    def solve(self, run: Run, factor: float = 1.0, onwards: bool = False) -> bool:
         """Find the steady flow with its turbulence, from that of the inflow everywhere, or `onwards` from that at hand.
 
-        The flow may be faster than the scene's by a factor, at the same viscosity; it is in units of itself. Without a
-        fluid given it is the run's.
+        The flow may be faster than the scene's by a factor, at the same viscosity; it is in units of itself.
 
         Raises:
             ConvergenceError: there is none that could be found.
         """
-        fluid = fluid or run.fluid
+        fluid = self._fluid
         self._take(fluid, factor)
         walls, scene = self._walls, self._scene
         if not onwards:
@@ -86,9 +93,14 @@ class TurbulentFlow:
                 *(fluid, self.fields, walls.depth / scene.reference_velocity),
                 of_steady(scene.numerics.tolerance, False),
                 lambda found: run.voice.iterate(1.0, found.number, found.of_turbulence),
-                _stage(run),
+                self._timed,
             )
         run.accounts.count(turbulence=len(rounds))
+        return True
+
+    def start(self, steady: TurbulentFlow) -> None:
+        """Take k and epsilon of a steady flow on the mesh."""
+        self.fields.state.x.array[:] = steady.fields.state.x.array
 
     def enter(self, fluid: Fluid) -> None:
         """Let the velocity and its turbulence be those of the inflow everywhere."""
@@ -109,36 +121,22 @@ class TurbulentFlow:
         fluid.let_in(turbulent_conditions.conditions(scene))
         fluid.walls.stand(self._walls.distance)
 
-    def in_time(self, fluid: Fluid, stage: Stage, moving: Moving | None = None) -> InTime:
-        """What a flow in time is solved together with, beside what moves in it."""
-        return InTime(fluid, self.fields, lambda: stage("turbulence"), moving)
+    def around(self, interface: Interface | None) -> InTime:
+        """The flow in time with k and epsilon, and what moves in it."""
+        self.in_time = InTime(self._fluid, self.fields, self._timed, cast("Moving | None", interface))
+        return self.in_time
 
     def on(self, domain: Domain) -> TurbulentFlow:
-        """The turbulence of the same scene on another mesh, as it is at the inflow; `carry_over` brings its state."""
-        return TurbulentFlow(self._of_run, domain)
+        """The turbulence of the scene on another mesh, as it is at the inflow; `carry_over` brings its state."""
+        return TurbulentFlow(self._of_run, domain, self._stage)
 
-    def begin(self, run: Run, fluid: Fluid) -> None:
-        """Find the steady flow of a fluid with this turbulence, and give its k and epsilon to the run's.
-
-        A grain that moves later is at rest: with a velocity at its surface fluid would enter through it, of which no k
-        is known.
-
-        Raises:
-            ConvergenceError: none was found.
-        """
-        self.joined(fluid)
-        try:
-            self.solve(run, fluid=fluid)
-        except ConvergenceError as error:
-            raise ConvergenceError(NOT_STEADY) from error
-        assert run.turbulence is not None
-        run.turbulence.fields.state.x.array[:] = self.fields.state.x.array
-
-    def carry_over(self, old: InTime, new: InTime) -> None:
-        """Carry ln k and ln epsilon over from those of another mesh, now and before; both meshes are where they are.
+    def carry_over(self, before: TurbulentFlow) -> None:
+        """Carry ln k and ln epsilon over from another mesh, now and before; both meshes are where they are.
 
         At each point the new mesh takes what the old one has there: k and epsilon stay positive.
         """
+        old, new = before.in_time, self.in_time
+        assert old is not None and new is not None
         transfer = Transfer(old.turbulence.domain.mesh, new.turbulence.space.tabulate_dof_coordinates())
         values = dolfinx.fem.Function(old.turbulence.space)
         new.past = []
@@ -147,10 +145,42 @@ class TurbulentFlow:
             new.past.append(transfer.values(values).ravel())
         new.turbulence.state.x.array[:] = new.past[0]
 
-    def unknowns(self) -> int:
-        """How many there are."""
+    def states(self) -> tuple[Any, ...]:
+        """ln k and ln epsilon."""
+        return (self.fields.state,)
+
+    # -- checkpoints ------------------------------------------------------------------------------
+
+    def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
+        """ln k and ln epsilon, now and before."""
+        from ...restart.redistribution import stored_turbulence
+
+        assert self.in_time is not None
+        return {"turbulence": stored_turbulence(self.fields.space, self.in_time.past)}
+
+    def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
+        """Take ln k and ln epsilon from a checkpoint."""
+        from ...restart.redistribution import spread_turbulence
+
+        assert kept.turbulence is not None and self.in_time is not None
+        self.in_time.past = spread_turbulence(self.fields.space, kept.turbulence)
+        self.fields.state.x.array[:] = self.in_time.past[0]
+
+    # -- output -----------------------------------------------------------------------------------
+
+    def columns(self, step: TimeStep, coupling: Coupling | None) -> dict[str, Any]:
+        """u* and y+ along the walls after a step."""
+        return self.report().columns()
+
+    def reported(self) -> dict[str, Any]:
+        """u* and y+ along the walls at the end."""
+        return {"turbulence": self.report()}
+
+    def unknowns(self) -> dict[str, int]:
+        """Unknowns of ln k and ln epsilon."""
         space = self.fields.space
-        return int(space.dofmap.index_map.size_global * space.dofmap.index_map_bs)
+        number = int(space.dofmap.index_map.size_global * space.dofmap.index_map_bs)
+        return {EffectName.TURBULENCE: number}
 
     def functions(self) -> dict[str, Any]:
         """k, epsilon and the eddy viscosity on the nodes, by the names that files have."""
@@ -168,10 +198,10 @@ class TurbulentFlow:
             compat.interpolate(found[name], expression)
         return found
 
-    def report(self, fluid: Fluid) -> WallReport:
+    def report(self) -> WallReport:
         """u* and y+ along the walls, and what they say of the law."""
         scene, walls, names = self._scene, self._walls, planned.wall_names(self._scene)
-        along = {name: along_wall(fluid, name, self.fields.shear_velocity()) for name in names}
+        along = {name: along_wall(self._fluid, name, self.fields.shear_velocity()) for name in names}
         governing, found, shares, x = (
             np.concatenate(parts)
             for parts in zip(*(self._shear_velocities(one) for one in along.values()), strict=True)
@@ -197,6 +227,10 @@ class TurbulentFlow:
             along={name: self._told(one) for name, one in along.items()} if scene.gdim == 2 else {},
         )
 
+    def _timed(self) -> AbstractContextManager[Any]:
+        """Takes the time of k and epsilon."""
+        return self._stage("turbulence")
+
     def _told(self, along: AlongWall) -> dict[str, list[float]]:
         """What is drawn of a wall, in six digits."""
         scene = self._scene
@@ -211,8 +245,3 @@ class TurbulentFlow:
         flow = np.maximum(along.speeds, 1e-300), along.shear_velocities
         stress = law.drag(*flow, *away) * along.speeds
         return law.governing(*flow, *away), np.sqrt(stress), along.lengths, along.places[:, 0]
-
-
-def _stage(run: Run) -> Callable[[], AbstractContextManager[None]]:
-    """Takes the time of k and epsilon."""
-    return lambda: run.accounts.ledger.stage("turbulence")

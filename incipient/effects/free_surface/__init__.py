@@ -1,0 +1,1 @@
+"""A free surface on the fluid."""

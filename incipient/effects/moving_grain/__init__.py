@@ -1,0 +1,1 @@
+"""A grain that moves in the flow, freely or on a prescribed way."""

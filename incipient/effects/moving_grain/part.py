@@ -1,0 +1,265 @@
+"""The grain that moves in a run: rigid body and flow in one coupling, its loads and its history."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...arrays import Floats, planar_cross
+from ...body.state import BodyState
+from ...coupled.coupling import Coupling, InterfaceReport
+from ...coupled.energy import EnergyBudget
+from ...coupled.remeshing import Remeshing
+from ...coupled.rigid import RigidPart
+from ...fluid import Fluid, TimeStep, Transient
+from ...geometry.placement import Placement
+from ...geometry.plane.grain import Disc
+from ...geometry.space.solid import Sphere
+from ...mesh.domain import Domain
+from ...mesh.motion import MeshMotion, RigidDisplacement
+from ...planning.body import initial_state, rigid_body
+from ...planning.clearance import Clearance, surroundings
+from ...planning.effects import EffectName
+from ...results.loads import apart, named, named_couple
+from ...scene import Scene
+from ..run_part import RunPart, Stage
+
+if TYPE_CHECKING:
+    from ...coupled.tractions import TractionProbe
+    from ...restart.checkpoint import Checkpoint
+
+# Positions (in grain sizes) and angles are rounded to this before meshing, and the mesh is then moved by the
+# remainder: round-off cannot change the mesh, on any number of ranks and after resuming.
+ROUNDING = 1e-6
+# Columns of the history for the orientation, by the dimension.
+ORIENTATION = {2: ("angle",), 3: ("quaternion_w", "quaternion_x", "quaternion_y", "quaternion_z")}
+
+
+class MovingGrain(RunPart):
+    """A grain that moves in its scene.
+
+    Args:
+        stage: context managers by name that take the time.
+        state: the grain's state; None: that of the scene.
+        made_for: the grain's placement for which the mesh was made; None: that of the state.
+
+    Attributes:
+        part: the rigid body in the coupling, once `displaced` has made it.
+        remeshings, interface_iterations: of the run so far.
+    """
+
+    effect = EffectName.FREE_BODY
+    part: RigidPart
+
+    def __init__(
+        self, scene: Scene, stage: Stage, state: BodyState | None = None, made_for: Placement | None = None
+    ):
+        self.scene, self._stage = scene, stage
+        assert scene.body is not None and scene.time is not None
+        assert scene.grain is not None and scene.placement is not None
+        self.grain, self.time = scene.grain, scene.time
+        self.surroundings = surroundings(scene)
+        self._is_free, self._is_repelled = scene.body.motion == "free", scene.body.on_contact == "repel"
+        self.body = rigid_body(scene)
+        self._start, self._made_for = state or initial_state(scene), made_for
+        self.remeshings: list[Remeshing] = []
+        self.interface_iterations: list[int] = []
+
+    @property
+    def probe(self) -> TractionProbe:  # type: ignore[override]
+        """Reads the traction on the grain where it is."""
+        return self.part.probe
+
+    @property
+    def state(self) -> BodyState:
+        """The grain at present."""
+        return self.part.state
+
+    # -- solution ---------------------------------------------------------------------------------
+
+    def joined(self, fluid: Fluid, before: MovingGrain | None = None) -> None:
+        """Enter a fluid; what `before` has counted is counted on."""
+        self._fluid, self.energy = fluid, EnergyBudget(fluid)
+        turning = not isinstance(self.grain, Disc | Sphere)
+        free = () if fluid.surface is None else (fluid.surface.condition.boundary,)
+        made_for = self._made_for or self._start.placement
+        self._displacement = RigidDisplacement(fluid.domain, "body", made_for, turning, free)
+        if before is not None:
+            self.remeshings, self.interface_iterations = before.remeshings, before.interface_iterations
+
+    def displaced(self, motion: MeshMotion) -> None:
+        """Move the mesh from where it was made to where the grain is, and put the body into the fluid there."""
+        if self._made_for is not None:
+            motion.move(self._displacement.at(self._start.placement))
+            self._fluid.constraints.boundary_points_moved()
+        self.part = RigidPart(
+            *(self._fluid, self.body, self._start, self._displacement, self._other_load),
+            room=None if self._is_repelled else self._room,
+            stage=self._stage,
+            added_mass=self.scene.numerics.coupling == "exact",
+        )
+
+    def moving(self) -> tuple[RigidPart, ...]:
+        """The body."""
+        return (self.part,)
+
+    def drawn(self) -> Placement:
+        """The placement for which a new mesh is made: that at present, rounded."""
+        assert self.scene.placement is not None
+        return rounded(self.state.placement, self.scene.placement, ROUNDING * self.grain.size)
+
+    def on(self, domain: Domain) -> MovingGrain:
+        """The grain as it is on a mesh that was made for `drawn`."""
+        return MovingGrain(self.scene, self._stage, self.state, self.drawn())
+
+    def last_step(self) -> float | None:
+        """The length of the last step; None before the first."""
+        times = [one.time for one in self.part.past]
+        return None if len(times) == 1 else times[0] - times[1]
+
+    def accept_step(self, step: TimeStep) -> None:
+        """Count the iterations of fluid and grain."""
+        assert isinstance(step.report, InterfaceReport)
+        self.interface_iterations.append(step.report.corrected)
+
+    # -- output -----------------------------------------------------------------------------------
+
+    def columns(self, step: TimeStep, coupling: Coupling | None) -> dict[str, Any]:
+        """Place, velocities and loads; those of the repulsion are zero for a free grain that is not repelled."""
+        assert coupling is not None
+        return {
+            **columns_of_state(self.state),
+            **columns_of_load(self.part.end.flow_load, "force", "couple"),
+            **(columns_of_load(self.repulsion(), "repulsion", "repulsion_couple") if self._is_free else {}),
+            **coupling.columns(step.report),
+        }
+
+    def budget(self) -> dict[str, float]:
+        """Energies of fluid and grain, after the number of meshes."""
+        with self._stage("tractions"):
+            kinetic, dissipation = self.energy.kinetic(), self.energy.dissipation()
+            power = self.energy.power()
+        return {
+            "meshes": 1 + len(self.remeshings),
+            "energy_fluid": kinetic,
+            "energy_body": self.body.kinetic_energy(self.state),
+            "dissipation": dissipation,
+            "power": power,
+        }
+
+    def unknowns(self) -> dict[str, int]:
+        """The degrees of freedom that are free."""
+        return {EffectName.FREE_BODY: int(self.body.mask.sum())}
+
+    def reported(self) -> dict[str, Any]:
+        """How the motion ended, where the grain is, how it went. A verdict at contact is made by `landing`."""
+        return {"trajectory": self.summary()}
+
+    def summary(self) -> dict[str, Any]:
+        """Plain data for the result: how it ended, where the grain is, how it went."""
+        state, near = self.state, self.clearance()
+        iterations, in_space = self.interface_iterations or [0], self.scene.gdim == 3
+        return {
+            "ended": {
+                "by": "contact" if self.part.met else "time",
+                "time": self._fluid.time,
+                "clearance": near.distance,
+                "nearest": near.other,
+                "without_verdict": "",
+            },
+            "place": state.place,
+            **({"quaternion": state.orientation} if in_space else {"angle": float(state.orientation[0])}),
+            "velocity": state.velocity,
+            "spin": state.spin if in_space else float(state.spin[0]),
+            "mass": self.body.inertia.mass,
+            "inertia": self.body.inertia.moments if in_space else float(self.body.inertia.moments[0]),
+            "interface_iterations": {"mean": float(np.mean(iterations)), "most": max(iterations)},
+            "remeshings": [asdict(one) for one in self.remeshings],
+        }
+
+    def clearance(self) -> Clearance:
+        """How far the grain is from what is nearest to it. Not collective."""
+        return self.surroundings.clearance(self.state.placement)
+
+    def repulsion(self) -> Floats:
+        """Force and couple (3,), in space (6,), from what the grain has come close to; zero unless it is repelled."""
+        return self._repulsion(self.state) if self._is_repelled else np.zeros(self.body.size)
+
+    def _room(self, state: BodyState) -> float:
+        """How far the grain may still go before the gap to something is that which counts as contact."""
+        gap = self.scene.contact_gap
+        return self.surroundings.clearance(state.placement, 2.0 * gap).distance - gap
+
+    def _other_load(self, state: BodyState) -> Floats:
+        """Weight and buoyancy, and what keeps a repelled grain away."""
+        load = np.zeros(self.body.size)
+        load[: self.body.gdim] = (self.body.inertia.mass - self.grain.volume) * self.scene.gravity_vector
+        if self._is_repelled:
+            load += self._repulsion(state)
+        return load
+
+    def _repulsion(self, state: BodyState) -> Floats:
+        """Force and couple that keep a grain from what it comes close to.
+
+        Along the shortest line between both, S ((r - d)/r)^2 at a distance d below the range r, which is three
+        times the contact gap: enough to stop the grain at the reference velocity V, S = 10 (m + m_f) V^2/r,
+        against ten times its submerged weight, and against the drag, 100 nu V in the plane, times its size in space.
+        """
+        reach = 3.0 * self.scene.contact_gap
+        near = self.surroundings.clearance(state.placement, reach)
+        if near.distance >= reach:
+            return np.zeros(self.body.size)
+        speed, volume, mass = self.scene.reference_velocity, self.grain.volume, self.body.inertia.mass
+        weight = abs(mass - volume) * float(np.linalg.norm(self.scene.gravity_vector))
+        drag = 100.0 * self.scene.viscosity * speed * self.grain.size ** (self.scene.gdim - 2)
+        strength = 10.0 * (mass + volume) * speed**2 / reach + 10.0 * weight + drag
+        on_grain, on_other = np.array(near.on_grain), np.array(near.on_other)
+        towards = on_grain - on_other if near.distance > 0.0 else on_other - on_grain
+        away = towards / max(float(np.linalg.norm(towards)), 1e-300)
+        force = strength * (1.0 - near.distance / reach) ** 2 * away
+        arm = on_grain - state.place
+        twist = np.cross(arm, force) if len(arm) == 3 else [planar_cross(arm, force)]
+        load = np.concatenate([force, twist])
+        if self.scene.symmetric:  # as much from the mirror image of what it has come close to
+            load[[1, 3, 5]] = 0.0
+        return load
+
+    # -- checkpoints ------------------------------------------------------------------------------
+
+    def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
+        """The grain, its coupling to the fluid and its mesh."""
+        from .keeping import stored
+
+        assert coupling is not None
+        return {"body": stored(self, coupling, transient)}
+
+    def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
+        """Take state and past from a checkpoint; the part is one made for `keeping.state_of_mesh`."""
+        from .keeping import restore
+
+        assert kept.body is not None and coupling is not None
+        restore(self, kept.body, coupling)
+
+
+def rounded(placement: Placement, first: Placement, unit: float) -> Placement:
+    """The placement with its way from the first one rounded to a unit of length, and its turn to ROUNDING."""
+    way = np.subtract(placement.centre, first.centre)
+    turn = placement.turn_since(first)
+    return first.moved(unit * np.round(way / unit), ROUNDING * np.round(turn / ROUNDING))
+
+
+def columns_of_state(state: BodyState) -> dict[str, float]:
+    """Place, orientation and velocities by the names of the history's columns. Not collective."""
+    gdim = len(state.place)
+    turned = dict(zip(ORIENTATION[gdim], state.orientation.tolist(), strict=True))
+    place = dict(zip("xyz", state.place.tolist(), strict=False))
+    velocity, spin = apart(state.velocities)
+    return {**place, **turned, **named("velocity", velocity, gdim), **named_couple("spin", spin, gdim)}
+
+
+def columns_of_load(load: Floats, force: str, couple: str) -> dict[str, float]:
+    """A load (3,), in space (6,), by the names of the history's columns. Not collective."""
+    gdim, (pushed, twisted) = 2 if len(load) == 3 else 3, apart(load)
+    return named(force, pushed, gdim) | named_couple(couple, twisted, gdim)

@@ -1,0 +1,130 @@
+"""What an effect adds to a run beside the flow, as everything that handles runs sees it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from typing import TYPE_CHECKING, Any, Self
+
+from ..planning.effects import EffectName
+
+if TYPE_CHECKING:
+    from ..coupled.coupling import Coupling
+    from ..coupled.part import Part
+    from ..coupled.tractions import TractionProbe
+    from ..fluid import FlowModel, Fluid, TimeStep, Transient
+    from ..fluid.transient import Interface
+    from ..geometry.placement import Placement
+    from ..mesh.domain import Domain
+    from ..mesh.motion import MeshMotion
+    from ..restart.checkpoint import Checkpoint
+    from ..scene import Scene
+    from ..simulation.state import Run
+
+Stage = Callable[[str], AbstractContextManager[Any]]
+
+
+class RunPart:
+    """Unknowns of an effect that are solved with the flow, within each step. Every method is collective.
+
+    The methods here are those of a part that adds nothing. A part is made for a mesh, changes the model of the flow
+    (`within`), enters the fluid that is made with that model (`joined`), moves the mesh by what `moving` returns, and
+    wraps the solution of a step (`around`). On a new mesh another part of the kind takes over (`on`, `carry_over`).
+
+    Attributes:
+        effect: whose part it is.
+        probe: reads the traction on the grain where the part has a better one than the run; None: it has not.
+    """
+
+    effect: EffectName
+    probe: TractionProbe | None = None
+
+    # -- solution ---------------------------------------------------------------------------------
+
+    def within(self, model: FlowModel) -> FlowModel:
+        """The model of the flow with the part's terms in it."""
+        return model
+
+    def joined(self, fluid: Fluid, before: Self | None = None) -> None:
+        """Enter the fluid, whose mesh is as it was made; `before` is the part on the mesh before, to take over from."""
+
+    def displaced(self, motion: MeshMotion) -> None:
+        """Make ready to move the mesh, as the parts' states at the start require."""
+
+    def moving(self) -> tuple[Part, ...]:
+        """The boundaries that the part moves, and the mesh with them."""
+        return ()
+
+    def around(self, interface: Interface | None) -> Interface | None:
+        """What is solved together with the flow in a step, given what moves in it."""
+        return interface
+
+    def on(self, domain: Domain) -> Self:
+        """The part on a new mesh, not yet in a fluid."""
+        raise NotImplementedError(f"{type(self).__name__} has no new meshes")
+
+    def carry_over(self, before: Self) -> None:
+        """Take the state over from the part on the mesh before; both meshes are where they are now."""
+
+    def drawn_scene(self, scene: Scene, placement: Placement) -> Scene:
+        """The scene for which a new mesh is made around a grain, given how the parts before would have it.
+
+        Raises:
+            MeshError: there cannot be one.
+        """
+        return scene
+
+    def solve(self, run: Run, factor: float = 1.0, onwards: bool = False) -> bool:
+        """Find the steady flow together with the part's unknowns; False: the flow does not depend on them.
+
+        The flow may be faster than the scene's by a factor, and may be found from the state at hand (`onwards`).
+        """
+        return False
+
+    def start(self, steady: Self) -> None:
+        """Begin from the part of a steady flow on the mesh."""
+
+    def states(self) -> tuple[Any, ...]:
+        """Functions that are part of the state of a steady flow."""
+        return ()
+
+    def accept_step(self, step: TimeStep) -> None:
+        """Take note of an accepted step."""
+
+    def check(self, step: TimeStep, placement: Placement | None) -> None:
+        """Refuse to go on from the state after a step, with a moving grain in a placement or none.
+
+        Raises:
+            ConvergenceError: why it cannot, and a remedy.
+        """
+
+    # -- output -----------------------------------------------------------------------------------
+
+    def columns(self, step: TimeStep, coupling: Coupling | None) -> dict[str, Any]:
+        """Columns of the history after a step."""
+        return {}
+
+    def budget(self) -> dict[str, float]:
+        """Columns of the history that stand at its end: energies."""
+        return {}
+
+    def reported(self) -> dict[str, Any]:
+        """Fields of `results.result.Result` by their names."""
+        return {}
+
+    def functions(self) -> dict[str, Any]:
+        """Functions on the mesh by the names that files have."""
+        return {}
+
+    def unknowns(self) -> dict[str, int]:
+        """Numbers of unknowns by effect, over all ranks."""
+        return {}
+
+    # -- checkpoints ------------------------------------------------------------------------------
+
+    def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
+        """Fields of `restart.checkpoint.Checkpoint` by their names."""
+        return {}
+
+    def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
+        """Take the state from a checkpoint; the part and the coupling are made on the stored mesh."""

@@ -1,0 +1,1 @@
+"""Turbulence of the flow, by a model of its means."""

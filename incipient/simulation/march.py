@@ -1,0 +1,194 @@
+"""The way of a flow through time, with all that is solved together with it, and new meshes on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..effects.run_part import RunPart
+from ..errors import IncipientError
+from ..fluid import Fluid, QuasiSteady, TimeStep, Transient
+from ..fluid.transient import Interface, Past
+from ..planning.effects import EffectName, moves
+from ..scene.tolerance import of_steady, of_steps
+
+if TYPE_CHECKING:
+    from ..body.state import BodyState
+    from ..coupled.coupling import Coupling
+    from ..effects.moving_grain.part import MovingGrain
+    from ..restart.checkpoint import Checkpoint
+    from .state import Run
+
+
+class March:
+    """Integrates a run in time. Every method is collective.
+
+    The run gets its parts in time: what moves first, then what it has already.
+
+    Args:
+        run: whose flow is at its start.
+        checkpoint: where to go on from; None: from the start.
+
+    Attributes:
+        coupling: of flow and moving boundaries; None: nothing moves.
+        transient: the steps.
+    """
+
+    def __init__(self, run: Run, checkpoint: Checkpoint | None):
+        assert run.scene.time is not None
+        self._run, self._time = run, run.scene.time
+        moving = _moving_parts(run, checkpoint)
+        for part in moving:
+            part.joined(run.fluid)
+        parts = [*moving, *run.parts]
+        self.coupling = self._coupled(run.fluid, parts)
+        kind = Transient if run.plan.has(EffectName.UNSTEADINESS) else QuasiSteady
+        asked = run.scene.numerics.tolerance
+        tolerance = of_steps(asked) if kind is Transient else of_steady(asked)
+        order, interface = 2 if self._time.scheme == "bdf2" else 1, _interface(self.coupling, parts)
+        self.transient = kind(run.fluid, order, tolerance, self._time.tolerance, interface)
+        run.march_with(self, parts)
+        if checkpoint is not None:
+            self._restore(checkpoint)
+
+    @property
+    def met(self) -> bool:
+        """Whether a grain that moves has met something."""
+        return self.coupling is not None and self.coupling.met
+
+    def steps(self) -> Iterator[TimeStep]:
+        """Advance to the end, or until a moving grain meets something. See `Transient.march`.
+
+        Raises:
+            ConvergenceError: a step failed; the last good state is kept.
+            MeshError: the grain's new place cannot be meshed, or fields do not survive the transfer.
+        """
+        time = self._time
+        self._renew_worn_mesh()
+        for step in self.transient.march(time.end, time.step, time.first_step):
+            for part in self._run.parts:
+                part.accept_step(step)
+            yield step
+            if self.met or time.end - step.time <= 1e-9 * time.end:
+                return
+            self._renew_worn_mesh()
+
+    def check(self, step: TimeStep) -> None:
+        """Refuse to go on from a state from which a part cannot.
+
+        Raises:
+            ConvergenceError: why, and a remedy.
+        """
+        grain = self._run.grain
+        for part in self._run.parts:
+            part.check(step, None if grain is None else grain.state.placement)
+
+    def _coupled(self, fluid: Fluid, parts: Sequence[RunPart]) -> Coupling | None:
+        """The flow with the boundaries that parts move; the mesh goes to where they are."""
+        if not self._run.plan.has(EffectName.MOVING_MESH):
+            return None
+        from ..coupled.coupling import Coupling
+        from ..mesh.motion import MeshMotion
+
+        motion, asked = MeshMotion(fluid.domain), self._run.scene.numerics.interface_tolerance
+        for part in parts:
+            part.displaced(motion)
+        moved = [one for part in parts for one in part.moving()]
+        tolerance = None if asked == "auto" else asked
+        coupling = Coupling(fluid, moved, motion, tolerance, stage=self._run.accounts.ledger.stage)
+        fluid.domain.mesh.geometry.x[:] = coupling.places[0]
+        fluid.constraints.boundary_points_moved()
+        return coupling
+
+    def _restore(self, checkpoint: Checkpoint) -> None:
+        from ..restart.resumption import put_back_flow
+
+        for part in self._run.parts:
+            part.restore(checkpoint, self.coupling)
+        if self.coupling is not None:
+            fluid = self._run.fluid
+            fluid.domain.mesh.geometry.x[:] = self.coupling.places[0]
+            fluid.constraints.boundary_points_moved()
+        put_back_flow(checkpoint, self.transient)
+
+    # -- new meshes -------------------------------------------------------------------------------
+
+    def _renew_worn_mesh(self) -> None:
+        """Remesh if a step as long as the last would spoil the mesh around a grain that moves."""
+        grain = self._run.grain
+        if grain is None or self.coupling is None or (length := grain.last_step()) is None:
+            return
+        ahead = self.coupling.quality_ahead(length, self.transient.order)
+        if ahead.relative < self._run.scene.numerics.remesh_below:
+            self._remesh(grain, self.coupling)
+
+    def _remesh(self, grain: MovingGrain, before: Coupling) -> None:
+        """Mesh the fluid around the grain and carry everything over; the old mesh goes last."""
+        from ..coupled.remeshing import carry_over
+        from ..mesh import domain
+        from ..planning import drawing
+
+        run, transient = self._run, self.transient
+        with run.accounts.ledger.stage("remeshing"):
+            old, drawn, scene = run.fluid, grain.drawn(), run.scene
+            for part in run.parts:
+                scene = part.drawn_scene(scene, drawn)
+            laid_out = drawing.lay_out(scene, run.plan, drawn)
+            made = domain.build(run.comm, laid_out.drawing, run.scene.gdim)
+            parts, model = [part.on(made) for part in run.parts], old.model
+            for part in parts:
+                model = part.within(model)
+            fluid = Fluid(made, model, old.conditions, old.reynolds)
+            fluid.watch = old.watch
+            try:
+                for part, one in zip(parts, run.parts, strict=True):
+                    part.joined(fluid, one)
+                coupling = self._coupled(fluid, parts)
+                assert coupling is not None
+                now = Past(old.time, old.state.x.array, np.empty(0))
+                (_, *past), done = carry_over(before, coupling, [now, *transient.past])
+            except IncipientError:
+                fluid.destroy()
+                raise
+            interface = _interface(coupling, parts)
+            for part, one in zip(parts, run.parts, strict=True):
+                part.carry_over(one)
+            self.coupling = coupling
+            transient.continue_on(fluid, interface, past)
+            grain.remeshings.append(done)
+            run.take_mesh(fluid, parts)
+        run.voice.say(
+            f"t = {done.time:.6g}: a new mesh of {done.cells} cells; making the flow free of divergence on it "
+            f"changed the velocity by {done.change:.1e}"
+        )
+
+
+def _moving_parts(run: Run, checkpoint: Checkpoint | None) -> list[RunPart]:
+    """The parts of a run that move the mesh, made for the mesh at hand."""
+    stage, parts = run.accounts.ledger.stage, list[RunPart]()
+    if moves(run.scene):
+        from ..effects.moving_grain.part import MovingGrain
+
+        state = None if checkpoint is None else _state_of_mesh(checkpoint)
+        parts.append(MovingGrain(run.scene, stage, state))
+    if run.plan.has(EffectName.FREE_SURFACE):
+        from ..effects.free_surface.part import MovingSurface
+
+        parts.append(MovingSurface(run.scene, stage))
+    return parts
+
+
+def _interface(coupling: Coupling | None, parts: Sequence[RunPart]) -> Interface | None:
+    """What the flow is solved together with in a step; None: it is solved by itself."""
+    interface: Interface | None = coupling
+    for part in parts:
+        interface = part.around(interface)
+    return interface
+
+
+def _state_of_mesh(checkpoint: Checkpoint) -> BodyState:
+    from ..effects.moving_grain.keeping import state_of_mesh
+
+    return state_of_mesh(checkpoint)
