@@ -31,7 +31,8 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from .critical.threshold import Threshold
-    from .planning.plan import Plan, make_plan
+    from .effects.plan import make_plan
+    from .planning.plan import Plan
     from .progress import Silent
     from .results.result import Result
     from .scene import Scene, load
@@ -56,7 +57,7 @@ __all__ = [
 ]
 
 # Loaded when they are asked for: the judge of forces from elsewhere needs no scenes, and nothing that these need.
-_LATER = {"Plan": "planning.plan", "make_plan": "planning.plan", "Scene": "scene", "load": "scene"}
+_LATER = {"Plan": "planning.plan", "make_plan": "effects.plan", "Scene": "scene", "load": "scene"}
 
 
 def __getattr__(name: str) -> Any:

@@ -21,7 +21,7 @@ OF_MOVING_MESH = (
     "mesh.transfer",
     "coupled.remeshing",
     "coupled.energy",
-    "effects.moving_grain",
+    "effects.moving_grain.part",
 )
 OF_FREE_BODY = ("coupled.coupling", "coupled.rigid", "body.rigidbody", "body.integrator", "body.fehlberg")
 OF_FREE_SURFACE = (
@@ -29,14 +29,14 @@ OF_FREE_SURFACE = (
     "fluid.surface",
     "mesh.elevation",
     "coupled.surface",
-    "effects.free_surface",
+    "effects.free_surface.part",
     "planning.surface",
 )
 OF_TURBULENCE = (
     "forms.turbulence",
     "fluid.friction",
     "turbulence",
-    "effects.turbulence",
+    "effects.turbulence.part",
     "planning.turbulence",
     "results.turbulence",
 )

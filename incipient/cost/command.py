@@ -117,7 +117,7 @@ def predicted_plan(scene: Scene, directory: Path | None = None) -> PredictedPlan
         MeshError: a mesh cannot be made.
         OutputError: the directory holds no study.
     """
-    from ..planning.plan import make_plan
+    from ..effects.plan import make_plan
     from ..simulation.build import estimate
     from .prediction import first_mesh, known_laws, predict
 

@@ -265,7 +265,7 @@ def first_mesh(scene: Scene) -> Estimate:
     """
     from ..adaptive import balancing
     from ..adaptive.refinement import COARSEST, coarse_sizes
-    from ..planning.plan import make_plan
+    from ..effects.plan import make_plan
 
     steady = scene.time is None
     first = scene if steady else balancing.first(scene)

@@ -10,9 +10,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from ..effects.plan import make_plan
 from ..errors import SceneError
 from ..planning.effects import EffectName
-from ..planning.plan import Plan, make_plan
+from ..planning.plan import Plan
 from ..scene.tolerance import of_steady
 
 if TYPE_CHECKING:

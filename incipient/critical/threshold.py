@@ -338,7 +338,7 @@ def _with_bars(threshold: Threshold, run: Run, search: Search, found: Found) -> 
 
 def _notes(scene: Scene, found: Found) -> tuple[str, ...]:
     """What the Shields number is, and whether the flow can be laminar there. Not collective."""
-    from ..planning.effects import numbers_of
+    from ..planning.numbers import numbers_of
     from ..planning.transition import transition
 
     if not found.is_critical:

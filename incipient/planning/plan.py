@@ -1,31 +1,15 @@
-"""From the scene follows the plan: which effects are simulated, which are left out and why, and how finely.
-
-The plan decides what is built. A sub-problem or a term that it does not name is never made: no space, no
-compiled form, no unknown.
-"""
+"""The plan of a computation as data: effects simulated and left out, discretisation, expense."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from ..errors import SceneError
-from ..geometry.plane.curves import Line
-from ..scene import Scene
-from ..scene.model import WIDE_GAP
-from ..scene.order import order_of
-from .clearance import near_inflow
-from .datum import Datum, datum_of
-from .effects import Effect, EffectName, Numbers, effects_of, numbers_of
-from .linear import Method, method_of
-from .open_channel import near_critical
-from .stabilisation import NO_CONVECTION, Stabilisation, stabilisation_of
-
-__all__ = ["Effect", "Estimate", "Plan", "make_plan"]
-
-GEOMETRY_ORDER = {2: 2, 3: 3, 4: 3}
+from .datum import Datum
+from .effects import Decision, EffectName
+from .linear import Method
+from .numbers import Numbers
+from .stabilisation import NO_CONVECTION, Stabilisation
 
 
 @dataclass(frozen=True)
@@ -52,7 +36,7 @@ class Plan:
     datum:    where the profile of the flow starts, None without a profile or a bed
     """
 
-    effects: tuple[Effect, ...]
+    effects: tuple[Decision, ...]
     order: int
     geometry_order: int
     mesh_size: float
@@ -103,114 +87,3 @@ class Plan:
         if not self.sought:
             return [f"  {elements}, cell sizes x {self.mesh_size:g}, {solved}", *why]
         return [f"  {self.sought}", f"  {elements} at first, {solved}", *why]
-
-
-def make_plan(scene: Scene) -> Plan:
-    """Decide from the scene alone; nothing is meshed or computed. Not collective."""
-    numerics, numbers = scene.numerics, numbers_of(scene)
-    effects = effects_of(scene, numbers)
-    present = {effect.name for effect in effects if effect.present}
-    return Plan(
-        effects=effects,
-        order=scene.order,
-        why_order=order_of(scene).reason,
-        geometry_order=_geometry_order(scene),
-        mesh_size=numerics.mesh_size,
-        convection=_convection(scene, present),
-        scheme=_scheme(scene, present),
-        reynolds=1.0 / scene.viscosity,
-        solver=method_of(
-            scene,
-            slow=not present & {EffectName.INERTIA, EffectName.UNSTEADINESS},
-            unsteady=EffectName.UNSTEADINESS in present,
-        ),
-        numbers=numbers,
-        stabilisation=stabilisation_of(scene, EffectName.INERTIA in present),
-        sought=_sought(scene),
-        warnings=tuple(_warnings(scene)),
-        datum=datum_of(scene),
-    )
-
-
-def _warnings(scene: Scene) -> Iterator[str]:
-    if scene.is_turbulent:
-        from . import turbulence as walls
-        from .clearance import narrow_gap, through_the_top
-
-        if why := walls.beyond_walls(scene) or walls.within_sand(scene):
-            raise SceneError(f"turbulence.{why}")
-        if why := walls.within_forms(scene):
-            raise SceneError(f"bed: {why}")
-        if why := walls.too_small(scene):
-            raise SceneError(f"turbulence: {why}")
-        if why := walls.too_near(scene):
-            raise SceneError(f"turbulence: {why}")
-        if why := through_the_top(scene):
-            raise SceneError(f"body.{why}")
-        told = (walls.small, narrow_gap, walls.cornered, walls.coarse_at_grain, walls.smooth_grain)
-        yield from filter(None, (one(scene) for one in told))
-    yield from filter(None, (near_critical(scene), near_inflow(scene)))
-    gap = scene.contact.gap if scene.contact is not None and not scene.closes_contacts else 0.0
-    if gap > WIDE_GAP and scene.body is not None and (scene.rests or scene.body.moves):
-        yield (
-            f"contact.gap = {gap:g} is wide: contact is judged by the flow around a grain {gap:g} of its size "
-            f"away from the bed; give {WIDE_GAP:g} or less"
-        )
-
-
-def _sought(scene: Scene) -> str:
-    """What the run chooses mesh and order, in time the steps as well, for."""
-    numerics = scene.numerics
-    if numerics.accuracy is None:
-        return ""
-    everything = numerics.accuracy_includes == "all"
-    chosen = ("gap, domain, " if everything else "") + (
-        "mesh and order" if scene.time is None else "steps, mesh and order"
-    )
-    chosen = f"{chosen} are"
-    if scene.is_turbulent:
-        chosen = "gap, domain and mesh are" if everything else "the mesh is"
-    of = "of discretisation, gap and domain" if everything else "of discretisation"
-    aim = f"until the error of the {scene.accuracy_of} ({of}) is below {numerics.accuracy}"
-    if numerics.accuracy == "verdict":
-        aim = "until the verdict is decided"
-    budgets = ((numerics.budget_seconds, "s"), (numerics.budget_mib, "MiB"))
-    limits = [f"{limit:g} {unit}" for limit, unit in budgets if limit is not None]
-    beyond = f", within {' and '.join(limits)}" if limits else ""
-    return f"numerics.accuracy: {chosen} chosen by the run, {aim}{beyond}"
-
-
-def _geometry_order(scene: Scene) -> int:
-    """Straight cells where every boundary is straight, else curved ones to match the velocity."""
-    if scene.numerics.geometry_order is not None:
-        return scene.numerics.geometry_order
-    if scene.has_surface:  # a wave is curved
-        return GEOMETRY_ORDER[scene.order if scene.gdim == 2 else 2]
-    if scene.gdim == 3:
-        return 1 if _has_flat_faces(scene) else GEOMETRY_ORDER[2]
-    curves = list(scene.grain.drawn()) if scene.grain is not None else []
-    if scene.bed_shape is not None:
-        curves.extend(scene.bed_shape.curves(scene.domain.left, scene.domain.right))
-    return 1 if all(isinstance(curve, Line) for curve in curves) else GEOMETRY_ORDER[scene.order]
-
-
-def _has_flat_faces(scene: Scene) -> bool:
-    """Whether every boundary of a scene in space is made of planes."""
-    from ..geometry.space.polyhedra import Box, Triangulated
-
-    grain, bed = scene.grain, scene.bed_shape
-    level = bed is None or not math.isfinite(bed.feature)
-    sharp = isinstance(grain, Box) and grain.edge_radius == 0.0
-    return level and (grain is None or sharp or isinstance(grain, Triangulated))
-
-
-def _convection(scene: Scene, present: set[EffectName]) -> str:
-    if EffectName.INERTIA not in present:
-        return "no"
-    return scene.numerics.convection if EffectName.UNSTEADINESS in present else "implicit"
-
-
-def _scheme(scene: Scene, present: set[EffectName]) -> str:
-    if scene.time is None:
-        return "steady"
-    return scene.time.scheme if EffectName.UNSTEADINESS in present else "quasi-steady"

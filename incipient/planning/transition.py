@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from ..scene import Scene
-    from .effects import Numbers
+    from .numbers import Numbers
 
 # From about this Reynolds number on the turbulence of a channel sustains itself. Between walls, of mean
 # velocity and height: 4/3 of 965, of half the height and the greatest velocity (Gomé, Tuckerman & Barkley

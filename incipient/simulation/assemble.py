@@ -154,12 +154,13 @@ def _error_bars(run: Run, result: Result, solve: Callable[[Scene], Loads]) -> tu
 
 
 def _omissions(run: Run, result: Result) -> tuple[Omission, ...]:
+    from ..effects.effect import Solved
+    from ..effects.left_out import omissions
     from ..results.left_out import Omission
-    from .left_out import omissions
 
     with run.stage("omitted effects"):
         try:
-            return omissions(run, result.force, result.couple, result.verdict)
+            return omissions(Solved(run, result.force, result.couple, result.verdict))
         except IncipientError as error:
             return (Omission("effects named by the plan", None, f"not estimated: {error}", False),)
 

@@ -6,13 +6,14 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
+from ..effects.known import EFFECTS
+from ..effects.plan import make_plan
 from ..installed import memory_of_libraries, required
 from ..parallel import collectively
 from ..planning import drawing
 from ..planning.cells import CLOSED
-from ..planning.drawing_in_space import memory_of_eddies, memory_of_surface
 from ..planning.effects import EffectName
-from ..planning.plan import Estimate, Plan, make_plan
+from ..planning.plan import Estimate, Plan
 from ..progress import Silent
 from ..scene import Scene
 from .recorder import Recorder, Unrecorded
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 
     from ..contact import Contacts
     from ..coupled.tractions import TractionProbe
-    from ..effects.run_part import RunPart
     from ..fluid import FlowModel, Fluid
     from ..mesh.domain import Domain
     from ..planning.drawing import Layout
@@ -74,7 +74,8 @@ def prepared(
         voice.begin("forms")
         with accounts.ledger.stage("forms"):
             model = flow_model(scene, plan, unsteady=plan.has(EffectName.UNSTEADINESS))
-            parts = _steady_parts(scene, plan, made, accounts)
+            found = [effect.part_at_start(scene, made, accounts.ledger.stage) for effect in EFFECTS]
+            parts = [part for part in found if part is not None]
             for part in parts:
                 model = part.within(model)
             newest = [raised.made(made, model, conditions(meshed), plan.reynolds)]
@@ -101,15 +102,6 @@ def _meshed_for(scene: Scene, speed: float) -> Scene:
     from ..planning.turbulence import faster
 
     return faster(scene, speed)
-
-
-def _steady_parts(scene: Scene, plan: Plan, domain: Domain, accounts: Accounts) -> list[RunPart]:
-    """What a steady flow, too, is solved together with."""
-    if not plan.has(EffectName.TURBULENCE):
-        return []
-    from ..effects.turbulence.part import TurbulentFlow
-
-    return [TurbulentFlow(scene, domain, accounts.ledger.stage)]
 
 
 def _load_libraries(comm: MPI.Comm, draws: bool) -> None:
@@ -169,8 +161,7 @@ def estimate(scene: Scene) -> Plan:
         plan.solver.name,
         None if wider is None else drawing.lay_out(wider, plan),
     )
-    more = memory_of_surface(scene, expense.unknowns) + memory_of_eddies(scene, expense.unknowns)
-    expense = expense.with_more(more)
+    expense = expense.with_more(sum(effect.memory(scene, expense.unknowns) for effect in EFFECTS))
     if scene.gdim == 3 and scene.has_surface and scene.numerics.error_bars:
         other = estimate(comparisons(scene)[1]).estimate
         assert other is not None

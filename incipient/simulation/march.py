@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..effects.known import EFFECTS
 from ..effects.run_part import RunPart
 from ..errors import IncipientError
 from ..fluid import Fluid, QuasiSteady, TimeStep, Transient
 from ..fluid.transient import Interface, Past
-from ..planning.effects import EffectName, moves
+from ..planning.effects import EffectName
 from ..scene.tolerance import of_steady, of_steps
 
 if TYPE_CHECKING:
-    from ..body.state import BodyState
     from ..coupled.coupling import Coupling
     from ..effects.moving_grain.part import MovingGrain
     from ..restart.checkpoint import Checkpoint
@@ -39,7 +39,9 @@ class March:
     def __init__(self, run: Run, checkpoint: Checkpoint | None):
         assert run.scene.time is not None
         self._run, self._time = run, run.scene.time
-        moving = _moving_parts(run, checkpoint)
+        stage = run.accounts.ledger.stage
+        found = (effect.part_in_time(run.scene, stage, checkpoint) for effect in EFFECTS)
+        moving = [part for part in found if part is not None]
         for part in moving:
             part.joined(run.fluid)
         parts = [*moving, *run.parts]
@@ -165,30 +167,9 @@ class March:
         )
 
 
-def _moving_parts(run: Run, checkpoint: Checkpoint | None) -> list[RunPart]:
-    """The parts of a run that move the mesh, made for the mesh at hand."""
-    stage, parts = run.accounts.ledger.stage, list[RunPart]()
-    if moves(run.scene):
-        from ..effects.moving_grain.part import MovingGrain
-
-        state = None if checkpoint is None else _state_of_mesh(checkpoint)
-        parts.append(MovingGrain(run.scene, stage, state))
-    if run.plan.has(EffectName.FREE_SURFACE):
-        from ..effects.free_surface.part import MovingSurface
-
-        parts.append(MovingSurface(run.scene, stage))
-    return parts
-
-
 def _interface(coupling: Coupling | None, parts: Sequence[RunPart]) -> Interface | None:
     """What the flow is solved together with in a step; None: it is solved by itself."""
     interface: Interface | None = coupling
     for part in parts:
         interface = part.around(interface)
     return interface
-
-
-def _state_of_mesh(checkpoint: Checkpoint) -> BodyState:
-    from ..effects.moving_grain.keeping import state_of_mesh
-
-    return state_of_mesh(checkpoint)

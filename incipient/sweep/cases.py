@@ -112,7 +112,7 @@ def _identity(task: str, content: dict[str, Any]) -> str:
 
 def _forms(scene: Scene, task: str) -> str:
     """Dimension, elements, effects and what is computed beside the flow."""
-    from ..planning.plan import make_plan
+    from ..effects.plan import make_plan
 
     plan = make_plan(scene)
     present = sorted(effect.name for effect in plan.effects if effect.present)

@@ -65,8 +65,8 @@ def _drawn(scene: Scene) -> str:
 
 def _cells(scene: Scene) -> float | None:
     """About how many cells the mesh will have."""
+    from ..effects.plan import make_plan
     from ..planning import drawing
-    from ..planning.plan import make_plan
 
     with suppress(IncipientError, ImportError, OSError):
         layout = drawing.lay_out(scene, make_plan(scene))

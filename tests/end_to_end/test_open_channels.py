@@ -8,9 +8,9 @@ from test_free_surface import changed, history_of
 
 import incipient
 from incipient.cost.command import predicted_plan
+from incipient.effects.plan import make_plan
 from incipient.errors import SceneError
 from incipient.planning.open_channel import wave_of
-from incipient.planning.plan import make_plan
 from incipient.scene.file import loads
 
 SPEED, LENGTH = 0.25, 3.0

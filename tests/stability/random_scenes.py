@@ -228,8 +228,8 @@ def fate(text: str, directory: Path, mesh: bool, run: bool = False) -> str:
     Raises whatever the program raises that is not meant for users, and TimeoutError.
     """
     import incipient
+    from incipient.effects.plan import make_plan
     from incipient.planning.drawing import lay_out
-    from incipient.planning.plan import make_plan
     from incipient.simulation.build import estimate
 
     reached = "refused"

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from test_modelling import POCKET
 
+from incipient.effects.plan import make_plan
 from incipient.planning import drawing
-from incipient.planning.plan import make_plan
 from incipient.scene import loads
 
 ENDS_IN_A_CUSP = ("bed.offset=0.525", "numerics.mesh_size=2.0")  # 0.025 from the foot of its last half-disc

@@ -6,7 +6,7 @@ from scenes import CHANNEL, DISC, scene
 
 from incipient import make_plan
 from incipient.critical.threshold import bed_stress
-from incipient.planning.effects import numbers_of
+from incipient.planning.numbers import numbers_of
 from incipient.planning.stream import inflow, undisturbed
 from incipient.scene import (
     Disc,

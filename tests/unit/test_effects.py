@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from incipient import make_plan
+from incipient.effects.inertia import OSEEN
 from incipient.errors import SceneError
 from incipient.fluid.solvers import SOLVERS
-from incipient.planning.effects import OSEEN, EffectName, accuracy_asked, numbers_of
+from incipient.planning.effects import EffectName, accuracy_asked
+from incipient.planning.numbers import numbers_of
 from incipient.planning.stream import undisturbed
 from incipient.scene import (
     Contact,

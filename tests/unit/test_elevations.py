@@ -16,7 +16,7 @@ from incipient.accuracy.waves import OF_FEW_STEPS, OF_STREAM, least_share
 from incipient.adaptive.balance import Parts, Powers, cheapest
 from incipient.adaptive.balancing import first
 from incipient.adaptive.modelling import suited
-from incipient.planning.plan import make_plan
+from incipient.effects.plan import make_plan
 from incipient.results.elevations import Elevations, Reading
 from incipient.results.errorbars import NO_GRAIN, ErrorBars, Loads
 from incipient.scene import Scene

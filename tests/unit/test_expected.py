@@ -7,10 +7,10 @@ import pytest
 from scenes import message
 
 from incipient import load
+from incipient.effects.plan import make_plan
 from incipient.errors import MeshError
 from incipient.meshes import expected
 from incipient.planning import drawing
-from incipient.planning.plan import make_plan
 from incipient.scene import Scene, loads
 from incipient.simulation.build import estimate
 

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from incipient.effects.plan import make_plan
 from incipient.errors import SceneError
-from incipient.planning.plan import make_plan
 from incipient.planning.stream import inflow
 from incipient.scene import loads
 from incipient.scene.expression import MAXIMUM_LENGTH, Expression, expressions

@@ -7,8 +7,8 @@ import pytest
 from scenes import scene
 
 from incipient.critical.threshold import _stress_unit
+from incipient.effects.plan import make_plan
 from incipient.planning.body import rigid_body
-from incipient.planning.plan import make_plan
 from incipient.results.verdict import mass_and_inertia
 from incipient.scene import Contact, Disc, Gravity, Time
 

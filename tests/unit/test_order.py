@@ -7,7 +7,7 @@ import pytest
 from scenes import BOX, FLOW_SCALE, scene
 
 from incipient.accuracy.coarse_runs import changed, comparisons
-from incipient.planning.plan import make_plan
+from incipient.effects.plan import make_plan
 from incipient.scene import Disc, Domain, Effects, Fluid, Lid, Numerics, Scene, Sphere, Time, load
 from incipient.scene.example import grain_in_pocket, grain_on_bed
 from incipient.scene.file import dumps, loads

@@ -11,9 +11,9 @@ import ufl
 from domains import SIDES, unit_box
 
 from incipient import Scene, compat, load
+from incipient.effects.plan import make_plan
 from incipient.fluid import FlowModel, Fluid, no_slip
 from incipient.forms import FlowTerms, ReferenceMap, residual, terms
-from incipient.planning.plan import make_plan
 from incipient.planning.stabilisation import COARSE, cell_reynolds, largest_peclet, measured_cell_reynolds
 
 

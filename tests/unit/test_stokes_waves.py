@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from incipient.effects.plan import make_plan
 from incipient.errors import SceneError
 from incipient.planning.open_channel import wave_of
-from incipient.planning.plan import make_plan
 from incipient.planning.waves import stokes_wave
 from incipient.scene.file import loads
 

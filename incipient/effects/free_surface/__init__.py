@@ -1,1 +1,115 @@
-"""A free surface on the fluid."""
+"""A free surface on the fluid; a rigid lid in its place hides a rise of Fr^2/2 of the depth (Bernoulli's equation)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...planning.effects import Decision, EffectName, percent
+from ...planning.numbers import Numbers
+from ...results.left_out import Omission
+from ...scene import Scene
+from ...scene.open_channel import STREAMS, froude
+from ..effect import Effect, Solved
+
+if TYPE_CHECKING:
+    from ...restart.checkpoint import Checkpoint
+    from ...simulation.state import Run
+    from ..run_part import Stage
+    from .part import MovingSurface
+
+
+class FreeSurfaceEffect(Effect):
+    """A top of the fluid that moves with it."""
+
+    name = EffectName.FREE_SURFACE
+
+    def decide(self, scene: Scene, numbers: Numbers) -> Decision:
+        """Present with domain.top = "free-surface"."""
+        if scene.has_surface:
+            from ...planning.surface import sticking
+
+            speed = math.sqrt(float(abs(scene.gravity_vector).max()) * scene.domain.height)
+            reason = f'domain.top = "{scene.top}"; long waves travel at {speed:.3g}'
+            if sticking(scene):
+                reason += f"; the fluid sticks to {' and '.join(sticking(scene))}, where its elevation stays"
+            return Decision(self.name, True, reason + _ends(scene))
+        reason = f'the top is "{scene.top}"'
+        if scene.top != "slip" or numbers.froude is None:
+            return Decision(self.name, False, reason)
+        rise = 0.5 * numbers.froude**2
+        reason += (
+            f"; Froude number {numbers.froude:.2g}: a surface would rise by {percent(rise)} of the depth"
+        )
+        return Decision(self.name, False, reason, expected=rise)
+
+    def part_in_time(self, scene: Scene, stage: Stage, kept: Checkpoint | None) -> MovingSurface | None:
+        """The surface."""
+        if not scene.has_surface:
+            return None
+        from .part import MovingSurface
+
+        return MovingSurface(scene, stage)
+
+    def memory(self, scene: Scene, unknowns: int) -> float:
+        """MiB of a surface in space."""
+        from ...planning.drawing_in_space import memory_of_surface
+
+        return memory_of_surface(scene, unknowns)
+
+    def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
+        """What the pressure under a rigid lid would raise, or lower, a surface by, of the depth."""
+        if decision.expected is None:
+            return
+        scene = solved.run.scene
+        rise = _rise_under_lid(solved.run) / (scene.domain.ceiling - scene.datum)
+        may_be = scene.domain.kind == "box" or scene.flow.kind in STREAMS
+        remedy = 'domain.top = "free-surface"' if may_be and not scene.is_turbulent else "a deeper channel"
+        if rise > 1.0:
+            how = f"the pressure under the lid is that of {rise:.2g} depths, as after an impulse"
+            yield Omission(self.name, None, how, True, remedy)
+            return
+        how = "of the depth, by the pressure under the lid over gravity"
+        yield Omission(self.name, rise, how, False, remedy)
+
+
+def _ends(scene: Scene) -> str:
+    """What a channel with a free surface has at its ends; empty for a box."""
+    if scene.domain.kind == "box":
+        return ""
+    from ...planning.open_channel import surface_of, wave_of
+
+    asked, speed, wave = surface_of(scene), froude(scene), wave_of(scene)
+    told = f"; Froude number {speed:.2g}" if speed else ""
+    told += f"; the level is {'the still one' if speed >= 1.0 else 'free'} at the inflow, "
+    told += (
+        "that of the still fluid beyond the outflow"
+        if asked.outflow == "open"
+        else "and a wall at the right end"
+    )
+    if wave is not None:
+        told += f"; a wave {2 * math.pi / wave.number:.3g} long comes in"
+    return told + (f"; waves die out over the last {asked.sponge:g}" if asked.sponge else "")
+
+
+def _rise_under_lid(run: Run) -> float:
+    """The largest size of the pressure's head at the nodes under the lid; zero at the outflow, or in the mean."""
+    from mpi4py import MPI
+
+    from ...fluid.space import boundary_blocks
+    from ...planning.cells import side_names
+
+    scene, fluid, comm = run.scene, run.fluid, run.comm
+    space, gravity = fluid.space.pressure, scene.gravity_vector
+    nodes = boundary_blocks(space, fluid.domain.facets_of(side_names(scene)[2]))
+    own = nodes[nodes < space.dofmap.index_map.size_local]
+    away = space.tabulate_dof_coordinates()[own, 0] - scene.domain.right
+    # The hydrostatic part that the pressure does not have changes along a lid that is inclined.
+    heads = (fluid.pressure.x.array[own] + gravity[0] * away) / abs(gravity[scene.up])
+    if fluid.constraints.closed:
+        total, count = comm.allreduce(np.array([heads.sum(), len(heads)]))
+        heads -= total / max(count, 1)
+    return float(comm.allreduce(float(np.abs(heads).max(initial=0.0)), op=MPI.MAX))

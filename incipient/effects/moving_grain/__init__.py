@@ -1,1 +1,53 @@
 """A grain that moves in the flow, freely or on a prescribed way."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from ...planning.effects import Decision, EffectName, moves
+from ...planning.numbers import Numbers
+from ...results.left_out import Omission
+from ...scene import Scene
+from ..effect import Effect, Solved
+
+if TYPE_CHECKING:
+    from ...restart.checkpoint import Checkpoint
+    from ..run_part import Stage
+    from .part import MovingGrain
+
+
+class FreeBodyEffect(Effect):
+    """The motion of a rigid grain by flow and weight, or by prescription."""
+
+    name = EffectName.FREE_BODY
+
+    def decide(self, scene: Scene, numbers: Numbers) -> Decision:
+        """Present with body.motion = "free"."""
+        body = scene.body
+        if body is None:
+            return Decision(self.name, False, "no [body] section")
+        reason = f'body.motion = "{body.motion}"'
+        if body.locked:
+            reason += f" but for {', '.join(body.locked)}"
+        if body.motion == "free" and numbers.density_ratio is not None and numbers.stokes is not None:
+            reason += f"; density ratio {numbers.density_ratio:.3g}, Stokes number {numbers.stokes:.2g}"
+        return Decision(self.name, body.motion == "free", reason, scene.effects.free_body != "auto")
+
+    def part_in_time(self, scene: Scene, stage: Stage, kept: Checkpoint | None) -> MovingGrain | None:
+        """A grain that moves, freely or not."""
+        if not moves(scene):
+            return None
+        from .part import MovingGrain
+
+        if kept is None:
+            return MovingGrain(scene, stage)
+        from .keeping import state_of_mesh
+
+        return MovingGrain(scene, stage, state_of_mesh(kept))
+
+    def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
+        """A grain that is held in time though it would have begun to move."""
+        since = None if solved.verdict is None else solved.verdict.get("first_motion")
+        if since is not None:
+            yield Omission(self.name, None, f"the grain moves from t = {since:.4g} on, but was held", False)

@@ -1,0 +1,39 @@
+"""Contact of a grain at rest on a bed: its contact forces and the verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ..planning.effects import Decision, EffectName
+from ..planning.numbers import Numbers
+from ..results.left_out import Omission
+from ..scene import Scene
+from ..scene.grains import FRICTIONLESS
+from ..scene.settling import DEFAULT_FRICTION
+from .effect import Effect, Solved
+
+
+class ContactEffect(Effect):
+    """Contact forces between a grain at rest and its bed, by which both judges decide."""
+
+    name = EffectName.CONTACT
+
+    def decide(self, scene: Scene, numbers: Numbers) -> Decision:
+        """Present where a grain rests on a bed."""
+        if not scene.rests:
+            return Decision(self.name, False, "no grain rests on a bed")
+        if scene.effects.contact is False:
+            return Decision(self.name, False, "effects.contact = false: no verdict", True)
+        reason = "the grain rests on the bed"
+        if scene.body is not None and scene.body.settle == FRICTIONLESS:
+            reason += ", where it settled without friction"
+        elif scene.body is not None and scene.body.settle:
+            friction = DEFAULT_FRICTION if scene.contact is None else scene.contact.friction
+            reason += f", where it settled by friction {friction:g}"
+            reason += ' (settle = "frictionless" gives one rest to compare)'
+        return Decision(self.name, True, reason, scene.effects.contact is True)
+
+    def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
+        """The verdict, which there is none of without contact."""
+        if decision.forced:
+            yield Omission(self.name, None, "there is no verdict without it", False)

@@ -1,0 +1,58 @@
+"""The face of a physical effect: all that planning, runs and results ask of one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from ..planning.effects import Decision, EffectName
+from ..planning.numbers import Numbers
+from ..scene import Scene
+
+if TYPE_CHECKING:
+    from ..mesh.domain import Domain
+    from ..restart.checkpoint import Checkpoint
+    from ..results.left_out import Omission
+    from ..results.loads import Couples, Forces
+    from ..simulation.state import Run
+    from .run_part import RunPart, Stage
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """A computed flow of which effects were left out: loads and verdict are None where there are none."""
+
+    run: Run
+    force: Forces | None
+    couple: Couples | None
+    verdict: dict[str, Any] | None
+
+
+class Effect:
+    """One physical effect. The methods here are those of an effect that needs nothing of what they are asked for.
+
+    Everything else walks `EFFECTS` and asks. What is for one effect only is imported where that effect is present.
+    """
+
+    name: EffectName
+
+    def decide(self, scene: Scene, numbers: Numbers) -> Decision:
+        """Whether the scene calls for the effect, and the reason. Not collective."""
+        raise NotImplementedError
+
+    def part_at_start(self, scene: Scene, domain: Domain, stage: Stage) -> RunPart | None:
+        """Unknowns that a steady flow, too, is solved together with, before its fluid is made. Collective."""
+        return None
+
+    def part_in_time(self, scene: Scene, stage: Stage, kept: Checkpoint | None) -> RunPart | None:
+        """Unknowns that a flow in time moves its mesh with, at the start or as a checkpoint has them. Collective."""
+        return None
+
+    def memory(self, scene: Scene, unknowns: int) -> float:
+        """MiB that the effect adds to a flow with so many unknowns. Not collective."""
+        return 0.0
+
+    def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
+        """What the effect, which the plan has decided to leave out, would have changed. Collective."""
+        return iter(())

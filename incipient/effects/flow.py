@@ -1,0 +1,26 @@
+"""The flow itself, of which a fluid at rest has none."""
+
+from __future__ import annotations
+
+from ..planning.effects import Decision, EffectName
+from ..planning.numbers import Numbers
+from ..scene import Scene
+from .effect import Effect
+
+
+class FlowEffect(Effect):
+    """The motion of the fluid."""
+
+    name = EffectName.FLOW
+
+    def decide(self, scene: Scene, numbers: Numbers) -> Decision:
+        """Present unless the fluid is at rest and stays so."""
+        return Decision(self.name, scene.flow.kind != "still" or scene.has_surface, _reason(scene))
+
+
+def _reason(scene: Scene) -> str:
+    if scene.flow.kind == "log-law":
+        return "mean profile of a turbulent stream, kept by the force that its turbulence would exert"
+    if scene.flow.kind != "still":
+        return f"{scene.flow.kind} flow"
+    return "the fluid starts from rest" if scene.has_surface else "the fluid is at rest"

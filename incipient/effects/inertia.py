@@ -1,0 +1,78 @@
+"""Inertia of the fluid: convection of momentum, without which the flow is that of Stokes.
+
+Its expected influence on the drag is Oseen's correction, 3/16 Re, with the Reynolds number of diameter and speed
+(Proudman & Pearson 1957, J. Fluid Mech. 2, 237). A grain away from walls feels inertia as far as the next wall: the
+flow of Stokes decays as slowly as the distance grows (Oseen 1910), in the plane even more slowly. For a sphere that
+touches a wall in shear G, lift over drag is 0.287 G a^2/nu (Leighton & Acrivos 1985, ZAMP 36, 174), that is 0.07 Re
+with the speed at its top: Oseen's is the larger.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from ..planning.effects import SHARE, Decision, EffectName, accuracy_asked, moves, percent
+from ..planning.numbers import Numbers
+from ..results.left_out import Omission
+from ..scene import Scene
+from .effect import Effect, Solved
+
+OSEEN = 3.0 / 16.0
+
+
+class InertiaEffect(Effect):
+    """Convection of momentum."""
+
+    name = EffectName.INERTIA
+
+    def decide(self, scene: Scene, numbers: Numbers) -> Decision:
+        """Present where Oseen's correction exceeds a share of the accuracy asked for."""
+        if not scene.fluid.inertia or scene.effects.inertia is False:
+            key = "fluid.inertia" if not scene.fluid.inertia else "effects.inertia"
+            return Decision(self.name, False, f"{key} = false", True, expected(scene, numbers))
+        told = f"Re = {scene.fluid.reynolds:g} on {scene.fluid.scale} scale"
+        if scene.effects.inertia is True:
+            return Decision(self.name, True, f"effects.inertia = true; {told}", True)
+        if scene.has_surface:
+            return Decision(self.name, True, f"the free surface moves the fluid; {told}")
+        if scene.flow.kind == "still" and not moves(scene):
+            return Decision(self.name, False, "the fluid is at rest", expected=0.0)
+        change = expected(scene, numbers)
+        which = "flow Re" if numbers.grain_reynolds is None else "grain Re"
+        value = numbers.flow_reynolds if numbers.grain_reynolds is None else numbers.grain_reynolds
+        if change > SHARE * accuracy_asked(scene):
+            return Decision(self.name, True, told, expected=change)
+        reason = f"{which} {value:.2g}; estimated effect on drag {percent(change)}"
+        return Decision(self.name, False, reason, expected=change)
+
+    def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
+        """Convection weighted with the dual solutions; without error bars Oseen's term."""
+        if decision.expected == 0.0:
+            return
+        remedy = "set fluid.inertia = true and effects.inertia = true"
+        if not solved.run.scene.numerics.error_bars:
+            how = "by Oseen's term, at most"
+            yield Omission(self.name, decision.expected, how, False, remedy)
+            return
+        from .missing_term import weighted
+
+        yield weighted(solved, self.name, _convection, remedy)
+
+
+def expected(scene: Scene, numbers: Numbers) -> float:
+    """Relative change of the drag that convection makes, by Oseen's term; at most one."""
+    found = [OSEEN * (numbers.bed_reynolds or 0.0)]
+    if scene.flow.kind in ("lid", "expression"):  # not parallel: inertia bends the flow itself
+        found.append(OSEEN * numbers.flow_reynolds)
+    if numbers.grain_reynolds is not None:
+        found.append(OSEEN * numbers.grain_reynolds * max(1.0, numbers.reach))
+    elif scene.flow.kind != "still":
+        found.append(OSEEN * numbers.flow_reynolds)
+    return min(max(found), 1.0)
+
+
+def _convection(v: Any, w: Any) -> Any:
+    from ..forms.terms import convection
+
+    return convection(v, v, w)

@@ -1,0 +1,132 @@
+"""A term that is missing in the equations: what it would change, to first order, in the flow that was computed.
+
+A term T changes force and couple by -T(v)(z): the term at the computed flow v, tested with the solution z of the dual
+problem of force or couple (Becker & Rannacher 2001, Acta Numerica 10, 1; Oden & Prudhomme 2002, J. Comput. Phys. 182,
+496, for errors of models). On the same elements that is one assembly, and a linear solution for each of force and
+couple. Of the second order in the term nothing is known: an estimate that is not small says that the effect matters,
+not by how much.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..arrays import Floats
+from ..results.left_out import Omission
+from .effect import Solved
+
+if TYPE_CHECKING:
+    from ..fluid import Fluid
+
+Term = Callable[[Any, Any], Any]  # velocity and its test function to the integrand, both UFL
+
+# Residual of the dual solutions of what is said in two digits: a thousandth of them, where it was measured in space.
+ROUGH = 1e-4
+
+
+def weighted(solved: Solved, name: str, term: Term, remedy: str) -> Omission:
+    """The change of force and couple by a missing term; without a grain, that of the velocity. Collective."""
+    # To first order the flow of lower order does, whose matrix is there.
+    run, force, couple = solved.run, solved.force, solved.couple
+    fluid, grain = run.fluid.coarse or run.fluid, run.scene.grain
+    with_factors_of_steady_flow(fluid)
+    if force is None or couple is None or grain is None:
+        how = "of the velocity in the mean, linear"
+        return Omission(name, change_of_velocity(fluid, term), how, False, remedy)
+    forces, couples = change_of_loads(fluid, term, "body", couple.about[: fluid.space.gdim].tolist())
+    # A couple may vanish by symmetry: it then is compared with half the grain's size times the force.
+    arm = 0.5 * grain.size * float(np.linalg.norm(force.flow))
+    of_couple = float(np.linalg.norm(couples)) / max(float(np.linalg.norm(couple.flow)), arm, 1e-300)
+    relative = max(_ratio(forces, force.flow), of_couple)
+    return Omission(name, relative, "dual-weighted, linear", False, remedy, forces, couples)
+
+
+def with_factors_of_steady_flow(fluid: Fluid) -> None:
+    """Let the fluid's factors be those of its steady equations, linearised about its state. Collective.
+
+    The state stays; of an unsteady fluid the next step sets everything anew.
+    """
+    if fluid.model.linear and not fluid.model.unsteady:
+        return
+    state = fluid.state.x.array.copy()
+    fluid.discretise_time((0.0, 0.0, 0.0), (1.0, 0.0))
+    fluid.correct()
+    fluid.state.x.array[:] = state
+    fluid.renew_factors()
+
+
+def change_of_loads(fluid: Fluid, term: Term, boundary: str, about: Sequence[float]) -> tuple[Floats, Floats]:
+    """The change of force (3,) and couple (3,) on a boundary by a missing term, to first order. Collective.
+
+    Args:
+        fluid: solved, with factors of its steady equations at hand.
+        term: the integrand, on the left-hand side of the momentum equation.
+        about: point (gdim,) that the couple refers to.
+    """
+    from ..coupled.tractions import shares_of_the_whole
+
+    tested, gdim = _tested(fluid, term), fluid.space.gdim
+    shares = shares_of_the_whole(fluid.domain)
+    size, owned, mine = len(shares), len(tested), np.zeros(len(shares))
+    for k in np.flatnonzero(shares):
+        goal = shares[k] * np.eye(size)[k]
+        motion = _rigid_motion(fluid, boundary, about, goal)
+        mine[k] = tested @ fluid.dual(motion, ROUGH)[:owned]
+    changes = -fluid.domain.comm.allreduce(mine)
+    force, couple = np.zeros(3), np.zeros(3)
+    force[:gdim] = changes[:gdim]
+    couple[-(size - gdim) :] = changes[gdim:]
+    return force, couple
+
+
+def change_of_velocity(fluid: Fluid, term: Term) -> float:
+    """The mean change of the velocity by a missing term, relative to it, to first order. Collective."""
+    from .. import compat
+    from ..fluid.flow import EXACT
+
+    matrix = fluid.solver.matrix
+    right, change = matrix.createVecLeft(), matrix.createVecRight()
+    right.setArray(_tested(fluid, term))
+    compat.set_zero(right, fluid.constraints.dirichlet)
+    fluid.solver.solve(right, change, EXACT)
+    size = fluid.squared_velocities(change.array_r)
+    whole = fluid.squared_velocities(fluid.state.x.array)
+    for held in (right, change):
+        held.destroy()
+    return float(np.sqrt(size / whole)) if whole else 0.0
+
+
+def _tested(fluid: Fluid, term: Term) -> Floats:
+    """(owned unknowns,) the term at the fluid's state against every test function."""
+    import ufl
+
+    from .. import compat
+    from ..compat import PETSc, petsc
+
+    v, _ = ufl.split(fluid.state)
+    w, _ = ufl.TestFunctions(fluid.space.mixed)
+    vector = petsc.assemble_vector(compat.form(term(v, w) * fluid.space.quadrature()))
+    vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    values = vector.array_r.copy()
+    vector.destroy()
+    return np.asarray(values)
+
+
+def _rigid_motion(fluid: Fluid, boundary: str, about: Sequence[float], goal: Floats) -> Floats:
+    """(local unknowns,) a rigid motion (3 or 6,) of the boundary about a point, zero elsewhere."""
+    from ..body.state import turned
+    from ..fluid.space import boundary_blocks
+
+    space, gdim = fluid.space, fluid.space.gdim
+    blocks = boundary_blocks(space.velocity, fluid.domain.facets_of(boundary))
+    arms = fluid.constraints.points[blocks, :gdim] - np.asarray(about, dtype=float)
+    values = np.zeros_like(fluid.state.x.array)
+    values[space.velocity_map.reshape(-1, gdim)[blocks]] = goal[:gdim] + turned(goal[gdim:], arms)
+    return values
+
+
+def _ratio(change: Floats, whole: Floats) -> float:
+    return float(np.linalg.norm(change)) / max(float(np.linalg.norm(whole)), 1e-300)

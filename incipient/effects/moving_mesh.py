@@ -1,0 +1,29 @@
+"""The mesh that follows what moves: a grain, a free surface."""
+
+from __future__ import annotations
+
+from ..planning.effects import Decision, EffectName, moves
+from ..planning.numbers import Numbers
+from ..scene import Scene
+from .effect import Effect
+
+
+class MovingMeshEffect(Effect):
+    """The motion of the mesh; what moves it are parts of other effects."""
+
+    name = EffectName.MOVING_MESH
+
+    def decide(self, scene: Scene, numbers: Numbers) -> Decision:
+        """Present with a grain that moves or a free surface."""
+        there, forced = moves(scene) or scene.has_surface, scene.effects.moving_mesh != "auto"
+        return Decision(self.name, there, _reason(scene), forced)
+
+
+def _reason(scene: Scene) -> str:
+    if scene.has_surface and not moves(scene):
+        return "the mesh rises and falls with the free surface"
+    if not moves(scene):
+        return "nothing moves"
+    if scene.body is not None and scene.body.shape in ("disc", "sphere"):
+        return f"the mesh follows the grain; it need not turn with a {scene.body.shape}"
+    return "the mesh follows the grain"

@@ -1,0 +1,31 @@
+"""The third dimension of a flow in space."""
+
+from __future__ import annotations
+
+from ..planning.effects import Decision, EffectName
+from ..planning.numbers import Numbers
+from ..scene import Scene
+from .effect import Effect
+
+_DIMENSIONS = {2: "two-dimensional", 3: "three-dimensional"}
+
+
+class ThirdDimensionEffect(Effect):
+    """Flow in space in place of the plane, in half of it where it is its own mirror image."""
+
+    name = EffectName.THIRD_DIMENSION
+
+    def decide(self, scene: Scene, numbers: Numbers) -> Decision:
+        """Present with domain.width."""
+        reason = f"the scene is {_DIMENSIONS[scene.gdim]}"
+        if scene.gdim == 2:
+            return Decision(self.name, False, reason)
+        from ..scene.symmetry import differences
+
+        if scene.symmetric:
+            reason += f"; half of it is computed: it is its own mirror image in y = {scene.domain.middle:g}"
+        elif scene.domain.symmetric is False:
+            reason += "; the whole of it is computed: domain.symmetric = false"
+        else:
+            reason += f"; the whole of it is computed: {next(differences(scene), '')}"
+        return Decision(self.name, True, reason, scene.effects.third_dimension is True)

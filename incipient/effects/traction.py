@@ -1,0 +1,19 @@
+"""The traction of the fluid on a grain."""
+
+from __future__ import annotations
+
+from ..planning.effects import Decision, EffectName
+from ..planning.numbers import Numbers
+from ..scene import Scene
+from .effect import Effect
+
+
+class TractionEffect(Effect):
+    """Force and couple of the fluid on the grain."""
+
+    name = EffectName.TRACTION
+
+    def decide(self, scene: Scene, numbers: Numbers) -> Decision:
+        """Present with a grain."""
+        there = scene.body is not None
+        return Decision(self.name, there, "of the fluid on the grain" if there else "no [body] section")

@@ -1,0 +1,97 @@
+"""Unsteadiness: the rate of change of the flow, without which it is steady or a row of steady flows.
+
+Its expected influence is what a base flow that changes does to a sphere held in it, over the drag of Stokes: the
+history force, a/sqrt(nu T), and the pressure that accelerates base flow and displaced fluid with the added mass,
+a^2/(3 nu T), with a the radius and T the time in which the flow changes (Maxey & Riley 1983, Phys. Fluids 26, 883; the
+history force is that in a flow that oscillates: one that grows steadily for a time T has 2/sqrt(pi) times as much).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+from ..planning.effects import SHARE, Decision, EffectName, accuracy_asked, moves, percent
+from ..planning.numbers import Numbers, time_of_change, wall_distance
+from ..results.left_out import Omission
+from ..scene import Scene
+from .effect import Effect, Solved
+
+# A cylinder in a stream sheds vortices from this Reynolds number on (Heil, Rosso, Hazel & Brøns 2017, J.
+# Fluid Mech. 812, 199; experiments: 47, Provansal, Mathis & Boyer 1987, J. Fluid Mech. 182, 1); close to a
+# wall, within 0.3 diameters, it does not (Bearman & Zdravkovich 1978, J. Fluid Mech. 89, 33; a square one
+# within 0.35: Bosch, Kappler & Rodi 1996, Exp. Therm. Fluid Sci. 13).
+SHEDDING, SHEDDING_CLEARANCE = 46.0, 0.3
+SHEDDING_OF_SPHERE = 270.0  # Johnson & Patel 1999, J. Fluid Mech. 378, 19
+
+
+class UnsteadinessEffect(Effect):
+    """The rate of change of the flow."""
+
+    name = EffectName.UNSTEADINESS
+
+    def decide(self, scene: Scene, numbers: Numbers) -> Decision:
+        """Present with [time], unless the scene asks for a quasi-steady flow."""
+        time = scene.time
+        if time is None:
+            risk = shedding(scene, numbers)
+            return Decision(self.name, False, "no [time] section" + (f"; {risk}" if risk else ""))
+        change = expected(scene)
+        if scene.effects.unsteadiness is False:
+            reason = "effects.unsteadiness = false: quasi-steady flow"
+            return Decision(self.name, False, reason, True, change)
+        ends = (
+            ""
+            if time.until_steady is None
+            else f", or until it changes by {time.until_steady:g} per unit of time"
+        )
+        reason, small = f"until t = {time.end:g}{ends}", SHARE * accuracy_asked(scene)
+        if change is not None and change < small and not moves(scene):
+            reason += f"; effects.unsteadiness = false would change the drag by {percent(change)}"
+        return Decision(self.name, True, reason, scene.effects.unsteadiness is True, change)
+
+    def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
+        """A risk of vortices that are shed; the rate of quasi-steady flow weighted with the dual solutions."""
+        run = solved.run
+        if run.scene.time is None:
+            _, _, risk = decision.reason.partition("; ")
+            if risk:
+                yield Omission(self.name, None, risk, True, "add a section [time]")
+            return
+        remedy, transient = 'set effects.unsteadiness = "auto"', run.time_stepper
+        if not run.scene.numerics.error_bars or transient is None or not transient.past:
+            how = "history force, pressure gradient and added mass, leading terms"
+            yield Omission(self.name, decision.expected, how, False, remedy)
+            return
+        from .missing_term import weighted
+
+        before, rate, fluid = transient.past[0], run.fluid.velocity, run.fluid
+        values, length = fluid.state.x.array - before.state, fluid.time - before.time
+        rate.x.array[:] = values[fluid.space.velocity_map] / length
+        yield weighted(solved, self.name, lambda v, w: _inertia(rate, w), remedy)
+
+
+def shedding(scene: Scene, numbers: Numbers) -> str:
+    """Warning if a steady flow is probably unstable (vortex shedding), or an empty string."""
+    reynolds = numbers.grain_reynolds
+    inert = scene.fluid.inertia and scene.effects.inertia is not False
+    least, shape = (SHEDDING, "cylinder") if scene.gdim == 2 else (SHEDDING_OF_SPHERE, "sphere")
+    if reynolds is None or reynolds <= least or not inert or wall_distance(scene) < SHEDDING_CLEARANCE:
+        return ""
+    return f"grain Re {reynolds:.3g}: a {shape} in a stream sheds vortices from {least:g} on"
+
+
+def expected(scene: Scene) -> float | None:
+    """Relative change of the drag on a held grain as the base flow changes, at most one; None: it is steady."""
+    period, grain = time_of_change(scene), scene.grain
+    if period is None or grain is None:
+        return None
+    diffusion = (0.5 * grain.size) ** 2 / (scene.viscosity * period)
+    return min(math.sqrt(diffusion) + diffusion / 3.0, 1.0)
+
+
+def _inertia(rate: Any, w: Any) -> Any:
+    from ..forms.terms import inertia
+
+    return inertia(rate, w)
