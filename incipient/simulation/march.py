@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..effects.known import EFFECTS
-from ..effects.run_part import RunPart
 from ..errors import IncipientError
 from ..fluid import Fluid, QuasiSteady, TimeStep, Transient
 from ..fluid.transient import Interface, Past
@@ -18,6 +17,7 @@ from ..scene.tolerance import of_steady, of_steps
 if TYPE_CHECKING:
     from ..coupled.coupling import Coupling
     from ..effects.moving_grain.part import MovingGrain
+    from ..effects.run_part import RunPart
     from ..restart.checkpoint import Checkpoint
     from .state import Run
 

@@ -21,8 +21,9 @@ from incipient.cost.laws import ErrorLaw, TimeLaw, error_at, fitted_errors, fitt
 from incipient.cost.measurement import Measured, Variant
 from incipient.cost.page import write
 from incipient.cost.prediction import COARSE, KnownLaws, LastMesh, Prediction, first_mesh, known_laws, predict
+from incipient.effects.plan import make_plan
 from incipient.errors import OutputError
-from incipient.planning.plan import Estimate, make_plan
+from incipient.planning.plan import Estimate
 from incipient.scene import Scene, load
 
 SCENES = Path(__file__).parents[2] / "demos" / "scenes"
