@@ -9,6 +9,7 @@ from ..planning.numbers import Numbers
 from ..results.left_out import Omission
 from ..scene import Scene
 from ..scene.grains import FRICTIONLESS
+from ..scene.model import WIDE_GAP
 from ..scene.settling import DEFAULT_FRICTION
 from .effect import Effect, Solved
 
@@ -32,6 +33,15 @@ class ContactEffect(Effect):
             reason += f", where it settled by friction {friction:g}"
             reason += ' (settle = "frictionless" gives one rest to compare)'
         return Decision(self.name, True, reason, scene.effects.contact is True)
+
+    def warnings(self, scene: Scene) -> Iterator[str]:
+        """A wide gap between grain and bed."""
+        gap = scene.contact.gap if scene.contact is not None and not scene.closes_contacts else 0.0
+        if gap > WIDE_GAP and scene.body is not None and (scene.rests or scene.body.moves):
+            yield (
+                f"contact.gap = {gap:g} is wide: contact is judged by the flow around a grain {gap:g} of its size "
+                f"away from the bed; give {WIDE_GAP:g} or less"
+            )
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
         """The verdict, which there is none of without contact."""

@@ -41,6 +41,18 @@ class Effect:
         """Whether the scene calls for the effect, and the reason. Not collective."""
         raise NotImplementedError
 
+    def warnings(self, scene: Scene) -> Iterator[str]:
+        """What in the scene makes the result less sure where the effect is present, in words. Not collective.
+
+        Raises:
+            SceneError: the effect cannot be simulated in the scene.
+        """
+        return iter(())
+
+    def as_fast(self, scene: Scene, speed: float) -> Scene:
+        """The scene that a mesh is made for if the flow is faster by a factor. Not collective."""
+        return scene
+
     def part_at_start(self, scene: Scene, domain: Domain, stage: Stage) -> RunPart | None:
         """Unknowns that a steady flow, too, is solved together with, before its fluid is made. Collective."""
         return None

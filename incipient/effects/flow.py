@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
+from ..planning.clearance import near_inflow
 from ..planning.effects import Decision, EffectName
 from ..planning.numbers import Numbers
 from ..scene import Scene
@@ -16,6 +19,10 @@ class FlowEffect(Effect):
     def decide(self, scene: Scene, numbers: Numbers) -> Decision:
         """Present unless the fluid is at rest and stays so."""
         return Decision(self.name, scene.flow.kind != "still" or scene.has_surface, _reason(scene))
+
+    def warnings(self, scene: Scene) -> Iterator[str]:
+        """A grain close to the inflow."""
+        yield from filter(None, (near_inflow(scene),))
 
 
 def _reason(scene: Scene) -> str:

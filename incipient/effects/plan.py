@@ -7,28 +7,27 @@ compiled form, no unknown.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
-from ..errors import SceneError
 from ..geometry.plane.curves import Line
-from ..planning.clearance import near_inflow
 from ..planning.datum import datum_of
 from ..planning.effects import EffectName
 from ..planning.linear import method_of
 from ..planning.numbers import numbers_of
-from ..planning.open_channel import near_critical
 from ..planning.plan import Plan
 from ..planning.stabilisation import stabilisation_of
 from ..scene import Scene
-from ..scene.model import WIDE_GAP
 from ..scene.order import order_of
-from .known import decisions
+from .known import EFFECTS, decisions
 
 GEOMETRY_ORDER = {2: 2, 3: 3, 4: 3}
 
 
 def make_plan(scene: Scene) -> Plan:
-    """Decide from the scene alone; nothing is meshed or computed. Not collective."""
+    """Decide from the scene alone; nothing is meshed or computed. Not collective.
+
+    Raises:
+        SceneError: an effect that is present cannot be simulated in the scene.
+    """
     numerics, numbers = scene.numerics, numbers_of(scene)
     effects = decisions(scene, numbers)
     present = {effect.name for effect in effects if effect.present}
@@ -49,35 +48,9 @@ def make_plan(scene: Scene) -> Plan:
         numbers=numbers,
         stabilisation=stabilisation_of(scene, EffectName.INERTIA in present),
         sought=_sought(scene),
-        warnings=tuple(_warnings(scene)),
+        warnings=tuple(warning for effect in EFFECTS for warning in effect.warnings(scene)),
         datum=datum_of(scene),
     )
-
-
-def _warnings(scene: Scene) -> Iterator[str]:
-    if scene.is_turbulent:
-        from ..planning import turbulence as walls
-        from ..planning.clearance import narrow_gap, through_the_top
-
-        if why := walls.beyond_walls(scene) or walls.within_sand(scene):
-            raise SceneError(f"turbulence.{why}")
-        if why := walls.within_forms(scene):
-            raise SceneError(f"bed: {why}")
-        if why := walls.too_small(scene):
-            raise SceneError(f"turbulence: {why}")
-        if why := walls.too_near(scene):
-            raise SceneError(f"turbulence: {why}")
-        if why := through_the_top(scene):
-            raise SceneError(f"body.{why}")
-        told = (walls.small, narrow_gap, walls.cornered, walls.coarse_at_grain, walls.smooth_grain)
-        yield from filter(None, (one(scene) for one in told))
-    yield from filter(None, (near_critical(scene), near_inflow(scene)))
-    gap = scene.contact.gap if scene.contact is not None and not scene.closes_contacts else 0.0
-    if gap > WIDE_GAP and scene.body is not None and (scene.rests or scene.body.moves):
-        yield (
-            f"contact.gap = {gap:g} is wide: contact is judged by the flow around a grain {gap:g} of its size "
-            f"away from the bed; give {WIDE_GAP:g} or less"
-        )
 
 
 def _sought(scene: Scene) -> str:

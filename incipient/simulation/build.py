@@ -57,7 +57,9 @@ def prepared(
     voice.begin("plan")
     with accounts.ledger.stage("plan"):
         plan = make_plan(scene)
-        meshed = _meshed_for(scene, speed)
+        meshed = scene
+        for effect in EFFECTS:
+            meshed = effect.as_fast(meshed, speed)
         layout = sizing(drawing.lay_out(meshed, plan))
     voice.begin("import")
     with accounts.ledger.stage("import"), required():
@@ -93,15 +95,6 @@ def prepared(
             yield run
         finally:
             newest[0] = run.fluid
-
-
-def _meshed_for(scene: Scene, speed: float) -> Scene:
-    """The scene that a mesh is made for: one of a flow as fast, whose law of the wall has another distance."""
-    if not scene.is_turbulent or speed == 1.0:
-        return scene
-    from ..planning.turbulence import faster
-
-    return faster(scene, speed)
 
 
 def _load_libraries(comm: MPI.Comm, draws: bool) -> None:

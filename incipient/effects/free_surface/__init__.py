@@ -46,6 +46,12 @@ class FreeSurfaceEffect(Effect):
         )
         return Decision(self.name, False, reason, expected=rise)
 
+    def warnings(self, scene: Scene) -> Iterator[str]:
+        """A flow that is nearly critical."""
+        from ...planning.open_channel import near_critical
+
+        yield from filter(None, (near_critical(scene),))
+
     def part_in_time(self, scene: Scene, stage: Stage, kept: Checkpoint | None) -> MovingSurface | None:
         """The surface."""
         if not scene.has_surface:

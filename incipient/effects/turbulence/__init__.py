@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from ...errors import SceneError
 from ...planning.effects import Decision, EffectName
 from ...planning.numbers import Numbers
 from ...planning.transition import REMEDY, transition, turbulent_from
@@ -42,6 +43,34 @@ class TurbulenceEffect(Effect):
         elif found := transition(scene, numbers):
             reason += f"; {found.text()}; {REMEDY}"
         return Decision(self.name, False, reason, off)
+
+    def warnings(self, scene: Scene) -> Iterator[str]:
+        """Walls, beds and grains for which the law of the wall is doubtful; those for which it does not hold raise."""
+        if not scene.is_turbulent:
+            return
+        from ...planning import turbulence as walls
+        from ...planning.clearance import narrow_gap, through_the_top
+
+        refusals = {
+            "turbulence.": (walls.beyond_walls, walls.within_sand),
+            "bed: ": (walls.within_forms,),
+            "turbulence: ": (walls.too_small, walls.too_near),
+            "body.": (through_the_top,),
+        }
+        for key, reasons in refusals.items():
+            for reason in reasons:
+                if why := reason(scene):
+                    raise SceneError(f"{key}{why}")
+        doubts = (walls.small, narrow_gap, walls.cornered, walls.coarse_at_grain, walls.smooth_grain)
+        yield from filter(None, (doubt(scene) for doubt in doubts))
+
+    def as_fast(self, scene: Scene, speed: float) -> Scene:
+        """The scene of a flow as fast, whose law of the wall has another distance."""
+        if not scene.is_turbulent or speed == 1.0:
+            return scene
+        from ...planning.turbulence import faster
+
+        return faster(scene, speed)
 
     def part_at_start(self, scene: Scene, domain: Domain, stage: Stage) -> TurbulentFlow | None:
         """k and epsilon."""
