@@ -35,7 +35,9 @@ OF_FREE_SURFACE = (
 OF_TURBULENCE = (
     "forms.turbulence",
     "fluid.friction",
-    "turbulence",
+    "effects.turbulence.along_walls",
+    "effects.turbulence.fields",
+    "effects.turbulence.iteration",
     "effects.turbulence.part",
     "planning.turbulence",
     "results.turbulence",

@@ -17,9 +17,10 @@ from domains import SIDES, unit_box
 from manufactured import Components, Flow, errors, fluid_of, interpolated, orders, start_from
 
 from incipient import compat
+from incipient.effects.turbulence.fields import KEpsilon, TurbulenceConditions
+from incipient.effects.turbulence.iteration import InTime, solve_steadily
 from incipient.fluid import FlowModel, Fluid, Transient
 from incipient.mesh.domain import Domain
-from incipient.turbulence import InTime, Surroundings, Turbulence, solve_steadily
 
 CONSTANTS = (0.09, 1.44, 1.92, 1.0, 1.3)
 NU, END = 0.01, 0.5
@@ -60,17 +61,17 @@ class Eddying(Flow):
             found.append((rate - spread) / one - (of_made * made - of_lost * epsilon) / k)
         return found
 
-    def joined(self, domain: Domain, model: FlowModel, order: int) -> tuple[Fluid, Turbulence]:
+    def joined(self, domain: Domain, model: FlowModel, order: int) -> tuple[Fluid, KEpsilon]:
         """Flow and turbulence, exact at time zero, all values given on the sides; the fluid frees both."""
-        given = Surroundings(SIDES[:4], lambda x: interpolated(self.logarithms, x, 0.0))
-        fields = Turbulence(domain, given, order, CONSTANTS)
+        given = TurbulenceConditions(SIDES[:4], lambda x: interpolated(self.logarithms, x, 0.0))
+        fields = KEpsilon(domain, given, order, CONSTANTS)
         fluid = fluid_of(self, domain, replace(model, viscosity=fields.viscosity), 1 / NU)
         fluid.holding(fields)
         start_from(fluid, self)
         fields.carried_by(ufl.split(fluid.state)[0], NU, self.sources(fluid.place(), fluid._time))
         return fluid, fields
 
-    def errors(self, fluid: Fluid, fields: Turbulence) -> list[float]:
+    def errors(self, fluid: Fluid, fields: KEpsilon) -> list[float]:
         """L2 norms: of velocity, pressure, ln k and ln epsilon."""
         of_flow, exact = errors(fluid, self), self.logarithms(fluid.place(), fluid._time, ufl)
         measure = ufl.dx(domain=fluid.domain.mesh, metadata={"quadrature_degree": 8})

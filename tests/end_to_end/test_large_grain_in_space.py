@@ -11,6 +11,7 @@ from mpi4py import MPI
 import incipient
 from incipient import compat
 from incipient.critical.threshold import NOT_ONE
+from incipient.effects.turbulence.along_walls import along_wall
 from incipient.scene import (
     Contact,
     Cylinder,
@@ -33,7 +34,6 @@ from incipient.scene import (
 from incipient.scene.file import dumps
 from incipient.simulation.assemble import outcome
 from incipient.simulation.build import prepared
-from incipient.turbulence.along_walls import along_wall
 
 
 def stone(mesh_size=7.0, **changes):

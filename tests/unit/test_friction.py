@@ -6,10 +6,10 @@ import pytest
 from domains import ring
 
 from incipient import compat
+from incipient.effects.turbulence.along_walls import along_wall
 from incipient.fluid import FlowModel, Fluid, Prescribed
 from incipient.fluid.conditions import Friction
 from incipient.planning.turbulence import WallLaw
-from incipient.turbulence.along_walls import along_wall
 
 INNER, VISCOSITY, DRAG = 0.5, 0.25, 1.5
 

@@ -34,7 +34,7 @@ FLOORS = (
         ("mesh",),
         ("fluid",),
         ("body",),
-        ("coupled", "turbulence"),
+        ("coupled",),
     ),
     *(
         ("planning",),

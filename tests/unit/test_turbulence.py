@@ -7,10 +7,10 @@ import ufl
 from mpi4py import MPI
 from scipy.integrate import solve_ivp
 
+from incipient.effects.turbulence.fields import KEpsilon, TurbulenceConditions
 from incipient.fluid.transient import backward_difference
 from incipient.mesh.domain import Domain
 from incipient.mesh.sampling import sample
-from incipient.turbulence import Surroundings, Turbulence
 
 STANDARD = (0.09, 1.44, 1.92, 1.0, 1.3)
 KAPPA = np.sqrt(1.3 * (1.92 - 1.44) * np.sqrt(0.09))  # of the logarithmic law that these constants have
@@ -36,7 +36,7 @@ def rectangle(low, high, cells, names=("bottom", "right", "top", "left")):
 
 
 def turbulence(domain, values, inflow=(), walls=(), distance=0.0, order=2):
-    return Turbulence(domain, Surroundings(inflow, values, walls, distance), order, STANDARD)
+    return KEpsilon(domain, TurbulenceConditions(inflow, values, walls, distance), order, STANDARD)
 
 
 def uniform(k, epsilon):
@@ -149,7 +149,9 @@ def test_what_the_limiter_does_where_a_flow_meets_a_wall(most, tolerance):
     else:
         assert expected > 500.0
     domain = rectangle((0, 0.3), (1, 4), (1, 60))
-    with Turbulence(domain, Surroundings(("top",), uniform(1e-6, 1e-6 / 40)), 2, (*STANDARD, most)) as fields:
+    with KEpsilon(
+        domain, TurbulenceConditions(("top",), uniform(1e-6, 1e-6 / 40)), 2, (*STANDARD, most)
+    ) as fields:
         x = ufl.SpatialCoordinate(domain.mesh)
         fields.carried_by(ufl.as_vector([x[0], -x[1]]), 1e-9)
         length = 0.01

@@ -15,13 +15,14 @@ from incipient.body.rigidbody import RigidBody
 from incipient.body.state import BodyState, Freedom, Inertia
 from incipient.coupled.coupling import Coupling
 from incipient.coupled.rigid import RigidPart
+from incipient.effects.turbulence.fields import KEpsilon, TurbulenceConditions
+from incipient.effects.turbulence.iteration import InTime
 from incipient.fluid import FlowModel, Fluid, Prescribed, Transient
 from incipient.fluid.conditions import Friction
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.grain import Disc
 from incipient.mesh.motion import MeshMotion, RigidDisplacement
 from incipient.planning.turbulence import WallLaw
-from incipient.turbulence import InTime, Surroundings, Turbulence
 
 STANDARD = (0.09, 1.44, 1.92, 1.0, 1.3)
 SIDES = ("left", "right", "bottom", "top")
@@ -43,7 +44,7 @@ def carried(stream, values, inflow=(), added=lambda fields: (0, 0)):
     """The unit square or cube in a uniform stream that carries k and epsilon on a mesh that moves."""
     gdim = len(stream)
     domain = unit_box(gdim, 4 if gdim == 2 else 2)
-    with Turbulence(domain, Surroundings(inflow, values), 2, STANDARD) as fields:
+    with KEpsilon(domain, TurbulenceConditions(inflow, values), 2, STANDARD) as fields:
         model = FlowModel(unsteady=True, moving_mesh=True, viscosity=fields.viscosity)
         conditions = [Prescribed(name, steady(stream)) for name in domain.names]
         with Fluid(domain, model, conditions, 100.0) as fluid:
@@ -136,7 +137,7 @@ def in_eddies(domain, body, state, entering, at_first, names=("body", *SIDES), a
     """
     name, *outer = names
     law = partial(WallLaw().drag, functions=SimpleNamespace(log=ufl.ln, larger=ufl.max_value))
-    with Turbulence(domain, Surroundings(tuple(outer), given, (name,), 0.01), 2, STANDARD) as fields:
+    with KEpsilon(domain, TurbulenceConditions(tuple(outer), given, (name,), 0.01), 2, STANDARD) as fields:
         model = FlowModel(
             unsteady=True,
             moving_mesh=True,

@@ -24,15 +24,16 @@ from ...planning.linear import FEW_CELLS
 from ...results.turbulence import WallReport
 from ...scene import Scene
 from ...scene.tolerance import of_steady
-from ...turbulence import InTime, Surroundings, Turbulence, solve_steadily
-from ...turbulence.along_walls import AlongWall, along_wall
 from ..run_part import RunPart, Stage
+from .along_walls import AlongWall, along_wall
+from .fields import KEpsilon, TurbulenceConditions
+from .iteration import InTime, solve_steadily
 
 if TYPE_CHECKING:
     from ...coupled.coupling import Coupling
     from ...restart.checkpoint import Checkpoint
     from ...simulation.state import Run
-    from ...turbulence.coupled import Moving
+    from .iteration import Moving
 
 ORDER = 2  # of the elements of ln k and ln epsilon
 
@@ -55,10 +56,10 @@ class TurbulentFlow(RunPart):
         self._scene, self._walls, self._of_run = scene, planned.walls_of(scene), scene
         self._stage = stage
         inflow, walls = (side_names(scene)[3],), planned.wall_names(scene)
-        surroundings = Surroundings(
+        given = TurbulenceConditions(
             inflow, turbulent_conditions.logarithms(scene), walls, self._walls.distance
         )
-        self.fields = Turbulence(domain, surroundings, ORDER, planned.section(scene).constants)
+        self.fields = KEpsilon(domain, given, ORDER, planned.section(scene).constants)
 
     def within(self, model: FlowModel) -> FlowModel:
         """A model of the flow with the eddies in it; on few cells it is solved by factors in place of blocks."""

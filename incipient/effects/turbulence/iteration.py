@@ -9,12 +9,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ..errors import ConvergenceError
-from ..fluid import Fluid
-from ..fluid.newton import NewtonReport
-from ..fluid.solvers import UnsolvedError
-from ..fluid.transient import Interface
-from .fields import Turbulence
+from ...errors import ConvergenceError
+from ...fluid import Fluid
+from ...fluid.newton import NewtonReport
+from ...fluid.solvers import UnsolvedError
+from ...fluid.transient import Interface
+from .fields import KEpsilon
 
 MOST_ROUNDS = 200
 # Of pseudo-time: of that in which the flow passes its depth; factors; and the shortest over the first.
@@ -42,7 +42,7 @@ class Round:
 
 def solve_steadily(
     fluid: Fluid,
-    turbulence: Turbulence,
+    turbulence: KEpsilon,
     time: float,
     tolerance: float,
     watch: Callable[[Round], None] = lambda found: None,
@@ -84,7 +84,7 @@ def solve_steadily(
     )
 
 
-def _begin(fluid: Fluid, turbulence: Turbulence) -> np.ndarray:
+def _begin(fluid: Fluid, turbulence: KEpsilon) -> np.ndarray:
     """Find the flow with the eddies as they are, or with more viscous ones, which pseudo-time lets go; the eddies."""
     start = fluid.state.x.array.copy()
     for _ in range(MOST_THICKENINGS + 1):
@@ -126,7 +126,7 @@ class InTime:
     def __init__(
         self,
         fluid: Fluid,
-        turbulence: Turbulence,
+        turbulence: KEpsilon,
         stage: Callable[[], AbstractContextManager[Any]] = nullcontext,
         moving: Moving | None = None,
     ):

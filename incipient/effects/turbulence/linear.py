@@ -6,7 +6,7 @@ from typing import Any
 
 from petsc4py import PETSc
 
-from ..errors import ConvergenceError
+from ...errors import ConvergenceError
 
 PREFIX = "turbulence_"
 RESTART, MOST_ITERATIONS = 100, 400

@@ -10,10 +10,10 @@ import numpy as np
 import ufl
 from petsc4py import PETSc
 
-from .. import compat
-from ..compat import petsc
-from ..fluid import Fluid
-from ..fluid.space import boundary_blocks
+from ... import compat
+from ...compat import petsc
+from ...fluid import Fluid
+from ...fluid.space import boundary_blocks
 
 STEEP, CORNER = 0.7, 0.95  # of normals: from which part along the stream on, below which length
 

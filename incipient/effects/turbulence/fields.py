@@ -12,13 +12,13 @@ import ufl
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from .. import compat
-from ..compat import petsc
-from ..errors import ConvergenceError
-from ..fluid.solvers.direct import Direct
-from ..fluid.space import cell_size
-from ..forms import turbulence as forms
-from ..mesh.domain import Domain
+from ... import compat
+from ...compat import petsc
+from ...errors import ConvergenceError
+from ...fluid.solvers.direct import Direct
+from ...fluid.space import cell_size
+from ...forms import turbulence as forms
+from ...mesh.domain import Domain
 from .linear import Incomplete
 
 Values = Callable[[np.ndarray], np.ndarray]
@@ -31,7 +31,7 @@ HOPEFUL, TOO_LARGE = 10, 1.0  # corrections after which one so large says that t
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class TurbulenceConditions:
     """Where k and epsilon are given, and where walls are.
 
     inflow: names of boundaries at which K and E are given, with a function of places (3, n) that returns (2, n)
@@ -44,7 +44,7 @@ class Surroundings:
     distance: float = 0.0
 
 
-class Turbulence:
+class KEpsilon:
     """ln k and ln epsilon in Lagrange elements of an order on a domain. Every method is collective.
 
     Holds PETSc objects: use it as a context manager, or call `destroy`.
@@ -53,7 +53,9 @@ class Turbulence:
         state: function (2,) of ln k and ln epsilon.
     """
 
-    def __init__(self, domain: Domain, surroundings: Surroundings, order: int, constants: Sequence[float]):
+    def __init__(
+        self, domain: Domain, surroundings: TurbulenceConditions, order: int, constants: Sequence[float]
+    ):
         self.domain, self.surroundings, self.order = domain, surroundings, order
         self.space = compat.space(domain.mesh, ("Lagrange", order), (2,))
         self.state, self._before, self._older = (dolfinx.fem.Function(self.space) for _ in range(3))
@@ -201,7 +203,7 @@ class Turbulence:
         while self._held:
             self._held.pop().destroy()
 
-    def __enter__(self) -> Turbulence:
+    def __enter__(self) -> KEpsilon:
         return self
 
     def __exit__(self, *exception: object) -> None:
