@@ -11,7 +11,9 @@ from ..planning.numbers import Numbers
 from ..scene import Scene
 
 if TYPE_CHECKING:
+    from ..fluid import FlowModel
     from ..mesh.domain import Domain
+    from ..planning.plan import Plan
     from ..restart.checkpoint import Checkpoint
     from ..results.left_out import Omission
     from ..results.loads import Couples, Forces
@@ -32,7 +34,7 @@ class Solved:
 class Effect:
     """One physical effect. The methods here are those of an effect that needs nothing of what they are asked for.
 
-    Everything else walks `EFFECTS` and asks. What is for one effect only is imported where that effect is present.
+    Everything else walks `known.EFFECTS` and asks. What one effect alone needs is imported where it is present.
     """
 
     name: EffectName
@@ -40,6 +42,13 @@ class Effect:
     def decide(self, scene: Scene, numbers: Numbers) -> Decision:
         """Whether the scene calls for the effect, and the reason. Not collective."""
         raise NotImplementedError
+
+    def terms(self, model: FlowModel, scene: Scene, plan: Plan, unsteady: bool) -> FlowModel:
+        """The model of the flow with the effect's terms, for a plan that has the effect. Not collective.
+
+        `unsteady` tells a flow in time from the steady one that it may start from.
+        """
+        return model
 
     def warnings(self, scene: Scene) -> Iterator[str]:
         """What in the scene makes the result less sure where the effect is present, in words. Not collective.

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from ..planning.clearance import near_inflow
 from ..planning.effects import Decision, EffectName
 from ..planning.numbers import Numbers
 from ..scene import Scene
 from .effect import Effect
+
+if TYPE_CHECKING:
+    from ..fluid import FlowModel
+    from ..planning.plan import Plan
 
 
 class FlowEffect(Effect):
@@ -19,6 +25,14 @@ class FlowEffect(Effect):
     def decide(self, scene: Scene, numbers: Numbers) -> Decision:
         """Present unless the fluid is at rest and stays so."""
         return Decision(self.name, scene.flow.kind != "still" or scene.has_surface, _reason(scene))
+
+    def terms(self, model: FlowModel, scene: Scene, plan: Plan, unsteady: bool) -> FlowModel:
+        """The force by which the fluctuations of a turbulent base flow keep its mean profile."""
+        if scene.flow.kind != "log-law":
+            return model
+        from ..planning.mean_profile import force_of_turbulence
+
+        return replace(model, body_force=force_of_turbulence(scene))
 
     def warnings(self, scene: Scene) -> Iterator[str]:
         """A grain close to the inflow."""

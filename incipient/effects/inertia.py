@@ -10,13 +10,18 @@ with the speed at its top: Oseen's is the larger.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 from ..planning.effects import SHARE, Decision, EffectName, accuracy_asked, moves, percent
 from ..planning.numbers import Numbers
 from ..results.left_out import Omission
 from ..scene import Scene
 from .effect import Effect, Solved
+
+if TYPE_CHECKING:
+    from ..fluid import FlowModel
+    from ..planning.plan import Plan
 
 OSEEN = 3.0 / 16.0
 
@@ -45,6 +50,13 @@ class InertiaEffect(Effect):
             return Decision(self.name, True, told, expected=change)
         reason = f"{which} {value:.2g}; estimated effect on drag {percent(change)}"
         return Decision(self.name, False, reason, expected=change)
+
+    def terms(self, model: FlowModel, scene: Scene, plan: Plan, unsteady: bool) -> FlowModel:
+        """Convection, stabilised where cells need it; the steady start of a flow in time is upwinded for its solver."""
+        start = plan.has(EffectName.UNSTEADINESS) and not unsteady
+        upwind = plan.stabilisation.upwind or (start and plan.solver.name == "block")
+        stabilised = plan.stabilisation.present and not upwind
+        return replace(model, inertia=True, stabilisation=stabilised, upwind=upwind)
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
         """Convection weighted with the dual solutions; without error bars Oseen's term."""

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 from ..planning.effects import accuracy_asked
 from ..results.left_out import Omission
+from . import known
 from .effect import Solved
-from .known import EFFECTS
 
 
 def omissions(solved: Solved) -> tuple[Omission, ...]:
@@ -16,7 +16,7 @@ def omissions(solved: Solved) -> tuple[Omission, ...]:
     decided = {decision.name: decision for decision in plan.effects if not decision.present}
     return tuple(
         replace(one, exceeds=one.exceeds if one.relative is None else one.relative > accuracy)
-        for effect in EFFECTS
+        for effect in known.EFFECTS
         if effect.name in decided
         for one in effect.left_out(solved, decided[effect.name])
     )

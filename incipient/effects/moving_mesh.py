@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
 from ..planning.effects import Decision, EffectName, moves
 from ..planning.numbers import Numbers
 from ..scene import Scene
 from .effect import Effect
+
+if TYPE_CHECKING:
+    from ..fluid import FlowModel
+    from ..planning.plan import Plan
 
 
 class MovingMeshEffect(Effect):
@@ -17,6 +24,10 @@ class MovingMeshEffect(Effect):
         """Present with a grain that moves or a free surface."""
         there, forced = moves(scene) or scene.has_surface, scene.effects.moving_mesh != "auto"
         return Decision(self.name, there, _reason(scene), forced)
+
+    def terms(self, model: FlowModel, scene: Scene, plan: Plan, unsteady: bool) -> FlowModel:
+        """The velocity of the mesh, which convection is relative to."""
+        return replace(model, moving_mesh=unsteady)
 
 
 def _reason(scene: Scene) -> str:

@@ -17,7 +17,7 @@ from ..planning.plan import Plan
 from ..planning.stabilisation import stabilisation_of
 from ..scene import Scene
 from ..scene.order import order_of
-from .known import EFFECTS, decisions
+from . import known
 
 GEOMETRY_ORDER = {2: 2, 3: 3, 4: 3}
 
@@ -29,7 +29,7 @@ def make_plan(scene: Scene) -> Plan:
         SceneError: an effect that is present cannot be simulated in the scene.
     """
     numerics, numbers = scene.numerics, numbers_of(scene)
-    effects = decisions(scene, numbers)
+    effects = known.decisions(scene, numbers)
     present = {effect.name for effect in effects if effect.present}
     return Plan(
         effects=effects,
@@ -48,7 +48,7 @@ def make_plan(scene: Scene) -> Plan:
         numbers=numbers,
         stabilisation=stabilisation_of(scene, EffectName.INERTIA in present),
         sought=_sought(scene),
-        warnings=tuple(warning for effect in EFFECTS for warning in effect.warnings(scene)),
+        warnings=tuple(warning for effect in known.EFFECTS for warning in effect.warnings(scene)),
         datum=datum_of(scene),
     )
 

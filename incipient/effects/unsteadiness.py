@@ -10,13 +10,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 from ..planning.effects import SHARE, Decision, EffectName, accuracy_asked, moves, percent
 from ..planning.numbers import Numbers, time_of_change, wall_distance
 from ..results.left_out import Omission
 from ..scene import Scene
 from .effect import Effect, Solved
+
+if TYPE_CHECKING:
+    from ..fluid import FlowModel
+    from ..planning.plan import Plan
 
 # A cylinder in a stream sheds vortices from this Reynolds number on (Heil, Rosso, Hazel & Brøns 2017, J.
 # Fluid Mech. 812, 199; experiments: 47, Provansal, Mathis & Boyer 1987, J. Fluid Mech. 182, 1); close to a
@@ -50,6 +55,13 @@ class UnsteadinessEffect(Effect):
         if change is not None and change < small and not moves(scene):
             reason += f"; effects.unsteadiness = false would change the drag by {percent(change)}"
         return Decision(self.name, True, reason, scene.effects.unsteadiness is True, change)
+
+    def terms(self, model: FlowModel, scene: Scene, plan: Plan, unsteady: bool) -> FlowModel:
+        """The rate of change at fixed places of the mesh, and the form of convection in time."""
+        if not unsteady:
+            return model
+        stable = scene.numerics.form == "energy-stable"
+        return replace(model, unsteady=True, convection=plan.convection, energy_stable=stable)
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
         """A risk of vortices that are shed; the rate of quasi-steady flow weighted with the dual solutions."""

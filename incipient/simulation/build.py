@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ..effects.known import EFFECTS
+from ..effects import known
 from ..effects.plan import make_plan
 from ..installed import memory_of_libraries, required
 from ..parallel import collectively
@@ -58,7 +59,7 @@ def prepared(
     with accounts.ledger.stage("plan"):
         plan = make_plan(scene)
         meshed = scene
-        for effect in EFFECTS:
+        for effect in known.EFFECTS:
             meshed = effect.as_fast(meshed, speed)
         layout = sizing(drawing.lay_out(meshed, plan))
     voice.begin("import")
@@ -76,7 +77,7 @@ def prepared(
         voice.begin("forms")
         with accounts.ledger.stage("forms"):
             model = flow_model(scene, plan, unsteady=plan.has(EffectName.UNSTEADINESS))
-            found = [effect.part_at_start(scene, made, accounts.ledger.stage) for effect in EFFECTS]
+            found = [effect.part_at_start(scene, made, accounts.ledger.stage) for effect in known.EFFECTS]
             parts = [part for part in found if part is not None]
             for part in parts:
                 model = part.within(model)
@@ -109,31 +110,14 @@ def _load_libraries(comm: MPI.Comm, draws: bool) -> None:
 
 
 def flow_model(scene: Scene, plan: Plan, unsteady: bool, inertia: bool = True) -> FlowModel:
-    """What the plan makes of the flow's equations; `inertia` false leaves inertia out. Not collective.
-
-    The steady flow that one in time starts from is upwinded where its solver needs that.
-    """
+    """The model of the flow with the terms of the effects of a plan, inertia or not. Not collective."""
     from ..fluid import FlowModel
 
-    force = None
-    if scene.flow.kind == "log-law":
-        from ..planning.mean_profile import force_of_turbulence
-
-        force = force_of_turbulence(scene)
-    start = plan.has(EffectName.UNSTEADINESS) and not unsteady
-    upwind = plan.stabilisation.upwind or (start and plan.solver.name == "block")
-    return FlowModel(
-        order=plan.order,
-        inertia=inertia and plan.has(EffectName.INERTIA),
-        unsteady=unsteady,
-        convection=plan.convection if unsteady else "implicit",
-        body_force=force,
-        moving_mesh=unsteady and plan.has(EffectName.MOVING_MESH),
-        energy_stable=unsteady and scene.numerics.form == "energy-stable",
-        stabilisation=plan.stabilisation.present and not upwind,
-        upwind=upwind,
-        solver=plan.solver.name,
-    )
+    model = FlowModel(order=plan.order, inertia=False, solver=plan.solver.name)
+    for effect in known.EFFECTS:
+        if plan.has(effect.name):
+            model = effect.terms(model, scene, plan, unsteady)
+    return model if inertia else replace(model, inertia=False)
 
 
 def estimate(scene: Scene) -> Plan:
@@ -154,7 +138,7 @@ def estimate(scene: Scene) -> Plan:
         plan.solver.name,
         None if wider is None else drawing.lay_out(wider, plan),
     )
-    expense = expense.with_more(sum(effect.memory(scene, expense.unknowns) for effect in EFFECTS))
+    expense = expense.with_more(sum(effect.memory(scene, expense.unknowns) for effect in known.EFFECTS))
     if scene.gdim == 3 and scene.has_surface and scene.numerics.error_bars:
         other = estimate(comparisons(scene)[1]).estimate
         assert other is not None

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..effects.known import EFFECTS
+from ..effects import known
 from ..errors import IncipientError
 from ..fluid import Fluid, QuasiSteady, TimeStep, Transient
 from ..fluid.transient import Interface, Past
@@ -40,7 +40,7 @@ class March:
         assert run.scene.time is not None
         self._run, self._time = run, run.scene.time
         stage = run.accounts.ledger.stage
-        found = (effect.part_in_time(run.scene, stage, checkpoint) for effect in EFFECTS)
+        found = (effect.part_in_time(run.scene, stage, checkpoint) for effect in known.EFFECTS)
         moving = [part for part in found if part is not None]
         for part in moving:
             part.joined(run.fluid)
