@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ..planning import drawing
+from ..planning import meshing
 from . import calibration
 from .calibration import Calibration, Findings
 from .laws import ErrorLaw, fitted_errors, fitted_time
@@ -42,7 +42,7 @@ def findings(study: Study) -> Calibration:
 
 def _memory(run: Measured) -> float:
     """Measured over expected memory."""
-    return run.peak_mib / drawing.memory(run.unknowns)
+    return run.peak_mib / meshing.memory(run.unknowns)
 
 
 def _errors(study: Study, goal: str) -> dict[int, ErrorLaw]:

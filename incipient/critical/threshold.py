@@ -18,7 +18,7 @@ from ..arrays import spatial
 from ..contact import Contacts, Load
 from ..errors import IncipientError, SceneError
 from ..interrupt import told_where_kept
-from ..planning.stream import bed_stress
+from ..planning.base_flow import bed_stress
 from ..progress import Silent
 from ..results.si import in_si, si_lines
 from ..scene import Scene

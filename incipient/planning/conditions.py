@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 from ..meshes.solid_region import SYMMETRY
 from ..scene import Scene
+from .base_flow import Velocity, inflow, undisturbed
 from .cells import side_names, sides_across
 from .open_channel import ends, seepage, surface_of
-from .stream import Velocity, inflow, undisturbed
 
 if TYPE_CHECKING:
     from ..fluid import Condition

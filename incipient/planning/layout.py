@@ -48,7 +48,7 @@ class Layout:
     max_cells: float = np.inf
     closing: Closing | None = None
 
-    def drawing(self) -> AbstractContextManager[Any]:
+    def gmsh_model(self) -> AbstractContextManager[Any]:
         """A meshed gmsh model; for one rank only.
 
         Raises:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..scene.expression import expressions
-from .stream import column, mean_speed, undisturbed
+from .base_flow import column, mean_speed, undisturbed
 
 if TYPE_CHECKING:
     from ..geometry.placement import Placement

@@ -12,8 +12,8 @@ from ..arrays import Floats
 from ..errors import SceneError
 from ..scene import Scene, Surface
 from ..scene.open_channel import froude
+from .base_flow import column, inflow, undisturbed
 from .cells import largest_cell, largest_cell_in_space, side_names
-from .stream import column, inflow, undisturbed
 
 if TYPE_CHECKING:
     from ..fluid.conditions import Condition, Sponge, Wave

@@ -69,8 +69,8 @@ def upwinds(scene: Scene) -> bool:
 
 def cell_reynolds(scene: Scene) -> float:
     """V h/(k nu) of the largest cells, estimated without a mesh. Not collective."""
+    from .base_flow import mean_speed
     from .cells import largest_cell
-    from .stream import mean_speed
 
     size = scene.numerics.mesh_size * largest_cell(scene)
     return float(mean_speed(scene) * size / (scene.order * scene.viscosity))
@@ -78,8 +78,8 @@ def cell_reynolds(scene: Scene) -> float:
 
 def largest_peclet(scene: Scene) -> float:
     """|c| h/(2 k nu) of the largest cells of a scene in space in its fastest undisturbed stream. Not collective."""
+    from .base_flow import undisturbed
     from .cells import largest_cell_in_space
-    from .stream import undisturbed
 
     domain = scene.domain
     sides = ((domain.left, domain.right), domain.across, (domain.bottom, domain.ceiling))

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..planning.stream import bed_stress
+from ..planning.base_flow import bed_stress
 from ..scene import Scene
 from ..scene.units import nominal_diameter
 

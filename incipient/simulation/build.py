@@ -11,7 +11,7 @@ from ..effects import known
 from ..effects.plan import make_plan
 from ..installed import memory_of_libraries, required
 from ..parallel import collectively
-from ..planning import drawing
+from ..planning import meshing
 from ..planning.cells import CLOSED
 from ..planning.effects import EffectName
 from ..planning.plan import Estimate, Plan
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ..coupled.tractions import TractionProbe
     from ..fluid import FlowModel, Fluid
     from ..mesh.domain import Domain
-    from ..planning.drawing import Layout
+    from ..planning.meshing import Layout
     from ..restart.checkpoint import Checkpoint
 
 
@@ -61,7 +61,7 @@ def prepared(
         meshed = scene
         for effect in known.EFFECTS:
             meshed = effect.as_fast(meshed, speed)
-        layout = sizing(drawing.lay_out(meshed, plan))
+        layout = sizing(meshing.lay_out(meshed, plan))
     voice.begin("import")
     with accounts.ledger.stage("import"), required():
         _load_libraries(comm, draws=checkpoint is None)
@@ -71,7 +71,7 @@ def prepared(
     voice.begin("mesh")
     with accounts.ledger.stage("mesh"):
         contacts = _contacts(scene, plan, accounts)
-        made = _domain_kept(checkpoint, comm) or domain.build(comm, layout.drawing, scene.gdim)
+        made = _domain_kept(checkpoint, comm) or domain.build(comm, layout.gmsh_model, scene.gdim)
     (recorder or Unrecorded()).begin(scene, plan, made)
     with ExitStack() as stack:
         voice.begin("forms")
@@ -130,13 +130,13 @@ def estimate(scene: Scene) -> Plan:
     from ..accuracy.errorbars import on_more_bed
 
     plan = make_plan(scene)
-    wider = on_more_bed(scene) if drawing.has_dual(scene) else None
-    expense: Estimate = drawing.count(
-        drawing.lay_out(scene, plan),
+    wider = on_more_bed(scene) if meshing.has_dual(scene) else None
+    expense: Estimate = meshing.count(
+        meshing.lay_out(scene, plan),
         plan.order,
-        drawing.has_dual(scene),
+        meshing.has_dual(scene),
         plan.solver.name,
-        None if wider is None else drawing.lay_out(wider, plan),
+        None if wider is None else meshing.lay_out(wider, plan),
     )
     expense = expense.with_more(sum(effect.memory(scene, expense.unknowns) for effect in known.EFFECTS))
     if scene.gdim == 3 and scene.has_surface and scene.numerics.error_bars:

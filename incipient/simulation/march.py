@@ -130,15 +130,15 @@ class March:
         """Mesh the fluid around the grain and carry everything over; the old mesh goes last."""
         from ..coupled.remeshing import carry_over
         from ..mesh import domain
-        from ..planning import drawing
+        from ..planning import meshing
 
         run, transient = self._run, self.transient
         with run.accounts.ledger.stage("remeshing"):
             old, drawn, scene = run.fluid, grain.drawn(), run.scene
             for part in run.parts:
                 scene = part.drawn_scene(scene, drawn)
-            laid_out = drawing.lay_out(scene, run.plan, drawn)
-            made = domain.build(run.comm, laid_out.drawing, run.scene.gdim)
+            laid_out = meshing.lay_out(scene, run.plan, drawn)
+            made = domain.build(run.comm, laid_out.gmsh_model, run.scene.gdim)
             parts, model = [part.on(made) for part in run.parts], old.model
             for part in parts:
                 model = part.within(model)

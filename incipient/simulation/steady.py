@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from ..planning.base_flow import mean_speed
 from ..planning.conditions import conditions
 from ..planning.effects import EffectName
 from ..planning.stabilisation import stabilisation_of
-from ..planning.stream import mean_speed
 from ..scene.datum import height_of_datum
 from ..scene.tolerance import of_steady
 from .build import probe_of

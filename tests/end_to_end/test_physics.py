@@ -19,7 +19,7 @@ from processes import (
 import incipient
 from incipient.cli import main
 from incipient.mesh.sampling import sample
-from incipient.planning.stream import undisturbed
+from incipient.planning.base_flow import undisturbed
 from incipient.scene import (
     Contact,
     Disc,

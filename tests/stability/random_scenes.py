@@ -229,7 +229,7 @@ def fate(text: str, directory: Path, mesh: bool, run: bool = False) -> str:
     """
     import incipient
     from incipient.effects.plan import make_plan
-    from incipient.planning.drawing import lay_out
+    from incipient.planning.meshing import lay_out
     from incipient.simulation.build import estimate
 
     reached = "refused"

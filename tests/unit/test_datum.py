@@ -6,8 +6,8 @@ from scenes import CHANNEL, DISC, scene
 
 from incipient import make_plan
 from incipient.critical.threshold import bed_stress
+from incipient.planning.base_flow import inflow, undisturbed
 from incipient.planning.numbers import numbers_of
-from incipient.planning.stream import inflow, undisturbed
 from incipient.scene import (
     Disc,
     Domain,

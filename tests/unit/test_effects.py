@@ -9,9 +9,9 @@ from incipient import make_plan
 from incipient.effects.inertia import OSEEN
 from incipient.errors import SceneError
 from incipient.fluid.solvers import SOLVERS
+from incipient.planning.base_flow import undisturbed
 from incipient.planning.effects import EffectName, accuracy_asked
 from incipient.planning.numbers import numbers_of
-from incipient.planning.stream import undisturbed
 from incipient.scene import (
     Contact,
     Disc,

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from incipient.effects.plan import make_plan
 from incipient.errors import SceneError
-from incipient.planning.stream import inflow
+from incipient.planning.base_flow import inflow
 from incipient.scene import loads
 from incipient.scene.expression import MAXIMUM_LENGTH, Expression, expressions
 

@@ -9,8 +9,8 @@ from turbulent import channel, grain
 from incipient import make_plan
 from incipient.errors import SceneError
 from incipient.fluid.conditions import Friction
-from incipient.planning.drawing import lay_out
-from incipient.planning.stream import bed_stress
+from incipient.planning.base_flow import bed_stress
+from incipient.planning.meshing import lay_out
 from incipient.planning.turbulence import WallLaw, faster, grain_number, slowest, walls_of
 from incipient.planning.turbulent_conditions import conditions, entering
 from incipient.scene import (

@@ -62,7 +62,7 @@ class FreeSurfaceEffect(Effect):
 
     def memory(self, scene: Scene, unknowns: int) -> float:
         """MiB of a surface in space."""
-        from ...planning.drawing_in_space import memory_of_surface
+        from ...planning.meshing_in_space import memory_of_surface
 
         return memory_of_surface(scene, unknowns)
 

@@ -82,7 +82,7 @@ class TurbulenceEffect(Effect):
 
     def memory(self, scene: Scene, unknowns: int) -> float:
         """MiB of k and epsilon in space."""
-        from ...planning.drawing_in_space import memory_of_eddies
+        from ...planning.meshing_in_space import memory_of_eddies
 
         return memory_of_eddies(scene, unknowns)
 

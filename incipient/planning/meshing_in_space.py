@@ -28,7 +28,7 @@ BED_CELL = {2: 0.35, 3: 0.5, 4: 0.7}  # of the bed's smallest feature
 GAP_CELL = {2: 0.8, 3: 1.5, 4: 1.8}  # of the gap between grain and bed, and of narrow passages
 EDGE_CELL = 0.5  # of the grain's cells, at sharp edges
 GROWTH, GAP_GROWTH = 0.3, 0.22  # of cell sizes with distance
-BED_GROWTH = 0.15  # along a bed away from the grain, see `drawing`
+BED_GROWTH = 0.15  # along a bed away from the grain, see `meshing`
 GRID_GRADING = 0.2  # of the cells of an empty box, at walls over those in the middle
 BED_LARGEST = 0.6  # of the bed's smallest feature, whatever mesh_size: larger cells do not follow its surface
 # Bytes per n^(4/3) of n unknowns of sparse factors; per unknown of the solver by blocks, of a higher order that is
@@ -151,7 +151,7 @@ def count_in_space(
 def _counted(layout: Layout) -> tuple[int, Callable[[int], int]]:
     """Cells of the layout's mesh, and unknowns on it by order of the velocity, by making it."""
     assert isinstance(layout.shape, SolidRegion | SolidGrid | BoxGrid)
-    with layout.drawing() as model:
+    with layout.gmsh_model() as model:
         _, tags, nodes = model.mesh.getElements(3)
         cells = sum(len(t) for t in tags)
         per_cell = {1: 4, 2: 10}[layout.geometry_order]

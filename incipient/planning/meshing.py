@@ -14,9 +14,9 @@ from ..meshes import Away, BoxGrid, Grid, Near, Region, Sizes, SolidGrid, SolidR
 from ..scene import Scene
 from .cells import CLOSED, FAR_CELL, FEWEST, corners, largest_cell, side_names
 from .clearance import ceiling, surroundings
-from .drawing_in_space import count_in_space, lay_out_in_space
 from .effects import EffectName, moves
 from .layout import Layout, closed, placed, point
+from .meshing_in_space import count_in_space, lay_out_in_space
 from .plan import Estimate, Plan
 
 # Cell sizes for mesh_size = 1 by order of the velocity, chosen so that the orders err alike (docs/numerics.md).
@@ -160,7 +160,7 @@ def count(
     """
     if isinstance(layout.shape, SolidRegion | SolidGrid | BoxGrid):
         return count_in_space(layout, order, dual, solver, wider)
-    with layout.drawing() as model:
+    with layout.gmsh_model() as model:
         _, tags, nodes = model.mesh.getElements(2)
         cells = sum(len(t) for t in tags)
         per_cell = (layout.geometry_order + 1) * (layout.geometry_order + 2) // 2

@@ -16,13 +16,13 @@ from incipient.installed import MEMORY, memory_of_libraries
 from incipient.meshes import Resolved, SolidRegion
 from incipient.meshes.exact import Ground
 from incipient.meshes.solid_region import SolidFrame
-from incipient.planning.drawing_in_space import (
+from incipient.planning.layout import Layout
+from incipient.planning.meshing_in_space import (
     BED_LARGEST,
     lay_out_in_space,
     memory_in_space,
     memory_of_surface,
 )
-from incipient.planning.layout import Layout
 
 pytestmark = pytest.mark.quick
 SCENES = Path(__file__).parents[2] / "demos" / "scenes"
@@ -65,7 +65,10 @@ def test_as_much_of_the_bed_as_matters(diameter: float, radius: float, reach: fl
 @pytest.mark.slow
 def test_the_gap_is_named_where_it_asks_for_most_cells() -> None:
     layout = laid_out("sphere_on_plane.toml", "contact.gap=1e-5", "numerics.max_cells=1000")
-    with pytest.raises(SceneError, match=r"narrow places.*enlarge contact\.gap, or allow"), layout.drawing():
+    with (
+        pytest.raises(SceneError, match=r"narrow places.*enlarge contact\.gap, or allow"),
+        layout.gmsh_model(),
+    ):
         pass
 
 
