@@ -13,7 +13,7 @@ from mpi4py import MPI
 from scenes.scanned_pebble import scan
 
 import incipient
-from incipient.results.verdict import find_contacts, judge
+from incipient.evaluation.contact_verdict import find_contacts, judge
 
 SCENE, RANK = Path(__file__).parent / "scenes/pebble.toml", MPI.COMM_WORLD.rank
 SAID = "{} facets: {}, safety factor {:.3f}, its bars {:.3f} to {:.3f}; on other scans {:.3f}, {:.3f}"

@@ -42,7 +42,7 @@ OF_TURBULENCE = (
     "planning.turbulence",
     "results.turbulence",
 )
-OF_CONTACT = ("results.verdict", "contact")
+OF_CONTACT = ("evaluation.contact_verdict", "contact")
 OF_ESTIMATES = ("accuracy",)
 OF_CHECKPOINTS = ("restart",)
 MODULES = (

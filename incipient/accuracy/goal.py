@@ -13,7 +13,7 @@ import numpy as np
 from ..arrays import Floats
 from ..contact.error_box import shifted
 from ..contact.exact import judged
-from ..results.verdict import find_contacts, load_of
+from ..evaluation.contact_verdict import find_contacts, load_of
 from ..scene.numerics import OF_SURFACE, OF_WALLS
 from .safetybar import bar_of_scene
 

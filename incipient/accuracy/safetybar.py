@@ -14,8 +14,8 @@ from ..contact import Contacts, Load
 from ..contact.error_box import ErrorBox, SafetyRange, safety_range
 from ..contact.exact import Exact, MassAndInertia, judged
 from ..contact.planar_modes import modes_within
+from ..evaluation.contact_verdict import load_of, mass_and_inertia
 from ..results.safetybar import SafetyBar
-from ..results.verdict import load_of, mass_and_inertia
 
 if TYPE_CHECKING:
     from ..results.errorbars import Term

@@ -63,7 +63,7 @@ def of_scans(scene: Scene, force: Forces, couple: Couples) -> Term:
 def _judged(scene: Scene, force: Forces, couple: Couples) -> Exact:
     """What mechanics say of a load on the scene's grain."""
     from ..contact.exact import judged  # which loads linear programs, slowly
-    from ..results.verdict import find_contacts, load_of, mass_and_inertia
+    from ..evaluation.contact_verdict import find_contacts, load_of, mass_and_inertia
 
     assert scene.contact is not None and scene.body is not None
     inert = mass_and_inertia(scene.body, scene.placement)

@@ -14,7 +14,7 @@ from ..effects.plan import make_plan
 from ..errors import SceneError
 from ..planning.effects import EffectName
 from ..planning.plan import Plan
-from ..scene.tolerance import of_steady
+from ..planning.tolerance import of_steady
 
 if TYPE_CHECKING:
     from ..scene import Scene

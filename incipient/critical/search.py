@@ -18,9 +18,9 @@ import numpy as np
 from ..contact import Load
 from ..contact.equilibrium import SafetyStatus, safety_factor
 from ..errors import ConvergenceError
+from ..evaluation.contact_verdict import followed, load_of
 from ..parallel import collectively
 from ..planning.effects import EffectName
-from ..results.verdict import followed, load_of
 from ..simulation.steady import loads_at, make_as_fast
 from .loadpath import LoadPath
 

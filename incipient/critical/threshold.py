@@ -17,10 +17,11 @@ import numpy as np
 from ..arrays import spatial
 from ..contact import Contacts, Load
 from ..errors import IncipientError, SceneError
+from ..evaluation.si_units import in_si
 from ..interrupt import told_where_kept
 from ..planning.base_flow import bed_stress
 from ..progress import Silent
-from ..results.si import in_si, si_lines
+from ..results.si import si_lines
 from ..scene import Scene
 from ..scene.units import nominal_diameter
 from ..simulation.assemble import TO_COME, cost
@@ -396,7 +397,7 @@ def _contacts_at(run: Run, found: Found) -> Contacts:
 
 def _judged(run: Run, found: Found, load: Load) -> Verdict:
     from ..contact.verdict import judge
-    from ..results.verdict import mass_and_inertia
+    from ..evaluation.contact_verdict import mass_and_inertia
 
     scene, contacts = run.scene, _contacts_at(run, found)
     assert scene.body is not None and scene.contact is not None

@@ -10,9 +10,9 @@ import numpy as np
 
 from ..arrays import extrapolated
 from ..errors import ConvergenceError
-from ..scene.tolerance import ShareOfError
 from .flow import Fluid
 from .newton import NewtonReport
+from .tolerance import ShareOfError
 
 MOST_REJECTED = 11  # attempts at one step: ten halvings
 SAFETY, LARGEST_GROWTH, LARGEST_CUT = 0.9, 2.0, 0.3

@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from ..contact import Contacts, Load, equilibrium
 from ..critical.threshold import with_error
 from ..errors import ConvergenceError, OutputError
+from ..evaluation.contact_verdict import mass_and_inertia
 from ..files import reported
-from ..results.verdict import mass_and_inertia
 from ..scene import Scene, load
 from . import style
 from .judged import Judged, judged

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -38,20 +38,6 @@ class SafetyBar:
     every: Interval | None
     unknown: tuple[str, ...] = ()
     frozen: float | None = None
-
-    def of_rocking(self, factor: float | None, mode: str, share: float, drift: float) -> SafetyBar:
-        """The bar of a grain that rocks: nothing is proved of the last of its rests, under a load that is frozen.
-
-        Args:
-            factor: the safety factor, None for an infinite one.
-            share: errors of the load, relative.
-            drift: by how much the load may differ where the grain has rocked to, relative.
-        """
-        value, error = math.inf if factor is None else factor, share + drift
-        low, high = value / (1.0 + error), value / (1.0 - error) if error < 1.0 else math.inf
-        return replace(
-            self, value=value, low=low, high=high, certain=False, modes=(mode,), complete=False, frozen=drift
-        )
 
     @property
     def relative(self) -> float:

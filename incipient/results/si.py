@@ -1,17 +1,10 @@
-"""Results in SI units, of scenes that say what their units are."""
+"""Results in SI units for a reader, of scenes that say what their units are."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
-from ..planning.base_flow import bed_stress
-from ..scene import Scene
-from ..scene.units import nominal_diameter
-
-_WITH_STRESS = ("shear", "poiseuille", "open-channel", "log-law")
 # Numbers of a flow, with their units and names for a reader.
 FLOW = {
     "shear_rate": ("1/s", "shear rate"),
@@ -21,39 +14,8 @@ FLOW = {
 }
 
 
-def in_si(
-    scene: Scene, factor: float = 1.0, force: np.ndarray | None = None, couple: np.ndarray | None = None
-) -> dict[str, Any] | None:
-    """The flow of a scene, made faster by a factor, and loads (3,) on its grain in SI units; None without [units].
-
-    `units`: what one of the scene's units of length [m], time [s], velocity [m/s], stress [Pa], force [N] and couple
-    [N m] is, the last two in the plane per unit depth, as loads are; `bed_stress`: of the undisturbed flow at its
-    datum. Not collective.
-    """
-    scales, units = scene.scales, scene.units
-    if scales is None or units is None:
-        return None
-    names = ("length", "time", "velocity", "stress", "force", "couple")
-    found: dict[str, Any] = {
-        "dimension": scene.gdim,
-        "units": {name: getattr(scales, name) for name in names},
-        "nominal_diameter": scales.length * nominal_diameter(scene.grain),
-    }
-    for name in ("shear_rate", "velocity"):
-        if getattr(units, name) is not None:
-            found[name] = factor * getattr(units, name)
-    if scene.flow.kind in _WITH_STRESS:
-        found["bed_stress"] = factor * scales.stress * bed_stress(scene, factor)
-        found["shear_velocity"] = float(np.sqrt(found["bed_stress"] / scales.density))
-    if force is not None and couple is not None:
-        found |= {"force": (scales.force * force).tolist(), "couple": (scales.couple * couple).tolist()}
-    if scene.time is not None:
-        found["end"] = scales.time * scene.time.end
-    return found
-
-
 def si_lines(found: dict[str, Any] | None) -> list[str]:
-    """The same for a reader."""
+    """The lines of a result in SI units, as `evaluation.si_units.in_si` gives them; none without."""
     if found is None:
         return []
     flow = [f"{name} {found[key]:.4g} {unit}" for key, (unit, name) in FLOW.items() if key in found]

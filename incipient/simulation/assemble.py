@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import IncipientError
+from ..evaluation.si_units import in_si
 from ..parallel import collectively
 from ..planning.effects import EffectName
 from ..results.loads import Gap
 from ..results.result import Result, Traction
-from ..results.si import in_si
 from ..results.timing import peak_memory_mib
 from .loads import coefficients, judged, loads
 
@@ -89,7 +89,7 @@ def with_rests(run: Run, result: Result) -> Result:
     """A complete result whose verdict says where a grain comes to rest that rocks under the load. Collective."""
     if result.verdict is None or run.grain is not None:
         return result
-    from ..results.verdict import followed, load_of, may_rock, with_rocking
+    from ..evaluation.contact_verdict import followed, load_of, may_rock, with_rocking
 
     if not may_rock(result.verdict):
         return result
@@ -146,11 +146,14 @@ def _error_bars(run: Run, result: Result, solve: Callable[[Scene], Loads]) -> tu
     rocking = (result.verdict or {}).get("rocking")
     if rocking is None or bars.safety is None:
         return bars, ""
+    from ..evaluation.contact_verdict import bar_with_rocking
+
     assert result.verdict is not None and result.force is not None and run.scene.grain is not None
     apart = np.linalg.norm(bars.force) + np.linalg.norm(bars.couple) / run.scene.grain.size
     share = float(apart / np.linalg.norm(result.force.flow))
     mode, drift = result.verdict["mode"], rocking["drift"]
-    return replace(bars, safety=bars.safety.of_rocking(rocking["critical"], mode, share, drift)), ""
+    safety = bar_with_rocking(bars.safety, rocking["critical"], mode, share, drift)
+    return replace(bars, safety=safety), ""
 
 
 def _omissions(run: Run, result: Result) -> tuple[Omission, ...]:

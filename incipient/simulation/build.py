@@ -150,7 +150,7 @@ def _contacts(scene: Scene, plan: Plan, accounts: Accounts) -> Contacts | None:
     if not plan.has(EffectName.CONTACT):
         return None
     with accounts.ledger.stage("contact"):
-        from ..results.verdict import find_contacts
+        from ..evaluation.contact_verdict import find_contacts
 
         return find_contacts(scene)
 

@@ -220,7 +220,7 @@ class Case(Section):
             return self.grain.mass, _matrix(np.array(self.grain.inertia))
         if self.body is None:
             return None
-        from ..results.verdict import mass_and_inertia
+        from ..evaluation.contact_verdict import mass_and_inertia
 
         return mass_and_inertia(self.body, self.placement)
 

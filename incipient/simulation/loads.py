@@ -53,7 +53,7 @@ def judged(run: Run, force: Forces, couple: Couples) -> dict[str, Any] | None:
     if run.contacts is None:
         return None
     with run.accounts.ledger.stage("contact"):
-        from ..results.verdict import judge
+        from ..evaluation.contact_verdict import judge
 
         verdict = judge(run.scene, run.contacts, force, couple)
     if verdict is not None and run.scene.time is not None:

@@ -10,9 +10,10 @@ import numpy as np
 from ..effects import known
 from ..errors import IncipientError
 from ..fluid import Fluid, QuasiSteady, TimeStep, Transient
+from ..fluid.tolerance import of_steps
 from ..fluid.transient import Interface, Past
 from ..planning.effects import EffectName
-from ..scene.tolerance import of_steady, of_steps
+from ..planning.tolerance import of_steady
 
 if TYPE_CHECKING:
     from ..coupled.coupling import Coupling

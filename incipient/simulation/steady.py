@@ -10,8 +10,8 @@ from ..planning.base_flow import mean_speed
 from ..planning.conditions import conditions
 from ..planning.effects import EffectName
 from ..planning.stabilisation import stabilisation_of
+from ..planning.tolerance import of_steady
 from ..scene.datum import height_of_datum
-from ..scene.tolerance import of_steady
 from .build import probe_of
 from .loads import loads
 

@@ -20,8 +20,8 @@ from moving import Steps
 
 from incipient import forms
 from incipient.fluid import FlowModel, Fluid, Transient
+from incipient.fluid.tolerance import ShareOfError
 from incipient.fluid.transient import backward_difference
-from incipient.scene.tolerance import ShareOfError
 
 REYNOLDS, END = 10.0, 1.0
 

@@ -12,9 +12,9 @@ import incipient
 from incipient.accuracy.coarse_runs import farther
 from incipient.contact.equilibrium import safety_factor
 from incipient.critical.threshold import Threshold, find_threshold
+from incipient.evaluation.contact_verdict import load_of
 from incipient.output.directory import write_threshold
 from incipient.pictures.record import parsed_json
-from incipient.results.verdict import load_of
 from incipient.scene import loads
 from incipient.scene.example import commented, grain_on_bed
 from incipient.simulation.build import prepared

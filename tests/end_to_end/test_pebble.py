@@ -11,8 +11,8 @@ from environment import environment, finished, on_ranks
 import incipient
 from incipient.contact import Load
 from incipient.contact.verdict import judge
+from incipient.evaluation.contact_verdict import find_contacts
 from incipient.geometry.space.polyhedra import Triangulated
-from incipient.results.verdict import find_contacts
 
 DEMOS = Path(__file__).parents[2] / "demos"
 SCENE = DEMOS / "scenes/pebble.toml"

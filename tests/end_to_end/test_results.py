@@ -322,7 +322,14 @@ def test_nothing_is_imported_that_the_scene_does_not_call_for(tmp_path):
     assert done.returncode == 0, done.stderr
     loaded = set(done.stdout.split())
     needed = {"incipient.simulation.simulate", "incipient.fluid.steady", "incipient.meshes.model"}
-    unused = ("contact", "coupled.tractions", "results.verdict", "fluid.vorticity", "output.xdmf", "pictures")
+    unused = (
+        "contact",
+        "coupled.tractions",
+        "evaluation.contact_verdict",
+        "fluid.vorticity",
+        "output.xdmf",
+        "pictures",
+    )
     assert needed <= loaded
     assert not {f"incipient.{name}" for name in unused} & loaded
     assert not {"pyvista", "matplotlib", "vtk", "rich", "pkg_resources"} & loaded

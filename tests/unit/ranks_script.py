@@ -27,12 +27,12 @@ from incipient.fluid import (
     no_slip,
     solve_steady,
 )
+from incipient.fluid.tolerance import ShareOfError
 from incipient.fluid.vorticity import vorticity
 from incipient.geometry.placement import Placement, rotation_by
 from incipient.mesh.domain import Domain
 from incipient.mesh.motion import MeshMotion, RigidDisplacement
 from incipient.mesh.sampling import sample
-from incipient.scene.tolerance import ShareOfError
 
 COMM = MPI.COMM_WORLD
 

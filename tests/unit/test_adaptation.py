@@ -147,7 +147,7 @@ def test_goals_are_relative() -> None:
 def test_slope_of_the_safety_factor() -> None:
     """In a pocket: the change that its slope foretells is the change of its logarithm."""
     from incipient.contact.exact import judged
-    from incipient.results.verdict import load_of
+    from incipient.evaluation.contact_verdict import load_of
 
     text, pocket = commented(grain_on_bed()), ("bed.kind=half-discs", "bed.radius=0.5", "bed.spacing=1.2")
     wanted = ("bed.offset=1.0", "numerics.accuracy=0.01", "numerics.accuracy_of=safety factor")

@@ -14,9 +14,9 @@ from incipient.accuracy.dual import GoalErrors
 from incipient.accuracy.errorbars import by_dual, with_safety
 from incipient.accuracy.waves import doubt_of_stream
 from incipient.adaptive.search import Search
+from incipient.evaluation.contact_verdict import find_contacts
 from incipient.results.errorbars import ErrorBars, Term
 from incipient.results.loads import Couples, Forces
-from incipient.results.verdict import find_contacts
 from incipient.scene import loads
 from incipient.scene.example import commented, grain_on_bed
 from incipient.simulation.build import prepared

@@ -8,8 +8,8 @@ from scenes import scene
 
 from incipient.critical.threshold import _stress_unit
 from incipient.effects.plan import make_plan
+from incipient.evaluation.contact_verdict import mass_and_inertia
 from incipient.planning.body import rigid_body
-from incipient.results.verdict import mass_and_inertia
 from incipient.scene import Contact, Disc, Gravity, Time
 
 AREA, MASS = math.pi / 4, 2.0

@@ -39,6 +39,7 @@ FLOORS = (
     *(
         ("planning",),
         ("results",),
+        ("evaluation",),
         ("restart",),
         ("effects",),
         ("accuracy",),

@@ -8,11 +8,11 @@ import pytest
 from scenes import message, scene
 
 from incipient import make_plan
+from incipient.evaluation.si_units import in_si
 from incipient.planning.base_flow import mean_speed, undisturbed
 from incipient.planning.mean_profile import KAPPA, MeanProfile, force_of_turbulence
 from incipient.planning.meshing import lay_out
 from incipient.planning.numbers import numbers_of
-from incipient.results.si import in_si
 from incipient.scene import Domain, Fluid, HalfDiscs, LogLaw, Uniform
 from incipient.scene.file import loads
 

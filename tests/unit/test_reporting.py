@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 import incipient
+from incipient.evaluation.si_units import in_si
 from incipient.reporting.page import Bounded, Cell, Erring, Settings, Table, cell, look
 from incipient.reporting.units import of_si
-from incipient.results.si import in_si
 
 SCENE = Path(__file__).parents[2] / "demos/scenes/grain_on_bed.toml"
 

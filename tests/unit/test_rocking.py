@@ -17,6 +17,15 @@ from incipient.contact import Load
 from incipient.contact.equilibrium import SafetyStatus, safety_factor
 from incipient.contact.rocking import Rocking, follow
 from incipient.contact.verdict import judge
+from incipient.evaluation.contact_verdict import (
+    ROCKS,
+    bar_with_rocking,
+    find_contacts,
+    mass_and_inertia,
+    may_rock,
+    with_rocking,
+)
+from incipient.evaluation.contact_verdict import followed as followed_in
 from incipient.geometry import (
     Bed,
     Disc,
@@ -29,8 +38,6 @@ from incipient.geometry import (
     settle,
 )
 from incipient.results.safetybar import SafetyBar
-from incipient.results.verdict import ROCKS, find_contacts, mass_and_inertia, may_rock, with_rocking
-from incipient.results.verdict import followed as followed_in
 from incipient.scene import Scene, loads
 
 HEIGHT, LENGTH = 0.05, 2.0  # of the sinusoidal bed, which is lowest at 1.5
@@ -220,7 +227,7 @@ def test_what_only_rocks_is_not_said_to_begin_to_move() -> None:
     assert "body.orientation = [" in told["note"]
     assert told["judges"] == said["judges"]
     box = SafetyBar(0.0, 0.0, 0.0, True, ("rolling",), True, "gap", None, None)
-    bar = box.of_rocking(rocking.critical, ROCKS, 0.05, rocking.drift(rocking.last))
+    bar = bar_with_rocking(box, rocking.critical, ROCKS, 0.05, rocking.drift(rocking.last))
     assert (bar.certain, bar.complete, bar.modes) == (False, False, (ROCKS,))
     assert bar.low < rocking.critical < bar.high
     assert bar.sentence().startswith("likely, but not proved: safety factor")

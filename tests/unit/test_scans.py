@@ -79,7 +79,7 @@ def load_on(volume: float = 0.433) -> tuple[Forces, Couples]:
 def test_the_term_covers_what_finer_scans_change(tmp_path: Path, facets: int, turn: int) -> None:
     """The worst of twelve scans each: 8.7% and 6.6% off. The term is not to be several times as large as the worst."""
     from incipient.contact.exact import judged
-    from incipient.results.verdict import find_contacts, load_of
+    from incipient.evaluation.contact_verdict import find_contacts, load_of
 
     scene = pebble(tmp_path, facets, turn)
     term = of_scans(scene, *load_on())

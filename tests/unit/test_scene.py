@@ -11,13 +11,13 @@ from scenes import BOX, FLOW_SCALE, message, scene
 
 from incipient.contact import Load
 from incipient.contact.equilibrium import safety_factor
+from incipient.evaluation.contact_verdict import find_contacts
 from incipient.geometry.plane import bed as bed_geometry
 from incipient.geometry.plane import discs as disc_geometry
 from incipient.geometry.plane import grain as grain_geometry
 from incipient.geometry.plane import polygon as polygon_geometry
 from incipient.geometry.plane import smooth as smooth_geometry
 from incipient.geometry.plane.polyline import Polyline as PolylineBed
-from incipient.results.verdict import find_contacts
 from incipient.scene import (
     Contact,
     Disc,

@@ -11,9 +11,9 @@ from scenes import sphere_on_plane as scene
 from incipient.accuracy.coarse_runs import farther
 from incipient.accuracy.errorbars import coarse_scenes
 from incipient.effects.plan import make_plan
+from incipient.evaluation.contact_verdict import find_contacts, judge, mass_and_inertia
 from incipient.planning.base_flow import inflow, undisturbed
 from incipient.results.loads import Couples, Forces
-from incipient.results.verdict import find_contacts, judge, mass_and_inertia
 from incipient.scene import (
     Box,
     Contact,

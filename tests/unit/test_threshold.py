@@ -18,6 +18,7 @@ from incipient.critical.loadpath import LoadPath
 from incipient.critical.search import Found, Search
 from incipient.critical.threshold import bed_stress, find_threshold, with_error
 from incipient.errors import ConvergenceError, SceneError
+from incipient.evaluation.contact_verdict import find_contacts
 from incipient.geometry.placement import Placement
 from incipient.geometry.space.solid import Sphere
 from incipient.geometry.space.terrain import Hemispheres
@@ -25,7 +26,6 @@ from incipient.geometry.touching import touching
 from incipient.progress import Silent
 from incipient.results.errorbars import ErrorBars
 from incipient.results.loads import Couples, Forces
-from incipient.results.verdict import find_contacts
 from incipient.scene import loads
 from incipient.scene.example import commented, grain_on_bed
 

@@ -9,7 +9,8 @@ import pytest
 from domains import unit_box
 
 from incipient.fluid import FlowModel, Fluid, Prescribed, Transient
-from incipient.scene.tolerance import LEAST, STEADY, ShareOfError, of_steady, of_steps
+from incipient.fluid.tolerance import LEAST, ShareOfError, of_steps
+from incipient.planning.tolerance import STEADY, of_steady
 
 
 def vortex(x: np.ndarray, t: float) -> np.ndarray:

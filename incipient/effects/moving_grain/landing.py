@@ -15,13 +15,13 @@ from ...body.state import BodyState
 from ...contact import Contacts, Load
 from ...contact.verdict import judge
 from ...errors import IncipientError
+from ...evaluation.contact_verdict import mass_and_inertia, standing
 from ...geometry.plane.bed import Flat
 from ...geometry.space.terrain import Plane
 from ...geometry.touching import touching
 from ...planning.cells import side_names
 from ...planning.clearance import Clearance
 from ...results.loads import Couples, Forces
-from ...results.verdict import mass_and_inertia, standing
 from ...scene import Scene
 
 # Relative to the distance at which the grain has met the bed: how much farther its other contacts may be.

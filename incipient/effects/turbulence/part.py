@@ -21,9 +21,9 @@ from ...planning import turbulent_conditions
 from ...planning.cells import side_names
 from ...planning.effects import EffectName
 from ...planning.linear import FEW_CELLS
+from ...planning.tolerance import of_steady
 from ...results.turbulence import WallReport
 from ...scene import Scene
-from ...scene.tolerance import of_steady
 from ..run_part import RunPart, Stage
 from .along_walls import AlongWall, along_wall
 from .fields import KEpsilon, TurbulenceConditions

@@ -7,11 +7,6 @@ from typing import Literal
 
 import numpy as np
 
-# What steady iterations may leave where nothing is known of the error: Newton's method then has left far less.
-STEADY = 1e-6
-BY_TWO_LEVELS = (
-    1e-5  # the same where each of Newton's corrections is a rough one, and loads err far more by the cells
-)
 LEAST = 1e-9  # of a time step
 
 
@@ -34,13 +29,6 @@ class ShareOfError:
         if error is None:
             return self.unknown
         return float(np.clip(self.share * error, self.least, self.most))
-
-
-def of_steady(asked: float | Literal["auto"], two_levels: bool = False) -> float:
-    """The tolerance of a steady flow, from `numerics.tolerance`; by two levels it may be larger. Not collective."""
-    if asked != "auto":
-        return asked
-    return BY_TWO_LEVELS if two_levels else STEADY
 
 
 def of_steps(asked: float | Literal["auto"]) -> float | ShareOfError:

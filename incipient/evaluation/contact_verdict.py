@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 from ..arrays import spatial
@@ -12,10 +13,11 @@ from ..contact.rocking import Rocking, follow
 from ..contact.verdict import judge as judge_load
 from ..geometry.placement import Placement
 from ..geometry.touching import touching
+from ..results.loads import Couples, Forces
+from ..results.safetybar import SafetyBar
 from ..scene import Body, Scene
 from ..scene.motion import inertia_tensor, mass
 from ..scene.solids import orientation_of
-from .loads import Couples, Forces
 
 ROCKS = "rocks to another rest"  # the mode of a grain that does
 RENEWED = (
@@ -89,6 +91,23 @@ def with_rocking(verdict: dict[str, Any], rocking: Rocking) -> dict[str, Any]:
         "rocking": rocking.to_dict(),
         "note": RENEWED.format(drift=rocking.drift(rocking.last), keys=standing(rocking.last.placement)),
     }
+
+
+def bar_with_rocking(
+    bar: SafetyBar, factor: float | None, mode: str, share: float, drift: float
+) -> SafetyBar:
+    """The bar of a grain that rocks: nothing is proved of the last of its rests, under a load that is frozen.
+
+    Args:
+        factor: the safety factor, None for an infinite one.
+        share: errors of the load, relative.
+        drift: by how much the load may differ where the grain has rocked to, relative.
+    """
+    value, error = math.inf if factor is None else factor, share + drift
+    low, high = value / (1.0 + error), value / (1.0 - error) if error < 1.0 else math.inf
+    return replace(
+        bar, value=value, low=low, high=high, certain=False, modes=(mode,), complete=False, frozen=drift
+    )
 
 
 def standing(placement: Placement) -> str:

@@ -1,0 +1,18 @@
+"""How well the algebraic equations of a steady flow are solved, where the scene leaves it open."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+# What steady iterations may leave where nothing is known of the error: Newton's method then has left far less.
+STEADY = 1e-6
+BY_TWO_LEVELS = (
+    1e-5  # the same where each of Newton's corrections is a rough one, and loads err far more by the cells
+)
+
+
+def of_steady(asked: float | Literal["auto"], two_levels: bool = False) -> float:
+    """The tolerance of a steady flow, from `numerics.tolerance`; by two levels it may be larger. Not collective."""
+    if asked != "auto":
+        return asked
+    return BY_TWO_LEVELS if two_levels else STEADY
