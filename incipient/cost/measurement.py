@@ -7,7 +7,6 @@ process: it reads a scene as TOML and prints one line of JSON.
 from __future__ import annotations
 
 import json
-import os
 import resource
 import sys
 import time
@@ -23,8 +22,6 @@ from . import process, solvers
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-# What would make the new process take part in a parallel run.
-PARALLEL = ("OMPI_COMM_", "OMPI_UNIVERSE", "PMIX_", "PMI_", "ORTE_")
 COMPILED = 0.05  # processor time [s] of compilers that tells that forms were compiled
 ENOUGH = 5.0  # processor time [s] after which a run is not made again
 
@@ -158,25 +155,15 @@ def _once(scene: Scene, variant: Variant) -> tuple[Measured, bool]:
     # -P: modules are not looked for in the working directory.
     command = [sys.executable, "-P", "-m", "incipient.cost.measurement"]
     # In a session of its own: an interrupt is this process's to deal with.
-    used = process.run(command, surroundings(solvers.options(variant.solver)), given=text, apart=True)
+    used = process.run(
+        command, process.environment_of_one_rank(solvers.options(variant.solver)), given=text, apart=True
+    )
     if used.exit_code != 0:
         return Measured(variant, used.wall, used.cpu, failed=_complaint(used.exit_code, used.errors)), False
     told = json.loads(used.output.strip().splitlines()[-1])
     compiled = told.pop("compiling") > COMPILED
     counts = Counts.of(told.pop("counts"))
     return Measured(variant, used.wall, used.cpu, counts=counts, **told), compiled
-
-
-def surroundings(options: str = "") -> dict[str, str]:
-    """The environment of a run alone: one thread, no MPI variables, fixed hash seed (stable form cache).
-
-    `options` of PETSc come after those that the environment has.
-    """
-    kept = {name: value for name, value in os.environ.items() if not name.startswith(PARALLEL)}
-    if options:
-        kept["PETSC_OPTIONS"] = f"{kept.get('PETSC_OPTIONS', '')} {options}".strip()
-    # A form's signature may depend on the order of a set: fixed, or forms would be compiled again.
-    return {**kept, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "0"}
 
 
 def _complaint(code: int, errors: str) -> str:

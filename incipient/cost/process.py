@@ -1,4 +1,4 @@
-"""A process measured from outside: wall time, processor time, peak memory, and what it said."""
+"""A process of one rank, and one measured from outside: wall time, processor time, peak memory, and what it said."""
 
 from __future__ import annotations
 
@@ -9,6 +9,21 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+# What would make a new process take part in a parallel run.
+PARALLEL = ("OMPI_COMM_", "OMPI_UNIVERSE", "PMIX_", "PMI_", "ORTE_")
+
+
+def environment_of_one_rank(options: str = "") -> dict[str, str]:
+    """The environment of a run alone: one thread, no MPI variables, fixed hash seed (stable form cache).
+
+    `options` of PETSc come after those that the environment has.
+    """
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(PARALLEL)}
+    if options:
+        kept["PETSC_OPTIONS"] = f"{kept.get('PETSC_OPTIONS', '')} {options}".strip()
+    # A form's signature may depend on the order of a set: fixed, or forms would be compiled again.
+    return {**kept, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "0"}
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from ..scene import Scene
-    from .crowd import Crowd
 
 log = logging.getLogger("incipient")
 
@@ -58,7 +57,7 @@ class Means:
     def places(self, comm: MPI.Comm) -> int:
         """How many cases are computed at a time."""
         if comm.size > 1:
-            from .crowd import groups
+            from .executors import groups
 
             return groups(comm, self.ranks)
         return self.jobs or max(1, cores() // self.ranks)
@@ -151,15 +150,16 @@ def computed(
             stores = [_opened(prepared, file, means)]
     if comm.size > 1 and comm.bcast(any(case.task != "judge" for case in prepared.cases)):
         _start_petsc(comm)
-    if comm.rank:
-        from .crowd import serve
+    from .executors import workers_of
 
-        serve(comm, means.ranks)
-        return Progress(0, 0, places)
-    with stores[0] as store:
-        further = partial(_further, prepared, store, means)
-        crowd, foresight = _crowd(comm, means, places), Foresight()
-        progress = Sweep(prepared.cases, store, crowd, foresight.of, means.limits, watcher, further).run()
+    with workers_of(comm, places, means.ranks) as workers:
+        if workers is None:
+            return Progress(0, 0, places)
+        with stores[0] as store:
+            further, foresight = partial(_further, prepared, store, means), Foresight()
+            progress = Sweep(
+                prepared.cases, store, workers, foresight.of, means.limits, watcher, further
+            ).run()
     if prepared.refinement is not None:
         progress.refined = prepared.refinement.lines()
     return progress
@@ -200,9 +200,3 @@ def _put(store: Store, cases: Sequence[Case], keys: Sequence[str], means: Means)
     store.add(cases, keys)
     if means.retry:
         store.free_failed([case.identity for case in cases])
-
-
-def _crowd(comm: MPI.Comm, means: Means, places: int) -> Crowd:
-    from .crowd import Processes, Ranks
-
-    return Ranks(comm, means.ranks) if comm.size > 1 else Processes(places, means.ranks)

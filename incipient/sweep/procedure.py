@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from ..errors import Interrupted
 from .cases import Case
-from .crowd import Crowd
 from .expectation import Expected
 from .store import DONE, FAILED, WAITING, Outcome, Store
+
+if TYPE_CHECKING:
+    from .executors import Workers
 
 LOOK = 0.5  # seconds after which the state is looked at again, at the latest
 
@@ -61,7 +65,7 @@ class Progress:
 
 
 class Watcher:
-    """Is told of a sweep's progress; says nothing."""
+    """Observer of a sweep's progress; this one does nothing."""
 
     def look(self, progress: Progress) -> None:
         """Some time has passed."""
@@ -82,20 +86,21 @@ class Sweep:
         self,
         cases: Sequence[Case],
         store: Store,
-        crowd: Crowd,
+        workers: Workers,
         expect: Callable[[Sequence[Case]], Mapping[str, Expected]],
         limits: Limits = Limits(),
         watcher: Watcher | None = None,
         further: Callable[[], Sequence[Case]] = tuple,
     ):
-        self._store, self._crowd, self._limits = store, crowd, limits
+        self._store, self._workers, self._limits = store, workers, limits
         self._expect, self._watcher, self._further = expect, watcher or Watcher(), further
         self._expected: dict[str, Expected] = {}
         self._cases = {case.identity: case for case in cases}
         self._began = time.monotonic()
         self._compiled: set[str] = set()
         self._waiting: list[Case] = []
-        self._progress = Progress(len(self._cases), 0, crowd.places)
+        self._at_work: dict[Future[Outcome], Case] = {}
+        self._progress = Progress(len(self._cases), 0, workers.places)
 
     def run(self) -> Progress:
         """Compute what waits, and wait for what other sweeps compute.
@@ -116,7 +121,7 @@ class Sweep:
             try:
                 self._store.give_back()
             finally:
-                self._crowd.close(at_once)
+                self._workers.close(at_once)
         return self._progress
 
     def _is_at_work(self) -> bool:
@@ -134,12 +139,11 @@ class Sweep:
 
     def _go_on(self) -> None:
         """Give out what may begin, and take what has been finished."""
-        if self._waiting and self._crowd.idle():
+        if self._waiting and self._has_idle():
             self._give()
         if not self._progress.running and self._waiting and self._is_late():
             raise Interrupted(self._left("the time is up"))
-        for case, outcome in self._crowd.answers(LOOK):
-            self._take(case, outcome)
+        self._take()
         if time.monotonic() - self._began > self._limits.wall:
             raise Interrupted(self._left("the time is up"))
         if self._progress.elsewhere and not self._waiting:
@@ -161,7 +165,7 @@ class Sweep:
     def _give(self) -> None:
         """Give cases to all who are idle, as far as memory, compiled forms and time allow."""
         for case in list(self._waiting):
-            if not self._crowd.idle() or self._is_late():
+            if not self._has_idle() or self._is_late():
                 return
             if not self._may_begin(case):
                 continue
@@ -174,7 +178,7 @@ class Sweep:
                 self._finish(case, Outcome(reason=reason))
                 continue
             self._progress.running[case.identity] = case, time.monotonic()
-            self._crowd.give(case)
+            self._at_work[self._workers.submit(case)] = case
 
     def _may_begin(self, case: Case) -> bool:
         """Whether there is memory for it, and no other case compiles its forms or others it may share just now."""
@@ -202,9 +206,18 @@ class Sweep:
         left = self._limits.wall - (time.monotonic() - self._began)
         return left < (self._progress.mean or 0.0)
 
-    def _take(self, case: Case, outcome: Outcome) -> None:
-        del self._progress.running[case.identity]
-        self._finish(case, outcome)
+    def _has_idle(self) -> bool:
+        return len(self._at_work) < self._workers.places
+
+    def _take(self) -> None:
+        """Take what has been finished, waiting for it for a while."""
+        if not self._at_work:
+            time.sleep(LOOK)
+        for future in wait(self._at_work, LOOK, FIRST_COMPLETED).done:
+            case = self._at_work.pop(future)
+            outcome = self._workers.outcome(case, future)
+            del self._progress.running[case.identity]
+            self._finish(case, outcome)
 
     def _finish(self, case: Case, outcome: Outcome) -> None:
         self._store.finish(case.identity, outcome)

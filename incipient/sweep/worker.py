@@ -1,8 +1,8 @@
-"""A process, or ranks, that compute one case after the other: `python -m incipient.sweep.worker`.
+"""What a worker of a sweep does: `python -m incipient.sweep.worker`, or a group of ranks by `mpi4py.futures`.
 
-Orders come as lines of JSON on the standard input of the first rank, answers go to its standard output, after a line
-that says that it is there; what the libraries print goes to the standard error. The process ends when there are no more
-orders.
+The process computes one case after the other: orders come as lines of JSON on the standard input of the first rank,
+outcomes go to its standard output, after a line that says that it is there; what the libraries print goes to the
+standard error. It ends when there are no more orders.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import sys
 import time
 import traceback
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
@@ -29,8 +29,10 @@ from .store import Outcome
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-READY = "ready"
+READY = "ready\n"
 END_WITH_PARENT = 1  # PR_SET_PDEATHSIG of Linux
+# The group that this rank leads; mpi4py.futures hands no communicator to its tasks.
+_LED: list[MPI.Comm] = []
 
 
 def end_with_parent(parent: int | None = None) -> None:
@@ -42,6 +44,42 @@ def end_with_parent(parent: int | None = None) -> None:
         ctypes.CDLL(None).prctl(END_WITH_PARENT, signal.SIGKILL)
     if parent is not None and os.getppid() != parent:
         os._exit(1)
+
+
+@contextmanager
+def leading(group: MPI.Comm) -> Iterator[None]:
+    """Let this rank compute the cases ordered in the block with a group, whose other ranks `follow`. Collective.
+
+    Args:
+        group: with this rank as the first; the null communicator for a rank that computes none.
+    """
+    if not group:
+        yield
+        return
+    _LED.append(group)
+    try:
+        yield
+    finally:
+        _LED.remove(group)
+        group.bcast(None)
+
+
+def follow(group: MPI.Comm) -> None:
+    """Compute cases with the first rank of a group until it orders no more. Collective."""
+    while group and (order := group.bcast(None)) is not None:
+        task, text = order
+        computed(task, text, group)
+
+
+def computed_by_group(task: str, text: str) -> Outcome:
+    """Compute a case with the group that this rank leads; a defect on several ranks ends them all. Collective."""
+    (group,) = _LED
+    group.bcast((task, text))
+    try:
+        return computed(task, text, group)
+    except Exception:
+        traceback.print_exc()
+        group.Abort(1)
 
 
 def computed(task: str, text: str, comm: MPI.Comm) -> Outcome:
@@ -114,19 +152,8 @@ def _peak_memory() -> float:
     return peak_memory_mib()
 
 
-def _orders(comm: MPI.Comm) -> Iterator[dict[str, str]]:
-    """The orders, on all ranks. Collective."""
-    while True:
-        line = sys.stdin.readline() if comm.rank == 0 else ""
-        if comm.size > 1:
-            line = comm.bcast(line)
-        if not line.strip():
-            return
-        yield json.loads(line)
-
-
-def main() -> int:
-    """Compute what is ordered; the exit code."""
+def main() -> None:
+    """Compute what is ordered."""
     end_with_parent()
     start_alone_quickly()
     comm = ranks_there_are()
@@ -134,13 +161,13 @@ def main() -> int:
     os.dup2(2, 1)
     with os.fdopen(answers, "w") as stream:
         if comm.rank == 0:
-            print(READY, file=stream, flush=True)
-        for order in _orders(comm):
-            outcome = computed(order["task"], order["text"], comm)
+            print(READY, file=stream, end="", flush=True)
+        while line := comm.bcast(sys.stdin.readline() if comm.rank == 0 else ""):
+            task, text = json.loads(line)
+            outcome = computed(task, text, comm)
             if comm.rank == 0:
                 print(json.dumps(asdict(outcome)), file=stream, flush=True)
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

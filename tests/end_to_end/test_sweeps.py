@@ -96,6 +96,14 @@ def child(process: int) -> int:
     return one
 
 
+def ranks_of(mpirun: int) -> list[int]:
+    """The ranks under an `mpirun`, waited for."""
+    end = time.monotonic() + 30.0
+    while len(found := children(mpirun)) < 2 and time.monotonic() < end:
+        time.sleep(0.01)
+    return found
+
+
 def test_thresholds_in_one_table_and_nothing_computed_twice(tmp_path: Path, capfd: Any) -> None:
     """In Stokes flow the critical Shields number does not hang on the shear rate that the scene begins with."""
     text = COARSE.replace("reynolds = 4.0\n", "").replace("density = 2.65\n", "")
@@ -166,6 +174,21 @@ def test_a_killed_case_is_kept_with_its_reason_and_retried(tmp_path: Path, start
     assert cli.main([*again, "--retry"]) == 0
     assert "1 computed" in capfd.readouterr().out
     assert not rows(file, where="status != 'done' OR reason != ''")
+
+
+def test_a_killed_rank_takes_its_case_alone(tmp_path: Path, started: Any) -> None:
+    """Ranks of a case end together; those of the next one are started anew."""
+    scene, file = written(tmp_path, LONG), tmp_path / "sweep.sqlite"
+    order = ("--over", FRICTION.format(3), "--out", file, "--ranks", 2, "--jobs", 1)
+    process = started(1, "sweep", scene, "--do", "judge", *order)
+    wait_for(file, "status = 'done'")
+    mpirun = child(process.pid)
+    os.kill(ranks_of(mpirun)[0], signal.SIGKILL)
+    said, _ = process.communicate(timeout=60)
+    assert process.returncode == 4 and "2 computed, 1 failed" in said
+    ((reason,),) = rows(file, "reason", "status = 'failed'")
+    assert "its process ended with code 137" in reason  # of a program that signal 9 has ended
+    assert gone(mpirun)
 
 
 def test_failed_cases_keep_their_reason(tmp_path: Path) -> None:

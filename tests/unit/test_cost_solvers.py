@@ -19,7 +19,7 @@ from incipient.cost.command import chosen, told
 from incipient.cost.comparison import compared
 from incipient.cost.findings import findings
 from incipient.cost.ladder import QUICK, STEADY, Spread, ladder
-from incipient.cost.measurement import Measured, Variant, quicker, surroundings
+from incipient.cost.measurement import Measured, Variant, quicker
 from incipient.cost.records import completed, known_runs
 from incipient.errors import SceneError
 from incipient.pictures.cost import draw
@@ -96,8 +96,9 @@ def test_what_a_way_changes(monkeypatch: pytest.MonkeyPatch) -> None:
     ]
     assert Variant(2, 1.0, None, "chords").of(scene()) == Variant(2, 1.0).of(scene())
     monkeypatch.setenv("PETSC_OPTIONS", "-log_view")
-    assert surroundings(solvers.options("chords"))["PETSC_OPTIONS"] == "-log_view -fluid_ksp_type preonly"
-    assert surroundings()["PETSC_OPTIONS"] == "-log_view"
+    chords = process.environment_of_one_rank(solvers.options("chords"))
+    assert chords["PETSC_OPTIONS"] == "-log_view -fluid_ksp_type preonly"
+    assert process.environment_of_one_rank()["PETSC_OPTIONS"] == "-log_view"
 
 
 # -- on which variants -----------------------------------------------------------------------------------------
