@@ -21,6 +21,8 @@ from incipient.files import write_json
 ROOT = Path(__file__).resolve().parents[1]
 STUDIES, PAGE = ROOT / "results" / "cost", ROOT / "docs" / "cost.md"
 FIGURES = PAGE.parent / "figures"
+# Beginnings of parts of a study that are only in its own cost.md: all runs, the law, a summary of a table.
+LEFT_OUT = ("| run ", "error = C", "**1%")
 
 
 @dataclass(frozen=True)
@@ -122,8 +124,30 @@ def _section(scene: Scene) -> str:
     title, *parts = (source / "cost.md").read_text().split("\n\n")
     options = " ".join(("", *scene.options))
     made = f"`incipient cost demos/scenes/{scene.name}.toml{options}`. {scene.said}"
-    text = "\n\n".join([f"#{title}", made, *parts])
-    return text.replace("(cost.png)", f"(figures/{figure.name})")
+    text = "\n\n".join([f"#{title}", made, *filter(None, map(_brief, parts))])
+    return text.replace("(cost.png)", f"(figures/{figure.name})").rstrip() + "\n"
+
+
+def _brief(part: str) -> str:
+    """A paragraph or table of a study as this page has it, which explains once what every study explains."""
+    if part.startswith(LEFT_OUT):
+        return ""
+    if part.startswith("| accuracy "):
+        return _columns(part, (0, 1, 3))  # without wall times
+    if part.startswith("| way to solve "):
+        return _columns(part, (0, 1, 2, 3, 4))  # name, times, error, change
+    if part.startswith("The error is "):
+        return f"{part.partition('). ')[0]})."
+    if part.startswith("**Ways to solve**"):
+        first, *_, last = part.split(". ")
+        return f"{first}. {last}"
+    return part
+
+
+def _columns(table: str, kept: tuple[int, ...]) -> str:
+    """Some columns of a table."""
+    rows = (row.strip("| ").split(" | ") for row in table.splitlines())
+    return "\n".join(f"| {' | '.join(cells[k] for k in kept)} |" for cells in rows)
 
 
 def _head() -> str:
@@ -131,42 +155,64 @@ def _head() -> str:
     versions = ", ".join(f"{name} {version}" for name, version in machine.versions().items())
     return f"""# What accuracy costs in time
 
-Written by `make cost` (`benchmarks/accuracy_cost.py`); do not edit by hand. The same for any scene: `incipient cost
-SCENE`, which leaves this page for it, its picture, `cost.csv` and `cost.json`, and goes on where it was interrupted.
+`make cost` (`benchmarks/accuracy_cost.py`) writes this page. Do not edit it by hand. `incipient cost SCENE` makes the
+same study of any scene. It leaves a page with the table of all runs (`cost.md`), its picture, `cost.csv` and
+`cost.json`. An interrupted study resumes.
 
-On {about["processor"]}, {about["cores"]} cores, {about["memory_gib"]} GiB, {about["system"]}; {versions}.
+Machine: {about["processor"]}, {about["cores"]} cores, {about["memory_gib"]} GiB, {about["system"]}; {versions}.
 
-**How to read it.** A ladder of runs: orders of the velocity, cell sizes, time steps, ways to solve. A run is *on
-the front* if it is better, by a tenth at least, than all that take less processor time. The law,
-error = C (t - start)^-p, is fitted to the front in logarithms; *start* is the part of the time that no number of
-unknowns changes (libraries, mesh generator, compiled forms). An error in brackets cannot be told apart from that of
-the reference, and is not part of the law. Times beyond the runs are marked "about".
+## The tables
 
-**Ways to solve** differ in the algebra, the linearisation, the stabilisation or the scheme in time, on the same cells
-and steps. By default the usual ones are tried on the three coarsest variants of the middle order: for steady flow
-{_usual(solvers.USUAL_STEADY)},
-in time {_usual(solvers.USUAL_IN_TIME)}, as far as the scene does not do so anyway.
-Together they tell how error and time go with each other, and so the time a way would take for the error of the scene's
-own. One that takes less by a tenth, and less on each of them, is called cheaper; `incipient plan` then says so. What
-such studies recommend for all scenes becomes the default.
-`--solvers WAY ...` tries those given on all variants instead, `--solvers own` tries none. Words are joined by "+", such
-as `extrapolated+bdf1`:
+- **Runs.** A study is a ladder of runs: orders of the velocity, cell sizes, time steps, ways to solve. Each run is a
+  process of its own, without error bars. Its forms are compiled before. Runs of less than 5 s are made twice if ways
+  to solve are compared, and the quicker one counts. Times are of the whole process. Compare processor times: on a busy
+  machine wall times say little.
+- **Front.** A run is on the front if its error is smaller, by a tenth at least, than that of all runs that take less
+  processor time.
+- **Law.** error = C (t - start)^-p, with t in seconds of processor time, is fitted to the front in logarithms. *start*
+  is the part of the time that does not depend on the number of unknowns: libraries, mesh generator, compiled forms.
+  Runs whose error is no larger than that of the reference are not part of the law. "About" marks times beyond the
+  runs.
+- **Reference.** The finest run, extrapolated where possible. Couple means torque.
+
+## Ways to solve
+
+They differ in the algebra, the linearisation, the stabilisation or the time scheme, on the same cells and steps. By
+default the usual ones are tried on the three coarsest variants of the middle order, if the scene does not use them
+anyway:
+
+- steady flow: {_usual(solvers.USUAL_STEADY)};
+- flow in time: {_usual(solvers.USUAL_IN_TIME)}.
+
+`--solvers WAY ...` tries the given ones on all variants, `--solvers own` tries none. Words are joined by "+", such as
+`extrapolated+bdf1`:
 
 {_ways()}
 
-A way that is as accurate and quicker takes the place of the scene's own on the front, and so in the law. What
-`incipient plan` tells of a scene is by runs solved as the scene says.
+In the tables below time (without start) and error are relative to the scene's own way, as geometric means. *Time at
+equal errors* is the time that the way would take for the error of the scene's own. *Change* is the largest relative
+difference between the results of both. A way is *cheaper* if it takes less time at equal errors by a tenth, and less
+on every variant; `incipient plan` then says so. It also takes the place of the scene's own on the front. "-": the error
+cannot be told apart from that of the reference. What such studies recommend for all scenes becomes the default.
 
-**Before a run.** `incipient plan SCENE` tells time, memory and error by laws that a study fits to its runs: processor
-time t = start + fixed + n^p (a + c m) for n unknowns and m time steps, error E = C h^q + D dt^r for each order, cells h
-and steps dt. The laws of every study are kept as this machine's calibration
-(`$XDG_CACHE_HOME/incipient/calibration.json`). For a scene that was studied its own are taken, and times are right to a
-factor of {prediction.OWN:g}; for others the mean of those of its kind (steady, in time, with a grain that moves;
-with turbulence), to a
-factor of {prediction.FOREIGN:g}; `plan --study DIRECTORY` goes by the study there. Of error bars the dual solution
-counts as a run with its unknowns, a coarse run as one whose mesh is made. `incipient calibrate` studies small scenes of
-each kind in a minute or two; until then laws of another machine that come with the program serve, to a factor of
-{prediction.ELSEWHERE:g}.
+## Time and error before a run
+
+`incipient plan SCENE` predicts time, memory and error. A study fits two laws to its runs, for n unknowns, m time
+steps, cells h and steps dt:
+
+- processor time: t = start + fixed + n^p (a + c m);
+- error, for each order: E = C h^q + D dt^r.
+
+| laws | processor time right to a factor of |
+| :-- | --: |
+| of a study of the same scene | {prediction.OWN:g} |
+| the mean of studies of this kind (steady, in time, with a moving grain, turbulent) | {prediction.FOREIGN:g} |
+| of another machine, shipped with the program | {prediction.ELSEWHERE:g} |
+
+The laws of every study are kept as this machine's calibration (`$XDG_CACHE_HOME/incipient/calibration.json`).
+`plan --study DIRECTORY` takes the laws of one study. `incipient calibrate` studies small scenes of each kind in one or
+two minutes. The dual solution of the error bars counts as a run with its unknowns, a coarse run as one whose mesh is
+made. Laws are of runs solved as the scene says.
 """
 
 
