@@ -129,23 +129,26 @@ def _section(scene: Scene) -> str:
 
 
 def _brief(part: str) -> str:
-    """A paragraph or table of a study as this page has it, which explains once what every study explains."""
+    """Shortens a paragraph or table of a study: this page explains once what every study explains."""
     if part.startswith(LEFT_OUT):
         return ""
     if part.startswith("| accuracy "):
         return _columns(part, (0, 1, 3))  # without wall times
+    if part.startswith("| quantity "):
+        return _columns(part, (0, 3, 4, 5))  # without the constants of the laws
     if part.startswith("| way to solve "):
-        return _columns(part, (0, 1, 2, 3, 4))  # name, times, error, change
+        rows = (row.strip("| ").split(" | ") for row in part.splitlines()[2:])
+        return f"Time at equal errors: {', '.join(f'*{cells[0]}* {cells[1]}' for cells in rows)}."
     if part.startswith("The error is "):
         return f"{part.partition('). ')[0]})."
     if part.startswith("**Ways to solve**"):
         first, *_, last = part.split(". ")
-        return f"{first}. {last}"
+        return f"{first}. Cheaper: {last.partition(': ')[2] or 'none.'}"
     return part
 
 
 def _columns(table: str, kept: tuple[int, ...]) -> str:
-    """Some columns of a table."""
+    """Keeps some columns of a table."""
     rows = (row.strip("| ").split(" | ") for row in table.splitlines())
     return "\n".join(f"| {' | '.join(cells[k] for k in kept)} |" for cells in rows)
 
@@ -189,11 +192,10 @@ anyway:
 
 {_ways()}
 
-In the tables below time (without start) and error are relative to the scene's own way, as geometric means. *Time at
-equal errors* is the time that the way would take for the error of the scene's own. *Change* is the largest relative
-difference between the results of both. A way is *cheaper* if it takes less time at equal errors by a tenth, and less
-on every variant; `incipient plan` then says so. It also takes the place of the scene's own on the front. "-": the error
-cannot be told apart from that of the reference. What such studies recommend for all scenes becomes the default.
+*Time at equal errors* is the time (without start) that a way would take for the error of the scene's own way, relative
+to the time of that. A way is *cheaper* if it takes less by a tenth, and less on every variant; `incipient plan` then
+says so. It also takes the place of the scene's own on the front. What such studies recommend for all scenes becomes the
+default. Memory, corrections, factorisations and changes of the results stand in each study's `cost.md`.
 
 ## Time and error before a run
 
