@@ -12,25 +12,22 @@ PAGE = ROOT / "docs" / "performance.md"
 
 HEAD = """# Speed and accuracy
 
-Written by `make bench` from `benchmarks/results.json`; do not edit by hand. One part of it: `.venv/bin/python
-benchmarks/run.py --only cylinder` (also {names}); `--repeat N` measures N rounds; `--report` writes this page
-again without measuring.
+`make bench` writes this page from `benchmarks/results.json`. Do not edit it by hand. `.venv/bin/python
+benchmarks/run.py --only cylinder` makes one part (also {names}); `--repeat N` measures N rounds; `--report` writes this
+page again without measuring. What accuracy costs, scene by scene: [cost.md](cost.md).
 
-**How it is measured.** Whole processes, from start to exit, imports, meshing and written files included; forms
-compiled by a round of warm-up. One core (the process is bound to it; one thread). Programs that are compared run
-alternately, round by round, and what stands in the tables is the median of the rounds. *Wall* is the time on the
-clock, *processor* the user and system time of the process, *memory* its peak resident size. Where another process
-wanted the core, wall exceeds processor.
+**Method.** Whole processes are measured from start to exit: imports, meshing and written files included, forms compiled
+by a warm-up round. The process is bound to one core with one thread. Programs that are compared run alternately; tables
+have the median of the rounds. *Wall* is elapsed time, *processor* user and system time, *memory* peak resident size.
+Where another process used the core, wall exceeds processor.
 
-**On what.** {processor}, {cores} cores, {memory_gib} GiB, {system}; {versions}.
+**Machine.** {processor}, {cores} cores, {memory_gib} GiB, {system}; {versions}.
 {load}
 
-The other programs are small scripts of ours, in `benchmarks/programs/`, as a user who knows the library would write
-them: *plain dolfinx* assembles and factorises afresh in every Newton iteration; *NGSolve* (from PyPI, in an
-environment of its own) uses static condensation and the fastest direct solver to be had with it. They are not the
-best that can be done with those libraries. None of them estimates its error, so
-*incipient* is run without its error bars beside them, as the scene of the vortex street has it; on the grain on a bed
-it has them.
+**Other programs.** They are small scripts in `benchmarks/programs/`, as a user of the library would write them. *Plain
+dolfinx* assembles and factorises in every Newton iteration. *NGSolve* (from PyPI, in an environment of its own) uses
+static condensation and its fastest direct solver. They are not the best that these libraries can do. None of them
+estimates its error. So *incipient* runs without error bars beside them; the grain on a bed has error bars.
 """
 
 

@@ -54,6 +54,17 @@ def cheapest(rows: Iterable[Row], reaches: Callable[[Row], bool]) -> dict[str, R
     return best
 
 
+def efficient(rows: Iterable[Row], error: Callable[[Row], float], own: str) -> list[Row]:
+    """All runs of one's own program; of others those that no run of the same program beats in time and error."""
+    able = [row for row in rows if "error" not in row]
+    return [row for row in able if row["family"] == own or not any(_beats(one, row, error) for one in able)]
+
+
+def _beats(one: Row, row: Row, error: Callable[[Row], float]) -> bool:
+    same = one["family"] == row["family"]
+    return same and one["cpu"] < row["cpu"] and error(one) < error(row)
+
+
 def race(best: dict[str, Row], own: str, goal: str) -> str:
     """Who reaches the goal in what time, as a table with ratios to our own program."""
     if own not in best:

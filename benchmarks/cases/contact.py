@@ -38,19 +38,17 @@ def describe(data: dict[str, Any]) -> str:
         [
             WORK[name],
             f"{data['milliseconds'][name]:.2f}",
-            ", ".join(f"{one[name]:.2f}" for one in data["rounds"]),
             f"{data['rates'][name]:.0f}",
             f"{GOALS[name]}",
         ]
         for name in GOALS
     ]
-    heads = ["", "processor time each [ms]", "of each round", "a second", "goal"]
+    heads = ["", "processor time each [ms]", "a second", "goal"]
     return f"""{head}
 
-{data["cases"]} random grains on {data["contacts"]} contacts in space, one after the other in one process on
-one core; spheres, irregular grains and contacts anywhere alike (`tests/stability/random_contacts.py`). A motion
-includes the search for other motions that the laws allow, more than two fifths of its time, and the smallest contact
-forces of each.
+{data["cases"]} random grains on {data["contacts"]} contacts in space, one after the other on one core: spheres,
+irregular grains and contacts anywhere (`tests/stability/random_contacts.py`). A motion includes the search for other
+motions that the laws allow, more than two fifths of its time, and the smallest contact forces of each.
 
 {table(heads, rows)}
 """

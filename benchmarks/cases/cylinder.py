@@ -7,7 +7,7 @@ from typing import Any
 import callers
 from measure import Session
 from references import CYLINDER, errors
-from tables import Row, cheapest, expense, failures, race, small, table
+from tables import Row, cheapest, efficient, expense, failures, race, small, table
 
 TARGET = {"drag": 1e-6, "lift": 1e-3}
 SIZES = {2: (1.0, 0.5, 0.35), 3: (1.5, 1.0, 0.5), 4: (2.0, 1.5, 1.0, 0.75, 0.5)}
@@ -51,6 +51,11 @@ def reaches(row: Row) -> bool:
     return all(row["errors"][name] <= most for name, most in TARGET.items())
 
 
+def worst(row: Row) -> float:
+    """Largest error, relative to the target."""
+    return max(row["errors"][name] / most for name, most in TARGET.items())
+
+
 def describe(data: dict[str, Any]) -> str:
     """The section of the page."""
     rows = data["rows"]
@@ -65,13 +70,13 @@ def describe(data: dict[str, Any]) -> str:
     ]
     cells = [
         [f"{r['family']}: {r['name']}", str(r["unknowns"]), *map(small, r["errors"].values()), *expense(r)]
-        for r in rows
-        if "error" not in r
+        for r in efficient(rows, worst, callers.INCIPIENT)
     ]
     return f"""## Cylinder in a channel, Re = 20 (DFG 2D-1)
 
 Relative errors of the coefficients against C_D = {CYLINDER["drag"]}, C_L = {CYLINDER["lift"]}
-(Schäfer & Turek 1996, digits of Nabh 1998). All programs read the force off the residual.
+(Schäfer & Turek 1996, digits of Nabh 1998). All programs compute the force from the residual. Runs of other
+programs that another of the same program beats in time and error are left out.
 
 {table(heads, cells)}
 

@@ -50,9 +50,8 @@ def describe(data: dict[str, Any]) -> str:
     return f"""## A free body
 
 The first 60 steps of the pebble in the pothole (`demos/scenes/{SCENE}.toml`), by the stages of `cost.wall_time` in
-result.json (seconds of the last round). *Interface*: the body's equation of motion, and the flow's answer to its
-three motions; *mesh motion*: the mesh follows. *Flow* and *tractions* a grain at rest has as well. Remeshing, which
-this run does not need, would come on top:
+result.json (seconds of the last round). *Interface*: the body's equation of motion, and the derivative of the flow by
+its three motions. A grain at rest has *flow* and *tractions* as well. This run does not remesh:
 
 {table(heads, rows)}"""
 

@@ -69,15 +69,15 @@ def describe(data: dict[str, Any]) -> str:
 
 {table(["", "wall [s]", "processor [s]", "memory [MiB]"], runs)}
 
-Force and couple on the grain (scene units) with the order and the mesh; the error is the largest difference from the
-finest in force or couple, over the force:
+Force and couple (torque) on the grain in scene units. The error is the largest difference from the finest mesh in force
+or couple, over the force:
 
 {table(["", "unknowns", "F_x", "F_y", "couple", "error"], refined)}
 
-The gap that stands for contact closes (P3-P2, mesh_size = 0.5; gap in grain sizes). The last line continues the two
-smallest gaps linearly to contact:
+Smaller gaps (P3-P2, mesh_size = 0.5; gap in grain sizes). The last line extrapolates the two smallest gaps linearly to
+contact:
 
-{table(["gap", "cells across", "F_x", "F_y", "couple"], [*gaps, ["0 (continued)", "", *limit]])}
+{table(["gap", "cells across", "F_x", "F_y", "couple"], [*gaps, ["0 (extrapolated)", "", *limit]])}
 
 {_verdict_on_gap(data["gaps"])}"""
 
