@@ -19,7 +19,8 @@ from ..installed import required
 from ..meshes import BoxGrid, Grid, Region, Sizes, SolidGrid, SolidRegion
 from ..scene import Scene
 
-MANY_CELLS = 50_000  # expected, from which it is said that a mesh takes long
+# Cells expected, by dimension, from which it is said that mesh and flow take long.
+MANY_CELLS = {2: 20_000, 3: 50_000}
 STEEP = (
     2.5  # slope of a bed in space: one of 1.9 is meshed in seconds, of one of 5.7 triangles cross for minutes
 )
@@ -91,8 +92,8 @@ class Layout:
                 f"--set numerics.max_cells={_round_up(expected)}"
             )
         log = logging.getLogger("incipient")
-        if expected > MANY_CELLS:
-            words = "a mesh of about %.2g cells is made, most for the %s: it takes minutes, and the flow on it more"
+        if expected > MANY_CELLS[3 if isinstance(self.shape, SolidRegion | SolidGrid | BoxGrid) else 2]:
+            words = "a mesh of about %.2g cells is made, most for the %s: mesh and flow take minutes"
             log.info(words, expected, most)
         bed = self.shape.bed if isinstance(self.shape, SolidRegion) else None
         if isinstance(bed, Smooth) and bed.steepest > STEEP:
