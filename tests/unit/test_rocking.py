@@ -17,6 +17,8 @@ from incipient.contact import Load
 from incipient.contact.equilibrium import SafetyStatus, safety_factor
 from incipient.contact.rocking import Rocking, follow
 from incipient.contact.verdict import judge
+from incipient.effects.effect import Solved
+from incipient.effects.moving_grain import FreeBodyEffect
 from incipient.evaluation.contact_verdict import (
     ROCKS,
     bar_with_rocking,
@@ -37,6 +39,7 @@ from incipient.geometry import (
     Sinusoidal,
     settle,
 )
+from incipient.planning.effects import Decision, EffectName
 from incipient.results.safetybar import SafetyBar
 from incipient.scene import Scene, loads
 
@@ -244,3 +247,21 @@ def test_what_leaves_its_pocket_begins_to_move() -> None:
     weak = followed_in(scene, load)
     assert weak is not None
     assert 20.0 * rocking.critical == pytest.approx(weak.critical, rel=1e-4)
+
+
+def test_times_and_histories_of_a_grain_that_rocks_are_those_of_its_first_pose() -> None:
+    """What is said of a grain held in time that would move: whether it leaves its pocket, and how that was judged."""
+    at = Decision(EffectName.FREE_BODY, False, "")
+
+    def said(**verdict: object) -> list[str]:
+        return [one.how for one in FreeBodyEffect().left_out(Solved(None, None, None, verdict), at)]  # type: ignore[arg-type]
+
+    assert said(first_motion=None, rocking=None) == []
+    assert said(first_motion=0.1, rocking=None) == ["the grain moves from t = 0.1 on, but was held"]
+    pose = "; this time and the history are judged in the first pose"
+    assert said(first_motion=0.1, rocking={"leaves": False}) == [
+        f"the grain rocks from t = 0.1 on, but was held{pose}"
+    ]
+    assert said(first_motion=0.1, rocking={"leaves": True}) == [
+        f"the grain moves from t = 0.1 on, but was held{pose}"
+    ]

@@ -48,6 +48,12 @@ class FreeBodyEffect(Effect):
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
         """A grain that is held in time though it would have begun to move."""
-        since = None if solved.verdict is None else solved.verdict.get("first_motion")
-        if since is not None:
-            yield Omission(self.name, None, f"the grain moves from t = {since:.4g} on, but was held", False)
+        verdict = solved.verdict or {}
+        since, rocking = verdict.get("first_motion"), verdict.get("rocking")
+        if since is None:
+            return
+        does = "moves" if rocking is None or rocking["leaves"] else "rocks"
+        pose = "" if rocking is None else "; this time and the history are judged in the first pose"
+        yield Omission(
+            self.name, None, f"the grain {does} from t = {since:.4g} on, but was held{pose}", False
+        )
