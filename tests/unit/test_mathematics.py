@@ -6,10 +6,6 @@ import importlib.util
 from pathlib import Path
 from xml.etree import ElementTree
 
-import pytest
-
-pytest.importorskip("latex2mathml", reason="comes with the packages of `make docs`")
-
 PLACE = Path(__file__).parents[2] / "docs" / "mathematics.py"
 SPEC = importlib.util.spec_from_file_location("mathematics", PLACE)
 assert SPEC is not None and SPEC.loader is not None
