@@ -50,5 +50,5 @@ def _head(results: dict[str, Any]) -> str:
 
 
 def _shortcomings(measured: dict[str, Any]) -> str:
-    items = goals.shortcomings(measured) or ["Nothing of what is measured here."]
-    return "## What falls short\n\n" + "\n".join(f"- {item}" for item in items)
+    items = goals.shortcomings(measured) or ["Nothing else."]
+    return "## Shortcomings beside missed goals\n\n" + "\n".join(f"- {item}" for item in items)

@@ -139,7 +139,7 @@ lift, over which its amplitude changes by {row["growth"]:.1e}).
 
 {table(["", *NAMES.values(), "wall [s]", "processor [s]"], [published, *cells])}
 
-{_beside([row, *refined, *others])}
+{_beside([row, *others])}
 
 {_remark([r for r in refined if "error" not in r])}
 
@@ -154,9 +154,9 @@ def _beside(rows: list[Row]) -> str:
     ]
     heads = ["program", "unknowns", *NAMES.values(), "wall [s]", "processor [s]", "memory [MiB]"]
     limits = ", ".join(f"{NAMES[key]} = {value:g}" for key, value in LIMIT.items())
-    return f"""Beside other programs: relative differences from {limits}, to which cells and steps of the program's
-own go. *Splitting* solves the components of the velocity, the pressure and a projection one after another; *explicit
-convection* is of first order in time and needs short steps, but one factorisation for all of them.
+    return f"""Other programs: relative differences from {limits}, the limit of incipient's cells and steps. *Splitting*
+solves the components of the velocity, the pressure and a projection one after another; *explicit convection* is of
+first order in time and needs short steps, but one factorisation for all of them.
 
 {table(heads, cells)}
 
@@ -175,10 +175,10 @@ def _errors(found: dict[str, float]) -> list[str]:
 def _remark(refined: list[Row]) -> str:
     """What the finest run says about the interval of the lift."""
     if not refined or refined[-1]["found"]["lift"] >= VORTEX_STREET["lift"][0]:
-        return "The last line is the most accurate."
+        return "The last line of the first table is the most accurate."
     return (
-        "The last line is the most accurate: as cells and steps shrink, C_L,max goes to a value a little below the "
-        "interval of 1996."
+        "The last line of the first table is the most accurate: as cells and steps shrink, C_L,max goes to a value a "
+        "little below the interval of 1996."
     )
 
 
