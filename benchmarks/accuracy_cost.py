@@ -143,7 +143,8 @@ def _brief(part: str) -> str:
         return f"{part.partition('). ')[0]})."
     if part.startswith("**Ways to solve**"):
         first, *_, last = part.split(". ")
-        return f"{first}. Cheaper: {last.partition(': ')[2] or 'none.'}"
+        own = first.replace("**Ways to solve**", "Solver options")
+        return f"{own}. Cheaper: {last.partition(': ')[2] or 'none.'}"
     return part
 
 
@@ -166,44 +167,34 @@ Machine: {about["processor"]}, {about["cores"]} cores, {about["memory_gib"]} GiB
 
 ## The tables
 
-- **Runs.** A study is a ladder of runs: orders of the velocity, cell sizes, time steps, ways to solve. Each run is a
-  process of its own, without error bars. Its forms are compiled before. Runs of less than 5 s are made twice if ways
-  to solve are compared, and the quicker one counts. Times are of the whole process. Compare processor times: on a busy
-  machine wall times say little.
-- **Front.** A run is on the front if its error is smaller, by a tenth at least, than that of all runs that take less
-  processor time.
-- **Law.** error = C (t - start)^-p, with t in seconds of processor time, is fitted to the front in logarithms. *start*
-  is the part of the time that does not depend on the number of unknowns: libraries, mesh generator, compiled forms.
-  Runs whose error is no larger than that of the reference are not part of the law. "About" marks times beyond the
-  runs.
+- **Runs.** A study is a ladder of runs: orders of the velocity, cell sizes, time steps, solver options. Each run is a
+  process of its own, without error bars, with forms compiled before. Runs of less than 5 s are made twice if solver
+  options are compared; the quicker one counts. Compare processor times: on a busy machine wall times say little.
+- **Front.** The runs whose error is smaller, by a tenth at least, than that of all that take less processor time.
+- **Law.** \\(E = C (t - t_0)^{{-p}}\\), with t in seconds of processor time, is fitted to the front in logarithms. The
+  start \\(t_0\\) does not depend on the number of unknowns: libraries, mesh generator, compiled forms. "About"
+  marks times beyond the runs.
 - **Reference.** The finest run, extrapolated where possible. Couple means torque.
 
-## Ways to solve
+## Solver options
 
-They differ in the algebra, the linearisation, the stabilisation or the time scheme, on the same cells and steps. By
+They change the algebra, the linearisation, the stabilisation or the time scheme, on the same cells and steps. By
 default the usual ones are tried on the three coarsest variants of the middle order, if the scene does not use them
-anyway:
-
-- steady flow: {_usual(solvers.USUAL_STEADY)};
-- flow in time: {_usual(solvers.USUAL_IN_TIME)}.
-
-`--solvers WAY ...` tries the given ones on all variants, `--solvers own` tries none. Words are joined by "+", such as
-`extrapolated+bdf1`:
+anyway: for steady flow {_usual(solvers.USUAL_STEADY)}; for flow
+in time {_usual(solvers.USUAL_IN_TIME)}. `--solvers WAY ...` tries the given ones on
+all variants, `--solvers own` tries none. Words are joined by "+", such as `extrapolated+bdf1`:
 
 {_ways()}
 
-*Time at equal errors* is the time (without start) that a way would take for the error of the scene's own way, relative
-to the time of that. A way is *cheaper* if it takes less by a tenth, and less on every variant; `incipient plan` then
-says so. It also takes the place of the scene's own on the front. What such studies recommend for all scenes becomes the
-default. Memory, corrections, factorisations and changes of the results stand in each study's `cost.md`.
+*Time at equal errors* is the time (without start) for the error of the scene's own options, relative to the time of
+those. An option is *cheaper* if it takes less by a tenth, and less on every variant; `incipient plan` then says so. It
+also replaces the scene's own on the front. What such studies recommend for all scenes becomes the default.
 
 ## Time and error before a run
 
 `incipient plan SCENE` predicts time, memory and error. A study fits two laws to its runs, for n unknowns, m time
-steps, cells h and steps dt:
-
-- processor time: t = start + fixed + n^p (a + c m);
-- error, for each order: E = C h^q + D dt^r.
+steps and cells h:
+\\(t = t_0 + f + n^p (a + c m)\\) for the processor time, \\(E = C h^q + D \\Delta t^r\\) for the error of each order.
 
 | laws | processor time right to a factor of |
 | :-- | --: |
@@ -225,7 +216,7 @@ def _usual(words: tuple[str, ...]) -> str:
 def _ways() -> str:
     """The words for ways to solve, one a row."""
     rows = [f"| {word} | {solver.said} |" for word, solver in solvers.WORDS.items()]
-    return "\n".join(["| word | way to solve |", "| :-- | :-- |", *rows])
+    return "\n".join(["| word | solver option |", "| :-- | :-- |", *rows])
 
 
 if __name__ == "__main__":
