@@ -136,14 +136,14 @@ def _brief(part: str) -> str:
         return _columns(part, (0, 1, 3))  # without wall times
     if part.startswith("| quantity "):
         return _columns(part, (0, 3, 4, 5))  # without the constants of the laws
-    if part.startswith("| way to solve "):
+    if part.startswith("| solver option "):
         rows = (row.strip("| ").split(" | ") for row in part.splitlines()[2:])
         return f"Time at equal errors: {', '.join(f'*{cells[0]}* {cells[1]}' for cells in rows)}."
     if part.startswith("The error is "):
         return f"{part.partition('). ')[0]})."
-    if part.startswith("**Ways to solve**"):
+    if part.startswith("**Solver options**"):
         first, *_, last = part.split(". ")
-        own = first.replace("**Ways to solve**", "Solver options")
+        own = first.replace("**Solver options**", "Solver options")
         return f"{own}. Cheaper: {last.partition(': ')[2] or 'none.'}"
     return part
 
@@ -214,7 +214,7 @@ def _usual(words: tuple[str, ...]) -> str:
 
 
 def _ways() -> str:
-    """The words for ways to solve, one a row."""
+    """The words for solver options, one a row."""
     rows = [f"| {word} | {solver.said} |" for word, solver in solvers.WORDS.items()]
     return "\n".join(["| word | solver option |", "| :-- | :-- |", *rows])
 

@@ -185,7 +185,7 @@ def _options_of_cost(parser: argparse.ArgumentParser) -> None:
         "--solvers",
         nargs="+",
         metavar="WAY",
-        help="ways to solve on all meshes, such as extrapolated+bdf1; own: none but the scene's (default: some, on "
+        help="solver options on all meshes, such as extrapolated+bdf1; own: none but the scene's (default: some, on "
         "three coarse meshes)",
     )
 
@@ -298,7 +298,7 @@ def _cost(options: argparse.Namespace, comm: MPI.Comm) -> int:
     spread = cost_command.chosen(scene, options.quick, **lists)
     with locked(directory, comm, make=True):
         found = cost_command.study(scene, directory, spread, logging.getLogger("incipient").info)
-    print(cost_command.told(found, directory), flush=True)
+    print(cost_command.summary(found, directory), flush=True)
     tell_of_pictures(directory, True, comm)
     return 0
 

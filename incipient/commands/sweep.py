@@ -14,7 +14,7 @@ from .options import named, overrides
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from ..sweep.procedure import Progress
+    from ..sweep.procedure import SweepProgress
     from ..sweep.request import Request
 
 WIDE = 160  # columns of a table that goes to a file
@@ -139,7 +139,7 @@ def sweep(options: argparse.Namespace, comm: MPI.Comm) -> int:
 def _request(options: argparse.Namespace) -> Request:
     from ..sweep.axes import parsed
     from ..sweep.cases import Source
-    from ..sweep.request import Refined, requested
+    from ..sweep.request import RefinementOptions, requested
 
     return requested(
         [Source.of(path) for path in options.scenes],
@@ -148,11 +148,11 @@ def _request(options: argparse.Namespace) -> Request:
         options.cases,
         options.do,
         options.overrides,
-        Refined(options.refine, options.most, options.quantity),
+        RefinementOptions(options.refine, options.most, options.quantity),
     )
 
 
-def _tell(progress: Progress, file: Path) -> None:
+def _tell(progress: SweepProgress, file: Path) -> None:
     failed = f", {progress.failed} failed (again with --retry)" if progress.failed else ""
     print(
         f"cases               {progress.total}: {progress.done} computed{failed}, {progress.known} known before"

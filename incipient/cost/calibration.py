@@ -1,4 +1,4 @@
-"""What studies have found: laws of time and error, and ways to solve that are cheaper, scene by scene.
+"""What studies have found: laws of time and error, and solver options that are cheaper, scene by scene.
 
 `incipient cost` adds to this machine's calibration, in the user's cache directory; `incipient calibrate` makes one from
 small built-in scenes. One made elsewhere, `shipped.json`, serves where there is none.
@@ -35,7 +35,7 @@ class Findings:
 
     time:    law of processor time; memory: measured over that of `meshing.memory`
     errors:  laws by goal and order of the velocity
-    cheaper: ways to solve that take less time at the same error, with the share of the time of the scene's own way
+    cheaper: solver options that take less time at the same error, with the share of the time of the scene's own
     """
 
     title: str
@@ -143,13 +143,13 @@ def _stored() -> dict[str, Any]:
 
 def digest(scene: Scene) -> str:
     """What runs of one scene share: all of it but how finely it is computed and what is written."""
-    told = scene.model_dump(mode="json", exclude={"title", "numerics", "output"})
+    content = scene.model_dump(mode="json", exclude={"title", "numerics", "output"})
     # A scene in the plane says nothing of these, and is what it was before there were others.
-    told["domain"] = {key: value for key, value in told["domain"].items() if value is not None}
+    content["domain"] = {key: value for key, value in content["domain"].items() if value is not None}
     if scene.time is not None:
-        told["time"] = {key: told["time"][key] for key in ("end", "scheme", "start")}
-    told["numerics"] = {"convection": scene.numerics.convection, "form": scene.numerics.form}
-    text = json.dumps(told, sort_keys=True)
+        content["time"] = {key: content["time"][key] for key in ("end", "scheme", "start")}
+    content["numerics"] = {"convection": scene.numerics.convection, "form": scene.numerics.form}
+    text = json.dumps(content, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import ConvergenceError, MissingError, SceneError
 from ..files import plain, reported
-from . import calibration
-from . import page as cost_page
+from . import calibration, markdown
 from .comparison import Compared
 from .findings import findings
 from .frontier import percent
@@ -39,13 +38,13 @@ def study(scene: Scene, directory: Path, wanted: Spread, say: Say) -> Study:
     """
     runs = ladder(scene, wanted)
     found = run_ladder(scene, runs, directory, quicker if runs.compared else measure, say)
-    cost_page.write(found, directory)
+    markdown.write(found, directory)
     calibration.add(findings(found))
     return found
 
 
 def chosen(scene: Scene, quick: bool, **lists: Sequence[Any] | None) -> Spread:
-    """The usual ladder of a scene with the orders, sizes, steps and ways to solve that were asked for.
+    """The usual ladder of a scene with the orders, sizes, steps and solver options that were asked for.
 
     Raises:
         SceneError: a list is of no use.
@@ -59,28 +58,28 @@ def chosen(scene: Scene, quick: bool, **lists: Sequence[Any] | None) -> Spread:
     return Spread(**{**vars(usual), **given})
 
 
-def told(found: Study, directory: Path) -> str:
+def summary(found: Study, directory: Path) -> str:
     """The study in a few lines for a reader."""
     lines = [f"{'accuracy':<20}{found.words()}"]
-    lines += [_told_of_solver(one) for one in found.solvers()]
+    lines += [_of_solver(one) for one in found.solvers()]
     lines += [f"{'failed':<20}{run.variant.name}: {run.failed}" for run in found.failed]
     lines.append(f"{'numbers':<20}{directory}/: cost.md, cost.csv, cost.json")
     return "\n".join(lines)
 
 
-def _told_of_solver(one: Compared) -> str:
-    error = "no other error can be told" if one.error is None else f"error x {one.error:.2g}"
+def _of_solver(one: Compared) -> str:
+    error = "no other error is known" if one.error is None else f"error x {one.error:.2g}"
     at_error = "" if one.time_at_error is None else f", time at equal errors x {one.time_at_error:.2g}"
-    better = ": cheaper than the scene's own way" if one.cheaper else ""
+    better = ": cheaper than the scene's own" if one.cheaper else ""
     change = f"change {percent(one.change)}"
     return f"{'solver':<20}{one.solver}: time x {one.time:.2g}, {error}, {change}{at_error}{better}"
 
 
 @dataclass(frozen=True)
 class PredictedPlan:
-    """A plan, what the run will come to or in words why that is not known, and ways to solve that are cheaper.
+    """A plan, what the run will come to or in words why that is not known, and solver options that are cheaper.
 
-    price: of error bars, in words; empty where it is not told
+    price: of error bars, in words; empty where it is not known
     """
 
     plan: Plan
@@ -108,7 +107,7 @@ class PredictedPlan:
 def predicted_plan(scene: Scene, directory: Path | None = None) -> PredictedPlan:
     """The plan with what the run needs and will come to, by making its mesh, the first one if there are several.
 
-    Without gmsh the plan is told all the same, with the reason for the rest.
+    Without gmsh there is a plan all the same, with the reason why the rest is not known.
 
     Args:
         directory: of a study to go by; None: by what this machine's calibration knows.
@@ -127,8 +126,8 @@ def predicted_plan(scene: Scene, directory: Path | None = None) -> PredictedPlan
     try:
         estimated = estimate(scene).estimate if scene.numerics.accuracy is None else first_mesh(scene)
         assert estimated is not None
-        told = UNKNOWN if known is None else predict(known, estimated)
-        return PredictedPlan(plan.with_estimate(estimated), told, cheaper, price_of_bars(scene))
+        expected = UNKNOWN if known is None else predict(known, estimated)
+        return PredictedPlan(plan.with_estimate(estimated), expected, cheaper, price_of_bars(scene))
     except MissingError as error:
         unknown = f"  cells, unknowns, memory and time are not known: {error}"
         return PredictedPlan(plan, unknown, cheaper, price_of_bars(scene))

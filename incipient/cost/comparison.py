@@ -1,4 +1,4 @@
-"""Ways to solve beside the scene's own, on the same variants: what they change in error, time and memory."""
+"""Solver options beside the scene's own, on the same variants: what they change in error, time and memory."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ import numpy as np
 from .frontier import FLATTEST, LEAST_SPAN, WORTH
 
 if TYPE_CHECKING:
-    from .measurement import Judged
-    from .quantities import Goal
+    from .measurement import JudgedRun
+    from .quantities import ErrorNorm
 
 FEWEST_SECONDS = 0.01  # of processor time beyond the start: what the clock resolves
 
 
 @dataclass(frozen=True)
 class Compared:
-    """A way to solve relative to the scene's own: geometric means over the variants that both were run on.
+    """A solver option relative to the scene's own: geometric means over the variants that both were run on.
 
-    variants:    their names, without the way to solve
+    variants:    their names, without the solver option
     change:   largest relative difference between the leading numbers of both
     error:    relative to the own one's; None where neither can be told apart from the reference's
     time:     processor time beyond starting the program
@@ -50,8 +50,10 @@ class Compared:
         return self.time_at_error is not None and self.steadily and self.time_at_error < 1.0 / WORTH
 
 
-def compared(judged: Sequence[Judged], front: Sequence[int], goals: Sequence[Goal]) -> tuple[Compared, ...]:
-    """The ways to solve that a study's runs have tried, the quickest first."""
+def compared(
+    judged: Sequence[JudgedRun], front: Sequence[int], goals: Sequence[ErrorNorm]
+) -> tuple[Compared, ...]:
+    """The solver options that a study's runs have tried, the quickest first."""
     leading = [goal for goal in goals if goal.leading]
     own = {_plain(one): one for one in judged if not one.run.variant.solver}
     found = []
@@ -67,16 +69,16 @@ def compared(judged: Sequence[Judged], front: Sequence[int], goals: Sequence[Goa
     return tuple(sorted(found, key=lambda one: one.time))
 
 
-def _plain(one: Judged) -> tuple[str, ...]:
-    """What tells variants apart whatever the way to solve."""
+def _plain(one: JudgedRun) -> tuple[str, ...]:
+    """What tells variants apart whatever the solver option."""
     return tuple(map(str, one.run.variant.key[:-1]))
 
 
 def _compared(
-    solver: str, pairs: Sequence[tuple[Judged, Judged]], on_front: int, leading: Sequence[Goal]
+    solver: str, pairs: Sequence[tuple[JudgedRun, JudgedRun]], on_front: int, leading: Sequence[ErrorNorm]
 ) -> Compared:
     def mean(
-        number: Callable[[Judged], float], among: Iterable[tuple[Judged, Judged]] = pairs
+        number: Callable[[JudgedRun], float], among: Iterable[tuple[JudgedRun, JudgedRun]] = pairs
     ) -> float | None:
         """The mean ratio of a number of both."""
         return _mean([(number(one), number(own)) for one, own in among])
@@ -98,13 +100,13 @@ def _compared(
     )
 
 
-def _time(one: Judged) -> float:
+def _time(one: JudgedRun) -> float:
     """Processor time beyond starting the program [s]."""
     return max(one.run.cpu - one.run.start, FEWEST_SECONDS)
 
 
-def _at_equal_errors(pairs: Sequence[tuple[Judged, Judged]]) -> list[float]:
-    """Ratios of times variant by variant, had both ways the same error; none where that cannot be told.
+def _at_equal_errors(pairs: Sequence[tuple[JudgedRun, JudgedRun]]) -> list[float]:
+    """Ratios of times variant by variant, had both ways the same error; none where that is not known.
 
     The time for an error goes like error^-slope, with the slope of a line through the variants of one order and way,
     the same for all of them. Without one, the errors themselves must be alike.

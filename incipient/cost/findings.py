@@ -1,4 +1,4 @@
-"""What a study has found, for predictions: the laws of its scene, and ways to solve that are cheaper."""
+"""What a study has found, for predictions: the laws of its scene, and solver options that are cheaper."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..planning import meshing
 from . import calibration
 from .calibration import Calibration, Findings
 from .laws import ErrorLaw, fitted_errors, fitted_time
-from .measurement import Measured
+from .measurement import MeasuredRun
 from .study import Study
 
 
@@ -40,7 +40,7 @@ def findings(study: Study) -> Calibration:
     return {calibration.digest(scene): found}
 
 
-def _memory(run: Measured) -> float:
+def _memory(run: MeasuredRun) -> float:
     """Measured over expected memory."""
     return run.peak_mib / meshing.memory(run.unknowns)
 

@@ -11,7 +11,7 @@ import numpy as np
 TOLD_APART = 3.0  # factor between the bounds of an error, by the reference's own, above which it says nothing
 ORDERS = (2.0, 8.0)  # between which an observed order of convergence is believed
 UNKNOWN_SHARE = 0.25  # of the smallest difference: the reference's error where nothing tells it
-FIRST_DIGIT, LAST_DIGIT = 2, 8  # accuracies told of: 1%, 0.1% and so on, at the least two
+FIRST_DIGIT, LAST_DIGIT = 2, 8  # accuracies with a price: 1%, 0.1% and so on, at the least two
 LEAST_GAIN = 1.02  # a time must exceed the start by so much to enter a law
 FLATTEST, STEEPEST = 0.25, 20.0  # powers that a fit believes
 WORTH = 1.1  # by what a dearer run must be better to be on the front
@@ -79,7 +79,7 @@ def front(costs: Sequence[float], errors: Sequence[float], gain: float = 1.0) ->
 
 
 @dataclass(frozen=True)
-class Law:
+class CostLaw:
     """Time for an error: start + (constant/error)^(1/power); the error falls with the time beyond the start.
 
     scatter: the factor by which errors typically lie beside the law
@@ -110,7 +110,7 @@ def overhead(times: Sequence[float], unknowns: Sequence[float], solves: Sequence
     return float(found[0])
 
 
-def fitted(costs: Sequence[float], errors: Sequence[float], start: float) -> Law | None:
+def fitted(costs: Sequence[float], errors: Sequence[float], start: float) -> CostLaw | None:
     """error = constant (cost - start)^-power by least squares in the logarithms; None if too little tells it."""
     usable = [
         (t - start, e) for t, e in zip(costs, errors, strict=True) if t > LEAST_GAIN * start and e > 0.0
@@ -124,15 +124,17 @@ def fitted(costs: Sequence[float], errors: Sequence[float], start: float) -> Law
     if not FLATTEST <= -slope <= STEEPEST:
         return None
     scatter = math.exp(float(np.sqrt(np.mean((y - level - slope * x) ** 2))))
-    return Law(math.exp(level), float(-slope), start, scatter)
+    return CostLaw(math.exp(level), float(-slope), start, scatter)
 
 
-def words(law: Law, errors: Sequence[float], costs: Sequence[float]) -> str:
+def words(law: CostLaw, errors: Sequence[float], costs: Sequence[float]) -> str:
     """Such as "1%: 1.4 s, 0.1%: 2 s, 0.01%: about 6 s; each further digit x 2.1, beyond the 1.1 s of starting"."""
-    told: dict[str, list[str]] = {}
+    priced: dict[str, list[str]] = {}
     for error in accuracies(min(errors)):
-        told.setdefault(cost(law, error, errors, costs), []).append(percent(error))
-    prices = [f"{' to '.join(dict.fromkeys((names[0], names[-1])))}: {time}" for time, names in told.items()]
+        priced.setdefault(cost(law, error, errors, costs), []).append(percent(error))
+    prices = [
+        f"{' to '.join(dict.fromkeys((names[0], names[-1])))}: {time}" for time, names in priced.items()
+    ]
     digit = f"each further digit x {law.digit:.2g}"
     return f"{', '.join(prices)}; {digit}" + (
         f", beyond the {law.start:.2g} s of starting" if law.start else ""
@@ -146,7 +148,7 @@ def accuracies(best: float) -> list[float]:
     return [10.0**-digit for digit in range(FIRST_DIGIT, max(last, FIRST_DIGIT + 1) + 1)]
 
 
-def cost(law: Law, error: float, errors: Sequence[float], costs: Sequence[float]) -> str:
+def cost(law: CostLaw, error: float, errors: Sequence[float], costs: Sequence[float]) -> str:
     """The time for an error; the cheapest run where it does better, "about" where the law goes beyond the runs."""
     cheapest = min(range(len(costs)), key=lambda i: costs[i])
     if errors[cheapest] <= error:

@@ -1,4 +1,4 @@
-"""Which runs tell what accuracy costs: orders, cell sizes, time steps and ways to solve around those of a scene."""
+"""Which runs tell what accuracy costs: orders, cell sizes, time steps and solver options around those of a scene."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .measurement import Variant
 RATIO = math.sqrt(2.0)  # of cell sizes from one variant to the next
 UNEQUAL = 1.02  # ratios that differ by more are not the same
 SMALLEST, LARGEST = 0.01, 100.0  # of numerics.mesh_size
-COMPARED = 3  # variants on which ways to solve are compared: so many tell how error and time go together
+COMPARED = 3  # variants on which solver options are compared: so many tell how error and time go together
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Ladder:
     """The runs to compare, the cheapest of each order first, and the finer one they are compared with.
 
     line:  runs of the reference's order, each finer than the one before, the reference last
-    cheap: the coarsest variants of the middle order, on which ways to solve are compared
+    cheap: the coarsest variants of the middle order, on which solver options are compared
     """
 
     variants: tuple[Variant, ...]
@@ -33,7 +33,7 @@ class Ladder:
 
     @property
     def compared(self) -> tuple[Variant, ...]:
-        """The variants that are solved in other ways as well, as the scene's own way does."""
+        """The variants that are solved with other options as well."""
         return tuple(
             dict.fromkeys(replace(variant, solver="") for variant in self.variants if variant.solver)
         )
@@ -57,7 +57,7 @@ class Ladder:
 class Spread:
     """Orders of the velocity; cell sizes and time steps as multiples of the scene's, the coarsest first.
 
-    solvers: ways to solve besides the scene's own, on every variant; None: the usual ones, on a few cheap variants
+    solvers: solver options besides the scene's own, on every variant; None: the usual ones, on a few cheap variants
     """
 
     orders: tuple[int, ...] = (2, 3, 4)
@@ -76,10 +76,10 @@ class Spread:
 _EXAMPLES = {"orders": "2 3", "sizes": "2 1.4 1", "steps": "4 2 1"}
 STEADY, UNSTEADY = Spread(), Spread(sizes=(2.0, RATIO, 1.0))
 QUICK = Spread((2, 3), (2.0, RATIO), (4.0, 2.0), solvers=())
-# In space higher orders and finer cells soon have too many unknowns, and few ways to solve have a meaning.
+# In space higher orders and finer cells soon have too many unknowns, and few solver options have a meaning.
 IN_SPACE = Spread((2,), (2.0, RATIO, 1.0), (4.0, 2.0, 1.0), solvers=())
 QUICK_IN_SPACE = replace(IN_SPACE, sizes=(2.0, RATIO), steps=(4.0, 2.0))
-# With turbulence k and epsilon have one order, and no other way to solve is known to matter.
+# With turbulence k and epsilon have one order, and no other solver option is known to matter.
 TURBULENT = Spread((2, 3), (2.0, RATIO, 1.0, 1.0 / RATIO), (4.0, 2.0, 1.0), solvers=())
 QUICK_TURBULENT = replace(TURBULENT, sizes=(2.0, RATIO, 1.0), steps=(4.0, 2.0))
 
@@ -101,7 +101,7 @@ def ladder(scene: Scene, spread: Spread) -> Ladder:
     Variants to be compared stand together, so that their times are taken one soon after the other.
 
     Raises:
-        SceneError: a way to solve does not suit the scene.
+        SceneError: a solver option does not suit the scene.
     """
     plain = _solved_as_is(scene, spread)
     at, ways = plain.variants, solvers.named(scene, spread.solvers or ())
@@ -115,7 +115,7 @@ def ladder(scene: Scene, spread: Spread) -> Ladder:
 
 
 def _others(scene: Scene, variant: Variant, ways: Sequence[str]) -> list[Variant]:
-    """A variant solved in other ways than the scene's own; what "auto" decides may hang on the cells."""
+    """A variant with other solver options than the scene's own; what "auto" decides may hang on the cells."""
     return [replace(variant, solver=way) for way in ways if solvers.differs(way, variant.of(scene))]
 
 

@@ -91,7 +91,7 @@ class Counts:
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredRun:
     """What a run took and gave.
 
     wall, cpu: seconds of the whole process; start: processor time until everything was imported
@@ -112,19 +112,19 @@ class Measured:
 
 
 @dataclass(frozen=True)
-class Judged:
+class JudgedRun:
     """A run with its errors: by goal, and the largest of the leading ones.
 
     told_apart: whether that error is clearly more than the doubt about the reference
     """
 
-    run: Measured
+    run: MeasuredRun
     errors: Mapping[str, float]
     error: float
     told_apart: bool
 
 
-def measure(scene: Scene, variant: Variant) -> Measured:
+def measure(scene: Scene, variant: Variant) -> MeasuredRun:
     """Run a scene at a variant in a process of its own; a run that compiled forms is made again. Not collective.
 
     A run that fails is not an error: `failed` says why.
@@ -133,7 +133,7 @@ def measure(scene: Scene, variant: Variant) -> Measured:
     return _once(scene, variant)[0] if compiled and not measured.failed else measured
 
 
-def quicker(scene: Scene, variant: Variant) -> Measured:
+def quicker(scene: Scene, variant: Variant) -> MeasuredRun:
     """The quicker of two runs, so that chance counts less where times are compared; of a long run the only one.
 
     As `measure` else. Not collective.
@@ -144,14 +144,14 @@ def quicker(scene: Scene, variant: Variant) -> Measured:
     return min(first, measure(scene, variant), key=lambda run: (bool(run.failed), run.cpu))
 
 
-def _once(scene: Scene, variant: Variant) -> tuple[Measured, bool]:
+def _once(scene: Scene, variant: Variant) -> tuple[MeasuredRun, bool]:
     from ..errors import SceneError
     from ..scene.file import dumps
 
     try:
         text = dumps(variant.of(scene))
     except SceneError as error:
-        return Measured(variant, 0.0, 0.0, failed=str(error)), False
+        return MeasuredRun(variant, 0.0, 0.0, failed=str(error)), False
     # -P: modules are not looked for in the working directory.
     command = [sys.executable, "-P", "-m", "incipient.cost.measurement"]
     # In a session of its own: an interrupt is this process's to deal with.
@@ -159,11 +159,13 @@ def _once(scene: Scene, variant: Variant) -> tuple[Measured, bool]:
         command, process.environment_of_one_rank(solvers.options(variant.solver)), given=text, apart=True
     )
     if used.exit_code != 0:
-        return Measured(variant, used.wall, used.cpu, failed=_complaint(used.exit_code, used.errors)), False
-    told = json.loads(used.output.strip().splitlines()[-1])
-    compiled = told.pop("compiling") > COMPILED
-    counts = Counts.of(told.pop("counts"))
-    return Measured(variant, used.wall, used.cpu, counts=counts, **told), compiled
+        return MeasuredRun(
+            variant, used.wall, used.cpu, failed=_complaint(used.exit_code, used.errors)
+        ), False
+    measured = json.loads(used.output.strip().splitlines()[-1])
+    compiled = measured.pop("compiling") > COMPILED
+    counts = Counts.of(measured.pop("counts"))
+    return MeasuredRun(variant, used.wall, used.cpu, counts=counts, **measured), compiled
 
 
 def _complaint(code: int, errors: str) -> str:
@@ -198,15 +200,15 @@ def main() -> int:
     from ..scene import loads
 
     try:
-        print(json.dumps(told(loads(sys.stdin.read()), MPI.COMM_SELF)))
+        print(json.dumps(computed(loads(sys.stdin.read()), MPI.COMM_SELF)))
     except IncipientError as error:
         print(f"incipient: {error}", file=sys.stderr)
         return error.exit_code
     return 0
 
 
-def told(scene: Scene, comm: MPI.Comm) -> dict[str, Any]:
-    """Run a scene; what `Measured` holds beside the times of the whole process. Collective."""
+def computed(scene: Scene, comm: MPI.Comm) -> dict[str, Any]:
+    """Run a scene; what `MeasuredRun` holds beside the times of the whole process. Collective."""
     from ..coupled import tractions  # noqa: F401 (the start is over then)
     from ..simulation.simulate import simulate
     from .quantities import quantities

@@ -72,15 +72,15 @@ class KnownLaws:
         at, found = (scene.order, scene.numerics.mesh_size, step), {}
         for goal in {goal: None for one in self.findings for goal in one.errors}:
             if self.own or goal in _goals(scene):
-                told = [error_at(one.errors[goal], *at) for one in self.findings if goal in one.errors]
-                logs = np.log([max(error, 1e-300) for error, _ in told])
-                factor = math.exp(2.0 * np.std(logs)) * max(scatter for _, scatter in told)
+                known = [error_at(one.errors[goal], *at) for one in self.findings if goal in one.errors]
+                logs = np.log([max(error, 1e-300) for error, _ in known])
+                factor = math.exp(2.0 * np.std(logs)) * max(scatter for _, scatter in known)
                 least = OWN_ERROR if self.own else FOREIGN_ERROR
                 found[goal] = Error(math.exp(np.mean(logs)), max(factor, least))
         return found
 
     def cheaper(self) -> list[str]:
-        """Ways to solve that the last of the studies found to be cheaper than the scene's, in words."""
+        """Solver options that the last of the studies found to be cheaper than the scene's, in words."""
         last = self.findings[-1]
         study = "the last study" if self.own else f'the study of "{last.title}"'
         return [

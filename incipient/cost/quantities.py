@@ -32,10 +32,10 @@ LINES_IN_SPACE = {"u_min": "minimum of v1", "w_max": "maximum of v3", "w_min": "
 
 
 @dataclass(frozen=True)
-class Goal:
+class ErrorNorm:
     """Numbers whose error is one error: the norm of their differences over a scale.
 
-    leading: whether it counts for the accuracy of the whole; the others are told beside it
+    leading: whether it counts for the accuracy of the whole; the others are shown beside it
     """
 
     name: str
@@ -79,13 +79,13 @@ def quantities(scene: Scene, result: Result, history: Sequence[Mapping[str, Any]
     return _of_extremes(scene, history)
 
 
-def goals(scene: Scene, reference: Mapping[str, float]) -> tuple[Goal, ...]:
+def goals(scene: Scene, reference: Mapping[str, float]) -> tuple[ErrorNorm, ...]:
     """The errors to look at, relative to what the reference says the sizes are."""
     if scene.body is None:
         names = columns(scene)
         size = _norm(reference, names)
         if _elevations(scene):
-            return (Goal("elevation", names, size),) if size else ()
+            return (ErrorNorm("elevation", names, size),) if size else ()
         return tuple(_single(name, reference, scene) for name in names if reference[name])
     if scene.body.moves:
         return _goals_of_path(scene, reference)
@@ -191,28 +191,28 @@ def peak(times: np.ndarray, values: np.ndarray) -> float:
 # -- which errors matter ------------------------------------------------------------------------------------
 
 
-def _single(name: str, reference: Mapping[str, float], scene: Scene) -> Goal:
+def _single(name: str, reference: Mapping[str, float], scene: Scene) -> ErrorNorm:
     from ..planning.turbulence import is_plane
 
     of_walls = (*WALLS,)[0 if is_plane(scene) else 1]
     said = (
         OF_WALLS if name == of_walls else (LINES | LINES_IN_SPACE | WALLS).get(name, name.replace("_", " "))
     )
-    return Goal(said, (name,), abs(reference[name]), name == of_walls or name not in WALLS)
+    return ErrorNorm(said, (name,), abs(reference[name]), name == of_walls or name not in WALLS)
 
 
-def _goals_of_path(scene: Scene, reference: Mapping[str, float]) -> tuple[Goal, ...]:
+def _goals_of_path(scene: Scene, reference: Mapping[str, float]) -> tuple[ErrorNorm, ...]:
     assert scene.grain is not None and scene.body is not None and scene.time is not None
     path = reference["path"] or scene.grain.size
     turned = abs(reference["angle"] - np.radians(getattr(scene.body, "angle", 0.0)))
     turn = max(turned, SMALLEST_TURN * path / scene.grain.size)
-    found = [Goal("place", ("x", "y"), path), Goal("angle", ("angle",), turn)]
+    found = [ErrorNorm("place", ("x", "y"), path), ErrorNorm("angle", ("angle",), turn)]
     if reference["end_time"] < scene.time.end * (1.0 - 1e-6):
-        found.append(Goal("time of contact", ("end_time",), reference["end_time"]))
+        found.append(ErrorNorm("time of contact", ("end_time",), reference["end_time"]))
     return tuple(found)
 
 
-def _goals_of_loads(scene: Scene, reference: Mapping[str, float]) -> tuple[Goal, ...]:
+def _goals_of_loads(scene: Scene, reference: Mapping[str, float]) -> tuple[ErrorNorm, ...]:
     assert scene.grain is not None
     names = columns(scene)
     parts = {axis: tuple(name for name in names if name.endswith(axis)) for axis in ("force_x", "force_y")}
@@ -224,13 +224,16 @@ def _goals_of_loads(scene: Scene, reference: Mapping[str, float]) -> tuple[Goal,
     if force == 0.0:
         return ()
     couple = max(_norm(reference, couples), SMALLEST_COUPLE * force * scene.grain.size)
-    found = [Goal("force", (*parts["force_x"], *parts["force_y"]), force), Goal("couple", couples, couple)]
+    found = [
+        ErrorNorm("force", (*parts["force_x"], *parts["force_y"]), force),
+        ErrorNorm("couple", couples, couple),
+    ]
     safety = reference.get("safety_factor", np.nan)
     if np.isfinite(safety) and safety > 0.0:
-        found.append(Goal("safety factor", ("safety_factor",), safety))
+        found.append(ErrorNorm("safety factor", ("safety_factor",), safety))
     for name, axis in (("drag", "force_x"), ("lift", "force_y")):
         if sizes[axis] > SMALLEST_PART * force:
-            found.append(Goal(name, parts[axis], sizes[axis], leading=False))
+            found.append(ErrorNorm(name, parts[axis], sizes[axis], leading=False))
     return tuple(found)
 
 

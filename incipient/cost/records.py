@@ -11,7 +11,7 @@ from pathlib import Path
 from ..errors import OutputError
 from ..files import append_row, reported, write_text_atomically
 from ..scene import Scene
-from .measurement import Counts, Measured, Variant
+from .measurement import Counts, MeasuredRun, Variant
 from .quantities import columns
 
 Key = tuple[int, str, str, str]
@@ -20,7 +20,7 @@ TABLE = "cost.csv"
 SOLVER, AFTER = "solver", "step"  # a column that files of earlier versions lack, and that before it
 
 
-def append(scene: Scene, run: Measured, directory: Path) -> None:
+def append(scene: Scene, run: MeasuredRun, directory: Path) -> None:
     """Add a run to the file in a directory. Not collective.
 
     Raises:
@@ -29,7 +29,7 @@ def append(scene: Scene, run: Measured, directory: Path) -> None:
     append_row(directory / TABLE, row_of(scene, run))
 
 
-def row_of(scene: Scene, run: Measured) -> dict[str, float | int | str]:
+def row_of(scene: Scene, run: MeasuredRun) -> dict[str, float | int | str]:
     """A run as a row; what a failed run lacks is empty."""
     good, (order, mesh_size, step, solver) = not run.failed, run.variant.key
     row: dict[str, float | int | str] = {
@@ -49,7 +49,7 @@ def row_of(scene: Scene, run: Measured) -> dict[str, float | int | str]:
     return row | {name: repr(run.found[name]) if good else "" for name in columns(scene)}
 
 
-def known_runs(scene: Scene, directory: Path) -> dict[Key, Measured]:
+def known_runs(scene: Scene, directory: Path) -> dict[Key, MeasuredRun]:
     """The runs in the file of a directory, by the keys of their variants. Not collective.
 
     Half a row at its end, of a writer that was killed, is cut off. In a file of an earlier version all runs were
@@ -74,13 +74,13 @@ def known_runs(scene: Scene, directory: Path) -> dict[Key, Measured]:
     return {run.variant.key: run for run in runs}
 
 
-def _run_of(scene: Scene, row: Mapping[str, str]) -> Measured:
+def _run_of(scene: Scene, row: Mapping[str, str]) -> MeasuredRun:
     step = float(row[AFTER]) if row[AFTER] else None
     variant = Variant(int(row["order"]), float(row["mesh_size"]), step, row.get(SOLVER, ""))
     spent = float(row["wall [s]"]), float(row["processor [s]"])
     if row["failed"]:
-        return Measured(variant, *spent, failed=row["failed"])
-    return Measured(
+        return MeasuredRun(variant, *spent, failed=row["failed"])
+    return MeasuredRun(
         variant,
         *spent,
         start=float(row["start [s]"]),

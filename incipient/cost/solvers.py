@@ -1,4 +1,4 @@
-"""Ways to solve the equations of a scene: what a ladder of runs varies besides order, mesh and time step.
+"""Solver options the equations of a scene: what a ladder of runs varies besides order, mesh and time step.
 
 A way is named by words joined by "+", such as "extrapolated+bdf1"; the empty name stands for the scene's own. A word
 stands for settings that a user can make as well: keys of the scene, or options of PETSc.
@@ -59,7 +59,7 @@ def _has_free_body(scene: Scene, plan: Plan) -> bool:
 
 @dataclass(frozen=True)
 class Solver:
-    """A way to solve, as the word for it stands in tables.
+    """A solver option, as the word for it stands in tables.
 
     said:    in words
     applies: whether it means anything for a scene with its plan
@@ -108,13 +108,17 @@ WORDS: dict[str, Solver] = {
     "bdf1": Solver("backward differences of first order", _in_time, time={"scheme": "bdf1"}),
     "bdf2": Solver("backward differences of second order", _in_time, time={"scheme": "bdf2"}),
     "chords": Solver(
-        "Newton's method, factors kept without GMRES once corrections are below 5%",
+        "Newton's method, LU factorisation kept, without GMRES once corrections are below 5%",
         _convects_steadily,
         petsc="-fluid_ksp_type preonly",
     ),
     "loose": Solver("iterations end at a thousand times the tolerance", _iterates, looser=1e3),
-    "umfpack": Solver("factors by UMFPACK", _always, petsc="-fluid_pc_factor_mat_solver_type umfpack"),
-    "superlu": Solver("factors by SuperLU", _always, petsc="-fluid_pc_factor_mat_solver_type superlu"),
+    "umfpack": Solver(
+        "LU factorisation by UMFPACK", _always, petsc="-fluid_pc_factor_mat_solver_type umfpack"
+    ),
+    "superlu": Solver(
+        "LU factorisation by SuperLU", _always, petsc="-fluid_pc_factor_mat_solver_type superlu"
+    ),
     "stabilised": Solver("with grad-div stabilisation", _convects, {"stabilisation": "on"}),
     "unstabilised": Solver("without stabilisation", _convects, {"stabilisation": "off"}),
     "printed": Solver("convection as in the paper", _laminar_in_time, {"form": "printed"}),
@@ -169,7 +173,7 @@ def _words(scene: Scene, name: str) -> Iterator[str]:
 
 
 def differs(way: str, scene: Scene) -> bool:
-    """Whether a way to solve is another than the scene's own. Not collective."""
+    """Whether a solver option is another than the scene's own. Not collective."""
     return bool(set(way.split("+")) & set(others(scene)))
 
 
@@ -205,7 +209,9 @@ def own(scene: Scene) -> str:
     solved = f"{plan.scheme}, {plan.convection} convection"
     if scene.time is None:
         solved = (
-            "Newton's method, factors kept for GMRES" if plan.has(EffectName.INERTIA) else "one linear system"
+            "Newton's method, LU factorisation kept for GMRES"
+            if plan.has(EffectName.INERTIA)
+            else "one linear system"
         )
     return f"{solved}, stabilised" if plan.stabilisation.present else solved
 

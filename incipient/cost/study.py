@@ -1,7 +1,7 @@
 """What accuracy costs for a scene: a ladder of runs, their errors against a finer one, and the law behind them.
 
 Every run has a process of its own (`incipient.cost.measurement`). Their numbers are kept as they come
-(`incipient.cost.records`): a study that was interrupted goes on from there.
+(`incipient.cost.records`): a study that was interrupted resumes there.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from ..output.ownership import refuse_foreign
 from ..scene import Scene, load, save
 from . import frontier
 from .comparison import Compared, compared
-from .frontier import Law, Reference, percent, seconds
+from .frontier import CostLaw, Reference, percent, seconds
 from .ladder import Ladder
-from .measurement import Judged, Measured, Variant
-from .quantities import Goal, columns, goals
+from .measurement import JudgedRun, MeasuredRun, Variant
+from .quantities import ErrorNorm, columns, goals
 from .records import TABLE, append, completed, known_runs
 
 LEAST_WORK = 1.05  # times its start: what the shortest run takes
 EARLIER = (
-    "of an earlier version; its runs are kept, but those to be compared with other ways to solve. Times of "
-    "different days compare badly: delete it to measure all anew"
+    "of an earlier version; its runs are kept, but those to be compared with other solver options. Times of "
+    "different days compare badly: delete it to measure all again"
 )
-Measure = Callable[[Scene, Variant], Measured]
+Measure = Callable[[Scene, Variant], MeasuredRun]
 Say = Callable[[str], None]
 
 
@@ -46,13 +46,13 @@ class Study:
     scene: Scene
     ladder: Ladder
     reference: Reference
-    compared_with: Measured
-    goals: tuple[Goal, ...]
-    judged: tuple[Judged, ...]
-    failed: tuple[Measured, ...]
+    compared_with: MeasuredRun
+    goals: tuple[ErrorNorm, ...]
+    judged: tuple[JudgedRun, ...]
+    failed: tuple[MeasuredRun, ...]
     front: tuple[int, ...]
-    laws: Mapping[str, Law | None]
-    of_goals: Mapping[str, Law | None]
+    laws: Mapping[str, CostLaw | None]
+    of_goals: Mapping[str, CostLaw | None]
 
     def frontier(self) -> tuple[list[float], list[float]]:
         """Processor times [s] and errors of the runs on the front."""
@@ -60,7 +60,7 @@ class Study:
         return [one.run.cpu for one in best], [one.error for one in best]
 
     def solvers(self) -> tuple[Compared, ...]:
-        """How other ways to solve compare with the scene's own."""
+        """How other solver options compare with the scene's own."""
         return compared(self.judged, self.front, self.goals)
 
     def words(self) -> str:
@@ -104,7 +104,7 @@ def run_ladder(scene: Scene, ladder: Ladder, directory: Path, measure: Measure, 
     return judge(scene, ladder, [done[variant.key] for variant in wanted])
 
 
-def _spent(run: Measured) -> str:
+def _spent(run: MeasuredRun) -> str:
     return (
         f"{run.unknowns} unknowns, processor {run.cpu:.2f} s, wall {run.wall:.2f} s, {run.peak_mib:.0f} MiB"
     )
@@ -133,7 +133,7 @@ def prepare(scene: Scene, directory: Path) -> None:
 # -- errors and the law -------------------------------------------------------------------------------------
 
 
-def judge(scene: Scene, ladder: Ladder, runs: Sequence[Measured]) -> Study:
+def judge(scene: Scene, ladder: Ladder, runs: Sequence[MeasuredRun]) -> Study:
     """The errors of runs against the finest of them, the reference last, and what they cost.
 
     Raises:
@@ -169,21 +169,21 @@ def judge(scene: Scene, ladder: Ladder, runs: Sequence[Measured]) -> Study:
     )
 
 
-def _start(runs: Sequence[Measured], time: Callable[[Measured], float]) -> float:
+def _start(runs: Sequence[MeasuredRun], time: Callable[[MeasuredRun], float]) -> float:
     """What a run takes before it computes anything; less than the shortest run."""
-    # Corrections of another way to solve have another price.
+    # Corrections of another solver option have another price.
     own = _own(runs) or runs
     solves = [max(run.counts.newton, 1) for run in own]
     found = frontier.overhead([time(run) for run in own], [run.unknowns for run in own], solves)
     return max(min(found, min(map(time, runs)) / LEAST_WORK), min(run.start for run in runs))
 
 
-def _own(runs: Sequence[Measured]) -> list[Measured]:
+def _own(runs: Sequence[MeasuredRun]) -> list[MeasuredRun]:
     """The runs solved as the scene says."""
     return [run for run in runs if not run.variant.solver]
 
 
-def _reference(ladder: Ladder, good: Sequence[Measured]) -> tuple[Measured, Reference]:
+def _reference(ladder: Ladder, good: Sequence[MeasuredRun]) -> tuple[MeasuredRun, Reference]:
     """The run that the others are compared with, the finest that there is, and its improved numbers."""
     by_rung = {run.variant.key: run for run in good}
     line = [by_rung[variant.key] for variant in ladder.line if variant.key in by_rung]
@@ -195,14 +195,14 @@ def _reference(ladder: Ladder, good: Sequence[Measured]) -> tuple[Measured, Refe
     return line[-1], frontier.reference([run.found for run in line], ratio, others)
 
 
-def _fineness(run: Measured) -> tuple[float, ...]:
+def _fineness(run: MeasuredRun) -> tuple[float, ...]:
     return run.variant.order, -(run.variant.step or 0.0), -run.variant.mesh_size
 
 
-def _judged(run: Measured, wanted: Sequence[Goal], values: Reference) -> Judged:
+def _judged(run: MeasuredRun, wanted: Sequence[ErrorNorm], values: Reference) -> JudgedRun:
     errors = {goal.name: goal.error(run.found, values.values) for goal in wanted}
     known = [(errors[goal.name], doubt(goal, values)) for goal in wanted if goal.leading]
-    return Judged(run, errors, max(error for error, _ in known), _clear(known))
+    return JudgedRun(run, errors, max(error for error, _ in known), _clear(known))
 
 
 def _clear(known: Sequence[tuple[float, float]]) -> bool:
@@ -215,23 +215,27 @@ def _clear(known: Sequence[tuple[float, float]]) -> bool:
     return least > frontier.ROUND_OFF and most < frontier.TOLD_APART * least
 
 
-def doubt(goal: Goal, values: Reference) -> float:
+def doubt(goal: ErrorNorm, values: Reference) -> float:
     """How far off the reference may be in terms of a goal's relative error."""
     return math.hypot(*(values.uncertainty[name] for name in goal.columns)) / goal.scale
 
 
-def _front(judged: Sequence[Judged], among: Sequence[int], error: Callable[[Judged], float]) -> list[int]:
+def _front(
+    judged: Sequence[JudgedRun], among: Sequence[int], error: Callable[[JudgedRun], float]
+) -> list[int]:
     best = frontier.front(
         [judged[i].run.cpu for i in among], [error(judged[i]) for i in among], frontier.WORTH
     )
     return [among[i] for i in best]
 
 
-def _law(best: Sequence[Judged], cost: Callable[[Judged], float], start: float) -> Law | None:
+def _law(best: Sequence[JudgedRun], cost: Callable[[JudgedRun], float], start: float) -> CostLaw | None:
     return frontier.fitted([cost(one) for one in best], [one.error for one in best], start)
 
 
-def _law_of_goal(judged: Sequence[Judged], goal: Goal, values: Reference, start: float) -> Law | None:
+def _law_of_goal(
+    judged: Sequence[JudgedRun], goal: ErrorNorm, values: Reference, start: float
+) -> CostLaw | None:
     clear = [i for i, one in enumerate(judged) if _clear([(one.errors[goal.name], doubt(goal, values))])]
     best = [judged[i] for i in _front(judged, clear, lambda one: one.errors[goal.name])]
     return frontier.fitted([one.run.cpu for one in best], [one.errors[goal.name] for one in best], start)

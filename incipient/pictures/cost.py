@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullLocator
 
-from ..cost.frontier import WORTH, Law, front, percent
+from ..cost.frontier import WORTH, CostLaw, front, percent
 from ..errors import OutputError
 from ..files import reported
 from . import style
@@ -94,7 +94,7 @@ def _show(axes: Axes, stored: dict[str, Any], key: str) -> None:
         axes.plot(*shown.T, color=INK, lw=1.0, alpha=0.7, label="front", zorder=2)
     law = stored["laws"].get(key)
     if law and best:
-        _draw_law(axes, Law(**law), [run["error"] for run in runs if run["on_front"]])
+        _draw_law(axes, CostLaw(**law), [run["error"] for run in runs if run["on_front"]])
     axes.set(xscale="log", yscale="log")
     axes.grid(color=_GRID, lw=0.5)
     _label(axes.xaxis, axes.set_xlim, [run[key] for run in runs], "{:g}".format)
@@ -128,7 +128,7 @@ def _show_solvers(axes: Axes, runs: Sequence[dict[str, Any]], key: str) -> None:
         axes.plot([], [], mark, color=_LAW, ms=6.5, label=solver)
 
 
-def _draw_law(axes: Axes, law: Law, errors: Sequence[float]) -> None:
+def _draw_law(axes: Axes, law: CostLaw, errors: Sequence[float]) -> None:
     """The fitted law, a digit beyond the runs on either side."""
     shown = np.geomspace(min(errors) / 4.0, max(errors) * 2.0, 60)
     name = f"error ~ (t − {law.start:.2g} s)^−{law.power:.2g}"

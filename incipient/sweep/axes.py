@@ -26,7 +26,7 @@ _REMEDY = "write KEY=1,2,5 or KEY=log:FIRST:LAST:NUMBER or KEY=lin:FIRST:LAST:NU
 
 
 @dataclass(frozen=True)
-class Axis:
+class VariedKey:
     """A key of scenes and the values that it takes, as text that `--set` understands."""
 
     key: str
@@ -38,7 +38,7 @@ class Axis:
         return [(f"{self.key}={value}",) for value in self.values]
 
 
-def parsed(text: str) -> Axis:
+def parsed(text: str) -> VariedKey:
     """The axis that an option such as ``fluid.reynolds=log:0.1:200:17`` describes.
 
     Raises:
@@ -47,16 +47,16 @@ def parsed(text: str) -> Axis:
     key, equals, values = (part.strip() for part in text.partition("="))
     if not (equals and values and re.fullmatch(r"\w+(\.\w+)+|title", key)):
         raise SceneError(f"--over {text}: is not a key with values; {_REMEDY}")
-    return Axis(key, _values(values, text))
+    return VariedKey(key, _values(values, text))
 
 
-def of_mapping(given: Mapping[str, Any]) -> list[Axis]:
+def of_mapping(given: Mapping[str, Any]) -> list[VariedKey]:
     """Axes by their keys: values are a text as of `parsed`, a list, or one value; sections may be nested as in TOML.
 
     Raises:
         SceneError: one of them cannot be understood.
     """
-    axes: list[Axis] = []
+    axes: list[VariedKey] = []
     for key, values in given.items():
         if isinstance(values, Mapping):
             axes += of_mapping({f"{key}.{name}": part for name, part in values.items()})
@@ -69,7 +69,7 @@ def of_mapping(given: Mapping[str, Any]) -> list[Axis]:
         texts = tuple(value if isinstance(value, str) else json.dumps(value) for value in listed)
         if not texts:
             raise SceneError(f"over {key}: has no values; give a list, or text as in log:0.1:200:17")
-        axes.append(Axis(str(key), texts))
+        axes.append(VariedKey(str(key), texts))
     return axes
 
 
@@ -139,7 +139,7 @@ def table_of_cases(path: Path) -> list[Settings]:
     return [tuple(f"{key}={value.strip()}" for key, value in row.items() if value.strip()) for row in rows]
 
 
-def combined(axes: Sequence[Axis], together: bool, table: Iterable[Settings] = ()) -> list[Settings]:
+def combined(axes: Sequence[VariedKey], together: bool, table: Iterable[Settings] = ()) -> list[Settings]:
     """The overrides of all cases: every combination of axes and rows; `together`, axes go along side by side.
 
     Raises:

@@ -13,11 +13,11 @@ from ..errors import SceneError
 from ..installed import required
 from ..parallel import collectively, ranks_there_are
 from ..progress import Silent
-from .cases import Case
+from .case_refinement import SweepRefinement
+from .cases import SweepCase
 from .expectation import Foresight, cores, free_memory_mib
-from .procedure import Limits, Progress, Sweep, Watcher
-from .refinement import Refinement
-from .request import Refined, Request, of_python, seconds
+from .procedure import Limits, Sweep, SweepProgress, Watcher
+from .request import RefinementOptions, Request, of_python, seconds
 from .store import Store
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def run(
     quantity: str | None = None,
     watcher: Watcher | None = None,
     comm: MPI.Comm | None = None,
-) -> Progress:
+) -> SweepProgress:
     """Compute the cases of a sweep that its file does not hold yet. Collective over `comm` (default: all ranks).
 
     On one rank processes of this machine compute the cases, on several these ranks, of which the first gives them out.
@@ -103,7 +103,7 @@ def run(
         refine: cases are added where the mode changes or a quantity bends, to this share of the range; True: 0.02.
         most: cases in all, those added too.
         quantity: the column that is to be straight between cases; default: the Shields or the safety factor.
-        watcher: told of progress.
+        watcher: is notified of progress.
 
     Raises:
         IncipientError: on all ranks; what was computed before it is in the file.
@@ -114,7 +114,7 @@ def run(
         raise SceneError(f"--wall {wall}: is not a time; write it as 8h, 30m or 1h30m")
     means = Means(jobs, ranks, memory_mib, limit, retry)
     table = None if cases is None else Path(cases)
-    refined, prepared = Refined(refine, most, quantity), Prepared()
+    refined, prepared = RefinementOptions(refine, most, quantity), Prepared()
     with collectively(comm):
         if comm.rank == 0:
             request = of_python(
@@ -128,9 +128,9 @@ def run(
 class Prepared:
     """The cases of a request, the keys that they vary, and what finds cases in between."""
 
-    cases: Sequence[Case] = ()
+    cases: Sequence[SweepCase] = ()
     keys: Sequence[str] = ()
-    refinement: Refinement | None = None
+    refinement: SweepRefinement | None = None
 
     @classmethod
     def of(cls, request: Request, voice: Silent | None = None) -> Prepared:
@@ -141,7 +141,7 @@ class Prepared:
 
 def computed(
     prepared: Prepared, file: Path, means: Means, watcher: Watcher | None, comm: MPI.Comm
-) -> Progress:
+) -> SweepProgress:
     """Compute cases, which the first rank alone needs to know, into a file. Collective; raises as `run`."""
     places = means.places(comm)
     stores: list[Store] = []
@@ -154,7 +154,7 @@ def computed(
 
     with workers_of(comm, places, means.ranks) as workers:
         if workers is None:
-            return Progress(0, 0, places)
+            return SweepProgress(0, 0, places)
         with stores[0] as store:
             further, foresight = partial(_further, prepared, store, means), Foresight()
             progress = Sweep(
@@ -174,7 +174,7 @@ def _start_petsc(comm: MPI.Comm) -> None:
         from .. import compat  # noqa: F401
 
 
-def _further(prepared: Prepared, store: Store, means: Means) -> list[Case]:
+def _further(prepared: Prepared, store: Store, means: Means) -> list[SweepCase]:
     """The cases that a refinement asks for by what the store holds, put there."""
     if prepared.refinement is None:
         return []
@@ -196,7 +196,7 @@ def _opened(prepared: Prepared, file: Path, means: Means) -> Store:
     return store
 
 
-def _put(store: Store, cases: Sequence[Case], keys: Sequence[str], means: Means) -> None:
+def _put(store: Store, cases: Sequence[SweepCase], keys: Sequence[str], means: Means) -> None:
     store.add(cases, keys)
     if means.retry:
         store.free_failed([case.identity for case in cases])

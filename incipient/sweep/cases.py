@@ -53,7 +53,7 @@ class Source:
 
     @property
     def section(self) -> dict[str, Any]:
-        """What its section [sweep] says; empty without one, and where the file is not TOML, which is told later."""
+        """What its section [sweep] says; empty without one, and where the file is not TOML, which is reported later."""
         try:
             found = tomllib.loads(self.text).get(SECTION, {})
         except (ValueError, RecursionError):
@@ -64,7 +64,7 @@ class Source:
 
 
 @dataclass(frozen=True)
-class Case:
+class SweepCase:
     """One case of a sweep.
 
     identity: the same for the same task and content, whatever the title, the files written and the order of keys
@@ -81,7 +81,7 @@ class Case:
     scene: Scene | None = field(default=None, repr=False, compare=False)
 
 
-def resolved(source: Source, settings: Settings, task: str, common: Sequence[str] = ()) -> Case:
+def resolved(source: Source, settings: Settings, task: str, common: Sequence[str] = ()) -> SweepCase:
     """The case that settings make of a source; `common` are settings of all cases.
 
     Raises:
@@ -92,17 +92,19 @@ def resolved(source: Source, settings: Settings, task: str, common: Sequence[str
         return _judged(source, settings, overrides)
     scene = parse(Scene, source.text, source.base, overrides, source.name)
     left_out = {"title", "output"} | ({"units"} if scene.units is None else set())
-    told = scene.model_dump(mode="json", exclude=left_out)
-    return Case(_identity(task, told), task, source.name, settings, dumps(scene), _forms(scene, task), scene)
+    content = scene.model_dump(mode="json", exclude=left_out)
+    return SweepCase(
+        _identity(task, content), task, source.name, settings, dumps(scene), _forms(scene, task), scene
+    )
 
 
-def _judged(source: Source, settings: Settings, overrides: Sequence[str]) -> Case:
+def _judged(source: Source, settings: Settings, overrides: Sequence[str]) -> SweepCase:
     from ..simulation.judge_case import Case as Judged
 
     case: JudgedCase = parse(Judged, source.text, source.base, overrides, source.name)
-    told = case.model_dump(mode="json", exclude_none=True, warnings=False)
-    content = {name: part for name, part in told.items() if name not in ("title", "source")}
-    return Case(_identity("judge", content), "judge", source.name, settings, json.dumps(told), "")
+    content = case.model_dump(mode="json", exclude_none=True, warnings=False)
+    identifying = {name: part for name, part in content.items() if name not in ("title", "source")}
+    return SweepCase(_identity("judge", identifying), "judge", source.name, settings, json.dumps(content), "")
 
 
 def _identity(task: str, content: dict[str, Any]) -> str:

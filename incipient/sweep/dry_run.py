@@ -11,7 +11,7 @@ from pathlib import Path
 from ..cost.frontier import seconds as in_words
 from ..progress import Silent
 from .call import Means
-from .cases import Case
+from .cases import SweepCase
 from .expectation import Expected, Foresight, total
 from .request import Request
 from .store import DONE, FAILED, Store
@@ -24,7 +24,7 @@ LONGEST = 10.0  # seconds that cases are looked at
 class Sample:
     """Cases of a request, by identity, with what they take; `of_all`: how many there are."""
 
-    cases: Mapping[str, Case]
+    cases: Mapping[str, SweepCase]
     expected: Mapping[str, Expected]
     of_all: int
 
@@ -42,7 +42,7 @@ def sampled(request: Request, voice: Silent | None = None, longest: float = LONG
     """
     settings, foresight, began = request.settings(), Foresight(), time.monotonic()
     voice, every = voice or Silent(), len(settings) * len(request.sources)
-    cases: dict[str, Case] = {}
+    cases: dict[str, SweepCase] = {}
     expected: dict[str, Expected] = {}
     twice = 0
     for done, number in enumerate(random.Random(0).sample(range(every), every)):
@@ -89,23 +89,23 @@ def foretold(request: Request, file: Path, means: Means, places: int, voice: Sil
 
 def _time(expected: Mapping[str, Expected], more: float, places: int) -> str:
     sum_of_all = total(expected)
-    told = "not known; it is after `incipient calibrate`, or `incipient cost` of the scene"
+    text = "not known; it is after `incipient calibrate`, or `incipient cost` of the scene"
     if sum_of_all is not None:
         whole = more * sum_of_all
-        told = f"about {in_words(whole / places)}, {in_words(whole)} of processor time"
-    return f"{'time':<20}{told}"
+        text = f"about {in_words(whole / places)}, {in_words(whole)} of processor time"
+    return f"{'time':<20}{text}"
 
 
 def _memory(expected: Mapping[str, Expected], more: float, means: Means, places: int) -> str:
     sizes = sorted((one.memory_mib or 0.0 for one in expected.values()), reverse=True)
     most, limit = sizes[:1] or [0.0], means.limits.memory_mib
     together = sum(sizes[:places])
-    told = f"up to {most[0]:.0f} MiB a case, {together:.0f} MiB at a time; {limit:.0f} MiB may be taken"
+    text = f"up to {most[0]:.0f} MiB a case, {together:.0f} MiB at a time; {limit:.0f} MiB may be taken"
     if any(one.memory_mib is None for one in expected.values()):
-        told += "; that of some cases is not known"
+        text += "; that of some cases is not known"
     too_large = round(more * sum(size > limit for size in sizes))
     if too_large:
-        told += f"; {too_large} cases are too large"
+        text += f"; {too_large} cases are too large"
     elif together > limit:
-        told += ": fewer go at a time"
-    return f"{'memory':<20}{told}"
+        text += ": fewer go at a time"
+    return f"{'memory':<20}{text}"

@@ -25,8 +25,8 @@ from typing import IO, TYPE_CHECKING, Protocol, cast
 from ..cost.process import environment_of_one_rank
 from ..errors import Interrupted, OutputError, SceneError
 from . import worker
-from .cases import Case
-from .store import Outcome
+from .cases import SweepCase
+from .store import CaseOutcome
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -41,10 +41,10 @@ class Workers(Protocol):
 
     places: int
 
-    def submit(self, case: Case) -> Future[Outcome]:
+    def submit(self, case: SweepCase) -> Future[CaseOutcome]:
         """Let an idle worker compute a case; called while fewer than `places` are at work."""
 
-    def outcome(self, case: Case, future: Future[Outcome]) -> Outcome:
+    def outcome(self, case: SweepCase, future: Future[CaseOutcome]) -> CaseOutcome:
         """Take the outcome of a finished case; of one whose worker has died, the reason."""
 
     def close(self, at_once: bool) -> None:
@@ -71,7 +71,7 @@ class _Process:
             preexec_fn=partial(worker.end_with_parent, os.getpid()),
         )
 
-    def compute(self, case: Case) -> Outcome:
+    def compute(self, case: SweepCase) -> CaseOutcome:
         """Compute a case, waiting for it; if the process dies, the reason.
 
         Raises:
@@ -83,11 +83,13 @@ class _Process:
             print(json.dumps([case.task, case.text]), file=self._popen.stdin, flush=True)
         self._ready = self._ready or answers.readline() == worker.READY
         if (answer := answers.readline()).endswith("\n"):
-            return Outcome(**json.loads(answer))
+            return CaseOutcome(**json.loads(answer))
         reason = self._epitaph()
         if not self._ready and self._popen.returncode >= 0:
-            raise OutputError(f"no process can compute cases: {reason}; see to that, and call again to go on")
-        return Outcome(reason=reason, wall=time.perf_counter() - began)
+            raise OutputError(
+                f"no process can compute cases: {reason}; see to that, and call again to resume"
+            )
+        return CaseOutcome(reason=reason, wall=time.perf_counter() - began)
 
     def has_died(self) -> bool:
         """Whether it has ended."""
@@ -129,16 +131,16 @@ class Processes:
         self.places, self._ranks = places, ranks
         self._threads = ThreadPoolExecutor(places)
         self._idle: list[_Process] = []
-        self._at_work: dict[Future[Outcome], _Process] = {}
+        self._at_work: dict[Future[CaseOutcome], _Process] = {}
 
-    def submit(self, case: Case) -> Future[Outcome]:
+    def submit(self, case: SweepCase) -> Future[CaseOutcome]:
         """See `Workers`."""
         process = self._idle.pop() if self._idle else _Process(self._ranks)
         future = self._threads.submit(process.compute, case)
         self._at_work[future] = process
         return future
 
-    def outcome(self, case: Case, future: Future[Outcome]) -> Outcome:
+    def outcome(self, case: SweepCase, future: Future[CaseOutcome]) -> CaseOutcome:
         """See `Workers`.
 
         Raises:
@@ -183,15 +185,15 @@ class Ranks:
 
     def __init__(self, executor: Executor, comm: MPI.Comm, places: int):
         self.places, self._executor, self._comm = places, executor, comm
-        self._at_work: set[Future[Outcome]] = set()
+        self._at_work: set[Future[CaseOutcome]] = set()
 
-    def submit(self, case: Case) -> Future[Outcome]:
+    def submit(self, case: SweepCase) -> Future[CaseOutcome]:
         """See `Workers`."""
         future = self._executor.submit(worker.computed_by_group, case.task, case.text)
         self._at_work.add(future)
         return future
 
-    def outcome(self, case: Case, future: Future[Outcome]) -> Outcome:
+    def outcome(self, case: SweepCase, future: Future[CaseOutcome]) -> CaseOutcome:
         """See `Workers`."""
         self._at_work.remove(future)
         return future.result()

@@ -14,7 +14,7 @@ from ..installed import memory_of_libraries
 
 if TYPE_CHECKING:
     from ..scene import Scene
-    from .cases import Case
+    from .cases import SweepCase
 
 SHARE = 0.8  # of the memory that is free
 OF_JUDGE = 150.0  # MiB of a process that judges, measured
@@ -41,11 +41,11 @@ class Foresight:
         self._first: dict[str, tuple[Expected, float | None]] = {}
         self._cells: dict[str, float | None] = {}
 
-    def of(self, cases: Sequence[Case]) -> dict[str, Expected]:
+    def of(self, cases: Sequence[SweepCase]) -> dict[str, Expected]:
         """What cases will take, by identity. Not collective."""
         return {case.identity: self._expected(case) for case in cases}
 
-    def _expected(self, case: Case) -> Expected:
+    def _expected(self, case: SweepCase) -> Expected:
         if case.scene is None:
             return Expected(None, OF_JUDGE)
         drawn = _drawn(case.scene)
@@ -59,8 +59,7 @@ class Foresight:
 
 def _drawn(scene: Scene) -> str:
     """What the mesh hangs on, and more."""
-    told = scene.model_dump(mode="json", exclude={"title", "output", "gravity", "fluid", "effects"})
-    return str(told)
+    return str(scene.model_dump(mode="json", exclude={"title", "output", "gravity", "fluid", "effects"}))
 
 
 def _cells(scene: Scene) -> float | None:

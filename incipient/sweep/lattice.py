@@ -15,13 +15,13 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import SceneError
-from .axes import Axis, Settings, rounded
+from .axes import Settings, VariedKey, rounded
 
 _TENFOLD = 10.0  # ratio of two values, if there are no more, from which what is between them has equal ratios
 
 
 @dataclass(frozen=True, eq=False)
-class Numbers:
+class NumericKey:
     """The values of a key, as texts (n,) and `values` (n, m) of m components on the scale that is interpolated.
 
     logarithmic: whether that is the logarithm; listed: whether the key takes a list
@@ -34,7 +34,7 @@ class Numbers:
     listed: bool
 
     @classmethod
-    def of(cls, axis: Axis, ordered: bool = False) -> Numbers | None:
+    def of(cls, axis: VariedKey, ordered: bool = False) -> NumericKey | None:
         """The numbers of an axis; None if it has others, or none that differ.
 
         Single numbers are sorted and each taken once unless they are `ordered`, as of keys that go along together.
@@ -67,11 +67,11 @@ class Numbers:
 class Direction:
     """Keys that go along together; `along` (n,): where their values are, from 0 to 1."""
 
-    keys: tuple[Numbers, ...]
+    keys: tuple[NumericKey, ...]
     along: Floats
 
     @classmethod
-    def of(cls, *keys: Numbers) -> Direction:
+    def of(cls, *keys: NumericKey) -> Direction:
         """The direction of one key by its scale, of several together, or of lists, by the numbers of the values."""
         if len(keys) > 1 or keys[0].listed:
             return cls(keys, np.linspace(0.0, 1.0, len(keys[0].texts)))
@@ -87,21 +87,21 @@ class Direction:
         return tuple(key.setting(place) for key in self.keys)
 
 
-def directions(axes: Sequence[Axis], together: bool) -> list[Direction]:
+def directions(axes: Sequence[VariedKey], together: bool) -> list[Direction]:
     """The directions of axes, one or two; axes that are no numbers, or have but one, are left out.
 
     Raises:
         SceneError: there is no direction or there are more, or axes that go together are not all numbers.
     """
     if together and len(axes) > 1:
-        keys = [key for axis in axes if (key := Numbers.of(axis, ordered=True)) is not None]
+        keys = [key for axis in axes if (key := NumericKey.of(axis, ordered=True)) is not None]
         if len(keys) < len(axes):
-            missing = next(axis.key for axis in axes if Numbers.of(axis, ordered=True) is None)
+            missing = next(axis.key for axis in axes if NumericKey.of(axis, ordered=True) is None)
             raise SceneError(
                 f"--refine: {missing} goes along with others and has no different numbers; use --cases for it"
             )
         return [Direction.of(*keys)]
-    keys = [key for axis in axes if (key := Numbers.of(axis)) is not None]
+    keys = [key for axis in axes if (key := NumericKey.of(axis)) is not None]
     if not keys:
         raise SceneError("--refine: no key is varied over numbers; give --over KEY=FIRST,LAST")
     if len(keys) > 2:

@@ -1,4 +1,4 @@
-"""What a sweep says while it runs: a table that is drawn anew on a terminal, a line a case elsewhere."""
+"""What a sweep says while it runs: a table that is redrawn on a terminal, a line a case elsewhere."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 from ..cost.frontier import seconds
 from ..parallel import ranks_there_are
-from .cases import Case
-from .procedure import Progress, Watcher
-from .store import DONE, FAILED, Outcome
+from .cases import SweepCase
+from .procedure import SweepProgress, Watcher
+from .store import DONE, FAILED, CaseOutcome
 from .table import in_words, quantities
 
 if TYPE_CHECKING:
@@ -24,24 +24,26 @@ log = logging.getLogger("incipient")
 LATEST = 8  # finished cases that the table shows
 
 
-class Logged(Watcher):
+class LogLines(Watcher):
     """A line in the log for every finished case."""
 
-    def finished(self, case: Case, outcome: Outcome, progress: Progress) -> None:
+    def finished(self, case: SweepCase, outcome: CaseOutcome, progress: SweepProgress) -> None:
         """Say what came out, and the time left."""
         left = "" if progress.left is None else f", {seconds(progress.left)} left"
         counted = f"{progress.finished}/{progress.total}"
-        log.info("%s  %s: %s (%.1f s%s)", counted, name_of(case), told(case, outcome), outcome.wall, left)
+        log.info(
+            "%s  %s: %s (%.1f s%s)", counted, name_of(case), described(case, outcome), outcome.wall, left
+        )
 
 
-class Live(Watcher):
+class LiveTable(Watcher):
     """A table: what runs, what has been finished last, how many are left and for how long."""
 
     def __init__(self, live: Any):
         self._live, self._latest = live, deque[tuple[str, str, str]](maxlen=LATEST)
 
-    def look(self, progress: Progress) -> None:
-        """Draw the table anew."""
+    def look(self, progress: SweepProgress) -> None:
+        """Draw the table again."""
         from rich.table import Table
 
         table = Table(title=_headline(progress), title_justify="left", box=None, expand=True)
@@ -53,22 +55,22 @@ class Live(Watcher):
             table.add_row(name_of(case), "[dim]running[/dim]", f"{time.monotonic() - began:.0f} s")
         self._live.update(table)
 
-    def finished(self, case: Case, outcome: Outcome, progress: Progress) -> None:
+    def finished(self, case: SweepCase, outcome: CaseOutcome, progress: SweepProgress) -> None:
         """Show what came out."""
         from rich.markup import escape
 
-        words, failed = escape(told(case, outcome)), outcome.result is None
+        words, failed = escape(described(case, outcome)), outcome.result is None
         shown = f"[red]failed: {words}[/red]" if failed else words
         self._latest.append((name_of(case), shown, f"{outcome.wall:.1f} s"))
         self.look(progress)
 
 
-def name_of(case: Case) -> str:
+def name_of(case: SweepCase) -> str:
     """A case by what was set in it."""
     return ", ".join(case.settings) or case.source
 
 
-def told(case: Case, outcome: Outcome) -> str:
+def described(case: SweepCase, outcome: CaseOutcome) -> str:
     """What came out of a case."""
     row: dict[str, Any] = {"task": case.task, "status": FAILED, "reason": outcome.reason}
     if outcome.result is not None:
@@ -76,7 +78,7 @@ def told(case: Case, outcome: Outcome) -> str:
     return in_words(row)
 
 
-def _headline(progress: Progress) -> str:
+def _headline(progress: SweepProgress) -> str:
     parts = [f"{progress.finished} of {progress.total} cases", f"{len(progress.running)} at work"]
     if progress.failed:
         parts.append(f"{progress.failed} failed")
@@ -94,10 +96,10 @@ def watching(comm: MPI.Comm | None = None) -> Iterator[Watcher]:
         yield Watcher()
         return
     if not sys.stderr.isatty():
-        yield Logged()
+        yield LogLines()
         return
     from rich.console import Console
     from rich.live import Live as Screen
 
     with Screen(console=Console(stderr=True), transient=True, refresh_per_second=4) as screen:
-        yield Live(screen)
+        yield LiveTable(screen)

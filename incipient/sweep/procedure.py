@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from ..errors import Interrupted
-from .cases import Case
+from .cases import SweepCase
 from .expectation import Expected
-from .store import DONE, FAILED, WAITING, Outcome, Store
+from .store import DONE, FAILED, WAITING, CaseOutcome, Store
 
 if TYPE_CHECKING:
     from .executors import Workers
@@ -28,7 +28,7 @@ class Limits:
 
 
 @dataclass
-class Progress:
+class SweepProgress:
     """Where a sweep stands.
 
     total: cases; known: finished before it began; done, failed: by this sweep; elsewhere: at another sweep
@@ -42,7 +42,7 @@ class Progress:
     done: int = 0
     failed: int = 0
     elsewhere: int = 0
-    running: dict[str, tuple[Case, float]] = field(default_factory=dict)
+    running: dict[str, tuple[SweepCase, float]] = field(default_factory=dict)
     spent: float = 0.0
     refined: Sequence[str] = ()
 
@@ -67,10 +67,10 @@ class Progress:
 class Watcher:
     """Observer of a sweep's progress; this one does nothing."""
 
-    def look(self, progress: Progress) -> None:
+    def look(self, progress: SweepProgress) -> None:
         """Some time has passed."""
 
-    def finished(self, case: Case, outcome: Outcome, progress: Progress) -> None:
+    def finished(self, case: SweepCase, outcome: CaseOutcome, progress: SweepProgress) -> None:
         """A case has been finished."""
 
 
@@ -84,13 +84,13 @@ class Sweep:
 
     def __init__(
         self,
-        cases: Sequence[Case],
+        cases: Sequence[SweepCase],
         store: Store,
         workers: Workers,
-        expect: Callable[[Sequence[Case]], Mapping[str, Expected]],
+        expect: Callable[[Sequence[SweepCase]], Mapping[str, Expected]],
         limits: Limits = Limits(),
         watcher: Watcher | None = None,
-        further: Callable[[], Sequence[Case]] = tuple,
+        further: Callable[[], Sequence[SweepCase]] = tuple,
     ):
         self._store, self._workers, self._limits = store, workers, limits
         self._expect, self._watcher, self._further = expect, watcher or Watcher(), further
@@ -98,11 +98,11 @@ class Sweep:
         self._cases = {case.identity: case for case in cases}
         self._began = time.monotonic()
         self._compiled: set[str] = set()
-        self._waiting: list[Case] = []
-        self._at_work: dict[Future[Outcome], Case] = {}
-        self._progress = Progress(len(self._cases), 0, workers.places)
+        self._waiting: list[SweepCase] = []
+        self._at_work: dict[Future[CaseOutcome], SweepCase] = {}
+        self._progress = SweepProgress(len(self._cases), 0, workers.places)
 
-    def run(self) -> Progress:
+    def run(self) -> SweepProgress:
         """Compute what waits, and wait for what other sweeps compute.
 
         Raises:
@@ -175,12 +175,12 @@ class Sweep:
                 continue
             reason = self._too_large(case)
             if reason:
-                self._finish(case, Outcome(reason=reason))
+                self._finish(case, CaseOutcome(reason=reason))
                 continue
             self._progress.running[case.identity] = case, time.monotonic()
             self._at_work[self._workers.submit(case)] = case
 
-    def _may_begin(self, case: Case) -> bool:
+    def _may_begin(self, case: SweepCase) -> bool:
         """Whether there is memory for it, and no other case compiles its forms or others it may share just now."""
         running = [other for other, _ in self._progress.running.values()]
         compiling = any(other.forms not in self._compiled for other in running)
@@ -189,10 +189,10 @@ class Sweep:
         taken = sum(self._memory(other) for other in running)
         return not running or taken + self._memory(case) <= self._limits.memory_mib
 
-    def _memory(self, case: Case) -> float:
+    def _memory(self, case: SweepCase) -> float:
         return self._expected.get(case.identity, Expected()).memory_mib or 0.0
 
-    def _too_large(self, case: Case) -> str:
+    def _too_large(self, case: SweepCase) -> str:
         memory = self._memory(case)
         if memory <= self._limits.memory_mib:
             return ""
@@ -219,7 +219,7 @@ class Sweep:
             del self._progress.running[case.identity]
             self._finish(case, outcome)
 
-    def _finish(self, case: Case, outcome: Outcome) -> None:
+    def _finish(self, case: SweepCase, outcome: CaseOutcome) -> None:
         self._store.finish(case.identity, outcome)
         if outcome.result is None:
             self._progress.failed += 1
@@ -233,5 +233,5 @@ class Sweep:
         progress = self._progress
         return (
             f"{why}: {progress.finished} of {progress.total} cases are finished and kept in {self._store.path}; "
-            "call again to go on"
+            "call again to resume"
         )

@@ -11,10 +11,10 @@ from typing import Any
 from ..errors import SceneError
 from ..progress import Silent
 from . import axes
-from .axes import Axis
-from .cases import TASKS, Case, Source, keys_of, resolved
+from .axes import VariedKey
+from .case_refinement import MOST, USUAL, Aim, Family, SweepRefinement
+from .cases import TASKS, Source, SweepCase, keys_of, resolved
 from .lattice import directions
-from .refinement import MOST, USUAL, Aim, Family, Refinement
 
 ENDING = ".sqlite"
 CHECKING = "checking cases"
@@ -29,7 +29,7 @@ _UNITS = (86400.0, 3600.0, 60.0, 1.0)
 
 
 @dataclass(frozen=True)
-class Refined:
+class RefinementOptions:
     """What is said of a refinement: its tolerance, True for the usual one; how many cases; a column; None: not said."""
 
     refine: float | bool | None = None
@@ -67,21 +67,21 @@ class Request:
     """
 
     sources: tuple[Source, ...]
-    over: tuple[Axis, ...] = ()
+    over: tuple[VariedKey, ...] = ()
     together: bool = False
     table: Path | None = None
     task: str = "run"
     common: tuple[str, ...] = field(default=())
     aim: Aim | None = None
 
-    def cases(self, voice: Silent | None = None) -> tuple[list[Case], list[str]]:
-        """The cases, each once, and the keys that they vary; `voice` is told how many have been checked.
+    def cases(self, voice: Silent | None = None) -> tuple[list[SweepCase], list[str]]:
+        """The cases, each once, and the keys that they vary; `voice` counts those that have been checked.
 
         Raises:
             SceneError: one of them contradicts itself; it says which.
         """
         settings = self.settings()
-        voice, found = voice or Silent(), dict[str, Case]()
+        voice, found = voice or Silent(), dict[str, SweepCase]()
         total = len(self.sources) * len(settings)
         for number in range(total):
             voice.count(CHECKING, number, total)
@@ -93,7 +93,7 @@ class Request:
         """What is set in each case of a source."""
         return axes.combined(self.over, self.together, self._rows())
 
-    def case(self, number: int, settings: Sequence[axes.Settings]) -> Case:
+    def case(self, number: int, settings: Sequence[axes.Settings]) -> SweepCase:
         """The case of a number: those of the first source come first. Raises as `cases`."""
         source, one = self.sources[number // len(settings)], settings[number % len(settings)]
         which = f"case {number % len(settings) + 1} of {len(settings)}"
@@ -102,7 +102,7 @@ class Request:
         except SceneError as error:
             raise SceneError(f"{which} ({', '.join(one) or source.name}): {error}") from None
 
-    def refinement(self, cases: Sequence[Case]) -> Refinement | None:
+    def refinement(self, cases: Sequence[SweepCase]) -> SweepRefinement | None:
         """The refinement between these cases, which are all of the request; None where none is asked for.
 
         Raises:
@@ -114,24 +114,24 @@ class Request:
         moving = {key.key for way in ways for key in way.keys}
         others = axes.combined([axis for axis in self.over if axis.key not in moving], False, self._rows())
         families = [Family(source, fixed, tuple(ways)) for source in self.sources for fixed in others]
-        told_apart = len({source.name for source in self.sources}) == len(self.sources)
-        return Refinement(families, self.aim, self._case, cases if told_apart else ())
+        distinct = len({source.name for source in self.sources}) == len(self.sources)
+        return SweepRefinement(families, self.aim, self._case, cases if distinct else ())
 
     def _rows(self) -> list[axes.Settings]:
         return [] if self.table is None else axes.table_of_cases(self.table)
 
-    def _case(self, source: Source, settings: axes.Settings) -> Case:
+    def _case(self, source: Source, settings: axes.Settings) -> SweepCase:
         return resolved(source, settings, self.task, self.common)
 
 
 def requested(
     sources: Sequence[Source],
-    over: Sequence[Axis] = (),
+    over: Sequence[VariedKey] = (),
     together: bool = False,
     table: Path | None = None,
     task: str | None = None,
     common: Sequence[str] = (),
-    refined: Refined = Refined(),
+    refined: RefinementOptions = RefinementOptions(),
 ) -> Request:
     """The request; what is not said is taken from the section [sweep] of the first source, as relative to its file.
 

@@ -21,7 +21,7 @@ from typing import Any, Self
 from ..errors import OutputError, shortened
 from ..files import reported
 from ..output.lock import Holder
-from .cases import Case
+from .cases import SweepCase
 
 SCHEMA_VERSION, WITHOUT_CHECKSUMS = 2, 1
 APPLICATION = 0x696E6370  # in the file's head: "incp"
@@ -51,7 +51,7 @@ _OF_RIGHTS = (sqlite3.SQLITE_READONLY, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_P
 
 
 @dataclass(frozen=True)
-class Outcome:
+class CaseOutcome:
     """What computing a case came to: the result as plain data, or the reason why there is none, and the cost.
 
     wall, cpu: seconds, those of the processor of all ranks; peak_mib: of all ranks
@@ -79,7 +79,7 @@ class Store:
         if make:
             with reported(path):
                 path.parent.mkdir(parents=True, exist_ok=True)
-        with self._told():
+        with self._reported():
             # Statements commit themselves; what belongs together says so.
             self._base = sqlite3.connect(path, timeout=PATIENCE, isolation_level=None)
             try:
@@ -98,7 +98,7 @@ class Store:
         self._base.close()
 
     @contextmanager
-    def _told(self) -> Iterator[None]:
+    def _reported(self) -> Iterator[None]:
         """Turn SQLite's errors into one line."""
         try:
             yield
@@ -148,7 +148,7 @@ class Store:
     @contextmanager
     def _together(self) -> Iterator[None]:
         """Write all of the block or nothing, and nobody else meanwhile."""
-        with self._told():
+        with self._reported():
             self._base.execute("BEGIN IMMEDIATE")
             try:
                 yield
@@ -158,21 +158,21 @@ class Store:
                 raise
             self._base.execute("COMMIT")
 
-    def add(self, cases: Sequence[Case], keys: Sequence[str]) -> None:
+    def add(self, cases: Sequence[SweepCase], keys: Sequence[str]) -> None:
         """Put in the cases that are not there yet, or damaged, and the keys that they vary."""
         names = (*_CASE, "checksum", "status")
         rows = []
         for case in cases:
-            told = case.identity, case.task, case.source, json.dumps(case.settings), case.text
-            rows.append((*told, _checksum(dict(zip(_CASE, told, strict=True))), WAITING))
-        anew = ", ".join(
+            content = case.identity, case.task, case.source, json.dumps(case.settings), case.text
+            rows.append((*content, _checksum(dict(zip(_CASE, content, strict=True))), WAITING))
+        renewed = ", ".join(
             [f"{name} = excluded.{name}" for name in names[1:]]
             + ["reason = ''", "owner = NULL", *(f"{name} = NULL" for name in _OUTCOME[1:])]
         )
         with self._together():
             self._base.executemany(
                 f"INSERT INTO cases ({', '.join(names)}) VALUES ({', '.join('?' * len(names))})"
-                f" ON CONFLICT (id) DO UPDATE SET {anew} WHERE status = '{DAMAGED}'",
+                f" ON CONFLICT (id) DO UPDATE SET {renewed} WHERE status = '{DAMAGED}'",
                 rows,
             )
             self._base.executemany("INSERT OR IGNORE INTO parameters VALUES (?)", [(key,) for key in keys])
@@ -189,7 +189,7 @@ class Store:
         return len(found)
 
     def _changed(self) -> list[int]:
-        with self._told():
+        with self._reported():
             rows = self._base.execute("SELECT rowid AS number, * FROM cases")
             return [row["number"] for row in rows if _is_damaged(row)]
 
@@ -219,7 +219,7 @@ class Store:
     def states(self, identities: Sequence[str]) -> dict[str, str]:
         """The status of cases; of those that are not there, none."""
         wanted = set(identities)
-        with self._told():
+        with self._reported():
             return {
                 row[0]: row[1]
                 for row in self._base.execute("SELECT id, status FROM cases")
@@ -229,7 +229,7 @@ class Store:
     def results(self, identities: Sequence[str]) -> dict[str, tuple[str, Any]]:
         """Task and result of those of the cases that are done and not damaged, by identity."""
         found = {}
-        with self._told():
+        with self._reported():
             for identity in identities:
                 row = self._base.execute(
                     "SELECT * FROM cases WHERE id = ? AND status = ?", (identity, DONE)
@@ -240,14 +240,14 @@ class Store:
 
     def claim(self, identity: str) -> bool:
         """Take a case that waits; False if another sweep has."""
-        with self._told():
+        with self._reported():
             changed = self._base.execute(
                 "UPDATE cases SET status = ?, owner = ?, tries = tries + 1 WHERE id = ? AND status = ?",
                 (RUNNING, self._owner, identity, WAITING),
             )
         return changed.rowcount == 1
 
-    def finish(self, identity: str, outcome: Outcome) -> None:
+    def finish(self, identity: str, outcome: CaseOutcome) -> None:
         """Write what a claimed case came to."""
         versions, result = (
             None if data is None else json.dumps(data, allow_nan=False)
@@ -268,7 +268,7 @@ class Store:
 
     def give_back(self) -> None:
         """Let the cases wait again that this sweep has claimed and not finished."""
-        with self._told():
+        with self._reported():
             self._base.execute(
                 "UPDATE cases SET status = ?, owner = NULL, tries = tries - 1 WHERE status = ? AND owner = ?",
                 (WAITING, RUNNING, self._owner),
@@ -276,7 +276,7 @@ class Store:
 
     def keys(self) -> list[str]:
         """The keys that cases vary, in the order in which they came."""
-        with self._told():
+        with self._reported():
             found = [key for (key,) in self._base.execute("SELECT key FROM parameters ORDER BY rowid")]
         if not all(isinstance(key, str) and key.isprintable() and _UNREADABLE not in key for key in found):
             raise OutputError(f"{self.path}: {_damaged('a key of its parameters is none')}")
@@ -284,7 +284,7 @@ class Store:
 
     def rows(self) -> list[dict[str, Any]]:
         """All cases in the order in which they came; damaged ones with that status and no result."""
-        with self._told():
+        with self._reported():
             found = self._base.execute("SELECT * FROM cases ORDER BY rowid")
             return [damaged(dict(row)) if _is_damaged(row) else dict(row) for row in found]
 
@@ -292,8 +292,10 @@ class Store:
 def _checksum(row: Mapping[str, Any] | sqlite3.Row) -> str:
     """The checksum of what a case is and what came out."""
     held = row.keys()
-    told = [row[name] if name in held else "" if name == "reason" else None for name in (*_CASE, *_OUTCOME)]
-    return hashlib.sha256(json.dumps(told, default=repr).encode()).hexdigest()
+    content = [
+        row[name] if name in held else "" if name == "reason" else None for name in (*_CASE, *_OUTCOME)
+    ]
+    return hashlib.sha256(json.dumps(content, default=repr).encode()).hexdigest()
 
 
 def _is_damaged(row: sqlite3.Row) -> bool:

@@ -214,8 +214,8 @@ def in_words(row: Mapping[str, Any]) -> str:
         bar = row.get(f"shields{HIGH}")
         error = "" if bar is None else f" +- {bar - row['shields']:.1g}"
         return f"{row['mode']} at Shields number {row['shields']:.4g}{error}"
-    told = f"{row['mode']}, safety factor {row['safety_factor']:.4g}" if "mode" in row else "no verdict"
+    words = f"{row['mode']}, safety factor {row['safety_factor']:.4g}" if "mode" in row else "no verdict"
     if "friction" not in row:
-        return told
-    told = told if "mode" in row else f"C_f {row['friction']:.5g}"
-    return told if row["applicable"] else f"{told}, law of the wall NOT APPLICABLE"
+        return words
+    words = words if "mode" in row else f"C_f {row['friction']:.5g}"
+    return words if row["applicable"] else f"{words}, law of the wall NOT APPLICABLE"

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 from ..errors import IncipientError
 from ..files import plain
 from ..parallel import ranks_there_are, start_alone_quickly
-from .store import Outcome
+from .store import CaseOutcome
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -38,7 +38,7 @@ _LED: list[MPI.Comm] = []
 def end_with_parent(parent: int | None = None) -> None:
     """Let the kernel kill this process when the one that started it ends, however that ends; on Linux only.
 
-    A process whose `parent` is known, and has ended before the kernel was told, ends at once.
+    A process whose `parent` is known, and has ended before the kernel knew, ends at once.
     """
     with suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(END_WITH_PARENT, signal.SIGKILL)
@@ -71,7 +71,7 @@ def follow(group: MPI.Comm) -> None:
         computed(task, text, group)
 
 
-def computed_by_group(task: str, text: str) -> Outcome:
+def computed_by_group(task: str, text: str) -> CaseOutcome:
     """Compute a case with the group that this rank leads; a defect on several ranks ends them all. Collective."""
     (group,) = _LED
     group.bcast((task, text))
@@ -82,7 +82,7 @@ def computed_by_group(task: str, text: str) -> Outcome:
         group.Abort(1)
 
 
-def computed(task: str, text: str, comm: MPI.Comm) -> Outcome:
+def computed(task: str, text: str, comm: MPI.Comm) -> CaseOutcome:
     """Compute a case; one that fails with an error for users has its line as the reason. Collective."""
     began, processor = time.perf_counter(), _processor_time()
     _forget_peak()
@@ -98,7 +98,7 @@ def computed(task: str, text: str, comm: MPI.Comm) -> Outcome:
         traceback.print_exc()
         reason = f"a defect of the program: {' '.join(f'{type(error).__name__}: {error}'.split())}"
     spent, peak = (sum(comm.allgather(one)) for one in (_processor_time() - processor, _peak_memory()))
-    return Outcome(result, reason, time.perf_counter() - began, spent, peak, versions)
+    return CaseOutcome(result, reason, time.perf_counter() - began, spent, peak, versions)
 
 
 def _run(text: str, comm: MPI.Comm) -> dict[str, Any]:
@@ -141,7 +141,7 @@ def _processor_time() -> float:
 
 
 def _forget_peak() -> None:
-    """Let the kernel count the largest memory anew from here; where it does not, it is that of all cases so far."""
+    """Let the kernel count the largest memory from here; where it does not, it is that of all cases so far."""
     with suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5")
 

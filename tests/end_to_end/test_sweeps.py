@@ -14,7 +14,7 @@ import pytest
 
 import incipient.sweep
 from incipient import cli
-from incipient.sweep.procedure import Progress, Watcher
+from incipient.sweep.procedure import SweepProgress, Watcher
 
 CASE = Path(__file__).parents[2] / "demos" / "cases" / "disc_in_pocket.toml"
 # A few hundredths of a second a case, or, with many samples, some tenths.
@@ -250,10 +250,10 @@ class Crowded(Watcher):
 
     most = 0
 
-    def look(self, progress: Progress) -> None:
+    def look(self, progress: SweepProgress) -> None:
         self.most = max(self.most, len(progress.running))
 
-    def finished(self, case: Any, outcome: Any, progress: Progress) -> None:
+    def finished(self, case: Any, outcome: Any, progress: SweepProgress) -> None:
         self.most = max(self.most, len(progress.running) + 1)
 
 

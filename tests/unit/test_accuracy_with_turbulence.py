@@ -75,7 +75,7 @@ def test_a_share_of_walls_outside_of_the_law_is_told_where_there_is_one(outside,
 
 
 def test_the_ladder_of_turbulence_has_finer_cells_at_its_end_and_no_higher_order():
-    """No other way to solve is tried; those that turbulence refuses are no choice either."""
+    """No other solver option is tried; those that turbulence refuses are no choice either."""
     scene = channel(numerics=Numerics(order=2))
     runs = ladder(scene, chosen(scene, quick=False))
     assert [(one.order, round(one.mesh_size, 3)) for one in runs.variants] == [

@@ -15,13 +15,12 @@ from hypothesis import strategies as st
 from made_up_runs import TIMED, Runner, quiet, scene, studied
 from scenes import TANK
 
-from incipient.cost import calibration, frontier, quantities
-from incipient.cost import page as cost_page
+from incipient.cost import calibration, frontier, markdown, quantities
 from incipient.cost import study as cost
-from incipient.cost.command import builtin, chosen, told
+from incipient.cost.command import builtin, chosen, summary
 from incipient.cost.ladder import QUICK, RATIO, Spread, ladder, spread
 from incipient.cost.ladder import STEADY as STEADY_SPREAD
-from incipient.cost.measurement import Measured, Variant
+from incipient.cost.measurement import MeasuredRun, Variant
 from incipient.cost.records import known_runs
 from incipient.errors import ConvergenceError, OutputError, SceneError
 from incipient.scene import Scene, load, loads
@@ -68,7 +67,7 @@ def test_too_little_makes_no_law() -> None:
 
 def test_a_study_without_a_law_says_what_its_runs_reached(tmp_path: Path) -> None:
     class Exact(Runner):
-        def __call__(self, scene: Scene, variant: Variant) -> Measured:
+        def __call__(self, scene: Scene, variant: Variant) -> MeasuredRun:
             run = super().__call__(scene, variant)
             exact = {"force_x": 3.0, "force_y": 4.0, "couple": 0.5, "safety_factor": 1.5}
             return replace(run, found=exact)
@@ -76,12 +75,12 @@ def test_a_study_without_a_law_says_what_its_runs_reached(tmp_path: Path) -> Non
     study = studied(tmp_path, Exact(), quick=True)
     assert study.words() == "0%: 1.1 s; too few runs can be told apart from the reference for a law"
     assert not any(one.told_apart for one in study.judged)
-    assert "No law" in cost_page.page(study)
+    assert "No law" in markdown.page(study)
 
 
 def test_words_of_a_law() -> None:
     """error = (t - 1)^-2 percent: 1% takes 1 + 1 s, 0.1% 1 + sqrt(10) s, beyond the runs "about"."""
-    law = frontier.Law(0.01, 2.0, 1.0)
+    law = frontier.CostLaw(0.01, 2.0, 1.0)
     said = frontier.words(law, [0.02, 0.002], [1.7, 3.2])
     assert said == "1%: 2 s, 0.1%: about 4.2 s; each further digit x 3.2, beyond the 1 s of starting"
     assert frontier.words(law, [0.005, 0.002], [1.5, 3.2]).startswith("1%: at most 1.5 s")
@@ -199,7 +198,7 @@ def test_a_study_finds_errors_and_law(tmp_path: Path) -> None:
 
 def test_a_study_goes_on_where_it_was_interrupted(tmp_path: Path) -> None:
     class Stopped(Runner):
-        def __call__(self, scene: Scene, variant: Variant) -> Measured:
+        def __call__(self, scene: Scene, variant: Variant) -> MeasuredRun:
             if len(self.made) == 3:
                 raise KeyboardInterrupt
             return super().__call__(scene, variant)
@@ -221,7 +220,7 @@ def test_rows_hold_every_digit_and_awkward_words(tmp_path: Path) -> None:
     study = studied(tmp_path, runner, quick=True)
     (failed,) = study.failed
     assert failed.failed == 'no steady flow, "of course", found'
-    assert failing.name in told(study, tmp_path)
+    assert failing.name in summary(study, tmp_path)
     kept = known_runs(scene(), tmp_path)
     assert kept[Variant(3, 2.0).key].found == runner(scene(), Variant(3, 2.0)).found
 
@@ -251,7 +250,7 @@ def test_the_directory_of_another_scene_is_refused(tmp_path: Path) -> None:
 
 def test_the_page_says_it(tmp_path: Path) -> None:
     study = studied(tmp_path, Runner(Variant(2, 2.0)))
-    cost_page.write(study, tmp_path)
+    markdown.write(study, tmp_path)
     text = (tmp_path / "cost.md").read_text()
     assert study.words() in text
     assert "| each further digit | x" in text

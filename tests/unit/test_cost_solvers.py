@@ -1,4 +1,4 @@
-"""Ways to solve in a study of what accuracy costs: which there are, where they are tried, how they compare."""
+"""Solver options in a study of what accuracy costs: which there are, where they are tried, how they compare."""
 
 import csv
 import json
@@ -12,14 +12,13 @@ import pytest
 from made_up_runs import TIMED, Runner, quiet, scene, studied
 
 from incipient.compat import PETSc
-from incipient.cost import calibration, measurement, process, solvers
-from incipient.cost import page as cost_page
+from incipient.cost import calibration, markdown, measurement, process, solvers
 from incipient.cost import study as cost
-from incipient.cost.command import chosen, told
+from incipient.cost.command import chosen, summary
 from incipient.cost.comparison import compared
 from incipient.cost.findings import findings
 from incipient.cost.ladder import QUICK, STEADY, Spread, ladder
-from incipient.cost.measurement import Measured, Variant, quicker
+from incipient.cost.measurement import MeasuredRun, Variant, quicker
 from incipient.cost.records import completed, known_runs
 from incipient.errors import SceneError
 from incipient.pictures.cost import draw
@@ -144,7 +143,7 @@ def test_what_auto_decides_anyway_is_no_other_way() -> None:
 class Varied(Runner):
     """Chords give the same in half of the time beyond the first second; loose tolerances are off by 2%."""
 
-    def __call__(self, scene: Scene, variant: Variant) -> Measured:
+    def __call__(self, scene: Scene, variant: Variant) -> MeasuredRun:
         run = super().__call__(scene, variant)
         if variant.solver == "chords":
             return replace(run, cpu=1.0 + 0.5 * (run.cpu - 1.0), counts=replace(run.counts, newton=10))
@@ -190,7 +189,7 @@ def test_time_at_equal_errors(tmp_path: Path) -> None:
     """
 
     class Worse(Runner):
-        def __call__(self, scene: Scene, variant: Variant) -> Measured:
+        def __call__(self, scene: Scene, variant: Variant) -> MeasuredRun:
             run = super().__call__(scene, variant)
             exact = {"force_x": 3.0, "force_y": 4.0, "couple": 0.5, "safety_factor": 1.5}
             twice = {name: 2.0 * value - exact[name] for name, value in run.found.items()}
@@ -207,7 +206,7 @@ def test_time_at_equal_errors(tmp_path: Path) -> None:
 
 def test_page_and_picture_show_them(tmp_path: Path) -> None:
     study = studied(tmp_path, Varied(), ways=None)
-    cost_page.write(study, tmp_path)
+    markdown.write(study, tmp_path)
     text = (tmp_path / "cost.md").read_text()
     # Time (0.5 + 0.3 n)/(0.5 + 0.6 n) for n = 1/4, 1/2, 1: the geometric mean is 0.81.
     assert "| chords | x 0.81 | x 0.81 | x 1 | 0% | x 1 | x 2 | x 1 | Newton's method" in text
@@ -216,7 +215,7 @@ def test_page_and_picture_show_them(tmp_path: Path) -> None:
     assert "by a tenth on the whole and on every variant: *chords* (x 0.81)." in text
     assert "| P3-P2, mesh_size 1, chords | " in text
     said = "chords: time x 0.81, error x 1, change 0%, time at equal errors x 0.81: cheaper"
-    assert f"solver              {said}" in told(study, tmp_path)
+    assert f"solver              {said}" in summary(study, tmp_path)
     stored = json.loads((tmp_path / "cost.json").read_text())
     assert {run["solver"] for run in stored["runs"]} == {"", *TRIED}
     assert stored["solvers"][0]["solver"] == "chords"
@@ -226,7 +225,7 @@ def test_page_and_picture_show_them(tmp_path: Path) -> None:
 
 def test_without_other_ways_nothing_is_said_of_them(tmp_path: Path) -> None:
     study = studied(tmp_path, Runner())
-    assert "Ways to solve" not in cost_page.page(study)
+    assert "Solver options" not in markdown.page(study)
     assert not compared(study.judged, study.front, study.goals)
 
 
@@ -241,7 +240,7 @@ def test_laws_are_of_the_scenes_own_way(tmp_path: Path) -> None:
 
 
 def earlier(directory: Path) -> None:
-    """Take from a study what versions without ways to solve had not."""
+    """Take from a study what versions without solver options had not."""
     rows = list(csv.DictReader((directory / "cost.csv").open()))
     heads = [name for name in rows[0] if name != "solver"]
     with (directory / "cost.csv").open("w") as stream:
@@ -273,7 +272,7 @@ def test_a_study_of_an_earlier_version_goes_on(tmp_path: Path) -> None:
 
 def test_an_interrupted_study_of_ways_goes_on(tmp_path: Path) -> None:
     class Stopped(Varied):
-        def __call__(self, scene: Scene, variant: Variant) -> Measured:
+        def __call__(self, scene: Scene, variant: Variant) -> MeasuredRun:
             if len(self.made) == 2:
                 raise KeyboardInterrupt
             return super().__call__(scene, variant)
@@ -288,10 +287,10 @@ def test_an_interrupted_study_of_ways_goes_on(tmp_path: Path) -> None:
 
 def test_short_runs_are_made_twice(monkeypatch: pytest.MonkeyPatch) -> None:
     times = iter([2.0, 1.5, 4.0, 4.5, 6.0])
-    monkeypatch.setattr(measurement, "measure", lambda scene, variant: Measured(variant, 9.0, next(times)))
+    monkeypatch.setattr(measurement, "measure", lambda scene, variant: MeasuredRun(variant, 9.0, next(times)))
     assert [quicker(scene(), Variant(2, 1.0)).cpu for _ in range(3)] == [1.5, 4.0, 6.0]
     monkeypatch.setattr(
-        measurement, "measure", lambda scene, variant: Measured(variant, 1.0, 1.0, failed="no")
+        measurement, "measure", lambda scene, variant: MeasuredRun(variant, 1.0, 1.0, failed="no")
     )
     assert quicker(scene(), Variant(2, 1.0)).failed == "no"
 

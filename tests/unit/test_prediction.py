@@ -18,8 +18,8 @@ from incipient.cost.calibration import Findings
 from incipient.cost.command import predicted_plan
 from incipient.cost.findings import findings
 from incipient.cost.laws import ErrorLaw, TimeLaw, error_at, fitted_errors, fitted_time
-from incipient.cost.measurement import Measured, Variant
-from incipient.cost.page import write
+from incipient.cost.markdown import write
+from incipient.cost.measurement import MeasuredRun, Variant
 from incipient.cost.prediction import COARSE, KnownLaws, LastMesh, Prediction, first_mesh, known_laws, predict
 from incipient.effects.plan import make_plan
 from incipient.errors import OutputError
@@ -164,7 +164,7 @@ def test_calibrations_of_other_machines_stay(monkeypatch: pytest.MonkeyPatch) ->
 class Chords(Runner):
     """Chords give the same in half of the time beyond the first second."""
 
-    def __call__(self, scene: Scene, variant: Variant) -> Measured:
+    def __call__(self, scene: Scene, variant: Variant) -> MeasuredRun:
         run = super().__call__(scene, variant)
         return replace(run, cpu=1.0 + 0.5 * (run.cpu - 1.0)) if variant.solver == "chords" else run
 

@@ -14,10 +14,10 @@ from scenes import message
 import incipient.sweep
 from incipient import cli
 from incipient.sweep.axes import parsed
-from incipient.sweep.cases import Case, Source
-from incipient.sweep.lattice import Numbers, directions
-from incipient.sweep.refinement import Refinement
-from incipient.sweep.request import Refined, requested
+from incipient.sweep.case_refinement import SweepRefinement
+from incipient.sweep.cases import Source, SweepCase
+from incipient.sweep.lattice import NumericKey, directions
+from incipient.sweep.request import RefinementOptions, requested
 from incipient.sweep.worker import computed
 
 # A block on a slope of tangent t, with its weight turned instead: its force along the slope is t + 0.1 with the flow's.
@@ -45,19 +45,19 @@ class Judged:
             [Source("block", BLOCK)],
             [parsed(one) for one in over],
             task="judge",
-            refined=Refined(tolerance, most),
+            refined=RefinementOptions(tolerance, most),
         )
         self.results: dict[str, tuple[str, Any]] = {}
         self.rounds = [request.cases()[0]]
         found = request.refinement(self.rounds[0])
-        assert isinstance(found, Refinement)
+        assert isinstance(found, SweepRefinement)
         self.refinement = found
         while self.rounds[-1]:
             self.results |= {case.identity: ("judge", judged(case)) for case in self.rounds[-1]}
             self.rounds.append(found.following(lambda wanted: {one: self.results[one] for one in wanted}))
 
     @property
-    def cases(self) -> list[Case]:
+    def cases(self) -> list[SweepCase]:
         return [case for one in self.rounds for case in one]
 
     def at(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -67,11 +67,11 @@ class Judged:
         friction = np.array([case["contacts"]["friction"] for case in told])
         return slope, friction, np.array([not self.moves(case) for case in self.cases])
 
-    def moves(self, case: Case) -> bool:
+    def moves(self, case: SweepCase) -> bool:
         return bool(self.results[case.identity][1]["verdict"]["moves"])
 
 
-def judged(case: Case) -> dict[str, Any]:
+def judged(case: SweepCase) -> dict[str, Any]:
     from mpi4py import MPI
 
     outcome = computed("judge", case.text, MPI.COMM_SELF)
@@ -164,22 +164,22 @@ def test_between_values_are_equal_ratios_or_differences() -> None:
     assert middle("a.b=[0, 1],[1, 3]") == "a.b=[0.5, 2.0]"
     (together,) = directions([parsed("a.b=1,2"), parsed("a.c=9,5")], True)
     assert together.settings(0.25) == ("a.b=1.25", "a.c=8.0")
-    assert Numbers.of(parsed("a.b=1,1.0")) is None
+    assert NumericKey.of(parsed("a.b=1,1.0")) is None
 
 
 @pytest.mark.parametrize(
     ("over", "together", "refined", "said"),
     [
-        (["a.b=x,y"], False, Refined(True), "no key is varied over numbers"),
-        (["a.b=1,2", "a.c=1,2", "a.d=1,2"], False, Refined(True), "are 3 keys with numbers"),
-        (["a.b=1,2", "a.c=x,y"], True, Refined(True), "a.c goes along with others"),
-        (["a.b=1,2"], False, Refined(2.0), "--refine 2: is not a share of the range"),
-        (["a.b=1,2"], False, Refined(True, 0), "--most 0: is not a number of cases"),
-        (["a.b=1,2"], False, Refined(None, 5), "--most: is for a refinement"),
+        (["a.b=x,y"], False, RefinementOptions(True), "no key is varied over numbers"),
+        (["a.b=1,2", "a.c=1,2", "a.d=1,2"], False, RefinementOptions(True), "are 3 keys with numbers"),
+        (["a.b=1,2", "a.c=x,y"], True, RefinementOptions(True), "a.c goes along with others"),
+        (["a.b=1,2"], False, RefinementOptions(2.0), "--refine 2: is not a share of the range"),
+        (["a.b=1,2"], False, RefinementOptions(True, 0), "--most 0: is not a number of cases"),
+        (["a.b=1,2"], False, RefinementOptions(None, 5), "--most: is for a refinement"),
     ],
 )
 def test_wrong_refinements_are_refused(
-    over: Sequence[str], together: bool, refined: Refined, said: str
+    over: Sequence[str], together: bool, refined: RefinementOptions, said: str
 ) -> None:
     def refused() -> None:
         axes = [parsed(one) for one in over]

@@ -21,10 +21,10 @@ from incipient.scene import Scene, example, load
 from incipient.scene.key_units import unit_of
 from incipient.sweep.axes import combined, of_mapping, parsed, table_of_cases
 from incipient.sweep.call import Means
-from incipient.sweep.cases import Case, Source, resolved
+from incipient.sweep.cases import Source, SweepCase, resolved
 from incipient.sweep.dry_run import foretold, sampled
 from incipient.sweep.request import requested, seconds
-from incipient.sweep.store import DONE, RUNNING, WAITING, Outcome, Store
+from incipient.sweep.store import DONE, RUNNING, WAITING, CaseOutcome, Store
 
 SOURCE = Source("mine", example())
 # Claims the first case of a file and is killed.
@@ -182,8 +182,8 @@ def load_with(*overrides: str):
     return loads(example(), overrides=overrides)
 
 
-def case(identity: str) -> Case:
-    return Case(identity, "judge", "made", ("a.x=1",), "{}", "")
+def case(identity: str) -> SweepCase:
+    return SweepCase(identity, "judge", "made", ("a.x=1",), "{}", "")
 
 
 def test_a_case_is_computed_by_one_of_those_who_want_it(tmp_path: Path) -> None:
@@ -193,7 +193,7 @@ def test_a_case_is_computed_by_one_of_those_who_want_it(tmp_path: Path) -> None:
         store.add([case("a")], ["a.x", "a.y"])
         assert store.keys() == ["a.x", "a.y"]
         assert store.claim("a") and not store.claim("a")
-        store.finish("a", Outcome({"found": 1.0}, wall=2.0))
+        store.finish("a", CaseOutcome({"found": 1.0}, wall=2.0))
         assert not store.claim("a")
         assert store.claim("b")
         store.give_back()
@@ -239,7 +239,7 @@ def test_the_table_has_units_in_its_heads_and_numbers_to_the_right(tmp_path: Pat
     with Store(file, make=True) as store:
         store.add(cases, keys)
         assert store.claim(cases[0].identity)
-        store.finish(cases[0].identity, Outcome({"verdict": None}, wall=2.5))
+        store.finish(cases[0].identity, CaseOutcome({"verdict": None}, wall=2.5))
     assert main(["table", str(file)]) == 0
     head, first, second = capsys.readouterr().out.splitlines()
     places = [head.index(word) + len(word) for word in ("body.diameter [length]", "time [s]")]

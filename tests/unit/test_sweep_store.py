@@ -11,11 +11,13 @@ from pathlib import Path
 import pytest
 
 from incipient.errors import OutputError
-from incipient.sweep.cases import Case
-from incipient.sweep.store import DAMAGED, DONE, WAITING, Outcome, Store
+from incipient.sweep.cases import SweepCase
+from incipient.sweep.store import DAMAGED, DONE, WAITING, CaseOutcome, Store
 from incipient.sweep.table import as_csv, columns, in_words, rows
 
-CASES = [Case(f"case{n}", "judge", "made", (f"a.x={n}",), json.dumps({"a": {"x": n}}), "") for n in range(40)]
+CASES = [
+    SweepCase(f"case{n}", "judge", "made", (f"a.x={n}",), json.dumps({"a": {"x": n}}), "") for n in range(40)
+]
 AS_LONG_AS_RESULTS = "x" * 3000
 
 
@@ -26,7 +28,7 @@ def filled(path: Path) -> list[dict]:
         for number, case in enumerate(CASES):
             assert store.claim(case.identity)
             result = {"verdict": None, "coefficients": {"drag": float(number)}, "text": AS_LONG_AS_RESULTS}
-            store.finish(case.identity, Outcome(result, wall=1.5, versions={"incipient": "1"}))
+            store.finish(case.identity, CaseOutcome(result, wall=1.5, versions={"incipient": "1"}))
     return rows(path)
 
 
@@ -82,7 +84,7 @@ def test_a_changed_case_is_noticed_and_waits_again(tmp_path: Path, column: str, 
         store.add(CASES, ["a.x"])
         assert store.states(["case2", "case3"]) == {"case2": DONE, "case3": WAITING}
         assert store.claim("case3") and store.mark_damaged() == 0
-        store.finish("case3", Outcome({"verdict": None, "coefficients": {"drag": 3.0}}, wall=1.5))
+        store.finish("case3", CaseOutcome({"verdict": None, "coefficients": {"drag": 3.0}}, wall=1.5))
         assert store.mark_damaged() == 0
     anew = rows(path)
     assert [row["id"] for row in anew] == [row["id"] for row in whole]

@@ -7,7 +7,7 @@ The values given span cells: intervals of one direction, rectangles of two. A ce
   is from the straight line on an interval of length h (f[a, b, c]: second divided difference).
 
 Lengths are shares of the range of each direction, misses shares of the range of the quantity. All cases of a round are
-known before the next one is chosen, so that what is chosen hangs on results alone: a sweep that was killed goes on to
+known before the next one is chosen, so that what is chosen hangs on results alone: a sweep that was killed resumes with
 the same cases.
 """
 
@@ -21,7 +21,7 @@ from typing import Any
 
 from ..errors import SceneError
 from .axes import Settings
-from .cases import Case, Source
+from .cases import Source, SweepCase
 from .lattice import Direction
 from .table import quantities
 
@@ -104,7 +104,7 @@ class Family:
     fixed: Settings
     ways: tuple[Direction, ...]
     cells: dict[Cell, set[str]] = field(default_factory=dict)
-    cases: dict[Place, Case | None] = field(default_factory=dict)
+    cases: dict[Place, SweepCase | None] = field(default_factory=dict)
     seen: dict[Place, Seen] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -139,8 +139,8 @@ class Family:
             self.cells[half] = {one.mode for place, one in self.seen.items() if half.holds(place)}
 
     def bend(self, cell: Cell, way: int, lines: Mapping[tuple[int, Place], list[float]]) -> float:
-        """How far the quantity may be from straight along the edges of a cell; infinite where that cannot be told."""
-        worst, told = (
+        """How far the quantity may be from straight along the edges of a cell; infinite where that is not known."""
+        worst, known = (
             0.0,
             any(corner not in self.seen or self.seen[corner].value is None for corner in cell.corners()),
         )
@@ -151,9 +151,9 @@ class Family:
             first, last = line.index(cell.low[way]), line.index(cell.high[way])
             for start in range(max(first - 1, 0), min(last, len(line) - 2)):
                 miss = self._miss(corner, way, line[start : start + 3], cell)
-                told |= miss is not None
+                known |= miss is not None
                 worst = max(worst, miss or 0.0)
-        return worst if told else math.inf
+        return worst if known else math.inf
 
     def _miss(self, corner: Place, way: int, three: Sequence[float], cell: Cell) -> float | None:
         """By three neighbours on a line; None if they are not all known and of one mode."""
@@ -189,7 +189,7 @@ class _Wanted:
     ways: tuple[int, ...]
 
 
-class Refinement:
+class SweepRefinement:
     """The refinement of a sweep's families; `following` says which cases come next.
 
     Args:
@@ -201,8 +201,8 @@ class Refinement:
         self,
         families: Sequence[Family],
         aim: Aim,
-        resolve: Callable[[Source, Settings], Case],
-        known: Sequence[Case] = (),
+        resolve: Callable[[Source, Settings], SweepCase],
+        known: Sequence[SweepCase] = (),
     ):
         self._families, self._aim, self._resolve = families, aim, resolve
         self._known = {(case.source, frozenset(case.settings)): case for case in known}
@@ -218,7 +218,7 @@ class Refinement:
         """How many cases there may be in all."""
         return self._aim.most
 
-    def following(self, results: Callable[[Sequence[str]], Mapping[str, tuple[str, Any]]]) -> list[Case]:
+    def following(self, results: Callable[[Sequence[str]], Mapping[str, tuple[str, Any]]]) -> list[SweepCase]:
         """The next cases; none where the aim is reached or the budget is spent.
 
         Args:
@@ -228,7 +228,7 @@ class Refinement:
             SceneError: no case has the quantity.
         """
         self._look(results)
-        new: list[Case] = []
+        new: list[SweepCase] = []
         while not new:
             wanted = sorted(self._wanted())
             if not wanted:
@@ -244,7 +244,7 @@ class Refinement:
                 new += [case for place in sorted(places) if (case := self._put(family, place)) is not None]
         return new
 
-    def _put(self, family: Family, place: Place) -> Case | None:
+    def _put(self, family: Family, place: Place) -> SweepCase | None:
         """Take a place into a family; its case if that is a new one."""
         settings = family.settings(place)
         case = self._known.get((family.source.name, frozenset(settings)))
@@ -329,8 +329,8 @@ class Refinement:
             if len(modes) > 1
         ]
         worst = max((max(family.lengths(cell)) for family, cell in mixed), default=0.0)
-        told = f"to {worst:.2g} of the range of each key, in {len(mixed)} cells" if mixed else "none"
-        lines = [f"{'changes of mode':<20}{told}"]
+        within = f"to {worst:.2g} of the range of each key, in {len(mixed)} cells" if mixed else "none"
+        lines = [f"{'changes of mode':<20}{within}"]
         lines += [_between(family, cell) for family, cell in mixed if len(family.ways) == 1]
         if self._spent:
             lines.append(

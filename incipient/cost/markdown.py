@@ -10,8 +10,8 @@ from ..scene import Scene
 from . import calibration, frontier, solvers
 from .comparison import Compared
 from .findings import findings
-from .frontier import Law, percent, seconds
-from .measurement import ENOUGH, Judged, Measured
+from .frontier import CostLaw, percent, seconds
+from .measurement import ENOUGH, JudgedRun, MeasuredRun
 from .study import Study, doubt, to_dict
 
 
@@ -21,8 +21,8 @@ def write(study: Study, directory: Path) -> None:
     Raises:
         OutputError: they cannot be written.
     """
-    told = {**to_dict(study), "findings": calibration.plain(findings(study))}
-    write_json(directory / calibration.STUDY, told)
+    stored = {**to_dict(study), "findings": calibration.plain(findings(study))}
+    write_json(directory / calibration.STUDY, stored)
     write_text_atomically(directory / "cost.md", page(study))
 
 
@@ -72,7 +72,7 @@ def _accuracies(study: Study) -> str:
     return _table(heads, rows, left=(3,))
 
 
-def _priced(law: Law | None, accuracy: float, errors: Sequence[float], times: Sequence[float]) -> str:
+def _priced(law: CostLaw | None, accuracy: float, errors: Sequence[float], times: Sequence[float]) -> str:
     return "-" if law is None else frontier.cost(law, accuracy, errors, times)
 
 
@@ -81,23 +81,23 @@ def _of_goals(study: Study) -> str:
     rows = []
     for goal in study.goals:
         law, best = study.of_goals[goal.name], min(one.errors[goal.name] for one in study.judged)
-        told = ["-", "-", "-"]
+        of_law = ["-", "-", "-"]
         if law is not None:
-            told = [f"{law.constant:.2g}", f"{law.power:.2g}", f"x {law.digit:.2g}"]
-        rows.append([goal.name, *told, percent(best), percent(doubt(goal, study.reference))])
+            of_law = [f"{law.constant:.2g}", f"{law.power:.2g}", f"x {law.digit:.2g}"]
+        rows.append([goal.name, *of_law, percent(best), percent(doubt(goal, study.reference))])
     heads = ["quantity", "C", "p", "a further digit", "best error", "reference good to"]
     said = "error = C (t - start)^-p on the front of each quantity, t in seconds of processor time:"
     return f"{said}\n\n{_table(heads, rows)}"
 
 
 def _solvers(study: Study) -> list[str]:
-    """Other ways to solve: a sentence and a table."""
+    """Other solver options: a sentence and a table."""
     found = study.solvers()
     if not found:
         return []
     rows = [_solver_row(one, study.scene) for one in found]
     numbers = ["time at equal errors", "time", "error", "change", "memory", "corrections", "factorisations"]
-    table = _table(["way to solve", *numbers, "what it is", "set by"], rows, left=(8, 9))
+    table = _table(["solver option", *numbers, "what it is", "set by"], rows, left=(8, 9))
     return [_said_of_solvers(study), table]
 
 
@@ -124,7 +124,7 @@ def _said_of_solvers(study: Study) -> str:
     if better:
         best = f"Cheaper at equal errors, by a tenth on the whole and on every variant: {', '.join(better)}."
     return (
-        f"**Ways to solve** beside the scene's own ({solvers.own(study.scene)}), {where}. Time (without that of "
+        f"**Solver options** beside the scene's own ({solvers.own(study.scene)}), {where}. Time (without that of "
         'starting), error, memory, Newton\'s corrections and factorisations are relative to its own; "-": error not '
         "to be told apart from the reference's, or nothing to count. At equal errors: by how error and time go "
         "together on these variants. The change is the largest relative difference between the numbers of both. "
@@ -144,12 +144,12 @@ def _runs(study: Study) -> str:
     return _table(heads, rows)
 
 
-def _row(one: Judged, on_front: bool) -> list[str]:
+def _row(one: JudgedRun, on_front: bool) -> list[str]:
     error = percent(one.error) if one.told_apart else f"({percent(one.error)})"
     return [one.run.variant.name, error, *_spent(one.run), "yes" if on_front else ""]
 
 
-def _spent(run: Measured) -> list[str]:
+def _spent(run: MeasuredRun) -> list[str]:
     return [f"{run.cpu:.2f}", f"{run.wall:.2f}", str(run.unknowns), f"{run.peak_mib:.0f}"]
 
 
