@@ -187,11 +187,11 @@ def incipient_and_standard() -> set[str]:
 BOUNDS = {
     "functions with a parameter scene": 426,
     "imports within functions": 464,
-    "imports for type hints": 285,
+    "imports for type hints": 300,
     "circles with type hints": 6,
     "files in the largest circle with type hints": 23,
     "files that name turbulence": 72,
-    "lines": 56267,
+    "lines": 56400,
 }
 
 NAMES_TURBULENCE = re.compile("turbulen|eddies", re.IGNORECASE)
