@@ -18,8 +18,8 @@ import numpy as np
 from incipient.arrays import Floats
 from incipient.contact import Contacts, Load
 from incipient.contact.agreement import Agreement, Reason, compare
-from incipient.contact.criteria import classify
-from incipient.contact.exact import judged
+from incipient.contact.exact.judge import judged
+from incipient.contact.paper.criteria import classify
 
 PAGE = Path(__file__).parents[1] / "docs" / "contact.md"
 BEGIN, END = "<!-- agreement: begin -->", "<!-- agreement: end -->"

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from ..arrays import Floats
-from ..contact.error_box import shifted
-from ..contact.exact import judged
+from ..contact.exact.judge import judged
+from ..contact.loads.error_box import shifted
 from ..evaluation.contact_verdict import find_contacts, load_of
 from ..scene.numerics import OF_SURFACE, OF_WALLS
 from .safetybar import bar_of_scene

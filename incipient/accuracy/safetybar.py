@@ -11,9 +11,9 @@ import numpy as np
 
 from ..arrays import Floats
 from ..contact import Contacts, Load
-from ..contact.error_box import ErrorBox, SafetyRange, safety_range
-from ..contact.exact import Exact, MassAndInertia, judged
-from ..contact.planar_modes import modes_within
+from ..contact.exact.judge import Exact, MassAndInertia, judged
+from ..contact.exact.planar_modes import modes_within
+from ..contact.loads.error_box import ErrorBox, SafetyRange, safety_range
 from ..evaluation.contact_verdict import load_of, mass_and_inertia
 from ..results.safetybar import SafetyBar
 

@@ -16,7 +16,7 @@ from ..results.errorbars import Term
 from .coarse_runs import changed
 
 if TYPE_CHECKING:
-    from ..contact.exact import Exact
+    from ..contact.exact.judge import Exact
     from ..results.loads import Couples, Forces
     from ..scene import Scene
 
@@ -62,7 +62,7 @@ def of_scans(scene: Scene, force: Forces, couple: Couples) -> Term:
 
 def _judged(scene: Scene, force: Forces, couple: Couples) -> Exact:
     """What mechanics say of a load on the scene's grain."""
-    from ..contact.exact import judged  # which loads linear programs, slowly
+    from ..contact.exact.judge import judged  # which loads linear programs, slowly
     from ..evaluation.contact_verdict import find_contacts, load_of, mass_and_inertia
 
     assert scene.contact is not None and scene.body is not None

@@ -1,7 +1,8 @@
 """Where the grain is touched, what the bed answers, and the paper's criteria of incipient motion."""
 
-from incipient.contact.criteria import Classification, Mode, classify
 from incipient.contact.model import Load
+from incipient.contact.paper import criteria
+from incipient.contact.paper.criteria import Classification, Mode, classify
 from incipient.geometry.contacts import Contacts
 from incipient.geometry.touching import exposed, require_on_grain, touching
 
@@ -11,6 +12,7 @@ __all__ = [
     "Load",
     "Mode",
     "classify",
+    "criteria",
     "exposed",
     "require_on_grain",
     "touching",

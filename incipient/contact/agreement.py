@@ -13,9 +13,9 @@ import numpy as np
 
 from incipient.contact import equilibrium
 from incipient.contact.assumptions import Assumption, broken
-from incipient.contact.criteria import Classification
-from incipient.contact.exact import Exact, MassAndInertia
-from incipient.contact.modes import Criterion, Mode
+from incipient.contact.exact.judge import Exact, MassAndInertia
+from incipient.contact.paper.criteria import Classification
+from incipient.contact.paper.modes import Criterion, Mode
 from incipient.geometry.contacts import Contacts
 
 NEAR = 1e-6  # a safety factor nearer to one is a boundary case

@@ -14,11 +14,11 @@ from enum import Enum
 import numpy as np
 
 from incipient.arrays import Floats
-from incipient.contact import friction as coulomb
-from incipient.contact.criteria import Classification, classify
-from incipient.contact.exact import MassAndInertia
+from incipient.contact.exact.judge import MassAndInertia
 from incipient.contact.model import Load
-from incipient.contact.modes import Criterion, Mode
+from incipient.contact.paper import friction as coulomb
+from incipient.contact.paper.criteria import Classification, classify
+from incipient.contact.paper.modes import Criterion, Mode
 from incipient.geometry.contacts import Contacts
 
 NORMALS_ALIKE = 1e-9

@@ -12,12 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from incipient.arrays import Booleans, Floats, Integers, cross
-from incipient.contact import fans
-from incipient.contact.exact import MassAndInertia, judged
-from incipient.contact.grasp import Grasp, grasp
-from incipient.contact.model import Load
-from incipient.contact.motion_modes import Mode, contact_states, mode
-from incipient.contact.planar_motion import (
+from incipient.contact.exact import fans
+from incipient.contact.exact.grasp import Grasp, grasp
+from incipient.contact.exact.judge import MassAndInertia, judged
+from incipient.contact.exact.motion_modes import Mode, contact_states, mode
+from incipient.contact.exact.planar_motion import (
     ZERO,
     Plane,
     allowed_edges,
@@ -25,8 +24,9 @@ from incipient.contact.planar_motion import (
     lines_of_action,
     plane_problem,
 )
-from incipient.contact.release import LARGEST, release
-from incipient.contact.spatial_batch import Spatial
+from incipient.contact.exact.release import LARGEST, release
+from incipient.contact.loads.spatial_batch import Spatial
+from incipient.contact.model import Load
 from incipient.errors import SceneError
 from incipient.geometry.contacts import Contacts
 

@@ -5,10 +5,10 @@ Two questions: by how much may the flow's load grow before the contacts can no l
 (`incipient_motion`)? docs/contact.md states both problems.
 """
 
-from incipient.contact.directions import Directed, SafetyOverDirection, safety_over_direction
-from incipient.contact.motion import IncipientMotion, Solution, incipient_motion
-from incipient.contact.motion_modes import ContactState, Mode, Uniqueness
-from incipient.contact.safety import ConeState, SafetyFactor, SafetyStatus, safety_factor
+from incipient.contact.exact.motion import IncipientMotion, Solution, incipient_motion
+from incipient.contact.exact.motion_modes import ContactState, Mode, Uniqueness
+from incipient.contact.exact.safety import ConeState, SafetyFactor, SafetyStatus, safety_factor
+from incipient.contact.loads.directions import Directed, SafetyOverDirection, safety_over_direction
 
 __all__ = [
     "ConeState",

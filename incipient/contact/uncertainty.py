@@ -17,10 +17,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from incipient.arrays import Floats
-from incipient.contact import criteria
-from incipient.contact.error_box import ErrorBox, SafetyRange, held_words, safety_range
-from incipient.contact.exact import MassAndInertia, judged
+from incipient.contact.exact.judge import MassAndInertia, judged
+from incipient.contact.loads.error_box import ErrorBox, SafetyRange, held_words, safety_range
 from incipient.contact.model import Load
+from incipient.contact.paper import criteria
 from incipient.errors import SceneError
 from incipient.geometry.contacts import Contacts
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from incipient.contact.agreement import Agreement, Reason, compare
-from incipient.contact.criteria import Classification, classify
-from incipient.contact.exact import Exact, MassAndInertia, judged
+from incipient.contact.exact.judge import Exact, MassAndInertia, judged
+from incipient.contact.exact.safety import SafetyFactor, SafetyStatus
 from incipient.contact.model import Load
-from incipient.contact.safety import SafetyFactor, SafetyStatus
+from incipient.contact.paper.criteria import Classification, classify
 from incipient.geometry.contacts import Contacts
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from ..accuracy.safetybar import Errors
 from ..arrays import Floats
 from ..contact.equilibrium import safety_factor
-from ..contact.error_box import ErrorBox, safety_range, shifted
+from ..contact.loads.error_box import ErrorBox, safety_range, shifted
 from ..results.errorbars import ErrorBars
 
 if TYPE_CHECKING:

@@ -25,7 +25,7 @@ from ..simulation.steady import loads_at, make_as_fast
 from .loadpath import LoadPath
 
 if TYPE_CHECKING:
-    from ..contact.rocking import Rocking
+    from ..contact.exact.rocking import Rocking
     from ..results.loads import Couples, Forces
     from ..simulation.state import Run
 

@@ -8,8 +8,8 @@ from typing import Any
 
 from ..arrays import spatial
 from ..contact import Contacts, Load
-from ..contact.exact import MassAndInertia
-from ..contact.rocking import Rocking, follow
+from ..contact.exact.judge import MassAndInertia
+from ..contact.exact.rocking import Rocking, follow
 from ..contact.verdict import judge as judge_load
 from ..geometry.placement import Placement
 from ..geometry.touching import touching

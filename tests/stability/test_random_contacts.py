@@ -9,8 +9,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_contacts import KINDS, Case, motion_misses, random_case, safety_misses
 
-from incipient.contact import Contacts, Load, spatial_motion
-from incipient.contact.equilibrium import Mode, SafetyStatus, Uniqueness, incipient_motion, safety_factor
+from incipient.contact import Contacts, Load
+from incipient.contact.equilibrium import (
+    Mode,
+    SafetyStatus,
+    Uniqueness,
+    incipient_motion,
+    safety_factor,
+)
+from incipient.contact.exact import spatial_motion
 from incipient.errors import ConvergenceError
 
 seeds = st.integers(min_value=10**6, max_value=10**9)
@@ -297,9 +304,9 @@ class TestSecondWays:
     def test_without_least_squares(self, seed, monkeypatch):
         case = random_case(seed)
         safety, motion = judge(case)
-        monkeypatch.setattr("incipient.contact.fans.nnls", cycles)
-        monkeypatch.setattr("incipient.contact.release.nnls", cycles)
-        monkeypatch.setattr("incipient.contact.least.nnls", cycles)
+        monkeypatch.setattr("incipient.contact.exact.fans.nnls", cycles)
+        monkeypatch.setattr("incipient.contact.exact.release.nnls", cycles)
+        monkeypatch.setattr("incipient.contact.exact.least.nnls", cycles)
         safety_too, motion_too = judge(case)
         assert misses(case, safety_too, motion_too) < 1e-8
         assert safety_too.status is safety.status
@@ -310,8 +317,8 @@ class TestSecondWays:
     def test_smallest_forces_by_cone_program(self, seed, monkeypatch):
         case = random_case(seed)
         _, motion = judge(case)
-        monkeypatch.setattr("incipient.contact.least._projected", lambda *_: None)
-        monkeypatch.setattr("incipient.contact.least._on_facets", lambda *_: None)
+        monkeypatch.setattr("incipient.contact.exact.least._projected", lambda *_: None)
+        monkeypatch.setattr("incipient.contact.exact.least._on_facets", lambda *_: None)
         safety, motion_too = judge(case)
         assert misses(case, safety, motion_too) < 1e-8
         # They minimise a square, which the program knows to 1e-11: the forces themselves to the root of that.

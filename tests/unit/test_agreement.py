@@ -10,11 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from incipient.contact import Contacts, Load, criteria, equilibrium
+from incipient.contact import Contacts, Load, equilibrium
 from incipient.contact.agreement import FAMILIES, FAMILY, Part, Reason, compare
 from incipient.contact.assumptions import Assumption, assumptions_hold, broken, certain_motion
-from incipient.contact.exact import judged
-from incipient.contact.modes import Mode
+from incipient.contact.exact.judge import judged
+from incipient.contact.paper import criteria
+from incipient.contact.paper.modes import Mode
 from incipient.contact.verdict import judge
 
 DOWN = [0.0, -1.0, 0.0]

@@ -14,9 +14,9 @@ from scenes import message
 
 from incipient import cli
 from incipient.contact.batch import Loads, judge_batch
-from incipient.contact.exact import judged
-from incipient.contact.grasp import grasp, wrenches
-from incipient.contact.support import support
+from incipient.contact.exact.grasp import grasp, wrenches
+from incipient.contact.exact.judge import judged
+from incipient.contact.exact.support import support
 from incipient.geometry.contacts import Contacts
 from incipient.simulation.judge_case import load_case
 from incipient.simulation.judge_series import judge_series, read_columns

@@ -12,10 +12,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from incipient.contact import Classification, Contacts, Load, Mode, criteria, touching
-from incipient.contact import friction as coulomb
-from incipient.contact.modes import Criterion, simultaneous
-from incipient.contact.sharing import can_vanish, equal_shares
+from incipient.contact import Classification, Contacts, Load, Mode, touching
+from incipient.contact.paper import criteria
+from incipient.contact.paper import friction as coulomb
+from incipient.contact.paper.modes import Criterion, simultaneous
+from incipient.contact.paper.sharing import can_vanish, equal_shares
 from incipient.errors import SceneError
 from incipient.geometry import Disc, HalfDiscs, rest
 

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from incipient.contact import Contacts, Load, criteria
-from incipient.contact.distribution import distribute, measures
+from incipient.contact import Contacts, Load
+from incipient.contact.paper import criteria
+from incipient.contact.paper.distribution import distribute, measures
 
 DOWN = [0.0, 0.0, -1.0]
 

@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from incipient.contact import Contacts, Load, Mode, criteria
-from incipient.contact.modes import Category
+from incipient.contact import Contacts, Load, Mode
+from incipient.contact.paper import criteria
+from incipient.contact.paper.modes import Category
 
 DOWN = [0.0, 0.0, -1.0]
 

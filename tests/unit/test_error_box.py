@@ -9,10 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from incipient.contact import Contacts, Load, cones
+from incipient.contact import Contacts, Load
 from incipient.contact.equilibrium import incipient_motion, safety_factor
-from incipient.contact.error_box import ErrorBox, held_words, safety_range, shifted
-from incipient.contact.planar_modes import modes_within
+from incipient.contact.exact import cones
+from incipient.contact.exact.planar_modes import modes_within
+from incipient.contact.loads.error_box import ErrorBox, held_words, safety_range, shifted
 
 ALONG_X, COUPLE = np.eye(6)[0], np.eye(6)[5]
 ROUND_OFF = 1e-7

@@ -11,9 +11,15 @@ import numpy as np
 import pytest
 
 from incipient.contact import Contacts, Load
-from incipient.contact.equilibrium import ContactState, Mode, Uniqueness, incipient_motion, safety_factor
-from incipient.contact.release import frictionless, release
-from incipient.contact.spatial_motion import coulomb, spatial_solutions
+from incipient.contact.equilibrium import (
+    ContactState,
+    Mode,
+    Uniqueness,
+    incipient_motion,
+    safety_factor,
+)
+from incipient.contact.exact.release import frictionless, release
+from incipient.contact.exact.spatial_motion import coulomb, spatial_solutions
 from incipient.errors import SceneError
 
 DOWN, UP = [0.0, -1.0, 0.0], [0.0, 1.0, 0.0]

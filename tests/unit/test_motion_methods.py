@@ -9,10 +9,11 @@ import sys
 import numpy as np
 import pytest
 
-from incipient.contact import Contacts, Load, compiled
+from incipient.contact import Contacts, Load
 from incipient.contact.equilibrium import Mode, incipient_motion
-from incipient.contact.release import release
-from incipient.contact.spatial_motion import Law, coulomb
+from incipient.contact.exact import compiled
+from incipient.contact.exact.release import release
+from incipient.contact.exact.spatial_motion import Law, coulomb
 
 X = np.arange(-2.0, 3.0)
 ROW = Contacts(np.column_stack([X, np.zeros((5, 2))]), [[0.0, -1.0, 0.0]] * 5)

@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 
 from incipient.contact import Load
 from incipient.contact.equilibrium import SafetyStatus, safety_factor
-from incipient.contact.rocking import Rocking, follow
+from incipient.contact.exact.rocking import Rocking, follow
 from incipient.contact.verdict import judge
 from incipient.effects.effect import Solved
 from incipient.effects.moving_grain import FreeBodyEffect

@@ -78,7 +78,7 @@ def load_on(volume: float = 0.433) -> tuple[Forces, Couples]:
 @pytest.mark.parametrize(("facets", "turn"), [(320, 3), pytest.param(1280, 4, marks=pytest.mark.slow)])
 def test_the_term_covers_what_finer_scans_change(tmp_path: Path, facets: int, turn: int) -> None:
     """The worst of twelve scans each: 8.7% and 6.6% off. The term is not to be several times as large as the worst."""
-    from incipient.contact.exact import judged
+    from incipient.contact.exact.judge import judged
     from incipient.evaluation.contact_verdict import find_contacts, load_of
 
     scene = pebble(tmp_path, facets, turn)

@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from incipient.arrays import Floats
-from incipient.contact import cones
-from incipient.contact.candidates import SAME, Candidate
-from incipient.contact.release import Release
+from incipient.contact.exact import cones
+from incipient.contact.exact.candidates import SAME, Candidate
+from incipient.contact.exact.release import Release
 
 STEPS = 14  # of Newton's method
 PATIENCE = 300  # steps where the usual number did not do
@@ -162,7 +162,7 @@ def law_residual(law: Law, local: Floats) -> float:
 
 def _is_family(law: Law, local: Floats) -> bool:
     """Whether the equations at a solution leave a direction open in which accelerations change."""
-    from incipient.contact import compiled  # as in `newton`
+    from incipient.contact.exact import compiled  # as in `newton`
 
     derivative = compiled.coulomb_derivative(law.onto, law.offset, law.friction, local.ravel())
     if _certainly_regular(derivative):
@@ -187,7 +187,7 @@ def newton(law: Law, starts: Floats, steps: int = STEPS) -> Floats:
 
     More than STEPS steps are made only if by then there is no solution.
     """
-    from incipient.contact import compiled  # numba takes time to import, and most cases do without
+    from incipient.contact.exact import compiled  # numba takes time to import, and most cases do without
 
     flat = starts.reshape(len(starts), -1)
     forces = compiled.coulomb_forces(law.onto, law.offset, law.friction, flat, STEPS, steps)

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import linprog, nnls
 
 from incipient.arrays import Floats
-from incipient.contact.grasp import Grasp
+from incipient.contact.exact.grasp import Grasp
 
 EXACT = 1e-10  # residual, in numbers of order one, up to which a system counts as solved
 CERTAIN = 1e-9  # cosine between a column and what is missed below which it counts as not positive

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from incipient.arrays import Floats
+from incipient.contact.exact.safety import SafetyFactor, safety_factor
 from incipient.contact.model import Load
-from incipient.contact.safety import SafetyFactor, safety_factor
 from incipient.errors import SceneError
 from incipient.geometry.contacts import Contacts
 

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from incipient.arrays import Floats, Integers, cross
-from incipient.contact import fans
-from incipient.contact.candidates import SAME, Candidate, add
-from incipient.contact.release import Release
+from incipient.contact.exact import fans
+from incipient.contact.exact.candidates import SAME, Candidate, add
+from incipient.contact.exact.release import Release
 
 ZERO = 1e-9  # accelerations below it, for directions of length one or relative to the free one, are zero
 

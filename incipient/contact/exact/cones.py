@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from incipient.arrays import Floats
-from incipient.contact.grasp import Grasp
+from incipient.contact.exact.grasp import Grasp
 
 RANK = 1e-10  # singular values below it, relative to the largest, count as zero
 GAP = 1e-11  # tolerance of the cone programs, in numbers of order one

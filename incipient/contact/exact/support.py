@@ -7,8 +7,8 @@ from typing import Protocol
 import numpy as np
 
 from incipient.arrays import Floats
-from incipient.contact import cones, fans
-from incipient.contact.grasp import Grasp
+from incipient.contact.exact import cones, fans
+from incipient.contact.exact.grasp import Grasp
 
 TOLERANCE = 1e-9  # in numbers of order one: what counts as balanced
 SIDES = 16  # of pyramids inside and around a circular cone that answer nearly every question about holding

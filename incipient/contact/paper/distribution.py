@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from incipient.arrays import Floats
-from incipient.contact import friction as coulomb
-from incipient.contact.sharing import equal_shares
+from incipient.contact.paper import friction as coulomb
+from incipient.contact.paper.sharing import equal_shares
 from incipient.geometry.contacts import Contacts
 
 

@@ -17,10 +17,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from incipient.arrays import Floats
-from incipient.contact.grasp import Grasp, Wrenches, grasp, leave_plane, wrenches
+from incipient.contact.exact.grasp import Grasp, Wrenches, grasp, leave_plane, wrenches
+from incipient.contact.exact.safety import NEARLY_ALL, balanced_interval
+from incipient.contact.exact.support import TOLERANCE, Support, Widened, support
 from incipient.contact.model import Load
-from incipient.contact.safety import NEARLY_ALL, balanced_interval
-from incipient.contact.support import TOLERANCE, Support, Widened, support
 from incipient.geometry.contacts import Contacts
 
 Interval = tuple[float, float]

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from incipient.arrays import Floats
-from incipient.contact import cones
-from incipient.contact.grasp import FRICTIONLESS, Grasp
+from incipient.contact.exact import cones
+from incipient.contact.exact.grasp import FRICTIONLESS, Grasp
 
 RANK = 1e-10  # singular values below it, relative to the largest, count as zero
 MISSED = 1e-9  # how far the wrench may be missed, in numbers of order one
@@ -158,7 +158,7 @@ def _on_facets(by: Allowed, start: Floats, null: Floats) -> Floats | None:
 
 def _projected(by: Allowed, wrench: Floats) -> Floats | None:
     """The least forces by Newton's method, damped until the convex function falls; None if it does not converge."""
-    from incipient.contact import compiled  # numba takes time to import, and most cases do without
+    from incipient.contact.exact import compiled  # numba takes time to import, and most cases do without
 
     rows = np.ascontiguousarray(by.matrix.reshape(6, -1).T)
     cosine, sine = by.scaling[:2]

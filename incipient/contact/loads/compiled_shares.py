@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from incipient.arrays import Floats
-from incipient.contact.compiled import inner, kernel, largest, product, solved
+from incipient.contact.exact.compiled import inner, kernel, largest, product, solved
 
 STEPS = 40
 CLOSED = 1e-14  # gap of values at which a program is solved

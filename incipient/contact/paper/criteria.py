@@ -12,13 +12,13 @@ from typing import Any, Literal
 import numpy as np
 
 from incipient.arrays import Floats
-from incipient.contact import friction as coulomb
-from incipient.contact import modes
-from incipient.contact.away import Away, away
-from incipient.contact.distribution import Distribution, distribute
 from incipient.contact.model import Load, require_outward
-from incipient.contact.modes import Category, Criterion, Mode
-from incipient.contact.sharing import can_vanish, equal_shares
+from incipient.contact.paper import friction as coulomb
+from incipient.contact.paper import modes
+from incipient.contact.paper.away import Away, away
+from incipient.contact.paper.distribution import Distribution, distribute
+from incipient.contact.paper.modes import Category, Criterion, Mode
+from incipient.contact.paper.sharing import can_vanish, equal_shares
 from incipient.errors import SceneError
 from incipient.geometry.contacts import Contacts
 

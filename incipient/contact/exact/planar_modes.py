@@ -13,12 +13,11 @@ import numpy as np
 from scipy.optimize import linprog
 
 from incipient.arrays import Floats
-from incipient.contact import fans
-from incipient.contact.grasp import leave_plane
-from incipient.contact.model import Load
-from incipient.contact.motion import MANY, ZERO
-from incipient.contact.motion_modes import Mode, contact_states, mode
-from incipient.contact.planar_motion import (
+from incipient.contact.exact import fans
+from incipient.contact.exact.grasp import leave_plane
+from incipient.contact.exact.motion import MANY, ZERO
+from incipient.contact.exact.motion_modes import Mode, contact_states, mode
+from incipient.contact.exact.planar_motion import (
     Plane,
     allowed_edges,
     directions,
@@ -26,7 +25,8 @@ from incipient.contact.planar_motion import (
     plane_problem,
     ways_to_slide,
 )
-from incipient.contact.release import Release, release
+from incipient.contact.exact.release import Release, release
+from incipient.contact.model import Load
 from incipient.geometry.contacts import Contacts
 
 

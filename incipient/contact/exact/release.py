@@ -7,9 +7,9 @@ import numpy as np
 from scipy.optimize import nnls
 
 from incipient.arrays import Floats
-from incipient.contact import cones
-from incipient.contact.candidates import Candidate
-from incipient.contact.grasp import Grasp, grasp, wrenches
+from incipient.contact.exact import cones
+from incipient.contact.exact.candidates import Candidate
+from incipient.contact.exact.grasp import Grasp, grasp, wrenches
 from incipient.contact.model import Load
 from incipient.errors import SceneError
 from incipient.geometry.contacts import Contacts

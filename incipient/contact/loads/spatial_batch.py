@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from incipient.arrays import Booleans, Floats, Integers
-from incipient.contact.candidates import Candidate
-from incipient.contact.exact import MassAndInertia
-from incipient.contact.grasp import certainly_solid, grasp
-from incipient.contact.motion import ZERO, reading
-from incipient.contact.motion_modes import Mode
-from incipient.contact.release import NO_LOAD, Release, frictionless, release
-from incipient.contact.safety import NEARLY_ALL
-from incipient.contact.spatial_motion import coulomb, spatial_solutions
-from incipient.contact.support import Circular, support
+from incipient.contact.exact.candidates import Candidate
+from incipient.contact.exact.grasp import certainly_solid, grasp
+from incipient.contact.exact.judge import MassAndInertia
+from incipient.contact.exact.motion import ZERO, reading
+from incipient.contact.exact.motion_modes import Mode
+from incipient.contact.exact.release import NO_LOAD, Release, frictionless, release
+from incipient.contact.exact.safety import NEARLY_ALL
+from incipient.contact.exact.spatial_motion import coulomb, spatial_solutions
+from incipient.contact.exact.support import Circular, support
 from incipient.geometry.contacts import Contacts
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class Spatial:
         if len(loads) <= FEW:
             return None
         try:
-            import incipient.contact.compiled_shares  # noqa: F401
+            import incipient.contact.loads.compiled_shares  # noqa: F401
         except ImportError:  # without numba
             return None
         held_by = grasp(loads.load(0), contacts, friction)
@@ -88,7 +88,7 @@ class Spatial:
         self, flow: Floats, flow_size: Floats, weight: Floats, weight_size: Floats
     ) -> tuple[Floats, Booleans]:
         """Safety factors, and which are not sure, (n,)."""
-        from incipient.contact.compiled_shares import largest_shares
+        from incipient.contact.loads.compiled_shares import largest_shares
 
         forces = self.carried.balance
         starts, changes = -weight @ forces.inverse.T, (weight - flow) @ forces.inverse.T

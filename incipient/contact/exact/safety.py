@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from incipient.arrays import Floats
-from incipient.contact.grasp import Grasp, Wrenches, grasp, wrenches
+from incipient.contact.exact.grasp import Grasp, Wrenches, grasp, wrenches
+from incipient.contact.exact.support import TOLERANCE, Support, support
 from incipient.contact.model import Load
-from incipient.contact.support import TOLERANCE, Support, support
 from incipient.geometry.contacts import Contacts
 
 NEARLY_ALL = 1e-6  # a share of the flow's load this near to one is looked at as all of it

@@ -1,0 +1,1 @@
+"""Rigid-body mechanics with Coulomb friction at contact points: the second of two judges."""
