@@ -84,7 +84,7 @@ def page(
 
 def _section(title: str, rows: list[tuple[str, str, str]]) -> str:
     table = [
-        "| case | found | outcome |",
+        "| case | result | outcome |",
         "| --- | --- | --- |",
         *(f"| {' | '.join(row)} |" for row in _folded(rows)),
     ]
