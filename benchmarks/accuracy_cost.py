@@ -21,8 +21,8 @@ from incipient.files import write_json
 ROOT = Path(__file__).resolve().parents[1]
 STUDIES, PAGE = ROOT / "results" / "cost", ROOT / "docs" / "cost.md"
 FIGURES = PAGE.parent / "figures"
-# Beginnings of parts of a study that are only in its own cost.md: all runs, the law, a summary of a table.
-LEFT_OUT = ("| run ", "error = C", "**1%")
+# Beginnings of parts of a study that are only in its own cost.md: all runs, laws by quantity, a summary of a table.
+LEFT_OUT = ("| run ", "error = C", "| quantity ", "**1%")
 
 
 @dataclass(frozen=True)
@@ -36,9 +36,7 @@ class Scene:
 
 SCENES = (
     Scene("cavity", said="The errors are those of the extreme velocities on the centrelines."),
-    Scene(
-        "cylinder", said="Lift is 1/500 of drag here: as part of the force it counts little; see its own row."
-    ),
+    Scene("cylinder", said="Lift is 1/500 of drag here: as part of the force it counts little."),
     Scene(
         "vortex_street",
         ("--orders", "2", "3", "--steps", "4", "2", "1"),
@@ -134,8 +132,6 @@ def _brief(part: str) -> str:
         return ""
     if part.startswith("| accuracy "):
         return _columns(part, (0, 1, 3))  # without wall times
-    if part.startswith("| quantity "):
-        return _columns(part, (0, 3, 4, 5))  # without the constants of the laws
     if part.startswith("| solver option "):
         rows = (row.strip("| ").split(" | ") for row in part.splitlines()[2:])
         return f"Time at equal errors: {', '.join(f'*{cells[0]}* {cells[1]}' for cells in rows)}."
@@ -160,8 +156,8 @@ def _head() -> str:
     return f"""# What accuracy costs in time
 
 `make cost` (`benchmarks/accuracy_cost.py`) writes this page. Do not edit it by hand. `incipient cost SCENE` makes the
-same study of any scene. It leaves a page with the table of all runs (`cost.md`), its picture, `cost.csv` and
-`cost.json`. An interrupted study resumes.
+same study of any scene. It leaves a page with tables of all runs and quantities (`cost.md`), its picture, `cost.csv`
+and `cost.json`. An interrupted study resumes.
 
 Machine: {about["processor"]}, {about["cores"]} cores, {about["memory_gib"]} GiB, {about["system"]}; {versions}.
 
