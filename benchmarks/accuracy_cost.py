@@ -6,6 +6,7 @@ Runs that results/cost holds already are not made again; delete it to measure an
 from __future__ import annotations
 
 import argparse
+import json
 import shutil
 import subprocess
 import sys
@@ -16,7 +17,7 @@ import machine
 
 from incipient.cost import calibration, prediction, solvers
 from incipient.cost.command import builtin
-from incipient.files import write_json
+from incipient.files import write_text_atomically
 
 ROOT = Path(__file__).resolve().parents[1]
 STUDIES, PAGE = ROOT / "results" / "cost", ROOT / "docs" / "cost.md"
@@ -96,7 +97,8 @@ def ship() -> int:
     """Write what `incipient calibrate` has found on this machine where the program keeps what it comes with."""
     scenes = {calibration.digest(scene) for scene in builtin().values()}
     found = {digest: known for digest, known in calibration.read().items() if digest in scenes}
-    write_json(calibration.SHIPPED, calibration.plain(found))
+    lines = [f"{json.dumps(digest)}: {json.dumps(one)}" for digest, one in calibration.plain(found).items()]
+    write_text_atomically(calibration.SHIPPED, "{\n" + ",\n".join(lines) + "\n}\n")
     return 0
 
 

@@ -177,55 +177,43 @@ def calibrate(say: Say) -> str:
 
 def builtin() -> dict[str, Scene]:
     """A scene of each kind that takes a second or two."""
-    from ..scene import (
-        Disc,
-        Domain,
-        Effects,
-        Fluid,
-        Lid,
-        Numerics,
-        OpenChannel,
-        Scene,
-        Shear,
-        Time,
-        Uniform,
-    )
+    from .. import scene as s
     from ..scene.example import grain_on_bed
 
-    bars = Numerics(error_bars=False)
+    bars = s.Numerics(error_bars=False)
     return {
         "grain on a bed": grain_on_bed(),
-        "driven cavity": Scene(
+        "driven cavity": s.Scene(
             title="Driven cavity, Re = 400",
-            domain=Domain(kind="box", length=1.0, height=1.0),
-            fluid=Fluid(reynolds=400.0, scale="flow"),
-            flow=Lid(),
-            numerics=Numerics(order=4),
+            domain=s.Domain(kind="box", length=1.0, height=1.0),
+            fluid=s.Fluid(reynolds=400.0, scale="flow"),
+            flow=s.Lid(),
+            numerics=s.Numerics(order=4),
         ),
-        "turbulent channel": Scene(
+        "turbulent channel": s.Scene(
             title="Turbulent channel, Re = 22000",
-            domain=Domain(length=10.0, height=1.0),
-            fluid=Fluid(reynolds=22000.0, scale="flow"),
-            flow=OpenChannel(),
-            effects=Effects(turbulence=True),
-            numerics=Numerics(order=2),
+            domain=s.Domain(length=10.0, height=1.0),
+            fluid=s.Fluid(reynolds=22000.0, scale="flow"),
+            flow=s.OpenChannel(),
+            effects=s.Effects(turbulence=True),
+            numerics=s.Numerics(order=2),
         ),
-        "grain held in a started stream": Scene(
+        "grain held in a started stream": s.Scene(
             title="Disc in a stream, Re = 40",
-            domain=Domain(kind="channel", length=12.0, height=8.0),
-            fluid=Fluid(reynolds=40.0, scale="grain"),
-            flow=Uniform(),
-            body=Disc(diameter=1.0, centre=(4.0, 4.0)),
-            time=Time(end=2.0, step=0.025),
+            domain=s.Domain(kind="channel", length=12.0, height=8.0),
+            fluid=s.Fluid(reynolds=40.0, scale="grain"),
+            flow=s.Uniform(),
+            body=s.Disc(diameter=1.0, centre=(4.0, 4.0)),
+            time=s.Time(end=2.0, step=0.025),
             numerics=bars,
         ),
-        "grain carried by shear": Scene(
+        "grain carried by shear": s.Scene(
             title="Free disc in shear, Re = 10",
-            domain=Domain(kind="channel", length=12.0, height=6.0),
-            fluid=Fluid(reynolds=10.0, scale="grain"),
-            flow=Shear(rate=1.0),
-            body=Disc(diameter=1.0, centre=(4.0, 2.0), motion="free", density=1.0),
-            time=Time(end=1.0, step=0.0125, start="stokes"),
+            domain=s.Domain(kind="channel", length=12.0, height=6.0),
+            fluid=s.Fluid(reynolds=10.0, scale="grain"),
+            flow=s.Shear(rate=1.0),
+            body=s.Disc(diameter=1.0, centre=(4.0, 2.0), motion="free", density=1.0),
+            time=s.Time(end=1.0, step=0.0125, start="stokes"),
             numerics=bars,
         ),
     }

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .frontier import FLATTEST, LEAST_SPAN, WORTH
+from .laws import geometric_mean
 
 if TYPE_CHECKING:
     from .measurement import JudgedRun
     from .quantities import ErrorNorm
 
+Pair = tuple["JudgedRun", "JudgedRun"]  # of one variant: with another solver option, and with the scene's own
 FEWEST_SECONDS = 0.01  # of processor time beyond the start: what the clock resolves
 
 
@@ -53,51 +56,42 @@ class Compared:
 def compared(
     judged: Sequence[JudgedRun], front: Sequence[int], goals: Sequence[ErrorNorm]
 ) -> tuple[Compared, ...]:
-    """The solver options that a study's runs have tried, the quickest first."""
-    leading = [goal for goal in goals if goal.leading]
-    own = {_plain(one): one for one in judged if not one.run.variant.solver}
-    found = []
+    """Compares the solver options that a study's runs have tried, the quickest first."""
+    leading, found = [goal for goal in goals if goal.leading], []
+    own = {one.run.variant.key[:-1]: one for one in judged if not one.run.variant.solver}
     for solver in dict.fromkeys(one.run.variant.solver for one in judged if one.run.variant.solver):
-        pairs = [
-            (one, own[_plain(one)])
-            for one in judged
-            if one.run.variant.solver == solver and _plain(one) in own
-        ]
-        best = sum(judged[index].run.variant.solver == solver for index in front)
+        tried = [one for one in judged if one.run.variant.solver == solver]
+        pairs = [(one, own[key]) for one in tried if (key := one.run.variant.key[:-1]) in own]
+        on_front = sum(judged[index].run.variant.solver == solver for index in front)
         if pairs:
-            found.append(_compared(solver, pairs, best, leading))
+            found.append(_compared(solver, pairs, on_front, leading))
     return tuple(sorted(found, key=lambda one: one.time))
 
 
-def _plain(one: JudgedRun) -> tuple[str, ...]:
-    """What tells variants apart whatever the solver option."""
-    return tuple(map(str, one.run.variant.key[:-1]))
-
-
-def _compared(
-    solver: str, pairs: Sequence[tuple[JudgedRun, JudgedRun]], on_front: int, leading: Sequence[ErrorNorm]
-) -> Compared:
-    def mean(
-        number: Callable[[JudgedRun], float], among: Iterable[tuple[JudgedRun, JudgedRun]] = pairs
-    ) -> float | None:
-        """The mean ratio of a number of both."""
-        return _mean([(number(one), number(own)) for one, own in among])
-
+def _compared(solver: str, pairs: Sequence[Pair], on_front: int, leading: Sequence[ErrorNorm]) -> Compared:
     clear = [pair for pair in pairs if any(one.told_apart for one in pair) and all(one.error for one in pair)]
     ratios = _at_equal_errors(clear)
     return Compared(
         solver,
         tuple(own.run.variant.name for _, own in pairs),
         max(goal.error(one.run.found, own.run.found) for one, own in pairs for goal in leading),
-        mean(lambda one: one.error, clear),
-        mean(_time) or 1.0,
-        math.exp(float(np.mean(np.log(ratios)))) if ratios else None,
+        _mean_ratio(clear, lambda one: one.error),
+        _mean_ratio(pairs, _time) or 1.0,
+        geometric_mean(ratios) if ratios else None,
         bool(ratios) and max(ratios) < 1.0,
-        mean(lambda one: one.run.peak_mib) or 1.0,
-        mean(lambda one: one.run.counts.newton),
-        mean(lambda one: one.run.counts.factorisations),
+        _mean_ratio(pairs, lambda one: one.run.peak_mib) or 1.0,
+        _mean_ratio(pairs, lambda one: one.run.counts.newton),
+        _mean_ratio(pairs, lambda one: one.run.counts.factorisations),
         on_front,
     )
+
+
+def _mean_ratio(pairs: Sequence[Pair], number: Callable[[JudgedRun], float]) -> float | None:
+    """Geometric mean of the ratios of a number of both; None without any, or where one is not positive."""
+    numbers = [(number(one), number(own)) for one, own in pairs]
+    if not pairs or min(map(min, numbers)) <= 0.0:
+        return None
+    return geometric_mean([one / own for one, own in numbers])
 
 
 def _time(one: JudgedRun) -> float:
@@ -105,18 +99,16 @@ def _time(one: JudgedRun) -> float:
     return max(one.run.cpu - one.run.start, FEWEST_SECONDS)
 
 
-def _at_equal_errors(pairs: Sequence[tuple[JudgedRun, JudgedRun]]) -> list[float]:
+def _at_equal_errors(pairs: Sequence[Pair]) -> list[float]:
     """Ratios of times variant by variant, had both ways the same error; none where that is not known.
 
     The time for an error goes like error^-slope, with the slope of a line through the variants of one order and way,
     the same for all of them. Without one, the errors themselves must be alike.
     """
     groups: dict[tuple[int, str], list[tuple[float, float]]] = {}
-    for one in (one for pair in pairs for one in pair):
-        variant = one.run.variant
-        groups.setdefault((variant.order, variant.solver), []).append(
-            (math.log(one.error), math.log(_time(one)))
-        )
+    for one in itertools.chain.from_iterable(pairs):
+        key = one.run.variant.order, one.run.variant.solver
+        groups.setdefault(key, []).append((math.log(one.error), math.log(_time(one))))
     apart = [np.array(group) - np.mean(group, axis=0) for group in groups.values()]
     errors, times = np.concatenate(apart).T if apart else np.zeros((2, 1))
     slope = 0.0
@@ -125,10 +117,3 @@ def _at_equal_errors(pairs: Sequence[tuple[JudgedRun, JudgedRun]]) -> list[float
     elif any(not 1.0 / WORTH < one.error / own.error < WORTH for one, own in pairs):
         return []
     return [_time(one) / _time(own) * (one.error / own.error) ** slope for one, own in pairs]
-
-
-def _mean(pairs: Sequence[tuple[float, float]]) -> float | None:
-    """Geometric mean of ratios; None without any, or where one is not positive."""
-    if not pairs or any(min(pair) <= 0.0 for pair in pairs):
-        return None
-    return math.exp(sum(math.log(one / own) for one, own in pairs) / len(pairs))

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from ..planning import meshing
 from . import calibration
 from .calibration import Calibration, Findings
-from .laws import ErrorLaw, fitted_errors, fitted_time
-from .measurement import MeasuredRun
+from .laws import ErrorLaw, fitted_errors, fitted_time, geometric_mean
 from .study import Study
 
 
@@ -21,15 +18,13 @@ def findings(study: Study) -> Calibration:
     own = [run for run in runs if not run.variant.solver]
     if not own:
         return {}
-    steps = [end / run.variant.step if run.variant.step else 0.0 for run in own]
-    unknowns, cpu = (
-        np.array([getattr(run, name) for run in own], dtype=float) for name in ("unknowns", "cpu")
-    )
+    steps = np.array([end / run.variant.step if run.variant.step else 0.0 for run in own])
+    unknowns, cpu = np.array([(run.unknowns, run.cpu) for run in own], dtype=float).T
     found = Findings(
         title=scene.title or "a scene without a title",
         kind=calibration.kind(scene),
-        time=fitted_time(unknowns, np.array(steps), cpu, min(run.start for run in own)),
-        memory=math.exp(float(np.mean([math.log(_memory(run)) for run in own]))),
+        time=fitted_time(unknowns, steps, cpu, min(run.start for run in own)),
+        memory=geometric_mean([run.peak_mib / meshing.memory(run.unknowns) for run in own]),
         errors={
             goal.name: laws for goal in study.goals if goal.leading and (laws := _errors(study, goal.name))
         },
@@ -40,27 +35,12 @@ def findings(study: Study) -> Calibration:
     return {calibration.digest(scene): found}
 
 
-def _memory(run: MeasuredRun) -> float:
-    """Measured over expected memory."""
-    return run.peak_mib / meshing.memory(run.unknowns)
-
-
 def _errors(study: Study, goal: str) -> dict[int, ErrorLaw]:
     """The laws of an error, by the runs that can be told apart from the reference."""
-    scene, variants = (
-        study.scene,
-        [one for one in study.judged if one.told_apart and not one.run.variant.solver],
-    )
-    seen = [
-        (
-            one.run.variant.order,
-            one.run.variant.mesh_size,
-            calibration.step_of_flow(scene, one.run.variant.step),
-            one.errors[goal],
-        )
-        for one in variants
-        if one.errors[goal] > 0.0
-    ]
-    return fitted_errors(
-        np.array(seen).reshape(-1, 4), 1.0 if scene.time and scene.time.scheme == "bdf1" else 2.0
-    )
+    time, seen = study.scene.time, []
+    for one in study.judged:
+        variant, error = one.run.variant, one.errors[goal]
+        if one.told_apart and not variant.solver and error > 0.0:
+            step = calibration.step_of_flow(study.scene, variant.step)
+            seen.append((variant.order, variant.mesh_size, step, error))
+    return fitted_errors(np.array(seen).reshape(-1, 4), 1.0 if time and time.scheme == "bdf1" else 2.0)

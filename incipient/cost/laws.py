@@ -6,6 +6,7 @@ h times as large as the usual ones, and steps dt in units of the flow's time.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -20,6 +21,11 @@ RATES = tuple(np.arange(1.0, 8.5, 0.5).tolist())  # powers of the cell size that
 OTHER_ORDER = (
     3.0  # what is not known more of an error whose order was not measured: cell sizes make orders alike
 )
+
+
+def geometric_mean(values: Sequence[float]) -> float:
+    """Geometric mean of positive values, of which there is one at least."""
+    return math.exp(float(np.mean(np.log(values))))
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,12 @@
-"""Solver options the equations of a scene: what a ladder of runs varies besides order, mesh and time step.
+"""Solver options of a scene: what a ladder of runs varies besides order, mesh and time step.
 
-A way is named by words joined by "+", such as "extrapolated+bdf1"; the empty name stands for the scene's own. A word
-stands for settings that a user can make as well: keys of the scene, or options of PETSc.
+An option is named by words joined by "+", such as "extrapolated+bdf1"; the empty name stands for the scene's own.
+A word stands for settings that a user can make as well: keys of the scene, or options of PETSc.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -21,40 +21,7 @@ if TYPE_CHECKING:
 
 OWN = "own"
 LOOSEST = 1e-3  # to which a tolerance is enlarged at the most
-Applies = Callable[["Scene", Plan], bool]
 Sections = dict[str, dict[str, Any]]
-
-
-def _always(scene: Scene, plan: Plan) -> bool:
-    return True
-
-
-def _in_time(scene: Scene, plan: Plan) -> bool:
-    return plan.has(EffectName.UNSTEADINESS)
-
-
-def _laminar_in_time(scene: Scene, plan: Plan) -> bool:
-    return _in_time(scene, plan) and not scene.is_turbulent
-
-
-def _convects(scene: Scene, plan: Plan) -> bool:
-    return plan.has(EffectName.INERTIA) and not scene.is_turbulent
-
-
-def _convects_in_time(scene: Scene, plan: Plan) -> bool:
-    return _convects(scene, plan) and plan.has(EffectName.UNSTEADINESS)
-
-
-def _convects_steadily(scene: Scene, plan: Plan) -> bool:
-    return plan.has(EffectName.INERTIA) and scene.time is None
-
-
-def _iterates(scene: Scene, plan: Plan) -> bool:
-    return plan.has(EffectName.INERTIA) or scene.time is not None
-
-
-def _has_free_body(scene: Scene, plan: Plan) -> bool:
-    return plan.has(EffectName.FREE_BODY)
 
 
 @dataclass(frozen=True)
@@ -62,21 +29,30 @@ class Solver:
     """A solver option, as the word for it stands in tables.
 
     said:    in words
-    applies: whether it means anything for a scene with its plan
+    needs:   effects without which it means nothing
     numerics, time: keys of these sections with their values
-    looser:  factor on the tolerances
     petsc:   options of PETSc
+    looser:  factor on the tolerances
+    laminar, steady: whether it is for such flow alone
     """
 
     said: str
-    applies: Applies
+    needs: tuple[EffectName, ...] = ()
     numerics: Mapping[str, Any] = field(default_factory=dict)
     time: Mapping[str, Any] = field(default_factory=dict)
-    looser: float = 1.0
     petsc: str = ""
+    looser: float = 1.0
+    laminar: bool = False
+    steady: bool = False
+
+    def applies(self, scene: Scene, plan: Plan) -> bool:
+        """Whether it means anything for a scene with its plan."""
+        iterates = plan.has(EffectName.INERTIA) or scene.time is not None
+        excluded = (self.laminar and scene.is_turbulent) or (self.steady and scene.time is not None)
+        return all(map(plan.has, self.needs)) and not excluded and (iterates or self.looser == 1.0)
 
     def sections(self, scene: Scene) -> Sections:
-        """The keys, by section, that this way changes in a scene."""
+        """The keys, by section, that this option changes in a scene."""
         numerics = {**self.numerics, **(self._tolerances(scene) if self.looser > 1.0 else {})}
         sections = {"numerics": numerics, "time": dict(self.time)}
         return {name: keys for name, keys in sections.items() if keys}
@@ -100,37 +76,43 @@ class Solver:
         return not self.petsc and all(same)
 
 
-WORDS: dict[str, Solver] = {
-    "implicit": Solver("convection iterated in each step", _convects_in_time, {"convection": "implicit"}),
-    "extrapolated": Solver(
-        "convection linearised about earlier steps", _convects_in_time, {"convection": "extrapolated"}
+CONVECTION, TIME = (EffectName.INERTIA,), (EffectName.UNSTEADINESS,)
+PACKAGE = "-fluid_pc_factor_mat_solver_type"
+WORDS = {
+    "implicit": Solver(
+        "convection iterated in each step", CONVECTION + TIME, {"convection": "implicit"}, laminar=True
     ),
-    "bdf1": Solver("backward differences of first order", _in_time, time={"scheme": "bdf1"}),
-    "bdf2": Solver("backward differences of second order", _in_time, time={"scheme": "bdf2"}),
+    "extrapolated": Solver(
+        "convection linearised about earlier steps",
+        CONVECTION + TIME,
+        {"convection": "extrapolated"},
+        laminar=True,
+    ),
+    "bdf1": Solver("backward differences of first order", TIME, time={"scheme": "bdf1"}),
+    "bdf2": Solver("backward differences of second order", TIME, time={"scheme": "bdf2"}),
     "chords": Solver(
         "Newton's method, LU factorisation kept, without GMRES once corrections are below 5%",
-        _convects_steadily,
+        CONVECTION,
         petsc="-fluid_ksp_type preonly",
+        steady=True,
     ),
-    "loose": Solver("iterations end at a thousand times the tolerance", _iterates, looser=1e3),
-    "umfpack": Solver(
-        "LU factorisation by UMFPACK", _always, petsc="-fluid_pc_factor_mat_solver_type umfpack"
+    "loose": Solver("iterations end at a thousand times the tolerance", looser=1e3),
+    "umfpack": Solver("LU factorisation by UMFPACK", petsc=f"{PACKAGE} umfpack"),
+    "superlu": Solver("LU factorisation by SuperLU", petsc=f"{PACKAGE} superlu"),
+    "stabilised": Solver("with grad-div stabilisation", CONVECTION, {"stabilisation": "on"}, laminar=True),
+    "unstabilised": Solver("without stabilisation", CONVECTION, {"stabilisation": "off"}, laminar=True),
+    "printed": Solver("convection as in the paper", TIME, {"form": "printed"}, laminar=True),
+    "energy-stable": Solver(
+        "convection that creates no energy", TIME, {"form": "energy-stable"}, laminar=True
     ),
-    "superlu": Solver(
-        "LU factorisation by SuperLU", _always, petsc="-fluid_pc_factor_mat_solver_type superlu"
-    ),
-    "stabilised": Solver("with grad-div stabilisation", _convects, {"stabilisation": "on"}),
-    "unstabilised": Solver("without stabilisation", _convects, {"stabilisation": "off"}),
-    "printed": Solver("convection as in the paper", _laminar_in_time, {"form": "printed"}),
-    "energy-stable": Solver("convection that creates no energy", _laminar_in_time, {"form": "energy-stable"}),
-    "naive": Solver("grain and fluid by turns", _has_free_body, {"coupling": "naive"}),
+    "naive": Solver("grain and fluid by turns", (EffectName.FREE_BODY,), {"coupling": "naive"}),
 }
 USUAL_STEADY = ("chords", "loose", "umfpack", "stabilised", "unstabilised")
 USUAL_IN_TIME = ("implicit", "extrapolated", "bdf1", "bdf2", "loose")
 
 
 def usual(scene: Scene) -> tuple[str, ...]:
-    """The ways worth comparing with a scene's own. Not collective."""
+    """The solver options worth comparing with a scene's own. Not collective."""
     words = USUAL_STEADY if scene.time is None else USUAL_IN_TIME
     return tuple(word for word in words if word in others(scene) and (word != "umfpack" or _has_umfpack()))
 
@@ -144,17 +126,17 @@ def others(scene: Scene) -> tuple[str, ...]:
 
 
 def named(scene: Scene, asked: Sequence[str]) -> tuple[str, ...]:
-    """The ways asked for, each once, without what the scene does anyway on whatever mesh.
+    """The solver options asked for, each once, without what the scene does anyway on whatever mesh.
 
     Raises:
         SceneError: a word is not known, means nothing for the scene, or contradicts another.
     """
-    ways = ("+".join(_words(scene, name)) for name in asked if name != OWN)
-    return tuple(dict.fromkeys(way for way in ways if way))
+    found = ("+".join(_words(scene, name)) for name in asked if name != OWN)
+    return tuple(dict.fromkeys(solver for solver in found if solver))
 
 
 def _words(scene: Scene, name: str) -> Iterator[str]:
-    """The words of a way in the order of `WORDS`, without those of what the scene does anyway."""
+    """The words of a solver option in the order of `WORDS`, without those of what the scene does anyway."""
     words, able = name.split("+"), others(scene)
     plan, settled = make_plan(scene), set[str]()
     for word in words:
@@ -172,52 +154,49 @@ def _words(scene: Scene, name: str) -> Iterator[str]:
     yield from (word for word in WORDS if word in words and word in kept)
 
 
-def differs(way: str, scene: Scene) -> bool:
+def differs(solver: str, scene: Scene) -> bool:
     """Whether a solver option is another than the scene's own. Not collective."""
-    return bool(set(way.split("+")) & set(others(scene)))
+    return bool(set(solver.split("+")) & set(others(scene)))
 
 
-def sections(way: str, scene: Scene) -> Sections:
-    """What a way changes in a scene: keys by section."""
+def sections(solver: str, scene: Scene) -> Sections:
+    """What a solver option changes in a scene: keys by section."""
     merged: Sections = {}
-    for one in _solvers(way):
-        for name, keys in one.sections(scene).items():
-            merged[name] = merged.get(name, {}) | keys
+    for name, keys in (part for one in _solvers(solver) for part in one.sections(scene).items()):
+        merged[name] = merged.get(name, {}) | keys
     return merged
 
 
-def options(way: str) -> str:
-    """The options of PETSc that a way calls for."""
-    return " ".join(one.petsc for one in _solvers(way) if one.petsc)
+def options(solver: str) -> str:
+    """The options of PETSc that a solver option calls for."""
+    return " ".join(one.petsc for one in _solvers(solver) if one.petsc)
 
 
-def said(way: str) -> str:
-    """A way in words."""
-    return ", ".join(one.said for one in _solvers(way))
+def said(solver: str) -> str:
+    """A solver option in words."""
+    return ", ".join(one.said for one in _solvers(solver))
 
 
-def settings(way: str, scene: Scene) -> list[str]:
-    """How a user chooses a way: keys of the scene, and the environment."""
-    changed = sections(way, scene)
+def settings(solver: str, scene: Scene) -> list[str]:
+    """How a user chooses a solver option: keys of the scene, and the environment."""
+    changed = sections(solver, scene)
     keys = [f"{name}.{key} = {_toml(value)}" for name in changed for key, value in changed[name].items()]
-    return [*keys, *([f'PETSC_OPTIONS="{options(way)}"'] if options(way) else [])]
+    return [*keys, *([f'PETSC_OPTIONS="{options(solver)}"'] if options(solver) else [])]
 
 
 def own(scene: Scene) -> str:
-    """The scene's own way in words."""
+    """The solver option of the scene itself, in words."""
     plan = make_plan(scene)
     solved = f"{plan.scheme}, {plan.convection} convection"
-    if scene.time is None:
-        solved = (
-            "Newton's method, LU factorisation kept for GMRES"
-            if plan.has(EffectName.INERTIA)
-            else "one linear system"
-        )
+    if scene.time is None and plan.has(EffectName.INERTIA):
+        solved = "Newton's method, LU factorisation kept for GMRES"
+    elif scene.time is None:
+        solved = "one linear system"
     return f"{solved}, stabilised" if plan.stabilisation.present else solved
 
 
-def _solvers(way: str) -> list[Solver]:
-    return [WORDS[word] for word in way.split("+") if word]
+def _solvers(solver: str) -> list[Solver]:
+    return [WORDS[word] for word in solver.split("+") if word]
 
 
 def _toml(value: Any) -> str:

@@ -20,12 +20,13 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Protocol, cast
+from typing import IO, TYPE_CHECKING, cast
 
 from ..cost.process import environment_of_one_rank
 from ..errors import Interrupted, OutputError, SceneError
 from . import worker
 from .cases import SweepCase
+from .procedure import Workers
 from .store import CaseOutcome
 
 if TYPE_CHECKING:
@@ -34,21 +35,6 @@ if TYPE_CHECKING:
 RENEWED = 50  # cases with a flow after which a process is replaced, whatever memory it has lost by then
 LEAVE = 5.0  # seconds that a process has to end
 OFTEN = 0.02  # seconds between looks at messages of other ranks
-
-
-class Workers(Protocol):
-    """Workers that compute up to `places` cases at a time."""
-
-    places: int
-
-    def submit(self, case: SweepCase) -> Future[CaseOutcome]:
-        """Let an idle worker compute a case; called while fewer than `places` are at work."""
-
-    def outcome(self, case: SweepCase, future: Future[CaseOutcome]) -> CaseOutcome:
-        """Take the outcome of a finished case; of one whose worker has died, the reason."""
-
-    def close(self, at_once: bool) -> None:
-        """End all workers; those at work too if `at_once`."""
 
 
 # -- processes ----------------------------------------------------------------------------------------------

@@ -6,15 +6,12 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from ..errors import Interrupted
 from .cases import SweepCase
 from .expectation import Expected
 from .store import DONE, FAILED, WAITING, CaseOutcome, Store
-
-if TYPE_CHECKING:
-    from .executors import Workers
 
 LOOK = 0.5  # seconds after which the state is looked at again, at the latest
 
@@ -72,6 +69,21 @@ class Watcher:
 
     def finished(self, case: SweepCase, outcome: CaseOutcome, progress: SweepProgress) -> None:
         """A case has been finished."""
+
+
+class Workers(Protocol):
+    """Workers that compute up to `places` cases at a time."""
+
+    places: int
+
+    def submit(self, case: SweepCase) -> Future[CaseOutcome]:
+        """Let an idle worker compute a case; called while fewer than `places` are at work."""
+
+    def outcome(self, case: SweepCase, future: Future[CaseOutcome]) -> CaseOutcome:
+        """Take the outcome of a finished case; of one whose worker has died, the reason."""
+
+    def close(self, at_once: bool) -> None:
+        """End all workers; those at work too if `at_once`."""
 
 
 class Sweep:
