@@ -84,10 +84,12 @@ def _inflow() -> Any:
     """What enters the scene, by heights above the upper floor."""
     from programs import openfoam_step
 
+    from incipient.planning.flow_setup import Setup
     from incipient.planning.turbulent_conditions import Measured
     from incipient.scene.file import load
 
-    enters = Measured.of(load(SCENE))
+    setup = Setup(load(SCENE))
+    enters = Measured.of(setup.walls, setup.turbulence)
     low, high = enters.walls.floor + enters.walls.distance, enters.walls.ceiling
     heights = low + (high - low) * 0.5 * (1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, ROWS)))
     columns = (

@@ -96,11 +96,11 @@ def by_openfoam(size: float, **changed: Any) -> Found:
     from programs import openfoam_stone
 
     from incipient.coupled.enclosed import load_of
+    from incipient.planning.flow_setup import Setup
     from incipient.planning.layout import closed
-    from incipient.planning.turbulence import walls_of
 
     asked = scene(1.0, **changed)
-    walls, closing = walls_of(asked), closed(asked)
+    walls, closing = Setup(asked).walls, closed(Setup(asked).geometry)
     outline = _outline(asked, closing, size)
     with tempfile.TemporaryDirectory() as directory:
         found = openfoam_stone.solve(
@@ -173,9 +173,10 @@ def _inflow(asked: Any, walls: Any) -> Any:
     """What enters the scene, by heights."""
     from programs.openfoam import Inflow
 
+    from incipient.planning.flow_setup import Setup
     from incipient.planning.turbulent_conditions import entering
 
-    enters = entering(asked)
+    enters = entering(walls, Setup(asked).turbulence)
     low, high = walls.floor + walls.distance, walls.ceiling
     heights = low + (high - low) * 0.5 * (1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, ROWS)))
     parts = (part(heights) for part in (enters.speed, enters.energy, enters.dissipation))

@@ -39,7 +39,10 @@ OF_TURBULENCE = (
     "effects.turbulence.fields",
     "effects.turbulence.iteration",
     "effects.turbulence.part",
-    "planning.turbulence",
+    "planning.wall_layer",
+    "planning.wall_cells",
+    "planning.turbulent_conditions",
+    "effects.turbulence.limits",
     "results.turbulence",
 )
 OF_CONTACT = ("evaluation.contact_verdict", "contact")

@@ -31,8 +31,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import ConvergenceError, IncipientError
-from ..planning.cells import coarsest_grid
-from ..planning.turbulence import coarsest
+from ..planning.flow_setup import Setup
+from ..planning.wall_cells import coarsest
 from ..results.errorbars import ErrorBars, Loads, Term, centreline_velocities
 from ..results.loads import Couples, Forces
 from ..scene import Contact, Scene
@@ -311,7 +311,9 @@ def on_centrelines(scene: Scene, computed: Loads, solve: Solve) -> Term:
     Raises:
         ConvergenceError: the coarser meshes have as few rows or columns of cells.
     """
-    if scene.numerics.mesh_size > (most := coarsest_grid(scene) / COARSER_MESH**2 * (1.0 + 1e-9)):
+    if scene.numerics.mesh_size > (
+        most := Setup(scene).far_cells.coarsest_grid / COARSER_MESH**2 * (1.0 + 1e-9)
+    ):
         raise ConvergenceError(NOT_COARSER.format(finer=math.floor(100.0 * most) / 100.0))
     fall = COARSER_MESH**OF_DRIVEN_BOXES
     how = f"runs on meshes x {COARSER_MESH:.3g} and {COARSER_MESH**2:.3g}, extrapolated at order {OF_DRIVEN_BOXES:g}"
@@ -324,7 +326,7 @@ def on_centrelines(scene: Scene, computed: Loads, solve: Solve) -> Term:
 
 def _require_coarser(scene: Scene) -> None:
     """Raise ConvergenceError where the mesh for comparison, which is to be coarser, would not be. Not collective."""
-    if scene.is_turbulent and COARSER_MESH * scene.numerics.mesh_size > (most := coarsest(scene)):
+    if scene.is_turbulent and COARSER_MESH * scene.numerics.mesh_size > (most := coarsest(Setup(scene))):
         raise ConvergenceError(NOT_COARSER.format(finer=math.floor(100.0 * most / COARSER_MESH) / 100.0))
 
 
@@ -488,7 +490,7 @@ def on_more_bed(scene: Scene) -> Scene | None:
         return None
     from ..planning.meshed_bed import resolved_bed
 
-    if resolved_bed(scene, scene.placement) is None:
+    if resolved_bed(Setup(scene).geometry, scene.placement, scene.datum) is None:
         return None
     return changed(scene, numerics={"meshed_bed": WIDER * scene.numerics.meshed_bed, "error_bars": False})
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ..planning.cells import largest_cell, largest_cell_in_space
+from ..planning.flow_setup import Setup
 from ..planning.open_channel import LEVEL
 from ..results.errorbars import Loads, Term
 
@@ -71,7 +71,8 @@ def doubt_of_stream(scene: Scene) -> str:
     if not is_stream(scene):
         return ""
     order = scene.order
-    largest = largest_cell(scene) if scene.gdim == 2 else largest_cell_in_space(scene, order)
+    cells = Setup(scene).far_cells
+    largest = cells.largest if scene.gdim == 2 else cells.largest_in_space(order)
     most = LEVEL * scene.domain.height / largest
     if scene.numerics.mesh_size <= most:
         return ""

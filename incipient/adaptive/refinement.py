@@ -22,7 +22,7 @@ from ..accuracy.errorbars import by_dual, error_bars
 from ..accuracy.far_sides import has_no_far_sides
 from ..errors import ConvergenceError, MeshError
 from ..interrupt import told_where_kept
-from ..planning.meshing import Layout
+from ..planning.layout import Layout
 from ..results.adaptation import Trial
 from ..results.loads import Couples, Forces
 from ..results.result import Result

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..accuracy.goal import Goal, Quantity
 from ..accuracy.kept_runs import KeptRuns
-from ..planning.meshing import MEMORY_GROWTH
+from ..planning.expense import MEMORY_GROWTH
 from ..progress import Silent
 from ..results.adaptation import Adaptation, Trial
 from ..results.result import Result

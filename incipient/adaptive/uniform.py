@@ -15,7 +15,8 @@ from ..accuracy.errorbars import by_coarser_mesh
 from ..accuracy.goal import relative
 from ..accuracy.kept_runs import KeptRuns
 from ..errors import MeshError
-from ..planning.turbulence import coarsest
+from ..planning.flow_setup import Setup
+from ..planning.wall_cells import coarsest
 from ..results.errorbars import Loads
 from ..simulation.loads import loads
 from ..simulation.simulate import loads_of
@@ -71,7 +72,7 @@ class Uniform(Refinement):
         computed = Loads.at_the_end(force, couple, None, None, found.turbulence)
         self._seen.append((run.scene, computed))
         coarser = on_coarser_mesh(run.scene)
-        if len(self._seen) < 3 or coarser.numerics.mesh_size > coarsest(self.scene):
+        if len(self._seen) < 3 or coarser.numerics.mesh_size > coarsest(Setup(self.scene)):
             return None, None
         coarser = run.scene
         for scene, there in reversed(self._seen[-3:-1]):

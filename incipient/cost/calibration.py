@@ -33,7 +33,7 @@ IN_SPACE, WITH_TURBULENCE = " in space", " with turbulence"
 class Findings:
     """What a study has found of a scene.
 
-    time:    law of processor time; memory: measured over that of `meshing.memory`
+    time:    law of processor time; memory: measured over that of `expense.memory`
     errors:  laws by goal and order of the velocity
     cheaper: solver options that take less time at the same error, with the share of the time of the scene's own
     """

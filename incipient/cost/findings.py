@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..planning import meshing
+from ..planning import expense
 from . import calibration
 from .calibration import Calibration, Findings
 from .laws import ErrorLaw, fitted_errors, fitted_time, geometric_mean
@@ -24,7 +24,7 @@ def findings(study: Study) -> Calibration:
         title=scene.title or "a scene without a title",
         kind=calibration.kind(scene),
         time=fitted_time(unknowns, steps, cpu, min(run.start for run in own)),
-        memory=geometric_mean([run.peak_mib / meshing.memory(run.unknowns) for run in own]),
+        memory=geometric_mean([run.peak_mib / expense.memory(run.unknowns) for run in own]),
         errors={
             goal.name: laws for goal in study.goals if goal.leading and (laws := _errors(study, goal.name))
         },

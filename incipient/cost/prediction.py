@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from ..planning import meshing
+from ..planning import expense, meshing
+from ..planning.flow_setup import Setup
 from ..results.adaptation import Trial
 from ..scene.numerics import OF_SURFACE, OF_WALLS
 from . import calibration, solvers
@@ -236,7 +237,7 @@ def predict(known: KnownLaws, estimate: Estimate) -> Prediction | str:
     has_duals = of_loads and (bars or last is not None)
     duals = [run.of_dual for run in path] if has_duals else []
     cpu = known.mean(lambda one: one.time.seconds(runs, duals))
-    memory = known.mean(lambda one: one.memory) * meshing.memory(end.unknowns, *duals[-1:])
+    memory = known.mean(lambda one: one.memory) * expense.memory(end.unknowns, *duals[-1:])
     errors = {} if last else known.errors(scene)
     return Prediction(cpu, known.factor, memory, known.own, known.where, errors, last)
 
@@ -272,8 +273,8 @@ def first_mesh(scene: Scene) -> Estimate:
     if scene.is_turbulent:
         return _estimate(_sized(scene, COARSEST))
     plan = make_plan(first)
-    layout = meshing.lay_out(first, plan)
-    return meshing.count(
+    layout = meshing.lay_out(Setup(first), plan)
+    return expense.count(
         coarse_sizes(COARSEST, None, layout) if steady else layout, plan.order, steady, plan.solver.name
     )
 

@@ -192,9 +192,9 @@ def peak(times: np.ndarray, values: np.ndarray) -> float:
 
 
 def _single(name: str, reference: Mapping[str, float], scene: Scene) -> ErrorNorm:
-    from ..planning.turbulence import is_plane
+    from ..planning.flow_setup import Setup
 
-    of_walls = (*WALLS,)[0 if is_plane(scene) else 1]
+    of_walls = (*WALLS,)[0 if Setup(scene).walls.plane else 1]
     said = (
         OF_WALLS if name == of_walls else (LINES | LINES_IN_SPACE | WALLS).get(name, name.replace("_", " "))
     )

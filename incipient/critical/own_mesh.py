@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from ..errors import ConvergenceError
-from ..planning.turbulence import faster, walls_of
+from ..planning.flow_setup import Setup
 from ..simulation.build import prepared
 from ..simulation.state import Accounts, Run
 from .search import Found, OwnMesh, Search
@@ -80,7 +80,7 @@ def _differing(known: list[Found]) -> str:
 
 def outgrown(scene: Scene, made_for: float, factor: float) -> bool:
     """Whether a mesh made for one flow does not serve for another; both are factors of the scene's. Not collective."""
-    one, other = (walls_of(faster(scene, each)).distance for each in (made_for, factor))
+    one, other = (Setup(scene).faster(each).walls.distance for each in (made_for, factor))
     return max(one / other, other / one) > CHANGED
 
 

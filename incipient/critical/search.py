@@ -195,9 +195,10 @@ class Search:
 
     def _from_slowest(self) -> Found:
         """Search from the slowest flow upwards in which the law of the wall is for the grain: none below is known."""
-        from ..planning.turbulence import slowest
+        from ..effects.turbulence.limits import slowest
+        from ..planning.flow_setup import Setup
 
-        slow = slowest(self.run.scene)
+        slow = slowest(Setup(self.run.scene))
         self._solve(slow)
         if self.trials[0].safety_factor < 1.0:
             raise ConvergenceError(

@@ -19,7 +19,7 @@ from ..contact import Contacts, Load
 from ..errors import IncipientError, SceneError
 from ..evaluation.si_units import in_si
 from ..interrupt import told_where_kept
-from ..planning.base_flow import bed_stress
+from ..planning.flow_setup import Setup
 from ..progress import Silent
 from ..results.si import si_lines
 from ..scene import Scene
@@ -290,7 +290,7 @@ def _threshold(run: Run, found: Found) -> Threshold:
     """The threshold without error bars. Collective."""
     scene, load, nominal = run.scene, _load_at(found), nominal_diameter(run.scene.grain)
     critical = _judged(run, found, load)
-    stress = found.factor * bed_stress(scene, found.factor)
+    stress = found.factor * Setup(scene).bed_stress(found.factor)
     return Threshold(
         factor=found.factor,
         held_to=found.held_to,
@@ -347,7 +347,7 @@ def _notes(scene: Scene, found: Found) -> tuple[str, ...]:
     plane = " in the plane" if scene.gdim == 2 else ""
     told = TURBULENT if scene.is_turbulent else LAMINAR
     notes = [_shields_note(scene, found), told.format(flow=f"{scene.flow.kind} flow", plane=plane)]
-    if turbulent := transition(scene, numbers_of(scene), found.factor):
+    if turbulent := transition(Setup(scene), numbers_of(Setup(scene)), found.factor):
         notes.append(turbulent.text(" at the threshold"))
     if found.rocking is not None:
         rocking, last = found.rocking, found.rocking.rests[-1]
@@ -367,7 +367,7 @@ def _shields_note(scene: Scene, found: Found) -> str:
     told = SHIELDS.format(size=size)
     if abs(nominal - size) <= SAME_SIZE * size:
         return told + ROUND
-    shields = found.factor * bed_stress(scene, found.factor) / _stress_unit(scene) * size / nominal
+    shields = found.factor * Setup(scene).bed_stress(found.factor) / _stress_unit(scene) * size / nominal
     what = "disc of equal area" if scene.gdim == 2 else "sphere of equal volume"
     return told + NOMINAL.format(shields=shields, size=nominal, what=what)
 

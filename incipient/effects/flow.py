@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from ..planning.clearance import near_inflow
 from ..planning.effects import Decision, EffectName
+from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers
 from ..scene import Scene
 from .effect import Effect
@@ -32,11 +33,13 @@ class FlowEffect(Effect):
             return model
         from ..planning.mean_profile import force_of_turbulence
 
-        return replace(model, body_force=force_of_turbulence(scene))
+        base_flow = Setup(scene).base_flow
+        force = force_of_turbulence(base_flow.mean_profile, base_flow.datum, base_flow.up)
+        return replace(model, body_force=force)
 
     def warnings(self, scene: Scene) -> Iterator[str]:
         """A grain close to the inflow."""
-        yield from filter(None, (near_inflow(scene),))
+        yield from filter(None, (near_inflow(Setup(scene).geometry, scene.flow.kind == "still"),))
 
 
 def _reason(scene: Scene) -> str:

@@ -11,6 +11,7 @@ import math
 from ..geometry.plane.curves import Line
 from ..planning.datum import datum_of
 from ..planning.effects import EffectName
+from ..planning.flow_setup import Setup
 from ..planning.linear import method_of
 from ..planning.numbers import numbers_of
 from ..planning.plan import Plan
@@ -28,7 +29,8 @@ def make_plan(scene: Scene) -> Plan:
     Raises:
         SceneError: an effect that is present cannot be simulated in the scene.
     """
-    numerics, numbers = scene.numerics, numbers_of(scene)
+    setup = Setup(scene)
+    numbers = numbers_of(setup)
     effects = known.decisions(scene, numbers)
     present = {effect.name for effect in effects if effect.present}
     return Plan(
@@ -36,20 +38,20 @@ def make_plan(scene: Scene) -> Plan:
         order=scene.order,
         why_order=order_of(scene).reason,
         geometry_order=_geometry_order(scene),
-        mesh_size=numerics.mesh_size,
+        mesh_size=scene.numerics.mesh_size,
         convection=_convection(scene, present),
         scheme=_scheme(scene, present),
         reynolds=1.0 / scene.viscosity,
         solver=method_of(
-            scene,
+            setup,
             slow=not present & {EffectName.INERTIA, EffectName.UNSTEADINESS},
             unsteady=EffectName.UNSTEADINESS in present,
         ),
         numbers=numbers,
-        stabilisation=stabilisation_of(scene, EffectName.INERTIA in present),
+        stabilisation=stabilisation_of(setup, EffectName.INERTIA in present),
         sought=_sought(scene),
         warnings=tuple(warning for effect in known.EFFECTS for warning in effect.warnings(scene)),
-        datum=datum_of(scene),
+        datum=datum_of(setup),
     )
 
 

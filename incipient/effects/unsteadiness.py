@@ -14,6 +14,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ..planning.effects import SHARE, Decision, EffectName, accuracy_asked, moves, percent
+from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers, time_of_change, wall_distance
 from ..results.left_out import Omission
 from ..scene import Scene
@@ -89,14 +90,14 @@ def shedding(scene: Scene, numbers: Numbers) -> str:
     reynolds = numbers.grain_reynolds
     inert = scene.fluid.inertia and scene.effects.inertia is not False
     least, shape = (SHEDDING, "cylinder") if scene.gdim == 2 else (SHEDDING_OF_SPHERE, "sphere")
-    if reynolds is None or reynolds <= least or not inert or wall_distance(scene) < SHEDDING_CLEARANCE:
+    if reynolds is None or reynolds <= least or not inert or wall_distance(Setup(scene)) < SHEDDING_CLEARANCE:
         return ""
     return f"grain Re {reynolds:.3g}: a {shape} in a stream sheds vortices from {least:g} on"
 
 
 def expected(scene: Scene) -> float | None:
     """Relative change of the drag on a held grain as the base flow changes, at most one; None: it is steady."""
-    period, grain = time_of_change(scene), scene.grain
+    period, grain = time_of_change(Setup(scene).base_flow, scene.time), scene.grain
     if period is None or grain is None:
         return None
     diffusion = (0.5 * grain.size) ** 2 / (scene.viscosity * period)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..planning.base_flow import bed_stress
+from ..planning.flow_setup import Setup
 from ..scene import Scene
 from ..scene.units import nominal_diameter
 
@@ -35,7 +35,7 @@ def in_si(
         if getattr(units, name) is not None:
             found[name] = factor * getattr(units, name)
     if scene.flow.kind in _WITH_STRESS:
-        found["bed_stress"] = factor * scales.stress * bed_stress(scene, factor)
+        found["bed_stress"] = factor * scales.stress * Setup(scene).bed_stress(factor)
         found["shear_velocity"] = float(np.sqrt(found["bed_stress"] / scales.density))
     if force is not None and couple is not None:
         found |= {"force": (scales.force * force).tolist(), "couple": (scales.couple * couple).tolist()}

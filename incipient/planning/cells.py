@@ -1,15 +1,15 @@
-"""The sides of a scene's domain, and the cells away from everything."""
+"""Sizes of the cells away from everything, and where cells are graded."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..arrays import Point
 from ..geometry.plane.curves import Curve
-from ..scene import Scene
 
 FAR_CELL = {2: 0.10, 3: 0.15, 4: 0.20}  # of the domain's height
 FAR_CELL_IN_SPACE = {2: 0.25, 3: 0.45, 4: 0.5}  # likewise
@@ -22,45 +22,40 @@ GRID_CELLS_IN_SPACE = {2: 16, 3: 9, 4: 6}  # likewise (docs/space.md)
 FEWEST = {2: 4, 3: 2}  # along a side of such a grid, by dimension, whatever the cells' size
 
 
-def side_names(scene: Scene) -> tuple[str, str, str, str]:
-    """Names of the bottom, right, top and left boundary; right and left are those at the ends of the stream."""
-    bottom = "bed" if scene.bed is not None else "bottom"
-    if scene.domain.kind == "channel":
-        return bottom, "outflow", "top", "inflow"
-    return (bottom, "right", "top", "left") if scene.gdim == 2 else (bottom, "downstream", "top", "upstream")
+@dataclass(frozen=True)
+class FarCells:
+    """The cells away from everything, for mesh_size = 1.
 
+    extents:      of the domain; order: of the velocity
+    box_reynolds: Reynolds number in an empty box, which has a grid; None in other scenes
+    """
 
-def sides_across(scene: Scene) -> tuple[str, ...]:
-    """Names of the sides that a domain in space has at its least and largest y; of half a domain only the latter."""
-    if scene.gdim == 2:
-        return ()
-    return ("left",) if scene.symmetric else ("right", "left")
+    extents: tuple[float, ...]
+    order: int
+    box_reynolds: float | None = None
 
+    @property
+    def largest(self) -> float:
+        """Their size [length]; of other boxes that of the plane."""
+        if self.box_reynolds is None:
+            return FAR_CELL[self.order] * self.extents[-1]
+        # Boundary layers thin as Re^-1/2, the grading makes up for half of that.
+        crowd = max(1.0, (self.box_reynolds / 1000.0) ** 0.25)
+        cells = GRID_CELLS if len(self.extents) == 2 else GRID_CELLS_IN_SPACE
+        return min(self.extents) / (cells[self.order] * crowd)
 
-def largest_cell(scene: Scene) -> float:
-    """Size of the cells away from everything for mesh_size = 1 [length]."""
-    domain, order = scene.domain, scene.order
-    if not scene.is_empty_box:
-        return FAR_CELL[order] * domain.height
-    # Boundary layers thin as Re^-1/2, the grading makes up for half of that.
-    crowd = max(1.0, (scene.fluid.reynolds / 1000.0) ** 0.25)
-    cells = GRID_CELLS if scene.gdim == 2 else GRID_CELLS_IN_SPACE
-    return min(domain.extents) / (cells[order] * crowd)
+    def largest_in_space(self, order: int) -> float:
+        """Their size in space for an order of the velocity [length]."""
+        if self.box_reynolds is not None:
+            return self.largest
+        return min(FAR_CELL_IN_SPACE[order] * self.extents[-1], 0.5 * min(self.extents))
 
-
-def largest_cell_in_space(scene: Scene, order: int) -> float:
-    """Size of the cells away from everything in space for mesh_size = 1 and an order of the velocity [length]."""
-    domain = scene.domain
-    if scene.is_empty_box:
-        return largest_cell(scene)
-    return min(FAR_CELL_IN_SPACE[order] * domain.height, 0.5 * min(domain.extents))
-
-
-def coarsest_grid(scene: Scene) -> float:
-    """The largest numerics.mesh_size by which an empty box's cells become larger; no bound in other scenes."""
-    if not scene.is_empty_box:
-        return math.inf
-    return min(scene.domain.extents) / (FEWEST[scene.gdim] * largest_cell(scene))
+    @property
+    def coarsest_grid(self) -> float:
+        """The largest numerics.mesh_size by which an empty box's cells become larger; no bound in other scenes."""
+        if self.box_reynolds is None:
+            return math.inf
+        return min(self.extents) / (FEWEST[len(self.extents)] * self.largest)
 
 
 def layer_ends(layers: int, grading: float, half: bool) -> tuple[float, ...]:

@@ -15,9 +15,8 @@ from ..geometry.rest import clearance
 from ..geometry.space.closest import SpatialProximity
 from ..geometry.space.solid import Solid
 from ..geometry.space.terrain import Plane, Terrain
-from ..scene import Scene
-from .cells import side_names, sides_across
-from .layout import Place, point
+from .scene_geometry import Geometry, Place, point
+from .sides import SideNames
 
 FREE_OF_INFLOW = 1.0  # grain sizes before a grain, below which the plan warns
 
@@ -59,25 +58,16 @@ class Side:
         return Placement(tuple(-away), quaternion=quaternion)
 
 
-def ceiling(scene: Scene) -> float:
-    """Height of the upper side of what is meshed: below a wall on top of a turbulent stream. Not collective."""
-    if not scene.is_turbulent:
-        return scene.domain.ceiling
-    from .turbulence import walls_of
-
-    return walls_of(scene).ceiling
-
-
-def near_inflow(scene: Scene) -> str:
+def near_inflow(geometry: Geometry, still: bool) -> str:
     """A warning for a grain so near to the inflow that its velocity is given next to it, or an empty string.
 
-    Not collective.
+    still: whether the fluid is at rest but for the grain. Not collective.
     """
-    placement = scene.placement
-    if placement is None or scene.domain.kind == "box" or scene.flow.kind == "still":
+    placement, domain = geometry.placement, geometry.domain
+    if placement is None or domain.kind == "box" or still:
         return ""
-    size = scene.grain.size
-    away = (placement.centre[0] - scene.domain.left) / size - 0.5
+    size = geometry.grain.size
+    away = (placement.centre[0] - domain.left) / size - 0.5
     if away >= FREE_OF_INFLOW:
         return ""
     return (
@@ -86,64 +76,21 @@ def near_inflow(scene: Scene) -> str:
     )
 
 
-def narrow_gap(scene: Scene) -> str:
-    """What is to be known of the gap by which a turbulent scene's grain is held off walls, or an empty string.
-
-    Within it the law of each wall knows of no second one: its friction is too little, however narrow the gap is. Not
-    collective.
-    """
-    from .turbulence import walls_of
-
-    if scene.body is None or scene.body.centre is None or scene.body.moves or scene.placement is None:
-        return ""
-    nearest, least = surroundings(scene).clearance(scene.placement), 2.0 * walls_of(scene).distance
-    lid = side_names(scene)[2] if scene.flow.kind == "open-channel" else ""
-    sides = () if scene.gdim == 3 and scene.sides == "wall" else sides_across(scene)
-    if (
-        nearest.other in (side_names(scene)[1], side_names(scene)[3], lid, *sides)
-        or nearest.distance >= least
-    ):
-        return ""
-    return (
-        f"the grain is held {nearest.distance:.3g} from the {nearest.other}, twice the distance of the law of the wall "
-        f"is {least:.3g}: what flows between is no result of the model; hold it farther away, or let it touch by body.x"
-    )
-
-
-def through_the_top(scene: Scene) -> str:
-    """Where a turbulent scene's grain reaches what the mesh leaves out below a wall on top, or an empty string.
-
-    Not collective.
-    """
-    if scene.body is None or scene.placement is None:
-        return ""
-    around = surroundings(scene)
-    top = next(side for side in around.sides if side.axis == scene.up and side.inwards < 0)
-    found = Surroundings(around.grain, (top,)).clearance(scene.placement)
-    if found.distance > 0.0:
-        return ""
-    key = "centre" if scene.body.centre is not None else "x"
-    return (
-        f"{key}: the grain reaches {top.place - found.distance:.6g}, the mesh ends at {top.place:.6g}, the distance of "
-        "the law of the wall below the wall on top; move the grain, make it smaller or raise domain.height"
-    )
-
-
-def surroundings(scene: Scene) -> Surroundings:
-    """What the grain of a scene may run into."""
-    domain, up = scene.domain, scene.up
-    low, right, high, left = side_names(scene)
-    sides = [Side(right, 0, domain.right, -1), Side(left, 0, domain.left, 1)]
-    if not scene.has_surface:  # which is not where the domain's top is
-        sides.insert(0, Side(high, up, ceiling(scene), -1))
+def surroundings_of(
+    geometry: Geometry, names: SideNames, ceiling: float, surface_above: bool
+) -> Surroundings:
+    """What the grain may run into; below a free surface the top is not where that of the domain is. Not collective."""
+    domain, up = geometry.domain, geometry.up
+    sides = [Side(names.right, 0, domain.right, -1), Side(names.left, 0, domain.left, 1)]
+    if not surface_above:
+        sides.insert(0, Side(names.top, up, ceiling, -1))
     # Of half a scene the grain is as far from the side that is not there.
-    ends = zip(domain.across[::-1], (-1, 1), strict=True) if scene.gdim == 3 else ()
-    names = sides_across(scene)[::-1]
-    sides += [Side(name, 1, *end) for name, end in zip(names, ends, strict=False)]
-    if scene.bed_shape is None:
-        sides.append(Side(low, up, domain.bottom, 1))
-    assert scene.grain is not None
-    return Surroundings(scene.grain, tuple(sides), scene.bed_shape, low)
+    ends = zip(domain.across[::-1], (-1, 1), strict=True) if geometry.gdim == 3 else ()
+    sides += [Side(name, 1, *end) for name, end in zip(names.across[::-1], ends, strict=False)]
+    if geometry.bed is None:
+        sides.append(Side(names.bottom, up, domain.bottom, 1))
+    assert geometry.grain is not None
+    return Surroundings(geometry.grain, tuple(sides), geometry.bed, names.bottom)
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..scene import Scene
 from ..scene.datum import effective_height, starts_at_effective_height
+from .flow_setup import Setup
 
 
 @dataclass(frozen=True)
@@ -24,20 +24,21 @@ class Datum:
         return f"datum {axis} = {self.height:g}: {self.reason}"
 
 
-def datum_of(scene: Scene) -> Datum | None:
+def datum_of(setup: Setup) -> Datum | None:
     """The datum of a flow of given profile over a bed; None for another flow, or without a bed. Not collective.
 
     A stream with its turbulence enters at the bed's own height.
     """
+    scene = setup.scene
     level = getattr(scene.flow, "datum", None)
     if level is None or scene.bed is None or scene.is_turbulent:
         return None
-    why = f"{_words(scene, level)}; the {scene.flow.kind} flow starts there"
-    return Datum(scene.datum, why)
+    why = f"{_words(setup, level)}; the {scene.flow.kind} flow starts there"
+    return Datum(setup.base_flow.datum, why)
 
 
-def _words(scene: Scene, level: float | str) -> str:
-    bed = scene.bed_shape
+def _words(setup: Setup, level: float | str) -> str:
+    bed, scene = setup.geometry.bed, setup.scene
     assert bed is not None
     if level == "effective" or (level == "auto" and starts_at_effective_height(scene)):
         found = effective_height(scene)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arrays import Floats
 from ..errors import SceneError
 from ..geometry.placement import Placement
 from ..geometry.plane.closing import Closing, closing
@@ -17,14 +18,13 @@ from ..geometry.rest import clearance, lifted
 from ..geometry.space.terrain import Smooth
 from ..installed import required
 from ..meshes import BoxGrid, Grid, Region, Sizes, SolidGrid, SolidRegion
-from ..scene import Scene
+from .scene_geometry import Geometry, Place, point
 
 # Cells expected, by dimension, from which it is said that mesh and flow take long.
 MANY_CELLS = {2: 20_000, 3: 50_000}
 STEEP = (
     2.5  # slope of a bed in space: one of 1.9 is meshed in seconds, of one of 5.7 triangles cross for minutes
 )
-Place = Any  # a point (gdim,) as a tuple of numbers
 
 
 @dataclass(frozen=True)
@@ -107,37 +107,49 @@ def _round_up(number: float) -> int:
     return (int(number / digits) + 1) * digits
 
 
-def placed(scene: Scene) -> tuple[Placement | None, Placement | None, float, tuple[Place, Place] | None]:
-    """Resting place, computed place, gap and the points it is measured between. Not collective."""
-    grain, bed, resting = scene.grain, scene.bed_shape, scene.placement
+@dataclass(frozen=True)
+class Stance:
+    """Where a grain is: see the attributes of `Layout`, which are the same."""
+
+    resting: Placement | None = None
+    placement: Placement | None = None
+    gap: float = np.inf
+    gap_ends: tuple[Place, Place] | None = None
+
+
+def placed(geometry: Geometry) -> Stance:
+    """The grain where it rests or is held; over a bed on which it rests it is lifted by the gap. Not collective."""
+    grain, bed, resting = geometry.grain, geometry.bed, geometry.placement
     if grain is None or bed is None or resting is None:
-        return resting, resting, np.inf, None
-    placement = lifted(grain, resting, bed, scene.contact_gap) if scene.rests else resting
+        return Stance(resting, resting)
+    placement = lifted(grain, resting, bed, geometry.gap) if geometry.rests else resting
     gap, on_grain, on_bed = clearance(grain, placement, bed)
-    return resting, placement, gap, (halved(scene, point(on_grain)), halved(scene, point(on_bed)))
+    ends = geometry.halved(point(on_grain)), geometry.halved(point(on_bed))
+    return Stance(resting, placement, gap, ends)
 
 
-def closed(scene: Scene) -> Closing:
-    """How the space below the scene's resting grain is closed. Not collective.
+def closed(geometry: Geometry) -> Closing:
+    """How the space below the resting grain is closed. Not collective.
 
-    Raises SceneError if the grain does not touch the bed, or the space is nowhere wider than contact.gap.
+    Raises SceneError if the grain does not touch the bed, or the space is nowhere wider than the gap.
     """
+    grain, bed, resting = geometry.grain, geometry.bed, geometry.placement
+    assert grain is not None and bed is not None and resting is not None
+    outline = tuple(curve.moved(resting) for curve in grain.drawn())
+    return closing(outline, bed, _contacts(geometry), geometry.gap)
+
+
+def gap_points(geometry: Geometry, ends: tuple[Place, Place]) -> tuple[Place, ...]:
+    """Where grain and bed nearly touch: the narrowest place, and every contact of a resting grain. Not collective."""
+    if not geometry.rests:
+        return ends if geometry.moves and geometry.gdim == 2 else ends[:1]
+    return tuple(dict.fromkeys([ends[0], *(point(x) for x in _contacts(geometry))]))
+
+
+def _contacts(geometry: Geometry) -> Floats:
+    """Places (n, gdim) at which the resting grain touches the bed."""
     from ..geometry.touching import touching
 
-    grain, bed, resting = scene.grain, scene.bed_shape, scene.placement
-    assert grain is not None and bed is not None and resting is not None
-    contacts = touching(grain, resting, bed, scene.contact_tolerance).points[:, :2]
-    outline = tuple(curve.moved(resting) for curve in grain.drawn())
-    return closing(outline, bed, contacts, scene.contact_gap)
-
-
-def halved(scene: Scene, x: Place) -> Place:
-    """The point, or its mirror image, in what is meshed of a scene: of half of it that with larger y."""
-    if not scene.symmetric:
-        return x
-    return x[0], scene.domain.middle + abs(x[1] - scene.domain.middle), x[2]
-
-
-def point(x: Any) -> Any:
-    """The coordinates (gdim,) as a tuple of plain numbers."""
-    return tuple(float(one) for one in x)
+    assert geometry.placement is not None
+    found = touching(geometry.grain, geometry.placement, geometry.bed, geometry.tolerance)
+    return np.asarray(found.points[:, : geometry.gdim])

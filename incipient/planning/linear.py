@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..scene import Scene
+from .flow_setup import Setup
 from .stabilisation import largest_peclet, upwinds
 
 LOWEST_ORDER = 2
@@ -30,8 +30,9 @@ class Method:
         return f"linear systems by a {self.name} method: {self.reason}"
 
 
-def method_of(scene: Scene, slow: bool, unsteady: bool) -> Method:
+def method_of(setup: Setup, slow: bool, unsteady: bool) -> Method:
     """The method for a scene, and whether its flow is one of Stokes, or has a rate of change. Not collective."""
+    scene = setup.scene
     if scene.gdim == 2:
         return Method(
             "direct",
@@ -53,10 +54,10 @@ def method_of(scene: Scene, slow: bool, unsteady: bool) -> Method:
         return Method("block", f"{dear}; steps in time need none")
     if scene.is_empty_box:
         return Method("direct", "in a closed box blocks do not converge; factors take much time and memory")
-    if upwinds(scene) and scene.is_turbulent:
+    if upwinds(setup) and scene.is_turbulent:
         return Method("block", f"{dear}; on {FEW_CELLS} cells or less, where they are faster, they are taken")
-    if upwinds(scene):
+    if upwinds(setup):
         return Method("block", f"{dear}; upwinding makes them needless")
-    if scene.time is None and largest_peclet(scene) <= RESOLVED:
+    if scene.time is None and largest_peclet(setup) <= RESOLVED:
         return Method("block", f"{dear}; cells are fine enough for the flow's convection")
     return Method("direct", "the flow is not upwinded; in space its factors take much time and memory")

@@ -18,9 +18,6 @@ from typing import Any
 
 import numpy as np
 
-from ..scene import Scene
-from ..scene.flows import LogLaw
-
 KAPPA, DAMPING = 0.41, 26.0
 SMOOTH, ROUGH = (
     5.0,
@@ -117,20 +114,13 @@ def _constants(place: Any, *values: float) -> list[Any]:
     return [dolfinx.fem.Constant(domain, PETSc.ScalarType(value)) for value in values]
 
 
-def mean_profile(scene: Scene) -> MeanProfile:
-    """The profile of a scene whose flow is of the kind log-law. Not collective."""
-    flow = scene.flow
-    assert isinstance(flow, LogLaw)
-    return MeanProfile(
-        flow.shear_velocity, scene.viscosity, flow.roughness, scene.domain.ceiling - scene.datum
-    )
+def force_of_turbulence(profile: MeanProfile, datum: float, up: int) -> Any:
+    """A force per unit mass for `FlowModel.body_force`, function of place and time, that keeps the profile.
 
-
-def force_of_turbulence(scene: Scene) -> Any:
-    """A force per unit mass for `FlowModel.body_force`, function of place and time, that keeps the profile."""
+    datum: height at which it starts, in the coordinate numbered `up`
+    """
     import ufl
 
-    profile, datum, up = mean_profile(scene), scene.datum, scene.up
     return lambda place, time: ufl.as_vector(
         [profile.force(place[up] - _constants(place, datum)[0]), *[0] * up]
     )

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..geometry.placement import Placement
 from ..meshes import Resolved
-from ..scene import Scene
+from .scene_geometry import Geometry
 
 # Where a bed is meshed as it is: within so many grain sizes of the grain, then over so many features to its level.
 MESHED_BED, PASSAGE = 3.0, 2.0
@@ -15,17 +15,17 @@ MESHED_BED, PASSAGE = 3.0, 2.0
 MANY_FEATURES, FEWEST_SIZES, FEWEST_FEATURES = 30.0, 1.5, 3.0
 
 
-def resolved_bed(scene: Scene, placement: Placement | None) -> Resolved | None:
+def resolved_bed(geometry: Geometry, placement: Placement | None, datum: float) -> Resolved | None:
     """Where a bed with forms is meshed as it is: about the grain. Beyond it is level, as high as the flow's datum."""
-    bed, grain = scene.bed_shape, scene.grain
+    bed, grain, domain = geometry.bed, geometry.grain, geometry.domain
     if bed is None or grain is None or placement is None or not np.isfinite(bed.feature):
         return None
-    radius = scene.numerics.meshed_bed * _meshed_radius(grain.size, bed.feature)
+    radius = geometry.meshed_bed * _meshed_radius(grain.size, bed.feature)
     passage = PASSAGE * bed.feature
     reach = radius + passage
     x, y = placement.centre[:2]
-    sides = (x - scene.domain.left, scene.domain.right - x, *np.abs(np.subtract(scene.domain.across, y)))
-    return None if reach >= max(sides) else Resolved((x, y), radius, passage, scene.datum)
+    sides = (x - domain.left, domain.right - x, *np.abs(np.subtract(domain.across, y)))
+    return None if reach >= max(sides) else Resolved((x, y), radius, passage, datum)
 
 
 def _meshed_radius(size: float, feature: float) -> float:

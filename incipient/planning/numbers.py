@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..scene import Domain
 from ..scene.expression import expressions
-from .base_flow import column, mean_speed, undisturbed
-
-if TYPE_CHECKING:
-    from ..geometry.placement import Placement
-    from ..scene import Scene
+from ..scene.model import Time
+from .base_flow import BaseFlow
+from .flow_setup import Setup
 
 SAMPLES = 33  # of times and of heights at which a given flow is looked at
 
@@ -61,111 +59,108 @@ class Numbers:
         )
 
 
-def numbers_of(scene: Scene) -> Numbers:
+def numbers_of(setup: Setup) -> Numbers:
     """The scene's dimensionless numbers. Not collective."""
-    grain, viscosity, height = scene.grain, scene.viscosity, scene.domain.height
+    scene, base_flow, grain = setup.scene, setup.base_flow, setup.geometry.grain
+    viscosity, height = base_flow.viscosity, base_flow.domain.height
     reynolds = strouhal = ratio = stokes = froude = of_shear = None
-    velocity, period = mean_speed(scene), time_of_change(scene)
+    velocity, period = base_flow.mean_speed, time_of_change(base_flow, scene.time)
     if grain is not None:
-        placement = scene.placement
-        assert placement is not None
-        speed = _speed_past_grain(scene, placement)
+        speed = max(_speed_past_grain(setup), _own_speed(setup))
         reynolds, ratio = speed * grain.size / viscosity, scene.density
         stokes = None if ratio is None else ratio * reynolds / 18.0
-        if scene.flow.kind == "log-law":
-            of_shear = scene.reference_velocity * grain.size / viscosity
+        if base_flow.flow.kind == "log-law":
+            of_shear = base_flow.reference * grain.size / viscosity
         strouhal = grain.size / (speed * period) if period is not None and speed > 0.0 else None
     if acceleration := float(abs(scene.gravity_vector).max()):
         froude = velocity / math.sqrt(acceleration * height)
-    if scene.flow.kind == "shear":  # whose reference velocity is that over the reference length
+    if base_flow.flow.kind == "shear":  # whose reference velocity is that over the reference length
         velocity *= height / scene.reference_length
-    if scene.flow.kind == "still":
+    if base_flow.flow.kind == "still":
         velocity = 0.0
     flow = velocity * height / viscosity
-    reach = wall_distance(scene) + 0.5 if grain is not None else 0.0
-    return Numbers(reynolds, flow, _bed_reynolds(scene), reach, strouhal, ratio, stokes, froude, of_shear)
+    reach = wall_distance(setup) + 0.5 if grain is not None else 0.0
+    return Numbers(reynolds, flow, _bed_reynolds(base_flow), reach, strouhal, ratio, stokes, froude, of_shear)
 
 
-def _heights(scene: Scene) -> np.ndarray:
-    return np.linspace(scene.domain.bottom, scene.domain.ceiling, SAMPLES)
+def _times(time: Time | None, samples: int) -> np.ndarray:
+    return np.linspace(0.0, time.end, samples) if time else np.zeros(1)
 
 
-def _speed_past_grain(scene: Scene, placement: Placement) -> float:
-    """The largest of the speeds of the given flow over the grain's height and of the grain's own."""
-    grain = scene.grain
-    assert grain is not None
-    heights = placement.centre[scene.up] + 0.5 * grain.size * np.linspace(-1.0, 1.0, SAMPLES)
-    points = column(scene, placement.centre, heights)
-    times = np.linspace(0.0, scene.time.end, SAMPLES) if scene.time else np.zeros(1)
-    stream = undisturbed(scene)
-    return max(float(max(np.abs(stream(points, t)).max() for t in times)), _own_speed(scene, times))
+def _speed_past_grain(setup: Setup) -> float:
+    """The largest speed of the base flow over the grain's height."""
+    grain, placement, base_flow = setup.geometry.grain, setup.geometry.placement, setup.base_flow
+    assert grain is not None and placement is not None
+    heights = placement.centre[base_flow.up] + 0.5 * grain.size * np.linspace(-1.0, 1.0, SAMPLES)
+    points = base_flow.column(placement.centre, heights)
+    return max(float(np.abs(base_flow.velocity(points, t)).max()) for t in _times(setup.scene.time, SAMPLES))
 
 
-def _own_speed(scene: Scene, times: np.ndarray) -> float:
+def _own_speed(setup: Setup) -> float:
     """Estimated speed of the grain itself: prescribed, initial, or settling (Stokes, capped by free fall)."""
-    body, grain = scene.body, scene.grain
-    if body is None or grain is None or not body.moves:
+    scene, size = setup.scene, setup.geometry.grain.size
+    body = scene.body
+    if body is None or not body.moves:
         return 0.0
     if body.course is not None:
         course = expressions(body.course, "body.course")
         origin = np.zeros((3, 1))
+        times = _times(scene.time, SAMPLES)
         velocities = np.abs([[float(one(origin, float(t))[0]) for one in course] for t in times])
         turning = 3 if scene.gdim == 3 else 1
-        weights = np.concatenate([np.ones(scene.gdim), np.full(turning, 0.5 * grain.size)])
+        weights = np.concatenate([np.ones(scene.gdim), np.full(turning, 0.5 * size)])
         return float((velocities @ weights).max())
     drive = abs((scene.density or 0.0) - 1.0) * float(abs(scene.gravity_vector).max())
-    settling = min(drive * grain.size**2 / (18.0 * scene.viscosity), math.sqrt(drive * grain.size))
+    settling = min(drive * size**2 / (18.0 * setup.base_flow.viscosity), math.sqrt(drive * size))
     spin = float(np.linalg.norm(body.spin))
-    return max(settling, math.hypot(*body.velocity), 0.5 * grain.size * spin)
+    return max(settling, math.hypot(*body.velocity), 0.5 * size * spin)
 
 
-def _bed_reynolds(scene: Scene) -> float | None:
-    """Reynolds number of the bed's forms, by the given flow up to their height above its datum; None for a plane."""
-    bed, domain = scene.bed_shape, scene.domain
-    if bed is None:
+def _bed_reynolds(base_flow: BaseFlow) -> float | None:
+    """Reynolds number of the bed's forms, by the base flow up to their height above its datum; None for a plane."""
+    if base_flow.bed is None:
         return None
-    heights = bed.height(_along_bed(scene))
+    heights = base_flow.bed.height(_along_bed(base_flow.domain))
     relief = float(heights.max() - heights.min())
     if relief == 0.0:
         return None
-    levels = scene.datum + np.linspace(0.0, relief, SAMPLES)
-    points = column(scene, domain.entrance, levels)
-    return float(np.abs(undisturbed(scene)(points, 0.0)).max()) * relief / scene.viscosity
+    levels = base_flow.datum + np.linspace(0.0, relief, SAMPLES)
+    points = base_flow.column(base_flow.domain.entrance, levels)
+    return float(np.abs(base_flow.velocity(points, 0.0)).max()) * relief / base_flow.viscosity
 
 
-def _along_bed(scene: Scene) -> np.ndarray:
+def _along_bed(domain: Domain) -> np.ndarray:
     """Abscissae (n,) at which the bed is looked at; in space points (n, 2)."""
-    domain = scene.domain
     x = np.linspace(domain.left, domain.right, 20 * SAMPLES)
-    if scene.gdim == 2:
+    if domain.width is None:
         return x
     y = np.linspace(*domain.across, 2 * SAMPLES)
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
-def wall_distance(scene: Scene) -> float:
+def wall_distance(setup: Setup) -> float:
     """From the grain to the next wall above or below, in grain sizes; without one, the height of the domain."""
-    grain, placement, domain = scene.grain, scene.placement, scene.domain
-    assert grain is not None and placement is not None
-    if scene.rests:
+    geometry, base_flow = setup.geometry, setup.base_flow
+    placement, domain, top = geometry.placement, geometry.domain, geometry.top
+    assert placement is not None
+    if geometry.rests:
         return 0.0
-    y, distances = placement.centre[scene.up], [domain.height]
-    bounded = domain.kind == "box" or scene.top == "wall" or scene.flow.kind in ("open-channel", "log-law")
-    if scene.bed is not None or bounded:
-        distances.append(y - scene.datum)
-    if scene.top == "wall":
+    y, distances = placement.centre[geometry.up], [domain.height]
+    bounded = domain.kind == "box" or top == "wall" or base_flow.flow.kind in ("open-channel", "log-law")
+    if geometry.bed is not None or bounded:
+        distances.append(y - base_flow.datum)
+    if top == "wall":
         distances.append(domain.ceiling - y)
-    return max(min(distances) / grain.size - 0.5, 0.0)
+    return max(min(distances) / geometry.grain.size - 0.5, 0.0)
 
 
-def time_of_change(scene: Scene) -> float | None:
-    """Largest speed of the given flow over its largest rate of change; None where it does not change."""
-    time, flow = scene.time, scene.flow
+def time_of_change(base_flow: BaseFlow, time: Time | None) -> float | None:
+    """Largest speed of the base flow over its largest rate of change; None where it does not change."""
+    flow, domain = base_flow.flow, base_flow.domain
     if time is None or flow.kind != "expression" or not flow.unsteady:
         return None
-    times = np.linspace(0.0, time.end, 4 * SAMPLES)
-    points = column(scene, scene.domain.entrance, _heights(scene))
-    stream = undisturbed(scene)
-    speeds = np.array([stream(points, t) for t in times])
+    times = _times(time, 4 * SAMPLES)
+    points = base_flow.column(domain.entrance, np.linspace(domain.bottom, domain.ceiling, SAMPLES))
+    speeds = np.array([base_flow.velocity(points, t) for t in times])
     rate = float(np.abs(np.gradient(speeds, times, axis=0)).max())
     return float(np.abs(speeds).max()) / rate if rate > 0.0 else None

@@ -10,10 +10,9 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import SceneError
-from ..scene import Scene, Surface
-from ..scene.open_channel import froude
-from .base_flow import column, inflow, undisturbed
-from .cells import largest_cell, largest_cell_in_space, side_names
+from ..scene import Surface
+from .base_flow import BaseFlow
+from .flow_setup import Setup
 
 if TYPE_CHECKING:
     from ..fluid.conditions import Condition, Sponge, Wave
@@ -28,64 +27,64 @@ NEAR_CRITICAL = 0.95, 1.3  # Froude numbers of which a plan warns
 ABSORBED = 5.0
 
 
-def ends(scene: Scene) -> list[Condition]:
+def ends(setup: Setup) -> list[Condition]:
     """The conditions at both ends of a channel with a free surface. Not collective."""
     from ..fluid.conditions import Entering, Open, Slip
 
-    asked, (_, right, _, left) = surface_of(scene), side_names(scene)
-    largest = largest_cell(scene) if scene.gdim == 2 else largest_cell_in_space(scene, scene.order)
+    scene, cells = setup.scene, setup.far_cells
+    largest = cells.largest if scene.gdim == 2 else cells.largest_in_space(scene.order)
     level = max(LEVEL * scene.domain.height, scene.numerics.mesh_size * largest)
-    wave = wave_of(scene)
-    along = _beside_stream(scene) if wave is None else _with_stream(scene, wave)
-    coming = None if wave is None else _coming_in(scene, wave)
-    entering = Entering(left, 0, along, level, froude(scene) >= 1.0, coming)
-    return [entering, Open(right) if asked.outflow == "open" else Slip(right, axis=0)]
+    wave, base_flow = wave_of(setup), setup.base_flow
+    along = _beside_stream(base_flow, setup.surface) if wave is None else _with_stream(base_flow, wave)
+    coming = None if wave is None else _coming_in(base_flow, wave)
+    entering = Entering(setup.sides.left, 0, along, level, froude(setup) >= 1.0, coming)
+    right = setup.sides.right
+    return [entering, Open(right) if setup.surface.outflow == "open" else Slip(right, axis=0)]
 
 
-def sponges(scene: Scene) -> tuple[Sponge, ...]:
+def sponges(setup: Setup) -> tuple[Sponge, ...]:
     """The zones at the ends of a channel in which waves die out. Not collective."""
     from ..fluid.conditions import Sponge
 
-    asked, domain = surface_of(scene), scene.domain
+    asked, domain, scene = setup.surface, setup.geometry.domain, setup.scene
     # A wave of speed c loses exp(-s x/(2 c)) of its height, with s a third of the rate at the end in the mean.
     rate = 3.0 * ABSORBED * math.sqrt(abs(scene.gravity_vector[scene.up]) * domain.height)
     found = []
     if asked.sponge > 0.0:
         start = domain.right - asked.sponge
-        found.append(Sponge(start, domain.right, rate / asked.sponge, undisturbed(scene)))
+        found.append(Sponge(start, domain.right, rate / asked.sponge, setup.base_flow.velocity))
     if asked.wave is not None and asked.wave.zone > 0.0:
         start, length = domain.left + asked.wave.zone, asked.wave.zone
         found.append(Sponge(start, domain.left, rate / length, None))
     return tuple(found)
 
 
-def seepage(scene: Scene) -> Callable[[Floats, float], Floats]:
-    """The velocity at which fluid seeps through the bed of a scene, straight up. Not collective."""
+def seepage(asked: Surface, up: int) -> Callable[[Floats, float], Floats]:
+    """The velocity at which fluid seeps through the bed, straight up in the coordinate `up`. Not collective."""
     from ..scene.expression import Expression
 
-    speed, up = Expression(surface_of(scene).seepage, "surface.seepage"), scene.up
+    speed = Expression(asked.seepage, "surface.seepage")
     return lambda x, t: np.vstack([*np.zeros((up, x.shape[1])), speed(x, t)])
 
 
-def wave_of(scene: Scene) -> StokesWave | None:
+def wave_of(setup: Setup) -> StokesWave | None:
     """The wave that a wave maker lets into a channel; None: there is none. Not collective.
 
     Raises:
         SceneError: it is too high for what is known of it.
     """
-    asked = surface_of(scene).wave
+    asked, base_flow = setup.surface.wave, setup.base_flow
     if asked is None:
         return None
     from .waves import HIGHEST, stokes_wave
 
-    depth, gravity = scene.domain.ceiling - scene.datum, float(abs(scene.gravity_vector[scene.up]))
-    stream = undisturbed(scene)
+    gravity = float(abs(setup.scene.gravity_vector[base_flow.up]))
 
     def speed(y: Floats) -> Floats:
-        places = column(scene, scene.domain.entrance, scene.datum + y)
-        return np.asarray(stream(places, 0.0)[0])
+        places = base_flow.column(base_flow.domain.entrance, base_flow.datum + y)
+        return np.asarray(base_flow.velocity(places, 0.0)[0])
 
-    wave = stokes_wave(asked.amplitude, 2.0 * math.pi / asked.period, depth, gravity, speed)
+    wave = stokes_wave(asked.amplitude, 2.0 * math.pi / asked.period, base_flow.depth, gravity, speed)
     if wave.second > HIGHEST * wave.amplitude:
         raise SceneError(
             f"surface.wave: its second harmonic is {wave.second / wave.amplitude:.2g} of the first, more than "
@@ -94,20 +93,20 @@ def wave_of(scene: Scene) -> StokesWave | None:
     return wave
 
 
-def _beside_stream(scene: Scene) -> Profile:
+def _beside_stream(base_flow: BaseFlow, asked: Surface) -> Profile:
     """The velocity along a channel at its inflow with what a formula adds to the stream."""
     from ..scene.expression import Expression
 
-    stream, beside = inflow(scene), Expression(surface_of(scene).inflow, "surface.inflow")
+    stream, beside = base_flow.entering, Expression(asked.inflow, "surface.inflow")
     return lambda x, t: stream(x, t)[0] + beside(x, t)
 
 
-def _with_stream(scene: Scene, wave: StokesWave) -> Profile:
+def _with_stream(base_flow: BaseFlow, wave: StokesWave) -> Profile:
     """The velocity along a channel at its inflow, of stream and wave over the depth below the wave.
 
     It is counted by the area as the mesh was made.
     """
-    stream, (datum, up) = inflow(scene), (scene.datum, scene.up)
+    stream, datum, up = base_flow.entering, base_flow.datum, base_flow.up
 
     def along(x: Floats, t: float) -> Floats:
         deeper, places = 1.0 + wave.elevation(np.zeros(1), t)[0] / wave.depth, x.copy()
@@ -118,10 +117,10 @@ def _with_stream(scene: Scene, wave: StokesWave) -> Profile:
     return along
 
 
-def _coming_in(scene: Scene, wave: StokesWave) -> Wave:
+def _coming_in(base_flow: BaseFlow, wave: StokesWave) -> Wave:
     from ..fluid.conditions import Wave
 
-    stream, left, datum, up = undisturbed(scene), scene.domain.left, scene.datum, scene.up
+    stream, left, datum, up = base_flow.velocity, base_flow.domain.left, base_flow.datum, base_flow.up
 
     def velocity(x: Floats, t: float) -> Floats:
         found = stream(x, t)
@@ -132,16 +131,20 @@ def _coming_in(scene: Scene, wave: StokesWave) -> Wave:
     return Wave(velocity, lambda x, t: wave.elevation(x[0] - left, t))
 
 
-def surface_of(scene: Scene) -> Surface:
-    """The section [surface] of a scene whose top is free, or what it is by default. Not collective."""
-    return scene.surface or Surface()
+def froude(setup: Setup) -> float:
+    """V/sqrt(g H) of the base flow, g across the bed and H from the datum to the still level; zero at rest."""
+    base_flow = setup.base_flow
+    gravity = float(abs(setup.scene.gravity_vector[base_flow.up]))
+    if base_flow.flow.kind == "still" or gravity == 0.0:
+        return 0.0
+    return base_flow.reference / math.sqrt(gravity * base_flow.depth)
 
 
-def near_critical(scene: Scene) -> str:
+def near_critical(setup: Setup) -> str:
     """What is to be known of a stream about as fast as its long waves, or an empty string. Not collective."""
-    if not scene.has_surface or scene.domain.kind != "channel":
+    if not setup.scene.has_surface or setup.scene.domain.kind != "channel":
         return ""
-    number = froude(scene)
+    number = froude(setup)
     if not NEAR_CRITICAL[0] <= number <= NEAR_CRITICAL[1]:
         return ""
     low, high = NEAR_CRITICAL

@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .flow_setup import Setup
+
 if TYPE_CHECKING:
     from ..fluid import Fluid
-    from ..scene import Scene
 
 # Reynolds number of cells from which on convection is stabilised.
 COARSE = 50.0
@@ -42,13 +43,13 @@ class Stabilisation:
 NO_CONVECTION = Stabilisation(False, "there is none", 0.0)
 
 
-def stabilisation_of(scene: Scene, inertia: bool, speed: float = 1.0) -> Stabilisation:
+def stabilisation_of(setup: Setup, inertia: bool, speed: float = 1.0) -> Stabilisation:
     """Decide from the scene, its flow `speed` times as fast, and whether it has inertia. Not collective."""
     if not inertia:
         return NO_CONVECTION
-    number, asked = speed * cell_reynolds(scene), scene.numerics.stabilisation
+    number, asked = speed * cell_reynolds(setup), setup.scene.numerics.stabilisation
     found = f"the Reynolds number of cells, V h/(k nu), is {number:.3g}"
-    if upwinds(scene):
+    if upwinds(setup):
         return Stabilisation(
             True, f"upwinding along the streams of steady flow in space; {found}", number, True
         )
@@ -58,36 +59,32 @@ def stabilisation_of(scene: Scene, inertia: bool, speed: float = 1.0) -> Stabili
     return Stabilisation(number > COARSE, bound, number)
 
 
-def upwinds(scene: Scene) -> bool:
+def upwinds(setup: Setup) -> bool:
     """Whether a flow with inertia is upwinded along its streams. Not collective.
 
-    In a box with a grid that does harm, and blocks do not converge on it in any case.
+    In a box with a grid that does harm, and blocks do not converge on it in any setup.
     """
+    scene = setup.scene
     steady, asked = scene.gdim == 3 and scene.time is None, scene.numerics.stabilisation
     return steady and (asked == "on" or (asked == "auto" and not scene.is_empty_box))
 
 
-def cell_reynolds(scene: Scene) -> float:
+def cell_reynolds(setup: Setup) -> float:
     """V h/(k nu) of the largest cells, estimated without a mesh. Not collective."""
-    from .base_flow import mean_speed
-    from .cells import largest_cell
-
-    size = scene.numerics.mesh_size * largest_cell(scene)
-    return float(mean_speed(scene) * size / (scene.order * scene.viscosity))
+    cells, base_flow = setup.far_cells, setup.base_flow
+    size = setup.scene.numerics.mesh_size * cells.largest
+    return float(base_flow.mean_speed * size / (cells.order * base_flow.viscosity))
 
 
-def largest_peclet(scene: Scene) -> float:
-    """|c| h/(2 k nu) of the largest cells of a scene in space in its fastest undisturbed stream. Not collective."""
-    from .base_flow import undisturbed
-    from .cells import largest_cell_in_space
-
-    domain = scene.domain
+def largest_peclet(setup: Setup) -> float:
+    """|c| h/(2 k nu) of the largest cells of a scene in space in its fastest base flow. Not collective."""
+    domain, cells, base_flow = setup.geometry.domain, setup.far_cells, setup.base_flow
     sides = ((domain.left, domain.right), domain.across, (domain.bottom, domain.ceiling))
     axes = [np.linspace(low, high, PLACES) for low, high in sides]
     points = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 3).T
-    fastest = float(np.linalg.norm(undisturbed(scene)(points, 0.0), axis=0).max())
-    size = scene.numerics.mesh_size * largest_cell_in_space(scene, scene.order) / scene.order
-    return 0.5 * fastest * size / float(scene.viscosity)
+    fastest = float(np.linalg.norm(base_flow.velocity(points, 0.0), axis=0).max())
+    size = setup.scene.numerics.mesh_size * cells.largest_in_space(cells.order) / cells.order
+    return 0.5 * fastest * size / float(base_flow.viscosity)
 
 
 def measured_cell_reynolds(fluid: Fluid) -> float:

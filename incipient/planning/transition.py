@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from ..scene import Scene
+    from .flow_setup import Setup
     from .numbers import Numbers
 
 # From about this Reynolds number on the turbulence of a channel sustains itself. Between walls, of mean
@@ -41,25 +41,26 @@ class Transition:
         return f"{self.number} {self.value:.4g}{place}: {self.where} may be turbulent from {self.least:g} on"
 
 
-def transition(scene: Scene, numbers: Numbers, faster: float = 1.0) -> Transition | None:
+def transition(setup: Setup, numbers: Numbers, faster: float = 1.0) -> Transition | None:
     """By what number a scene's flow, faster by a factor, may be turbulent; None: by none. Not collective.
 
     A top that moves as the stream does stands for an endless flow, whose depth the height of the domain does not
     tell; a uniform stream over a bed has a boundary layer all the same. The mean profile of a turbulent stream is none
     of a laminar flow.
     """
+    scene = setup.scene
     domain, kind = scene.domain, scene.flow.kind
     if domain.kind != "channel" or kind == "log-law" or scene.is_turbulent:
         return None
     along = faster * scene.reference_velocity * domain.length / scene.viscosity
     if kind == "uniform" and scene.bed is not None and along > TURBULENT_LAYER:
         return Transition("Re of the length", along, TURBULENT_LAYER, "boundary layers")
-    reynolds, least = faster * numbers.flow_reynolds, turbulent_from(scene)
+    reynolds, least = faster * numbers.flow_reynolds, turbulent_from(kind)
     if scene.top == "stream" or reynolds <= least:
         return None
     return Transition("flow Re", reynolds, least, "channels")
 
 
-def turbulent_from(scene: Scene) -> float:
-    """Flow Reynolds number from which a channel may be turbulent; an open one is half a closed one."""
-    return 0.5 * TURBULENT if scene.flow.kind in ("open-channel", "log-law") else TURBULENT
+def turbulent_from(kind: str) -> float:
+    """Flow Reynolds number from which a channel may be turbulent; an open one (by `kind`) is half a closed one."""
+    return 0.5 * TURBULENT if kind in ("open-channel", "log-law") else TURBULENT

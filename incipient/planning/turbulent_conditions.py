@@ -12,15 +12,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..meshes.solid_region import SYMMETRY
-from ..scene import Scene
-from .cells import CLOSED, side_names, sides_across
-from .turbulence import SAMPLES_OF_DUCT, Walls, is_plane, section, wall_names, walls_of
+from ..scene import Turbulence
+from .cells import CLOSED
+from .flow_setup import Setup
 from .wall_law import SAMPLES
+from .wall_layer import Walls
 
 if TYPE_CHECKING:
     from ..fluid.conditions import Condition
 
 
+SAMPLES_OF_DUCT = 300  # on each side of a section
 Profile = Callable[..., np.ndarray]  # of heights (n,), and y (n,) if there are side walls
 
 
@@ -33,24 +35,21 @@ class Entering:
     dissipation: Profile
 
 
-def entering(scene: Scene) -> Entering:
-    """What enters a scene, its mean velocity over the whole height being the flow's. Not collective.
+def entering(walls: Walls, asked: Turbulence) -> Entering:
+    """What enters between walls, its mean velocity over the whole height being the flow's. Not collective.
 
     "developed": the logarithmic law, k of Nezu & Nakagawa (1993, Turbulence in Open-Channel Flows), 4.78 u*^2
     exp(-2 y/h), not above its equilibrium at the wall, and Nikuradse's mixing length (Schlichting & Gersten 2017,
     Boundary-Layer Theory, section 17.1). "given": a uniform stream of given intensity and length. "profile": see
     `Measured`.
     """
-    if section(scene).inflow == "profile":
-        found = Measured.of(scene)
+    if asked.inflow == "profile":
+        found = Measured.of(walls, asked)
         parts = found.speed, found.energy, found.dissipation
         return Entering(*(partial(_at_height, part) for part in parts))
-    asked, walls, viscosity = section(scene), walls_of(scene), scene.viscosity
-    c_mu, reach = asked.c_mu, walls.reach
-    law = partial(walls.law.velocity, walls.shear_velocity, viscosity)
-
-    mean, places = scene.reference_velocity, inflow_places(scene)
-    in_mesh = _mean_in_mesh(scene)
+    c_mu, reach, mean, places = asked.c_mu, walls.reach, walls.mean, inflow_places(walls)
+    law = partial(walls.law.velocity, walls.shear_velocity, walls.viscosity)
+    in_mesh = _mean_in_mesh(walls)
     if asked.inflow == "given":
         assert asked.intensity is not None and asked.length is not None
         energy = 1.5 * (asked.intensity * mean) ** 2
@@ -71,9 +70,8 @@ def entering(scene: Scene) -> Entering:
     return Entering(lambda *place: scale * law(walls.from_next(*place)), energy_at, dissipation_at)
 
 
-def section_of_mesh(scene: Scene) -> tuple[tuple[float, float], tuple[float, float]]:
+def section_of_mesh(walls: Walls) -> tuple[tuple[float, float], tuple[float, float]]:
     """From where to where the mesh's inflow extends in height and, between side walls, across; else from 0 to 1."""
-    walls = walls_of(scene)
     low, sides = walls.floor + walls.distance, walls.sides
     return (low, walls.ceiling), (sides[0] + walls.distance, sides[1] - walls.distance) if sides else (
         0.0,
@@ -81,23 +79,22 @@ def section_of_mesh(scene: Scene) -> tuple[tuple[float, float], tuple[float, flo
     )
 
 
-def inflow_places(scene: Scene) -> tuple[np.ndarray, ...]:
+def inflow_places(walls: Walls) -> tuple[np.ndarray, ...]:
     """Heights and, between side walls, y of points (n,) that stand for equal parts of the inflow of the mesh."""
-    (low, high), (right, left) = section_of_mesh(scene)
-    if not walls_of(scene).sides:
+    (low, high), (right, left) = section_of_mesh(walls)
+    if not walls.sides:
         return (low + (high - low) * (np.arange(SAMPLES) + 0.5) / SAMPLES,)
     parts = (np.arange(SAMPLES_OF_DUCT) + 0.5) / SAMPLES_OF_DUCT
     height, across = np.meshgrid(low + (high - low) * parts, right + (left - right) * parts)
     return height.ravel(), across.ravel()
 
 
-def _mean_in_mesh(scene: Scene) -> float:
+def _mean_in_mesh(walls: Walls) -> float:
     """Mean speed through the inflow of the mesh: what does not flow between it and the walls it stands off from."""
-    walls, plane = walls_of(scene), is_plane(scene)
-    (low, high), (right, left) = section_of_mesh(scene)
-    beyond = walls.shear_velocity * walls.law.beyond(walls.shear_velocity, scene.viscosity, walls.distance)
-    off = walls.distance if plane and walls.sides else 0.0
-    whole = scene.reference_velocity * walls.number * walls.depth * (left - right + 2.0 * off)
+    (low, high), (right, left) = section_of_mesh(walls)
+    beyond = walls.shear_velocity * walls.law.beyond(walls.shear_velocity, walls.viscosity, walls.distance)
+    off = walls.distance if walls.plane and walls.sides else 0.0
+    whole = walls.mean * walls.number * walls.depth * (left - right + 2.0 * off)
     layers = walls.beside * (left - right) + (2.0 * (high - low) if off else 0.0)
     return (whole - layers * beyond) / ((high - low) * (left - right))
 
@@ -120,13 +117,13 @@ class Measured:
     least: float
 
     @classmethod
-    def of(cls, scene: Scene) -> Measured:
-        """The profile of a scene, in its units. Not collective."""
-        asked, mean = section(scene), scene.reference_velocity
+    def of(cls, walls: Walls, asked: Turbulence) -> Measured:
+        """The profile that a section gives between walls, in units of the scene. Not collective."""
+        mean = walls.mean
         assert asked.intensity is not None and asked.length is not None
         rows = np.array(asked.profile) * np.array([1.0, mean, mean**2])[: len(asked.profile[0])]
         least = 1.5 * (asked.intensity * mean) ** 2
-        return cls(walls_of(scene), rows, scene.viscosity, asked.c_mu, asked.length, least)
+        return cls(walls, rows, walls.viscosity, asked.c_mu, asked.length, least)
 
     def speed(self, height: np.ndarray) -> np.ndarray:
         """Speeds (n,) at heights (n,) in the scene."""
@@ -196,46 +193,41 @@ def _at_height(profile: Profile, height: np.ndarray, across: np.ndarray | None =
     return profile(height)
 
 
-def logarithms(scene: Scene) -> Callable[[np.ndarray], np.ndarray]:
+def logarithms(setup: Setup) -> Callable[[np.ndarray], np.ndarray]:
     """ln k and ln epsilon (2, n) at places (3, n) of the inflow. Not collective."""
-    found, places = entering(scene), _places(scene)
+    found, places = entering(setup.walls, setup.turbulence), _places(setup)
     return lambda x: np.log([found.energy(*places(x)), found.dissipation(*places(x))])
 
 
-def velocity(scene: Scene) -> Callable[[np.ndarray, float], np.ndarray]:
+def velocity(setup: Setup) -> Callable[[np.ndarray, float], np.ndarray]:
     """The velocity (gdim, n) that enters at places (3, n). Not collective."""
-    speed, places, up = entering(scene).speed, _places(scene), scene.up
+    speed, places, up = entering(setup.walls, setup.turbulence).speed, _places(setup), setup.geometry.up
     return lambda x, t: np.vstack([speed(*places(x)), *np.zeros((up, x.shape[1]))])
 
 
-def _places(scene: Scene) -> Callable[[np.ndarray], tuple[np.ndarray, ...]]:
+def _places(setup: Setup) -> Callable[[np.ndarray], tuple[np.ndarray, ...]]:
     """What profiles take of places (3, n): heights, between side walls y as well."""
-    axes = (scene.up, 1) if walls_of(scene).sides else (scene.up,)
+    axes = (setup.geometry.up, 1) if setup.walls.sides else (setup.geometry.up,)
     return lambda x: tuple(x[axis] for axis in axes)
 
 
-def conditions(scene: Scene) -> list[Condition]:
-    """Boundary conditions of the flow of a scene with turbulence. Not collective."""
+def conditions(setup: Setup) -> list[Condition]:
+    """Boundary conditions of a turbulent flow. Not collective."""
     import ufl
 
     from ..fluid.conditions import Friction, Open, Prescribed, Slip
 
-    walls, names = walls_of(scene), wall_names(scene)
-    _, right, top, left = side_names(scene)
+    walls, names, sides, geometry = setup.walls, setup.walls.names, setup.sides, setup.geometry
     functions = SimpleNamespace(log=ufl.ln, larger=ufl.max_value, sin=ufl.sin, cos=ufl.cos)
     drag = partial(walls.law.drag, functions=functions)
-    axes = {top: scene.up} if not is_plane(scene) else dict.fromkeys(names, scene.up)
-    sides = sides_across(scene)
-    if is_plane(scene):
-        axes |= dict.fromkeys(sides, 1)
+    axes = {sides.top: geometry.up}
+    if walls.plane:
+        axes = dict.fromkeys(names, geometry.up) | dict.fromkeys(sides.across, 1)
     rubbing: list[Condition] = [
-        Friction(
-            *(name, walls.distance, drag, axes.get(name)),
-            moves=name == "body" and scene.body is not None and scene.body.moves,
-        )
-        for name in (*names, *(CLOSED if scene.closes_contacts else ()))
+        Friction(*(name, walls.distance, drag, axes.get(name)), moves=name == "body" and geometry.moves)
+        for name in (*names, *(CLOSED if setup.scene.closes_contacts else ()))
     ]
-    lids: list[Condition] = [] if top in names else [Slip(top, axis=scene.up)]
-    lids += [Slip(name, axis=1) for name in sides if name not in names]
-    lids += [Slip(SYMMETRY, axis=1)] if scene.symmetric else []
-    return [Open(right), *rubbing, *lids, Prescribed(left, velocity(scene))]
+    lids: list[Condition] = [] if sides.top in names else [Slip(sides.top, axis=geometry.up)]
+    lids += [Slip(name, axis=1) for name in sides.across if name not in names]
+    lids += [Slip(SYMMETRY, axis=1)] if geometry.symmetric else []
+    return [Open(sides.right), *rubbing, *lids, Prescribed(sides.left, velocity(setup))]

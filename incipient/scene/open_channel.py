@@ -1,8 +1,7 @@
-"""What contradicts a channel whose top is a free surface, and the Froude number of its stream."""
+"""What contradicts a channel whose top is a free surface."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -15,14 +14,6 @@ if TYPE_CHECKING:
 # What streams below a free surface: profiles without shear on it, or none.
 STREAMS = ("open-channel", "uniform", "still")
 _OF_CHANNELS = {"inflow": "0", "wave": None, "outflow": "open", "sponge": 0.0}
-
-
-def froude(scene: Scene) -> float:
-    """V/sqrt(g H) of the stream, g across the bed and H from the datum to the still level; zero at rest."""
-    gravity = float(abs(scene.gravity_vector[scene.up]))
-    if scene.flow.kind == "still" or gravity == 0.0:
-        return 0.0
-    return scene.reference_velocity / math.sqrt(gravity * (scene.domain.ceiling - scene.datum))
 
 
 def of_box(surface: Surface) -> Iterator[tuple[Key, str, str]]:

@@ -23,7 +23,7 @@ from .loads import coefficients, judged, loads
 if TYPE_CHECKING:
     from ..contact import Contacts
     from ..mesh.domain import Domain
-    from ..planning.meshing import Layout
+    from ..planning.layout import Layout
     from ..results.errorbars import ErrorBars, Loads
     from ..results.left_out import Omission
     from ..scene import Scene

@@ -105,6 +105,7 @@ class Beside:
         from ..coupled.tractions import TractionProbe
         from ..fluid import Fluid
         from ..planning.conditions import conditions
+        from ..planning.flow_setup import Setup
 
         run, places = self._run, self._run.domain.mesh.geometry.x
         before, fluid = places.copy(), run.fluid.coarse or run.fluid
@@ -113,7 +114,9 @@ class Beside:
             with ExitStack() as stack:
                 if fluid.space.order != ORDER or not np.array_equal(places, before):
                     model = replace(fluid.model, order=ORDER)
-                    other = stack.enter_context(Fluid(run.domain, model, conditions(scene), fluid.reynolds))
+                    other = stack.enter_context(
+                        Fluid(run.domain, model, conditions(Setup(scene)), fluid.reynolds)
+                    )
                     other.interpolate(fluid)
                     self._solve(other)
                     fluid = other

@@ -11,9 +11,10 @@ from ..effects import known
 from ..effects.plan import make_plan
 from ..installed import memory_of_libraries, required
 from ..parallel import collectively
-from ..planning import meshing
+from ..planning import expense, meshing
 from ..planning.cells import CLOSED
 from ..planning.effects import EffectName
+from ..planning.flow_setup import Setup
 from ..planning.plan import Estimate, Plan
 from ..progress import Silent
 from ..scene import Scene
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from ..coupled.tractions import TractionProbe
     from ..fluid import FlowModel, Fluid
     from ..mesh.domain import Domain
-    from ..planning.meshing import Layout
+    from ..planning.layout import Layout
     from ..restart.checkpoint import Checkpoint
 
 
@@ -61,7 +62,8 @@ def prepared(
         meshed = scene
         for effect in known.EFFECTS:
             meshed = effect.as_fast(meshed, speed)
-        layout = sizing(meshing.lay_out(meshed, plan))
+        setup = Setup(meshed)
+        layout = sizing(meshing.lay_out(setup, plan))
     voice.begin("import")
     with accounts.ledger.stage("import"), required():
         _load_libraries(comm, draws=checkpoint is None)
@@ -81,7 +83,7 @@ def prepared(
             parts = [part for part in found if part is not None]
             for part in parts:
                 model = part.within(model)
-            newest = [raised.made(made, model, conditions(meshed), plan.reynolds)]
+            newest = [raised.made(made, model, conditions(setup), plan.reynolds)]
             # Another fluid may have taken its place by the end.
             stack.push(lambda *exception: newest[0].__exit__(*exception))
             for part in parts:
@@ -130,20 +132,20 @@ def estimate(scene: Scene) -> Plan:
     from ..accuracy.errorbars import on_more_bed
 
     plan = make_plan(scene)
-    wider = on_more_bed(scene) if meshing.has_dual(scene) else None
-    expense: Estimate = meshing.count(
-        meshing.lay_out(scene, plan),
+    wider = on_more_bed(scene) if expense.has_dual(scene) else None
+    counted: Estimate = expense.count(
+        meshing.lay_out(Setup(scene), plan),
         plan.order,
-        meshing.has_dual(scene),
+        expense.has_dual(scene),
         plan.solver.name,
-        None if wider is None else meshing.lay_out(wider, plan),
+        None if wider is None else meshing.lay_out(Setup(wider), plan),
     )
-    expense = expense.with_more(sum(effect.memory(scene, expense.unknowns) for effect in known.EFFECTS))
+    counted = counted.with_more(sum(effect.memory(scene, counted.unknowns) for effect in known.EFFECTS))
     if scene.gdim == 3 and scene.has_surface and scene.numerics.error_bars:
         other = estimate(comparisons(scene)[1]).estimate
         assert other is not None
-        expense = expense.with_more(other.memory_mib - memory_of_libraries())
-    return plan.with_estimate(expense)
+        counted = counted.with_more(other.memory_mib - memory_of_libraries())
+    return plan.with_estimate(counted)
 
 
 def _contacts(scene: Scene, plan: Plan, accounts: Accounts) -> Contacts | None:

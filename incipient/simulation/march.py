@@ -132,13 +132,14 @@ class March:
         from ..coupled.remeshing import carry_over
         from ..mesh import domain
         from ..planning import meshing
+        from ..planning.flow_setup import Setup
 
         run, transient = self._run, self.transient
         with run.accounts.ledger.stage("remeshing"):
             old, drawn, scene = run.fluid, grain.drawn(), run.scene
             for part in run.parts:
                 scene = part.drawn_scene(scene, drawn)
-            laid_out = meshing.lay_out(scene, run.plan, drawn)
+            laid_out = meshing.lay_out(Setup(scene), run.plan, drawn)
             made = domain.build(run.comm, laid_out.gmsh_model, run.scene.gdim)
             parts, model = [part.on(made) for part in run.parts], old.model
             for part in parts:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ..effects.turbulence.part import TurbulentFlow
     from ..fluid import Fluid, Transient
     from ..mesh.domain import Domain
-    from ..planning.meshing import Layout
+    from ..planning.layout import Layout
     from ..planning.plan import Plan
     from ..results.elevations import Elevations
     from ..results.errorbars import Loads, Term

@@ -66,9 +66,10 @@ def _cells(scene: Scene) -> float | None:
     """About how many cells the mesh will have."""
     from ..effects.plan import make_plan
     from ..planning import meshing
+    from ..planning.flow_setup import Setup
 
     with suppress(IncipientError, ImportError, OSError):
-        layout = meshing.lay_out(scene, make_plan(scene))
+        layout = meshing.lay_out(Setup(scene), make_plan(scene))
         from ..meshes.expected import expected_cells
 
         return sum(expected_cells(layout.shape, layout.sizes).values())

@@ -21,7 +21,7 @@ from incipient.geometry.space.polyhedra import Box as BoxSolid
 from incipient.pictures import trajectory
 from incipient.pictures.apart import animate_apart
 from incipient.planning.body import rigid_body
-from incipient.planning.clearance import surroundings
+from incipient.planning.flow_setup import Setup
 from incipient.scene import (
     Box,
     Contact,
@@ -174,7 +174,7 @@ def test_distances_from_sides_and_bed() -> None:
         domain=Domain(kind="box", length=4, width=5, height=6), fluid=SLOW, flow=Still(velocity=1.0), body=body,
         time=Time(end=1, step=1),
     )  # fmt: skip
-    around = surroundings(scene)
+    around = Setup(scene).surroundings
     assert isinstance(around.grain, BoxSolid) and not scene.symmetric
     walls = {
         "upstream": (0, 0, 1), "downstream": (0, 4, -1), "right": (1, 0, 1), "left": (1, 5, -1),
@@ -198,13 +198,14 @@ def test_mass_and_moments_follow_the_grain() -> None:
         box = Domain(kind="box", length=4, width=4, height=4)
         return Scene(domain=box, fluid=SLOW, flow=Still(velocity=1.0), body=body, time=Time(end=1, step=1))
 
-    found = rigid_body(in_box(centre=(2, 2.1, 2), locked=("x", "ry")))
+    found = rigid_body(in_box(centre=(2, 2.1, 2), locked=("x", "ry")).body)
     mass = 3 * 4 / 3 * np.pi * 0.5 * 0.3 * 0.2
     assert found.inertia.mass == pytest.approx(mass)
     assert found.inertia.moments == pytest.approx(mass / 5 * np.array([0.13, 0.29, 0.34]))
     assert found.mask.tolist() == [False, True, True, True, False, True]
     halved = in_box(centre=(2, 2, 2))
-    assert halved.symmetric and rigid_body(halved).mask.tolist() == [True, False, True, False, True, False]
+    assert halved.symmetric
+    assert rigid_body(halved.body, symmetric=True).mask.tolist() == [True, False, True, False, True, False]
 
 
 def test_orientation_is_told_as_it_is_given() -> None:

@@ -13,8 +13,7 @@ from test_large_grain_in_space import stone as solid_stone
 
 import incipient
 from incipient.geometry.placement import Placement
-from incipient.planning.clearance import surroundings
-from incipient.planning.turbulence import walls_of
+from incipient.planning.flow_setup import Setup
 from incipient.scene import Disc, Gravity, Numerics, Output, Poiseuille, Sphere, Time
 from incipient.scene.file import dumps
 from incipient.simulation.build import prepared
@@ -151,9 +150,9 @@ def test_new_meshes_leave_the_load_as_it_is(tmp_path):
 def test_a_wall_on_top_is_met_where_the_mesh_ends_at_it():
     """The law of the wall on top begins below it, and so does contact; the bed bounds the mesh itself."""
     scene = moving(1.0, 0.1, flow=Poiseuille())
-    near = surroundings(scene).clearance(Placement((1.9375, 0.85)))
+    near = Setup(scene).surroundings.clearance(Placement((1.9375, 0.85)))
     assert near.other == "top"
-    assert near.distance == pytest.approx(1.0 - walls_of(scene).distance - 0.95)
+    assert near.distance == pytest.approx(1.0 - Setup(scene).walls.distance - 0.95)
 
 
 def released(density, step=0.01, end=0.01, **changes):

@@ -10,6 +10,7 @@ import incipient
 from incipient.cost.command import predicted_plan
 from incipient.effects.plan import make_plan
 from incipient.errors import SceneError
+from incipient.planning.flow_setup import Setup
 from incipient.planning.open_channel import wave_of
 from incipient.scene.file import loads
 
@@ -183,7 +184,7 @@ def test_a_wave_maker_in_a_stream_makes_the_wave_that_is_asked_for(tmp_path):
         .replace("tolerance = 1e-13\ninterface_tolerance = 1e-11", "")
     )
     incipient.run(loads(scene), tmp_path)
-    history, wave = history_of(tmp_path), wave_of(loads(scene))
+    history, wave = history_of(tmp_path), wave_of(Setup(loads(scene)))
     late = history["time"] > 12.0 - 3.5123
     for name, place in (("elevation_1", 0.0), ("elevation_2", 0.8)):
         exact = np.array([wave.elevation(np.array([place]), t)[0] for t in history["time"][late]])
@@ -218,7 +219,7 @@ def test_an_accuracy_is_sought_in_a_channel():
         .replace('end = 5.0\nstep = 0.5\nstart = "steady"', "end = 22.0\nstep = 0.2")
         .replace("error_bars = false\ntolerance = 1e-13\ninterface_tolerance = 1e-11", "accuracy = 0.1")
     )
-    result, wave = incipient.run(loads(scene)), wave_of(loads(scene))
+    result, wave = incipient.run(loads(scene)), wave_of(Setup(loads(scene)))
     assert result.adaptation.met and result.adaptation.of == "elevation"
     found = result.elevations
     late = found.times > 20.0

@@ -19,7 +19,7 @@ from processes import (
 import incipient
 from incipient.cli import main
 from incipient.mesh.sampling import sample
-from incipient.planning.base_flow import undisturbed
+from incipient.planning.flow_setup import Setup
 from incipient.scene import (
     Contact,
     Disc,
@@ -196,7 +196,7 @@ def test_a_turbulent_stream_keeps_its_mean_profile(extents, bound):
     )  # half of a domain in space is computed
     high = list(scene.domain.extents)
     points = np.random.default_rng(1).uniform(low, high, (60, scene.gdim))
-    expected = undisturbed(scene)(np.vstack([points.T, np.zeros((3 - scene.gdim, 60))]), 0.0)
+    expected = Setup(scene).base_flow.velocity(np.vstack([points.T, np.zeros((3 - scene.gdim, 60))]), 0.0)
     assert sample(result.velocity, points) == pytest.approx(expected.T, abs=bound * expected.max())
     assert any("gusts" in one.how for one in result.omitted)
 

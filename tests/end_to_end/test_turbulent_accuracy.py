@@ -11,7 +11,8 @@ from test_turbulent_channels import channel
 
 import incipient
 from incipient.cost.command import chosen, predicted_plan, study
-from incipient.planning.turbulence import coarsest
+from incipient.planning.flow_setup import Setup
+from incipient.planning.wall_cells import coarsest
 from incipient.scene import Numerics, Sinusoidal
 
 FINE = Numerics(mesh_size=0.5, order=2, error_bars=False)
@@ -30,7 +31,7 @@ def test_a_level_channel_is_as_accurate_as_asked():
     sizes = [float(trial.note.removeprefix("mesh_size ")) for trial in adapted.trials]
     assert sizes == pytest.approx([4.0 * 2.0 ** (-k / 2) for k in range(len(sizes))], rel=1e-2)
     told = [trial.estimate is not None for trial in adapted.trials]
-    assert told == [2**0.5 * size < coarsest(channel(22000.0, 5.0)) for size in sizes] and any(told)
+    assert told == [2**0.5 * size < coarsest(Setup(channel(22000.0, 5.0))) for size in sizes] and any(told)
     assert found.error_bars.shear[0] == pytest.approx(adapted.reached * walls.at_outflow)
     assert abs(walls.at_outflow - finer.at_outflow) < found.error_bars.shear[0]
     assert abs(walls.friction - finer.friction) < 2.0 * adapted.reached * walls.friction

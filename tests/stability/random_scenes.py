@@ -16,6 +16,7 @@ import numpy as np
 import tomli_w
 
 from incipient.errors import IncipientError
+from incipient.planning.flow_setup import Setup
 from incipient.scene import Scene, loads
 
 HANGING = 60  # seconds of processor time after which a scene counts as hanging, on a busy machine as well
@@ -245,7 +246,7 @@ def fate(text: str, directory: Path, mesh: bool, run: bool = False) -> str:
             if mesh:
                 estimate(scene)
                 return "meshed"
-            lay_out(scene, plan)
+            lay_out(Setup(scene), plan)
     except IncipientError as error:
         said = str(error)
         assert said and "\n" not in said and len(said) < 1000 and "Error(" not in said, said

@@ -17,7 +17,8 @@ from incipient.cost.ladder import ladder
 from incipient.cost.measurement import Variant
 from incipient.cost.quantities import columns, goals
 from incipient.errors import ConvergenceError
-from incipient.planning.turbulence import coarsest
+from incipient.planning.flow_setup import Setup
+from incipient.planning.wall_cells import coarsest
 from incipient.results.errorbars import Loads
 from incipient.results.turbulence import REATTACHES, WallReport
 from incipient.scene import (
@@ -155,7 +156,7 @@ def test_over_a_wavy_bed_differences_of_meshes_are_not_taken_to_fall():
 def test_a_mesh_that_is_no_coarser_tells_no_error(changes, most):
     """Between planes there are six rows and four columns at the least, where a term would be as good as nothing."""
     scene = channel(**changes, numerics=Numerics(mesh_size=2.0))
-    assert coarsest(scene) == pytest.approx(most)
+    assert coarsest(Setup(scene)) == pytest.approx(most)
     same = Loads(np.zeros(0), np.zeros(0), shear=np.array([0.05, 0.05]))
     if most < 2.0**1.5:
         with pytest.raises(

@@ -7,6 +7,7 @@ from test_modelling import POCKET
 
 from incipient.effects.plan import make_plan
 from incipient.planning import meshing
+from incipient.planning.flow_setup import Setup
 from incipient.scene import loads
 
 ENDS_IN_A_CUSP = ("bed.offset=0.525", "numerics.mesh_size=2.0")  # 0.025 from the foot of its last half-disc
@@ -23,7 +24,7 @@ def test_cells_keep_their_sense_and_sides_are_straight_in_cusps_alone(
     With spacing 1.02 the force on the grain, 1.07417, is the same on cells half as large.
     """
     scene = loads(POCKET, overrides=[f"bed.spacing={spacing}", f"numerics.order={order}", *more])
-    with meshing.lay_out(scene, make_plan(scene)).gmsh_model():
+    with meshing.lay_out(Setup(scene), make_plan(scene)).gmsh_model():
         (kind,) = gmsh.model.mesh.getElements(2)[0]
         points, weights = gmsh.model.mesh.getIntegrationPoints(kind, "Gauss6")
         jacobians = np.reshape(gmsh.model.mesh.getJacobians(kind, points)[0], (-1, len(weights), 3, 3))

@@ -5,8 +5,7 @@ import pytest
 from scenes import CHANNEL, DISC, scene
 
 from incipient import make_plan
-from incipient.critical.threshold import bed_stress
-from incipient.planning.base_flow import inflow, undisturbed
+from incipient.planning.flow_setup import Setup
 from incipient.planning.numbers import numbers_of
 from incipient.scene import (
     Disc,
@@ -120,11 +119,15 @@ def test_the_phase_of_the_bed_changes_nothing_about_the_stream(kind):
     first = rough(0.0, kind=kind)
     for phase in PHASES:
         moved = rough(phase, kind=kind)
-        assert np.array_equal(speeds(undisturbed(moved)), speeds(undisturbed(first)))
-        from_crest = (speeds(inflow(rough(one, kind=kind, datum="crest"))) for one in (0.0, phase))
+        assert np.array_equal(
+            speeds(Setup(moved).base_flow.velocity), speeds(Setup(first).base_flow.velocity)
+        )
+        from_crest = (
+            speeds(Setup(rough(one, kind=kind, datum="crest")).base_flow.entering) for one in (0.0, phase)
+        )
         assert np.array_equal(*from_crest)
-        assert bed_stress(moved) == bed_stress(first)
-        now, before = numbers_of(moved), numbers_of(first)
+        assert Setup(moved).bed_stress() == Setup(first).bed_stress()
+        now, before = numbers_of(Setup(moved)), numbers_of(Setup(first))
         assert now.grain_reynolds == pytest.approx(before.grain_reynolds, rel=1e-6)
         assert now.bed_reynolds == pytest.approx(before.bed_reynolds, rel=1e-4)
 
@@ -138,7 +141,7 @@ def test_the_inflow_is_at_rest_on_the_bed_and_carries_the_same_flux(kind, datum)
     """
     for phase in PHASES:
         moved = rough(phase, kind=kind, datum=datum)
-        there, everywhere = speeds(inflow(moved)), speeds(undisturbed(moved))
+        there, everywhere = speeds(Setup(moved).base_flow.entering), speeds(Setup(moved).base_flow.velocity)
         y, bed = HEIGHTS, moved.bed_shape.height([0.0])[0]
         assert there.min() == 0.0 and (there[y < max(bed, moved.datum) - 1e-9] == 0.0).all()
         assert np.array_equal(there[y > 1.0], everywhere[y > 1.0])
@@ -154,21 +157,21 @@ def test_the_inflow_is_at_rest_on_the_bed_and_carries_the_same_flux(kind, datum)
 def test_the_stress_is_that_of_the_profile_above_the_datum(kind, stress):
     """Shear: nu rate; parabola of mean V over the depth h above the datum: 6 nu V/h; half a parabola: 3 nu V/h."""
     found = rough(kind=kind, datum="crest")
-    assert bed_stress(found) == pytest.approx(found.viscosity * stress, rel=1e-5)
+    assert Setup(found).bed_stress() == pytest.approx(found.viscosity * stress, rel=1e-5)
 
 
 def test_a_bed_counts_with_the_speed_at_its_relief_above_the_datum():
     """Half-discs of radius 1/2, speed 1/2 there, viscosity 1/20; a grain that hides below the crests adds nothing."""
-    assert numbers_of(rough(datum="crest")).bed_reynolds == pytest.approx(0.5 * 0.5 * 20)
+    assert numbers_of(Setup(rough(datum="crest"))).bed_reynolds == pytest.approx(0.5 * 0.5 * 20)
     deep = scene(bed=HalfDiscs(radius=2, spacing=8), body=Disc(diameter=1, x=4), domain=CHANNEL)
     assert deep.datum == 2  # one form and a half are no row of them
-    assert numbers_of(deep).grain_reynolds == 0.0
-    assert numbers_of(deep).bed_reynolds == pytest.approx(2 * 2 * 20)
+    assert numbers_of(Setup(deep)).grain_reynolds == 0.0
+    assert numbers_of(Setup(deep)).bed_reynolds == pytest.approx(2 * 2 * 20)
 
 
 def test_the_wall_below_a_held_grain_is_at_the_datum():
     """Half the domain above the crests, whose height is half the grain's size."""
     bed, crest = HalfDiscs(radius=0.5, spacing=1.2), Shear(datum="crest")
     held = scene(body=Disc(diameter=1, centre=(4, 3)), bed=bed, flow=crest)
-    assert numbers_of(held).reach == pytest.approx(2.5)
-    assert numbers_of(scene(body=DISC)).reach == pytest.approx(0.5)
+    assert numbers_of(Setup(held)).reach == pytest.approx(2.5)
+    assert numbers_of(Setup(scene(body=DISC))).reach == pytest.approx(0.5)

@@ -9,8 +9,8 @@ from incipient import make_plan
 from incipient.effects.inertia import OSEEN
 from incipient.errors import SceneError
 from incipient.fluid.solvers import SOLVERS
-from incipient.planning.base_flow import undisturbed
 from incipient.planning.effects import EffectName, accuracy_asked
+from incipient.planning.flow_setup import Setup
 from incipient.planning.numbers import numbers_of
 from incipient.scene import (
     Contact,
@@ -86,7 +86,7 @@ def test_heights_are_counted_along_the_last_axis():
     assert level.gravity_vector.tolist() == [-10.0 * (axis == level.up) for axis in range(level.gdim)]
     places = np.zeros((3, 2))
     places[level.up] = [0.5, 1.0]
-    assert undisturbed(level)(places, 0.0).tolist() == [[0.5, 1.0], [0.0, 0.0]]
+    assert Setup(level).base_flow.velocity(places, 0.0).tolist() == [[0.5, 1.0], [0.0, 0.0]]
 
 
 # -- inertia -------------------------------------------------------------------------------------------------
@@ -135,20 +135,20 @@ def test_flows_that_are_not_parallel_count_on_their_own_scale():
     held = Disc(diameter=0.01, centre=(20, 20))
     assert at(0.001, **box, body=held).present
     ripples = Sinusoidal(amplitude=0.5, wavelength=4)
-    flat, rippled = (numbers_of(scene(bed=bed)).bed_reynolds for bed in (Flat(), ripples))
+    flat, rippled = (numbers_of(Setup(scene(bed=bed))).bed_reynolds for bed in (Flat(), ripples))
     assert flat is None and rippled == pytest.approx(20.0, rel=0.01)  # speed 1 at height 1, viscosity 1/20
 
 
 def test_the_reynolds_number_is_that_of_the_speed_at_the_grain():
     """Half a parabola of mean 1 over depth 6: 1.5 y (12 - y) / 36 at the grain's top, y = 1, is 11/24."""
-    found = numbers_of(scene(flow=OpenChannel(), fluid=Fluid(reynolds=600, scale="flow")))
+    found = numbers_of(Setup(scene(flow=OpenChannel(), fluid=Fluid(reynolds=600, scale="flow"))))
     assert found.grain_reynolds == pytest.approx(100 * 11 / 24)
     assert found.flow_reynolds == pytest.approx(600)
 
 
 def test_a_grain_that_settles_brings_its_own_speed():
     """Stokes (1851): (s - 1) g d^2 / (18 nu) with nu = 10 for the reference velocity of 1."""
-    found = numbers_of(scene(**FREE, flow=Still(), fluid=Fluid(reynolds=0.1, scale="grain")))
+    found = numbers_of(Setup(scene(**FREE, flow=Still(), fluid=Fluid(reynolds=0.1, scale="grain"))))
     assert found.grain_reynolds == pytest.approx(1 * 10 / (18 * 10) / 10)
     assert found.density_ratio == pytest.approx(2)
     assert found.stokes == pytest.approx(2 * found.grain_reynolds / 18)

@@ -23,6 +23,7 @@ from incipient.accuracy.errorbars import (
     with_other_datum,
 )
 from incipient.errors import ConvergenceError
+from incipient.planning.flow_setup import Setup
 from incipient.planning.meshed_bed import resolved_bed
 from incipient.results.errorbars import Loads, Term
 from incipient.scene import Scene, Time, loads
@@ -395,7 +396,7 @@ def test_level_ground_is_estimated_from_more_of_the_bed() -> None:
     term = of_level_ground(wider, solve(scene), solve)
     assert term.force == pytest.approx([0.2, 0.0, 0.0]) and term.couple == pytest.approx([0.0, 0.03, 0.0])
     assert asked[1].numerics.meshed_bed == 1.5 and not asked[1].numerics.error_bars
-    near, far = (resolved_bed(one, scene.placement) for one in asked)
+    near, far = (resolved_bed(Setup(one).geometry, scene.placement, one.datum) for one in asked)
     assert near is not None and far is not None and far.radius == 1.5 * near.radius
     assert [one.numerics.meshed_bed for one in coarse_scenes(scene)] == [1.0, 1.0, 1.0, 1.0, 1.5]
     wide = changed(scene, numerics={"meshed_bed": 4.0})  # up to the sides

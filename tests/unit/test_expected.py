@@ -11,6 +11,7 @@ from incipient.effects.plan import make_plan
 from incipient.errors import MeshError
 from incipient.meshes import expected
 from incipient.planning import meshing
+from incipient.planning.flow_setup import Setup
 from incipient.scene import Scene, loads
 from incipient.simulation.build import estimate
 
@@ -42,7 +43,7 @@ def test_cells_of_a_bed_that_grow_with_the_distance() -> None:
 
 def assert_foretold(scene: Scene) -> None:
     plan = make_plan(scene)
-    laid_out = meshing.lay_out(scene, plan)
+    laid_out = meshing.lay_out(Setup(scene), plan)
     cells = sum(expected.expected_cells(laid_out.shape, laid_out.sizes).values())
     made = estimate(scene).estimate
     assert made is not None and made.cells / 3 < cells < 3 * made.cells
@@ -76,7 +77,7 @@ def test_a_mesh_of_too_many_cells_is_refused_before_it_is_made(text: str, part: 
     )
     allowed = int(found.rpartition("=")[2])
     scene = loads(text, overrides=[f"numerics.max_cells={allowed}"])
-    meshing.lay_out(scene, make_plan(scene))._require_few_cells()
+    meshing.lay_out(Setup(scene), make_plan(scene))._require_few_cells()
 
 
 IN_SPACE = """
@@ -122,7 +123,7 @@ def test_the_cells_of_a_narrow_gap_are_foretold_as_if_all_were_counted(
     """At most so many boxes are looked at; with all of them the number hardly changes."""
     contact = "[gravity]\nacceleration = 1.0\n[contact]\nfriction = 0.5\ngap = 1e-4\n"
     scene = loads(f'{IN_SPACE}{SPHERE}[bed]\nkind = "flat"\n{contact}')
-    laid_out = meshing.lay_out(scene, make_plan(scene))
+    laid_out = meshing.lay_out(Setup(scene), make_plan(scene))
     numbers = []
     for most in (50_000, 400_000):
         monkeypatch.setattr(expected, "MOST_COUNTED", most)
@@ -166,7 +167,7 @@ def test_a_bed_of_spikes_is_told_of_before_it_is_meshed(
     bed = f'[bed]\nkind = "height-map"\nfile = "{tmp_path / "bed.npy"}"\ncell = [0.53, 0.53]\n'
     scene = loads(f"{IN_SPACE}{SPHERE}{bed}[gravity]\nacceleration = 1.0\n[contact]\nfriction = 0.5\n")
     with caplog.at_level("INFO", "incipient"):
-        meshing.lay_out(scene, make_plan(scene))._require_few_cells()
+        meshing.lay_out(Setup(scene), make_plan(scene))._require_few_cells()
     assert caplog.text.count("the bed rises by") == bool(said) and said in caplog.text
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from incipient.effects.plan import make_plan
 from incipient.errors import SceneError
-from incipient.planning.base_flow import inflow
+from incipient.planning.flow_setup import Setup
 from incipient.scene import loads
 from incipient.scene.expression import MAXIMUM_LENGTH, Expression, expressions
 
@@ -185,7 +185,7 @@ MOVING += 'course = ["0", "1/t", "0"]\n'
 def test_formulas_that_become_infinite_only_in_the_run_are_refused_with_their_keys():
     scene = loads(FORMULAS.format(top="", flow="1/y", more=""))
     with pytest.raises(SceneError, match=r'^flow\.components\[0\]: "1/y" is inf at x = 0, y = 0,'):
-        inflow(scene)(np.zeros((3, 1)), 0.0)
+        Setup(scene).base_flow.entering(np.zeros((3, 1)), 0.0)
     scene = loads(FORMULAS.format(top="", flow="y", more=MOVING))
     with pytest.raises(SceneError, match=r'^body\.course\[1\]: "1/t" is inf at .* t = 0;'):
         make_plan(scene)

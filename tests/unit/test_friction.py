@@ -9,7 +9,7 @@ from incipient import compat
 from incipient.effects.turbulence.along_walls import along_wall
 from incipient.fluid import FlowModel, Fluid, Prescribed
 from incipient.fluid.conditions import Friction
-from incipient.planning.turbulence import WallLaw
+from incipient.planning.wall_law import WallLaw
 
 INNER, VISCOSITY, DRAG = 0.5, 0.25, 1.5
 

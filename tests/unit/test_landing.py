@@ -8,7 +8,7 @@ import pytest
 from incipient.body.state import BodyState
 from incipient.effects.moving_grain.landing import FARTHER, landing
 from incipient.geometry.placement import Placement
-from incipient.planning.clearance import surroundings
+from incipient.planning.flow_setup import Setup
 from incipient.results.loads import Couples, Forces
 from incipient.scene import (
     Contact,
@@ -49,7 +49,7 @@ def landed(found, centre, push, angle=0.0):
     force = Forces(np.array(push), np.array(push), -area * gravity, (found.mass or 0.0) * gravity)
     couple = Couples(np.zeros(3), np.zeros(3), np.array([*centre, 0.0]))
     state = BodyState.at(Placement(centre, math.radians(angle)), [0.3, -0.4, 1.0])
-    met = surroundings(found).clearance(state.placement)
+    met = Setup(found).surroundings.clearance(state.placement)
     return landing(found, state, met, force, couple)
 
 

@@ -9,7 +9,7 @@ from scenes import message, scene
 
 from incipient import make_plan
 from incipient.evaluation.si_units import in_si
-from incipient.planning.base_flow import mean_speed, undisturbed
+from incipient.planning.flow_setup import Setup
 from incipient.planning.mean_profile import KAPPA, MeanProfile, force_of_turbulence
 from incipient.planning.meshing import lay_out
 from incipient.planning.numbers import numbers_of
@@ -60,7 +60,7 @@ def test_the_profile_in_the_scene_s_units():
     heights = np.array([0.05, 0.1, 0.6, 6.0])
     points = np.vstack([np.zeros(4), heights, np.zeros(4)])
     expected = 2.0 * in_wall_units(0.3 * 50).speed(np.maximum(heights - 0.1, 0.0) * 50)
-    speed = undisturbed(found)(points, 0.0)
+    speed = Setup(found).base_flow.velocity(points, 0.0)
     assert speed[0] == pytest.approx(expected, rel=1e-7) and not speed[1].any()
     assert found.top == "stream"
 
@@ -92,7 +92,9 @@ def test_the_force_brings_down_what_the_bed_takes_more_than_viscosity_does():
         dolfinx.mesh.CellType.quadrilateral,
     )
     measure = ufl.dx(domain=mesh, metadata={"quadrature_degree": 8})
-    force = force_of_turbulence(found)(ufl.SpatialCoordinate(mesh), None)
+    force = force_of_turbulence(Setup(found).base_flow.mean_profile, found.datum, found.up)(
+        ufl.SpatialCoordinate(mesh), None
+    )
     whole = dolfinx.fem.assemble_scalar(compat.form(force[0] * measure))
     top = MeanProfile(2.0, found.viscosity, 0.0, 6.0).speed(np.array([6.0 - 1e-4, 6.0]))
     assert whole == pytest.approx(4.0 - found.viscosity * (top[1] - top[0]) / 1e-4, rel=1e-5)
@@ -101,9 +103,9 @@ def test_the_force_brings_down_what_the_bed_takes_more_than_viscosity_does():
 
 def test_the_plan_tells_what_the_stream_is():
     found = scene(flow=LogLaw(roughness=1.0), fluid=Fluid(reynolds=20, scale="grain"))
-    numbers, text = numbers_of(found), make_plan(found).text()
+    numbers, text = numbers_of(Setup(found)), make_plan(found).text()
     assert numbers.shear_reynolds == pytest.approx(20.0)
-    assert numbers.flow_reynolds == pytest.approx(mean_speed(found) * 6.0 * 20.0)
+    assert numbers.flow_reynolds == pytest.approx(Setup(found).base_flow.mean_speed * 6.0 * 20.0)
     assert "mean profile of a turbulent stream, kept by the force that its turbulence would exert" in text
     assert "no  turbulence: only where it is asked for; mean profile only, the bed is hydraulically" in text
     assert "between smooth and rough, u* k_s/nu = 20" in text and "channels are laminar" not in text
@@ -114,10 +116,10 @@ def test_the_plan_tells_what_the_stream_is():
 def test_cells_at_the_bed_follow_the_profile():
     """Ten wall units: 10/20; below a stream of another kind there are none."""
     found = scene(flow=LogLaw(), fluid=Fluid(reynolds=20, scale="grain"))
-    (near,) = [one for one in lay_out(found, make_plan(found)).sizes.near if one.boundary == "bed"]
+    (near,) = [one for one in lay_out(Setup(found), make_plan(found)).sizes.near if one.boundary == "bed"]
     assert near.size == pytest.approx(0.5)
     other = scene(flow=Uniform())
-    assert not [one for one in lay_out(other, make_plan(other)).sizes.near if one.boundary == "bed"]
+    assert not [one for one in lay_out(Setup(other), make_plan(other)).sizes.near if one.boundary == "bed"]
 
 
 @pytest.mark.parametrize(

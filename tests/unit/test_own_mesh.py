@@ -12,7 +12,7 @@ from incipient.contact import Load
 from incipient.critical import own_mesh
 from incipient.critical.search import Found, Trial
 from incipient.errors import ConvergenceError
-from incipient.planning.turbulence import faster, walls_of
+from incipient.planning.flow_setup import Setup
 from incipient.progress import Silent
 from incipient.scene import Disc, Flat, Fluid, Turbulence
 
@@ -90,7 +90,7 @@ def test_what_faster_flows_hold_on_the_mesh_of_a_slower_one_is_said(monkeypatch)
 def test_a_mesh_serves_as_long_as_the_distance_of_the_law_does():
     """It is 50 nu/u* and goes nearly as the inverse of the flow, unless it or the sand is given."""
     smooth = grain(0.2)
-    ratio = walls_of(smooth).distance / walls_of(faster(smooth, 1.5)).distance
+    ratio = Setup(smooth).walls.distance / Setup(smooth).faster(1.5).walls.distance
     assert 1.4 < ratio < 1.5
     assert own_mesh.outgrown(smooth, 1.0, 1.5) and own_mesh.outgrown(smooth, 1.5, 1.0)
     assert not own_mesh.outgrown(smooth, 1.5, 1.52)

@@ -12,7 +12,7 @@ from incipient.accuracy.coarse_runs import farther
 from incipient.accuracy.errorbars import coarse_scenes
 from incipient.effects.plan import make_plan
 from incipient.evaluation.contact_verdict import find_contacts, judge, mass_and_inertia
-from incipient.planning.base_flow import inflow, undisturbed
+from incipient.planning.flow_setup import Setup
 from incipient.results.loads import Couples, Forces
 from incipient.scene import (
     Box,
@@ -201,17 +201,23 @@ def test_a_grain_settles_into_a_pocket():
 
 def test_profiles_go_with_the_height_and_formulas_have_three_components():
     points = np.array([[1.0, 2.0], [3.0, 4.0], [0.5, 2.0]])
-    assert undisturbed(scene())(points, 0.0) == pytest.approx(np.array([[0.5, 2.0], [0, 0], [0, 0]]))
+    assert Setup(scene()).base_flow.velocity(points, 0.0) == pytest.approx(
+        np.array([[0.5, 2.0], [0, 0], [0, 0]])
+    )
     flow = ExpressionFlow(components=("z*y", "t", "x"))
     changing = scene(flow=flow, time=Time(end=1.0, step=0.1))
-    assert undisturbed(changing)(points, 3.0) == pytest.approx(np.array([[1.5, 8.0], [3, 3], [1, 2]]))
+    assert Setup(changing).base_flow.velocity(points, 3.0) == pytest.approx(
+        np.array([[1.5, 8.0], [3, 3], [1, 2]])
+    )
 
 
 def test_the_inflow_is_at_rest_on_spheres_that_are_higher_than_the_datum():
     bed = SphereBed(radius=0.5, spacing=1.0, arrangement="square")
     found = scene(bed=bed, flow=Shear(datum="mean"), body=None, fluid=Fluid(reynolds=1, scale="flow"))
     assert 0.2 < found.datum < 0.5
-    over_a_sphere, between = inflow(found)(np.array([[0.0, 0.0], [1.0, 1.5], [0.499, 0.499]]), 0.0)[0]
+    over_a_sphere, between = Setup(found).base_flow.entering(
+        np.array([[0.0, 0.0], [1.0, 1.5], [0.499, 0.499]]), 0.0
+    )[0]
     assert over_a_sphere == 0.0 and between == pytest.approx(0.499 - found.datum)
 
 

@@ -43,7 +43,7 @@ from incipient.mesh.domain import build
 from incipient.meshes import Near, PlacedSolid, Sizes, SolidRegion
 from incipient.meshes.expected import expected_cells
 from incipient.meshes.solid_model import solid_model
-from incipient.planning.meshing_in_space import euler_number
+from incipient.planning.expense import euler_number
 
 NAMES = {"inflow", "outflow", "right", "left", "top", "bed", "body"}
 

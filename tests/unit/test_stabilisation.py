@@ -14,6 +14,7 @@ from incipient import Scene, compat, load
 from incipient.effects.plan import make_plan
 from incipient.fluid import FlowModel, Fluid, no_slip
 from incipient.forms import FlowTerms, ReferenceMap, residual, terms
+from incipient.planning.flow_setup import Setup
 from incipient.planning.stabilisation import COARSE, cell_reynolds, largest_peclet, measured_cell_reynolds
 
 
@@ -130,7 +131,7 @@ def test_measured_cell_reynolds() -> None:
         squares = unit_box(2, 4).mesh.topology.index_map(2).size_global / 16
         side = (0.0625 * 2 / squares) ** 0.5
         assert measured_cell_reynolds(found) == pytest.approx(2 * side / 2 * 1e4, rel=1e-6)
-    assert cell_reynolds(scene(1000)) < COARSE
+    assert cell_reynolds(Setup(scene(1000))) < COARSE
 
 
 CYLINDER = Path(__file__).parents[2] / "demos/scenes/cylinder_in_space.toml"
@@ -140,7 +141,7 @@ CYLINDER = Path(__file__).parents[2] / "demos/scenes/cylinder_in_space.toml"
 def test_blocks_do_without_upwinding_where_cells_are_fine(reynolds: float, solver: str) -> None:
     """The largest cells are a quarter of the channel's height, and their Peclet number 0.45 h/(4 nu)."""
     found = load(CYLINDER, [f"fluid.reynolds={reynolds}"])
-    assert largest_peclet(found) == pytest.approx(0.45 * 0.25 * 0.41 / (4 * 0.02 / reynolds), rel=1e-2)
+    assert largest_peclet(Setup(found)) == pytest.approx(0.45 * 0.25 * 0.41 / (4 * 0.02 / reynolds), rel=1e-2)
     plan = make_plan(found)
     assert plan.solver.name == solver and not plan.stabilisation.present
     auto = make_plan(load(CYLINDER, [f"fluid.reynolds={reynolds}", "numerics.stabilisation=auto"]))

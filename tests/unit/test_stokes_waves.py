@@ -5,6 +5,7 @@ import pytest
 
 from incipient.effects.plan import make_plan
 from incipient.errors import SceneError
+from incipient.planning.flow_setup import Setup
 from incipient.planning.open_channel import wave_of
 from incipient.planning.waves import stokes_wave
 from incipient.scene.file import loads
@@ -133,9 +134,9 @@ def test_what_is_refused(old, new, why):
 
 
 def test_a_wave_that_is_too_high_for_second_order():
-    assert wave_of(loads(CHANNEL)).stream == pytest.approx(0.2)
+    assert wave_of(Setup(loads(CHANNEL))).stream == pytest.approx(0.2)
     assert "a wave 3.12 long comes in" in make_plan(loads(CHANNEL)).text()
     with pytest.raises(
         SceneError, match=r"surface.wave: its second harmonic is 0\.\d+ of the first, more than 0.25"
     ):
-        wave_of(loads(CHANNEL.replace("amplitude = 0.02", "amplitude = 0.3")))
+        wave_of(Setup(loads(CHANNEL.replace("amplitude = 0.02", "amplitude = 0.3"))))

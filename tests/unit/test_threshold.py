@@ -16,13 +16,14 @@ from incipient.contact.equilibrium import safety_factor
 from incipient.critical.bars import CriticalBars, CriticalGoal
 from incipient.critical.loadpath import LoadPath
 from incipient.critical.search import Found, Search
-from incipient.critical.threshold import bed_stress, find_threshold, with_error
+from incipient.critical.threshold import find_threshold, with_error
 from incipient.errors import ConvergenceError, SceneError
 from incipient.evaluation.contact_verdict import find_contacts
 from incipient.geometry.placement import Placement
 from incipient.geometry.space.solid import Sphere
 from incipient.geometry.space.terrain import Hemispheres
 from incipient.geometry.touching import touching
+from incipient.planning.flow_setup import Setup
 from incipient.progress import Silent
 from incipient.results.errorbars import ErrorBars
 from incipient.results.loads import Couples, Forces
@@ -219,10 +220,10 @@ def test_no_more_digits_than_are_certain(value: float, error: float | None, told
 def test_bed_stress_of_exact_profiles() -> None:
     """Shear: nu rate; parabola of mean V over H: 6 nu V/H; half a parabola: 3 nu V/H."""
     shear = scene()
-    assert bed_stress(shear) == pytest.approx(shear.viscosity * 1.0, rel=1e-9)
+    assert Setup(shear).bed_stress() == pytest.approx(shear.viscosity * 1.0, rel=1e-9)
     for kind, factor in (("poiseuille", 6.0), ("open-channel", 3.0)):
         channel = scene(f"flow={{kind = '{kind}', velocity = 2.0}}")
-        assert bed_stress(channel) == pytest.approx(factor * channel.viscosity * 2.0 / 20.0, rel=1e-5)
+        assert Setup(channel).bed_stress() == pytest.approx(factor * channel.viscosity * 2.0 / 20.0, rel=1e-5)
 
 
 @pytest.mark.parametrize(

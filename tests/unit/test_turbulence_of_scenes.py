@@ -7,12 +7,13 @@ from scenes import message
 from turbulent import channel, grain
 
 from incipient import make_plan
+from incipient.effects.turbulence.limits import grain_number, slowest
 from incipient.errors import SceneError
 from incipient.fluid.conditions import Friction
-from incipient.planning.base_flow import bed_stress
+from incipient.planning.flow_setup import Setup
 from incipient.planning.meshing import lay_out
-from incipient.planning.turbulence import WallLaw, faster, grain_number, slowest, walls_of
 from incipient.planning.turbulent_conditions import conditions, entering
+from incipient.planning.wall_law import WallLaw
 from incipient.scene import (
     Contact,
     Disc,
@@ -33,6 +34,11 @@ from incipient.scene import (
 )
 
 MEASURED = {"inflow": "profile", "intensity": 0.01, "length": 0.1}
+
+
+def entering_of(scene):
+    setup = Setup(scene)
+    return entering(setup.walls, setup.turbulence)
 
 
 @pytest.mark.parametrize(
@@ -183,13 +189,13 @@ def test_loads_that_the_model_or_few_cells_make_uncertain_are_warned_of():
 def test_a_faster_flow_is_one_of_larger_reynolds_number_and_has_the_stress_of_its_own_law():
     """tau_b = (factor V)^2 (u*/V)^2, u*/V by the logarithmic law at the larger Reynolds number."""
     scene = grain(0.2)
-    twice = faster(scene, 2.0)
+    twice = Setup(scene).faster(2.0).scene
     assert twice.viscosity == pytest.approx(0.5 * scene.viscosity)
-    assert 2.0 * bed_stress(scene, 2.0) == pytest.approx(4.0 * walls_of(twice).shear_velocity ** 2)
-    assert bed_stress(scene) < bed_stress(scene, 2.0) < 2.0 * bed_stress(scene)
-    slow = faster(scene, slowest(scene))
-    assert grain_number(slow) == pytest.approx(300.0, rel=1e-3)
-    assert walls_of(slow).distance < 0.2
+    assert 2.0 * Setup(scene).bed_stress(2.0) == pytest.approx(4.0 * Setup(twice).walls.shear_velocity ** 2)
+    assert Setup(scene).bed_stress() < Setup(scene).bed_stress(2.0) < 2.0 * Setup(scene).bed_stress()
+    slow = Setup(scene).faster(slowest(Setup(scene))).scene
+    assert grain_number(Setup(slow)) == pytest.approx(300.0, rel=1e-3)
+    assert Setup(slow).walls.distance < 0.2
 
 
 def test_rows_of_a_profile_lie_between_the_walls():
@@ -216,7 +222,7 @@ def test_the_law_of_the_wall_does_not_begin_within_the_sand():
 
 def test_a_bed_finer_than_the_layer_of_the_law_of_the_wall_is_refused_by_the_plan():
     """The layer of 50 nu/u* stands for several waves, which 10^5 cells would be made for; longer waves are planned."""
-    distance = walls_of(channel(bed=Sinusoidal(amplitude=0.001, wavelength=1.0))).distance
+    distance = Setup(channel(bed=Sinusoidal(amplitude=0.001, wavelength=1.0))).walls.distance
     finer = channel(bed=Sinusoidal(amplitude=0.01 * distance, wavelength=0.9 * distance))
     assert 'give a flat bed and turbulence.wall = "rough"' in message(lambda: make_plan(finer))
     make_plan(channel(bed=Sinusoidal(amplitude=0.1 * distance, wavelength=2.2 * distance)))
@@ -261,33 +267,33 @@ def test_turbulence_is_never_there_unless_asked_for():
 def test_the_mesh_ends_where_the_law_of_the_wall_begins():
     """50 nu/u* from one wall, or from two; the mean of the logarithmic law over the depth is u+(h) - 1/kappa."""
     one, two = channel(), channel(flow=Poiseuille(), domain=Domain(length=20, height=2, origin=(0, 3)))
-    found = walls_of(one)
+    found = Setup(one).walls
     mean = np.log(found.shear_velocity * 11000) / 0.41 + 5.2 - 1 / 0.41
     assert found.shear_velocity * mean == pytest.approx(1.0, rel=1e-6)
     assert found.distance * found.shear_velocity * 11000 == pytest.approx(50.0)
-    grid = lay_out(one, make_plan(one)).shape
+    grid = lay_out(Setup(one), make_plan(one)).shape
     assert (grid.origin[1], grid.height) == pytest.approx((found.distance, 1 - found.distance))
-    grid, far = lay_out(two, make_plan(two)).shape, walls_of(two).distance
+    grid, far = lay_out(Setup(two), make_plan(two)).shape, Setup(two).walls.distance
     assert (grid.origin[1], grid.height) == pytest.approx((3 + far, 2 - 2 * far))
     asked = channel(turbulence=Turbulence(wall_distance=0.1))
-    assert walls_of(asked).distance == 0.1
+    assert Setup(asked).walls.distance == 0.1
 
 
 def test_a_bed_with_forms_bounds_the_mesh_itself():
     """The wall below is a distance of the law under it, that on top still a distance above the mesh."""
     bed = Sinusoidal(amplitude=0.1, wavelength=2, phase=90)
     found = channel(bed=bed, flow=Poiseuille(), domain=Domain(length=20, height=2))
-    walls, layout = walls_of(found), lay_out(found, make_plan(found))
+    walls, layout = Setup(found).walls, lay_out(Setup(found), make_plan(found))
     assert walls.floor == pytest.approx(0.1 - walls.distance) and walls.depth == pytest.approx(0.95)
     assert layout.shape.top == pytest.approx(2.0 - walls.distance)
     places = np.array([0.1, 0.1 + walls.distance, 1.7, 2.0 - walls.distance])
     assert walls.from_next(places) == pytest.approx(
         walls.distance * np.array([1, 2, 0.3 / walls.distance, 1])
     )
-    weak, strong = (one for one in conditions(found) if isinstance(one, Friction))
+    weak, strong = (one for one in conditions(Setup(found)) if isinstance(one, Friction))
     assert (weak.boundary, weak.axis, strong.boundary, strong.axis) == ("bed", None, "top", 1)
     inner = np.linspace(0.1, 2.0 - walls.distance, 20001)
-    mean = entering(found).speed(0.5 * (inner[1:] + inner[:-1])).mean()
+    mean = entering_of(found).speed(0.5 * (inner[1:] + inner[:-1])).mean()
     layer = walls.law.beyond(walls.shear_velocity, found.viscosity, walls.distance) * walls.shear_velocity
     assert mean * (inner[-1] - inner[0]) + layer == pytest.approx(1.9, rel=1e-4)
 
@@ -295,8 +301,8 @@ def test_a_bed_with_forms_bounds_the_mesh_itself():
 def test_a_channel_in_space_is_meshed_as_in_the_plane_layer_by_layer():
     """Half of it where it is its own mirror image; two cells across at the least."""
     scene = channel(domain=Domain(length=20, height=1, width=2, origin=(0, -1, 3)))
-    found, plane = lay_out(scene, make_plan(scene)).shape, channel(numerics=Numerics(order=2))
-    of_plane = lay_out(plane, make_plan(plane)).shape
+    found, plane = lay_out(Setup(scene), make_plan(scene)).shape, channel(numerics=Numerics(order=2))
+    of_plane = lay_out(Setup(plane), make_plan(plane)).shape
     assert found.grid.origin[1] == pytest.approx(3 + of_plane.origin[1])
     assert (found.grid.rows, found.grid.columns) == (of_plane.rows, of_plane.columns)
     assert found.across == (0.0, 1.0) and found.sides == ("symmetry", "left") and found.layers == 2
@@ -309,19 +315,19 @@ def test_a_duct_has_walls_on_its_sides_and_lets_in_what_it_is_asked_for(flow):
     scene = channel(
         domain=duct, flow=flow, fluid=Fluid(reynolds=1e5, scale="flow"), numerics=Numerics(order=2)
     )
-    walls, found = walls_of(scene), lay_out(scene, make_plan(scene)).shape
+    walls, found = Setup(scene).walls, lay_out(Setup(scene), make_plan(scene)).shape
     away, open_top = walls.distance, flow.kind == "open-channel"
     assert walls.sides == (0.0, 0.8) and walls.reach == (0.4 if open_top else 0.5 * 0.8)
     assert found.across == pytest.approx((0.4, 0.8 - away)) and found.sides == ("symmetry", "left")
     thickness = np.diff([0.0, *found.ends])
     assert found.ends[-1] == 1.0 and (np.diff(thickness) < 0.0).all()
-    rubbing = {one.boundary: one.axis for one in conditions(scene) if isinstance(one, Friction)}
+    rubbing = {one.boundary: one.axis for one in conditions(Setup(scene)) if isinstance(one, Friction)}
     assert rubbing == {"bottom": 2, "left": 1} | ({} if open_top else {"top": 2})
 
     y, z = (np.linspace(low, high, 801) for low, high in ((away, 0.8 - away), (away, walls.ceiling)))
     places = np.meshgrid(0.5 * (z[1:] + z[:-1]), 0.5 * (y[1:] + y[:-1]))
     assert walls.from_next(np.array([0.5]), np.array([0.1])) == pytest.approx(0.1)
-    mean = entering(scene).speed(*(one.ravel() for one in places)).mean()
+    mean = entering_of(scene).speed(*(one.ravel() for one in places)).mean()
     beyond = walls.shear_velocity * walls.law.beyond(walls.shear_velocity, scene.viscosity, away)
     along = walls.beside * (y[-1] - y[0]) + 2 * (z[-1] - z[0])
     assert mean * (y[-1] - y[0]) * (z[-1] - z[0]) + along * beyond == pytest.approx(0.8, rel=1e-3)
@@ -335,7 +341,7 @@ def test_cells_are_small_where_the_bed_sticks_out_and_in_the_lee():
     """At the upper corner of a step down, and along its shear layer for six heights; not at the lower corner."""
     bed = Polyline(points=[(0, 0.2), (5, 0.2), (5, 0), (20, 0)])
     scene = channel(bed=bed, turbulence=Turbulence(wall_distance=0.02), numerics=Numerics(order=2))
-    walls, at_corner, lee = lay_out(scene, make_plan(scene)).sizes.near[-3:]
+    walls, at_corner, lee = lay_out(Setup(scene), make_plan(scene)).sizes.near[-3:]
     assert (walls.boundary, walls.size) == ("bed", pytest.approx(0.06))
     assert at_corner.points == ((5.0, 0.2),) and at_corner.size == pytest.approx(0.05 * 0.06)
     assert lee.points[0] == (5.0, 0.2) and lee.points[-1] == pytest.approx((6.2, 0.0))
@@ -349,7 +355,7 @@ def test_a_measured_profile_enters_with_the_law_of_the_wall_below_and_above_it()
     rows = np.column_stack([y, 0.04 * law.velocity(0.04, viscosity, np.minimum(y, 1 - y))])
     asked = Turbulence(**(MEASURED | {"length": 1.0}), profile=rows.tolist(), wall_distance=0.01)
     found = channel(flow=Poiseuille(), fluid=Fluid(reynolds=1e5, scale="flow"), turbulence=asked)
-    enters, near = entering(found), np.array([0.01, 0.015, 0.1, 0.99])
+    enters, near = entering_of(found), np.array([0.01, 0.015, 0.1, 0.99])
     exact = 0.04 * law.velocity(0.04, viscosity, np.array([0.01, 0.015, 0.1, 0.01]))
     assert enters.speed(near) == pytest.approx(exact, rel=2e-3)
     k = 0.04**2 / 0.3 + 1.5e-4
@@ -358,7 +364,7 @@ def test_a_measured_profile_enters_with_the_law_of_the_wall_below_and_above_it()
     length[-1] = 0.41 * 0.01
     assert enters.dissipation(near[[0, 1, 3]]) == pytest.approx(0.09**0.75 * k**1.5 / length, rel=1e-6)
     third = Turbulence(**MEASURED, profile=[[*row, 0.01] for row in rows.tolist()])
-    assert entering(channel(turbulence=third)).energy(near) == pytest.approx(0.01 + 1.5e-4)
+    assert entering_of(channel(turbulence=third)).energy(near) == pytest.approx(0.01 + 1.5e-4)
 
 
 def test_the_law_of_the_wall():
@@ -385,7 +391,7 @@ def test_rough_walls_are_judged_by_sand_and_depth_and_smooth_ones_by_viscosity()
     fluid = Fluid(reynolds=1e6, scale="flow")
     for k in (5e-4, 0.005, 0.02, 0.05):
         scene = channel(turbulence=Turbulence(wall="rough", roughness=k), fluid=fluid)
-        walls = walls_of(scene)
+        walls = Setup(scene).walls
         assert walls.distance == pytest.approx(max(50.0 * 1e-6 / walls.shear_velocity, k))
         assert walls.law.holds(walls.shear_velocity, 1e-6, walls.distance, 1.0)
     law = WallLaw(roughness=0.01)
@@ -415,7 +421,7 @@ def test_rows_next_to_walls_are_as_fine_as_the_distance_of_the_law_asks_for(flow
     """The first row is as thick as the distance, times mesh_size; none over 1/14 of a depth; they grow by degrees."""
     numerics = Numerics(order=2, mesh_size=mesh_size)
     scene = channel(flow=flow, fluid=Fluid(reynolds=1e6, scale="flow"), numerics=numerics)
-    walls, grid = walls_of(scene), lay_out(scene, make_plan(scene)).shape
+    walls, grid = Setup(scene).walls, lay_out(Setup(scene), make_plan(scene)).shape
     thick = np.diff([0.0, *grid.ends]) * grid.height
     assert len(thick) == grid.rows and thick.sum() == pytest.approx(1.0 - walls.number * walls.distance)
     assert 0.7 < thick[0] / (mesh_size * walls.distance) < 1.4
@@ -431,7 +437,7 @@ def test_rows_next_to_walls_are_as_fine_as_the_distance_of_the_law_asks_for(flow
 def test_the_mean_velocity_that_enters_is_that_of_the_flow(flow, turbulence):
     """With the law's share between mesh and walls."""
     found = channel(flow=flow, turbulence=turbulence)
-    walls, enters = walls_of(found), entering(found)
+    walls, enters = Setup(found).walls, entering_of(found)
     inner = np.linspace(walls.distance, 1 - (walls.number - 1) * walls.distance, 20001)
     below = walls.number * walls.shear_velocity
     below *= walls.law.beyond(walls.shear_velocity, found.viscosity, walls.distance)

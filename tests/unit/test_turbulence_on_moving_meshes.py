@@ -22,7 +22,7 @@ from incipient.fluid.conditions import Friction
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.grain import Disc
 from incipient.mesh.motion import MeshMotion, RigidDisplacement
-from incipient.planning.turbulence import WallLaw
+from incipient.planning.wall_law import WallLaw
 
 STANDARD = (0.09, 1.44, 1.92, 1.0, 1.3)
 SIDES = ("left", "right", "bottom", "top")

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...planning.effects import Decision, EffectName, percent
+from ...planning.flow_setup import Setup
 from ...planning.numbers import Numbers
 from ...results.left_out import Omission
 from ...scene import Scene
-from ...scene.open_channel import STREAMS, froude
+from ...scene.open_channel import STREAMS
 from ..effect import Effect, Solved
 
 if TYPE_CHECKING:
@@ -34,8 +35,8 @@ class FreeSurfaceEffect(Effect):
 
             speed = math.sqrt(float(abs(scene.gravity_vector).max()) * scene.domain.height)
             reason = f'domain.top = "{scene.top}"; long waves travel at {speed:.3g}'
-            if sticking(scene):
-                reason += f"; the fluid sticks to {' and '.join(sticking(scene))}, where its elevation stays"
+            if pinned := sticking(Setup(scene)):
+                reason += f"; the fluid sticks to {' and '.join(pinned)}, where its elevation stays"
             return Decision(self.name, True, reason + _ends(scene))
         reason = f'the top is "{scene.top}"'
         if scene.top != "slip" or numbers.froude is None:
@@ -50,7 +51,7 @@ class FreeSurfaceEffect(Effect):
         """A flow that is nearly critical."""
         from ...planning.open_channel import near_critical
 
-        yield from filter(None, (near_critical(scene),))
+        yield from filter(None, (near_critical(Setup(scene)),))
 
     def part_in_time(self, scene: Scene, stage: Stage, kept: Checkpoint | None) -> MovingSurface | None:
         """The surface."""
@@ -62,9 +63,11 @@ class FreeSurfaceEffect(Effect):
 
     def memory(self, scene: Scene, unknowns: int) -> float:
         """MiB of a surface in space."""
-        from ...planning.meshing_in_space import memory_of_surface
+        if scene.gdim == 2 or not scene.has_surface:
+            return 0.0
+        from ...planning.expense import memory_of_surface
 
-        return memory_of_surface(scene, unknowns)
+        return memory_of_surface(unknowns, scene.time is not None and scene.time.start != "rest")
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
         """What the pressure under a rigid lid would raise, or lower, a surface by, of the depth."""
@@ -86,9 +89,10 @@ def _ends(scene: Scene) -> str:
     """What a channel with a free surface has at its ends; empty for a box."""
     if scene.domain.kind == "box":
         return ""
-    from ...planning.open_channel import surface_of, wave_of
+    from ...planning.open_channel import froude, wave_of
 
-    asked, speed, wave = surface_of(scene), froude(scene), wave_of(scene)
+    setup = Setup(scene)
+    asked, speed, wave = setup.surface, froude(setup), wave_of(setup)
     told = f"; Froude number {speed:.2g}" if speed else ""
     told += f"; the level is {'the still one' if speed >= 1.0 else 'free'} at the inflow, "
     told += (
@@ -106,11 +110,10 @@ def _rise_under_lid(run: Run) -> float:
     from mpi4py import MPI
 
     from ...fluid.space import boundary_blocks
-    from ...planning.cells import side_names
 
     scene, fluid, comm = run.scene, run.fluid, run.comm
     space, gravity = fluid.space.pressure, scene.gravity_vector
-    nodes = boundary_blocks(space, fluid.domain.facets_of(side_names(scene)[2]))
+    nodes = boundary_blocks(space, fluid.domain.facets_of(Setup(scene).sides.top))
     own = nodes[nodes < space.dofmap.index_map.size_local]
     away = space.tabulate_dof_coordinates()[own, 0] - scene.domain.right
     # The hydrostatic part that the pressure does not have changes along a lid that is inclined.

@@ -22,7 +22,7 @@ from ...mesh.locator import Locator
 from ...mesh.motion import MeshMotion
 from ...mesh.sampling import sample
 from ...planning.effects import EffectName
-from ...planning.open_channel import surface_of
+from ...planning.flow_setup import Setup
 from ...planning.surface import OUTLINE, depths, stays_below
 from ...results.elevations import Elevations, Reading
 from ...scene import Scene
@@ -61,7 +61,8 @@ class MovingSurface(RunPart):
         """Enter a fluid; the surface on the mesh before goes on above it, and its volume stays."""
         assert fluid.surface is not None
         self.fluid, space, condition = fluid, fluid.surface.space, fluid.surface.condition
-        scene, held, pinned = self._scene, stays_below(self._scene), condition.pinned
+        scene, setup = self._scene, Setup(self._scene)
+        held, pinned = stays_below(setup), condition.pinned
         self._up = fluid.domain.gdim - 1
         rising = RisingDisplacement(
             fluid.domain, space, condition.boundary, held, pinned, condition.origin[self._up]
@@ -70,8 +71,8 @@ class MovingSurface(RunPart):
         elevation, room = np.zeros((2, len(fluid.surface.elevation.x.array)))
         self._places: Floats = space.tabulate_dof_coordinates()[rising.nodes]
         self._places[:, self._up] -= rising.raised
-        elevation[rising.nodes] = surface_of(scene).height(self._places.T)
-        room[rising.nodes], below = depths(scene, self._places)
+        elevation[rising.nodes] = setup.surface.height(self._places.T)
+        room[rising.nodes], below = depths(setup.geometry, self._places)
         self.part = SurfacePart(fluid, rising, elevation, room, below, self._stage)
         self._energy = EnergyBudget(fluid)
         if before is not None:

@@ -19,8 +19,8 @@ from ...evaluation.contact_verdict import mass_and_inertia, standing
 from ...geometry.plane.bed import Flat
 from ...geometry.space.terrain import Plane
 from ...geometry.touching import touching
-from ...planning.cells import side_names
 from ...planning.clearance import Clearance
+from ...planning.flow_setup import Setup
 from ...results.loads import Couples, Forces
 from ...scene import Scene
 
@@ -40,7 +40,7 @@ class Landing:
 
 def landing(scene: Scene, state: BodyState, met: Clearance, force: Forces, couple: Couples) -> Landing:
     """What there is to say of a grain in a state in which it has met something. Not collective."""
-    bed = side_names(scene)[0]
+    bed = Setup(scene).sides.bottom
     if met.other != bed:
         return Landing(why_not=f"the grain met the {met.other}, which is not the bed")
     try:

@@ -20,8 +20,9 @@ from ...geometry.space.solid import Sphere
 from ...mesh.domain import Domain
 from ...mesh.motion import MeshMotion, RigidDisplacement
 from ...planning.body import initial_state, rigid_body
-from ...planning.clearance import Clearance, surroundings
+from ...planning.clearance import Clearance
 from ...planning.effects import EffectName
+from ...planning.flow_setup import Setup
 from ...results.loads import apart, named, named_couple
 from ...scene import Scene
 from ..run_part import RunPart, Stage
@@ -60,10 +61,11 @@ class MovingGrain(RunPart):
         assert scene.body is not None and scene.time is not None
         assert scene.grain is not None and scene.placement is not None
         self.grain, self.time = scene.grain, scene.time
-        self.surroundings = surroundings(scene)
+        self.surroundings = Setup(scene).surroundings
         self._is_free, self._is_repelled = scene.body.motion == "free", scene.body.on_contact == "repel"
-        self.body = rigid_body(scene)
-        self._start, self._made_for = state or initial_state(scene), made_for
+        self.body = rigid_body(scene.body, scene.symmetric)
+        start = state or initial_state(scene.body, scene.placement, scene.symmetric)
+        self._start, self._made_for = start, made_for
         self.remeshings: list[Remeshing] = []
         self.interface_iterations: list[int] = []
 

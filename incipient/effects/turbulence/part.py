@@ -16,10 +16,9 @@ from ...fluid.transient import Interface
 from ...forms import turbulence as forms
 from ...mesh.domain import Domain
 from ...mesh.transfer import Transfer
-from ...planning import turbulence as planned
 from ...planning import turbulent_conditions
-from ...planning.cells import side_names
 from ...planning.effects import EffectName
+from ...planning.flow_setup import Setup
 from ...planning.linear import FEW_CELLS
 from ...planning.tolerance import of_steady
 from ...results.turbulence import WallReport
@@ -53,13 +52,14 @@ class TurbulentFlow(RunPart):
     in_time: InTime | None = None
 
     def __init__(self, scene: Scene, domain: Domain, stage: Stage):
-        self._scene, self._walls, self._of_run = scene, planned.walls_of(scene), scene
+        self._setup = self._of_run = Setup(scene)
+        self._scene, self._walls = scene, self._setup.walls
         self._stage = stage
-        inflow, walls = (side_names(scene)[3],), planned.wall_names(scene)
+        enters = turbulent_conditions.logarithms(self._setup)
         given = TurbulenceConditions(
-            inflow, turbulent_conditions.logarithms(scene), walls, self._walls.distance
+            (self._setup.sides.left,), enters, self._walls.names, self._walls.distance
         )
-        self.fields = KEpsilon(domain, given, ORDER, planned.section(scene).constants)
+        self.fields = KEpsilon(domain, given, ORDER, self._setup.turbulence.constants)
 
     def within(self, model: FlowModel) -> FlowModel:
         """A model of the flow with the eddies in it; on few cells it is solved by factors in place of blocks."""
@@ -105,21 +105,22 @@ class TurbulentFlow(RunPart):
 
     def enter(self, fluid: Fluid) -> None:
         """Let the velocity and its turbulence be those of the inflow everywhere."""
-        enters = turbulent_conditions.velocity(self._scene)
+        enters = turbulent_conditions.velocity(self._setup)
         start = dolfinx.fem.Function(fluid.space.velocity)
         start.interpolate(lambda x: enters(x, 0.0))
         fluid.state.x.array[fluid.space.velocity_map] = start.x.array
-        self.fields.state.interpolate(turbulent_conditions.logarithms(self._scene))
+        self.fields.state.interpolate(turbulent_conditions.logarithms(self._setup))
 
     def _take(self, fluid: Fluid, factor: float) -> None:
         """Let viscosity, inflow and walls be those of a flow faster by a factor."""
-        scene = self._of_run if factor == 1.0 else planned.faster(self._of_run, factor)
+        setup = self._of_run if factor == 1.0 else self._of_run.faster(factor)
+        scene = setup.scene
         if scene == self._scene:
             return
-        self._scene, self._walls = scene, planned.walls_of(scene)
+        self._setup, self._scene, self._walls = setup, scene, setup.walls
         fluid.reynolds, self._viscosity.value = 1.0 / scene.viscosity, scene.viscosity
-        self.fields.give(turbulent_conditions.logarithms(scene), self._walls.distance)
-        fluid.let_in(turbulent_conditions.conditions(scene))
+        self.fields.give(turbulent_conditions.logarithms(setup), self._walls.distance)
+        fluid.let_in(turbulent_conditions.conditions(setup))
         fluid.walls.stand(self._walls.distance)
 
     def around(self, interface: Interface | None) -> InTime:
@@ -129,7 +130,7 @@ class TurbulentFlow(RunPart):
 
     def on(self, domain: Domain) -> TurbulentFlow:
         """The turbulence of the scene on another mesh, as it is at the inflow; `carry_over` brings its state."""
-        return TurbulentFlow(self._of_run, domain, self._stage)
+        return TurbulentFlow(self._of_run.scene, domain, self._stage)
 
     def carry_over(self, before: TurbulentFlow) -> None:
         """Carry ln k and ln epsilon over from another mesh, now and before; both meshes are where they are.
@@ -201,7 +202,7 @@ class TurbulentFlow(RunPart):
 
     def report(self) -> WallReport:
         """u* and y+ along the walls, and what they say of the law."""
-        scene, walls, names = self._scene, self._walls, planned.wall_names(self._scene)
+        scene, walls, names = self._scene, self._walls, self._walls.names
         along = {name: along_wall(self._fluid, name, self.fields.shear_velocity()) for name in names}
         governing, found, shares, x = (
             np.concatenate(parts)
@@ -219,9 +220,9 @@ class TurbulentFlow(RunPart):
             at_outflow=float(last),
             friction=float(2.0 * (last / scene.reference_velocity) ** 2),
             viscosity=scene.viscosity,
-            c_mu=planned.section(scene).c_mu,
+            c_mu=self._setup.turbulence.c_mu,
             outside=float(shares[outside].sum() / shares.sum()),
-            plane=planned.is_plane(scene),
+            plane=walls.plane,
             roughness=walls.law.roughness,
             reach=walls.reach,
             backward=along[names[0]].backward() if scene.gdim == 2 else (),

@@ -1,0 +1,195 @@
+"""Where the law of the wall does not hold in a scene, or the k-epsilon model is known to err, in words."""
+
+from __future__ import annotations
+
+import math
+
+from ...planning.clearance import Surroundings
+from ...planning.flow_setup import Setup
+from ...planning.wall_cells import WALL_CELL, coarsening
+from ...planning.wall_law import LARGEST_SHARE, LEAST
+from ...scene.turbulence import LAMINAR
+
+FORMS = ("sinusoidal", "half-discs", "ridges", "spheres")  # beds made of forms of one size
+FINEST_FORM = 0.5  # of the law's distance: half a form at the least
+SMALLEST_GRAIN = 300.0  # u* d/nu of grains below which the law of the wall is not for them
+THICK = 0.05  # of a grain, from which on the layer of the law is told: 50 nu/u* of one of u* d/nu = 1000
+THICKEST = 0.5  # of a grain: a layer on both its sides as thick as itself
+FEWEST_ACROSS = 6.0  # cells, of a grain in space, below which its loads are told to be uncertain
+BISECTIONS = 40
+
+
+def too_near(setup: Setup) -> str:
+    """Why the law of the wall is not for a scene, or an empty string. Not collective."""
+    walls = setup.walls
+    if walls.distance <= LARGEST_SHARE * walls.reach:
+        return ""
+    share = walls.distance / walls.reach
+    of = "depth" if walls.reach == walls.depth else "half width"
+    remedy = "use a larger fluid.reynolds, a smaller wall_distance or no turbulence"
+    if walls.distance == walls.law.roughness:
+        remedy = "use a smaller roughness, from which the law begins at rough walls, or no turbulence"
+    return (
+        f"the law of the wall would have to reach {percent(share)} of the {of}, at most {percent(LARGEST_SHARE)}; "
+        f"{remedy}"
+    )
+
+
+def within_sand(setup: Setup) -> str:
+    """Why the law of the wall is not for walls as rough as a scene's, or an empty string. Not collective."""
+    walls = setup.walls
+    if float(walls.law.velocity(walls.shear_velocity, setup.base_flow.viscosity, walls.distance)) > LEAST:
+        return ""
+    return (
+        f"roughness: is {walls.law.roughness:g}, and the law of the wall begins within the sand, {walls.distance:.3g} "
+        "from the wall; set wall_distance to the roughness or more, or use a smaller roughness"
+    )
+
+
+def within_forms(setup: Setup) -> str:
+    """Why the law of the wall is not for a bed as fine as a scene's, or an empty string. Not collective."""
+    bed, distance = setup.scene.bed, setup.walls.distance
+    fine = bed is not None and bed.kind in FORMS and setup.geometry.bed.feature < FINEST_FORM * distance
+    if not fine:
+        return ""
+    return (
+        f"has forms as fine as {2.0 * setup.geometry.bed.feature:.3g}, the law of the wall begins {distance:.3g} "
+        'from them: it stands for more than one of them; give a flat bed and turbulence.wall = "rough" with their '
+        "height as roughness"
+    )
+
+
+def beyond_walls(setup: Setup) -> str:
+    """Why a measured profile is not for a scene's walls, or an empty string. Not collective."""
+    rows, walls = setup.turbulence.profile, setup.walls
+    if walls.number == 1 or not rows or rows[-1][0] < walls.number * walls.depth:
+        return ""
+    return (
+        f"profile: has a row at {rows[-1][0]:g}, the wall on top is {walls.number * walls.depth:.4g} above that below; "
+        "leave out rows beyond it"
+    )
+
+
+def grain_number(setup: Setup) -> float:
+    """u* d/nu of the scene's grain, d its largest diameter and u* estimated. Not collective."""
+    return float(setup.geometry.grain.size * setup.walls.shear_velocity / setup.base_flow.viscosity)
+
+
+def too_small(setup: Setup) -> str:
+    """Why the law of the wall is not for a scene's grain, or an empty string. Not collective."""
+    if setup.scene.body is None:
+        return ""
+    share = setup.walls.distance / setup.geometry.grain.size
+    if share > THICKEST:
+        return (
+            f"the layer that the law of the wall stands for is {percent(share)} of the grain, at most "
+            f"{percent(THICKEST)}; use a smaller roughness or wall_distance, or a larger fluid.reynolds"
+        )
+    if grain_number(setup) >= SMALLEST_GRAIN:
+        return ""
+    return (
+        f"the grain has u* d/nu = {grain_number(setup):.3g}, for the law of the wall it must be {SMALLEST_GRAIN:g} at "
+        f"least; {LAMINAR}"
+    )
+
+
+def small(setup: Setup) -> str:
+    """What is to be known of the law of the wall on a scene's grain, or an empty string. Not collective."""
+    if setup.scene.body is None:
+        return ""
+    share = setup.walls.distance / setup.geometry.grain.size
+    if share <= THICK:
+        return ""
+    return (
+        f"the grain has u* d/nu = {grain_number(setup):.3g}: the layer that the law of the wall stands for is "
+        f"{percent(share)} of it; it is thin up to {percent(THICK)}"
+    )
+
+
+def coarse_at_grain(setup: Setup) -> str:
+    """What is to be known of how few cells a scene's grain has in space, or an empty string. Not collective."""
+    if setup.scene.body is None or setup.geometry.gdim == 2:
+        return ""
+    size = WALL_CELL * coarsening(setup.scene.order) * setup.walls.distance * setup.scene.numerics.mesh_size
+    across = setup.geometry.grain.size / size
+    if across >= FEWEST_ACROSS:
+        return ""
+    return (
+        f"the grain is {across:.2g} cells across: with 3 of them drag was a fifth too large and a safety factor a "
+        f"quarter off; use numerics.mesh_size = {setup.scene.numerics.mesh_size * across / FEWEST_ACROSS:.2g} or less"
+    )
+
+
+def smooth_grain(setup: Setup) -> str:
+    """How far the model is from measured loads on grains, or an empty string. Not collective."""
+    if setup.scene.body is None:
+        return ""
+    return (
+        "the k-epsilon model is far from measured loads on smooth round bodies, by more than error bars tell: drag on "
+        "a sphere on a bed a third too small, on a hump a quarter to two fifths of it, lift there a quarter to a third "
+        "too large; another program with this model has 1.1 to 1.6 times the drag and 0.5 to 0.9 of the lift"
+    )
+
+
+def cornered(setup: Setup) -> str:
+    """What is to be known of the model in a scene's ducts, or an empty string. Not collective."""
+    if not setup.walls.sides:
+        return ""
+    return (
+        "the k-epsilon model makes no secondary flow, which in a real duct brings fast fluid into the corners: "
+        "friction there is larger than computed"
+    )
+
+
+def narrow_gap(setup: Setup) -> str:
+    """What is to be known of the gap by which a turbulent scene's grain is held off walls, or an empty string.
+
+    Within it the law of each wall knows of no second one: its friction is too little, however narrow the gap is. Not
+    collective.
+    """
+    body, placement = setup.scene.body, setup.geometry.placement
+    if body is None or body.centre is None or body.moves or placement is None:
+        return ""
+    nearest, least = setup.surroundings.clearance(placement), 2.0 * setup.walls.distance
+    lid = setup.sides.top if setup.base_flow.flow.kind == "open-channel" else ""
+    sides = () if setup.geometry.walled else setup.sides.across
+    if nearest.other in (setup.sides.right, setup.sides.left, lid, *sides) or nearest.distance >= least:
+        return ""
+    return (
+        f"the grain is held {nearest.distance:.3g} from the {nearest.other}, twice the distance of the law of the wall "
+        f"is {least:.3g}: what flows between is no result of the model; hold it farther away, or let it touch by body.x"
+    )
+
+
+def through_the_top(setup: Setup) -> str:
+    """Where a turbulent scene's grain reaches what the mesh leaves out below a wall on top, or an empty string.
+
+    Not collective.
+    """
+    if setup.scene.body is None or setup.geometry.placement is None:
+        return ""
+    around = setup.surroundings
+    top = next(side for side in around.sides if side.axis == setup.geometry.up and side.inwards < 0)
+    found = Surroundings(around.grain, (top,)).clearance(setup.geometry.placement)
+    if found.distance > 0.0:
+        return ""
+    key = "centre" if setup.scene.body.centre is not None else "x"
+    return (
+        f"{key}: the grain reaches {top.place - found.distance:.6g}, the mesh ends at {top.place:.6g}, the distance of "
+        "the law of the wall below the wall on top; move the grain, make it smaller or raise domain.height"
+    )
+
+
+def slowest(setup: Setup) -> float:
+    """The factor of the slowest flow in which the law of the wall is for grain and depth. Not collective."""
+    low, high = 1e-6, 1.0
+    for _ in range(BISECTIONS):
+        middle = math.sqrt(low * high)
+        trial = setup.faster(middle)
+        low, high = (low, middle) if not (too_near(trial) or too_small(trial)) else (middle, high)
+    return high
+
+
+def percent(share: float) -> str:
+    """0.25 as 25%."""
+    return f"{100 * share:.0f}%"

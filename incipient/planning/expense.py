@@ -1,0 +1,158 @@
+"""What a computation takes: cells and unknowns, counted on the mesh that will be used, and memory."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from ..geometry.space.cylinder import Cylinder
+from ..installed import memory_of_libraries
+from ..meshes import BoxGrid, Region, SolidGrid, SolidRegion
+from ..scene import Scene
+from .layout import Layout
+from .linear import LOWEST_ORDER
+from .plan import Estimate
+
+MEMORY_GROWTH = 194.0  # bytes per n log2 n of n unknowns; fitted, see docs/performance.md
+# Bytes per n^(4/3) of n unknowns of sparse factors; per unknown of the solver by blocks, of a higher order that is
+# corrected by two levels without a matrix, and, of order two, of a flow on the mesh moved; fitted (docs/space.md).
+OF_FACTORS, OF_BLOCKS, OF_CORRECTIONS, OF_MOVED = 450.0, 3000.0, 900.0, 1600.0
+DENSER = 1600.0  # bytes per unknown by which matrices of order three, by blocks, are denser
+# Factors of higher orders over those of order two, by measured peaks of a lid-driven cube (docs/space.md).
+FULLER = {2: 1.0, 3: 1.33, 4: 1.65}
+# Bytes per unknown of the flow by k and epsilon, and what solves them and the flow with them.
+OF_TURBULENCE = 2500.0
+# MiB of a free surface and bytes per unknown of it and what it displaces; bytes per unknown of the steady flow from
+# which a run below one starts; fitted.
+OF_SURFACE, OF_RISING, OF_START = 14.0, 350.0, 900.0
+
+
+def count(
+    layout: Layout, order: int, dual: bool = False, solver: str = "direct", wider: Layout | None = None
+) -> Estimate:
+    """Cells, unknowns and memory of the flow on the layout's mesh, by making it. Not collective.
+
+    dual:   whether the errors of a steady flow are estimated as well, with elements of one order more (see `has_dual`)
+    solver: of the linear systems, a name in `fluid.solvers.SOLVERS`
+    wider:  of a run for the error bars that is made while the flow is kept; in space
+    """
+    if isinstance(layout.shape, SolidRegion | SolidGrid | BoxGrid):
+        return count_in_space(layout, order, dual, solver, wider)
+    with layout.gmsh_model() as model:
+        _, tags, nodes = model.mesh.getElements(2)
+        cells = sum(len(t) for t in tags)
+        per_cell = (layout.geometry_order + 1) * (layout.geometry_order + 2) // 2
+        corners = np.concatenate([n.reshape(-1, per_cell)[:, :3] for n in nodes])
+    vertices = len(np.unique(corners))
+    # Euler's formula with one closed outline per hole.
+    holes = len(layout.shape.holes) if isinstance(layout.shape, Region) else 0
+    edges = vertices + cells - 1 + holes
+    unknowns = [
+        2 * _lagrange(k, vertices, edges, cells) + _lagrange(k - 1, vertices, edges, cells)
+        for k in range(order, order + 1 + dual)
+    ]
+    return Estimate(cells, unknowns[0], memory(*unknowns))
+
+
+def has_dual(scene: Scene) -> bool:
+    """Whether a scene's error bars take a dual solution beside the flow. Not collective."""
+    held = scene.body is not None and scene.time is None and not scene.is_turbulent
+    return scene.numerics.error_bars and held
+
+
+def memory(*unknowns: int) -> float:
+    """MiB for systems of so many unknowns that are there at once. Not collective.
+
+    The sparse factors of a planar mesh of n unknowns have about c n log n entries (George 1973); c was
+    fitted to measured peaks, the libraries' share was measured (docs/performance.md).
+    """
+    entries = sum(n * math.log2(n) for n in unknowns)
+    return memory_of_libraries() + MEMORY_GROWTH * entries / 2**20
+
+
+def _lagrange(order: int, vertices: int, edges: int, cells: int) -> int:
+    return vertices + (order - 1) * edges + (order - 1) * (order - 2) // 2 * cells
+
+
+def count_in_space(
+    layout: Layout, order: int, dual: bool = False, solver: str = "direct", wider: Layout | None = None
+) -> Estimate:
+    """Cells, unknowns and memory of the flow on the layout's mesh, by making it. Not collective.
+
+    dual:   whether the errors of a steady flow are estimated as well
+    solver: of the linear systems, a name of a `linear.Method`
+    wider:  of a run for the error bars that is made while the flow is kept
+    """
+    cells, unknowns = _counted(layout)
+    memory = memory_in_space(solver, unknowns, order, dual)
+    if wider is not None:
+        beside = memory_in_space(solver, _counted(wider)[1], order, False) - memory_of_libraries()
+        memory = max(memory, memory_in_space(solver, unknowns, order, False) + beside)
+    return Estimate(cells, unknowns(order), memory)
+
+
+def _counted(layout: Layout) -> tuple[int, Callable[[int], int]]:
+    """Cells of the layout's mesh, and unknowns on it by order of the velocity, by making it."""
+    assert isinstance(layout.shape, SolidRegion | SolidGrid | BoxGrid)
+    with layout.gmsh_model() as model:
+        _, tags, nodes = model.mesh.getElements(3)
+        cells = sum(len(t) for t in tags)
+        per_cell = {1: 4, 2: 10}[layout.geometry_order]
+        corners = np.concatenate([n.reshape(-1, per_cell)[:, :4] for n in nodes])
+        _, tags, _ = model.mesh.getElements(2)
+        outside = sum(len(t) for t in tags)
+    vertices = len(np.unique(corners))
+    faces = (4 * cells + outside) // 2
+    edges = vertices + faces - cells - euler_number(layout.shape)
+    numbers = vertices, edges, faces, cells
+    return cells, lambda k: 3 * lagrange(k, *numbers) + lagrange(k - 1, *numbers)
+
+
+def euler_number(region: SolidRegion | SolidGrid | BoxGrid) -> int:
+    """Euler's number of a region: a whole grain is a cavity, half a grain a dent, a cylinder a tunnel."""
+    if isinstance(region, SolidGrid | BoxGrid):
+        return 1
+    across = sum(isinstance(hole.solid, Cylinder) for hole in region.holes.values())
+    return 1 - across + (0 if region.symmetric else len(region.holes) - across)
+
+
+def lagrange(order: int, vertices: int, edges: int, faces: int, cells: int) -> int:
+    """Nodes of continuous elements of an order on tetrahedra."""
+    inner = (order - 1) * (order - 2)
+    return vertices + (order - 1) * edges + inner // 2 * faces + inner * (order - 3) // 6 * cells
+
+
+def memory_in_space(solver: str, unknowns: Callable[[int], int], order: int, dual: bool) -> float:
+    """MiB that a flow of an order takes by a solver, and its error bars if `dual`. Not collective.
+
+    Sparse factors of a mesh in space of n unknowns have about c n^(4/3) entries (George 1973), an iterative method
+    takes memory in proportion to n; both were fitted to measured peaks. `unknowns` counts those of any order.
+    """
+    if solver == "direct":
+        size = (
+            OF_FACTORS
+            * FULLER[order]
+            * sum(unknowns(k) ** (4.0 / 3.0) for k in range(order, order + 1 + dual))
+        )
+    elif solver == "two-level":
+        of_two = OF_BLOCKS + OF_MOVED * dual
+        size = of_two * unknowns(LOWEST_ORDER) + OF_CORRECTIONS * unknowns(order)
+    else:
+        of_order = OF_BLOCKS + DENSER * (order > LOWEST_ORDER)
+        size = of_order * unknowns(order) + (OF_CORRECTIONS * unknowns(order + 1) if dual else 0.0)
+    return memory_of_libraries() + size / 2**20
+
+
+def memory_of_turbulence(unknowns: int) -> float:
+    """MiB that k and epsilon, and blocks that are the Jacobian's, add to those of a flow in space. Not collective."""
+    return OF_TURBULENCE * unknowns / 2**20
+
+
+def memory_of_surface(unknowns: int, started: bool) -> float:
+    """MiB that a free surface in space adds to those of a flow with so many unknowns. Not collective.
+
+    started: whether the run starts from a steady flow
+    """
+    return OF_SURFACE + unknowns * (OF_RISING + OF_START * started) / 2**20

@@ -1,0 +1,109 @@
+"""A scene with what follows from it before anything is meshed or computed, each part derived once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from ..scene import Scene, Surface, Turbulence
+from ..scene.datum import height_of_datum
+from .base_flow import BaseFlow
+from .cells import FarCells
+from .scene_geometry import Geometry, geometry_of
+from .sides import SideNames, side_names
+
+if TYPE_CHECKING:
+    from .clearance import Surroundings
+    from .wall_layer import Walls
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """A scene and its parts: each is made when it is first asked for, and what is absent is never imported.
+
+    No method is collective.
+    """
+
+    scene: Scene
+
+    @cached_property
+    def geometry(self) -> Geometry:
+        """Grain and bed in the domain."""
+        return geometry_of(self.scene)
+
+    @cached_property
+    def sides(self) -> SideNames:
+        """Names of the sides of the domain."""
+        return side_names(self.scene.domain, self.scene.bed is not None, self.scene.symmetric)
+
+    @cached_property
+    def base_flow(self) -> BaseFlow:
+        """The flow without grain and bed forms."""
+        return self.base_flow_at(1.0)
+
+    def base_flow_at(self, speed: float) -> BaseFlow:
+        """The base flow of a flow faster by a factor, in its own units: only the datum may be another one."""
+        scene = self.scene
+        return BaseFlow(
+            flow=scene.flow,
+            domain=scene.domain,
+            datum=scene.datum if speed == 1.0 else height_of_datum(scene, speed),
+            bed=scene.bed_shape,
+            reference=scene.reference_velocity,
+            viscosity=scene.viscosity,
+            walled=scene.gdim == 3 and scene.sides == "wall",
+        )
+
+    @cached_property
+    def far_cells(self) -> FarCells:
+        """The cells away from everything."""
+        scene = self.scene
+        reynolds = scene.fluid.reynolds if scene.is_empty_box else None
+        return FarCells(scene.domain.extents, scene.order, reynolds)
+
+    @property
+    def turbulence(self) -> Turbulence:
+        """The section [turbulence], or what it is by default."""
+        return self.scene.turbulence or Turbulence()
+
+    @property
+    def surface(self) -> Surface:
+        """The section [surface], or what it is by default."""
+        return self.scene.surface or Surface()
+
+    @cached_property
+    def walls(self) -> Walls:
+        """The walls of a turbulent flow."""
+        from .wall_layer import walls_of
+
+        return walls_of(self.turbulence, self.geometry, self.base_flow, self.sides)
+
+    @cached_property
+    def ceiling(self) -> float:
+        """Height of the upper side of what is meshed: below a wall on top of a turbulent flow."""
+        return self.walls.ceiling if self.scene.is_turbulent else self.scene.domain.ceiling
+
+    @cached_property
+    def surroundings(self) -> Surroundings:
+        """What the grain may run into."""
+        from .clearance import surroundings_of
+
+        return surroundings_of(self.geometry, self.sides, self.ceiling, self.scene.has_surface)
+
+    def faster(self, factor: float) -> Setup:
+        """Makes the setup of a flow faster by a factor at the same viscosity, in units of that flow."""
+        plain = self.scene.model_dump()
+        plain["fluid"]["reynolds"] *= factor
+        return Setup(Scene(**{**plain, "units": None}))
+
+    def bed_stress(self, speed: float = 1.0) -> float:
+        """Shear stress of the base flow at its datum, scene units with fluid density one.
+
+        With the k-epsilon model it is as the law of the wall estimates it. In a flow faster by `speed` it is that
+        times this, in units of the scene.
+        """
+        if not self.scene.is_turbulent:
+            return self.base_flow_at(speed).bed_stress()
+        speed = speed if 0.0 < speed < float("inf") else 1.0
+        return float(speed * self.faster(speed).walls.shear_velocity ** 2)

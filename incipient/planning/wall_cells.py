@@ -1,0 +1,141 @@
+"""Cells at the walls of a turbulent flow: rows of a channel, and sizes along other walls."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import pairwise, takewhile
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..arrays import Point
+from ..meshes.solid_region import SYMMETRY
+from .cells import layer_ends
+from .flow_setup import Setup
+from .scene_geometry import Geometry, point
+from .sides import SideNames
+from .wall_layer import Walls
+
+if TYPE_CHECKING:
+    from ..geometry.placement import Placement
+    from ..geometry.plane.curves import Curve
+    from ..meshes import Grid, Near, SolidGrid
+
+# Of a channel's mesh: rows over the depth of a wall; column over that depth; finest over largest row.
+ROWS, COLUMN, GRADING = 14, 1.0, 0.3
+FEWEST_ROWS, FEWEST_COLUMNS = 6, 4  # whatever the cells' size
+# First of these rows over their mean; where the law's distance is less than 1/FINE_ROW of it, the first row is FINE_ROW
+# distances thick, and rows grow by ROW_GROWTH of the distance from it: velocity and epsilon change as fast as that.
+FIRST_ROW, FINE_ROW, ROW_GROWTH = 0.5, 4.0 / 3.0, 0.4
+FIRST_OF_GRADED = 2.0 * GRADING / (1.0 + GRADING)  # first over mean row of those that are graded as usual
+# Of other meshes: cells at walls, over the distance of the law; growth away from them; cells at corners that stick out,
+# over those: a shear layer begins as thick as a cell there, which is most of the error of where it reattaches.
+WALL_CELL, WALL_GROWTH, CORNER_CELL = 4.0, 0.25, 0.05
+AWAY_GROWTH = 0.05  # of cells along a bed, with the distance from a grain
+# Behind such a corner: how far its shear layer reaches, and the cells in it, over the height by which the bed falls;
+# their growth away from it; points along it; sine of the turn from which on a corner is one.
+LEE, LEE_CELL, LEE_GROWTH, LEE_POINTS, OUTWARD = 6.0, 0.09, 0.15, 25, -0.17
+LAYERS = 2  # of cells across a channel in space, at the least
+
+
+def channel_grid(
+    walls: Walls, geometry: Geometry, names: SideNames, order: int, mesh_size: float
+) -> Grid | SolidGrid:
+    """The mesh between the walls, less what the law of the wall covers; in space it is extruded. Not collective."""
+    from ..meshes import Grid, SolidGrid
+
+    domain, half = geometry.domain, geometry.symmetric
+    coarse = mesh_size * coarsening(order)
+    columns = max(FEWEST_COLUMNS, round(domain.length / (COLUMN * walls.depth * coarse)))
+    height = domain.height - walls.number * walls.distance
+    corner = (domain.left, domain.bottom + walls.distance)
+    ends = _row_ends(walls, coarse, height)
+    rows = len(ends) or max(FEWEST_ROWS, round(ROWS * walls.number / coarse))
+    found = Grid(corner, domain.length, height, columns, rows, GRADING, names.around, ends)
+    if geometry.gdim == 2:
+        return found
+    low, high = geometry.half
+    layers = max(LAYERS, round((high - low) / (COLUMN * walls.depth * coarse)))
+    if walls.sides:
+        rubbing = 1 if half else 2
+        high, low = high - walls.distance, low + (rubbing - 1) * walls.distance
+        layers = max(layers, round(ROWS * rubbing / coarse))
+    across = SYMMETRY if half else "right", "left"
+    return SolidGrid(found, (low, high), layer_ends(layers, GRADING if walls.sides else 1.0, half), across)
+
+
+def _row_ends(walls: Walls, coarse: float, height: float) -> tuple[float, ...]:
+    """Where rows end that are as fine at walls as the law's distance asks for; none: rows graded as usual do."""
+    largest, first = walls.depth / ROWS, FINE_ROW * walls.distance
+    if first >= FIRST_ROW * largest:
+        return ()
+    part = height / walls.number
+    bend = min((largest - first) / ROW_GROWTH, part)  # where rows are largest
+    to_bend = math.log1p(ROW_GROWTH * bend / first) / ROW_GROWTH
+    whole = to_bend + (part - bend) / largest  # rows of one wall, with cells of size one
+    number = max(math.ceil(whole / coarse), FEWEST_ROWS // walls.number)
+    counted = whole * np.arange(1, number + 1) / number
+    near = first * np.expm1(ROW_GROWTH * np.minimum(counted, to_bend)) / ROW_GROWTH
+    ends = (near + largest * np.maximum(counted - to_bend, 0.0)) / part
+    ends[-1] = 1.0
+    if walls.number == 2:
+        ends = 0.5 * np.concatenate([ends, 2.0 - ends[-2::-1], [2.0]])
+    # Of few rows those that are graded as usual may have the thinner one at the wall.
+    return tuple(map(float, ends)) if ends[0] < FIRST_OF_GRADED / len(ends) else ()
+
+
+def coarsening(order: int) -> float:
+    """Of cells at walls with elements of an order, relative to those of order three."""
+    return 1.0 if order > 2 else 0.75
+
+
+def coarsest(setup: Setup) -> float:
+    """The largest numerics.mesh_size by which all cells become larger; no bound but between planes. Not collective."""
+    walls, length = setup.walls, setup.geometry.domain.length
+    if not walls.plane:
+        return math.inf
+    rows, columns = ROWS * walls.number / FEWEST_ROWS, length / (COLUMN * walls.depth * FEWEST_COLUMNS)
+    return min(rows, columns) / coarsening(setup.scene.order)
+
+
+def cells(
+    walls: Walls, geometry: Geometry, order: int, placement: Placement | None = None
+) -> tuple[Near, ...]:
+    """Cells along walls of which some are no planes, and at their corners, with a grain placed. Not collective."""
+    from ..meshes import Away, Near
+
+    away = None
+    size = WALL_CELL * coarsening(order) * walls.distance
+    if placement is not None:
+        # Away from a grain the flow next to the bed is that of a channel, for which its rows do.
+        away = Away(point(placement.centre), AWAY_GROWTH, max(size, walls.depth / ROWS))
+    found = [
+        Near(size, WALL_GROWTH, boundary=name, away=None if name == "body" else away) for name in walls.names
+    ]
+    if geometry.bed is not None and geometry.gdim == 2:
+        bed = geometry.bed.curves(geometry.domain.left, geometry.domain.right)
+        if separating := tuple(_separating(bed)):
+            points = tuple(corner for corner, _ in separating)
+            found.append(Near(CORNER_CELL * size, WALL_GROWTH, points=points))
+        found.extend(_lee(corner, drop) for corner, drop in separating if drop > size)
+    return tuple(found)
+
+
+def _separating(bed: tuple[Curve, ...]) -> Iterator[tuple[Point, float]]:
+    """Corners that stick out into the stream, which separates there, and how far the bed falls behind each."""
+    for before, after in pairwise(range(len(bed))):
+        ahead, behind = bed[before].tangent([1.0])[0], bed[after].tangent([0.0])[0]
+        if ahead[0] * behind[1] - ahead[1] * behind[0] < OUTWARD:
+            falling = takewhile(lambda curve: curve.end[1] <= curve.start[1], bed[after:])
+            lowest = min([curve.end[1] for curve in falling], default=bed[after].start[1])
+            yield bed[after].start, bed[after].start[1] - lowest
+
+
+def _lee(corner: Point, drop: float) -> Near:
+    """Cells in the shear layer that leaves a corner."""
+    from ..meshes import Near
+
+    shares = np.linspace(0.0, 1.0, LEE_POINTS).tolist()
+    points = tuple((corner[0] + LEE * drop * s, corner[1] - drop * s) for s in shares)
+    return Near(LEE_CELL * drop, LEE_GROWTH, points=points)

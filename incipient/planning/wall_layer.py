@@ -1,0 +1,130 @@
+"""The wall-function layer of a turbulent flow: where walls are, and how far from them the mesh ends."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..scene import Turbulence
+from .base_flow import BaseFlow
+from .meshed_bed import resolved_bed
+from .scene_geometry import Geometry
+from .sides import SideNames
+from .wall_law import LEAST, SAMPLES, WallLaw
+
+
+@dataclass(frozen=True)
+class Walls:
+    """The walls of a turbulent flow, as estimated before it is computed.
+
+    depth:          over which a wall is felt: that of an open channel, half of that between two walls
+    distance:       of the mesh's boundary from the wall
+    shear_velocity: estimated
+    number:         of walls, one or two
+    floor, top:     heights at the inflow of the wall below, and of what is above
+    beside:         how many of these the mesh stands off from; the others are where the mesh ends, `distance` being one
+                    of the law's alone
+    sides:          y of side walls with friction; none in the plane
+    mean:           reference velocity of the flow; viscosity: kinematic
+    plane:          whether all walls are planes, from which the mesh stands off: no bed forms, no grain
+    names:          of the boundaries that have a wall beyond them
+    """
+
+    law: WallLaw
+    depth: float
+    distance: float
+    shear_velocity: float
+    number: int
+    floor: float
+    top: float
+    beside: int
+    sides: tuple[float, ...]
+    mean: float
+    viscosity: float
+    plane: bool
+    names: tuple[str, ...]
+
+    @property
+    def reach(self) -> float:
+        """Over which the next wall is felt: the depth, in a duct that is narrower half its width."""
+        return min(self.depth, 0.5 * (self.sides[-1] - self.sides[0])) if self.sides else self.depth
+
+    @property
+    def ceiling(self) -> float:
+        """Height of the upper side of the mesh."""
+        return self.top - (self.number - 1) * self.distance
+
+    def from_next(self, height: np.ndarray, across: np.ndarray | None = None) -> np.ndarray:
+        """Distances (n,) of heights, and of y between side walls, from the next wall, at least that of the law."""
+        away = [height - self.floor]
+        if self.number == 2:
+            away.append(self.top - height)
+        if across is not None:
+            away.extend(np.abs(across - side) for side in self.sides)
+        return np.maximum(np.min(away, axis=0), self.distance)
+
+    def text(self) -> str:
+        """What the walls are taken for, in words."""
+        y = self.distance * self.shear_velocity / self.viscosity
+        beyond = "" if self.beside == self.number else ", beyond a bed at which the mesh itself ends"
+        return (
+            f"law of the wall from {self.distance:.3g}{beyond}, y+ about {y:.3g}, "
+            f"u* about {self.shear_velocity:.3g}"
+        )
+
+
+def walls_of(asked: Turbulence, geometry: Geometry, base_flow: BaseFlow, names: SideNames) -> Walls:
+    """Where walls are and how far from them the mesh ends. Not collective.
+
+    u* is that of the logarithmic law, whose mean over the depth h is u+(h) - 1/kappa; of a duct h is the area of its
+    section over the length of its walls in it (Keulegan 1938, J. Res. Natl. Bur. Stand. 21, 707). Beds that are not
+    flat and grains bound the mesh themselves.
+    """
+    domain, bed, open_above = geometry.domain, geometry.bed, base_flow.flow.kind == "open-channel"
+    plane = geometry.grain is None and (bed is None or not np.isfinite(bed.feature))
+    number, top = 1 if open_above else 2, domain.ceiling
+    ground = domain.bottom if bed is None else height_at_inflow(geometry, base_flow.datum)
+    law, depth, viscosity = WallLaw(asked.roughness), (top - ground) / number, base_flow.viscosity
+    sides = domain.across if geometry.walled else ()
+    width = sides[1] - sides[0] if sides else math.inf
+    hydraulic = depth / (1.0 + 2.0 * depth / width)
+    shear_velocity = base_flow.reference / 20.0
+    for _ in range(50):
+        mean = float(law.velocity(shear_velocity, viscosity, hydraulic)) - 1.0 / law.kappa
+        shear_velocity = base_flow.reference / max(mean, LEAST)
+    distance = asked.wall_distance or law.suitable(shear_velocity, viscosity)
+    floor, beyond = (ground, 0.0) if plane else (ground - distance, distance)
+    return Walls(
+        law=law,
+        depth=depth,
+        distance=distance,
+        shear_velocity=shear_velocity,
+        number=number,
+        floor=floor,
+        top=top,
+        beside=number - (not plane),
+        sides=(sides[0] - beyond, sides[1] + beyond) if sides else (),
+        mean=base_flow.reference,
+        viscosity=viscosity,
+        plane=plane,
+        names=(
+            names.bottom,
+            *(() if open_above else (names.top,)),
+            *(names.across if geometry.walled else ()),
+            *(() if geometry.grain is None else ("body",)),
+        ),
+    )
+
+
+def height_at_inflow(geometry: Geometry, datum: float) -> float:
+    """Height of the bed where the flow enters; in space the mean, or that of the level ground. Not collective."""
+    bed, domain = geometry.bed, geometry.domain
+    if geometry.gdim == 2:
+        return float(bed.height([domain.left])[0])
+    resolved = resolved_bed(geometry, geometry.placement, datum)
+    if resolved is not None and resolved.level is not None:
+        return resolved.level
+    y = np.linspace(*domain.across, SAMPLES)
+    return float(np.mean(bed.height(np.column_stack([np.full_like(y, domain.left), y]))))
