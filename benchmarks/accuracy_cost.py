@@ -213,8 +213,17 @@ def _usual(words: tuple[str, ...]) -> str:
 
 def _ways() -> str:
     """The words for solver options, one a row."""
-    rows = [f"| {word} | {solver.said} |" for word, solver in solvers.WORDS.items()]
-    return "\n".join(["| word | solver option |", "| :-- | :-- |", *rows])
+    rows = [f"| {word} | {solver.said} | {_set_by(solver)} |" for word, solver in solvers.WORDS.items()]
+    return "\n".join(["| word | solver option | set by |", "| :-- | :-- | :-- |", *rows])
+
+
+def _set_by(solver: solvers.Solver) -> str:
+    """The keys and variables that set an option for any scene."""
+    sections = {"numerics": solver.numerics, "time": solver.time}
+    keys = [f'{name}.{key} = "{value}"' for name, found in sections.items() for key, value in found.items()]
+    keys += ["numerics.tolerance"] if solver.looser > 1.0 else []
+    keys += [f'PETSC_OPTIONS="{solver.petsc}"'] if solver.petsc else []
+    return ", ".join(f"`{key}`" for key in keys)
 
 
 if __name__ == "__main__":
