@@ -155,7 +155,7 @@ def _columns(table: str, kept: tuple[int, ...]) -> str:
 def _head() -> str:
     about = machine.describe()
     versions = ", ".join(f"{name} {version}" for name, version in machine.versions().items())
-    return f"""# What accuracy costs in time
+    return f"""# Cost of accuracy
 
 `make cost` (`benchmarks/accuracy_cost.py`) writes this page. Do not edit it by hand. `incipient cost SCENE` makes the
 same study of any scene. It leaves a page with tables of all runs and quantities (`cost.md`), its picture, `cost.csv`

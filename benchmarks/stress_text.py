@@ -11,7 +11,7 @@ with a named error. A run of the program then keeps the last good state as a che
 continues after the cause is changed. `tests/stability` has the same cases with bounds, in smaller numbers.
 
 """
-MAP = """## Where a body's step can be solved
+MAP = """## Solvable steps of a body
 
 ![Exact coupling and naive iteration over mass ratio, step, Reynolds number and gap](figures/stress_map.png)
 
