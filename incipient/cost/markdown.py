@@ -11,7 +11,7 @@ from . import calibration, frontier, solvers
 from .comparison import Compared
 from .findings import findings
 from .frontier import CostLaw, percent, seconds
-from .measurement import ENOUGH, JudgedRun, MeasuredRun
+from .measurement import ENOUGH, MeasuredRun
 from .study import Study, doubt, to_dict
 
 
@@ -62,12 +62,11 @@ def _accuracies(study: Study) -> str:
         run = (
             f"{reached[0].variant.name}, {reached[0].peak_mib:.0f} MiB" if reached else "finer than any here"
         )
-        spent = [_priced(laws[name], accuracy, errors, of) for name, of in (("cpu", times), ("wall", walls))]
-        rows.append([percent(accuracy), *spent, run])
+        prices = [_priced(laws[name], accuracy, errors, of) for name, of in (("cpu", times), ("wall", walls))]
+        rows.append([percent(accuracy), *prices, run])
     digits = [f"x {law.digit:.2g}" if law else "-" for law in (laws["cpu"], laws["wall"])]
-    rows.append(
-        ["each further digit", *digits, f"of the time beyond {seconds(laws['cpu'].start)} of starting"]
-    )
+    starting = f"of the time beyond {seconds(laws['cpu'].start)} of starting"
+    rows.append(["each further digit", *digits, starting])
     heads = ["accuracy", "processor time", "wall time", "cheapest run that reached it"]
     return _table(heads, rows, left=(3,))
 
@@ -105,14 +104,7 @@ def _solver_row(one: Compared, scene: Scene) -> list[str]:
     found = (one.time_at_error, one.time, one.error, one.memory, one.newton, one.factorisations)
     ratios = [_ratio(value) for value in found]
     set_by = "; ".join(f"`{setting}`" for setting in solvers.settings(one.solver, scene))
-    return [
-        one.solver,
-        *ratios[:3],
-        percent(one.change),
-        *ratios[3:],
-        solvers.said(one.solver),
-        set_by,
-    ]
+    return [one.solver, *ratios[:3], percent(one.change), *ratios[3:], solvers.said(one.solver), set_by]
 
 
 def _said_of_solvers(study: Study) -> str:
@@ -137,16 +129,13 @@ def _ratio(value: float | None) -> str:
 
 
 def _runs(study: Study) -> str:
-    heads = ["run", "error", "processor [s]", "wall [s]", "unknowns", "memory [MiB]", "front"]
-    rows = [_row(one, index in study.front) for index, one in enumerate(study.judged)]
+    heads, rows = ["run", "error", "processor [s]", "wall [s]", "unknowns", "memory [MiB]", "front"], []
+    for index, one in enumerate(study.judged):
+        error = percent(one.error) if one.told_apart else f"({percent(one.error)})"
+        rows.append([one.run.variant.name, error, *_spent(one.run), "yes" if index in study.front else ""])
     run = study.compared_with
     rows.append([run.variant.name, "reference", *_spent(run), ""])
     return _table(heads, rows)
-
-
-def _row(one: JudgedRun, on_front: bool) -> list[str]:
-    error = percent(one.error) if one.told_apart else f"({percent(one.error)})"
-    return [one.run.variant.name, error, *_spent(one.run), "yes" if on_front else ""]
 
 
 def _spent(run: MeasuredRun) -> list[str]:

@@ -149,9 +149,8 @@ def judge(scene: Scene, ladder: Ladder, runs: Sequence[MeasuredRun]) -> Study:
         raise ConvergenceError("cost: all numbers to compare are zero")
     rest = sorted((run for run in good if run is not compared_with), key=lambda run: run.cpu)
     judged = tuple(_judged(run, wanted, values) for run in rest)
-    clear = [index for index, one in enumerate(judged) if one.told_apart]
-    front = _front(judged, clear, lambda one: one.error)
-    starts = {"cpu": _start(good, lambda run: run.cpu), "wall": _start(good, lambda run: run.wall)}
+    errors = [one.error if one.told_apart else math.inf for one in judged]
+    front, starts = _front(judged, errors), {name: _start(good, name) for name in ("cpu", "wall")}
     return Study(
         scene=scene,
         ladder=ladder,
@@ -161,21 +160,22 @@ def judge(scene: Scene, ladder: Ladder, runs: Sequence[MeasuredRun]) -> Study:
         judged=judged,
         failed=tuple(run for run in runs if run.failed),
         front=tuple(front),
-        laws={
-            "cpu": _law([judged[i] for i in front], lambda one: one.run.cpu, starts["cpu"]),
-            "wall": _law([judged[i] for i in front], lambda one: one.run.wall, starts["wall"]),
+        laws={name: _law(judged, errors, name, start) for name, start in starts.items()},
+        of_goals={
+            goal.name: _law(judged, _clear_errors(judged, goal, values), "cpu", starts["cpu"])
+            for goal in wanted
         },
-        of_goals={goal.name: _law_of_goal(judged, goal, values, starts["cpu"]) for goal in wanted},
     )
 
 
-def _start(runs: Sequence[MeasuredRun], time: Callable[[MeasuredRun], float]) -> float:
-    """What a run takes before it computes anything; less than the shortest run."""
-    # Corrections of another solver option have another price.
+def _start(runs: Sequence[MeasuredRun], time: str) -> float:
+    """What a run takes before it computes anything, of a kind of time; less than the shortest run."""
+    # Corrections with another solver option have another price.
     own = _own(runs) or runs
-    solves = [max(run.counts.newton, 1) for run in own]
-    found = frontier.overhead([time(run) for run in own], [run.unknowns for run in own], solves)
-    return max(min(found, min(map(time, runs)) / LEAST_WORK), min(run.start for run in runs))
+    unknowns, solves = [run.unknowns for run in own], [max(run.counts.newton, 1) for run in own]
+    found = frontier.overhead([getattr(run, time) for run in own], unknowns, solves)
+    shortest = min(getattr(run, time) for run in runs)
+    return max(min(found, shortest / LEAST_WORK), min(run.start for run in runs))
 
 
 def _own(runs: Sequence[MeasuredRun]) -> list[MeasuredRun]:
@@ -220,25 +220,21 @@ def doubt(goal: ErrorNorm, values: Reference) -> float:
     return math.hypot(*(values.uncertainty[name] for name in goal.columns)) / goal.scale
 
 
-def _front(
-    judged: Sequence[JudgedRun], among: Sequence[int], error: Callable[[JudgedRun], float]
-) -> list[int]:
-    best = frontier.front(
-        [judged[i].run.cpu for i in among], [error(judged[i]) for i in among], frontier.WORTH
-    )
-    return [among[i] for i in best]
+def _clear_errors(judged: Sequence[JudgedRun], goal: ErrorNorm, values: Reference) -> list[float]:
+    """The errors of a goal; infinite where they are not clearly more than the doubt about the reference."""
+    found, unsure = [one.errors[goal.name] for one in judged], doubt(goal, values)
+    return [error if _clear([(error, unsure)]) else math.inf for error in found]
 
 
-def _law(best: Sequence[JudgedRun], cost: Callable[[JudgedRun], float], start: float) -> CostLaw | None:
-    return frontier.fitted([cost(one) for one in best], [one.error for one in best], start)
+def _front(judged: Sequence[JudgedRun], errors: Sequence[float]) -> list[int]:
+    return frontier.front([one.run.cpu for one in judged], errors, frontier.WORTH)
 
 
-def _law_of_goal(
-    judged: Sequence[JudgedRun], goal: ErrorNorm, values: Reference, start: float
-) -> CostLaw | None:
-    clear = [i for i, one in enumerate(judged) if _clear([(one.errors[goal.name], doubt(goal, values))])]
-    best = [judged[i] for i in _front(judged, clear, lambda one: one.errors[goal.name])]
-    return frontier.fitted([one.run.cpu for one in best], [one.errors[goal.name] for one in best], start)
+def _law(judged: Sequence[JudgedRun], errors: Sequence[float], time: str, start: float) -> CostLaw | None:
+    """The law of a kind of time on the front of errors."""
+    best = _front(judged, errors)
+    times = [getattr(judged[index].run, time) for index in best]
+    return frontier.fitted(times, [errors[index] for index in best], start)
 
 
 def to_dict(study: Study) -> dict[str, Any]:
@@ -253,14 +249,9 @@ def to_dict(study: Study) -> dict[str, Any]:
         {
             **vars(one.run.variant),
             "name": one.run.variant.name,
-            "error": one.error,
-            "errors": one.errors,
-            "told_apart": one.told_apart,
+            **{name: getattr(one, name) for name in ("error", "errors", "told_apart")},
             "on_front": index in study.front,
-            "wall": one.run.wall,
-            "cpu": one.run.cpu,
-            "unknowns": one.run.unknowns,
-            "peak_mib": one.run.peak_mib,
+            **{name: getattr(one.run, name) for name in ("wall", "cpu", "unknowns", "peak_mib")},
         }
         for index, one in enumerate(study.judged)
     ]
