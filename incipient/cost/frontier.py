@@ -112,9 +112,8 @@ def overhead(times: Sequence[float], unknowns: Sequence[float], solves: Sequence
 
 def fitted(costs: Sequence[float], errors: Sequence[float], start: float) -> CostLaw | None:
     """error = constant (cost - start)^-power by least squares in the logarithms; None if too little tells it."""
-    usable = [
-        (t - start, e) for t, e in zip(costs, errors, strict=True) if t > LEAST_GAIN * start and e > 0.0
-    ]
+    runs = zip(costs, errors, strict=True)
+    usable = [(t - start, e) for t, e in runs if t > LEAST_GAIN * start and e > 0.0]
     if len({round(math.log(t), 3) for t, _ in usable}) < 2:
         return None
     x, y = np.log(np.array(usable)).T
@@ -136,9 +135,8 @@ def words(law: CostLaw, errors: Sequence[float], costs: Sequence[float]) -> str:
         f"{' to '.join(dict.fromkeys((names[0], names[-1])))}: {time}" for time, names in priced.items()
     ]
     digit = f"each further digit x {law.digit:.2g}"
-    return f"{', '.join(prices)}; {digit}" + (
-        f", beyond the {law.start:.2g} s of starting" if law.start else ""
-    )
+    start = f", beyond the {law.start:.2g} s of starting" if law.start else ""
+    return f"{', '.join(prices)}; {digit}{start}"
 
 
 def accuracies(best: float) -> list[float]:

@@ -34,9 +34,8 @@ class Ladder:
     @property
     def compared(self) -> tuple[Variant, ...]:
         """The variants that are solved with other options as well."""
-        return tuple(
-            dict.fromkeys(replace(variant, solver="") for variant in self.variants if variant.solver)
-        )
+        found = (replace(variant, solver="") for variant in self.variants if variant.solver)
+        return tuple(dict.fromkeys(found))
 
     @property
     def ratio(self) -> float:
@@ -44,13 +43,9 @@ class Ladder:
         last = self.line[-3:]
         sizes = _ratios([variant.mesh_size for variant in last])
         steps = _ratios([variant.step or 1.0 for variant in last])
-        if any(max(ratios, default=1.0) > UNEQUAL * min(ratios, default=1.0) for ratios in (sizes, steps)):
+        if any(max(ratios) > UNEQUAL * min(ratios) for ratios in (sizes, steps)):
             return math.nan
-        return (
-            max(max(sizes, default=1.0), 1.0)
-            if max(sizes, default=1.0) > UNEQUAL
-            else max(steps, default=1.0)
-        )
+        return max(sizes) if max(sizes) > UNEQUAL else max(steps)
 
 
 @dataclass(frozen=True)
@@ -179,4 +174,5 @@ def _descending(values: Iterable[float]) -> tuple[float, ...]:
 
 
 def _ratios(values: Sequence[float]) -> list[float]:
-    return [before / now for before, now in itertools.pairwise(values)]
+    """Ratios of neighbours; 1 for a single value."""
+    return [before / now for before, now in itertools.pairwise(values)] or [1.0]

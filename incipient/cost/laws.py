@@ -18,9 +18,8 @@ USUAL_POWER, POWERS = 1.1, (1.0, 1.1, 1.2, 1.3, 1.4, 1.5)  # of the unknowns; th
 WIDE = 10.0  # factor between the fewest and the most unknowns from which on runs tell the power
 AGAIN = 0.3  # of what is fixed is paid again by a further run in one process: measured
 RATES = tuple(np.arange(1.0, 8.5, 0.5).tolist())  # powers of the cell size that a fit tries
-OTHER_ORDER = (
-    3.0  # what is not known more of an error whose order was not measured: cell sizes make orders alike
-)
+# What is not known more of an error whose order was not measured: cell sizes make orders alike.
+OTHER_ORDER = 3.0
 
 
 def geometric_mean(values: Sequence[float]) -> float:

@@ -21,7 +21,7 @@ from . import calibration, solvers
 from .calibration import Findings
 from .frontier import percent, seconds
 from .ladder import LARGEST
-from .laws import error_at
+from .laws import error_at, geometric_mean
 
 if TYPE_CHECKING:
     from ..planning.plan import Estimate
@@ -30,9 +30,8 @@ if TYPE_CHECKING:
 # Factors within which times by runs of the scene, of other scenes, and of another machine are trusted, and errors.
 OWN, FOREIGN, ELSEWHERE = 1.4, 2.0, 3.0
 OWN_ERROR, FOREIGN_ERROR = 2.0, 5.0
-COARSE = (
-    2.5  # error on the first mesh of steady flow over that of laws, which are found on finer cells: measured
-)
+# Error on the first mesh of steady flow over that of laws, which are found on finer cells: measured.
+COARSE = 2.5
 ESTIMATED = 3.0  # error by two coarser meshes over the error, with turbulence: measured (docs/turbulence.md)
 OTHER_ORDER = 1.2  # unknowns with elements of one order more, on cells of the same `mesh_size`: measured
 LIMIT = "numerics.budget_seconds limits the time"
@@ -65,7 +64,7 @@ class KnownLaws:
 
     def mean(self, number: Callable[[Findings], float]) -> float:
         """The geometric mean of a number of each."""
-        return math.exp(float(np.mean([math.log(number(one)) for one in self.findings])))
+        return geometric_mean([number(one) for one in self.findings])
 
     def errors(self, scene: Scene) -> dict[str, Error]:
         """Errors by goal of the scene with any cells, order and steps, of goals that it shares with those studied."""
@@ -149,9 +148,8 @@ class LastMesh:
         """Two lines for a reader."""
         said, reached = "the first mesh is expected to do", "" if self.reaches else "not to be reached, "
         if self.meshes > 1:
-            unknowns = (
-                f"about {float(f'{self.unknowns:.2g}'):.0f} unknowns in P{self.order}-P{self.order - 1}"
-            )
+            rounded = float(f"{self.unknowns:.2g}")
+            unknowns = f"about {rounded:.0f} unknowns in P{self.order}-P{self.order - 1}"
             said = f"{self.meshes} meshes expected, {reached}the last of {unknowns}"
             said += "" if self.step is None else f", step {self.step:.3g}"
         return f"  error on the first mesh {self.first}\n  {said}"

@@ -27,6 +27,7 @@ SMALLEST_PART = 1e-3  # of the force: below it a component has no error of its o
 SETTLED = 0.75  # of the time after which flow from a steady inflow is taken to be what it tends to
 TIMES = 16  # in the time of a run, at which elevations are compared
 WALLS = {"outflow_shear_velocity": "u* at the outflow", "mean_shear_velocity": "mean u*"}
+LOADS = ("force_x", "force_y", "couple")
 LINES = {"u_min": "minimum of v1", "v_max": "maximum of v2", "v_min": "minimum of v2"}
 LINES_IN_SPACE = {"u_min": "minimum of v1", "w_max": "maximum of v3", "w_min": "minimum of v3"}
 
@@ -52,20 +53,13 @@ class ErrorNorm:
 def columns(scene: Scene) -> tuple[str, ...]:
     """Names of the numbers that a scene's runs are compared by."""
     if scene.body is None:
-        lines = (
-            (*_lines(scene),)
-            if scene.has_centrelines
-            else (*WALLS,)
-            if scene.is_turbulent
-            else ("kinetic_energy",)
-        )
-        return _elevations(scene) or lines
+        of_walls = (*WALLS,) if scene.is_turbulent else ("kinetic_energy",)
+        return _elevations(scene) or ((*_lines(scene),) if scene.has_centrelines else of_walls)
     if scene.body.moves:
         return ("x", "y", "angle", "end_time", "path")
     if scene.time is None:
-        return ("force_x", "force_y", "couple", "safety_factor")
-    parts = ("force_x", "force_y", "couple")
-    return tuple(f"{which}_{part}" for part in parts for which in ("most", "least"))
+        return (*LOADS, "safety_factor")
+    return tuple(f"{which}_{part}" for part in LOADS for which in ("most", "least"))
 
 
 def quantities(scene: Scene, result: Result, history: Sequence[Mapping[str, Any]]) -> dict[str, float]:
@@ -153,13 +147,9 @@ def _of_path(scene: Scene, result: Result, history: Sequence[Mapping[str, Any]])
 def _of_loads(result: Result) -> dict[str, float]:
     assert result.force is not None and result.couple is not None
     factor = (result.verdict or {}).get("safety_factor")
-    safety = np.nan if factor is None else float(factor)
-    force = result.force.flow
-    return {
-        "force_x": float(force[0]),
-        "force_y": float(force[1]),
-        "couple": float(result.couple.flow[2]),
-        "safety_factor": safety,
+    loads = zip(LOADS, (*result.force.flow[:2], result.couple.flow[2]), strict=True)
+    return {name: float(load) for name, load in loads} | {
+        "safety_factor": np.nan if factor is None else float(factor)
     }
 
 
@@ -170,7 +160,7 @@ def _of_extremes(scene: Scene, history: Sequence[Mapping[str, Any]]) -> dict[str
     changing = changing or (scene.has_surface and scene.flow.kind == "still")
     begin = 0.0 if changing else SETTLED * scene.time.end
     found = {}
-    for part in ("force_x", "force_y", "couple"):
+    for part in LOADS:
         trace = np.array([(row["time"], row[part]) for row in history if row["time"] >= begin])
         found[f"most_{part}"] = peak(*trace.T)
         found[f"least_{part}"] = -peak(trace[:, 0], -trace[:, 1])
@@ -195,9 +185,8 @@ def _single(name: str, reference: Mapping[str, float], scene: Scene) -> ErrorNor
     from ..planning.flow_setup import Setup
 
     of_walls = (*WALLS,)[0 if Setup(scene).walls.plane else 1]
-    said = (
-        OF_WALLS if name == of_walls else (LINES | LINES_IN_SPACE | WALLS).get(name, name.replace("_", " "))
-    )
+    words = LINES | LINES_IN_SPACE | WALLS | {of_walls: OF_WALLS}
+    said = words.get(name, name.replace("_", " "))
     return ErrorNorm(said, (name,), abs(reference[name]), name == of_walls or name not in WALLS)
 
 
@@ -215,12 +204,10 @@ def _goals_of_path(scene: Scene, reference: Mapping[str, float]) -> tuple[ErrorN
 def _goals_of_loads(scene: Scene, reference: Mapping[str, float]) -> tuple[ErrorNorm, ...]:
     assert scene.grain is not None
     names = columns(scene)
-    parts = {axis: tuple(name for name in names if name.endswith(axis)) for axis in ("force_x", "force_y")}
+    parts = {axis: tuple(name for name in names if name.endswith(axis)) for axis in LOADS}
+    couples = parts.pop("couple")
     sizes = {axis: _norm(reference, part) for axis, part in parts.items()}
-    force, couples = (
-        float(np.linalg.norm([*sizes.values()])),
-        tuple(name for name in names if "couple" in name),
-    )
+    force = float(np.linalg.norm([*sizes.values()]))
     if force == 0.0:
         return ()
     couple = max(_norm(reference, couples), SMALLEST_COUPLE * force * scene.grain.size)
