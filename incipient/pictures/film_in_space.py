@@ -6,16 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 from matplotlib.artist import Artist
-from matplotlib.patches import Polygon
+from matplotlib.image import AxesImage
 
 from ..errors import OutputError
 from ..geometry.placement import Placement
 from ..scene import Scene
 from .film import ARROWS, Film
-from .outlines import grain_silhouette
 from .record import Run, parsed_json
-from .section import Section, section_of, views_of
-from .style import GRAIN, INK, View
+from .section import Section, draw_outlines, section_of, views_of
+from .style import View
 
 _POINTS = 320  # of the grid, along its longer side
 
@@ -50,25 +49,18 @@ class FilmInSpace(Film):
     def _shown(self, run: Run, time: float) -> list[Artist]:
         names = {"velocity", "velocity" if self.field.name == "speed" else self.field.name}
         section = section_of(run, self.view, sorted(names), _POINTS)
-        drawn = [self._painted(section), *self._grain(run), *self.way(time)]
+        image = self._painted(section)
+        drawn = [image, *draw_outlines(self.axes, section, image), *self.way(time)]
         if self.field.name == "speed":
             drawn.append(self._flow(section))
         return drawn
 
-    def _painted(self, section: Section) -> Artist:
+    def _painted(self, section: Section) -> AxesImage:
         values = self.field.of(section.fields)
         return self.axes.imshow(
-            np.where(section.inside, values, np.nan), origin="lower", extent=section.view, cmap=self.colours,
-            norm=self.norm, interpolation="nearest", aspect="auto", zorder=1,
+            values, origin="lower", extent=section.view, cmap=self.colours,
+            norm=self.norm, interpolation="bilinear", aspect="auto", zorder=1,
         )  # fmt: skip
-
-    def _grain(self, run: Run) -> list[Artist]:
-        grain = run.result.get("grain")
-        if grain is None:
-            return []
-        placement = Placement(grain["computed_centre"], quaternion=grain["quaternion"])
-        outline = grain_silhouette(Scene(**run.scene).grain, placement)
-        return [self.axes.add_artist(Polygon(outline, facecolor=GRAIN, edgecolor=INK, lw=1.0, zorder=3))]
 
     def _flow(self, section: Section) -> Artist:
         """The velocity within the plane on every so many points of the grid."""

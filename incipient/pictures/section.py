@@ -5,16 +5,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.image import AxesImage
+from matplotlib.patches import PathPatch, Polygon
+from matplotlib.path import Path
 
 from ..geometry.placement import Placement
 from ..scene import Scene
 from .cells import pyvista_off_screen
 from .record import Run
 from .streamlines import Sampled
-from .style import View
+from .style import GRAIN, GROUND, INK, View
 
 BESIDE = 1e-5  # of the width: how far beside a plane of symmetry fields are cut
 TETRAHEDRON, STRAIGHT = 24, 10  # VTK's numbers of the quadratic one and of the straight one
@@ -31,6 +37,8 @@ PARTS = (
     (5, 6, 8, 9),
 )
 COLUMNS = 500  # points along the longer side
+SUBDIVIDED = 2  # halvings of curved triangles whose sections are drawn
+_OUTLINE = 400  # points along either side of the grid in which a grain's outline is found
 _NEAR = 0.15  # of the grain's size: where its shape tells what is fluid
 
 
@@ -42,7 +50,11 @@ class Section:
     x: np.ndarray  # of the columns
     z: np.ndarray  # of the rows
     inside: np.ndarray
-    fields: dict[str, np.ndarray]
+    fields: dict[str, np.ndarray]  # outside of the fluid those of the next point in it
+    fluid: tuple[
+        np.ndarray, ...
+    ]  # closed lines (n, 2) around the fluid: where the plane cuts the boundary of the mesh
+    grain: tuple[np.ndarray, ...]  # closed lines (n, 2) around the grain, by its own shape
 
     @property
     def spacing(self) -> float:
@@ -88,21 +100,74 @@ def section_of(run: Run, view: View, names: Sequence[str], columns: int = COLUMN
     across, up = np.meshgrid(x, z)
     level = np.clip(level_of(run), low + inwards, high - inwards)
     points = np.column_stack([across.ravel(), np.full(across.size, level), up.ravel()])
-    found = pyvista.PolyData(points).sample(straight(tetrahedra(run, view, names), level))
+    grid = tetrahedra(run, view, names)
+    found = pyvista.PolyData(points).sample(straight(grid, level))
     # Points next to curved boundaries are missed: where there is fluid the shapes tell, and how fast the next point.
     known = np.asarray(found["vtkValidPointMask"], dtype=bool)
     inside = _in_fluid(run, points, known)
     if known.any():
         from scipy.spatial import cKDTree
 
-        missing = np.flatnonzero(inside & ~known)
+        missing = np.flatnonzero(~known)
         _, nearest = cKDTree(points[known]).query(points[missing])
         for name in names:
             found[name][missing] = found[name][known][nearest]
     shape = across.shape
     values = {name: np.asarray(found[name]) for name in names}
     shaped = {name: field.reshape(*shape, *field.shape[1:]) for name, field in values.items()}
-    return Section(view, x, z, inside.reshape(shape), shaped)
+    return Section(
+        view, x, z, inside.reshape(shape), shaped, boundary_lines(grid, level), grain_lines(run, level)
+    )
+
+
+def draw_outlines(axes: Axes, section: Section, image: AxesImage) -> list[Artist]:
+    """Cut an image to the fluid, and draw lines around it, the ground outside, and the grain."""
+    axes.set_facecolor(GROUND)
+    codes = [Path(line, closed=True) for line in section.fluid]
+    fluid = PathPatch(Path.make_compound_path(*codes), fill=False, edgecolor=INK, lw=0.8, zorder=2.5)
+    grains = [Polygon(line, facecolor=GRAIN, edgecolor=INK, lw=0.9, zorder=3) for line in section.grain]
+    drawn = [axes.add_artist(one) for one in (fluid, *grains)]
+    image.set_clip_path(fluid)
+    return drawn
+
+
+def boundary_lines(grid: Any, level: float) -> tuple[np.ndarray, ...]:
+    """Closed lines (n, 2) of x and z along which a plane of constant y cuts the boundary of quadratic tetrahedra."""
+    y = grid.points[:, 1][grid.cells_dict[TETRAHEDRON]]
+    cut = grid.extract_cells(np.flatnonzero((y.min(axis=1) <= level) & (y.max(axis=1) >= level)))
+    surface = cut.extract_surface(nonlinear_subdivision=SUBDIVIDED, algorithm="dataset_surface").triangulate()
+    lines = surface.slice(normal="y", origin=(0.0, level, 0.0)).strip(join=True)
+    ends = np.cumsum([0, *(len(line) for line in _polylines(lines))])
+    points = np.concatenate([lines.points[line] for line in _polylines(lines)] or [np.empty((0, 3))])
+    return tuple(points[start:end][:, [0, 2]] for start, end in pairwise(ends))
+
+
+def _polylines(lines: Any) -> list[np.ndarray]:
+    """Numbers of the points along each line of a VTK data set."""
+    found, rest = [], lines.lines
+    while len(rest):
+        found.append(rest[1 : rest[0] + 1])
+        rest = rest[rest[0] + 1 :]
+    return found
+
+
+def grain_lines(run: Run, level: float) -> tuple[np.ndarray, ...]:
+    """Closed lines (n, 2) around the grain where it was computed: zeros of its own level in a plane of constant y."""
+    centre = run.value("grain", "computed_centre")
+    if centre is None:
+        return ()
+    from contourpy import contour_generator
+
+    grain, placement = (
+        Scene(**run.scene).grain,
+        Placement(centre, quaternion=tuple(run.value("grain", "quaternion"))),
+    )
+    half = 0.6 * grain.size * np.linspace(-1.0, 1.0, _OUTLINE)
+    x, z = centre[0] + half, centre[2] + half
+    across, up = np.meshgrid(x, z)
+    points = np.column_stack([across.ravel(), np.full(across.size, level), up.ravel()])
+    found = contour_generator(x, z, grain.level(placement.to_body(points)).reshape(across.shape)).lines(0.0)
+    return tuple(np.asarray(line) for line in found)
 
 
 def _in_fluid(run: Run, points: np.ndarray, known: np.ndarray) -> np.ndarray:

@@ -6,13 +6,13 @@ The fields of a run stand on quadratic tetrahedra, which VTK cuts and samples; m
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
-from matplotlib.colors import ListedColormap, Normalize
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from ..scene import Scene
@@ -21,11 +21,11 @@ from .cells import COLOURS, framed, pyvista_off_screen, stage
 from .judged import Judged, judged
 from .plane import Marks, aside, label, marks_of
 from .record import Run
-from .section import BESIDE, TETRAHEDRON, Section, level_of, section_of, tetrahedra, views_of
+from .section import BESIDE, TETRAHEDRON, Section, draw_outlines, level_of, section_of, tetrahedra, views_of
 from .sheet import Group, explain, judge_rows, load_rows, sheet, write_numbers
 from .solid import Rendering, rendered
 from .streamlines import streamlines
-from .style import FLOW, FORCES, GROUND, INK, PAPER, panels
+from .style import FLOW, FORCES, INK, PAPER, panels
 
 if TYPE_CHECKING:
     from ..geometry.space.terrain import Terrain
@@ -84,12 +84,12 @@ def _sections(
     figure, places = panels(views, run.headline)
     for (axes, bar), view, what in zip(places, views, ("whole length", "around the grain"), strict=False):
         section = section_of(run, view, ["velocity", "pressure"])
-        values = np.where(section.inside, values_of(section), np.nan)
+        values = values_of(section)
         norm = limits(values[section.inside])
-        drawn: dict[str, Any] = {"origin": "lower", "extent": view, "interpolation": "bilinear"}
-        axes.imshow(values, cmap=colours, norm=norm, zorder=1, **drawn)
-        solid = np.where(section.inside, np.nan, 1.0)
-        axes.imshow(solid, cmap=ListedColormap([GROUND]), zorder=1, **{**drawn, "interpolation": "nearest"})
+        image = axes.imshow(
+            values, cmap=colours, norm=norm, origin="lower", extent=view, interpolation="bilinear", zorder=1
+        )
+        draw_outlines(axes, section, image)
         if lines:
             separation = 0.03 * np.sqrt((view[1] - view[0]) * (view[3] - view[2]))
             found = streamlines(section.along, separation)

@@ -5,14 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
+from pyvista import UnstructuredGrid
 
 from incipient.output.series_file import Step
 from incipient.pictures.record import Run
-from incipient.pictures.section import PARTS, section_of
+from incipient.pictures.section import PARTS, TETRAHEDRON, boundary_lines, grain_lines, section_of
+from incipient.scene import Domain, Ellipsoid, Fluid, Scene, Shear
 
 EDGES = ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))  # of a tetrahedron, in VTK's order of their nodes
 CUBE = np.array([(x, y, z) for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
-SIX = ((0, 4, 6, 7), (0, 4, 5, 7), (0, 2, 6, 7), (0, 2, 3, 7), (0, 1, 5, 7), (0, 1, 3, 7))
+# Of one orientation, as meshes have them.
+SIX = ((0, 4, 6, 7), (0, 5, 4, 7), (0, 6, 2, 7), (0, 2, 3, 7), (0, 1, 5, 7), (0, 3, 1, 7))
 
 
 def quadratic(corners: np.ndarray, cells: tuple[tuple[int, ...], ...]) -> tuple[np.ndarray, np.ndarray]:
@@ -55,3 +59,41 @@ def test_fields_stand_where_they_are_on_curved_cells() -> None:
     assert np.abs(section.fields["pressure"] - across)[section.inside].max() < 1e-6
     assert not section.inside[section.z < 0.3][:, np.abs(section.x - 0.5) < 0.1].any()
     assert section.inside[section.z > 0.6].all()
+
+
+def test_the_line_around_the_fluid_is_that_of_its_curved_cells() -> None:
+    """The hump's line is z = 1.6 x (1 - x), which curved cells of order two have; and the cube's straight sides."""
+    points, cells = quadratic(CUBE, SIX)
+    points[:, 2] += 1.6 * points[:, 0] * (1.0 - points[:, 0]) * (1.0 - points[:, 2])
+    grid = UnstructuredGrid({TETRAHEDRON: cells}, points)
+    (line,) = boundary_lines(grid, 0.5001)
+    x, z = line.T
+    assert line[0] == pytest.approx(line[-1])
+    assert (x.min(), x.max(), z.max()) == pytest.approx((0.0, 1.0, 1.0), abs=1e-6)
+    floor = line[(x > 1e-6) & (x < 1 - 1e-6) & (z < 0.99)]
+    assert len(floor) >= 4
+    assert np.abs(floor[:, 1] - 1.6 * floor[:, 0] * (1.0 - floor[:, 0])).max() < 0.01
+
+
+def test_the_line_around_a_grain_is_its_own() -> None:
+    """An ellipsoid turned about y: every point of the line is on it, to 1e-3 of its size."""
+    body = Ellipsoid(semi_axes=(0.6, 0.4, 0.3), centre=(2.0, 1.0, 1.0))
+    domain = Domain(length=4.0, width=2.0, height=2.0)
+    scene = Scene(domain=domain, flow=Shear(), fluid=Fluid(reynolds=1.0, scale="grain"), body=body)
+    grain = {
+        "computed_centre": [2.0, 1.0, 1.0],
+        "quaternion": [np.cos(0.3), 0.0, np.sin(0.3), 0.0],
+        "size": 1.2,
+    }
+    run = Run(
+        Path(),
+        {"grain": grain},
+        scene.model_dump(mode="json"),
+        Step(0.0, CUBE, np.zeros((0, 10), int), {}),
+        None,
+    )
+    (line,) = grain_lines(run, 1.0)
+    turn = np.array([[np.cos(0.6), np.sin(0.6)], [-np.sin(0.6), np.cos(0.6)]])
+    x, z = turn.T @ (line - [2.0, 1.0]).T
+    assert len(line) > 200
+    assert np.abs(np.hypot(x / 0.6, z / 0.3) - 1.0).max() < 5e-3
