@@ -143,5 +143,5 @@ def test_links_of_the_readme_are_absolute_where_the_address_is_known(repository:
     shown = metadata_of(built("wheel", source, tmp_path / "made")).get_payload()
     assert isinstance(shown, str)
     raw, blob = (f"{repository}/{kind}/HEAD/" if repository else "" for kind in ("raw", "blob"))
-    assert f"]({raw}docs/figures/pothole.png)" in shown
-    assert f"[docs/moving.md]({blob}docs/moving.md)" in shown
+    assert f"]({raw}docs/figures/grain_on_bed_flow.png)" in shown
+    assert f"[moving grains]({blob}docs/moving.md)" in shown
