@@ -88,11 +88,15 @@ class _Process:
             self._popen.stdin.close()
             self._popen.wait(LEAVE)
 
-    def end(self) -> None:
+    def kill(self) -> None:
         """Kill it with all that it has started."""
         with suppress(ProcessLookupError):
             os.killpg(self._popen.pid, signal.SIGKILL)
         self._popen.wait()
+
+    def end(self) -> None:
+        """Kill it, and close its files."""
+        self.kill()
         for stream in (self._popen.stdin, self._popen.stdout, self._complaints):
             with suppress(BrokenPipeError):
                 cast("IO[str]", stream).close()
@@ -102,6 +106,7 @@ class _Process:
         with suppress(subprocess.TimeoutExpired):
             self._popen.wait(LEAVE)
         code = self._popen.poll()
+        self.kill()
         self._complaints.seek(0)
         lines = [line for line in self._complaints if re.search(r"\w", line)]
         if code is not None and code < 0:
@@ -116,14 +121,17 @@ class Processes:
     def __init__(self, places: int, ranks: int = 1):
         self.places, self._ranks = places, ranks
         self._threads = ThreadPoolExecutor(places)
-        self._idle: list[_Process] = []
+        self._processes: list[_Process] = []
         self._at_work: dict[Future[CaseOutcome], _Process] = {}
 
     def submit(self, case: SweepCase) -> Future[CaseOutcome]:
         """See `Workers`."""
-        process = self._idle.pop() if self._idle else _Process(self._ranks)
-        future = self._threads.submit(process.compute, case)
-        self._at_work[future] = process
+        idle = [one for one in self._processes if one not in self._at_work.values()]
+        if not idle:
+            idle = [_Process(self._ranks)]
+            self._processes += idle  # before it computes: an interrupt from here on ends it, too
+        future = self._threads.submit(idle[-1].compute, case)
+        self._at_work[future] = idle[-1]
         return future
 
     def outcome(self, case: SweepCase, future: Future[CaseOutcome]) -> CaseOutcome:
@@ -134,16 +142,15 @@ class Processes:
         """
         process = self._at_work.pop(future)
         if process.has_died() or (case.scene is not None and process.cases >= RENEWED):
+            self._processes.remove(process)
             process.end()
-        else:
-            self._idle.append(process)
         return future.result()
 
     def close(self, at_once: bool) -> None:
         """See `Workers`."""
-        for process in () if at_once else self._idle:
+        for process in () if at_once else self._processes:
             process.dismiss()
-        for process in (*self._at_work.values(), *self._idle):
+        for process in self._processes:
             process.end()
         self._threads.shutdown()
 
