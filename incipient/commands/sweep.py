@@ -111,9 +111,9 @@ def sweep(options: argparse.Namespace, comm: MPI.Comm) -> int:
     from ..sweep.call import Means, Prepared, computed
     from ..sweep.dry_run import foretold
     from ..sweep.live import watching
-    from ..sweep.request import seconds, usual_file
+    from ..sweep.request import parsed_seconds, usual_file
 
-    wall = float("inf") if options.wall is None else seconds(options.wall)
+    wall = float("inf") if options.wall is None else parsed_seconds(options.wall)
     means = Means(options.jobs, options.ranks, options.memory, wall, options.retry)
     places, files = means.places(comm), [Path()]
     prepared, lines = Prepared(), ""

@@ -17,7 +17,7 @@ from .case_refinement import SweepRefinement
 from .cases import SweepCase
 from .expectation import Foresight, cores, free_memory_mib
 from .procedure import Limits, Sweep, SweepProgress, Watcher
-from .request import RefinementOptions, Request, of_python, seconds
+from .request import RefinementOptions, Request, of_python, parsed_seconds
 from .store import Store
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ def run(
         IncipientError: on all ranks; what was computed before it is in the file.
     """
     comm = comm or ranks_there_are()
-    limit = seconds(wall) if isinstance(wall, str) else wall or float("inf")
+    limit = parsed_seconds(wall) if isinstance(wall, str) else wall or float("inf")
     if not limit > 0:
         raise SceneError(f"--wall {wall}: is not a time; write it as 8h, 30m or 1h30m")
     means = Means(jobs, ranks, memory_mib, limit, retry)

@@ -159,7 +159,7 @@ def requested(
     return Request(tuple(sources), tuple(over), together, table, task, tuple(common), aim)
 
 
-def seconds(text: str) -> float:
+def parsed_seconds(text: str) -> float:
     """A time such as 8h, 1h30m, 90s or 1.5d in seconds.
 
     Raises:

@@ -23,7 +23,7 @@ from incipient.sweep.axes import combined, of_mapping, parsed, table_of_cases
 from incipient.sweep.call import Means
 from incipient.sweep.cases import Source, SweepCase, resolved
 from incipient.sweep.dry_run import foretold, sampled
-from incipient.sweep.request import requested, seconds
+from incipient.sweep.request import parsed_seconds, requested
 from incipient.sweep.store import DONE, RUNNING, WAITING, CaseOutcome, Store
 
 SOURCE = Source("mine", example())
@@ -100,7 +100,7 @@ def test_wrong_requests_are_refused(tmp_path: Path) -> None:
     assert "cannot be read" in message(lambda: table_of_cases(tmp_path / "absent.csv"))
     wrong = requested([SOURCE], [parsed("fluid.reynolds=1,-1")])
     assert "case 2 of 2 (fluid.reynolds=-1): --set fluid.reynolds=-1" in message(wrong.cases)
-    assert "is not a time" in message(lambda: seconds("soon"))
+    assert "is not a time" in message(lambda: parsed_seconds("soon"))
 
 
 def test_means_that_are_no_positive_numbers_are_refused() -> None:
@@ -147,7 +147,7 @@ def test_what_a_sample_says_is_taken_for_all(tmp_path: Path, monkeypatch: pytest
     ("text", "time"), [("8h", 28800.0), ("1h30m", 5400.0), ("90", 90.0), ("1.5d", 129600.0), ("2m5s", 125.0)]
 )
 def test_times_are_read(text: str, time: float) -> None:
-    assert seconds(text) == time
+    assert parsed_seconds(text) == time
 
 
 def test_the_section_of_a_scene_says_what_is_varied(tmp_path: Path) -> None:
