@@ -1,4 +1,4 @@
-"""What studies have found: laws of time and error, and solver options that are cheaper, scene by scene.
+"""Findings of studies: laws of time and error, and solver options that are cheaper, scene by scene.
 
 `incipient cost` adds to this machine's calibration, in the user's cache directory; `incipient calibrate` makes one from
 small built-in scenes. One made elsewhere, `shipped.json`, serves where there is none.
@@ -31,7 +31,7 @@ IN_SPACE, WITH_TURBULENCE = " in space", " with turbulence"
 
 @dataclass(frozen=True)
 class Findings:
-    """What a study has found of a scene.
+    """Findings of a study of a scene.
 
     time:    law of processor time; memory: measured over that of `expense.memory`
     errors:  laws by goal and order of the velocity
@@ -47,7 +47,7 @@ class Findings:
 
     @staticmethod
     def of_dict(data: Mapping[str, Any]) -> Findings:
-        """From plain data, as `dataclasses.asdict` makes them."""
+        """Findings from plain data, as `dataclasses.asdict` makes them."""
         errors = {
             goal: {int(order): ErrorLaw(**law) for order, law in laws.items()}
             for goal, laws in data["errors"].items()
@@ -60,7 +60,7 @@ Calibration = Mapping[str, Findings]
 
 
 def machine() -> str:
-    """What tells machines apart that share a home directory."""
+    """Name of this machine among those that share a home directory."""
     from importlib.metadata import version
 
     cores = os.cpu_count() or 1
@@ -94,7 +94,7 @@ def shipped() -> Calibration:
 
 
 def of_study(directory: Path) -> Calibration:
-    """What the study in a directory has found.
+    """Findings of the study in a directory.
 
     Raises:
         OutputError: there is none, or it is of another version.
@@ -112,7 +112,7 @@ def _parsed(data: Mapping[str, Any]) -> Calibration:
 
 
 def plain(calibration: Calibration) -> dict[str, Any]:
-    """As plain data."""
+    """Plain data of a calibration."""
     return {digest: asdict(found) for digest, found in calibration.items()}
 
 
@@ -142,7 +142,7 @@ def _stored() -> dict[str, Any]:
 
 
 def digest(scene: Scene) -> str:
-    """What runs of one scene share: all of it but how finely it is computed and what is written."""
+    """Digest of a scene without its resolution and what is written, which is the same for all runs of a study."""
     content = scene.model_dump(mode="json", exclude={"title", "numerics", "output"})
     # A scene in the plane says nothing of these, and is what it was before there were others.
     content["domain"] = {key: value for key, value in content["domain"].items() if value is not None}

@@ -134,7 +134,7 @@ def predicted_plan(scene: Scene, directory: Path | None = None) -> PredictedPlan
 
 
 def price_of_bars(scene: Scene) -> str:
-    """What the error bars of a free surface without a grain take, in words; empty for other scenes. Not collective."""
+    """Price of the error bars of a free surface without a grain, in words; else empty. Not collective."""
     wanted = scene.numerics.error_bars and scene.numerics.accuracy is None
     if not wanted or scene.body is not None or not scene.has_surface:
         return ""

@@ -1,4 +1,4 @@
-"""What a study has found, for predictions: the laws of its scene, and solver options that are cheaper."""
+"""Findings of a study, for predictions: the laws of its scene, and solver options that are cheaper."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .study import Study
 
 
 def findings(study: Study) -> Calibration:
-    """What is kept of a study: by runs solved as the scene says, nothing without any. Not collective."""
+    """Findings of a study by its runs solved as the scene says, none without any. Not collective."""
     scene, end = study.scene, study.scene.time.end if study.scene.time else 0.0
     runs = [*(one.run for one in study.judged), study.compared_with]
     own = [run for run in runs if not run.variant.solver]

@@ -59,7 +59,7 @@ def extrapolated(three: Sequence[float], ratio: float) -> float | None:
 
 
 def _doubt(three: Sequence[float], value: float, others: Sequence[float]) -> float:
-    """How far the reference's number may be off."""
+    """Uncertainty of a number of the reference."""
     if value != three[-1]:
         return abs(value - three[-1])
     if len(three) > 1:
@@ -69,7 +69,7 @@ def _doubt(three: Sequence[float], value: float, others: Sequence[float]) -> flo
 
 
 def front(costs: Sequence[float], errors: Sequence[float], gain: float = 1.0) -> list[int]:
-    """Which runs no cheaper one equals in error, or comes within a factor `gain` of it; the cheapest first."""
+    """Indices of runs that no cheaper one equals in error to a factor `gain`; the cheapest first."""
     best, found = math.inf, []
     for index in sorted(range(len(costs)), key=lambda i: (costs[i], errors[i])):
         if gain * errors[index] < best:
@@ -91,7 +91,7 @@ class CostLaw:
     scatter: float = 1.0
 
     def time(self, error: float) -> float:
-        """How long a run with this error takes, in the units of the start."""
+        """Time of a run with this error, in the units of the start."""
         return self.start + (self.constant / error) ** (1.0 / self.power)
 
     @property
@@ -101,7 +101,7 @@ class CostLaw:
 
 
 def overhead(times: Sequence[float], unknowns: Sequence[float], solves: Sequence[float]) -> float:
-    """What a run would take without unknowns: the part of times that does not grow with unknowns and solves."""
+    """Time of a run without unknowns: the part of times that does not grow with unknowns and solves."""
     from scipy.optimize import nnls
 
     t, n, s = (np.asarray(values, dtype=float) for values in (times, unknowns, solves))
@@ -127,7 +127,7 @@ def fitted(costs: Sequence[float], errors: Sequence[float], start: float) -> Cos
 
 
 def words(law: CostLaw, errors: Sequence[float], costs: Sequence[float]) -> str:
-    """Such as "1%: 1.4 s, 0.1%: 2 s, 0.01%: about 6 s; each further digit x 2.1, beyond the 1.1 s of starting"."""
+    """Words of a law, such as "1%: 1.4 s, 0.1%: about 6 s; each further digit x 2.1, beyond the 1.1 s of starting"."""
     priced: dict[str, list[str]] = {}
     for error in accuracies(min(errors)):
         priced.setdefault(cost(law, error, errors, costs), []).append(percent(error))

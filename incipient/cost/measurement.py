@@ -28,7 +28,7 @@ ENOUGH = 5.0  # processor time [s] after which a run is not made again
 
 @dataclass(frozen=True, order=True)
 class Variant:
-    """How finely: order of the velocity, factor on cell sizes, time step (None: steady); and how it is solved.
+    """Resolution: order of the velocity, factor on cell sizes, time step (None: steady); and how it is solved.
 
     solver: one of the ways of `solvers`, empty for the scene's own
     """
@@ -40,14 +40,14 @@ class Variant:
 
     @property
     def name(self) -> str:
-        """Such as "P3-P2, mesh_size 0.5, step 0.01, extrapolated"."""
+        """Name such as "P3-P2, mesh_size 0.5, step 0.01, extrapolated"."""
         step = "" if self.step is None else f", step {self.step:.4g}"
         solver = f", {self.solver}" if self.solver else ""
         return f"P{self.order}-P{self.order - 1}, mesh_size {self.mesh_size:.4g}{step}{solver}"
 
     @property
     def key(self) -> tuple[int, str, str, str]:
-        """What tells variants apart in a file of rounded numbers."""
+        """Key of the variant in a file of rounded numbers."""
         step = "" if self.step is None else f"{self.step:.6g}"
         return self.order, f"{self.mesh_size:.6g}", step, self.solver
 
@@ -86,13 +86,13 @@ class Counts:
 
     @classmethod
     def of(cls, data: Mapping[str, Any]) -> Counts:
-        """From numbers by name; what is missing is none, other names do not matter."""
+        """Counts from numbers by name; missing ones are zero, other names do not matter."""
         return cls(**{one.name: int(data.get(one.name, 0)) for one in fields(cls)})
 
 
 @dataclass(frozen=True)
 class MeasuredRun:
-    """What a run took and gave.
+    """Cost and numbers of a run.
 
     wall, cpu: seconds of the whole process; start: processor time until everything was imported
     found:     the numbers its accuracy is measured by

@@ -50,7 +50,7 @@ class Error:
 
 @dataclass(frozen=True)
 class KnownLaws:
-    """What studies tell of a scene.
+    """Laws that studies tell of a scene.
 
     own:    whether they are of the scene itself; where: which they are, in words
     factor: to which times are trusted
@@ -92,7 +92,7 @@ class KnownLaws:
 
 
 def known_laws(scene: Scene, study: Path | None = None) -> KnownLaws | None:
-    """What is known of a scene by a study in a directory, this machine's calibration, or that shipped. Not collective.
+    """Laws known for a scene by a study in a directory, this machine's calibration, or that shipped. Not collective.
 
     None where no scene of its kind is known.
 
@@ -121,7 +121,7 @@ def known_laws(scene: Scene, study: Path | None = None) -> KnownLaws | None:
 
 
 def _goals(scene: Scene) -> tuple[str, ...]:
-    """Which errors a scene may have in common with others."""
+    """Errors that a scene may have in common with others, by name."""
     if scene.body is None:
         return ("minimum of v1", "maximum of v2", "minimum of v2", "kinetic energy", OF_WALLS)
     return ("place", "angle") if scene.body.moves else ("force", "couple", "safety factor")
@@ -202,7 +202,7 @@ class _Run:
 
 
 def predict(known: KnownLaws, estimate: Estimate) -> Prediction | str:
-    """What the run of a scene will come to, or in words why that is not known. Not collective.
+    """Prediction of the run of a scene, or in words why it is not known. Not collective.
 
     Args:
         known: what studies tell of the scene.
@@ -367,7 +367,7 @@ def _balanced(first: _Run, known: KnownLaws, asked: float) -> tuple[list[_Run], 
 
 
 def _as_tried(run: _Run, known: KnownLaws) -> Trial:
-    """What a run will find its error to be: the step's part as by longer ones, the rest is the mesh's."""
+    """Error that a run will find: the step's part as by longer ones, the rest is the mesh's."""
     from ..accuracy.coarse_runs import comparisons
     from ..accuracy.errorbars import shares
 

@@ -28,7 +28,7 @@ def environment_of_one_rank(options: str = "") -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Usage:
-    """What one process took and said: seconds, MiB of its largest process; a negative exit code is a signal's."""
+    """Cost and output of one process: seconds, MiB of its largest process; a negative exit code is a signal's."""
 
     wall: float
     cpu: float

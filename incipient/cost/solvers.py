@@ -160,7 +160,7 @@ def differs(solver: str, scene: Scene) -> bool:
 
 
 def sections(solver: str, scene: Scene) -> Sections:
-    """What a solver option changes in a scene: keys by section."""
+    """Keys that a solver option changes in a scene, by section."""
     merged: Sections = {}
     for name, keys in (part for one in _solvers(solver) for part in one.sections(scene).items()):
         merged[name] = merged.get(name, {}) | keys
@@ -178,7 +178,7 @@ def said(solver: str) -> str:
 
 
 def settings(solver: str, scene: Scene) -> list[str]:
-    """How a user chooses a solver option: keys of the scene, and the environment."""
+    """Settings by which a user chooses a solver option: keys of the scene, and the environment."""
     changed = sections(solver, scene)
     keys = [f"{name}.{key} = {_toml(value)}" for name in changed for key, value in changed[name].items()]
     return [*keys, *([f'PETSC_OPTIONS="{options(solver)}"'] if options(solver) else [])]

@@ -60,11 +60,11 @@ class Study:
         return [one.run.cpu for one in best], [one.error for one in best]
 
     def solvers(self) -> tuple[Compared, ...]:
-        """How other solver options compare with the scene's own."""
+        """Other solver options compared with the scene's own."""
         return compared(self.judged, self.front, self.goals)
 
     def words(self) -> str:
-        """What accuracy costs, in a line."""
+        """Line of words on what accuracy costs."""
         law = self.laws["cpu"]
         if law is None:
             return self._without_law()
@@ -169,7 +169,7 @@ def judge(scene: Scene, ladder: Ladder, runs: Sequence[MeasuredRun]) -> Study:
 
 
 def _start(runs: Sequence[MeasuredRun], time: str) -> float:
-    """What a run takes before it computes anything, of a kind of time; less than the shortest run."""
+    """Time, "cpu" or "wall", of a run before it computes anything; less than the shortest run."""
     # Corrections with another solver option have another price.
     own = _own(runs) or runs
     unknowns, solves = [run.unknowns for run in own], [max(run.counts.newton, 1) for run in own]
@@ -216,7 +216,7 @@ def _clear(known: Sequence[tuple[float, float]]) -> bool:
 
 
 def doubt(goal: ErrorNorm, values: Reference) -> float:
-    """How far off the reference may be in terms of a goal's relative error."""
+    """Uncertainty of the reference in terms of a goal's relative error."""
     return math.hypot(*(values.uncertainty[name] for name in goal.columns)) / goal.scale
 
 

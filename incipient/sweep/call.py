@@ -30,7 +30,7 @@ log = logging.getLogger("incipient")
 
 @dataclass(frozen=True)
 class Means:
-    """What a sweep may use.
+    """Resources of a sweep.
 
     jobs:  cases at a time, None: as many as there are cores for; ranks: of each case
     memory_mib: at a time, None: what is free; wall: seconds
@@ -55,7 +55,7 @@ class Means:
         return Limits(free_memory_mib() if self.memory_mib is None else self.memory_mib, self.wall)
 
     def places(self, comm: MPI.Comm) -> int:
-        """How many cases are computed at a time."""
+        """Number of cases computed at a time."""
         if comm.size > 1:
             from .executors import groups
 
@@ -134,7 +134,7 @@ class Prepared:
 
     @classmethod
     def of(cls, request: Request, voice: Silent | None = None) -> Prepared:
-        """Those of a request, checked; raises SceneError."""
+        """Prepare the checked cases of a request; raises SceneError."""
         cases, keys = request.cases(voice)
         return cls(cases, keys, request.refinement(cases))
 

@@ -36,7 +36,7 @@ _USUAL = {"threshold": "shields"}  # what is to be straight; else the safety fac
 
 @dataclass(frozen=True)
 class Aim:
-    """What a refinement is to reach: the tolerance, with how many cases in all, and which column is to be straight."""
+    """Aim of a refinement: the tolerance, the number of cases in all, and the column that is to be straight."""
 
     tolerance: float = USUAL
     most: int = MOST
@@ -53,7 +53,7 @@ class Aim:
 
 @dataclass(frozen=True)
 class Seen:
-    """What is known of a case: its mode, with whether the quantity is finite, and the quantity."""
+    """Known result of a case: its mode, with whether the quantity is finite, and the quantity."""
 
     mode: str
     value: float | None
@@ -139,7 +139,7 @@ class Family:
             self.cells[half] = {one.mode for place, one in self.seen.items() if half.holds(place)}
 
     def bend(self, cell: Cell, way: int, lines: Mapping[tuple[int, Place], list[float]]) -> float:
-        """How far the quantity may be from straight along the edges of a cell; infinite where that is not known."""
+        """Largest miss of straight lines along the edges of a cell; infinite where it is not known."""
         worst, known = (
             0.0,
             any(corner not in self.seen or self.seen[corner].value is None for corner in cell.corners()),
@@ -156,7 +156,7 @@ class Family:
         return worst if known else math.inf
 
     def _miss(self, corner: Place, way: int, three: Sequence[float], cell: Cell) -> float | None:
-        """By three neighbours on a line; None if they are not all known and of one mode."""
+        """Estimated miss by three neighbours on a line; None if they are not all known and of one mode."""
         seen = [self.seen.get((*corner[:way], one, *corner[way + 1 :])) for one in three]
         values = [one.value for one in seen if one is not None and one.value is not None]
         if len(values) < 3 or len({one.mode for one in seen if one is not None}) > 1:
@@ -215,7 +215,7 @@ class SweepRefinement:
 
     @property
     def most(self) -> int:
-        """How many cases there may be in all."""
+        """Limit of the number of cases in all."""
         return self._aim.most
 
     def following(self, results: Callable[[Sequence[str]], Mapping[str, tuple[str, Any]]]) -> list[SweepCase]:
@@ -321,7 +321,7 @@ class SweepRefinement:
     # -- what came of it ------------------------------------------------------------------------------------
 
     def lines(self) -> list[str]:
-        """How well the changes of mode are known, for a reader."""
+        """Lines for a reader on how well the changes of mode are known."""
         mixed = [
             (family, cell)
             for family in self._families

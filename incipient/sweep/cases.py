@@ -53,7 +53,7 @@ class Source:
 
     @property
     def section(self) -> dict[str, Any]:
-        """What its section [sweep] says; empty without one, and where the file is not TOML, which is reported later."""
+        """Section [sweep] as plain data; empty without one, or if the file is not TOML, which is reported later."""
         try:
             found = tomllib.loads(self.text).get(SECTION, {})
         except (ValueError, RecursionError):

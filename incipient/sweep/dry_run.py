@@ -1,4 +1,4 @@
-"""What a sweep would take: by all of its cases, or by as many as can be looked at in a few seconds."""
+"""Forecast of a sweep, by all of its cases or by as many as can be looked at in a few seconds."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def sampled(request: Request, voice: Silent | None = None, longest: float = LONG
 
 
 def foretold(request: Request, file: Path, means: Means, places: int, voice: Silent | None = None) -> str:
-    """How many cases there are to compute, and what they will take, without computing any.
+    """Forecast of a sweep in words: the number of cases to compute, time and memory, without computing any.
 
     Raises:
         SceneError: one of those looked at contradicts itself.

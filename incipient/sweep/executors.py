@@ -102,7 +102,7 @@ class _Process:
                 cast("IO[str]", stream).close()
 
     def _epitaph(self) -> str:
-        """Why it has ended, in one line."""
+        """Reason of its end, in one line."""
         with suppress(subprocess.TimeoutExpired):
             self._popen.wait(LEAVE)
         code = self._popen.poll()
@@ -226,7 +226,7 @@ def workers_of(comm: MPI.Comm, places: int, ranks: int) -> Iterator[Workers | No
 
 
 def groups(comm: MPI.Comm, ranks: int) -> int:
-    """How many groups of so many ranks there are beside the first rank.
+    """Number of groups of so many ranks beside the first rank.
 
     Raises:
         SceneError: on all ranks, there is none.

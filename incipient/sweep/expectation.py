@@ -1,4 +1,4 @@
-"""What cases will take before they are computed: time by the laws of studies, memory by their meshes."""
+"""Expected time, by the laws of studies, and memory, by their meshes, of cases before they are computed."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Expected:
 
 
 class Foresight:
-    """What cases will take, and what is known from cases before them.
+    """Forecasts of cases, which use those of cases before them.
 
     One case of those with the same forms is predicted by making its mesh; the others by how many more cells than that
     one's are expected of theirs.
@@ -42,7 +42,7 @@ class Foresight:
         self._cells: dict[str, float | None] = {}
 
     def of(self, cases: Sequence[SweepCase]) -> dict[str, Expected]:
-        """What cases will take, by identity. Not collective."""
+        """Expected time and memory of cases, by identity. Not collective."""
         return {case.identity: self._expected(case) for case in cases}
 
     def _expected(self, case: SweepCase) -> Expected:
@@ -58,12 +58,12 @@ class Foresight:
 
 
 def _drawn(scene: Scene) -> str:
-    """What the mesh hangs on, and more."""
+    """Text of all that the mesh depends on, and more."""
     return str(scene.model_dump(mode="json", exclude={"title", "output", "gravity", "fluid", "effects"}))
 
 
 def _cells(scene: Scene) -> float | None:
-    """About how many cells the mesh will have."""
+    """Expected number of cells of the mesh."""
     from ..effects.plan import make_plan
     from ..planning import meshing
     from ..planning.flow_setup import Setup

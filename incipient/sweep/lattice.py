@@ -79,7 +79,7 @@ class Direction:
         return cls(keys, (scale - scale[0]) / (scale[-1] - scale[0]))
 
     def at(self, place: float) -> float:
-        """Where a place is, from 0 to 1."""
+        """Position of a place, from 0 to 1."""
         return float(np.interp(place, np.arange(len(self.along)), self.along))
 
     def settings(self, place: float) -> Settings:

@@ -1,4 +1,4 @@
-"""What a sweep says while it runs: a table that is redrawn on a terminal, a line a case elsewhere."""
+"""Progress of a sweep while it runs: a table that is redrawn on a terminal, a line a case elsewhere."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def name_of(case: SweepCase) -> str:
 
 
 def described(case: SweepCase, outcome: CaseOutcome) -> str:
-    """What came out of a case."""
+    """Outcome of a case, in a few words."""
     row: dict[str, Any] = {"task": case.task, "status": FAILED, "reason": outcome.reason}
     if outcome.result is not None:
         row |= {"status": DONE, **quantities(case.task, outcome.result)}

@@ -18,7 +18,7 @@ LOOK = 0.5  # seconds after which the state is looked at again, at the latest
 
 @dataclass(frozen=True)
 class Limits:
-    """What a sweep may take: MiB at a time, and seconds of wall time."""
+    """Limits of a sweep: MiB at a time, and seconds of wall time."""
 
     memory_mib: float = float("inf")
     wall: float = float("inf")
@@ -26,7 +26,7 @@ class Limits:
 
 @dataclass
 class SweepProgress:
-    """Where a sweep stands.
+    """State of a sweep.
 
     total: cases; known: finished before it began; done, failed: by this sweep; elsewhere: at another sweep
     running: cases with the time when they began; spent: seconds that finished ones took; places: at a time
@@ -164,7 +164,7 @@ class Sweep:
         self._watcher.look(self._progress)
 
     def _sort_out(self) -> None:
-        """Which cases wait, and which are at another sweep."""
+        """Sort out the cases that wait, and those at another sweep."""
         states = self._store.states(list(self._cases))
         self._waiting = [case for name, case in self._cases.items() if states[name] == WAITING]
         progress, finished = self._progress, sum(state in (DONE, FAILED) for state in states.values())

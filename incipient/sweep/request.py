@@ -30,14 +30,14 @@ _UNITS = (86400.0, 3600.0, 60.0, 1.0)
 
 @dataclass(frozen=True)
 class RefinementOptions:
-    """What is said of a refinement: its tolerance, True for the usual one; how many cases; a column; None: not said."""
+    """Options of a refinement: its tolerance, True for the usual one; number of cases; a column; None: not given."""
 
     refine: float | bool | None = None
     most: int | None = None
     quantity: str | None = None
 
     def aim(self, section: Mapping[str, Any], name: str) -> Aim | None:
-        """What it is for; what is not said here is taken from the section [sweep] of the scene of a name.
+        """Aim of the refinement; what is not given is taken from the section [sweep] of the scene of a name.
 
         Raises:
             SceneError: it cannot be understood, or there is no refinement to which it belongs.
@@ -90,7 +90,7 @@ class Request:
         return list(found.values()), keys_of(settings)
 
     def settings(self) -> list[axes.Settings]:
-        """What is set in each case of a source."""
+        """Settings of each case of a source."""
         return axes.combined(self.over, self.together, self._rows())
 
     def case(self, number: int, settings: Sequence[axes.Settings]) -> SweepCase:
@@ -180,7 +180,7 @@ def parsed_seconds(text: str) -> float:
 
 
 def usual_file(request: Request, directory: Path | str = "results") -> Path:
-    """Where a sweep is kept if nothing else is said."""
+    """Usual file of a sweep."""
     return Path(directory) / f"{request.sources[0].name}_{request.task}{ENDING}"
 
 

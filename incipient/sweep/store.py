@@ -52,7 +52,7 @@ _OF_RIGHTS = (sqlite3.SQLITE_READONLY, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_P
 
 @dataclass(frozen=True)
 class CaseOutcome:
-    """What computing a case came to: the result as plain data, or the reason why there is none, and the cost.
+    """Outcome of a case: the result as plain data, or the reason why there is none, and the cost.
 
     wall, cpu: seconds, those of the processor of all ranks; peak_mib: of all ranks
     """
@@ -315,7 +315,7 @@ def damaged(row: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _complaint(error: Exception) -> str:
-    """What SQLite complains of, and the remedy."""
+    """Message of an error of SQLite, and the remedy."""
     code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF
     if code == sqlite3.SQLITE_NOTADB:
         return f"is not the file of a sweep ({shortened(error)}); give another name"

@@ -39,7 +39,7 @@ def rows(path: Path | str) -> list[dict[str, Any]]:
 
 
 def frame(path: Path | str) -> pandas.DataFrame:
-    """The same as a frame of pandas. Not collective.
+    """Table of a sweep as a frame of pandas, with the columns of `rows`. Not collective.
 
     Raises:
         MissingError: pandas is not installed.
@@ -130,7 +130,7 @@ def _shown(value: Any) -> Any:
 
 
 def quantities(task: str, result: Mapping[str, Any]) -> dict[str, Any]:
-    """What the result of a case says in numbers and words, error bars under NAME_low and NAME_high."""
+    """Numbers and words of the result of a case, error bars under NAME_low and NAME_high."""
     found = _of_threshold(result) if task == "threshold" else _of_verdict(result)
     si = result.get("si") or {}
     return found | {f"{name}_si": si[name] for name in _SI if name in si}
@@ -207,7 +207,7 @@ def _vector(name: str, values: Sequence[float], errors: Sequence[float] | None) 
 
 
 def in_words(row: Mapping[str, Any]) -> str:
-    """What came out of a case, in a few words."""
+    """Outcome of a case in a few words, by its row."""
     if row["status"] in (FAILED, DAMAGED):
         return str(row["reason"])
     if row["task"] == "threshold":

@@ -1,4 +1,4 @@
-"""What a worker of a sweep does: `python -m incipient.sweep.worker`, or a group of ranks by `mpi4py.futures`.
+"""Worker of a sweep: `python -m incipient.sweep.worker`, or a group of ranks by `mpi4py.futures`.
 
 The process computes one case after the other: orders come as lines of JSON on the standard input of the first rank,
 outcomes go to its standard output, after a line that says that it is there; what the libraries print goes to the
