@@ -97,10 +97,9 @@ def by_openfoam(size: float, **changed: Any) -> Found:
 
     from incipient.coupled.enclosed import load_of
     from incipient.planning.flow_setup import Setup
-    from incipient.planning.layout import closed
 
     asked = scene(1.0, **changed)
-    walls, closing = Setup(asked).walls, closed(Setup(asked).geometry)
+    walls, closing = Setup(asked).walls, Setup(asked).geometry.closing
     outline = _outline(asked, closing, size)
     with tempfile.TemporaryDirectory() as directory:
         found = openfoam_stone.solve(

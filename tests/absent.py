@@ -15,7 +15,10 @@ import sys
 from typing import Any
 
 # Modules that are for one effect only.
-OF_UNSTEADINESS = ("simulation.march", "simulation.time_loop", "fluid.transient", "fluid.quasisteady")
+OF_UNSTEADINESS = (
+    *("simulation.march", "simulation.time_loop", "fluid.transient", "fluid.quasisteady"),
+    "fluid.tolerance",
+)
 OF_MOVING_MESH = (
     "mesh.motion",
     "mesh.transfer",

@@ -12,7 +12,7 @@ from ..contact.exact.judge import MassAndInertia
 from ..contact.exact.rocking import Rocking, follow
 from ..contact.verdict import judge as judge_load
 from ..geometry.placement import Placement
-from ..geometry.touching import touching
+from ..planning.scene_geometry import geometry_of
 from ..results.loads import Couples, Forces
 from ..results.safetybar import SafetyBar
 from ..scene import Body, Scene
@@ -28,9 +28,7 @@ RENEWED = (
 
 def find_contacts(scene: Scene) -> Contacts:
     """Contacts of the resting grain with the bed, for a scene that has both."""
-    grain, bed, resting = scene.grain, scene.bed_shape, scene.placement
-    assert grain is not None and bed is not None and resting is not None
-    return touching(grain, resting, bed, scene.contact_tolerance)
+    return geometry_of(scene).contacts
 
 
 def load_of(scene: Scene, force: Forces, couple: Couples) -> Load:

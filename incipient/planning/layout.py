@@ -10,15 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Floats
 from ..errors import SceneError
 from ..geometry.placement import Placement
-from ..geometry.plane.closing import Closing, closing
-from ..geometry.rest import clearance, lifted
+from ..geometry.plane.closing import Closing
 from ..geometry.space.terrain import Smooth
 from ..installed import required
 from ..meshes import BoxGrid, Grid, Region, Sizes, SolidGrid, SolidRegion
-from .scene_geometry import Geometry, Place, point
+from .scene_geometry import Place
 
 # Cells expected, by dimension, from which it is said that mesh and flow take long.
 MANY_CELLS = {2: 20_000, 3: 50_000}
@@ -105,51 +103,3 @@ def _round_up(number: float) -> int:
     """A little more than a number, in two digits."""
     digits = 10 ** max(int(math.log10(max(number, 1.0))) - 1, 0)
     return (int(number / digits) + 1) * digits
-
-
-@dataclass(frozen=True)
-class Stance:
-    """Where a grain is: see the attributes of `Layout`, which are the same."""
-
-    resting: Placement | None = None
-    placement: Placement | None = None
-    gap: float = np.inf
-    gap_ends: tuple[Place, Place] | None = None
-
-
-def placed(geometry: Geometry) -> Stance:
-    """The grain where it rests or is held; over a bed on which it rests it is lifted by the gap. Not collective."""
-    grain, bed, resting = geometry.grain, geometry.bed, geometry.placement
-    if grain is None or bed is None or resting is None:
-        return Stance(resting, resting)
-    placement = lifted(grain, resting, bed, geometry.gap) if geometry.rests else resting
-    gap, on_grain, on_bed = clearance(grain, placement, bed)
-    ends = geometry.halved(point(on_grain)), geometry.halved(point(on_bed))
-    return Stance(resting, placement, gap, ends)
-
-
-def closed(geometry: Geometry) -> Closing:
-    """How the space below the resting grain is closed. Not collective.
-
-    Raises SceneError if the grain does not touch the bed, or the space is nowhere wider than the gap.
-    """
-    grain, bed, resting = geometry.grain, geometry.bed, geometry.placement
-    assert grain is not None and bed is not None and resting is not None
-    outline = tuple(curve.moved(resting) for curve in grain.drawn())
-    return closing(outline, bed, _contacts(geometry), geometry.gap)
-
-
-def gap_points(geometry: Geometry, ends: tuple[Place, Place]) -> tuple[Place, ...]:
-    """Where grain and bed nearly touch: the narrowest place, and every contact of a resting grain. Not collective."""
-    if not geometry.rests:
-        return ends if geometry.moves and geometry.gdim == 2 else ends[:1]
-    return tuple(dict.fromkeys([ends[0], *(point(x) for x in _contacts(geometry))]))
-
-
-def _contacts(geometry: Geometry) -> Floats:
-    """Places (n, gdim) at which the resting grain touches the bed."""
-    from ..geometry.touching import touching
-
-    assert geometry.placement is not None
-    found = touching(geometry.grain, geometry.placement, geometry.bed, geometry.tolerance)
-    return np.asarray(found.points[:, : geometry.gdim])

@@ -13,9 +13,9 @@ from . import meshing_in_space as in_space
 from .cells import CLOSED, FAR_CELL, FEWEST, corners
 from .effects import EffectName
 from .flow_setup import Setup
-from .layout import Layout, Stance, closed, gap_points, placed
+from .layout import Layout
 from .plan import Plan
-from .scene_geometry import Geometry, point
+from .scene_geometry import Geometry, Stance, point
 
 # Cell sizes for mesh_size = 1 by order of the velocity, chosen so that the orders err alike (docs/numerics.md).
 GRAIN_CELL = {2: 0.05, 3: 0.1, 4: 0.15}  # of the grain's size, at its surface
@@ -69,7 +69,7 @@ def _grid_layout(setup: Setup, plan: Plan, grid: Grid | SolidGrid | BoxGrid) -> 
 def _closed_layout(setup: Setup, plan: Plan) -> Layout:
     """The layout where the space next to the contacts of a resting grain is closed."""
     geometry = setup.geometry
-    made, domain, resting = closed(geometry), geometry.domain, geometry.placement
+    made, domain, resting = geometry.closing, geometry.domain, geometry.placement
     lines = (made.left, made.right)
     bottom = _bottom(geometry, ((domain.left, lines[0].start[0]), (lines[1].start[0], domain.right)))
     standing = {"body": made.outline} | {name: (line,) for name, line in zip(CLOSED, lines, strict=True)}
@@ -85,7 +85,7 @@ def _closed_layout(setup: Setup, plan: Plan) -> Layout:
 
 def _stance(setup: Setup, moved: Placement | None) -> Stance:
     """Where the grain is, in the scene or where it has `moved`, and what it is nearest to."""
-    stance = placed(setup.geometry) if moved is None else Stance(moved, moved)
+    stance = setup.geometry.stance if moved is None else Stance(moved, moved)
     if not setup.geometry.moves or stance.placement is None:
         return stance
     near = setup.surroundings.clearance(stance.placement)
@@ -137,7 +137,7 @@ def _along_grain(geometry: Geometry, order: int, outline: tuple[Curve, ...], sta
     if sharp := corners(outline, outline[1:] + outline[:1]):
         near.append(Near(CORNER_CELL * size, GROWTH, points=sharp))
     if stance.gap < 4 * size and stance.gap_ends is not None:
-        points = gap_points(geometry, stance.gap_ends)
+        points = geometry.gap_points(stance.gap_ends)
         near.append(Near(GAP_CELL[order] * stance.gap, GAP_GROWTH, points=points, needed=True))
     return near
 

@@ -11,9 +11,8 @@ from ..meshes import Away, BoxGrid, Near, PlacedSolid, Sizes, SolidRegion
 from ..meshes.solid_region import SYMMETRY
 from .cells import FEWEST, layer_ends
 from .flow_setup import Setup
-from .layout import Stance, gap_points
 from .meshed_bed import resolved_bed
-from .scene_geometry import Geometry, point
+from .scene_geometry import Geometry, Stance, point
 from .sides import SideNames
 
 # Cell sizes for mesh_size = 1 by order of the velocity (docs/space.md).
@@ -77,7 +76,7 @@ def _along_grain(geometry: Geometry, order: int, stance: Stance) -> list[Near]:
     edged = isinstance(grain, Box) and grain.edge_radius == 0.0
     near = [Near(EDGE_CELL * size if edged else size, GROWTH, boundary="body")]
     if stance.gap < 4.0 * size and stance.gap_ends is not None:
-        points = gap_points(geometry, stance.gap_ends)
+        points = geometry.gap_points(stance.gap_ends)
         near.append(Near(GAP_CELL[order] * stance.gap, GAP_GROWTH, points=points, needed=True))
     return near
 

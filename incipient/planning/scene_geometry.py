@@ -3,12 +3,36 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from ..geometry.placement import Placement
+from ..geometry.plane.closing import Closing, closing
+from ..geometry.rest import clearance, lifted
 from ..scene import Domain, Scene
 
+if TYPE_CHECKING:
+    from ..contact import Contacts
+
 Place = Any  # a point (gdim,) as a tuple of numbers
+
+
+@dataclass(frozen=True)
+class Stance:
+    """Where a grain is.
+
+    resting:   where it touches the bed or is held; None without a grain
+    placement: where the flow is computed: lifted by the gap
+    gap:       smallest distance from the bed in the computed flow [length], inf without contact
+    gap_ends:  the two points between which the gap is measured
+    """
+
+    resting: Placement | None = None
+    placement: Placement | None = None
+    gap: float = np.inf
+    gap_ends: tuple[Place, Place] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +82,43 @@ class Geometry:
         """The least and the largest y of what is computed of a domain in space."""
         low, high = self.domain.across
         return (self.domain.middle if self.symmetric else low), high
+
+    @cached_property
+    def contacts(self) -> Contacts:
+        """Contacts of the resting grain with the bed."""
+        from ..geometry.touching import touching
+
+        assert self.placement is not None
+        return touching(self.grain, self.placement, self.bed, self.tolerance)
+
+    @cached_property
+    def stance(self) -> Stance:
+        """The grain where it rests or is held; over a bed on which it rests it is lifted by the gap."""
+        if self.grain is None or self.bed is None or self.placement is None:
+            return Stance(self.placement, self.placement)
+        placement = self.placement
+        if self.rests:
+            placement = lifted(self.grain, self.placement, self.bed, self.gap)
+        gap, on_grain, on_bed = clearance(self.grain, placement, self.bed)
+        ends = self.halved(point(on_grain)), self.halved(point(on_bed))
+        return Stance(self.placement, placement, gap, ends)
+
+    @cached_property
+    def closing(self) -> Closing:
+        """How the space below the resting grain is closed.
+
+        Raises SceneError if the grain does not touch the bed, or the space is nowhere wider than the gap.
+        """
+        assert self.placement is not None
+        outline = tuple(curve.moved(self.placement) for curve in self.grain.drawn())
+        return closing(outline, self.bed, self.contacts.points[:, :2], self.gap)
+
+    def gap_points(self, ends: tuple[Place, Place]) -> tuple[Place, ...]:
+        """Where grain and bed nearly touch: the narrowest place, and every contact of a resting grain."""
+        if not self.rests:
+            return ends if self.moves and self.gdim == 2 else ends[:1]
+        contacts = self.contacts.points[:, : self.gdim]
+        return tuple(dict.fromkeys([ends[0], *(point(x) for x in contacts)]))
 
     def halved(self, x: Place) -> Place:
         """The point, or its mirror image, in what is computed: of half a domain that with larger y."""

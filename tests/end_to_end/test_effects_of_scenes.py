@@ -145,7 +145,13 @@ def test_the_count_sees_an_effect_that_is_there(used):
     assert inert["forms"] != without["forms"]
     assert inert["unknowns"] == without["unknowns"]
     unsteady = used("there", time=Time(end=0.2, step=0.1))
-    added = {"simulation.march", "simulation.time_loop", "fluid.quasisteady", "fluid.transient"}
+    added = {
+        "simulation.march",
+        "simulation.time_loop",
+        "fluid.quasisteady",
+        "fluid.tolerance",
+        "fluid.transient",
+    }
     assert set(unsteady["modules"]) - set(without["modules"]) == added
 
 

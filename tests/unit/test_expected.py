@@ -185,5 +185,5 @@ def test_waves_much_finer_than_the_channel_are_told_of_before_they_are_meshed(
     )
     scene = loads(text)
     with caplog.at_level("INFO", "incipient"):
-        meshing.lay_out(scene, make_plan(scene))._require_few_cells()
+        meshing.lay_out(Setup(scene), make_plan(scene))._require_few_cells()
     assert ("take minutes" in caplog.text) == bool(said) and said in caplog.text

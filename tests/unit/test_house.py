@@ -187,11 +187,11 @@ def incipient_and_standard() -> set[str]:
 BOUNDS = {
     "functions with a parameter scene": 317,
     "imports within functions": 452,
-    "imports for type hints": 293,
+    "imports for type hints": 294,
     "circles with type hints": 6,
     "files in the largest circle with type hints": 23,
     "files that name turbulence": 74,
-    "lines": 56523,
+    "lines": 56531,
 }
 
 NAMES_TURBULENCE = re.compile("turbulen|eddies", re.IGNORECASE)
