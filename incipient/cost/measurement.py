@@ -12,7 +12,6 @@ import sys
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..scene import Scene
@@ -210,6 +209,7 @@ def main() -> int:
 def computed(scene: Scene, comm: MPI.Comm) -> dict[str, Any]:
     """Run a scene; what `MeasuredRun` holds beside the times of the whole process. Collective."""
     from ..coupled import tractions  # noqa: F401 (the start is over then)
+    from ..results.timing import peak_memory_mib
     from ..simulation.simulate import simulate
     from .quantities import quantities
 
@@ -222,23 +222,13 @@ def computed(scene: Scene, comm: MPI.Comm) -> dict[str, Any]:
     compilers = resource.getrusage(resource.RUSAGE_CHILDREN)
     return {
         "start": start,
-        "peak_mib": _peak_mib(),
+        "peak_mib": peak_memory_mib(),
         "cells": result.cost["cells"],
         "unknowns": result.cost["unknowns"],
         "counts": vars(Counts.of(counted)),
         "found": quantities(scene, result, recorder.rows),
         "compiling": compilers.ru_utime + compilers.ru_stime,
     }
-
-
-def _peak_mib() -> float:
-    """Largest resident memory of this program; the kernel's other count has that of the starting process in it."""
-    from ..results.timing import peak_memory_mib
-
-    status = Path("/proc/self/status")
-    lines = status.read_text().splitlines() if status.exists() else []
-    peaks = [int(line.split()[1]) / 1024 for line in lines if line.startswith("VmHWM:")]
-    return peaks[0] if peaks else peak_memory_mib()
 
 
 if __name__ == "__main__":

@@ -84,6 +84,8 @@ def computed_by_group(task: str, text: str) -> CaseOutcome:
 
 def computed(task: str, text: str, comm: MPI.Comm) -> CaseOutcome:
     """Compute a case; one that fails with an error for users has its line as the reason. Collective."""
+    from ..results.timing import peak_memory_mib
+
     began, processor = time.perf_counter(), _processor_time()
     _forget_peak()
     result, reason, versions = None, "", _versions(task)
@@ -97,7 +99,7 @@ def computed(task: str, text: str, comm: MPI.Comm) -> CaseOutcome:
             raise
         traceback.print_exc()
         reason = f"a defect of the program: {' '.join(f'{type(error).__name__}: {error}'.split())}"
-    spent, peak = (sum(comm.allgather(one)) for one in (_processor_time() - processor, _peak_memory()))
+    spent, peak = (sum(comm.allgather(one)) for one in (_processor_time() - processor, peak_memory_mib()))
     return CaseOutcome(result, reason, time.perf_counter() - began, spent, peak, versions)
 
 
@@ -144,12 +146,6 @@ def _forget_peak() -> None:
     """Let the kernel count the largest memory from here; where it does not, it is that of all cases so far."""
     with suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5")
-
-
-def _peak_memory() -> float:
-    from ..results.timing import peak_memory_mib
-
-    return peak_memory_mib()
 
 
 def main() -> None:
