@@ -113,8 +113,8 @@ USUAL_IN_TIME = ("implicit", "extrapolated", "bdf1", "bdf2", "loose")
 
 def usual(scene: Scene) -> tuple[str, ...]:
     """The solver options worth comparing with a scene's own. Not collective."""
-    words = USUAL_STEADY if scene.time is None else USUAL_IN_TIME
-    return tuple(word for word in words if word in others(scene) and (word != "umfpack" or _has_umfpack()))
+    words, able = USUAL_STEADY if scene.time is None else USUAL_IN_TIME, others(scene)
+    return tuple(word for word in words if word in able and (word != "umfpack" or _has_umfpack()))
 
 
 def others(scene: Scene) -> tuple[str, ...]:
