@@ -12,12 +12,11 @@ from ..errors import ConvergenceError, MissingError, SceneError
 from ..files import plain, reported
 from . import calibration, markdown
 from .comparison import Compared
-from .findings import findings
 from .frontier import percent
 from .ladder import Spread, ladder, spread
 from .measurement import measure, quicker
 from .solvers import named
-from .study import Study, run_ladder
+from .study import Study, findings, run_ladder
 
 if TYPE_CHECKING:
     from ..planning.plan import Plan

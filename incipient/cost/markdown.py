@@ -9,10 +9,9 @@ from ..files import write_json, write_text_atomically
 from ..scene import Scene
 from . import calibration, frontier, solvers
 from .comparison import Compared
-from .findings import findings
 from .frontier import CostLaw, percent, seconds
 from .measurement import ENOUGH, MeasuredRun
-from .study import Study, doubt, to_dict
+from .study import Study, doubt, findings, to_dict
 
 
 def write(study: Study, directory: Path) -> None:

@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
+from ..results.timing import peak_memory_mib
 from ..scene import Scene
 from ..simulation.recorder import Unrecorded
 from . import process, solvers
@@ -209,7 +210,6 @@ def main() -> int:
 def computed(scene: Scene, comm: MPI.Comm) -> dict[str, Any]:
     """Run a scene; what `MeasuredRun` holds beside the times of the whole process. Collective."""
     from ..coupled import tractions  # noqa: F401 (the start is over then)
-    from ..results.timing import peak_memory_mib
     from ..simulation.simulate import simulate
     from .quantities import quantities
 

@@ -140,10 +140,8 @@ class Family:
 
     def bend(self, cell: Cell, way: int, lines: Mapping[tuple[int, Place], list[float]]) -> float:
         """Largest miss of straight lines along the edges of a cell; infinite where it is not known."""
-        worst, known = (
-            0.0,
-            any(corner not in self.seen or self.seen[corner].value is None for corner in cell.corners()),
-        )
+        unknown = Seen("", None)
+        worst, known = 0.0, any(self.seen.get(corner, unknown).value is None for corner in cell.corners())
         for corner in cell.corners():
             if corner[way] != cell.low[way]:
                 continue
@@ -333,9 +331,8 @@ class SweepRefinement:
         lines = [f"{'changes of mode':<20}{within}"]
         lines += [_between(family, cell) for family, cell in mixed if len(family.ways) == 1]
         if self._spent:
-            lines.append(
-                f"{'':<20}{self._aim.most} cases are spent before the tolerance is reached; raise --most"
-            )
+            spent = f"{self._aim.most} cases are spent before the tolerance is reached; raise --most"
+            lines.append(f"{'':<20}{spent}")
         if self._refused:
             lines.append(f"{'left out':<20}{len(self._refused)} cases between; the first: {self._refused[0]}")
         return lines

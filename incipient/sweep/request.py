@@ -166,12 +166,9 @@ def parsed_seconds(text: str) -> float:
         SceneError: it is not one.
     """
     found = _TIME.fullmatch(text.strip())
+    parts = zip(found.groups() if found else (), _UNITS, strict=False)
     try:
-        total = (
-            sum(float(part) * unit for part, unit in zip(found.groups(), _UNITS, strict=True) if part)
-            if found
-            else 0.0
-        )
+        total = sum(float(part) * unit for part, unit in parts if part)
     except ValueError:
         total = 0.0
     if total <= 0.0:

@@ -196,17 +196,10 @@ class Store:
     def free_abandoned(self) -> int:
         """Let cases wait again that a sweep which has ended was at; how many there were."""
         with self._together():
-            held = self._base.execute(
-                "SELECT DISTINCT owner FROM cases WHERE status = ?", (RUNNING,)
-            ).fetchall()
-            gone = [owner for (owner,) in held if _is_gone(owner)]
-            return sum(
-                self._base.execute(
-                    "UPDATE cases SET status = ?, owner = NULL WHERE status = ? AND owner IS ?",
-                    (WAITING, RUNNING, owner),
-                ).rowcount
-                for owner in gone
-            )
+            held = self._base.execute("SELECT DISTINCT owner FROM cases WHERE status = ?", (RUNNING,))
+            gone = [owner for (owner,) in held.fetchall() if _is_gone(owner)]
+            update = "UPDATE cases SET status = ?, owner = NULL WHERE status = ? AND owner IS ?"
+            return sum(self._base.execute(update, (WAITING, RUNNING, owner)).rowcount for owner in gone)
 
     def free_failed(self, identities: Sequence[str]) -> None:
         """Let cases wait again that have failed."""
@@ -220,20 +213,15 @@ class Store:
         """The status of cases; of those that are not there, none."""
         wanted = set(identities)
         with self._reported():
-            return {
-                row[0]: row[1]
-                for row in self._base.execute("SELECT id, status FROM cases")
-                if row[0] in wanted
-            }
+            rows = self._base.execute("SELECT id, status FROM cases")
+            return {row["id"]: row["status"] for row in rows if row["id"] in wanted}
 
     def results(self, identities: Sequence[str]) -> dict[str, tuple[str, Any]]:
         """Task and result of those of the cases that are done and not damaged, by identity."""
-        found = {}
+        found, query = {}, "SELECT * FROM cases WHERE id = ? AND status = ?"
         with self._reported():
             for identity in identities:
-                row = self._base.execute(
-                    "SELECT * FROM cases WHERE id = ? AND status = ?", (identity, DONE)
-                ).fetchone()
+                row = self._base.execute(query, (identity, DONE)).fetchone()
                 if row is not None and not _is_damaged(row):
                     found[identity] = row["task"], json.loads(row["result"])
         return found
@@ -249,10 +237,8 @@ class Store:
 
     def finish(self, identity: str, outcome: CaseOutcome) -> None:
         """Write what a claimed case came to."""
-        versions, result = (
-            None if data is None else json.dumps(data, allow_nan=False)
-            for data in (outcome.versions, outcome.result)
-        )
+        both = outcome.versions, outcome.result
+        versions, result = (None if one is None else json.dumps(one, allow_nan=False) for one in both)
         state = FAILED if result is None else DONE
         now = datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S")
         found = (outcome.reason, now, outcome.wall, outcome.cpu, outcome.peak_mib, versions, result)
@@ -301,9 +287,8 @@ def _checksum(row: Mapping[str, Any] | sqlite3.Row) -> str:
 def _is_damaged(row: sqlite3.Row) -> bool:
     """Whether a case is not what was written; of those written without a checksum, whether it cannot be."""
     held = row.keys()
-    if row["status"] not in (WAITING, RUNNING, DONE, FAILED) or (row["status"] == DONE) != bool(
-        row["result"]
-    ):
+    status = row["status"]
+    if status not in (WAITING, RUNNING, DONE, FAILED) or (status == DONE) != bool(row["result"]):
         return True
     return "checksum" in held and row["checksum"] != _checksum(row)
 

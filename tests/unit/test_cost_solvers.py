@@ -16,10 +16,10 @@ from incipient.cost import calibration, markdown, measurement, process, solvers
 from incipient.cost import study as cost
 from incipient.cost.command import chosen, summary
 from incipient.cost.comparison import compared
-from incipient.cost.findings import findings
 from incipient.cost.ladder import QUICK, STEADY, Spread, ladder
 from incipient.cost.measurement import MeasuredRun, Variant, quicker
 from incipient.cost.records import completed, known_runs
+from incipient.cost.study import findings
 from incipient.errors import SceneError
 from incipient.pictures.cost import draw
 from incipient.scene import Scene, load, loads

@@ -16,11 +16,11 @@ from incipient.adaptive.refinement import AIM, GAIN, UNKNOWNS
 from incipient.cost import calibration
 from incipient.cost.calibration import Findings
 from incipient.cost.command import predicted_plan
-from incipient.cost.findings import findings
 from incipient.cost.laws import ErrorLaw, TimeLaw, error_at, fitted_errors, fitted_time
 from incipient.cost.markdown import write
 from incipient.cost.measurement import MeasuredRun, Variant
 from incipient.cost.prediction import COARSE, KnownLaws, LastMesh, Prediction, first_mesh, known_laws, predict
+from incipient.cost.study import findings
 from incipient.effects.plan import make_plan
 from incipient.errors import OutputError
 from incipient.planning.plan import Estimate
