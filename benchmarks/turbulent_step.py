@@ -85,7 +85,7 @@ def _inflow() -> Any:
     from programs import openfoam_step
 
     from incipient.planning.flow_setup import Setup
-    from incipient.planning.turbulent_conditions import Measured
+    from incipient.planning.wall_conditions import Measured
     from incipient.scene.file import load
 
     setup = Setup(load(SCENE))

@@ -173,7 +173,7 @@ def _inflow(asked: Any, walls: Any) -> Any:
     from programs.openfoam import Inflow
 
     from incipient.planning.flow_setup import Setup
-    from incipient.planning.turbulent_conditions import entering
+    from incipient.planning.wall_conditions import entering
 
     enters = entering(walls, Setup(asked).turbulence)
     low, high = walls.floor + walls.distance, walls.ceiling

@@ -44,7 +44,7 @@ OF_TURBULENCE = (
     "effects.turbulence.part",
     "planning.wall_layer",
     "planning.wall_cells",
-    "planning.turbulent_conditions",
+    "planning.wall_conditions",
     "effects.turbulence.limits",
     "results.turbulence",
 )

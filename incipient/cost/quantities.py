@@ -95,7 +95,7 @@ def _lines(scene: Scene) -> dict[str, str]:
 
 def _elevations(scene: Scene) -> tuple[str, ...]:
     """Names of the elevations at the stations, at equal intervals of time; none without a free surface."""
-    stations = stations_of(scene) if scene.has_surface else ()
+    stations = stations_of(scene.surface, scene.domain) if scene.has_surface else ()
     return tuple(f"elevation_{k}_{n}" for k in range(1, len(stations) + 1) for n in range(1, TIMES + 1))
 
 
@@ -107,7 +107,7 @@ def _of_surface(scene: Scene, history: Sequence[Mapping[str, Any]]) -> dict[str,
     surface = scene.surface or Surface()
     times, found = np.array([0.0, *(row["time"] for row in history)]), {}
     asked = scene.time.end * np.arange(1, TIMES + 1) / TIMES
-    for k, place in enumerate(stations_of(scene), 1):
+    for k, place in enumerate(stations_of(scene.surface, scene.domain), 1):
         first = surface.height(np.array([[*place, 0.0, 0.0][:3]]).T)
         trace = [float(first[0]), *(row[f"elevation_{k}"] for row in history)]
         for n, value in enumerate(CubicSpline(times, trace)(asked), 1):

@@ -339,8 +339,8 @@ def _with_bars(threshold: Threshold, run: Run, search: Search, found: Found) -> 
 
 def _notes(scene: Scene, found: Found) -> tuple[str, ...]:
     """What the Shields number is, and whether the flow can be laminar there. Not collective."""
+    from ..effects.turbulence.transition import transition
     from ..planning.numbers import numbers_of
-    from ..planning.transition import transition
 
     if not found.is_critical:
         return ()

@@ -15,7 +15,7 @@ FAR_CELL = {2: 0.10, 3: 0.15, 4: 0.20}  # of the domain's height
 FAR_CELL_IN_SPACE = {2: 0.25, 3: 0.45, 4: 0.5}  # likewise
 
 
-# Names of the lines that close the space below a grain in turbulent flow, upstream and downstream of its contacts.
+# Names of the lines that close the space below a grain, upstream and downstream of its contacts.
 CLOSED = ("closed upstream", "closed downstream")
 GRID_CELLS = {2: 48, 3: 32, 4: 24}  # along the shorter side of an empty box
 GRID_CELLS_IN_SPACE = {2: 16, 3: 9, 4: 6}  # likewise (docs/space.md)

@@ -21,10 +21,10 @@ def conditions(setup: Setup, held: bool = False, lid: bool = False, speed: float
     The velocity of a moving grain's surface is given within each step, or is that of time zero if it is `held`.
     """
     scene, geometry, sides = setup.scene, setup.geometry, setup.sides
-    if scene.is_turbulent:
-        from .turbulent_conditions import conditions as turbulent
+    if setup.has_wall_layer:
+        from . import wall_conditions
 
-        return turbulent(setup)
+        return wall_conditions.conditions(setup)
     from ..fluid import Carried, Open, Prescribed, Seeping, Slip, no_slip
 
     bottom, right, top, left = sides.around

@@ -72,17 +72,22 @@ class Setup:
         """The section [surface], or what it is by default."""
         return self.scene.surface or Surface()
 
+    @property
+    def has_wall_layer(self) -> bool:
+        """Whether walls are felt by wall functions, over a layer that the mesh leaves out or stands for."""
+        return self.scene.is_turbulent
+
     @cached_property
     def walls(self) -> Walls:
-        """The walls of a turbulent flow."""
+        """Walls with their layer, whether the flow has one or not."""
         from .wall_layer import walls_of
 
         return walls_of(self.turbulence, self.geometry, self.base_flow, self.sides)
 
     @cached_property
     def ceiling(self) -> float:
-        """Height of the upper side of what is meshed: below a wall on top of a turbulent flow."""
-        return self.walls.ceiling if self.scene.is_turbulent else self.scene.domain.ceiling
+        """Height of the upper side of what is meshed: below the layer of a wall on top."""
+        return self.walls.ceiling if self.has_wall_layer else self.scene.domain.ceiling
 
     @cached_property
     def surroundings(self) -> Surroundings:
@@ -103,7 +108,7 @@ class Setup:
         With the k-epsilon model it is as the law of the wall estimates it. In a flow faster by `speed` it is that
         times this, in units of the scene.
         """
-        if not self.scene.is_turbulent:
+        if not self.has_wall_layer:
             return self.base_flow_at(speed).bed_stress()
         speed = speed if 0.0 < speed < float("inf") else 1.0
         return float(speed * self.faster(speed).walls.shear_velocity ** 2)

@@ -11,7 +11,6 @@ from ..geometry.plane.curves import Curve, Line
 from ..meshes import Away, BoxGrid, Grid, Near, Region, Sizes, SolidGrid, SolidRegion
 from . import meshing_in_space as in_space
 from .cells import CLOSED, FAR_CELL, FEWEST, corners
-from .effects import EffectName
 from .flow_setup import Setup
 from .layout import Layout
 from .plan import Plan
@@ -26,13 +25,13 @@ GROWTH, GAP_GROWTH = 0.25, 0.18  # of cell sizes with distance
 # Along a bed away from the grain: how fast cells grow with the distance from it, and up to which part of the bed's
 # smallest feature. There only the drag of the bed as a whole matters (docs/numerics.md).
 BED_GROWTH, BED_LARGEST = 0.05, 0.6
-# Along the bed below the mean profile of a turbulent stream, in thicknesses of its layer next to the bed.
+# Along the bed below the mean profile of a log-law flow, in thicknesses of its layer next to the bed.
 PROFILE_CELL = {2: 0.5, 3: 1.0, 4: 1.5}
 
 
 def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
     """Place the grain, where the scene has it or where it has `moved`, and decide cell sizes. Not collective."""
-    if plan.has(EffectName.TURBULENCE) and setup.walls.plane:
+    if setup.has_wall_layer and setup.walls.plane:
         return _grid_layout(setup, plan, _channel(setup, plan))
     if setup.scene.is_empty_box:
         return _grid_layout(setup, plan, _box(setup, plan.mesh_size * setup.far_cells.largest))
@@ -111,12 +110,12 @@ def _sizes(setup: Setup, order: int, finer: tuple[Near, ...]) -> Sizes:
 
 def _finer(setup: Setup, order: int, outline: tuple[Curve, ...], stance: Stance) -> tuple[Near, ...]:
     """Where cells are smaller than away from everything."""
-    geometry, turbulent = setup.geometry, setup.scene.is_turbulent
-    near = [*_along_grain(geometry, order, outline, stance), *_along_bed(geometry, order, stance, turbulent)]
+    geometry, layered = setup.geometry, setup.has_wall_layer
+    near = [*_along_grain(geometry, order, outline, stance), *_along_bed(geometry, order, stance, layered)]
     if setup.base_flow.flow.kind == "log-law":
         layer = setup.base_flow.mean_profile.layer
         near.append(Near(PROFILE_CELL[order] * layer, GROWTH, boundary=setup.sides.bottom))
-    if turbulent:
+    if layered:
         from .wall_cells import cells
 
         placement = stance.placement if geometry.moves else geometry.placement
@@ -142,20 +141,20 @@ def _along_grain(geometry: Geometry, order: int, outline: tuple[Curve, ...], sta
     return near
 
 
-def _along_bed(geometry: Geometry, order: int, stance: Stance, turbulent: bool) -> list[Near]:
+def _along_bed(geometry: Geometry, order: int, stance: Stance, layered: bool) -> list[Near]:
     """Cells along a bed with forms."""
     bed = geometry.bed
     if bed is None or not np.isfinite(bed.feature):
         return []
     away = None
-    # With turbulence the drag of the forms makes the flow, and they are meshed alike all along.
-    if stance.placement is not None and not turbulent:
+    # With wall layers the drag of the forms makes the flow, and they are meshed alike all along.
+    if stance.placement is not None and not layered:
         away = Away(point(stance.placement.centre), BED_GROWTH, BED_LARGEST * bed.feature)
     return [Near(BED_CELL[order] * bed.feature, GROWTH, boundary="bed", away=away)]
 
 
 def _channel(setup: Setup, plan: Plan) -> Grid | SolidGrid:
-    """The grid between the walls of a turbulent channel."""
+    """The grid of a channel between the layers of its walls."""
     from .wall_cells import channel_grid
 
     return channel_grid(setup.walls, setup.geometry, setup.sides, plan.order, plan.mesh_size)

@@ -60,7 +60,7 @@ def region(setup: Setup, placement: Placement | None) -> SolidRegion:
 def sizes(setup: Setup, order: int, stance: Stance) -> Sizes:
     """Cell sizes for mesh_size = 1."""
     near = [*_along_grain(setup.geometry, order, stance), *_along_bed(setup.geometry, order, stance)]
-    if setup.scene.is_turbulent:
+    if setup.has_wall_layer:
         from .wall_cells import cells
 
         near.extend(cells(setup.walls, setup.geometry, order, setup.geometry.placement))

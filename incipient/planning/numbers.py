@@ -28,7 +28,7 @@ class Numbers:
     density_ratio:  density of a free or weighing grain over the fluid's
     stokes:         density ratio times grain Reynolds number / 18: how sluggishly the grain follows the flow
     froude:         reference velocity over sqrt(g height)
-    shear_reynolds: shear velocity of a turbulent stream times the grain's largest diameter over the viscosity
+    shear_reynolds: shear velocity of a log-law flow times the grain's largest diameter over the viscosity
     """
 
     grain_reynolds: float | None

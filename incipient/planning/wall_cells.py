@@ -1,4 +1,4 @@
-"""Cells at the walls of a turbulent flow: rows of a channel, and sizes along other walls."""
+"""Cells at walls with wall functions: rows of a channel, and sizes along other walls."""
 
 from __future__ import annotations
 

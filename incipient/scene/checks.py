@@ -8,15 +8,14 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from ..errors import SceneError
-from . import surface, turbulence
-from .effects import contradictory
+from . import effects_checks, surface_checks, turbulence_checks
 from .messages import Key, Problem, split
+from .model import SceneSections
 from .numerics import OF_SURFACE, OF_WALLS
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from .model import Scene
 
 # Distances in grain sizes: from the bed, where cells get as small as the gap; from a side, where they do not.
 TOUCHING, NEARLY_TOUCHING = 1e-6, 1e-3
@@ -35,7 +34,7 @@ _TOPS_OF_FLOWS = {
 }
 
 
-def contradictions(scene: Scene) -> list[Problem]:
+def contradictions(scene: SceneSections) -> list[Problem]:
     """All contradictions between sections; those of places and extents only when there are no others."""
     checks = (
         _dimensions,
@@ -48,19 +47,19 @@ def contradictions(scene: Scene) -> list[Problem]:
         _motion,
         _ignored,
         _accuracy,
-        contradictory,
-        surface.contradictory,
-        turbulence.contradictory,
+        effects_checks.contradictory,
+        surface_checks.contradictory,
+        turbulence_checks.contradictory,
         _steps,
     )
     found = [problem for check in checks for problem in check(scene)]
     if found:
         return found
-    in_turn = (_resolution, _forms, _bed_extent, _datum_of_the_bed, surface.misplaced, _body_place, _symmetry)
+    in_turn = (_resolution, _forms, _bed_extent, _datum_of_the_bed, surface_checks.misplaced, _body_place)
     return next((problems for check in in_turn if (problems := [*check(scene)])), [])
 
 
-def _steps(scene: Scene) -> Iterator[Problem]:
+def _steps(scene: SceneSections) -> Iterator[Problem]:
     """Contact is found on beds that are graphs."""
     bed = scene.bed
     if bed is None or bed.kind != "polyline" or scene.body is None:
@@ -72,7 +71,7 @@ def _steps(scene: Scene) -> Iterator[Problem]:
             return
 
 
-def _dimensions(scene: Scene) -> Iterator[Problem]:
+def _dimensions(scene: SceneSections) -> Iterator[Problem]:
     """Grain, bed and flow must be of the scene's dimension, which the domain's width decides."""
     body, bed, flow, gdim = scene.body, scene.bed, scene.flow, scene.gdim
     if body is not None and body.gdim != gdim:
@@ -93,7 +92,7 @@ def _other_dimension(section: str, key: str, value: str, gdim: int) -> tuple[Key
     return (section, key), why, f"use a {section} in space such as {_IN_SPACE[section]}, or leave width out"
 
 
-def _flow(scene: Scene) -> Iterator[Problem]:
+def _flow(scene: SceneSections) -> Iterator[Problem]:
     kind, domain = scene.flow.kind, scene.domain
     if kind == "lid" and domain.kind != "box":
         yield Problem(
@@ -114,7 +113,7 @@ def _flow(scene: Scene) -> Iterator[Problem]:
     yield from _roughness(scene)
 
 
-def _roughness(scene: Scene) -> Iterator[Problem]:
+def _roughness(scene: SceneSections) -> Iterator[Problem]:
     flow = scene.flow
     needs_grain = scene.fluid.scale == "grain" and scene.body is None
     if flow.kind != "log-law" or needs_grain:
@@ -125,14 +124,14 @@ def _roughness(scene: Scene) -> Iterator[Problem]:
         yield Problem(("flow", "roughness"), why, "reduce it, or fluid.reynolds")
 
 
-def _scale(scene: Scene) -> Iterator[Problem]:
+def _scale(scene: SceneSections) -> Iterator[Problem]:
     if scene.fluid.scale == "grain" and scene.body is None:
         yield Problem(
             ("fluid", "scale"), '"grain" but there is no grain', 'add a section [body] or use "flow"'
         )
 
 
-def _bed_needed(scene: Scene) -> Iterator[Problem]:
+def _bed_needed(scene: SceneSections) -> Iterator[Problem]:
     if scene.bed is not None:
         return
     if getattr(scene.flow, "datum", "auto") not in ("auto", "crest"):
@@ -146,19 +145,19 @@ def _bed_needed(scene: Scene) -> Iterator[Problem]:
         yield Problem(("body", "x"), why, "add a section [bed], or give centre instead")
 
 
-def _body_needed(scene: Scene) -> Iterator[Problem]:
+def _body_needed(scene: SceneSections) -> Iterator[Problem]:
     if scene.contact is not None and scene.body is None:
         why = "there is no grain to touch anything"
         yield Problem(("contact",), why, "add a section [body] or leave [contact] out")
 
 
-def _slope(scene: Scene) -> Iterator[Problem]:
+def _slope(scene: SceneSections) -> Iterator[Problem]:
     if scene.bed is not None and scene.bed.slope_angle and scene.gravity is None:
         why = "a slope turns gravity but there is no gravity"
         yield Problem(("bed", "slope"), why, 'add a section [gravity] or use kind = "flat"')
 
 
-def _time(scene: Scene) -> Iterator[Problem]:
+def _time(scene: SceneSections) -> Iterator[Problem]:
     if scene.time is not None:
         if scene.time.until_steady is not None:
             for why, remedy in _never_steady(scene):
@@ -176,7 +175,7 @@ def _time(scene: Scene) -> Iterator[Problem]:
         yield Problem(("output", "checkpoint"), f"counts time steps {steady}", f"{remedy} or leave it out")
 
 
-def _never_steady(scene: Scene) -> Iterator[tuple[str, str]]:
+def _never_steady(scene: SceneSections) -> Iterator[tuple[str, str]]:
     """Why the flow of a scene in time cannot become steady, each with a remedy."""
     from .expression import Expression
 
@@ -196,14 +195,14 @@ def _never_steady(scene: Scene) -> Iterator[tuple[str, str]]:
             yield f"is for a steady flow but surface.{key} depends on t", "leave t out"
 
 
-def _motion(scene: Scene) -> Iterator[Problem]:
+def _motion(scene: SceneSections) -> Iterator[Problem]:
     if scene.body is None or not scene.body.moves:
         return
     if scene.time is None:
         yield Problem(("body", "motion"), "a grain moves in time", "add a section [time]")
 
 
-def _ignored(scene: Scene) -> Iterator[Problem]:
+def _ignored(scene: SceneSections) -> Iterator[Problem]:
     """Keys of [numerics] with another value than the default that the scene has no use for."""
     numerics = scene.numerics
     unused = []
@@ -217,7 +216,7 @@ def _ignored(scene: Scene) -> Iterator[Problem]:
             yield Problem(("numerics", key), why, f"leave it out or {remedy}")
 
 
-def _accuracy(scene: Scene) -> Iterator[Problem]:
+def _accuracy(scene: SceneSections) -> Iterator[Problem]:
     """An accuracy is that of a load on a grain; that of a verdict needs all that a verdict needs."""
     numerics, body = scene.numerics, scene.body
     if numerics.accuracy is None:
@@ -268,7 +267,7 @@ def _accuracy(scene: Scene) -> Iterator[Problem]:
         yield Problem(key, '"verdict" is for steady flow', "give a number, or leave [time] out")
 
 
-def _resolution(scene: Scene) -> Iterator[Problem]:
+def _resolution(scene: SceneSections) -> Iterator[Problem]:
     """Coordinates so large that numbers next to each other are too far apart to place a grain, or cells."""
     domain, grain = scene.domain, scene.grain
     finest = FINEST_PLACE if grain is None or scene.contact is None else scene.contact.tolerance
@@ -284,7 +283,7 @@ def _resolution(scene: Scene) -> Iterator[Problem]:
             yield Problem(("domain", key), why, "move the scene towards zero, or make it smaller")
 
 
-def _forms(scene: Scene) -> Iterator[Problem]:
+def _forms(scene: SceneSections) -> Iterator[Problem]:
     """More bed forms than can be meshed, which it would take too long to look at; in space those below the grain."""
     if scene.bed is None:
         return
@@ -307,7 +306,7 @@ def _forms(scene: Scene) -> Iterator[Problem]:
         yield Problem(("bed",), why, remedy)
 
 
-def _bed_extent(scene: Scene) -> Iterator[Problem]:
+def _bed_extent(scene: SceneSections) -> Iterator[Problem]:
     domain, bed = scene.domain, scene.bed
     if bed is None:
         return
@@ -325,7 +324,7 @@ def _bed_extent(scene: Scene) -> Iterator[Problem]:
         yield Problem(("bed",), why, "enlarge domain.height or lower the bed")
 
 
-def _beyond_height_map(scene: Scene) -> Iterator[Problem]:
+def _beyond_height_map(scene: SceneSections) -> Iterator[Problem]:
     """A height map that does not reach as far as the domain."""
     bed, domain = scene.bed_shape, scene.domain
     if scene.gdim == 2 or bed is None:
@@ -337,7 +336,7 @@ def _beyond_height_map(scene: Scene) -> Iterator[Problem]:
             yield Problem(("bed",), why, "enlarge its cell, change its offset or shrink the domain")
 
 
-def _datum_of_the_bed(scene: Scene) -> Iterator[Problem]:
+def _datum_of_the_bed(scene: SceneSections) -> Iterator[Problem]:
     """A datum given as a number must be a height that the bed has: above it a layer of fluid would be at rest."""
     level, base = getattr(scene.flow, "datum", "auto"), scene.domain.bottom
     if level == "effective" and scene.gdim == 3:
@@ -353,7 +352,7 @@ def _datum_of_the_bed(scene: Scene) -> Iterator[Problem]:
         yield Problem(("flow", "datum"), why, 'give one of them, or "auto", "crest" or "mean"')
 
 
-def _body_place(scene: Scene) -> Iterator[Problem]:
+def _body_place(scene: SceneSections) -> Iterator[Problem]:
     """The grain must lie within the domain, above the bed and clear of the walls."""
     if scene.body is None:
         return
@@ -377,7 +376,7 @@ def _body_place(scene: Scene) -> Iterator[Problem]:
         yield Problem(key, why, remedy)
 
 
-def _far_out(scene: Scene) -> Iterator[str]:
+def _far_out(scene: SceneSections) -> Iterator[str]:
     """Grains that need not be placed to see that they do not fit."""
     domain, body, grain = scene.domain, scene.body, scene.grain
     if body is None or grain is None:
@@ -393,7 +392,7 @@ def _far_out(scene: Scene) -> Iterator[str]:
             yield f"y = {y:g} is outside the domain, {near:g} to {far:g}"
 
 
-def _beyond(scene: Scene) -> Iterator[str]:
+def _beyond(scene: SceneSections) -> Iterator[str]:
     """How the grain leaves the domain, or touches one of its sides, if only nearly."""
     domain, grain, outline = scene.domain, scene.grain, _outline(scene)
     assert grain is not None
@@ -419,7 +418,7 @@ def _beyond(scene: Scene) -> Iterator[str]:
             yield f"the grain nearly touches the domain's {side}, from which it is {distance:.3g}"
 
 
-def _not_across(scene: Scene) -> Iterator[str]:
+def _not_across(scene: SceneSections) -> Iterator[str]:
     """How a cylinder does not reach from side to side."""
     body, domain = scene.body, scene.domain
     if body is None or body.shape != "cylinder" or body.centre is None:
@@ -430,7 +429,7 @@ def _not_across(scene: Scene) -> Iterator[str]:
         yield f"the cylinder reaches from y = {low:g} to {high:g}, the domain from {near:g} to {far:g}"
 
 
-def _into_bed(scene: Scene) -> Iterator[str]:
+def _into_bed(scene: SceneSections) -> Iterator[str]:
     """How deep the grain is in the bed, or that it touches the bed above which it is to be held."""
     bed, grain, placement = scene.bed_shape, scene.grain, scene.placement
     if bed is None or grain is None or placement is None:
@@ -444,7 +443,7 @@ def _into_bed(scene: Scene) -> Iterator[str]:
         yield "the grain touches the bed above which centre holds it"
 
 
-def _outline(scene: Scene) -> np.ndarray:
+def _outline(scene: SceneSections) -> np.ndarray:
     """Points (n, gdim) on the grain's surface, in the scene, among them the outermost."""
     import numpy as np
 
@@ -460,7 +459,7 @@ def _outline(scene: Scene) -> np.ndarray:
     return np.concatenate([(points[:, None] + radius * axes).reshape(-1, 3) for points, radius in balls])
 
 
-def _bed_points(scene: Scene) -> np.ndarray:
+def _bed_points(scene: SceneSections) -> np.ndarray:
     """Points (n, gdim) on the bed within the domain, in the plane its corners among them."""
     import numpy as np
 
@@ -476,18 +475,9 @@ def _bed_points(scene: Scene) -> np.ndarray:
     return np.column_stack([x, bed.height(x)])
 
 
-def _bed_heights(scene: Scene) -> tuple[float, float]:
+def _bed_heights(scene: SceneSections) -> tuple[float, float]:
     """The lowest and the highest place of the bed, the crest of one that repeats also where the domain has none."""
     bed, domain, heights = scene.bed_shape, scene.domain, _bed_points(scene)[:, -1]
     assert bed is not None
     within = ((domain.left, domain.right), domain.across) if scene.gdim == 3 else (domain.left, domain.right)
     return float(heights.min()), max(float(heights.max()), bed.crest_level(*within))
-
-
-def _symmetry(scene: Scene) -> Iterator[Problem]:
-    """A scene that is said to be its own mirror image must be that."""
-    try:
-        scene.symmetric  # noqa: B018 - asked for what it raises
-    except SceneError as error:
-        why, remedy = split(str(error))
-        yield Problem(("domain", "symmetric"), why.removeprefix("domain.symmetric: "), remedy)

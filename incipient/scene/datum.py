@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from .flows import OpenChannel, Poiseuille, Shear
-
-if TYPE_CHECKING:
-    from .model import Scene
+from .model import SceneSections
 
 # What inertia leaves of the depth of the effective height below the crests, (1 + R/INERTIAL)^-POWER with R = shear rate
 # times period times that depth over the viscosity: measured over periods of half-discs and ripples (docs/numerics.md).
@@ -31,7 +29,7 @@ class EffectiveHeight:
     creeping: float
 
 
-def height_of_datum(scene: Scene, speed: float = 1.0) -> float:
+def height_of_datum(scene: SceneSections, speed: float = 1.0) -> float:
     """The height in the scene at which the profile starts; without a bed the domain's bottom. Not collective.
 
     `speed`: of the stream over the scene's, on which inertia makes a computed height depend.
@@ -50,7 +48,7 @@ def height_of_datum(scene: Scene, speed: float = 1.0) -> float:
     return float(bed.mean(*within)) if level == "mean" else domain.bottom + float(level)
 
 
-def starts_at_effective_height(scene: Scene) -> bool:
+def starts_at_effective_height(scene: SceneSections) -> bool:
     """Whether a stream of known shear at the bed goes over several forms in the plane that repeat. Not collective."""
     if (
         scene.gdim == 3
@@ -62,7 +60,7 @@ def starts_at_effective_height(scene: Scene) -> bool:
     return bool(period and scene.domain.length >= FEWEST_PERIODS * period)
 
 
-def effective_height(scene: Scene, speed: float = 1.0) -> EffectiveHeight:
+def effective_height(scene: SceneSections, speed: float = 1.0) -> EffectiveHeight:
     """The effective height of a scene's bed in the plane, in its stream or one faster by a factor. Not collective."""
     from ..geometry.plane.effective_level import effective_level
 
@@ -76,7 +74,7 @@ def effective_height(scene: Scene, speed: float = 1.0) -> EffectiveHeight:
     return EffectiveHeight(level + lost, UNSURE * lost, level)
 
 
-def _reynolds(scene: Scene, depth: float) -> float:
+def _reynolds(scene: SceneSections, depth: float) -> float:
     """Of what the stream does between the forms: shear rate at the bed x period x depth over the viscosity."""
     period, flow = scene.bed_shape.period, scene.flow
     if period is None or not scene.fluid.inertia or scene.effects.inertia is False:

@@ -9,10 +9,11 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from .complete import Scene
 from .domain import Domain
 from .flows import Shear
 from .messages import discriminator, tag, variants
-from .model import Contact, Fluid, Gravity, Scene
+from .model import Contact, Fluid, Gravity
 from .section import Section, ordered_keys
 from .shapes import Disc, Flat
 from .solids import Sphere

@@ -13,9 +13,9 @@ from pydantic import ValidationError
 
 from ..errors import SceneError
 from ..parallel import from_first
+from .complete import Scene
 from .example import commented, grain_in_pocket, grain_on_bed
 from .messages import Key, Problem, key_text, one_line, problems_of
-from .model import Scene
 from .points import file_text
 from .section import Section, ordered_keys
 

@@ -8,26 +8,22 @@ either way it is complete and free of contradictions once it exists.
 from __future__ import annotations
 
 import math
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
+from pydantic import BeforeValidator, Field, field_validator, model_validator
 
-from .checks import contradictions
-from .datum import height_of_datum
 from .domain import Domain, Sides, Top
 from .effects import Effects, section_of
 from .flows import Flow, LogLaw, Shear
 from .grains import FRICTIONLESS
 from .kinds import Bed, Body
-from .messages import refusal
 from .motion import mass, mean_density
 from .numerics import OF_WALLS, Numerics
-from .order import order_of
 from .section import NotNegative, Positive, Section, contradiction
-from .surface import Surface, has_surface
-from .turbulence import Turbulence, is_turbulent
-from .units import Scales, Units, scales_of, with_units
+from .surface import FREE, Surface
+from .turbulence import Turbulence
+from .units import Units
 
 if TYPE_CHECKING:
     import numpy as np
@@ -139,12 +135,8 @@ class Output(Section):
     )
 
 
-class Scene(Section):
-    """A complete scene.
-
-    Raises:
-        SceneError: one line that names the key, why and the remedy.
-    """
+class SceneSections(Section):
+    """The sections of a scene, each checked by itself, and what follows from them."""
 
     title: str = Field("", description="What this scene is about")
     domain: Domain = Field(description="The region the fluid may fill")
@@ -168,20 +160,6 @@ class Scene(Section):
     numerics: Numerics = Field(Numerics(), description="How the equations are solved")
     output: Output = Field(Output(), description="What is written besides the result")
 
-    @model_validator(mode="before")
-    @classmethod
-    def _in_units(cls, data: Any, info: ValidationInfo) -> Any:
-        if not isinstance(data, dict) or data.get("units") is None:
-            return data
-        return with_units(data, partial(cls.model_validate, context=info.context))
-
-    @model_validator(mode="after")
-    def _free_of_contradictions(self) -> Scene:
-        found = contradictions(self)
-        if found:
-            raise refusal("Scene", found, between=True)
-        return self
-
     @property
     def gdim(self) -> int:
         """Dimension of space: three where the domain has a width."""
@@ -204,11 +182,6 @@ class Scene(Section):
         return self.flow.kind == "lid" and self.body is None
 
     @property
-    def order(self) -> int:
-        """Order of the velocity: what the scene says, or for "auto" what measurements recommend."""
-        return order_of(self).number
-
-    @property
     def top(self) -> Top:
         """The upper boundary: what the scene says, or for "auto" what suits the flow."""
         return _TOPS[self.flow.kind] if self.domain.top == "auto" else self.domain.top
@@ -222,7 +195,7 @@ class Scene(Section):
     @property
     def has_surface(self) -> bool:
         """Whether the top is a free surface."""
-        return has_surface(self)
+        return self.domain.top == FREE
 
     @property
     def accuracy_of(self) -> str:
@@ -235,17 +208,7 @@ class Scene(Section):
     @property
     def is_turbulent(self) -> bool:
         """Whether turbulence is to be simulated."""
-        return is_turbulent(self)
-
-    @cached_property
-    def symmetric(self) -> bool:
-        """Whether half of the scene is computed: what lies at one side of the middle of a domain in space.
-
-        Raises SceneError if the scene is said to be its own mirror image and is not.
-        """
-        from .symmetry import is_halved
-
-        return is_halved(self)
+        return self.effects.turbulence is True
 
     @cached_property
     def grain(self) -> Any:
@@ -283,11 +246,6 @@ class Scene(Section):
             return None
         made = self.bed.surface if self.gdim == 2 else self.bed.terrain
         return made(self.domain.bottom)
-
-    @cached_property
-    def datum(self) -> float:
-        """The height y at which the profile of the undisturbed flow starts; the same over the whole bed."""
-        return height_of_datum(self)
 
     @cached_property  # it is asked for at every step and takes longer than a step's solution
     def placement(self) -> Placement | None:
@@ -359,11 +317,6 @@ class Scene(Section):
         direction = np.zeros(self.gdim)
         direction[0], direction[self.up] = math.sin(slope), -math.cos(slope)
         return direction
-
-    @property
-    def scales(self) -> Scales | None:
-        """What the scene's units are in SI; None where it does not say."""
-        return None if self.units is None else scales_of(self, self.units)
 
     @property
     def contact_gap(self) -> float:

@@ -7,12 +7,12 @@ from typing import Any, Literal
 from pydantic import Field, field_validator
 
 from .messages import shown
-from .order import ORDERS
 from .section import SMALLEST, Positive, Section, contradiction
 
 Accuracy = float | Literal["verdict"]
 Tolerance = float | Literal["auto"]
 Order = Literal["auto", 2, 3, 4]
+ORDERS = (2, 3, 4)
 
 # Quantities of a free surface: elevations in the course of the run, and at its end.
 OF_SURFACE = ("elevation", "level")

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from .messages import Key
-
-if TYPE_CHECKING:
-    from .model import Scene
-    from .surface import Surface, Wave
+from .model import SceneSections
+from .surface import Surface, Wave
 
 # What streams below a free surface: profiles without shear on it, or none.
 STREAMS = ("open-channel", "uniform", "still")
@@ -24,7 +21,7 @@ def of_box(surface: Surface) -> Iterator[tuple[Key, str, str]]:
             yield ("surface", name), "is that of a channel but the domain is a box", remedy
 
 
-def of_channel(scene: Scene, surface: Surface) -> Iterator[tuple[Key, str, str]]:
+def of_channel(scene: SceneSections, surface: Surface) -> Iterator[tuple[Key, str, str]]:
     """What keeps a channel from having a free surface."""
     kind, closed = scene.flow.kind, surface.outflow == "wall"
     if kind not in STREAMS:
@@ -51,7 +48,7 @@ def of_channel(scene: Scene, surface: Surface) -> Iterator[tuple[Key, str, str]]
         yield ("time", "start"), "is a flow through but the channel has an end", 'use "rest"'
 
 
-def _of_wave(scene: Scene, surface: Surface, wave: Wave) -> Iterator[tuple[Key, str, str]]:
+def _of_wave(scene: SceneSections, surface: Surface, wave: Wave) -> Iterator[tuple[Key, str, str]]:
     if surface.inflow != "0":
         yield ("surface", "inflow"), "is given beside surface.wave", "leave one of them out"
     if surface.tension:

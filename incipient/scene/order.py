@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TypeVar
 
-if TYPE_CHECKING:
-    from .model import Scene
+from .model import SceneSections
 
-ORDERS = (2, 3, 4)
+AnyScene = TypeVar("AnyScene", bound=SceneSections)
 
 
 @dataclass(frozen=True)
@@ -19,7 +18,7 @@ class Order:
     reason: str = ""
 
 
-def order_of(scene: Scene) -> Order:
+def order_of(scene: SceneSections) -> Order:
     """The scene's own order, or the one to take (docs/numerics.md says by which measurements). Not collective."""
     asked = scene.numerics.order
     if asked != "auto":
@@ -39,16 +38,16 @@ def order_of(scene: Scene) -> Order:
     return Order(3, "in the plane, where nothing moves, it errs far less than order 2 for the same time")
 
 
-def is_driven_box(scene: Scene) -> bool:
+def is_driven_box(scene: SceneSections) -> bool:
     """Whether the scene is steady flow in a box in space that holds nothing. Not collective."""
     return scene.gdim == 3 and scene.time is None and scene.is_empty_box and scene.flow.kind != "still"
 
 
-def creeps(scene: Scene) -> bool:
+def creeps(scene: SceneSections) -> bool:
     """Whether the flow is steady and without inertia for certain. Not collective."""
     return scene.time is None and (not scene.fluid.inertia or scene.effects.inertia is False)
 
 
-def with_order(scene: Scene, number: int) -> Scene:
+def with_order(scene: AnyScene, number: int) -> AnyScene:
     """The scene with a given order. Not collective."""
     return scene.model_copy(update={"numerics": scene.numerics.model_copy(update={"order": number})})

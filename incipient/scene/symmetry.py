@@ -6,15 +6,12 @@ Of such a scene half is computed: the flow at one side of the plane, through whi
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..arrays import Floats
 from ..errors import SceneError
-
-if TYPE_CHECKING:
-    from .model import Scene
+from .model import SceneSections
 
 ALIKE = 1e-6  # of the grain's size, or of the bed's relief and the flow's speed: differences below it do not count
 SPACING = 0.1  # of points on a grain's surface, in its size
@@ -23,7 +20,7 @@ PLACES = 41  # in each direction, at which bed and flow are looked at
 MIRRORED = np.array([1.0, -1.0, 1.0])
 
 
-def is_halved(scene: Scene) -> bool:
+def is_halved(scene: SceneSections) -> bool:
     """Whether half of the scene is computed.
 
     Raises SceneError if the scene is said to be its own mirror image and is not.
@@ -37,13 +34,19 @@ def is_halved(scene: Scene) -> bool:
     return why is None
 
 
-def differences(scene: Scene) -> Iterator[str]:
+def differences(scene: SceneSections) -> Iterator[str]:
     """What keeps a scene in space from being its own mirror image, in words."""
-    checks: tuple[Callable[[Scene], str], ...] = (_of_grain, _of_motion, _of_bed, _of_flow, _of_surface)
+    checks: tuple[Callable[[SceneSections], str], ...] = (
+        _of_grain,
+        _of_motion,
+        _of_bed,
+        _of_flow,
+        _of_surface,
+    )
     yield from (why for check in checks if (why := check(scene)))
 
 
-def _of_grain(scene: Scene) -> str:
+def _of_grain(scene: SceneSections) -> str:
     grain, placement, middle = scene.grain, scene.placement, scene.domain.middle
     if grain is None or placement is None:
         return ""
@@ -60,7 +63,7 @@ def _of_grain(scene: Scene) -> str:
     return ""
 
 
-def _of_motion(scene: Scene) -> str:
+def _of_motion(scene: SceneSections) -> str:
     """Velocities that a mirror image would have otherwise: across, and spins about x and z."""
     body = scene.body
     if body is None or not body.moves:
@@ -78,7 +81,7 @@ def _of_motion(scene: Scene) -> str:
     return ""
 
 
-def _of_bed(scene: Scene) -> str:
+def _of_bed(scene: SceneSections) -> str:
     bed, domain = scene.bed_shape, scene.domain
     if bed is None or not np.isfinite(bed.feature):
         return ""
@@ -94,7 +97,7 @@ def _of_bed(scene: Scene) -> str:
     return f"the bed is {off:.2g} off its mirror image in y = {domain.middle:g}"
 
 
-def _of_flow(scene: Scene) -> str:
+def _of_flow(scene: SceneSections) -> str:
     """Formulas for the flow; other flows depend on the height alone."""
     if scene.flow.kind != "expression":
         return ""
@@ -113,7 +116,7 @@ def _of_flow(scene: Scene) -> str:
     return ""
 
 
-def _of_surface(scene: Scene) -> str:
+def _of_surface(scene: SceneSections) -> str:
     """Formulas for the first elevation of a free surface, and for the pressure above it."""
     if scene.surface is None:
         return ""
@@ -136,7 +139,7 @@ def _of_surface(scene: Scene) -> str:
     return ""
 
 
-def _within(scene: Scene) -> Floats:
+def _within(scene: SceneSections) -> Floats:
     """Points (3, n) in the domain."""
     domain = scene.domain
     sides = ((domain.left, domain.right), domain.across, (domain.bottom, domain.ceiling))

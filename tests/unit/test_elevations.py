@@ -131,7 +131,8 @@ def test_no_order_above_that_of_the_elevation_is_sought():
     ],
 )
 def test_without_stations_there_are_a_few(text, places):
-    assert np.array(stations_of(loads(text))) == pytest.approx(np.array(places))
+    found = loads(text)
+    assert np.array(stations_of(found.surface, found.domain)) == pytest.approx(np.array(places))
 
 
 def test_an_accuracy_without_a_grain_is_that_of_the_elevation():

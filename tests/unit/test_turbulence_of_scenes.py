@@ -12,7 +12,7 @@ from incipient.errors import SceneError
 from incipient.fluid.conditions import Friction
 from incipient.planning.flow_setup import Setup
 from incipient.planning.meshing import lay_out
-from incipient.planning.turbulent_conditions import conditions, entering
+from incipient.planning.wall_conditions import conditions, entering
 from incipient.planning.wall_law import WallLaw
 from incipient.scene import (
     Contact,

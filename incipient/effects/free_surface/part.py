@@ -198,7 +198,9 @@ class MovingSurface(RunPart):
 
     def reported(self) -> dict[str, Any]:
         """The surface at the end, and its elevations on the way."""
-        stations = [one[0] if len(one) == 1 else one for one in stations_of(self._scene)]
+        stations = [
+            one[0] if len(one) == 1 else one for one in stations_of(self._scene.surface, self._scene.domain)
+        ]
         found = {"stations": stations, "elevations": self._stations.values(self.part.elevation)}
         return {"surface": found | self._discharge(), "elevations": self.elevations}
 
@@ -234,7 +236,7 @@ class _Stations:
 
     def __init__(self, rising: RisingDisplacement, scene: Scene):
         comm, space = rising.domain.comm, rising.space
-        across = stations_of(scene)
+        across = stations_of(scene.surface, scene.domain)
         top = scene.domain.ceiling + rising.raised
         points = np.array([(*place, top) for place in across]).reshape(-1, scene.gdim)
         if scene.symmetric:  # the half that is computed has the larger y

@@ -9,10 +9,10 @@ from ...errors import SceneError
 from ...planning.effects import Decision, EffectName
 from ...planning.flow_setup import Setup
 from ...planning.numbers import Numbers
-from ...planning.transition import REMEDY, transition, turbulent_from
 from ...results.left_out import Omission
 from ...scene import Scene
 from ..effect import Effect, Solved
+from .transition import REMEDY, transition, turbulent_from
 
 if TYPE_CHECKING:
     from ...mesh.domain import Domain

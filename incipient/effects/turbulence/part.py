@@ -16,7 +16,7 @@ from ...fluid.transient import Interface
 from ...forms import turbulence as forms
 from ...mesh.domain import Domain
 from ...mesh.transfer import Transfer
-from ...planning import turbulent_conditions
+from ...planning import wall_conditions
 from ...planning.effects import EffectName
 from ...planning.flow_setup import Setup
 from ...planning.linear import FEW_CELLS
@@ -55,7 +55,7 @@ class TurbulentFlow(RunPart):
         self._setup = self._of_run = Setup(scene)
         self._scene, self._walls = scene, self._setup.walls
         self._stage = stage
-        enters = turbulent_conditions.logarithms(self._setup)
+        enters = wall_conditions.logarithms(self._setup)
         given = TurbulenceConditions(
             (self._setup.sides.left,), enters, self._walls.names, self._walls.distance
         )
@@ -105,11 +105,11 @@ class TurbulentFlow(RunPart):
 
     def enter(self, fluid: Fluid) -> None:
         """Let the velocity and its turbulence be those of the inflow everywhere."""
-        enters = turbulent_conditions.velocity(self._setup)
+        enters = wall_conditions.velocity(self._setup)
         start = dolfinx.fem.Function(fluid.space.velocity)
         start.interpolate(lambda x: enters(x, 0.0))
         fluid.state.x.array[fluid.space.velocity_map] = start.x.array
-        self.fields.state.interpolate(turbulent_conditions.logarithms(self._setup))
+        self.fields.state.interpolate(wall_conditions.logarithms(self._setup))
 
     def _take(self, fluid: Fluid, factor: float) -> None:
         """Let viscosity, inflow and walls be those of a flow faster by a factor."""
@@ -119,8 +119,8 @@ class TurbulentFlow(RunPart):
             return
         self._setup, self._scene, self._walls = setup, scene, setup.walls
         fluid.reynolds, self._viscosity.value = 1.0 / scene.viscosity, scene.viscosity
-        self.fields.give(turbulent_conditions.logarithms(setup), self._walls.distance)
-        fluid.let_in(turbulent_conditions.conditions(setup))
+        self.fields.give(wall_conditions.logarithms(setup), self._walls.distance)
+        fluid.let_in(wall_conditions.conditions(setup))
         fluid.walls.stand(self._walls.distance)
 
     def around(self, interface: Interface | None) -> InTime:
