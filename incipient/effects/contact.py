@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ..planning.effects import Decision, EffectName
+from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers
 from ..results.left_out import Omission
-from ..scene import Scene
 from ..scene.grains import FRICTIONLESS
 from ..scene.model import WIDE_GAP
 from ..scene.settling import DEFAULT_FRICTION
@@ -19,8 +19,9 @@ class ContactEffect(Effect):
 
     name = EffectName.CONTACT
 
-    def decide(self, scene: Scene, numbers: Numbers) -> Decision:
+    def decide(self, setup: Setup, numbers: Numbers) -> Decision:
         """Present where a grain rests on a bed."""
+        scene = setup.scene
         if not scene.rests:
             return Decision(self.name, False, "no grain rests on a bed")
         if scene.effects.contact is False:
@@ -34,8 +35,9 @@ class ContactEffect(Effect):
             reason += ' (settle = "frictionless" gives one rest to compare)'
         return Decision(self.name, True, reason, scene.effects.contact is True)
 
-    def warnings(self, scene: Scene) -> Iterator[str]:
+    def warnings(self, setup: Setup) -> Iterator[str]:
         """A wide gap between grain and bed."""
+        scene = setup.scene
         gap = scene.contact.gap if scene.contact is not None and not scene.closes_contacts else 0.0
         if gap > WIDE_GAP and scene.body is not None and (scene.rests or scene.body.moves):
             yield (

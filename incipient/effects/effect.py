@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ..planning.effects import Decision, EffectName
+from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers
-from ..scene import Scene
 
 if TYPE_CHECKING:
     from ..fluid import FlowModel
@@ -39,18 +39,18 @@ class Effect:
 
     name: EffectName
 
-    def decide(self, scene: Scene, numbers: Numbers) -> Decision:
+    def decide(self, setup: Setup, numbers: Numbers) -> Decision:
         """Whether the scene calls for the effect, and the reason. Not collective."""
         raise NotImplementedError
 
-    def terms(self, model: FlowModel, scene: Scene, plan: Plan, unsteady: bool) -> FlowModel:
+    def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
         """The model of the flow with the effect's terms, for a plan that has the effect. Not collective.
 
         `unsteady` tells a flow in time from the steady one that it may start from.
         """
         return model
 
-    def warnings(self, scene: Scene) -> Iterator[str]:
+    def warnings(self, setup: Setup) -> Iterator[str]:
         """What in the scene makes the result less sure where the effect is present, in words. Not collective.
 
         Raises:
@@ -58,19 +58,19 @@ class Effect:
         """
         return iter(())
 
-    def as_fast(self, scene: Scene, speed: float) -> Scene:
-        """The scene that a mesh is made for if the flow is faster by a factor. Not collective."""
-        return scene
+    def as_fast(self, setup: Setup, speed: float) -> Setup:
+        """The setup that a mesh is made for if the flow is faster by a factor. Not collective."""
+        return setup
 
-    def part_at_start(self, scene: Scene, domain: Domain, stage: Stage) -> RunPart | None:
+    def part_at_start(self, setup: Setup, domain: Domain, stage: Stage) -> RunPart | None:
         """Unknowns that a steady flow, too, is solved together with, before its fluid is made. Collective."""
         return None
 
-    def part_in_time(self, scene: Scene, stage: Stage, kept: Checkpoint | None) -> RunPart | None:
+    def part_in_time(self, setup: Setup, stage: Stage, kept: Checkpoint | None) -> RunPart | None:
         """Unknowns that a flow in time moves its mesh with, at the start or as a checkpoint has them. Collective."""
         return None
 
-    def memory(self, scene: Scene, unknowns: int) -> float:
+    def memory(self, setup: Setup, unknowns: int) -> float:
         """MiB that the effect adds to a flow with so many unknowns. Not collective."""
         return 0.0
 

@@ -23,23 +23,24 @@ class FlowEffect(Effect):
 
     name = EffectName.FLOW
 
-    def decide(self, scene: Scene, numbers: Numbers) -> Decision:
+    def decide(self, setup: Setup, numbers: Numbers) -> Decision:
         """Present unless the fluid is at rest and stays so."""
+        scene = setup.scene
         return Decision(self.name, scene.flow.kind != "still" or scene.has_surface, _reason(scene))
 
-    def terms(self, model: FlowModel, scene: Scene, plan: Plan, unsteady: bool) -> FlowModel:
+    def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
         """The force by which the fluctuations of a turbulent base flow keep its mean profile."""
-        if scene.flow.kind != "log-law":
+        if setup.scene.flow.kind != "log-law":
             return model
         from ..planning.mean_profile import force_of_turbulence
 
-        base_flow = Setup(scene).base_flow
+        base_flow = setup.base_flow
         force = force_of_turbulence(base_flow.mean_profile, base_flow.datum, base_flow.up)
         return replace(model, body_force=force)
 
-    def warnings(self, scene: Scene) -> Iterator[str]:
+    def warnings(self, setup: Setup) -> Iterator[str]:
         """A grain close to the inflow."""
-        yield from filter(None, (near_inflow(Setup(scene).geometry, scene.flow.kind == "still"),))
+        yield from filter(None, (near_inflow(setup.geometry, setup.scene.flow.kind == "still"),))
 
 
 def _reason(scene: Scene) -> str:

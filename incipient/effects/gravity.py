@@ -8,9 +8,9 @@ import numpy as np
 
 from ..arrays import spatial
 from ..planning.effects import Decision, EffectName
+from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers
 from ..results.left_out import Omission
-from ..scene import Scene
 from .effect import Effect, Solved
 
 
@@ -19,8 +19,9 @@ class GravityEffect(Effect):
 
     name = EffectName.GRAVITY
 
-    def decide(self, scene: Scene, numbers: Numbers) -> Decision:
+    def decide(self, setup: Setup, numbers: Numbers) -> Decision:
         """Present with [gravity]."""
+        scene = setup.scene
         if scene.gravity is None:
             return Decision(self.name, False, "no [gravity] section")
         if scene.effects.gravity is False:

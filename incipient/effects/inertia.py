@@ -14,6 +14,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ..planning.effects import SHARE, Decision, EffectName, accuracy_asked, moves, percent
+from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers
 from ..results.left_out import Omission
 from ..scene import Scene
@@ -31,8 +32,9 @@ class InertiaEffect(Effect):
 
     name = EffectName.INERTIA
 
-    def decide(self, scene: Scene, numbers: Numbers) -> Decision:
+    def decide(self, setup: Setup, numbers: Numbers) -> Decision:
         """Present where Oseen's correction exceeds a share of the accuracy asked for."""
+        scene = setup.scene
         if not scene.fluid.inertia or scene.effects.inertia is False:
             key = "fluid.inertia" if not scene.fluid.inertia else "effects.inertia"
             return Decision(self.name, False, f"{key} = false", True, expected(scene, numbers))
@@ -51,7 +53,7 @@ class InertiaEffect(Effect):
         reason = f"{which} {value:.2g}; estimated effect on drag {percent(change)}"
         return Decision(self.name, False, reason, expected=change)
 
-    def terms(self, model: FlowModel, scene: Scene, plan: Plan, unsteady: bool) -> FlowModel:
+    def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
         """Convection, stabilised where cells need it; the steady start of a flow in time is upwinded for its solver."""
         start = plan.has(EffectName.UNSTEADINESS) and not unsteady
         upwind = plan.stabilisation.upwind or (start and plan.solver.name == "block")

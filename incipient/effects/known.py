@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from ..planning.effects import Decision
+from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers
-from ..scene import Scene
 from .contact import ContactEffect
 from .effect import Effect
 from .flow import FlowEffect
@@ -34,6 +34,6 @@ EFFECTS: tuple[Effect, ...] = (
 )
 
 
-def decisions(scene: Scene, numbers: Numbers) -> tuple[Decision, ...]:
+def decisions(setup: Setup, numbers: Numbers) -> tuple[Decision, ...]:
     """What is decided on every effect. Not collective."""
-    return tuple(effect.decide(scene, numbers) for effect in EFFECTS)
+    return tuple(effect.decide(setup, numbers) for effect in EFFECTS)

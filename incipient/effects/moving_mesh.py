@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ..planning.effects import Decision, EffectName, moves
+from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers
 from ..scene import Scene
 from .effect import Effect
@@ -20,12 +21,13 @@ class MovingMeshEffect(Effect):
 
     name = EffectName.MOVING_MESH
 
-    def decide(self, scene: Scene, numbers: Numbers) -> Decision:
+    def decide(self, setup: Setup, numbers: Numbers) -> Decision:
         """Present with a grain that moves or a free surface."""
+        scene = setup.scene
         there, forced = moves(scene) or scene.has_surface, scene.effects.moving_mesh != "auto"
         return Decision(self.name, there, _reason(scene), forced)
 
-    def terms(self, model: FlowModel, scene: Scene, plan: Plan, unsteady: bool) -> FlowModel:
+    def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
         """The velocity of the mesh, which convection is relative to."""
         return replace(model, moving_mesh=unsteady)
 

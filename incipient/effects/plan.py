@@ -15,6 +15,7 @@ from ..planning.flow_setup import Setup
 from ..planning.linear import method_of
 from ..planning.numbers import numbers_of
 from ..planning.plan import Plan
+from ..planning.scene_geometry import Geometry
 from ..planning.stabilisation import stabilisation_of
 from ..scene import Scene
 from ..scene.order import order_of
@@ -29,15 +30,20 @@ def make_plan(scene: Scene) -> Plan:
     Raises:
         SceneError: an effect that is present cannot be simulated in the scene.
     """
-    setup = Setup(scene)
+    return plan_of(Setup(scene))
+
+
+def plan_of(setup: Setup) -> Plan:
+    """The plan of a scene whose parts are at hand, as of `make_plan`. Not collective."""
+    scene = setup.scene
     numbers = numbers_of(setup)
-    effects = known.decisions(scene, numbers)
+    effects = known.decisions(setup, numbers)
     present = {effect.name for effect in effects if effect.present}
     return Plan(
         effects=effects,
         order=scene.order,
         why_order=order_of(scene).reason,
-        geometry_order=_geometry_order(scene),
+        geometry_order=_geometry_order(setup),
         mesh_size=scene.numerics.mesh_size,
         convection=_convection(scene, present),
         scheme=_scheme(scene, present),
@@ -50,7 +56,7 @@ def make_plan(scene: Scene) -> Plan:
         numbers=numbers,
         stabilisation=stabilisation_of(setup, EffectName.INERTIA in present),
         sought=_sought(scene),
-        warnings=tuple(warning for effect in known.EFFECTS for warning in effect.warnings(scene)),
+        warnings=tuple(warning for effect in known.EFFECTS for warning in effect.warnings(setup)),
         datum=datum_of(setup),
     )
 
@@ -77,25 +83,26 @@ def _sought(scene: Scene) -> str:
     return f"numerics.accuracy: {chosen} chosen by the run, {aim}{beyond}"
 
 
-def _geometry_order(scene: Scene) -> int:
+def _geometry_order(setup: Setup) -> int:
     """Straight cells where every boundary is straight, else curved ones to match the velocity."""
+    scene, geometry = setup.scene, setup.geometry
     if scene.numerics.geometry_order is not None:
         return scene.numerics.geometry_order
     if scene.has_surface:  # a wave is curved
         return GEOMETRY_ORDER[scene.order if scene.gdim == 2 else 2]
     if scene.gdim == 3:
-        return 1 if _has_flat_faces(scene) else GEOMETRY_ORDER[2]
-    curves = list(scene.grain.drawn()) if scene.grain is not None else []
-    if scene.bed_shape is not None:
-        curves.extend(scene.bed_shape.curves(scene.domain.left, scene.domain.right))
+        return 1 if _has_flat_faces(geometry) else GEOMETRY_ORDER[2]
+    curves = list(geometry.grain.drawn()) if geometry.grain is not None else []
+    if geometry.bed is not None:
+        curves.extend(geometry.bed.curves(geometry.domain.left, geometry.domain.right))
     return 1 if all(isinstance(curve, Line) for curve in curves) else GEOMETRY_ORDER[scene.order]
 
 
-def _has_flat_faces(scene: Scene) -> bool:
-    """Whether every boundary of a scene in space is made of planes."""
+def _has_flat_faces(geometry: Geometry) -> bool:
+    """Whether every boundary of a geometry in space is made of planes."""
     from ..geometry.space.polyhedra import Box, Triangulated
 
-    grain, bed = scene.grain, scene.bed_shape
+    grain, bed = geometry.grain, geometry.bed
     level = bed is None or not math.isfinite(bed.feature)
     sharp = isinstance(grain, Box) and grain.edge_radius == 0.0
     return level and (grain is None or sharp or isinstance(grain, Triangulated))

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from ..planning.effects import Decision, EffectName
+from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers
-from ..scene import Scene
 from .effect import Effect
 
 _DIMENSIONS = {2: "two-dimensional", 3: "three-dimensional"}
@@ -15,8 +15,9 @@ class ThirdDimensionEffect(Effect):
 
     name = EffectName.THIRD_DIMENSION
 
-    def decide(self, scene: Scene, numbers: Numbers) -> Decision:
+    def decide(self, setup: Setup, numbers: Numbers) -> Decision:
         """Present with domain.width."""
+        scene = setup.scene
         reason = f"the scene is {_DIMENSIONS[scene.gdim]}"
         if scene.gdim == 2:
             return Decision(self.name, False, reason)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from ..planning.effects import Decision, EffectName
+from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers
-from ..scene import Scene
 from .effect import Effect
 
 
@@ -13,7 +13,7 @@ class TractionEffect(Effect):
 
     name = EffectName.TRACTION
 
-    def decide(self, scene: Scene, numbers: Numbers) -> Decision:
+    def decide(self, setup: Setup, numbers: Numbers) -> Decision:
         """Present with a grain."""
-        there = scene.body is not None
+        there = setup.scene.body is not None
         return Decision(self.name, there, "of the fluid on the grain" if there else "no [body] section")

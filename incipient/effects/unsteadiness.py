@@ -17,7 +17,6 @@ from ..planning.effects import SHARE, Decision, EffectName, accuracy_asked, move
 from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers, time_of_change, wall_distance
 from ..results.left_out import Omission
-from ..scene import Scene
 from .effect import Effect, Solved
 
 if TYPE_CHECKING:
@@ -37,13 +36,14 @@ class UnsteadinessEffect(Effect):
 
     name = EffectName.UNSTEADINESS
 
-    def decide(self, scene: Scene, numbers: Numbers) -> Decision:
+    def decide(self, setup: Setup, numbers: Numbers) -> Decision:
         """Present with [time], unless the scene asks for a quasi-steady flow."""
+        scene = setup.scene
         time = scene.time
         if time is None:
-            risk = shedding(scene, numbers)
+            risk = shedding(setup, numbers)
             return Decision(self.name, False, "no [time] section" + (f"; {risk}" if risk else ""))
-        change = expected(scene)
+        change = expected(setup)
         if scene.effects.unsteadiness is False:
             reason = "effects.unsteadiness = false: quasi-steady flow"
             return Decision(self.name, False, reason, True, change)
@@ -57,11 +57,11 @@ class UnsteadinessEffect(Effect):
             reason += f"; effects.unsteadiness = false would change the drag by {percent(change)}"
         return Decision(self.name, True, reason, scene.effects.unsteadiness is True, change)
 
-    def terms(self, model: FlowModel, scene: Scene, plan: Plan, unsteady: bool) -> FlowModel:
+    def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
         """The rate of change at fixed places of the mesh, and the form of convection in time."""
         if not unsteady:
             return model
-        stable = scene.numerics.form == "energy-stable"
+        stable = setup.scene.numerics.form == "energy-stable"
         return replace(model, unsteady=True, convection=plan.convection, energy_stable=stable)
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
@@ -85,22 +85,23 @@ class UnsteadinessEffect(Effect):
         yield weighted(solved, self.name, lambda v, w: _inertia(rate, w), remedy)
 
 
-def shedding(scene: Scene, numbers: Numbers) -> str:
+def shedding(setup: Setup, numbers: Numbers) -> str:
     """Warning if a steady flow is probably unstable (vortex shedding), or an empty string."""
-    reynolds = numbers.grain_reynolds
+    reynolds, scene = numbers.grain_reynolds, setup.scene
     inert = scene.fluid.inertia and scene.effects.inertia is not False
     least, shape = (SHEDDING, "cylinder") if scene.gdim == 2 else (SHEDDING_OF_SPHERE, "sphere")
-    if reynolds is None or reynolds <= least or not inert or wall_distance(Setup(scene)) < SHEDDING_CLEARANCE:
+    if reynolds is None or reynolds <= least or not inert or wall_distance(setup) < SHEDDING_CLEARANCE:
         return ""
     return f"grain Re {reynolds:.3g}: a {shape} in a stream sheds vortices from {least:g} on"
 
 
-def expected(scene: Scene) -> float | None:
+def expected(setup: Setup) -> float | None:
     """Relative change of the drag on a held grain as the base flow changes, at most one; None: it is steady."""
-    period, grain = time_of_change(Setup(scene).base_flow, scene.time), scene.grain
+    base_flow, grain = setup.base_flow, setup.geometry.grain
+    period = time_of_change(base_flow, setup.scene.time)
     if period is None or grain is None:
         return None
-    diffusion = (0.5 * grain.size) ** 2 / (scene.viscosity * period)
+    diffusion = (0.5 * grain.size) ** 2 / (base_flow.viscosity * period)
     return min(math.sqrt(diffusion) + diffusion / 3.0, 1.0)
 
 

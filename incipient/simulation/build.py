@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ..effects import known
-from ..effects.plan import make_plan
+from ..effects.plan import plan_of
 from ..installed import memory_of_libraries, required
 from ..parallel import collectively
 from ..planning import expense, meshing
@@ -58,12 +58,11 @@ def prepared(
     accounts, voice = accounts or Accounts(), voice or Silent()
     voice.begin("plan")
     with accounts.ledger.stage("plan"):
-        plan = make_plan(scene)
-        meshed = scene
+        setup = meshed = Setup(scene)
+        plan = plan_of(setup)
         for effect in known.EFFECTS:
             meshed = effect.as_fast(meshed, speed)
-        setup = Setup(meshed)
-        layout = sizing(meshing.lay_out(setup, plan))
+        layout = sizing(meshing.lay_out(meshed, plan))
     voice.begin("import")
     with accounts.ledger.stage("import"), required():
         _load_libraries(comm, draws=checkpoint is None)
@@ -72,24 +71,24 @@ def prepared(
         from ..planning.conditions import conditions
     voice.begin("mesh")
     with accounts.ledger.stage("mesh"):
-        contacts = _contacts(scene, plan, accounts)
+        contacts = _contacts(setup, plan, accounts)
         made = _domain_kept(checkpoint, comm) or domain.build(comm, layout.gmsh_model, scene.gdim)
     (recorder or Unrecorded()).begin(scene, plan, made)
     with ExitStack() as stack:
         voice.begin("forms")
         with accounts.ledger.stage("forms"):
-            model = flow_model(scene, plan, unsteady=plan.has(EffectName.UNSTEADINESS))
-            found = [effect.part_at_start(scene, made, accounts.ledger.stage) for effect in known.EFFECTS]
+            model = flow_model(setup, plan, unsteady=plan.has(EffectName.UNSTEADINESS))
+            found = [effect.part_at_start(setup, made, accounts.ledger.stage) for effect in known.EFFECTS]
             parts = [part for part in found if part is not None]
             for part in parts:
                 model = part.within(model)
-            newest = [raised.made(made, model, conditions(setup), plan.reynolds)]
+            newest = [raised.made(made, model, conditions(meshed), plan.reynolds)]
             # Another fluid may have taken its place by the end.
             stack.push(lambda *exception: newest[0].__exit__(*exception))
             for part in parts:
                 part.joined(newest[0])
             probe = probe_of(newest[0], layout)
-            run = Run(scene, plan, layout, contacts, newest[0], probe, accounts, voice, parts)
+            run = Run(setup, plan, layout, contacts, newest[0], probe, accounts, voice, parts)
         if checkpoint is not None:
             from ..restart import resumption
 
@@ -111,14 +110,14 @@ def _load_libraries(comm: MPI.Comm, draws: bool) -> None:
     from .. import compat  # noqa: F401
 
 
-def flow_model(scene: Scene, plan: Plan, unsteady: bool, inertia: bool = True) -> FlowModel:
+def flow_model(setup: Setup, plan: Plan, unsteady: bool, inertia: bool = True) -> FlowModel:
     """The model of the flow with the terms of the effects of a plan, inertia or not. Not collective."""
     from ..fluid import FlowModel
 
     model = FlowModel(order=plan.order, inertia=False, solver=plan.solver.name)
     for effect in known.EFFECTS:
         if plan.has(effect.name):
-            model = effect.terms(model, scene, plan, unsteady)
+            model = effect.terms(model, setup, plan, unsteady)
     return model if inertia else replace(model, inertia=False)
 
 
@@ -131,16 +130,17 @@ def estimate(scene: Scene) -> Plan:
     from ..accuracy.coarse_runs import comparisons
     from ..accuracy.errorbars import on_more_bed
 
-    plan = make_plan(scene)
+    setup = Setup(scene)
+    plan = plan_of(setup)
     wider = on_more_bed(scene) if expense.has_dual(scene) else None
     counted: Estimate = expense.count(
-        meshing.lay_out(Setup(scene), plan),
+        meshing.lay_out(setup, plan),
         plan.order,
         expense.has_dual(scene),
         plan.solver.name,
         None if wider is None else meshing.lay_out(Setup(wider), plan),
     )
-    counted = counted.with_more(sum(effect.memory(scene, counted.unknowns) for effect in known.EFFECTS))
+    counted = counted.with_more(sum(effect.memory(setup, counted.unknowns) for effect in known.EFFECTS))
     if scene.gdim == 3 and scene.has_surface and scene.numerics.error_bars:
         other = estimate(comparisons(scene)[1]).estimate
         assert other is not None
@@ -148,13 +148,11 @@ def estimate(scene: Scene) -> Plan:
     return plan.with_estimate(counted)
 
 
-def _contacts(scene: Scene, plan: Plan, accounts: Accounts) -> Contacts | None:
+def _contacts(setup: Setup, plan: Plan, accounts: Accounts) -> Contacts | None:
     if not plan.has(EffectName.CONTACT):
         return None
     with accounts.ledger.stage("contact"):
-        from ..evaluation.contact_verdict import find_contacts
-
-        return find_contacts(scene)
+        return setup.geometry.contacts
 
 
 def probe_of(fluid: Fluid, layout: Layout) -> TractionProbe | None:

@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from ..effects.turbulence.part import TurbulentFlow
     from ..fluid import Fluid, Transient
     from ..mesh.domain import Domain
+    from ..planning.flow_setup import Setup
     from ..planning.layout import Layout
     from ..planning.plan import Plan
     from ..results.elevations import Elevations
     from ..results.errorbars import Loads, Term
-    from ..scene import Scene
     from .march import March
     from .steadiness import Steadiness
 
@@ -71,7 +71,7 @@ class Run:
 
     def __init__(
         self,
-        scene: Scene,
+        setup: Setup,
         plan: Plan,
         layout: Layout,
         contacts: Contacts | None,
@@ -81,7 +81,8 @@ class Run:
         voice: Silent,
         parts: Sequence[RunPart] = (),
     ):
-        self.scene, self.plan, self.layout, self.contacts = scene, plan, layout, contacts
+        self.setup, self.scene = setup, setup.scene
+        self.plan, self.layout, self.contacts = plan, layout, contacts
         self.accounts, self.voice, self._parts = accounts, voice, tuple(parts)
         self.comm: MPI.Comm = fluid.domain.comm
         self.corrections = Corrections(accounts.ledger, plan)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from ..planning.conditions import conditions
 from ..planning.effects import EffectName
-from ..planning.flow_setup import Setup
 from ..planning.stabilisation import stabilisation_of
 from ..planning.tolerance import of_steady
 from ..scene.datum import height_of_datum
@@ -84,7 +83,7 @@ def make_as_fast(run: Run, factor: float) -> None:
     _stabilise(run, factor)
     run.fluid.reynolds = factor * run.plan.reynolds
     if height_of_datum(run.scene, 0.0) != run.scene.datum:
-        run.fluid.let_in(conditions(Setup(run.scene), speed=factor))
+        run.fluid.let_in(conditions(run.setup, speed=factor))
 
 
 def _stabilise(run: Run, factor: float) -> None:
@@ -92,7 +91,7 @@ def _stabilise(run: Run, factor: float) -> None:
     from ..fluid import Fluid
 
     before, model = run.fluid, run.fluid.model
-    found = stabilisation_of(Setup(run.scene), model.inertia, factor)
+    found = stabilisation_of(run.setup, model.inertia, factor)
     wanted = found.present and not found.upwind
     if wanted == model.stabilisation:
         return
@@ -103,5 +102,5 @@ def _stabilise(run: Run, factor: float) -> None:
 
 def _first_share(run: Run, fluid: Fluid) -> float:
     """Where the continuation starts: at once, unless the Reynolds number of the whole flow is large."""
-    whole = fluid.reynolds * Setup(run.scene).base_flow.mean_speed * run.scene.domain.height
+    whole = fluid.reynolds * run.setup.base_flow.mean_speed * run.scene.domain.height
     return min(1.0, LARGE / whole) if run.plan.has(EffectName.INERTIA) else 1.0

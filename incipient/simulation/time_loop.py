@@ -79,11 +79,10 @@ class TimeLoop:
         """A steady flow around the grain, which is held, as the state of fluid and parts."""
         from ..fluid import Fluid
         from ..planning.conditions import conditions
-        from ..planning.flow_setup import Setup
 
         run = self._run
-        model = flow_model(run.scene, run.plan, unsteady=False, inertia=inertia)
-        held = conditions(Setup(run.scene), held=True, lid=True)
+        model = flow_model(run.setup, run.plan, unsteady=False, inertia=inertia)
+        held = conditions(run.setup, held=True, lid=True)
         parts = [part.on(run.domain) for part in run.parts]
         for part in parts:
             model = part.within(model)

@@ -19,6 +19,7 @@ from incipient.effects import known
 from incipient.effects.effect import Effect, Solved
 from incipient.fluid import FlowModel
 from incipient.planning.effects import Decision
+from incipient.planning.flow_setup import Setup
 from incipient.planning.numbers import Numbers
 from incipient.planning.plan import Plan
 from incipient.results.left_out import Omission
@@ -40,18 +41,18 @@ class DrivingForce(Effect):
 
     name: Any = "driving force"
 
-    def decide(self, scene: Scene, numbers: Numbers) -> Decision:
+    def decide(self, setup: Setup, numbers: Numbers) -> Decision:
         """Present where the title says so."""
-        there = "driven" in scene.title
+        there = "driven" in setup.scene.title
         return Decision(self.name, there, f"f = {FORCE:g}" if there else "the title does not ask for it")
 
-    def terms(self, model: FlowModel, scene: Scene, plan: Plan, unsteady: bool) -> FlowModel:
+    def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
         """The force in the equation of momentum."""
         return replace(model, body_force=lambda x, t: ufl.as_vector([FORCE, 0.0]))
 
-    def warnings(self, scene: Scene) -> Iterator[str]:
+    def warnings(self, setup: Setup) -> Iterator[str]:
         """One that a reader can look for."""
-        if "driven" in scene.title:
+        if "driven" in setup.scene.title:
             yield "the driving force is the same everywhere"
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:

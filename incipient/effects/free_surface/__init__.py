@@ -12,7 +12,6 @@ from ...planning.effects import Decision, EffectName, percent
 from ...planning.flow_setup import Setup
 from ...planning.numbers import Numbers
 from ...results.left_out import Omission
-from ...scene import Scene
 from ...scene.open_channel import STREAMS
 from ..effect import Effect, Solved
 
@@ -28,16 +27,17 @@ class FreeSurfaceEffect(Effect):
 
     name = EffectName.FREE_SURFACE
 
-    def decide(self, scene: Scene, numbers: Numbers) -> Decision:
+    def decide(self, setup: Setup, numbers: Numbers) -> Decision:
         """Present with domain.top = "free-surface"."""
+        scene = setup.scene
         if scene.has_surface:
             from ...planning.surface import sticking
 
             speed = math.sqrt(float(abs(scene.gravity_vector).max()) * scene.domain.height)
             reason = f'domain.top = "{scene.top}"; long waves travel at {speed:.3g}'
-            if pinned := sticking(Setup(scene)):
+            if pinned := sticking(setup):
                 reason += f"; the fluid sticks to {' and '.join(pinned)}, where its elevation stays"
-            return Decision(self.name, True, reason + _ends(scene))
+            return Decision(self.name, True, reason + _ends(setup))
         reason = f'the top is "{scene.top}"'
         if scene.top != "slip" or numbers.froude is None:
             return Decision(self.name, False, reason)
@@ -47,22 +47,23 @@ class FreeSurfaceEffect(Effect):
         )
         return Decision(self.name, False, reason, expected=rise)
 
-    def warnings(self, scene: Scene) -> Iterator[str]:
+    def warnings(self, setup: Setup) -> Iterator[str]:
         """A flow that is nearly critical."""
         from ...planning.open_channel import near_critical
 
-        yield from filter(None, (near_critical(Setup(scene)),))
+        yield from filter(None, (near_critical(setup),))
 
-    def part_in_time(self, scene: Scene, stage: Stage, kept: Checkpoint | None) -> MovingSurface | None:
+    def part_in_time(self, setup: Setup, stage: Stage, kept: Checkpoint | None) -> MovingSurface | None:
         """The surface."""
-        if not scene.has_surface:
+        if not setup.scene.has_surface:
             return None
         from .part import MovingSurface
 
-        return MovingSurface(scene, stage)
+        return MovingSurface(setup, stage)
 
-    def memory(self, scene: Scene, unknowns: int) -> float:
+    def memory(self, setup: Setup, unknowns: int) -> float:
         """MiB of a surface in space."""
+        scene = setup.scene
         if scene.gdim == 2 or not scene.has_surface:
             return 0.0
         from ...planning.expense import memory_of_surface
@@ -85,13 +86,12 @@ class FreeSurfaceEffect(Effect):
         yield Omission(self.name, rise, how, False, remedy)
 
 
-def _ends(scene: Scene) -> str:
+def _ends(setup: Setup) -> str:
     """What a channel with a free surface has at its ends; empty for a box."""
-    if scene.domain.kind == "box":
+    if setup.geometry.domain.kind == "box":
         return ""
     from ...planning.open_channel import froude, wave_of
 
-    setup = Setup(scene)
     asked, speed, wave = setup.surface, froude(setup), wave_of(setup)
     told = f"; Froude number {speed:.2g}" if speed else ""
     told += f"; the level is {'the still one' if speed >= 1.0 else 'free'} at the inflow, "

@@ -53,15 +53,15 @@ class MovingSurface(RunPart):
     effect = EffectName.FREE_SURFACE
     part: SurfacePart
 
-    def __init__(self, scene: Scene, stage: Stage):
-        self._scene, self._stage = scene, stage
+    def __init__(self, setup: Setup, stage: Stage):
+        self._setup, self._scene, self._stage = setup, setup.scene, stage
         self.readings: list[Reading] = []
 
     def joined(self, fluid: Fluid, before: MovingSurface | None = None) -> None:
         """Enter a fluid; the surface on the mesh before goes on above it, and its volume stays."""
         assert fluid.surface is not None
         self.fluid, space, condition = fluid, fluid.surface.space, fluid.surface.condition
-        scene, setup = self._scene, Setup(self._scene)
+        scene, setup = self._scene, self._setup
         held, pinned = stays_below(setup), condition.pinned
         self._up = fluid.domain.gdim - 1
         rising = RisingDisplacement(
@@ -89,7 +89,7 @@ class MovingSurface(RunPart):
 
     def on(self, domain: Domain) -> MovingSurface:
         """The surface for another mesh."""
-        return MovingSurface(self._scene, self._stage)
+        return MovingSurface(self._setup, self._stage)
 
     def _take_over(self, old: MovingSurface) -> None:
         """Take elevations now and before from the surface of another mesh; the meshes are where they are."""

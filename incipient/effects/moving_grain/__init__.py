@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from ...planning.effects import Decision, EffectName, moves
+from ...planning.flow_setup import Setup
 from ...planning.numbers import Numbers
 from ...results.left_out import Omission
-from ...scene import Scene
 from ..effect import Effect, Solved
 
 if TYPE_CHECKING:
@@ -22,9 +22,9 @@ class FreeBodyEffect(Effect):
 
     name = EffectName.FREE_BODY
 
-    def decide(self, scene: Scene, numbers: Numbers) -> Decision:
+    def decide(self, setup: Setup, numbers: Numbers) -> Decision:
         """Present with body.motion = "free"."""
-        body = scene.body
+        body = setup.scene.body
         if body is None:
             return Decision(self.name, False, "no [body] section")
         reason = f'body.motion = "{body.motion}"'
@@ -32,10 +32,11 @@ class FreeBodyEffect(Effect):
             reason += f" but for {', '.join(body.locked)}"
         if body.motion == "free" and numbers.density_ratio is not None and numbers.stokes is not None:
             reason += f"; density ratio {numbers.density_ratio:.3g}, Stokes number {numbers.stokes:.2g}"
-        return Decision(self.name, body.motion == "free", reason, scene.effects.free_body != "auto")
+        return Decision(self.name, body.motion == "free", reason, setup.scene.effects.free_body != "auto")
 
-    def part_in_time(self, scene: Scene, stage: Stage, kept: Checkpoint | None) -> MovingGrain | None:
+    def part_in_time(self, setup: Setup, stage: Stage, kept: Checkpoint | None) -> MovingGrain | None:
         """A grain that moves, freely or not."""
+        scene = setup.scene
         if not moves(scene):
             return None
         from .part import MovingGrain

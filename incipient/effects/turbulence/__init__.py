@@ -10,7 +10,6 @@ from ...planning.effects import Decision, EffectName
 from ...planning.flow_setup import Setup
 from ...planning.numbers import Numbers
 from ...results.left_out import Omission
-from ...scene import Scene
 from ..effect import Effect, Solved
 from .transition import REMEDY, transition, turbulent_from
 
@@ -25,28 +24,28 @@ class TurbulenceEffect(Effect):
 
     name = EffectName.TURBULENCE
 
-    def decide(self, scene: Scene, numbers: Numbers) -> Decision:
+    def decide(self, setup: Setup, numbers: Numbers) -> Decision:
         """Present where the scene asks for it; else the plan says where the flow may be turbulent."""
+        scene = setup.scene
         if scene.is_turbulent:
-            told = f"k-epsilon model; {Setup(scene).walls.text()}"
+            told = f"k-epsilon model; {setup.walls.text()}"
             return Decision(self.name, True, f"effects.turbulence = true: {told}", True)
         off = scene.effects.turbulence is False
         reason = "effects.turbulence = false" if off else "only where it is asked for"
         if scene.flow.kind == "log-law":
-            reason += f"; mean profile only, the bed is {Setup(scene).base_flow.mean_profile.regime()}"
+            reason += f"; mean profile only, the bed is {setup.base_flow.mean_profile.regime()}"
             if numbers.flow_reynolds < (least := turbulent_from(scene.flow.kind)):
                 reason += f"; flow Re {numbers.flow_reynolds:.3g}, but channels are laminar to {least:g}"
-        elif found := transition(Setup(scene), numbers):
+        elif found := transition(setup, numbers):
             reason += f"; {found.text()}; {REMEDY}"
         return Decision(self.name, False, reason, off)
 
-    def warnings(self, scene: Scene) -> Iterator[str]:
+    def warnings(self, setup: Setup) -> Iterator[str]:
         """Walls, beds and grains for which the law of the wall is doubtful; those for which it does not hold raise."""
-        if not scene.is_turbulent:
+        if not setup.scene.is_turbulent:
             return
         from . import limits
 
-        setup = Setup(scene)
         refusals = {
             "turbulence.": (limits.beyond_walls, limits.within_sand),
             "bed: ": (limits.within_forms,),
@@ -63,23 +62,21 @@ class TurbulenceEffect(Effect):
         )
         yield from filter(None, (doubt(setup) for doubt in doubts))
 
-    def as_fast(self, scene: Scene, speed: float) -> Scene:
-        """The scene of a flow as fast, whose law of the wall has another distance."""
-        if not scene.is_turbulent or speed == 1.0:
-            return scene
-        return Setup(scene).faster(speed).scene
+    def as_fast(self, setup: Setup, speed: float) -> Setup:
+        """The setup of a flow as fast, whose law of the wall has another distance."""
+        return setup.faster(speed) if setup.scene.is_turbulent and speed != 1.0 else setup
 
-    def part_at_start(self, scene: Scene, domain: Domain, stage: Stage) -> TurbulentFlow | None:
+    def part_at_start(self, setup: Setup, domain: Domain, stage: Stage) -> TurbulentFlow | None:
         """k and epsilon."""
-        if not scene.is_turbulent:
+        if not setup.scene.is_turbulent:
             return None
         from .part import TurbulentFlow
 
-        return TurbulentFlow(scene, domain, stage)
+        return TurbulentFlow(setup, domain, stage)
 
-    def memory(self, scene: Scene, unknowns: int) -> float:
+    def memory(self, setup: Setup, unknowns: int) -> float:
         """MiB of k and epsilon in space."""
-        if scene.gdim == 2 or not scene.is_turbulent:
+        if setup.scene.gdim == 2 or not setup.scene.is_turbulent:
             return 0.0
         from ...planning.expense import memory_of_turbulence
 

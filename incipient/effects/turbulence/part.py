@@ -22,7 +22,6 @@ from ...planning.flow_setup import Setup
 from ...planning.linear import FEW_CELLS
 from ...planning.tolerance import of_steady
 from ...results.turbulence import WallReport
-from ...scene import Scene
 from ..run_part import RunPart, Stage
 from .along_walls import AlongWall, along_wall
 from .fields import KEpsilon, TurbulenceConditions
@@ -51,9 +50,9 @@ class TurbulentFlow(RunPart):
     effect = EffectName.TURBULENCE
     in_time: InTime | None = None
 
-    def __init__(self, scene: Scene, domain: Domain, stage: Stage):
-        self._setup = self._of_run = Setup(scene)
-        self._scene, self._walls = scene, self._setup.walls
+    def __init__(self, setup: Setup, domain: Domain, stage: Stage):
+        self._setup = self._of_run = setup
+        self._scene, self._walls = setup.scene, setup.walls
         self._stage = stage
         enters = wall_conditions.logarithms(self._setup)
         given = TurbulenceConditions(
@@ -130,7 +129,7 @@ class TurbulentFlow(RunPart):
 
     def on(self, domain: Domain) -> TurbulentFlow:
         """The turbulence of the scene on another mesh, as it is at the inflow; `carry_over` brings its state."""
-        return TurbulentFlow(self._of_run.scene, domain, self._stage)
+        return TurbulentFlow(self._of_run, domain, self._stage)
 
     def carry_over(self, before: TurbulentFlow) -> None:
         """Carry ln k and ln epsilon over from another mesh, now and before; both meshes are where they are.
