@@ -117,10 +117,11 @@ print(result.cost["peak_memory_mib"])
 def test_the_libraries_take_what_the_plan_counts_for_them() -> None:
     """Measured in a fresh process by a run so small that little else counts, whichever version of dolfinx is there.
 
-    More than a tenth above it plans would promise too little. Debian 12 takes 193 of 180 MiB, Debian 13 282 of 328.
+    More than a tenth above it plans would promise too little. Debian 12 takes 193 of 180 MiB, Debian 13 268 to 282 of
+    280, the packages of PyPI 262 to 271.
     """
     told = subprocess.run([sys.executable, "-c", TINY_RUN], capture_output=True, text=True, check=True)
-    assert 0.8 < float(told.stdout) / memory_of_libraries() < 1.1
+    assert 0.9 < float(told.stdout) / memory_of_libraries() < 1.1
 
 
 @pytest.mark.parametrize(("unknowns", "order", "solver", "bars", "peak"), PEAKS)
