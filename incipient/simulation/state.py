@@ -172,6 +172,7 @@ class Run:
     def take_mesh(self, fluid: Fluid, parts: Sequence[RunPart]) -> None:
         """Go on with a fluid and its parts on a new mesh; the fluid before is freed. Collective."""
         before, self._fluid, self._parts = self._fluid, fluid, tuple(parts)
+        fluid.solver.statistics.add(before.solver.statistics)
         before.destroy()
 
     def watch(self, steadiness: Steadiness) -> None:
