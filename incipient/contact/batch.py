@@ -24,7 +24,7 @@ from incipient.contact.exact.planar_motion import (
     lines_of_action,
     plane_problem,
 )
-from incipient.contact.exact.release import LARGEST, release
+from incipient.contact.exact.release import release
 from incipient.contact.loads.spatial_batch import Spatial
 from incipient.contact.model import Load
 from incipient.errors import SceneError
@@ -249,7 +249,7 @@ def _motions(
     loads: Loads, contacts: Contacts, friction: float, inert: MassAndInertia, held_by: Grasp, basis: Floats
 ) -> tuple[_Motion, ...] | None:
     """All ways to begin to move; None where several contacts are on one line, which has more of them."""
-    case = release(_with_weight(loads), contacts, min(friction, LARGEST), *inert)
+    case = release(_with_weight(loads), contacts, friction, *inert)
     if case.grasp.plane is None:
         return None
     problem = plane_problem(case)

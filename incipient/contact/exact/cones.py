@@ -1,7 +1,7 @@
 """Questions to circular friction cones, answered by small second-order cone programs (Clarabel).
 
 A scaled force phi = (normal, two tangential) of a contact is in the unit cone |tangential| <= normal; times
-`Grasp.scaling` it is a local force in the friction cone. All scaled forces that balance a wrench w are
+`FrictionLaw.scaling` it is a local force in the friction cone. All scaled forces that balance a wrench w are
 -inverse w + null z, so equilibrium holds to round-off whatever the program leaves.
 """
 
@@ -41,7 +41,7 @@ class Balance:
 
 def balance(grasp: Grasp) -> Balance:
     """The pseudo-inverse, null space and unreachable wrenches of the contacts."""
-    matrix = (grasp.matrix * grasp.scaling).reshape(6, -1)
+    matrix = (grasp.matrix * grasp.law.scaling).reshape(6, -1)
     left, sizes, right = np.linalg.svd(matrix)
     rank = int((sizes > RANK * sizes[0]).sum())
     inverse = (right[:rank].T / sizes[:rank]) @ left[:, :rank].T

@@ -13,15 +13,13 @@ from functools import cached_property
 import numpy as np
 
 from incipient.arrays import Floats, Integers, cross
+from incipient.contact.friction_law import FrictionLaw
 from incipient.contact.model import Load, require_outward
-from incipient.errors import SceneError
 from incipient.geometry.contacts import Contacts
 
 PLANAR = 1e-12  # how far, in numbers of order one, a planar case may be from its plane
 SOLID = 1e-6  # determinant of the normals' moments above which they certainly are in no plane
 SAME_PLACE = 1e-12  # of the longest arm
-FRICTIONLESS = 1e-9  # friction below it is computed as none
-INFINITE = 1e9  # friction above it is computed as infinite
 SKEW = np.zeros((3, 9))  # of a vector: the nine entries of the matrix of its vector product
 SKEW[[2, 1, 2, 0, 1, 0], [1, 2, 3, 5, 6, 7]] = -1.0, 1.0, 1.0, -1.0, -1.0, 1.0
 
@@ -41,7 +39,7 @@ class Grasp:
     copy: Integers
     share: Floats
     reach: float
-    friction: float
+    law: FrictionLaw
     plane: Floats | None
 
     def __len__(self) -> int:
@@ -53,36 +51,9 @@ class Grasp:
         return self.matrix.reshape(6, -1)
 
     @cached_property
-    def scaling(self) -> Floats:
-        """(3,): cosine, sine, sine of the friction angle; a unit circular cone times it is the friction cone."""
-        cosine = 1.0 / float(np.hypot(1.0, self.friction))
-        sine = self.friction * cosine if np.isfinite(self.friction) else 1.0
-        return np.array([cosine, sine, sine])
-
-    @cached_property
     def fan(self) -> Floats | None:
-        """Local forces (g, 3) whose sums with factors >= 0 are the cone; None if it is circular.
-
-        In the plane the last two are its edges, on the side of the first tangent and opposite.
-        """
-        normal, sides = np.eye(3)[:1], np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
-        if self.friction < FRICTIONLESS:
-            return normal
-        if self.plane is not None:
-            wide = self.friction > INFINITE
-            return np.vstack([normal, sides]) if wide else self.scaling * (normal + sides)
-        return np.vstack([normal, sides, sides[:, [0, 2, 1]]]) if self.friction > INFINITE else None
-
-    def nearest(self, local: Floats) -> Floats:
-        """The forces in the friction cones that are nearest to local forces (k, 3): to take off round-off."""
-        cosine, sine = self.scaling[:2]
-        shear = np.hypot(local[:, 1], local[:, 2])
-        along = np.maximum(cosine * local[:, 0] + sine * shear, 0.0)
-        edge = np.empty_like(local)
-        edge[:, 0] = cosine * along
-        edge[:, 1:] = (sine * along / np.maximum(shear, 1e-300))[:, None] * local[:, 1:]
-        inside = cosine * shear <= sine * local[:, 0]
-        return np.where(inside[:, None], local, edge)
+        """Local forces (g, 3) whose sums with factors >= 0 are the friction cone; None if it is circular."""
+        return self.law.fan(self.plane is not None)
 
     def forces(self, local: Floats) -> Floats:
         """Local forces (k, 3) as forces (n, 3) on the grain at the contacts given."""
@@ -111,8 +82,7 @@ def grasp(load: Load, contacts: Contacts, friction: float, inertia: Floats | Non
     Raises SceneError if friction is negative or not a number (it may be infinite), and if all normals point
     toward the centre of mass.
     """
-    if np.isnan(friction) or friction < 0.0:
-        raise SceneError(f"friction {friction} is not a coefficient; give a number that is not negative")
+    law = FrictionLaw(float(friction))
     require_outward(contacts, load.centre)
     arms = contacts.points - load.centre
     reach = max(math.hypot(*arm) for arm in arms.tolist()) or 1.0
@@ -123,7 +93,7 @@ def grasp(load: Load, contacts: Contacts, friction: float, inertia: Floats | Non
     matrix = np.empty((6, *frames.shape[:2]))
     matrix[:3] = frames.transpose(2, 0, 1)
     matrix[3:] = (_skew(arms) @ frames.transpose(0, 2, 1)).transpose(1, 0, 2)
-    return Grasp(frames, matrix, copy, share, reach, float(friction), plane)
+    return Grasp(frames, matrix, copy, share, reach, law, plane)
 
 
 def wrenches(load: Load, reach: float) -> Wrenches:

@@ -15,7 +15,8 @@ from scipy.optimize import nnls
 
 from incipient.arrays import Floats
 from incipient.contact.exact import cones
-from incipient.contact.exact.grasp import FRICTIONLESS, Grasp
+from incipient.contact.exact.grasp import Grasp
+from incipient.contact.friction_law import FrictionLaw
 
 RANK = 1e-10  # singular values below it, relative to the largest, count as zero
 MISSED = 1e-9  # how far the wrench may be missed, in numbers of order one
@@ -27,12 +28,12 @@ UNIT = np.eye(3)
 class Allowed:
     """What k contacts may carry: their friction cones, but where they slide only the edge against it.
 
-    `matrix` (6, k, 3): wrenches of unit local forces; `scaling` (3,): of the cones; `axes`: how many components
+    `matrix` (6, k, 3): wrenches of unit local forces; `law`: of friction; `axes`: how many components
     of a force can be other than zero; `slides` (k,); `edges` (k, 3): unit forces where they slide, else zero.
     """
 
     matrix: Floats
-    scaling: Floats
+    law: FrictionLaw
     axes: int
     slides: NDArray[np.bool_]
     edges: Floats
@@ -60,9 +61,7 @@ class Allowed:
 
     def room(self, forces: Floats) -> Floats:
         """How far forces (..., k, 3), that are multiples of the edge where a contact slides, are inside, (..., k)."""
-        cosine, sine = self.scaling[:2]
-        inside = sine * forces[..., 0] - cosine * np.hypot(forces[..., 1], forces[..., 2])
-        return np.where(self.slides | (self.axes == 1), forces[..., 0], inside)
+        return np.where(self.slides | (self.axes == 1), forces[..., 0], self.law.room(forces))
 
     @property
     def polyhedral(self) -> bool:
@@ -72,21 +71,21 @@ class Allowed:
     def facets(self, forces: Floats) -> Floats:
         """(r, m): polyhedral cones are where these are not negative, by forces (m, k, 3) as in `room`."""
         flat = self.slides | (self.axes == 1)
-        normal, along = forces[:, :, 0], self.scaling[0] * forces[:, ~flat, 1]
-        pressed = self.scaling[1] * normal[:, ~flat]
+        normal, along = forces[:, :, 0], self.law.scaling[0] * forces[:, ~flat, 1]
+        pressed = self.law.scaling[1] * normal[:, ~flat]
         return np.asarray(np.concatenate([normal[:, flat], pressed - along, pressed + along], axis=1).T)
 
 
 def allowed(grasp: Grasp, kept: list[int], slides: NDArray[np.bool_], way: Floats) -> Allowed:
     """What the k contacts `kept` may carry, some of which slide, `slides` (k,), with accelerations `way` (k, 3)."""
-    cosine, sine = grasp.scaling[:2]
+    cosine, sine = grasp.law.scaling[:2]
     edges = np.zeros_like(way)
     if slides.any():
         speed = np.maximum(np.hypot(way[:, 1], way[:, 2]), 1e-300)
         edges[:, 0] = cosine * slides
         edges[:, 1:] = (-sine * slides / speed)[:, None] * way[:, 1:]
-    axes = 1 if grasp.friction < FRICTIONLESS else (3 if grasp.plane is None else 2)
-    return Allowed(grasp.matrix[:, kept], grasp.scaling, axes, slides, edges)
+    axes = 1 if grasp.law.is_frictionless else (3 if grasp.plane is None else 2)
+    return Allowed(grasp.matrix[:, kept], grasp.law, axes, slides, edges)
 
 
 def least_forces(by: Allowed, wrench: Floats) -> tuple[Floats | None, bool]:
@@ -124,7 +123,7 @@ def _on_line(by: Allowed, start: Floats, way: Floats) -> Floats | None:
 
 def _edge_roots(by: Allowed, start: Floats, way: Floats) -> Floats:
     """Where start + z way meets the edges of the cones, all z (r,)."""
-    weights = np.array([by.scaling[1] ** 2, -(by.scaling[0] ** 2), -(by.scaling[0] ** 2)])
+    weights = np.array([by.law.scaling[1] ** 2, -(by.law.scaling[0] ** 2), -(by.law.scaling[0] ** 2)])
     if by.axes == 1:
         weights[1:] = 0.0
     a, b, c = ((weights * one * two).sum(axis=1) for one, two in ((way, way), (start, way), (start, start)))
@@ -161,14 +160,14 @@ def _projected(by: Allowed, wrench: Floats) -> Floats | None:
     from incipient.contact.exact import compiled  # numba takes time to import, and most cases do without
 
     rows = np.ascontiguousarray(by.matrix.reshape(6, -1).T)
-    cosine, sine = by.scaling[:2]
+    cosine, sine = by.law.scaling[:2]
     found, forces = compiled.balancing_forces(rows, cosine, sine, by.slides, by.edges, wrench)
     return np.asarray(forces).reshape(-1, 3) if found else None
 
 
 def _by_cones(by: Allowed, factors: Floats, null: Floats) -> Floats | None:
     """The least forces by a cone program for z in factors + null z: slower, for where Newton's method fails."""
-    cosine, sine = by.scaling[:2]
+    cosine, sine = by.law.scaling[:2]
     places, kinds = np.nonzero(by.free)
     parts = np.zeros((len(by.slides), 3, len(places)))
     directions = np.concatenate([np.broadcast_to(UNIT, (len(by.slides), 3, 3)), by.edges[:, None]], axis=1)

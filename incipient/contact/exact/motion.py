@@ -8,7 +8,6 @@ import numpy as np
 
 from incipient.arrays import Floats
 from incipient.contact.exact.candidates import Candidate
-from incipient.contact.exact.grasp import FRICTIONLESS
 from incipient.contact.exact.least import allowed, least_forces
 from incipient.contact.exact.motion_modes import ContactState, Mode, Uniqueness, contact_states, mode
 from incipient.contact.exact.planar_motion import planar_solutions
@@ -146,7 +145,7 @@ def _candidates(case: Release, law: Law, carried: Support) -> tuple[list[Candida
     without_friction = frictionless(case)
     if np.abs(without_friction.acceleration).max() <= ZERO * case.scale:
         return [rest], True  # held without friction: to move would take energy that the load has not
-    if case.grasp.friction < FRICTIONLESS:
+    if case.grasp.law.is_frictionless:
         return [without_friction], True
     if case.grasp.plane is not None and len(case.grasp) <= MANY:
         return planar_solutions(case), True
@@ -196,7 +195,7 @@ def _solution(case: Release, law: Law, carried: Support, candidate: Candidate) -
         if other is not None and _residual(case, law, acceleration, other) < residual:
             local, residual = other, _residual(case, law, acceleration, other)
     assert local is not None
-    local = held_by.nearest(local)
+    local = held_by.law.nearest(local)
     unit = case.force_unit / case.mass_unit
     return Solution(
         acceleration=unit * acceleration[:3],

@@ -159,11 +159,11 @@ def _shown(
         return math.nan, None
     low, high = interval
     if math.isfinite(high) and local is not None:
-        return high, held_by.nearest(local)
+        return high, held_by.law.nearest(local)
     factor = high if math.isfinite(high) else (1.0 if low < 1.0 else 2.0 * low)
     wrench, size = acting.at(factor)
     found = carried.forces(wrench)
-    return factor, None if found is None else held_by.nearest(found) * size
+    return factor, None if found is None else held_by.law.nearest(found) * size
 
 
 def _status(interval: tuple[float, float] | None, weight_held: bool, acting: Wrenches) -> SafetyStatus:
@@ -183,13 +183,12 @@ def _states(held_by: Grasp, local: Floats | None, size: float) -> tuple[ConeStat
     """Where forces (k, 3) that balance a load of some size are in their cones, for each contact given."""
     if local is None:
         return (ConeState.UNLOADED,) * len(held_by.copy)
-    cosine, sine = held_by.scaling[:2]
-    forces = [(math.hypot(*force), force[0], math.hypot(*force[1:])) for force in local.tolist()]
-    none, states = NO_FORCE * max(size, max(forces)[0]), []
-    for whole, normal, along in forces:
-        edge = sine * normal - cosine * along <= NO_FORCE * whole
-        loaded = ConeState.EDGE if edge else ConeState.INSIDE
-        states.append(loaded if whole > none else ConeState.UNLOADED)
+    sizes = np.linalg.norm(local, axis=1)
+    edges, loaded = held_by.law.room(local) <= NO_FORCE * sizes, sizes > NO_FORCE * max(size, sizes.max())
+    states = [
+        (ConeState.EDGE if edge else ConeState.INSIDE) if carries else ConeState.UNLOADED
+        for edge, carries in zip(edges, loaded, strict=True)
+    ]
     return tuple(states[i] for i in held_by.copy.tolist())
 
 
@@ -197,6 +196,4 @@ def _residual(held_by: Grasp, acting: Wrenches, factor: float, local: Floats) ->
     """The worst of force, couple over the unit of length, and cones, relative to load or largest force."""
     wrench, size = acting.at(factor)
     missed = np.abs(held_by.columns @ local.ravel() + size * wrench).max()
-    cosine, sine = held_by.scaling[:2]
-    beyond = (cosine * np.hypot(local[:, 1], local[:, 2]) - sine * local[:, 0]).max()
-    return float(max(missed, beyond) / (max(size, np.abs(local).max()) or 1.0))
+    return float(max(missed, -held_by.law.room(local).min()) / (max(size, np.abs(local).max()) or 1.0))

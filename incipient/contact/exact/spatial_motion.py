@@ -19,6 +19,7 @@ from incipient.arrays import Floats
 from incipient.contact.exact import cones
 from incipient.contact.exact.candidates import SAME, Candidate
 from incipient.contact.exact.release import Release
+from incipient.contact.friction_law import FrictionLaw
 
 STEPS = 14  # of Newton's method
 PATIENCE = 300  # steps where the usual number did not do
@@ -49,7 +50,7 @@ def coulomb(case: Release) -> Law:
     each = np.repeat(step, 3)
     onto = np.eye(len(each)) - case.compliance * each
     offset = -each * case.free_at_contacts
-    return Law(case.compliance, case.free_at_contacts, step, onto, offset, case.grasp.friction)
+    return Law(case.compliance, case.free_at_contacts, step, onto, offset, case.grasp.law.coefficient)
 
 
 def spatial_solutions(case: Release, law: Law, without_friction: Candidate, rest: bool) -> list[Candidate]:
@@ -145,17 +146,17 @@ class Search:
             answer = cones.associated(forces, self.case.mass, self.case.wrench, rise)
             if answer is None:
                 return
-            yield (answer[1].reshape(-1, 3) * held_by.scaling)[None]
+            yield (answer[1].reshape(-1, 3) * held_by.law.scaling)[None]
             way = self.case.at_contacts(answer[0])
-            rise = held_by.scaling[1] * np.hypot(way[:, 1], way[:, 2])
+            rise = held_by.law.scaling[1] * np.hypot(way[:, 1], way[:, 2])
 
 
 def law_residual(law: Law, local: Floats) -> float:
     """How far forces (k, 3), with the accelerations they give, miss Coulomb's law as written above."""
     trial = (local.ravel() @ law.onto + law.offset).reshape(-1, 3)
     pressure = np.maximum(trial[:, 0], 0.0)
-    shear = np.maximum(np.hypot(trial[:, 1], trial[:, 2]), 1e-300)
-    projection = trial * np.minimum(law.friction * pressure / shear, 1.0)[:, None]
+    held = FrictionLaw(law.friction).share(pressure, np.hypot(trial[:, 1], trial[:, 2]))
+    projection = trial * held[:, None]
     projection[:, 0] = pressure
     return float(np.abs(local - projection).max())
 

@@ -124,7 +124,7 @@ class Circular:
     def can_jam(self) -> bool:
         """Whether contact forces balance one another, by pyramids around the cones, else by a cone program."""
         around, inside = self.pyramids
-        pressure = np.repeat(self.grasp.scaling[0], around.shape[1])
+        pressure = np.repeat(self.grasp.law.scaling[0], around.shape[1])
         if not fans.can_jam(around, pressure):
             return False
         return fans.can_jam(inside, pressure) or cones.can_jam(self.balance)
@@ -132,8 +132,8 @@ class Circular:
     @cached_property
     def pyramids(self) -> tuple[Floats, Floats]:
         """Wrenches (6, k SIDES) of the edges of pyramids around the friction cones and of pyramids inside."""
-        inside = fans.edges(self.grasp, RING * self.grasp.scaling)
-        return fans.edges(self.grasp, RING_AROUND * self.grasp.scaling), inside
+        inside = fans.edges(self.grasp, RING * self.grasp.law.scaling)
+        return fans.edges(self.grasp, RING_AROUND * self.grasp.law.scaling), inside
 
     def _missed(self, wrench: Floats) -> float:
         """The size of the part of a wrench that no contact force can have."""
@@ -141,7 +141,7 @@ class Circular:
         return float(np.sqrt(part @ part))
 
     def _local(self, scaled: Floats) -> Floats:
-        return np.asarray(scaled.reshape(-1, 3) * self.grasp.scaling)
+        return np.asarray(scaled.reshape(-1, 3) * self.grasp.law.scaling)
 
 
 @dataclass(frozen=True, eq=False)

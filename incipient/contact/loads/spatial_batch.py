@@ -7,6 +7,7 @@ boundary, or whose answer is not sure enough, are left to the single judge.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -36,10 +37,14 @@ SAME_ENERGY = 1e-6  # relative: motions whose energies are nearer than that are 
 
 @dataclass(frozen=True, eq=False)
 class Spatial:
-    """A case in space: what its contacts carry, and its release under one of the loads, None without inertia."""
+    """A case in space: what its contacts carry, and its release under one of the loads, None without inertia.
+
+    largest_shares: that of `compiled_shares`, which takes numba
+    """
 
     carried: Circular
     case: Release | None
+    largest_shares: Callable[[Floats, Floats, Floats], tuple[Floats, Floats, Floats]]
 
     @classmethod
     def of(
@@ -49,7 +54,7 @@ class Spatial:
         if len(loads) <= FEW:
             return None
         try:
-            import incipient.contact.loads.compiled_shares  # noqa: F401
+            from incipient.contact.loads.compiled_shares import largest_shares
         except ImportError:  # without numba
             return None
         held_by = grasp(loads.load(0), contacts, friction)
@@ -59,7 +64,7 @@ class Spatial:
         if carried.balance.beyond.shape[1] or not carried.balance.null.shape[1]:
             return None
         case = None if inert is None else release(loads.load(0), contacts, friction, *inert)
-        return cls(carried, case)
+        return cls(carried, case, largest_shares)
 
     def judged(self, loads: Loads) -> tuple[Floats, Booleans, Integers, Booleans]:
         """Safety factors, whether held, modes as in `batch`, and which loads are doubtful, (n,) each."""
@@ -88,11 +93,9 @@ class Spatial:
         self, flow: Floats, flow_size: Floats, weight: Floats, weight_size: Floats
     ) -> tuple[Floats, Booleans]:
         """Safety factors, and which are not sure, (n,)."""
-        from incipient.contact.loads.compiled_shares import largest_shares
-
         forces = self.carried.balance
         starts, changes = -weight @ forces.inverse.T, (weight - flow) @ forces.inverse.T
-        shares, errors, rooms = largest_shares(forces.null, starts, changes)
+        shares, errors, rooms = self.largest_shares(forces.null, starts, changes)
         unlimited = rooms >= 0.0
         sure = errors <= SURE * np.minimum(shares, 1.0 - shares)
         doubtful = ~(unlimited | (sure & (shares < 1.0 - NEARLY_ALL)))

@@ -8,6 +8,7 @@ paper.
 import numpy as np
 
 from incipient.arrays import Floats
+from incipient.contact.friction_law import FrictionLaw
 
 
 def pressing(force: Floats, normals: Floats) -> Floats:
@@ -31,9 +32,7 @@ def C_friction(force: Floats, normals: Floats, coefficient: float) -> Floats:
     One where the contact is pressed and sticks, less where it slips, zero where it is not pressed.
     """
     press, along = pressing(force, normals), np.linalg.norm(tangential(force, normals), axis=1)
-    sticks = coefficient * press >= along
-    held = np.where(sticks, 1.0, coefficient * press / np.where(sticks, 1.0, along))
-    return np.where(press > 0.0, held, 0.0)
+    return np.where(press > 0.0, FrictionLaw(coefficient).share(press, along), 0.0)
 
 
 def friction(force: Floats, normals: Floats, coefficient: float) -> Floats:
