@@ -32,6 +32,7 @@ import numpy as np
 
 from ..errors import ConvergenceError, IncipientError
 from ..planning.flow_setup import Setup
+from ..planning.meshed_bed import resolved_bed
 from ..planning.wall_cells import coarsest
 from ..results.errorbars import ErrorBars, Loads, Term, centreline_velocities
 from ..results.loads import Couples, Forces
@@ -488,7 +489,6 @@ def on_more_bed(scene: Scene) -> Scene | None:
     """
     if scene.gdim != 3 or scene.time is not None or scene.numerics.accuracy is not None:
         return None
-    from ..planning.meshed_bed import resolved_bed
 
     if resolved_bed(Setup(scene).geometry, scene.placement, scene.datum) is None:
         return None

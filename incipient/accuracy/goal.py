@@ -11,19 +11,19 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from ..arrays import Floats
+from ..contact import Contacts
 from ..contact.exact.judge import judged
 from ..contact.loads.error_box import shifted
 from ..evaluation.contact_verdict import find_contacts, load_of
+from ..results.loads import Couples, Forces
+from ..scene import Scene
 from ..scene.numerics import OF_SURFACE, OF_WALLS
 from .safetybar import bar_of_scene
 
 if TYPE_CHECKING:
-    from ..contact import Contacts
     from ..results.elevations import Elevations
     from ..results.errorbars import Term
-    from ..results.loads import Couples, Forces
     from ..results.turbulence import WallReport
-    from ..scene import Scene
 
 
 # A couple smaller than this share of force times grain size is measured against that share.

@@ -15,12 +15,12 @@ from ..contact.exact.judge import Exact, MassAndInertia, judged
 from ..contact.exact.planar_modes import modes_within
 from ..contact.loads.error_box import ErrorBox, SafetyRange, safety_range
 from ..evaluation.contact_verdict import load_of, mass_and_inertia
+from ..results.loads import Couples, Forces
 from ..results.safetybar import SafetyBar
+from ..scene import Scene
 
 if TYPE_CHECKING:
     from ..results.errorbars import Term
-    from ..results.loads import Couples, Forces
-    from ..scene import Scene
 
 # Errors (6,) of force and couple by the name of what they come from.
 Errors = Mapping[str, Floats]

@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import ConvergenceError, SceneError
+from ..geometry.space.surfaces import Surface
 from ..results.errorbars import Term
+from ..results.loads import Couples, Forces
+from ..scene import Scene
 from .coarse_runs import changed
 
 if TYPE_CHECKING:
     from ..contact.exact.judge import Exact
-    from ..results.loads import Couples, Forces
-    from ..scene import Scene
 
 SCAN = "scan"
 # How much longer the edges of copies are, one each, which puts their facets elsewhere, too. In all of 24 scans of the
@@ -100,7 +101,6 @@ def _coarser_body(scene: Scene, copy: int) -> dict[str, Any]:
 
         return {"vertices": coarser_outline(np.array(body.vertices), copy, closed=True).tolist()}
     from ..geometry.space.coarser import coarser_surface
-    from ..geometry.space.surfaces import Surface
 
     found = coarser_surface(Surface(scene.grain.vertices, scene.grain.triangles), COARSER[copy])
     return {"vertices": found.points.tolist(), "triangles": found.triangles.tolist(), "size": None}

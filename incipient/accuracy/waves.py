@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from ..planning.flow_setup import Setup
 from ..planning.open_channel import LEVEL
 from ..results.errorbars import Loads, Term
-
-if TYPE_CHECKING:
-    from ..scene import Scene
+from ..scene import Scene
 
 LONGER_STEP = 2.0  # at least so much longer are the steps that a run is compared with
 # Error of elevations over what the order of the steps makes of a change in longer ones, the largest that was measured:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import ufl
+from dolfinx.fem import assemble_scalar
 
 from .. import compat
 from ..arrays import Floats, quarter_turned, spatial
@@ -43,8 +44,6 @@ class EnclosedPressure:
 
     def _ends(self) -> tuple[float, float]:
         """The pressures at the left and at the right line."""
-        from dolfinx.fem import assemble_scalar
-
         low, high = (float(self._comm.allreduce(assemble_scalar(one))) for one in self._means)
         return low, high
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 from ..geometry.plane.curves import Line
+from ..geometry.space.polyhedra import Box, Triangulated
 from ..planning.datum import datum_of
 from ..planning.effects import EffectName
 from ..planning.flow_setup import Setup
@@ -100,8 +101,6 @@ def _geometry_order(setup: Setup) -> int:
 
 def _has_flat_faces(geometry: Geometry) -> bool:
     """Whether every boundary of a geometry in space is made of planes."""
-    from ..geometry.space.polyhedra import Box, Triangulated
-
     grain, bed = geometry.grain, geometry.bed
     level = bed is None or not math.isfinite(bed.feature)
     sharp = isinstance(grain, Box) and grain.edge_radius == 0.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 from ..planning.effects import Decision, EffectName
 from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers
+from ..scene.symmetry import differences
 from .effect import Effect
 
 _DIMENSIONS = {2: "two-dimensional", 3: "three-dimensional"}
@@ -21,7 +22,6 @@ class ThirdDimensionEffect(Effect):
         reason = f"the scene is {_DIMENSIONS[scene.gdim]}"
         if scene.gdim == 2:
             return Decision(self.name, False, reason)
-        from ..scene.symmetry import differences
 
         if scene.symmetric:
             reason += f"; half of it is computed: it is its own mirror image in y = {scene.domain.middle:g}"

@@ -10,7 +10,7 @@ from ..files import append_row, cut, part_of, reported, sync, write_json
 from ..parallel import collectively
 from ..planning.plan import Plan
 from ..results.result import Result
-from ..scene import Scene
+from ..scene import Scene, save
 from .earlier import CHECKPOINT, RESULT, SCENE, keep_complete_result, make_room, remove_pictures
 
 if TYPE_CHECKING:
@@ -51,8 +51,6 @@ class ResultDirectory:
 
     def begin(self, scene: Scene, plan: Plan, domain: Domain) -> None:
         """Write the resolved scene; open the field series if fields are wanted. Called again: start anew."""
-        from ..scene import save
-
         self._output, self._series, self._surface = scene.output, None, None
         self._rows = 0 if self._resumed is None else self._resumed.recorded.rows
         with collectively(self.comm):
@@ -160,8 +158,6 @@ def write_threshold(path: Path, scene: Scene, threshold: Threshold, comm: MPI.Co
     Raises:
         OutputError: on all ranks, when something cannot be written.
     """
-    from ..scene import save
-
     with collectively(comm):
         if comm.rank == 0:
             with reported(path):

@@ -11,6 +11,7 @@ import numpy as np
 from ..geometry.placement import Placement
 from ..geometry.plane.closing import Closing, closing
 from ..geometry.rest import clearance, lifted
+from ..geometry.touching import touching
 from ..scene import Domain, Scene
 
 if TYPE_CHECKING:
@@ -86,8 +87,6 @@ class Geometry:
     @cached_property
     def contacts(self) -> Contacts:
         """Contacts of the resting grain with the bed."""
-        from ..geometry.touching import touching
-
         assert self.placement is not None
         return touching(self.grain, self.placement, self.bed, self.tolerance)
 

@@ -5,22 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from itertools import pairwise, takewhile
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..arrays import Point
+from ..geometry.placement import Placement
+from ..geometry.plane.curves import Curve
+from ..meshes import Away, Grid, Near, SolidGrid
 from ..meshes.solid_region import SYMMETRY
 from .cells import layer_ends
 from .flow_setup import Setup
 from .scene_geometry import Geometry, point
 from .sides import SideNames
 from .wall_layer import Walls
-
-if TYPE_CHECKING:
-    from ..geometry.placement import Placement
-    from ..geometry.plane.curves import Curve
-    from ..meshes import Grid, Near, SolidGrid
 
 # Of a channel's mesh: rows over the depth of a wall; column over that depth; finest over largest row.
 ROWS, COLUMN, GRADING = 14, 1.0, 0.3
@@ -43,8 +40,6 @@ def channel_grid(
     walls: Walls, geometry: Geometry, names: SideNames, order: int, mesh_size: float
 ) -> Grid | SolidGrid:
     """The mesh between the walls, less what the law of the wall covers; in space it is extruded. Not collective."""
-    from ..meshes import Grid, SolidGrid
-
     domain, half = geometry.domain, geometry.symmetric
     coarse = mesh_size * coarsening(order)
     columns = max(FEWEST_COLUMNS, round(domain.length / (COLUMN * walls.depth * coarse)))
@@ -103,8 +98,6 @@ def cells(
     walls: Walls, geometry: Geometry, order: int, placement: Placement | None = None
 ) -> tuple[Near, ...]:
     """Cells along walls of which some are no planes, and at their corners, with a grain placed. Not collective."""
-    from ..meshes import Away, Near
-
     away = None
     size = WALL_CELL * coarsening(order) * walls.distance
     if placement is not None:
@@ -134,8 +127,6 @@ def _separating(bed: tuple[Curve, ...]) -> Iterator[tuple[Point, float]]:
 
 def _lee(corner: Point, drop: float) -> Near:
     """Cells in the shear layer that leaves a corner."""
-    from ..meshes import Near
-
     shares = np.linspace(0.0, 1.0, LEE_POINTS).tolist()
     points = tuple((corner[0] + LEE * drop * s, corner[1] - drop * s) for s in shares)
     return Near(LEE_CELL * drop, LEE_GROWTH, points=points)

@@ -6,6 +6,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import numpy as np
+from mpi4py import MPI
 
 from ..fluid import Transient
 from ..fluid.transient import Past
@@ -16,8 +17,6 @@ from .checkpoint import Checkpoint, Progress
 from .redistribution import spread_flow, spread_mesh, spread_nodes, stored_flow, stored_mesh
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
-
     from ..simulation.state import Run
 
 

@@ -10,12 +10,11 @@ import numpy as np
 from ..arrays import Floats
 from ..geometry.placement import Placement
 from .elevations import Elevations
-from .loads import loads_words
+from .loads import Couples, Forces, loads_words
 from .safetybar import SafetyBar
 
 if TYPE_CHECKING:
     from ..mesh.sampling import Extremum
-    from .loads import Couples, Forces
     from .result import Result
     from .turbulence import WallReport
 

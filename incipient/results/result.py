@@ -7,18 +7,18 @@ from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..arrays import Floats
 from ..errors import SceneError
 from ..geometry.placement import Placement
 from ..planning.plan import Plan
+from ..scene import Scene
 from .cost_of_effects import cost_lines
 from .loads import Coefficients, Couples, Forces, Gap, loads_words
 from .si import si_lines
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
     from ..mesh.sampling import Extremum
     from .adaptation import Adaptation
     from .elevations import Elevations
@@ -133,8 +133,6 @@ class Result:
 
     def _mirrored(self, points: Floats) -> tuple[Floats, Floats]:
         """The flow at points of the half that was not computed; nan where there is none."""
-        from ..scene import Scene
-
         scene = Scene(**self.scene)
         if not scene.symmetric:
             return np.full(points.shape, np.nan), np.full(len(points), np.nan)

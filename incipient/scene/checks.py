@@ -5,17 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import TYPE_CHECKING
+
+import numpy as np
 
 from ..errors import SceneError
 from . import effects_checks, surface_checks, turbulence_checks
 from .messages import Key, Problem, split
 from .model import SceneSections
 from .numerics import OF_SURFACE, OF_WALLS
-
-if TYPE_CHECKING:
-    import numpy as np
-
 
 # Distances in grain sizes: from the bed, where cells get as small as the gap; from a side, where they do not.
 TOUCHING, NEARLY_TOUCHING = 1e-6, 1e-3
@@ -445,8 +442,6 @@ def _into_bed(scene: SceneSections) -> Iterator[str]:
 
 def _outline(scene: SceneSections) -> np.ndarray:
     """Points (n, gdim) on the grain's surface, in the scene, among them the outermost."""
-    import numpy as np
-
     grain, placement = scene.grain, scene.placement
     if grain is None or placement is None:
         return np.empty((0, scene.gdim))
@@ -461,8 +456,6 @@ def _outline(scene: SceneSections) -> np.ndarray:
 
 def _bed_points(scene: SceneSections) -> np.ndarray:
     """Points (n, gdim) on the bed within the domain, in the plane its corners among them."""
-    import numpy as np
-
     bed, domain = scene.bed_shape, scene.domain
     if bed is None:
         return np.empty((0, scene.gdim))

@@ -8,12 +8,11 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
 
 from ..errors import SceneError
-
-if TYPE_CHECKING:
-    import numpy as np
 
 VARIABLES = ("x", "y", "z", "t")
 MAXIMUM_LENGTH = 500

@@ -11,6 +11,7 @@ import math
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+import numpy as np
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from .domain import Domain, Sides, Top
@@ -26,8 +27,6 @@ from .turbulence import Turbulence
 from .units import Units
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from ..geometry.placement import Placement
 
 _TOPS: dict[str, Top] = {
@@ -254,8 +253,6 @@ class SceneSections(Section):
         With body.settle it then rolls and tips until it rests, by the scene's friction or none. Raises SceneError if it
         does not.
         """
-        import numpy as np
-
         from ..geometry.rest import rest
         from .settling import rested
 
@@ -311,8 +308,6 @@ class SceneSections(Section):
     @property
     def gravity_direction(self) -> np.ndarray:
         """The unit vector (gdim,) of gravity in the scene's coordinates, turned by the slope of the bed."""
-        import numpy as np
-
         slope = self.bed.slope_angle if self.bed else 0.0
         direction = np.zeros(self.gdim)
         direction[0], direction[self.up] = math.sin(slope), -math.cos(slope)

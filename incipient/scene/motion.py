@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from ..arrays import Floats
+
 if TYPE_CHECKING:
-    from ..arrays import Floats
     from .grains import BodySection
 
 # Keys that only a grain with this motion reads.
@@ -75,8 +78,6 @@ def inertia_tensor(body: BodySection) -> Floats | None:
 
     In the plane, per unit depth, only turns about the third axis matter, and the polar moment stands for all.
     """
-    import numpy as np
-
     density = mean_density(body)
     if density is None:
         return None

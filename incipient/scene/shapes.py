@@ -8,6 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
+import numpy as np
 from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 
 from ..arrays import Point
@@ -151,8 +152,6 @@ class Polygon(GrainSection):
 
     @model_validator(mode="after")
     def _is_simple(self) -> Polygon:
-        import numpy as np
-
         from ..geometry.plane.polygon import meeting_sides
 
         _limit(self, "vertices", MOST_POINTS)

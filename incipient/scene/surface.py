@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from ..errors import SceneError
@@ -13,10 +14,6 @@ from .domain import Domain
 from .messages import split
 from .points import read_points
 from .section import NotNegative, Pair, Positive, Section, contradiction
-
-if TYPE_CHECKING:
-    import numpy as np
-
 
 Station = float | Annotated[tuple[float, float], Field(strict=False)]
 _VARIABLES = {"elevation": "xy", "pressure": "xyt", "inflow": "yzt", "seepage": "xyt"}
@@ -125,8 +122,6 @@ class Surface(Section):
 
     def height(self, x: np.ndarray) -> np.ndarray:
         """Elevations (n,) above the still level at time zero, at places (3, n). Not collective."""
-        import numpy as np
-
         from .expression import Expression
 
         if self.points:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from ..errors import SceneError
 from .messages import Key, Problem, counted, split
 from .model import SceneSections
@@ -96,8 +98,6 @@ def misplaced(scene: SceneSections) -> Iterator[Problem]:
 
 
 def _too_low(scene: SceneSections, surface: Surface) -> Iterator[Problem]:
-    import numpy as np
-
     domain, bed = scene.domain, scene.bed_shape
     axes = [np.linspace(domain.left, domain.right, _SAMPLES)]
     if scene.gdim == 3:

@@ -15,9 +15,11 @@ from ..errors import IncipientError
 from ..evaluation.si_units import in_si
 from ..parallel import collectively
 from ..planning.effects import EffectName
+from ..planning.stabilisation import measured_cell_reynolds
 from ..results.loads import Gap
 from ..results.result import Result, Traction
 from ..results.timing import peak_memory_mib
+from ..scene import Scene
 from .loads import coefficients, judged, loads
 
 if TYPE_CHECKING:
@@ -26,7 +28,6 @@ if TYPE_CHECKING:
     from ..planning.layout import Layout
     from ..results.errorbars import ErrorBars, Loads
     from ..results.left_out import Omission
-    from ..scene import Scene
     from .state import Run
 
 # What a result says of error bars that are still to come; a run that is stopped leaves it so.
@@ -197,7 +198,6 @@ def _cell_reynolds(run: Run) -> float | None:
     """The largest Reynolds number of a cell, None where there is no convection."""
     if not run.plan.has(EffectName.INERTIA):
         return None
-    from ..planning.stabilisation import measured_cell_reynolds
 
     return measured_cell_reynolds(run.fluid)
 

@@ -15,6 +15,7 @@ from ..planning import expense, meshing
 from ..planning.cells import CLOSED
 from ..planning.effects import EffectName
 from ..planning.flow_setup import Setup
+from ..planning.layout import Layout
 from ..planning.plan import Estimate, Plan
 from ..progress import Silent
 from ..scene import Scene
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from ..coupled.tractions import TractionProbe
     from ..fluid import FlowModel, Fluid
     from ..mesh.domain import Domain
-    from ..planning.layout import Layout
     from ..restart.checkpoint import Checkpoint
 
 

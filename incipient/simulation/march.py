@@ -12,7 +12,9 @@ from ..errors import IncipientError
 from ..fluid import Fluid, QuasiSteady, TimeStep, Transient
 from ..fluid.tolerance import of_steps
 from ..fluid.transient import Interface, Past
+from ..mesh import domain
 from ..planning.effects import EffectName
+from ..planning.flow_setup import Setup
 from ..planning.tolerance import of_steady
 
 if TYPE_CHECKING:
@@ -130,9 +132,7 @@ class March:
     def _remesh(self, grain: MovingGrain, before: Coupling) -> None:
         """Mesh the fluid around the grain and carry everything over; the old mesh goes last."""
         from ..coupled.remeshing import carry_over
-        from ..mesh import domain
         from ..planning import meshing
-        from ..planning.flow_setup import Setup
 
         run, transient = self._run, self.transient
         with run.accounts.ledger.stage("remeshing"):

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from ..mesh.domain import Domain
     from ..planning.plan import Plan
     from ..restart.checkpoint import Checkpoint

@@ -8,12 +8,14 @@ steps in time in `time_loop`, and its result in `assemble`.
 from __future__ import annotations
 
 from contextlib import nullcontext, suppress
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import IncipientError, Interrupted, OutputError
 from ..interrupt import Interruption, told_where_kept
 from ..progress import Silent
 from ..results.errorbars import Loads
+from ..results.result import Result
 from ..scene import Scene
 from .assemble import outcome, with_estimates, with_rests
 from .beside import Beside
@@ -23,12 +25,9 @@ from .state import Accounts, Run
 from .steady import loads_at, solve_with_parts
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from mpi4py import MPI
 
     from ..restart.checkpoint import Checkpoint
-    from ..results.result import Result
 
 
 def simulate(

@@ -10,15 +10,15 @@ from ..planning.conditions import conditions
 from ..planning.effects import EffectName
 from ..planning.stabilisation import stabilisation_of
 from ..planning.tolerance import of_steady
+from ..results.loads import Couples, Forces
 from ..scene.datum import height_of_datum
 from .build import probe_of
 from .loads import loads
+from .state import Run
 
 if TYPE_CHECKING:
     from ..effects.run_part import RunPart
     from ..fluid import Fluid
-    from ..results.loads import Couples, Forces
-    from .state import Run
 
 # Reynolds number of the whole flow from which the continuation begins with a share of it.
 LARGE = 200.0

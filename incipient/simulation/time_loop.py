@@ -4,26 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import nullcontext, suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..errors import ConvergenceError, IncipientError, Interrupted, OutputError
+from ..planning.conditions import conditions
 from ..planning.effects import EffectName, moves
 from ..results.loads import named, named_couple
 from .build import flow_model
 from .loads import coefficients, judged, loads
-from .recorder import record_fields
+from .recorder import Recorder, record_fields
+from .state import Run
 from .steady import solve_steadily, solve_with_parts
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from ..fluid import TimeStep
     from ..interrupt import Interruption
     from ..restart.checkpoint import Checkpoint
-    from .recorder import Recorder
-    from .state import Run
 
 
 NOT_STEADY = 'time.start: no steady flow to begin with was found; use "rest", or a smaller numerics.mesh_size'
@@ -78,7 +77,6 @@ class TimeLoop:
     def _start_from(self, inertia: bool) -> None:
         """A steady flow around the grain, which is held, as the state of fluid and parts."""
         from ..fluid import Fluid
-        from ..planning.conditions import conditions
 
         run = self._run
         model = flow_model(run.setup, run.plan, unsteady=False, inertia=inertia)

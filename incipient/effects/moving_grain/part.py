@@ -13,6 +13,7 @@ from ...coupled.coupling import Coupling, InterfaceReport
 from ...coupled.energy import EnergyBudget
 from ...coupled.remeshing import Remeshing
 from ...coupled.rigid import RigidPart
+from ...coupled.tractions import TractionProbe
 from ...fluid import Fluid, TimeStep, Transient
 from ...geometry.placement import Placement
 from ...geometry.plane.grain import Disc
@@ -28,7 +29,6 @@ from ...scene import Scene
 from ..run_part import RunPart, Stage
 
 if TYPE_CHECKING:
-    from ...coupled.tractions import TractionProbe
     from ...restart.checkpoint import Checkpoint
 
 # Positions (in grain sizes) and angles are rounded to this before meshing, and the mesh is then moved by the

@@ -25,13 +25,12 @@ from ...results.turbulence import WallReport
 from ..run_part import RunPart, Stage
 from .along_walls import AlongWall, along_wall
 from .fields import KEpsilon, TurbulenceConditions
-from .iteration import InTime, solve_steadily
+from .iteration import InTime, Moving, solve_steadily
 
 if TYPE_CHECKING:
     from ...coupled.coupling import Coupling
     from ...restart.checkpoint import Checkpoint
     from ...simulation.state import Run
-    from .iteration import Moving
 
 ORDER = 2  # of the elements of ln k and ln epsilon
 
