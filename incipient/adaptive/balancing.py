@@ -116,14 +116,16 @@ class Balancing(Search):
             self._failed = f"not compared: {error}"
 
     def _loads_of(self, scene: Scene) -> Loads:
-        return Loads.of(simulate(scene, self.comm))
+        return simulate(scene, self.comm).loads_at_end()
 
     def _judge(self, scene: Scene, result: Result, seconds: float) -> None:
         estimate = of_step = of_mesh = None
         doubt = ""
         cost = result.cost
         if not self._failed:
-            term = by_coarser_runs(scene, Loads.of(result), self._known_run, self.known.terms.get(OF_MESH))
+            term = by_coarser_runs(
+                scene, result.loads_at_end(), self._known_run, self.known.terms.get(OF_MESH)
+            )
             estimate, of_step, of_mesh = (relative(self.goal, result, one) for one in (term, *term.parts))
             doubt = term.doubt
             # What the mesh does to waves is seen the less the longer the steps are, which damp them.

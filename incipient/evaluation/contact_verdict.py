@@ -16,7 +16,7 @@ from ..planning.scene_geometry import geometry_of
 from ..results.loads import Couples, Forces
 from ..results.safetybar import SafetyBar
 from ..scene import Body, Scene
-from ..scene.motion import inertia_tensor, mass
+from ..scene.mass import inertia_tensor, mass
 from ..scene.solids import orientation_of
 
 ROCKS = "rocks to another rest"  # the mode of a grain that does

@@ -12,7 +12,7 @@ from ..body.state import BodyState, Freedom, Inertia
 from ..geometry.placement import Placement
 from ..scene import Body
 from ..scene.expression import expressions
-from ..scene.motion import inertia_tensor, mass
+from ..scene.mass import inertia_tensor, mass
 
 DEGREES = {2: ("x", "y", "angle"), 3: ("x", "y", "z", "rx", "ry", "rz")}
 # What a grain in half of a symmetric scene cannot do: its mirror image would move otherwise.

@@ -15,7 +15,6 @@ from .safetybar import SafetyBar
 
 if TYPE_CHECKING:
     from ..mesh.sampling import Extremum
-    from .result import Result
     from .turbulence import WallReport
 
 # Force and couple where there is no grain.
@@ -53,17 +52,6 @@ class Loads:
         of_force, of_couple = (NO_GRAIN if one is None else one.flow for one in (force, couple))
         shear = None if walls is None or force is not None else walls.shear_velocities
         return cls(of_force, of_couple, place, elevations, shear)
-
-    @classmethod
-    def of(cls, result: Result) -> Loads:
-        """The loads, the place and the elevations that a run has come to."""
-        place = None
-        if result.trajectory is not None:
-            path = result.trajectory
-            turned = path["quaternion"] if "quaternion" in path else [path["angle"]]
-            place = np.array([*path["place"], *turned])
-        found = cls.at_the_end(result.force, result.couple, place, result.elevations, result.turbulence)
-        return replace(found, centreline=centreline_velocities(result.centrelines))
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from ..geometry.placement import Placement
 from ..planning.plan import Plan
 from ..scene import Scene
 from .cost_of_effects import cost_lines
+from .errorbars import ErrorBars, Loads, centreline_velocities
 from .loads import Coefficients, Couples, Forces, Gap, loads_words
 from .si import si_lines
 
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from ..mesh.sampling import Extremum
     from .adaptation import Adaptation
     from .elevations import Elevations
-    from .errorbars import ErrorBars
     from .left_out import Omission
     from .steady import Steadied
     from .turbulence import WallReport
@@ -149,6 +149,15 @@ class Result:
     def gdim(self) -> int:
         """Dimension of the scene."""
         return 2 if (self.scene.get("domain") or {}).get("width") is None else 3
+
+    def loads_at_end(self) -> Loads:
+        """The loads, the place and the elevations that the run has come to."""
+        place, path = None, self.trajectory
+        if path is not None:
+            turned = path["quaternion"] if "quaternion" in path else [path["angle"]]
+            place = np.array([*path["place"], *turned])
+        found = Loads.at_the_end(self.force, self.couple, place, self.elevations, self.turbulence)
+        return replace(found, centreline=centreline_velocities(self.centrelines))
 
     def to_dict(self) -> dict[str, Any]:
         """Everything but the fields, as result.json holds it."""

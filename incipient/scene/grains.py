@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
@@ -11,7 +11,6 @@ from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from ..errors import SceneError
 from .messages import Problem, refusal, split
-from .motion import unfit
 from .section import NotNegative, Section, contradiction
 
 if TYPE_CHECKING:
@@ -31,6 +30,14 @@ Motion = Annotated[
     Field(description="How the grain moves: not, as flow and weight move it, or as `course` says"),
 ]
 FRICTIONLESS = "frictionless"
+# Keys that only a grain with this motion reads.
+READ_ONLY_BY = {
+    "velocity": "free",
+    "spin": "free",
+    "locked": "free",
+    "on_contact": "free",
+    "course": "prescribed",
+}
 SETTLES = 'on the bed, by contact.friction; "frictionless": without'
 
 
@@ -85,7 +92,7 @@ class BodySection(Section):
 
     @model_validator(mode="after")
     def _moves_consistently(self) -> BodySection:
-        found = [Problem((key,), why, remedy) for key, why, remedy in unfit(self)]
+        found = [Problem((key,), why, remedy) for key, why, remedy in _unfit(self)]
         if found:
             raise refusal(type(self).__name__, found)
         return self
@@ -126,3 +133,36 @@ class BodySection(Section):
     def new_grain(self) -> Shape:
         """A new grain of this shape."""
         raise NotImplementedError
+
+
+def _unfit(body: BodySection) -> Iterator[tuple[str, str, str]]:
+    """Keys of a grain that its motion needs and has not, or has and ignores: key, why, remedy."""
+    yield from _missing(body)
+    yield from _ignored(body)
+    yield from _of_mass(body)
+
+
+def _missing(body: BodySection) -> Iterator[tuple[str, str, str]]:
+    if body.motion == "prescribed" and body.course is None:
+        yield "course", "is missing though the motion is prescribed", "add it, or hold the grain"
+    if body.motion != "fixed" and body.centre is None:
+        yield "x", "a moving grain starts away from the bed", "give centre instead of x"
+
+
+def _ignored(body: BodySection) -> Iterator[tuple[str, str, str]]:
+    for key, motion in READ_ONLY_BY.items():
+        if body.motion != motion and getattr(body, key) != type(body).model_fields[key].default:
+            why = f'is read only with motion = "{motion}", but the motion is "{body.motion}"'
+            yield key, why, f'leave it out, or set motion = "{motion}"'
+
+
+def _of_mass(body: BodySection) -> Iterator[tuple[str, str, str]]:
+    if body.density is not None and body.mass is not None:
+        yield "mass", "is given beside density, from which it follows", "leave one of them out"
+    if body.density is not None or body.mass is not None:
+        return
+    if body.motion == "free":
+        why = "a free grain needs a mass and a moment of inertia, which may be zero"
+        yield "density", why, "give density, or mass and inertia"
+    elif body.inertia is not None:
+        yield "inertia", "is given without a mass", "give density or mass as well, or leave it out"

@@ -19,7 +19,7 @@ from .effects import Effects, section_of
 from .flows import Flow, LogLaw, Shear
 from .grains import FRICTIONLESS
 from .kinds import Bed, Body
-from .motion import mass, mean_density
+from .mass import mass, mean_density
 from .numerics import OF_WALLS, Numerics
 from .section import NotNegative, Positive, Section, contradiction
 from .surface import FREE, Surface

@@ -87,7 +87,7 @@ def finished(run: Run, recorder: Recorder, follows: bool = True) -> Result:
 def loads_of(scene: Scene, comm: MPI.Comm, speed: float = 1.0) -> Loads:
     """Run a scene for its force and couple at the end; a steady flow may be `speed` times the scene's. Collective."""
     if speed == 1.0:
-        return Loads.of(simulate(scene, comm, follows=False))
+        return simulate(scene, comm, follows=False).loads_at_end()
     with prepared(scene, comm, speed=speed) as run:
         force, couple = loads_at(run, speed)
         return Loads(force.flow, couple.flow)
