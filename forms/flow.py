@@ -25,7 +25,7 @@ class FlowTerms:
     upwind:         the same size for `terms.streamline_upwind`; None: not stabilised that way
     open_boundary:  measure of the boundary through which fluid leaves freely
     surface:        function of w that gives the integral over a free surface (`surface.load`)
-    friction:       function of w and q that gives the integral over walls that resist the flow (`turbulence.friction`)
+    friction:       function of w and q that gives the integral over walls that resist the flow by a law
     reference_map:  None for the identity
     """
 

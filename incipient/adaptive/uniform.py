@@ -20,6 +20,7 @@ from ..planning.wall_cells import coarsest
 from ..results.errorbars import Loads
 from ..simulation.loads import loads
 from ..simulation.simulate import loads_of
+from ..simulation.steady import solve_with_parts
 from .refinement import Attempt, Refinement
 
 if TYPE_CHECKING:
@@ -62,8 +63,7 @@ class Uniform(Refinement):
         return Attempt(sized, lambda layout: layout, expected, told)
 
     def _solved(self, run: Run) -> tuple[Forces | None, Couples | None]:
-        assert run.turbulence is not None
-        run.turbulence.solve(run)
+        solve_with_parts(run, run.fluid, run.parts)
         return (None, None) if run.probe is None else loads(run, surface=False)
 
     def _estimated(self, run: Run, force: Forces | None, couple: Couples | None) -> tuple[float | None, Any]:

@@ -42,10 +42,10 @@ class Slip:
 
 @dataclass(frozen=True)
 class Friction:
-    """A boundary along which a turbulent flow is resisted by a wall a distance beyond it; nothing crosses it.
+    """A boundary along which a flow is resisted by a wall a distance beyond it, by a law; nothing crosses it.
 
     distance: of the wall
-    drag:     friction over the velocity: a function of the speed, of the shear velocity that the turbulence there
+    drag:     friction over the velocity: a function of the speed, of the shear velocity that k there
               stands for, of 1/Re and of the distance (UFL)
     axis:     that of the normal of a plane boundary, which the mesh really has at that distance from the wall; None: a
               boundary of any shape, at the wall itself, where the distance is one of the law's alone
@@ -214,7 +214,7 @@ class Constraints:
         return SurfaceLoad(self._domain, self.space, self, rate)
 
     def walls(self, viscosity: tuple[Any, Any], shear_velocity: Any) -> Any:
-        """The load of walls that resist a turbulent flow, see `friction.WallLoad`; None without. Collective."""
+        """The load of walls with a law of friction, see `friction.WallLoad`; None without. Collective."""
         if not self._friction:
             return None
         from .friction import WallLoad

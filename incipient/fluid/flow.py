@@ -153,7 +153,7 @@ class Fluid:
         return Equations(
             *(self.space, held.dirichlet, held.open_pressures(), self.viscosity),
             *(rate, carrier, model.reference_map, self._upwind_size(), self.surface),
-            eddies=self.walls is not None,
+            varying=self.walls is not None,
             level=held.walls_are_level,
         )
 

@@ -29,7 +29,7 @@ class FlowModel:
     upwind_order:  order of the elements that the upwinding is that of; 0: of the flow's own
     solver:        method for the linear systems, a name in `solvers.SOLVERS`, or "two-level" (`raised.made`)
     viscosity:     function of 1/Re (UFL) giving the kinematic viscosity, or None: it is 1/Re
-    shear_velocity: that the turbulence stands for (UFL), for walls that resist it; None without turbulence
+    shear_velocity: friction velocity by k (UFL), for walls with a law of friction; None without a model of k
     """
 
     order: int = 2

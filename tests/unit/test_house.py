@@ -191,7 +191,7 @@ BOUNDS = {
     "circles with type hints": 3,
     "files in the largest circle with type hints": 23,
     "files that name turbulence": 69,
-    "lines": 56555,
+    "lines": 56600,
 }
 
 NAMES_TURBULENCE = re.compile("turbulen|eddies", re.IGNORECASE)

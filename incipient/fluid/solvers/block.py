@@ -18,16 +18,17 @@ from .split import Split
 from .statistics import LinearStatistics
 
 PREFIX = "fluid_"
-# Steady; in time, where a shorter step does more than further iterations; and with eddies, where more viscous ones do.
-MOST_ITERATIONS, MOST_IN_TIME, MOST_WITH_EDDIES = 400, 200, 150
+# Steady; in time, where a shorter step does more than further iterations; and with a varying viscosity, where a
+# larger one does.
+MOST_ITERATIONS, MOST_IN_TIME, MOST_IF_VARYING = 400, 200, 150
 RESTART = 100
 # A preconditioner is made anew when it needs this many times the iterations that it needed when it was new.
 AGED = 1.5
 # An old one is given up after this many times the iterations that it needed when it was new.
 USELESS = 4.0
-# Residual, relative to the right-hand side, of a correction that is one of several, steady, in time, and with eddies: a
-# step of the chord method. In time it is that of the preconditioned system, which is nearer to the error.
-ROUGH, ROUGH_IN_TIME, ROUGH_WITH_EDDIES = 1e-3, 3e-2, 1e-2
+# Residual, relative to the right-hand side, of a correction that is one of several, steady, in time, and with a varying
+# viscosity: a step of the chord method. In time it is that of the preconditioned system, which is nearer to the error.
+ROUGH, ROUGH_IN_TIME, ROUGH_IF_VARYING = 1e-3, 3e-2, 1e-2
 
 
 class UnsolvedError(ConvergenceError):
@@ -59,8 +60,8 @@ class Block:
         self._rough, self._most = ROUGH, MOST_ITERATIONS
         if equations.rate is not None:
             self._rough, self._most = ROUGH_IN_TIME, MOST_IN_TIME
-        elif equations.eddies:
-            self._rough, self._most = ROUGH_WITH_EDDIES, MOST_WITH_EDDIES
+        elif equations.varying:
+            self._rough, self._most = ROUGH_IF_VARYING, MOST_IF_VARYING
         self._solver = self._made(equations)
         self._most = self._solver.getTolerances()[3]
 
@@ -167,7 +168,7 @@ class _Triangle:
 
     def __init__(self, matrix: Any, equations: Equations):
         self.split, self.transposed = Split(matrix, equations), False
-        self._velocity = DiagonalBlocks(equations, self.split) if equations.eddies else Components(equations)
+        self._velocity = DiagonalBlocks(equations, self.split) if equations.varying else Components(equations)
         self._pressure = schur_complement(equations, self.split, self._velocity)
         self._gradient: Any = None  # B^T, made when first assembled
         self._vectors: tuple[Any, ...] = ()

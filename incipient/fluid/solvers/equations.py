@@ -28,7 +28,7 @@ class Equations:
     reference_map: None for the identity
     size:          of cells over the order of the elements that upwinding is that of; None: that of the space
     surface:       what a free surface adds; None: there is none
-    eddies:        whether the viscosity is that of eddies, which varies, and walls resist the flow along them
+    varying:       whether the viscosity varies in space, and walls resist the flow along them by a law
     level:         whether all these walls are, as in channels whose cells are much longer than high
     """
 
@@ -41,7 +41,7 @@ class Equations:
     reference_map: ReferenceMap | None = None
     size: Any = None
     surface: SurfaceLoad | None = None
-    eddies: bool = False
+    varying: bool = False
     level: bool = False
 
     def held(self) -> np.ndarray:
