@@ -231,7 +231,7 @@ class LeastSquaresCommutator:
 
 
 class ConvectedPressure:
-    """S^-1 = N^-1 + L^-1 C M^-1, L = B D^-1 G: for steady flow of varying viscosity along level walls on stretched cells.
+    """S^-1 = N^-1 + L^-1 C M^-1, L = B D^-1 G: for steady flow of varying viscosity along level walls, stretched cells.
 
     N and M are the pressures' mass matrices over the viscosity and without, C convects pressures, D has the sums of the
     sizes in rows of the velocity's mass matrix, G is the pressure's block in momentum: what walls and upwinding do is
