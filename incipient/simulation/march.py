@@ -110,12 +110,13 @@ class March:
     def _restore(self, checkpoint: Checkpoint) -> None:
         from ..restart.resumption import put_back_flow
 
+        fluid = self._run.fluid
         for part in self._run.parts:
             part.restore(checkpoint, self.coupling)
-        if self.coupling is not None:
-            fluid = self._run.fluid
-            fluid.domain.mesh.geometry.x[:] = self.coupling.places[0]
-            fluid.constraints.boundary_points_moved()
+            # What is stored by the places of nodes is read on the mesh where it was.
+            if self.coupling is not None:
+                fluid.domain.mesh.geometry.x[:] = self.coupling.places[0]
+                fluid.constraints.boundary_points_moved()
         put_back_flow(checkpoint, self.transient)
 
     # -- new meshes -------------------------------------------------------------------------------

@@ -87,8 +87,9 @@ def test_a_stone_and_the_stream_exchange_momentum(made, share):
     assert gained == pytest.approx(load + weight, abs=1e-6 * size)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("made", [partial(moving, remesh_below=0.998), ball])
+@pytest.mark.parametrize(
+    "made", [partial(moving, remesh_below=0.998), pytest.param(ball, marks=pytest.mark.slow)]
+)
 def test_a_run_with_new_meshes_goes_on_where_it_was_kept(made, tmp_path):
     """Kept after three steps, with a new mesh after each, and gone on with: it ends where the whole run does."""
 
