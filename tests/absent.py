@@ -50,7 +50,7 @@ OF_TURBULENCE = (
 )
 OF_CONTACT = ("evaluation.contact_verdict", "contact")
 OF_ESTIMATES = ("accuracy",)
-OF_CHECKPOINTS = ("restart",)
+OF_CHECKPOINTS = ("restart", "simulation.checkpointing")
 MODULES = (
     *(*OF_UNSTEADINESS, *OF_MOVING_MESH, *OF_FREE_BODY, *OF_FREE_SURFACE, *OF_TURBULENCE),
     *(*OF_CONTACT, *OF_ESTIMATES, *OF_CHECKPOINTS),

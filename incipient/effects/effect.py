@@ -17,15 +17,14 @@ if TYPE_CHECKING:
     from ..restart.checkpoint import Checkpoint
     from ..results.left_out import Omission
     from ..results.loads import Couples, Forces
-    from ..simulation.state import Run
-    from .run_part import RunPart, Stage
+    from .run_part import RunPart, Solving, Stage
 
 
 @dataclass(frozen=True, eq=False)
 class Solved:
     """A computed flow of which effects were left out: loads and verdict are None where there are none."""
 
-    run: Run
+    run: Solving
     force: Forces | None
     couple: Couples | None
     verdict: dict[str, Any] | None

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
 from ..planning.effects import EffectName
 
 if TYPE_CHECKING:
+    from mpi4py import MPI
+
     from ..coupled.coupling import Coupling
     from ..coupled.part import Part
     from ..coupled.tractions import TractionProbe
@@ -17,11 +19,35 @@ if TYPE_CHECKING:
     from ..geometry.placement import Placement
     from ..mesh.domain import Domain
     from ..mesh.motion import MeshMotion
+    from ..planning.plan import Plan
+    from ..progress import Silent
     from ..restart.checkpoint import Checkpoint
     from ..scene import Scene
-    from ..simulation.state import Run
 
 Stage = Callable[[str], AbstractContextManager[Any]]
+
+
+class Solving(Protocol):
+    """What effects ask of the run that they are in."""
+
+    scene: Scene
+    plan: Plan
+    comm: MPI.Comm
+    voice: Silent
+
+    @property
+    def fluid(self) -> Fluid:
+        """The flow, on the newest mesh."""
+
+    @property
+    def time_stepper(self) -> Transient | None:
+        """The steps in time; None for a steady flow, and before the first step."""
+
+    def count(self, **numbers: int) -> None:
+        """Add to the numbers of iterations by name. Not collective."""
+
+    def stage(self, name: str) -> AbstractContextManager[None]:
+        """Begin a stage; a context manager that takes its time. Not collective."""
 
 
 class RunPart:
@@ -74,7 +100,7 @@ class RunPart:
         """
         return scene
 
-    def solve(self, run: Run, factor: float = 1.0, onwards: bool = False) -> bool:
+    def solve(self, run: Solving, factor: float = 1.0, onwards: bool = False) -> bool:
         """Find the steady flow together with the part's unknowns; False: the flow does not depend on them.
 
         The flow may be faster than the scene's by a factor, and may be found from the state at hand (`onwards`).

@@ -90,9 +90,9 @@ def prepared(
             probe = probe_of(newest[0], layout)
             run = Run(setup, plan, layout, contacts, newest[0], probe, accounts, voice, parts)
         if checkpoint is not None:
-            from ..restart import resumption
+            from .checkpointing import put_back_costs
 
-            resumption.put_back_costs(checkpoint.progress, run)
+            put_back_costs(checkpoint.progress, run)
         try:
             yield run
         finally:
@@ -173,6 +173,6 @@ def _domain_kept(checkpoint: Checkpoint | None, comm: MPI.Comm) -> Domain | None
     """The mesh of the checkpoint, if there is one."""
     if checkpoint is None:
         return None
-    from ..restart import resumption
+    from ..restart.resumption import domain_of
 
-    return resumption.domain_of(checkpoint, comm)
+    return domain_of(checkpoint, comm)

@@ -191,6 +191,10 @@ class Run:
         if self._first_motion is None:
             self._first_motion = time
 
+    def count(self, **numbers: int) -> None:
+        """Add to the numbers of iterations by name. Not collective."""
+        self.accounts.count(**numbers)
+
     def stage(self, name: str) -> AbstractContextManager[None]:
         """Tell that a stage begins; a context manager that takes its time. Not collective."""
         self.voice.begin(name)

@@ -194,7 +194,7 @@ class TimeLoop:
     # -- going on later ---------------------------------------------------------------------------
 
     def _keep(self) -> Path | None:
-        from ..restart.resumption import collected
+        from .checkpointing import collected
 
         with self._run.stage("checkpoint"):
             assert self._run.time_stepper is not None

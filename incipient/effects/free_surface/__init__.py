@@ -17,8 +17,7 @@ from ..effect import Effect, Solved
 
 if TYPE_CHECKING:
     from ...restart.checkpoint import Checkpoint
-    from ...simulation.state import Run
-    from ..run_part import Stage
+    from ..run_part import Solving, Stage
     from .part import MovingSurface
 
 
@@ -105,7 +104,7 @@ def _ends(setup: Setup) -> str:
     return told + (f"; waves die out over the last {asked.sponge:g}" if asked.sponge else "")
 
 
-def _rise_under_lid(run: Run) -> float:
+def _rise_under_lid(run: Solving) -> float:
     """The largest size of the pressure's head at the nodes under the lid; zero at the outflow, or in the mean."""
     from mpi4py import MPI
 

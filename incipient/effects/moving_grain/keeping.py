@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,18 +10,21 @@ from ...body.rigidbody import MeanLoad
 from ...body.state import BodyState
 from ...coupled.coupling import Coupling
 from ...coupled.remeshing import Remeshing
-from ...coupled.rigid import End
+from ...coupled.rigid import End, RigidPart
 from ...fluid import Transient
 from ...restart.checkpoint import Body, Checkpoint
 from ...restart.redistribution import numbered_nodes, spread_nodes
 
-if TYPE_CHECKING:
-    from .part import MovingGrain
 
-
-def stored(grain: MovingGrain, coupling: Coupling, transient: Transient) -> Body:
-    """The grain, its coupling to the fluid and its mesh."""
-    part, mean = grain.part, grain.part.mean_load
+def stored(
+    part: RigidPart,
+    remeshings: list[Remeshing],
+    interface_iterations: list[int],
+    coupling: Coupling,
+    transient: Transient,
+) -> Body:
+    """A moving grain, its coupling to the fluid and its mesh, and how it has come so far."""
+    mean = part.mean_load
     nodes = numbered_nodes(coupling.fluid.domain.mesh)
     return Body(
         made=nodes.dealt(coupling.motion.reference),
@@ -37,19 +39,17 @@ def stored(grain: MovingGrain, coupling: Coupling, transient: Transient) -> Body
         load=part.end.load,
         flow_load=part.end.flow_load,
         length=part.end.length,
-        velocities=np.array([one.velocities for one in transient.past]).reshape(-1, grain.body.size),
+        velocities=np.array([one.velocities for one in transient.past]).reshape(-1, part.body.size),
         met=coupling.met,
-        remeshings=[asdict(one) for one in grain.remeshings],
-        interface_iterations=np.array(grain.interface_iterations),
+        remeshings=[asdict(one) for one in remeshings],
+        interface_iterations=np.array(interface_iterations),
     )
 
 
-def restore(grain: MovingGrain, body: Body, coupling: Coupling) -> None:
+def restore(part: RigidPart, body: Body, coupling: Coupling) -> None:
     """Give the grain its state and past, and the mesh its places now and before."""
-    part, mesh = grain.part, coupling.fluid.domain.mesh
+    mesh = coupling.fluid.domain.mesh
     part.mesh.weights[:] = spread_nodes(mesh, body.weights)
-    grain.remeshings = [Remeshing(**one) for one in body.remeshings]
-    grain.interface_iterations = body.interface_iterations.astype(int).tolist()
     coupling.places = list(np.moveaxis(spread_nodes(mesh, body.places), 1, 0).copy())
     part.past = [BodyState.unpacked(*one) for one in zip(body.states, body.times.tolist(), strict=True)]
     part.state, part.met = part.past[0], body.met

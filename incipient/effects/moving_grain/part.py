@@ -235,14 +235,16 @@ class MovingGrain(RunPart):
         from .keeping import stored
 
         assert coupling is not None
-        return {"body": stored(self, coupling, transient)}
+        return {"body": stored(self.part, self.remeshings, self.interface_iterations, coupling, transient)}
 
     def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
         """Take state and past from a checkpoint; the part is one made for `keeping.state_of_mesh`."""
         from .keeping import restore
 
         assert kept.body is not None and coupling is not None
-        restore(self, kept.body, coupling)
+        restore(self.part, kept.body, coupling)
+        self.remeshings = [Remeshing(**one) for one in kept.body.remeshings]
+        self.interface_iterations = kept.body.interface_iterations.astype(int).tolist()
 
 
 def rounded(placement: Placement, first: Placement, unit: float) -> Placement:

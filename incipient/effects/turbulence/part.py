@@ -22,7 +22,7 @@ from ...planning.flow_setup import Setup
 from ...planning.linear import FEW_CELLS
 from ...planning.tolerance import of_steady
 from ...results.turbulence import WallReport
-from ..run_part import RunPart, Stage
+from ..run_part import RunPart, Solving, Stage
 from .along_walls import AlongWall, along_wall
 from .fields import KEpsilon, TurbulenceConditions
 from .iteration import InTime, Moving, solve_steadily
@@ -30,7 +30,6 @@ from .iteration import InTime, Moving, solve_steadily
 if TYPE_CHECKING:
     from ...coupled.coupling import Coupling
     from ...restart.checkpoint import Checkpoint
-    from ...simulation.state import Run
 
 ORDER = 2  # of the elements of ln k and ln epsilon
 
@@ -74,7 +73,7 @@ class TurbulentFlow(RunPart):
         carrier = fluid.carrier(velocity) if fluid.model.moving_mesh else None
         self.fields.carried_by(velocity, self._viscosity, carrier=carrier)
 
-    def solve(self, run: Run, factor: float = 1.0, onwards: bool = False) -> bool:
+    def solve(self, run: Solving, factor: float = 1.0, onwards: bool = False) -> bool:
         """Find the steady flow with its turbulence, from that of the inflow everywhere, or `onwards` from that at hand.
 
         The flow may be faster than the scene's by a factor, at the same viscosity; it is in units of itself.
@@ -94,7 +93,7 @@ class TurbulentFlow(RunPart):
                 lambda found: run.voice.iterate(1.0, found.number, found.of_turbulence),
                 self._timed,
             )
-        run.accounts.count(turbulence=len(rounds))
+        run.count(turbulence=len(rounds))
         return True
 
     def start(self, steady: TurbulentFlow) -> None:

@@ -1,0 +1,62 @@
+"""From a run to its checkpoint, and what it has cost back into the run that resumes."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..fluid import Transient
+from ..restart.checkpoint import Checkpoint, Progress
+from ..restart.redistribution import stored_flow, stored_mesh
+from ..scene.file import dumps
+from ..scene.order import with_order
+
+if TYPE_CHECKING:
+    from .state import Run
+
+
+def collected(run: Run) -> Checkpoint:
+    """All that the run needs to go on, of tables this rank's rows. Collective.
+
+    To be called between steps, when the last one has been recorded.
+    """
+    assert run.march is not None
+    transient = run.march.transient
+    fluid = transient.fluid
+    states = [fluid.state.x.array, *(one.state for one in transient.past)]
+    return Checkpoint(
+        # With the order that the flow has, whatever a later version would choose.
+        scene=dumps(with_order(run.scene, run.plan.order)),
+        progress=_progress(run, transient),
+        mesh=stored_mesh(fluid.domain),
+        times=np.array([fluid.time, *(one.time for one in transient.past)]),
+        flow=stored_flow(fluid, states),
+        **{
+            name: one
+            for part in run.parts
+            for name, one in part.stored(run.march.coupling, transient).items()
+        },
+    )
+
+
+def _progress(run: Run, transient: Transient) -> Progress:
+    statistics = transient.fluid.solver.statistics
+    return Progress(
+        number=transient.number,
+        next_length=transient.next_length,
+        error=transient.last_error,
+        first_motion=run.first_motion,
+        iterations=dict(run.accounts.iterations),
+        linear=asdict(statistics),
+        wall_time=dict(run.accounts.ledger.wall_time),
+        total=run.accounts.ledger.total(),
+    )
+
+
+def put_back_costs(kept: Progress, run: Run) -> None:
+    """Let the run count on from what the sessions before have cost. Not collective."""
+    run.would_move(kept.first_motion)
+    run.accounts.count(**kept.iterations)
+    run.accounts.ledger.count(kept.wall_time, kept.total)
