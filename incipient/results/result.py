@@ -15,6 +15,7 @@ from ..geometry.placement import Placement
 from ..planning.plan import Plan
 from ..scene import Scene
 from .cost_of_effects import cost_lines
+from .elevations import Elevations
 from .errorbars import ErrorBars, Loads, centreline_velocities
 from .loads import Coefficients, Couples, Forces, Gap, loads_words
 from .si import si_lines
@@ -22,7 +23,6 @@ from .si import si_lines
 if TYPE_CHECKING:
     from ..mesh.sampling import Extremum
     from .adaptation import Adaptation
-    from .elevations import Elevations
     from .left_out import Omission
     from .steady import Steadied
     from .turbulence import WallReport

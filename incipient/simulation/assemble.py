@@ -16,6 +16,7 @@ from ..evaluation.si_units import in_si
 from ..parallel import collectively
 from ..planning.effects import EffectName
 from ..planning.stabilisation import measured_cell_reynolds
+from ..results.errorbars import ErrorBars, Loads
 from ..results.loads import Gap
 from ..results.result import Result, Traction
 from ..results.timing import peak_memory_mib
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     from ..contact import Contacts
     from ..mesh.domain import Domain
     from ..planning.layout import Layout
-    from ..results.errorbars import ErrorBars, Loads
     from ..results.left_out import Omission
     from .state import Run
 
