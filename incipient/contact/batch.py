@@ -1,37 +1,24 @@
 """Many loads on one grain and its contacts: the exact judge's safety factor and mode for each.
 
-In the plane the loads that contact forces balance are a polyhedral cone, whose facets are found once: a safety
-factor is then the least of a few ratios. The loads of each way to begin to move are cones
-as well, and signs tell which one a load is in. In space what hangs on the contacts alone is made once
-(`spatial_batch`). What lies too near to a boundary for that is judged one by one.
+What hangs on the contacts alone is found once: by `planar_batch` in the plane, by `spatial_batch` in space. What lies
+too near to a boundary for that is judged one by one.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from incipient.arrays import Booleans, Floats, Integers, cross
-from incipient.contact.exact import fans
-from incipient.contact.exact.grasp import Grasp, grasp
+from incipient.arrays import Booleans, Floats, Integers
 from incipient.contact.exact.judge import MassAndInertia, judged
-from incipient.contact.exact.motion_modes import Mode, contact_states, mode
-from incipient.contact.exact.planar_motion import (
-    ZERO,
-    Plane,
-    allowed_edges,
-    directions,
-    lines_of_action,
-    plane_problem,
-)
-from incipient.contact.exact.release import release
+from incipient.contact.exact.motion_modes import Mode
+from incipient.contact.friction_law import FrictionLaw
+from incipient.contact.loads.planar_batch import Planar
 from incipient.contact.loads.spatial_batch import Spatial
-from incipient.contact.model import Load
-from incipient.errors import SceneError
+from incipient.contact.model import Loads
 from incipient.geometry.contacts import Contacts
 
-FLAT = 1e-9  # a generator so near to a plane lies in it
-CLEAR = 1e-7  # of unit vectors: what is nearer to a boundary than that is judged by itself
+__all__ = ["Batch", "Loads", "judge_batch"]
+
 CHUNK = 100_000  # loads at a time
 
 
@@ -51,266 +38,41 @@ class Batch:
     alone: int
 
 
-@dataclass(frozen=True, eq=False)
-class Loads:
-    """n loads: force and couple of the flow (n, 3), weight (n, 3), and the centre of mass (3,) that couples are about.
-
-    Raises SceneError if shapes do not fit or a number is not finite.
-    """
-
-    force: Floats
-    couple: Floats
-    weight: Floats
-    centre: Floats
-
-    def __post_init__(self) -> None:
-        shape = np.shape(self.force)
-        if len(shape) != 2 or shape[1] != 3:
-            raise SceneError(f"loads: force has shape {shape}; give (n, 3)")
-        object.__setattr__(self, "weight", np.broadcast_to(self.weight, shape))
-        for name in ("force", "couple", "weight"):
-            given = np.asarray(getattr(self, name), dtype=float)
-            if given.shape != shape or not np.isfinite(given).all():
-                raise SceneError(f"loads: {name} is not {shape[0]} rows of three finite numbers; give such")
-            object.__setattr__(self, name, given)
-
-    def __len__(self) -> int:
-        return len(self.force)
-
-    @property
-    def table(self) -> Floats:
-        """All of a load in one row, (n, 9)."""
-        return np.hstack([self.force, self.couple, self.weight])
-
-    def load(self, number: int) -> Load:
-        """One of them."""
-        return Load(self.force[number], self.couple[number], self.weight[number], self.centre)
-
-    def part(self, rows: slice) -> "Loads":
-        """Some of them."""
-        return Loads(self.force[rows], self.couple[rows], self.weight[rows], self.centre)
-
-
 def judge_batch(
-    loads: Loads, contacts: Contacts, friction: float, mass_and_inertia: MassAndInertia | None = None
+    loads: Loads,
+    contacts: Contacts,
+    friction: float | Floats,
+    mass_and_inertia: MassAndInertia | None = None,
 ) -> Batch:
     """Judge loads one like the other: as `exact.judged` does each, to round-off. Not collective.
 
+    friction: the coefficient, or that of each load (n,), of which each value is a batch of its own
+
     Raises SceneError as `exact.judged` does.
     """
-    case = _planar(loads, contacts, friction, mass_and_inertia) or Spatial.of(
-        loads, contacts, friction, mass_and_inertia
-    )
+    coefficients = np.broadcast_to(np.asarray(friction, dtype=float), len(loads))
     labels = ("rest", "moves", *(one.label for one in Mode if one is not Mode.REST))
     factors, held = np.empty(len(loads)), np.empty(len(loads), dtype=bool)
     modes, alone = np.empty(len(loads), dtype=np.int64), 0
-    for start in range(0, len(loads), CHUNK):
-        rows = slice(start, min(start + CHUNK, len(loads)))
-        part, doubtful = loads.part(rows), np.ones(rows.stop - rows.start, dtype=bool)
-        if case is not None:
-            factors[rows], held[rows], modes[rows], doubtful = case.judged(part)
-        left = np.flatnonzero(doubtful)
-        if len(left):  # what comes several times is judged once
-            _, first, place = np.unique(part.table[left], axis=0, return_index=True, return_inverse=True)
-            one_by_one = [
-                judged(part.load(number), contacts, friction, mass_and_inertia)
-                for number in left[first].tolist()
-            ]
-            at, place = start + left, place.ravel()
-            factors[at] = np.array([exact.safety.value for exact in one_by_one])[place]
-            held[at] = np.array([not exact.moves for exact in one_by_one])[place]
-            modes[at] = np.array([labels.index(exact.label) for exact in one_by_one])[place]
-        alone += len(left)
+    for law in map(FrictionLaw, np.unique(coefficients).tolist()):
+        alike = np.flatnonzero(coefficients == law.coefficient)
+        same = loads if len(alike) == len(loads) else loads.part(alike)
+        given = contacts, law.coefficient, mass_and_inertia
+        case = Planar.of(same, *given) or Spatial.of(same, *given)
+        for start in range(0, len(alike), CHUNK):
+            some = slice(start, start + CHUNK)
+            rows, part, doubtful = alike[some], same.part(some), np.ones(len(alike[some]), dtype=bool)
+            if case is not None:
+                factors[rows], held[rows], modes[rows], doubtful = case.judged(part)
+            left = rows[doubtful]
+            if len(left):  # what comes several times is judged once
+                _, first, place = np.unique(
+                    part.table[doubtful], axis=0, return_index=True, return_inverse=True
+                )
+                one_by_one = [judged(loads.load(number), *given) for number in left[first].tolist()]
+                place = place.ravel()
+                factors[left] = np.array([exact.safety.value for exact in one_by_one])[place]
+                held[left] = np.array([not exact.moves for exact in one_by_one])[place]
+                modes[left] = np.array([labels.index(exact.label) for exact in one_by_one])[place]
+            alone += len(left)
     return Batch(factors, held, modes, labels, alone)
-
-
-# -- the plane ----------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False)
-class _Motion:
-    """Loads that begin to move in one way: those w (3,) with rows w > 0, and the mode's place among the labels.
-
-    turning: (3,) row of the angular acceleration where the mode is one with rotation; None: it is told by itself
-    """
-
-    rows: Floats
-    mode: int
-    turning: Floats | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class _Planar:
-    """A case in the plane: `basis` (3, 6) takes wrenches there, couples over `reach`.
-
-    facets: (f, 3) rows that are not positive for loads that are held
-    motions: the ways to move; None: without mass and inertia, or where they are judged one by one
-    tells: whether the mode of a load that moves is to be told
-    """
-
-    basis: Floats
-    reach: float
-    facets: Floats
-    motions: tuple[_Motion, ...] | None
-    tells: bool
-
-    def judged(self, loads: Loads) -> tuple[Floats, Booleans, Integers, Booleans]:
-        """Safety factors, whether held, modes, and which loads are too near to a boundary, (n,) each."""
-        flow, weight = (self._wrenches(*pair) for pair in ((loads.force, loads.couple), (loads.weight, None)))
-        flow_size, weight_size = (np.linalg.norm(one, axis=1) for one in (flow, weight))
-        whole = flow + weight
-        size = flow_size + weight_size
-        doubtful = (flow_size <= CLEAR * size) | (weight_size <= CLEAR * size)
-        f, w = flow @ self.facets.T, weight @ self.facets.T
-        doubtful |= (np.abs(f) <= CLEAR * flow_size[:, None]).any(axis=1)
-        on = np.abs(w) <= ZERO * 1e-3 * weight_size[:, None]
-        w[on] = 0.0
-        doubtful |= ((np.abs(w) <= CLEAR * weight_size[:, None]) & ~on).any(axis=1)
-        weight_held = (w <= 0.0).all(axis=1)
-        factors = np.where(weight_held, _largest(f, w), 0.0)
-        margin = whole @ self.facets.T / size[:, None]
-        held = (margin <= 0.0).all(axis=1)
-        doubtful |= ~((margin < -CLEAR).all(axis=1) | (margin > CLEAR).any(axis=1))
-        modes = np.where(held, 0, 1).astype(np.int64)
-        if self.tells and self.motions is None:
-            doubtful |= ~held
-        elif self.motions is not None:
-            told, unclear = _told(self.motions, whole / np.linalg.norm(whole, axis=1)[:, None])
-            modes = np.where(held, 0, told).astype(np.int64)
-            doubtful |= unclear & ~held
-        return factors, held, modes, doubtful
-
-    def _wrenches(self, force: Floats, couple: Floats | None) -> Floats:
-        both = np.zeros((len(force), 6))
-        both[:, :3] = force
-        if couple is not None:
-            both[:, 3:] = couple / self.reach
-        return np.asarray(both @ self.basis.T)
-
-
-def _largest(flow: Floats, weight: Floats) -> Floats:
-    """The largest s with weight + s flow not positive for all facets, (n,)."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratios = np.where(flow > 0.0, -weight / flow, np.inf)
-    return np.asarray(ratios.min(axis=1, initial=np.inf))
-
-
-def _planar(
-    loads: Loads, contacts: Contacts, friction: float, inert: MassAndInertia | None
-) -> _Planar | None:
-    """The case if it is in the plane of the first two directions with friction, else None."""
-    if len(loads) == 0 or _leaves_plane(loads, contacts):
-        return None
-    held_by = grasp(loads.load(0), contacts, friction)
-    if held_by.plane is None or held_by.fan is None or len(held_by.fan) < 2:
-        return None
-    basis = np.zeros((3, 6))
-    basis[:2, :3], basis[2, 3:] = held_by.plane[:2], held_by.plane[2]
-    columns = basis @ fans.edges(held_by, held_by.fan)
-    facets = _facets(-columns.T)
-    if facets is None:
-        return None
-    motions = None if inert is None else _motions(loads, contacts, friction, inert, held_by, basis)
-    return _Planar(basis, held_by.reach, facets, motions, inert is not None)
-
-
-def _leaves_plane(loads: Loads, contacts: Contacts) -> bool:
-    """Whether anything has a part out of the plane of the first two directions."""
-    arms = contacts.points - loads.centre
-    parts = (arms[:, 2], contacts.normals[:, 2], loads.force[:, 2], loads.weight[:, 2], loads.couple[:, :2])
-    return any(part.any() for part in parts)
-
-
-def _facets(generators: Floats) -> Floats | None:
-    """Rows (f, 3) that are not positive on the cone of generators (g, 3) and only there; None if it is a line or less.
-
-    Every facet holds two generators, or one and the normal of the plane that all are in.
-    """
-    unit = generators / np.linalg.norm(generators, axis=1)[:, None]
-    first, second = np.triu_indices(len(unit), 1)
-    normals = cross(unit[first], unit[second])
-    rank = np.linalg.matrix_rank(unit, tol=FLAT)
-    if rank < 2:
-        return None
-    if rank == 2:
-        across = normals[np.argmax(np.linalg.norm(normals, axis=1))]
-        normals = np.vstack([normals, cross(across[None], unit)])
-    lengths = np.linalg.norm(normals, axis=1)
-    normals = normals[lengths > FLAT] / lengths[lengths > FLAT, None]
-    both = np.vstack([normals, -normals])
-    both = both[(both @ unit.T <= FLAT).all(axis=1)]
-    if not len(both):  # all of space
-        return both
-    same = (np.abs(both[:, None] - both[None]) <= FLAT).all(axis=2)
-    return np.asarray(both[same.argmax(axis=1) == np.arange(len(both))])
-
-
-def _motions(
-    loads: Loads, contacts: Contacts, friction: float, inert: MassAndInertia, held_by: Grasp, basis: Floats
-) -> tuple[_Motion, ...] | None:
-    """All ways to begin to move; None where several contacts are on one line, which has more of them."""
-    case = release(_with_weight(loads), contacts, friction, *inert)
-    if case.grasp.plane is None:
-        return None
-    problem = plane_problem(case)
-    if not np.allclose(problem.basis, basis) or any(len(group) > 1 for group in lines_of_action(problem)):
-        return None
-    return tuple(_ways(problem, case.grasp))
-
-
-def _with_weight(loads: Loads) -> Load:
-    """A load that is not zero, with which the case is set up."""
-    sizes = np.linalg.norm(loads.force + loads.weight, axis=1)
-    return loads.load(int(np.argmax(sizes)))
-
-
-def _ways(problem: Plane, held_by: Grasp) -> Iterator[_Motion]:
-    """The free motion, sliding on one contact, and accelerations along lines where two stay or one sticks."""
-    inverse = np.linalg.inv(problem.mass)
-    turns = np.eye(3)[2] @ inverse
-    yield _Motion(problem.normal @ inverse, _place(Mode.LIFTING_AND_ROTATING), turns)
-    for way, edge in ((1.0, -1), (-1.0, -2)):
-        for i, response in enumerate(problem.edges[edge] @ inverse.T):
-            gain = problem.normal[i] @ response
-            if abs(gain) > ZERO:
-                factor = -(problem.normal[i] @ inverse) / gain
-                y = inverse + np.outer(response, factor)
-                others = np.delete(problem.normal, i, axis=0) @ y
-                rows = np.vstack([factor, way * problem.tangent[i] @ y, others])
-                yield _Motion(rows, _place(Mode.PIVOTING_AND_SLIDING), y[2])
-    for direction in directions(problem):
-        edges = problem.edges[allowed_edges(problem, direction)]
-        facets = _facets(np.vstack([problem.mass @ direction, -edges]))
-        if facets is not None:
-            yield _Motion(-facets, _place(_mode_along(problem, held_by, direction)))
-
-
-def _mode_along(problem: Plane, held_by: Grasp, direction: Floats) -> Mode:
-    """The mode of an acceleration along a direction (3,)."""
-    assert held_by.plane is not None
-    turning = direction[2] * held_by.plane[2] * (abs(direction[2]) > ZERO)
-    at_contacts = np.zeros((len(held_by), 3))
-    at_contacts[:, 0], at_contacts[:, 1] = problem.normal @ direction, problem.tangent @ direction
-    states = contact_states(at_contacts, bool(turning.any()), ZERO)
-    return mode(states, held_by.frames[:, 0], turning, ZERO)
-
-
-def _place(of: Mode) -> int:
-    """The place of a mode among the labels: after "rest" and "moves"."""
-    return 1 + list(Mode).index(of)
-
-
-def _told(motions: tuple[_Motion, ...], whole: Floats) -> tuple[Integers, Booleans]:
-    """The modes of loads (n, 3) of length one, and which are not clearly those of one mode alone, (n,)."""
-    modes, unclear = np.zeros(len(whole), dtype=np.int64), np.zeros(len(whole), dtype=bool)
-    for motion in motions:
-        lengths = np.linalg.norm(motion.rows, axis=1)
-        rows = motion.rows / np.where(lengths > 0.0, lengths, 1.0)[:, None]
-        least = (whole @ rows.T).min(axis=1, initial=np.inf)
-        inside = least > CLEAR
-        unclear |= np.abs(least) <= CLEAR
-        if motion.turning is not None:
-            unclear |= inside & (np.abs(whole @ motion.turning) <= CLEAR)
-        unclear |= inside & (modes > 0) & (modes != motion.mode)
-        modes[inside] = motion.mode
-    return modes, unclear | (modes == 0)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from incipient.arrays import Floats
+from incipient.arrays import Floats, Integers
 from incipient.errors import SceneError
 from incipient.geometry.contacts import Contacts, freeze
 
@@ -45,6 +45,46 @@ class Load:
     def couple(self) -> Floats:
         """tau_flow&g of (21) about the centre of mass, where the weight has no couple, (3,)."""
         return self.flow_couple
+
+
+@dataclass(frozen=True, eq=False)
+class Loads:
+    """n loads: force and couple of the flow (n, 3), weight (n, 3), and the centre of mass (3,) that couples are about.
+
+    Raises SceneError if shapes do not fit or a number is not finite.
+    """
+
+    force: Floats
+    couple: Floats
+    weight: Floats
+    centre: Floats
+
+    def __post_init__(self) -> None:
+        shape = np.shape(self.force)
+        if len(shape) != 2 or shape[1] != 3:
+            raise SceneError(f"loads: force has shape {shape}; give (n, 3)")
+        object.__setattr__(self, "weight", np.broadcast_to(self.weight, shape))
+        for name in ("force", "couple", "weight"):
+            given = np.asarray(getattr(self, name), dtype=float)
+            if given.shape != shape or not np.isfinite(given).all():
+                raise SceneError(f"loads: {name} is not {shape[0]} rows of three finite numbers; give such")
+            object.__setattr__(self, name, given)
+
+    def __len__(self) -> int:
+        return len(self.force)
+
+    @property
+    def table(self) -> Floats:
+        """All of a load in one row, (n, 9)."""
+        return np.hstack([self.force, self.couple, self.weight])
+
+    def load(self, number: int) -> Load:
+        """One of them."""
+        return Load(self.force[number], self.couple[number], self.weight[number], self.centre)
+
+    def part(self, rows: Integers | slice) -> "Loads":
+        """Those at places `rows`."""
+        return Loads(self.force[rows], self.couple[rows], self.weight[rows], self.centre)
 
 
 def require_outward(contacts: Contacts, centre: Floats) -> None:

@@ -85,12 +85,8 @@ def judge_series(case: Case, columns: Mapping[str, Floats]) -> Series:
     """
     _check(case, columns)
     times = np.asarray(columns["time"], dtype=float)
-    loads, friction = _loads(case, columns), columns.get("friction")
-    contacts, inert = case.to_contacts(), case.mass_and_inertia()
-    if friction is None:
-        batch = judge_batch(loads, contacts, case.contacts.friction, inert)
-    else:
-        batch = _by_friction(loads, np.asarray(friction, dtype=float), contacts, inert)
+    loads, friction = _loads(case, columns), columns.get("friction", case.contacts.friction)
+    batch = judge_batch(loads, case.to_contacts(), friction, case.mass_and_inertia())
     steps = _steps(times)
     total = float(steps.sum())
     shares = {
@@ -145,20 +141,6 @@ def _loads(case: Case, columns: Mapping[str, Floats]) -> Loads:
     # tau_c = tau_a + (a - c) ^ F
     about = vectors[1] + np.cross(case.about - case.centre, vectors[0])
     return Loads(vectors[0], about, vectors[2], case.centre)
-
-
-def _by_friction(loads: Loads, friction: Floats, contacts: Any, inert: Any) -> Batch:
-    """Each value of friction by itself."""
-    factors, held = np.empty(len(loads)), np.empty(len(loads), dtype=bool)
-    modes, alone = np.empty(len(loads), dtype=np.int64), 0
-    labels: tuple[str, ...] = ()
-    for value in np.unique(friction):
-        rows = np.flatnonzero(friction == value)
-        part = Loads(loads.force[rows], loads.couple[rows], loads.weight[rows], loads.centre)
-        batch = judge_batch(part, contacts, float(value), inert)
-        factors[rows], held[rows], modes[rows] = batch.factors, batch.held, batch.modes
-        alone, labels = alone + batch.alone, batch.labels
-    return Batch(factors, held, modes, labels, alone)
 
 
 def _steps(times: Floats) -> Floats:

@@ -14,7 +14,7 @@ from scipy.optimize import linprog
 
 from incipient.arrays import Floats
 from incipient.contact.exact import fans
-from incipient.contact.exact.grasp import leave_plane
+from incipient.contact.exact.grasp import Grasp, leave_plane
 from incipient.contact.exact.motion import MANY, ZERO
 from incipient.contact.exact.motion_modes import Mode, contact_states, mode
 from incipient.contact.exact.planar_motion import (
@@ -117,18 +117,23 @@ def _least_acceleration(cell: _Cell, problem: Plane, spread: Floats, sign: float
 
 def _modes_of_rays(case: Release, problem: Plane, spread: Floats) -> Iterator[Mode]:
     """The modes of loads of the box that have an acceleration where two contacts stay or one sticks."""
-    count, plane = spread.shape[1], case.grasp.plane
-    assert plane is not None
+    count = spread.shape[1]
     target = np.concatenate([problem.wrench - spread.sum(axis=1), np.full(count, 2.0)])
     for direction in directions(problem):
         edges = problem.edges[allowed_edges(problem, direction)]
         forces = np.column_stack([problem.mass @ direction, -edges.T])
         if fans.combination(fans.beside(forces, -spread), target) is not None:
-            turning = direction[2] * plane[2] * (abs(direction[2]) > ZERO)
-            at_contacts = np.zeros((len(case.grasp), 3))
-            at_contacts[:, 0], at_contacts[:, 1] = problem.normal @ direction, problem.tangent @ direction
-            states = contact_states(at_contacts, bool(turning.any()), ZERO)
-            yield mode(states, case.grasp.frames[:, 0], turning, ZERO)
+            yield mode_along(problem, case.grasp, direction)
+
+
+def mode_along(problem: Plane, held_by: Grasp, direction: Floats) -> Mode:
+    """The mode of an acceleration along a direction (3,) of length one in the plane."""
+    assert held_by.plane is not None
+    turning = direction[2] * held_by.plane[2] * (abs(direction[2]) > ZERO)
+    at_contacts = np.zeros((len(held_by), 3))
+    at_contacts[:, 0], at_contacts[:, 1] = problem.normal @ direction, problem.tangent @ direction
+    states = contact_states(at_contacts, bool(turning.any()), ZERO)
+    return mode(states, held_by.frames[:, 0], turning, ZERO)
 
 
 _INFEASIBLE = 2  # scipy's status of a program without a solution

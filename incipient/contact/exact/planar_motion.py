@@ -67,8 +67,7 @@ def plane_problem(case: Release) -> Plane:
     """The planar problem of a case that has a plane."""
     plane, fan = case.grasp.plane, case.grasp.fan
     assert plane is not None and fan is not None
-    basis = np.zeros((3, 6))
-    basis[:2, :3], basis[2, 3:] = plane[:2], plane[2]
+    basis = plane_basis(plane)
     rows = (basis @ case.grasp.columns).reshape(3, -1, 3)
     return Plane(
         basis=basis,
@@ -80,6 +79,13 @@ def plane_problem(case: Release) -> Plane:
         wrench=basis @ case.wrench,
         free=basis @ case.free,
     )
+
+
+def plane_basis(plane: Floats) -> Floats:
+    """The rows (3, 6) that take wrenches and accelerations into a plane (3, 3) of two axes and its normal."""
+    basis = np.zeros((3, 6))
+    basis[:2, :3], basis[2, 3:] = plane[:2], plane[2]
+    return basis
 
 
 def _rest(problem: Plane) -> Iterator[Candidate]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,10 +22,8 @@ from incipient.contact.exact.release import NO_LOAD, Release, frictionless, rele
 from incipient.contact.exact.safety import NEARLY_ALL
 from incipient.contact.exact.spatial_motion import coulomb, spatial_solutions
 from incipient.contact.exact.support import Circular, support
+from incipient.contact.model import Loads
 from incipient.geometry.contacts import Contacts
-
-if TYPE_CHECKING:
-    from incipient.contact.batch import Loads
 
 FEW = 100  # loads up to which they are judged one by one: the compiled loop takes a second to be there
 SURE = 1e-9  # relative error of a safety factor that counts as none
@@ -67,7 +64,7 @@ class Spatial:
         return cls(carried, case, largest_shares)
 
     def judged(self, loads: Loads) -> tuple[Floats, Booleans, Integers, Booleans]:
-        """Safety factors, whether held, modes as in `batch`, and which loads are doubtful, (n,) each."""
+        """Safety factors, whether held, modes as in `Batch`, and which loads are doubtful, (n,) each."""
         flow, flow_size = self._unit(loads.force, loads.couple)
         weight, weight_size = self._unit(loads.weight, np.zeros_like(loads.couple))
         factors, doubtful = self._factors(flow, flow_size, weight, weight_size)
