@@ -24,11 +24,8 @@ from incipient.geometry.space.terrain import Plane
 from .solid_region import PlacedSolid, SolidFrame, SolidRegion
 
 FILLET = 0.2  # of the smallest radius
-PER_SIZE, PER_RADIUS, PER_FEATURE = (
-    12.0,
-    3.0,
-    3.0,
-)  # first triangles along a grain, a ball, a feature of a bed
+# First triangles along a grain, a ball, a feature of a bed.
+PER_SIZE, PER_RADIUS, PER_FEATURE = 12.0, 3.0, 3.0
 ON_IT = 1e-12  # of a length of the shape: a point so near a surface is on it
 BEYOND = 1.3  # ratio of neighbouring cells of the first grid of a bed where it is level
 SAMPLES = 200  # along a side of the square over which a bed's mean height is taken

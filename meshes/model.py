@@ -23,9 +23,7 @@ with handlers_kept():  # at its import gmsh takes interrupts for itself
     import gmsh
 
 ENLARGED = 1.3  # triangles of an earlier mesh about their centroids, where they say how fine the next is
-MOST_STRAIGHTENED = (
-    3  # times, since a side made straight can leave too little room to the cell on its other side
-)
+MOST_STRAIGHTENED = 3  # times: a side made straight can leave too little room to the cell on its other side
 
 
 @contextmanager

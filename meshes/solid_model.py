@@ -26,7 +26,6 @@ with handlers_kept():  # at its import gmsh takes interrupts for itself
     import gmsh
 
 ATTEMPTS = 4  # at surfaces that do not cross, each finer where they did
-STRAIGHT = "cells would fold over: "  # what is said before the number of edges left straight
 
 
 @contextmanager
@@ -49,12 +48,6 @@ def solid_model(region: SolidRegion, sizes: Sizes, order: int) -> Iterator[Any]:
             tags = _mesh(shell)
             _put_in_place(region, frame, outline, tags, order)
         yield model
-
-
-def straight_edges() -> int:
-    """How many edges at curved surfaces of the model just made are straight since cells would have folded over."""
-    said = [line for line in gmsh.logger.get() if STRAIGHT in line]
-    return int(said[-1].split(STRAIGHT)[1].split()[0]) if said else 0
 
 
 class Outline:
@@ -159,6 +152,8 @@ def _put_in_place(
     planes = tuple((axis, float(end[axis])) for axis in (0, 1) for end in (walls.low, walls.high))
     named: dict[str, Exact] = {region.names[5]: outline.ground, **outline.bodies}
     nodes, straight = curved({tags[name]: exact for name, exact in named.items()}, planes, order)
-    gmsh.logger.write(f"{STRAIGHT}{straight} edges are straight", "warning" if straight else "info")
+    gmsh.logger.write(
+        f"cells would fold over: {straight} edges are straight", "warning" if straight else "info"
+    )
     for tag, node in zip(nodes.tags.tolist(), frame.scene(nodes.places).tolist(), strict=True):
         gmsh.model.mesh.setNode(tag, node, [])

@@ -1,4 +1,4 @@
-"""Which sides of a domain may be farther away, and channels with a free surface whose ends are."""
+"""Domains whose far sides are farther away, and channels with a free surface whose ends are."""
 
 from __future__ import annotations
 
@@ -8,19 +8,6 @@ import numpy as np
 
 from ..scene import Scene, Surface
 from ..scene.expression import Expression
-
-
-def has_no_far_sides(scene: Scene) -> str:
-    """Why there is no term of the domain, or nothing."""
-    if scene.is_turbulent and scene.body is None:
-        return "does not apply: how long the channel is, and what enters, belong to the scene"
-    if scene.domain.kind == "box":
-        return "does not apply: the domain is closed by walls"
-    if scene.bed is not None and scene.bed.kind in ("polyline", "height-map", "mesh"):
-        return "not estimated: the bed is known only as far as its points reach"
-    if scene.has_surface and scene.surface is not None and scene.surface.outflow == "wall":
-        return "does not apply: the channel is closed by a wall"
-    return ""
 
 
 def longer_channel(scene: Scene, factor: float) -> dict[str, dict[str, Any]]:

@@ -37,22 +37,18 @@ class Computed(Protocol):
     @property
     def force(self) -> Forces | None:
         """The force on a grain."""
-        ...
 
     @property
     def couple(self) -> Couples | None:
         """The couple on a grain."""
-        ...
 
     @property
     def elevations(self) -> Elevations | None:
         """The elevations of a free surface."""
-        ...
 
     @property
     def turbulence(self) -> WallReport | None:
         """The walls of a turbulent flow."""
-        ...
 
 
 class Quantity(Protocol):
@@ -61,15 +57,12 @@ class Quantity(Protocol):
     @property
     def name(self) -> str:
         """What it is called."""
-        ...
 
     def error(self, force: Forces, couple: Couples, of_force: Floats, of_couple: Floats) -> float:
         """Relative error for errors (3,) of force and couple."""
-        ...
 
     def goals(self, force: Forces, couple: Couples) -> list[Floats]:
         """Weights (k,) of force and couple, k = 3 or 6, whose errors are those of the quantity, relative."""
-        ...
 
 
 def relative(goal: Quantity, found: Computed, term: Term) -> float | None:

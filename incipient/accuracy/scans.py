@@ -26,9 +26,7 @@ SCAN = "scan"
 # pebble of demos/scenes, in 320 and 1280 facets, the ratio covers what finer scans change (tests/unit/test_scans.py).
 COARSER = (1.8, 2.0, 2.2)
 FEWEST = 2  # copies that have to come to rest: of so little resolution a grain may balance on a corner
-TRACED = (
-    32  # points of an outline, and rows and columns of a bed, from which on they are a scan and no drawing
-)
+TRACED = 32  # points of an outline, or rows and columns of a bed, from which on they are a scan
 
 
 def is_scanned(scene: Scene) -> bool:

@@ -1,8 +1,8 @@
 """Time step, cell size and order with which flow in time is as accurate as asked for the least work.
 
 With steps dt and cells h the error is e_t (dt/dt_0)^q + e_h (h/h_0)^s, q the order of the time steps and s that of
-loads in the size of cells (`errorbars.order_in_space`); the work goes as 1/dt and as h^-p. Where the errors add up to
-E, the least work has (Lagrange)
+loads in the size of cells (`discretisation.order_in_space`); the work goes as 1/dt and as h^-p. Where the errors add
+up to E, the least work has (Lagrange)
 
     e_t : e_h = 1/q : p/s,
 
@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from ..accuracy.errorbars import order_in_space
+from ..accuracy.discretisation import order_in_space
 
 ORDERS = (2, 3, 4)
 # Work on cells of one `numerics.mesh_size`, where the orders err alike, relative to that in elements of order two

@@ -1,7 +1,7 @@
 """Flow in time to a given accuracy: what errs more for its cost is made finer, the time step or the mesh.
 
 Each run is compared with one in longer steps, and that with one in elements of a higher order, which tells the errors
-of step and mesh apart (`errorbars.by_coarser_runs`). What the next run has of each, and its order, follow by
+of step and mesh apart (`discretisation.by_coarser_runs`). What the next run has of each, and its order, follow by
 `balance`: the least work with which the accuracy is expected. The first run is coarse. A run that is expected to
 reach the accuracy is recorded; it is repeated finer if it does not.
 """
@@ -14,7 +14,7 @@ from typing import cast
 import numpy as np
 
 from ..accuracy.coarse_runs import HIGHEST_ORDER, LONGEST_STEP, changed, comparisons, order_in_time
-from ..accuracy.errorbars import OF_MESH, by_coarser_runs
+from ..accuracy.discretisation import OF_MESH, by_coarser_runs
 from ..accuracy.goal import relative
 from ..accuracy.kept_runs import KeptRuns
 from ..accuracy.waves import is_stream
@@ -32,10 +32,8 @@ from ..simulation.state import Accounts, Known
 from .balance import WORK_POWER, Parts, Powers, Refined, cheapest, halved, milder
 from .search import Search, Told
 
-COARSEST_MESH, LONGEST = (
-    8.0**0.5,
-    8.0,
-)  # cells and steps of the first run, relative to those that the scene says
+# Cells and steps of the first run, relative to those that the scene says.
+COARSEST_MESH, LONGEST = 8.0**0.5, 8.0
 FEWEST_STEPS = 8
 MOST_RUNS = 6
 HIGHEST_OF_SURFACE = 3  # order of the velocity beyond which that of the elevation, which is the cells', stays

@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..accuracy.coarse_runs import changed, coarse, farther
-from ..accuracy.errorbars import DECAY, not_there, of_domain, of_the_model
-from ..accuracy.far_sides import has_no_far_sides
 from ..accuracy.goal import relative
+from ..accuracy.model_terms import DECAY, has_no_far_sides, not_there, of_domain, of_the_model
 from ..arrays import spatial
 from ..errors import IncipientError, SceneError
 from ..results.errorbars import Loads
@@ -225,7 +224,7 @@ def _closer(scene: Scene, smaller: float, at_once: bool) -> Scene | None:
 
 def _measure(scene: Scene, goal: Quantity, loads: Loads) -> Measure:
     """What a term comes to, relative, for the quantity whose accuracy is asked for."""
-    found = _Coarse(None, None, loads.elevations)
+    found = LoadsOnMesh(None, None, loads.elevations)
     if scene.placement is not None:
         buoyancy, weight = weights(scene)
         force = Forces(loads.force, loads.force, buoyancy, weight)
@@ -235,8 +234,8 @@ def _measure(scene: Scene, goal: Quantity, loads: Loads) -> Measure:
 
 
 @dataclass(frozen=True)
-class _Coarse:
-    """What a coarse run has come to; see `goal.Computed`."""
+class LoadsOnMesh:
+    """Loads, elevations and walls that a run has come to: a `goal.Computed`."""
 
     force: Forces | None
     couple: Couples | None

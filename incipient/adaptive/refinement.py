@@ -17,9 +17,10 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from ..accuracy.coarse_runs import changed, farther
+from ..accuracy.discretisation import by_dual
 from ..accuracy.dual import GoalErrors
-from ..accuracy.errorbars import by_dual, error_bars
-from ..accuracy.far_sides import has_no_far_sides
+from ..accuracy.errorbars import error_bars
+from ..accuracy.model_terms import has_no_far_sides
 from ..errors import ConvergenceError, MeshError
 from ..interrupt import told_where_kept
 from ..planning.layout import Layout

@@ -23,10 +23,8 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 
-SMALLEST, LARGEST = (
-    0.2,
-    2.0,
-)  # the size of a cell relative to before: shares say nothing about much smaller ones
+# The size of a cell relative to before: shares say nothing about much smaller ones.
+SMALLEST, LARGEST = 0.2, 2.0
 STEEPEST = 0.35  # growth of sizes with distance
 FAINT = 1e-3  # shares below this part of the mean are looked at as that
 BISECTIONS = 60

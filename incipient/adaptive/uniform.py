@@ -1,17 +1,16 @@
 """Steady turbulent flow to a given accuracy: all cells become smaller alike, until coarser meshes differ by little.
 
 No dual solution of flow, k and epsilon is there to say which cells an error comes from. Each mesh has cells smaller by
-the root of two than the one before, and is compared with the two before it (`errorbars.by_coarser_mesh`), so that no
-run is made for an estimate alone.
+the root of two than the one before, and is compared with the two before it (`discretisation.by_coarser_mesh`), so
+that no run is made for an estimate alone.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ..accuracy.coarse_runs import COARSER_MESH, changed, on_coarser_mesh
-from ..accuracy.errorbars import by_coarser_mesh
+from ..accuracy.discretisation import by_coarser_mesh
 from ..accuracy.goal import relative
 from ..accuracy.kept_runs import KeptRuns
 from ..errors import MeshError
@@ -21,28 +20,17 @@ from ..results.errorbars import Loads
 from ..simulation.loads import loads
 from ..simulation.simulate import loads_of
 from ..simulation.steady import solve_with_parts
+from .modelling import LoadsOnMesh
 from .refinement import Attempt, Refinement
 
 if TYPE_CHECKING:
-    from ..results.elevations import Elevations
     from ..results.loads import Couples, Forces
-    from ..results.turbulence import WallReport
     from ..scene import Scene
     from ..simulation.state import Run
 
 SMALLEST, LARGEST = 0.01, 100.0  # of numerics.mesh_size
 # Meshes on which an error is no longer seen to fall, by so much at the least, before the search ends.
 LOOKED_AT, LEAST_FALL = 3, 0.8
-
-
-@dataclass(frozen=True)
-class _Found:
-    """What a mesh has come to; see `goal.Computed`."""
-
-    force: Forces | None
-    couple: Couples | None
-    turbulence: WallReport | None
-    elevations: Elevations | None = None
 
 
 class Uniform(Refinement):
@@ -68,7 +56,7 @@ class Uniform(Refinement):
 
     def _estimated(self, run: Run, force: Forces | None, couple: Couples | None) -> tuple[float | None, Any]:
         assert run.turbulence is not None
-        found = _Found(force, couple, run.turbulence.report())
+        found = LoadsOnMesh(force, couple, None, run.turbulence.report())
         computed = Loads.at_the_end(force, couple, None, None, found.turbulence)
         self._seen.append((run.scene, computed))
         coarser = on_coarser_mesh(run.scene)

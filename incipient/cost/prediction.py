@@ -369,7 +369,7 @@ def _balanced(first: _Run, known: KnownLaws, asked: float) -> tuple[list[_Run], 
 def _as_tried(run: _Run, known: KnownLaws) -> Trial:
     """Error that a run will find: the step's part as by longer ones, the rest is the mesh's."""
     from ..accuracy.coarse_runs import comparisons
-    from ..accuracy.errorbars import shares
+    from ..accuracy.discretisation import shares
 
     scene = run.scene
     of = scene.accuracy_of

@@ -27,12 +27,8 @@ from ..contact.loads.error_box import ErrorBox, safety_range
 SAMPLES = 6  # factors inside an interval at which the load interpolated is judged
 # |c - chord| <= BEND |c(b) - c(a)| at the middle of an interval, for force and couple.
 BEND = 0.5
-LARGEST_LOGARITHM = (
-    3.0  # of a safety factor while a root is looked for; infinite ones and zeros count as that
-)
-NEAR_TOP = (
-    1.2  # up to this much above the fastest flow the load is extrapolated by a parabola, beyond in a line
-)
+LARGEST_LOGARITHM = 3.0  # of a safety factor while a root is looked for; infinity and zero count as that
+NEAR_TOP = 1.2  # so far above the fastest flow the load is extrapolated by a parabola, beyond in a line
 ROOT = 1e-10  # relative error of a root of the load interpolated
 
 

@@ -1,4 +1,4 @@
-"""The critical flow with turbulence, on a mesh that is made for the law of the wall of that very flow.
+"""The critical flow on a mesh that is made for the law of the wall of that very flow.
 
 Where the mesh ends, or how large its cells at walls are, goes with the distance of the law, which the flow changes: on
 the mesh of a slower flow cells are too large for the thinner layer of a faster one. So a search from rest on the mesh
@@ -27,9 +27,7 @@ if TYPE_CHECKING:
     from ..progress import Silent
     from ..scene import Scene
 
-CHANGED = (
-    1.1  # ratio of the law's distance to that which a mesh is made for, or its inverse, up to which it serves
-)
+CHANGED = 1.1  # ratio of the law's distance to that of the mesh, or its inverse, up to which the mesh serves
 MOST_MESHES = 6
 OTHER_MESH = "all on the mesh for the scene's own flow, whose cells are too large at the walls of these"
 

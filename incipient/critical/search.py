@@ -36,9 +36,7 @@ FIRST = 30.0  # grain Reynolds number of the first flow with inertia, at most
 GROWTH = 4.0  # from one flow to the next faster one, at most
 LARGEST = 1000.0  # grain Reynolds number up to which a threshold is looked for, or
 MOST_FASTER = 10.0  # so many times the flow of the scene, if that is more
-NEAR = (
-    3e-3  # a flow solved so near the critical one is taken for it, relative; the load there is interpolated
-)
+NEAR = 3e-3  # relative: a flow solved so near the critical one is taken for it, with the load interpolated
 WEAK = 0.1  # force of the flow over the weight, where any flow moves the grain
 RESOLVED = 1.1  # an interval whose ends differ by no more than this factor is not divided further
 MOST_FLOWS, MOST_FAILURES = 40, 6

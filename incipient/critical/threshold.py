@@ -261,10 +261,7 @@ def _require(scene: Scene) -> None:
             body is not None and body.x is not None and scene.bed is not None,
             "a grain that rests on a bed (body.x and [bed])",
         ),
-        (
-            (scene.density or 0.0) > 1.0,
-            "a grain denser than the fluid (body.density > 1)",
-        ),
+        ((scene.density or 0.0) > 1.0, "a grain denser than the fluid (body.density > 1)"),
         (
             scene.gravity is not None and scene.gravity.acceleration > 0.0,
             "gravity ([gravity] acceleration > 0)",
@@ -329,8 +326,7 @@ def _with_bars(threshold: Threshold, run: Run, search: Search, found: Found) -> 
             force = replace(force, flow=found.load.flow_force)
             couple = replace(couple, flow=found.load.flow_couple)
             bars = critical_bars(
-                found,
-                error_terms(run, force, couple, Beside(run, loads_of, found.factor), found.factor),
+                found, error_terms(run, force, couple, Beside(run, loads_of, found.factor), found.factor)
             )
         except IncipientError as error:
             return replace(threshold, without_bars=f"not computed: {error}", cost=cost(run))

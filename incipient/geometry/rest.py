@@ -22,10 +22,7 @@ SECTIONS, ROUNDS = 16, 14  # of brackets: 2 out of 16 remain after a round
 
 
 def rest(
-    grain: Grain | Solid,
-    bed: Bed | Terrain,
-    x: float | Sequence[float],
-    angle: float | Sequence[float] = 0.0,
+    grain: Grain | Solid, bed: Bed | Terrain, x: float | Sequence[float], angle: float | Sequence[float] = 0.0
 ) -> Placement:
     """The grain turned by `angle`, its centroid above `x`, lowered vertically until it touches the bed.
 

@@ -128,7 +128,7 @@ def estimate(scene: Scene) -> Plan:
     below a free surface in space while the run in elements of another order is made.
     """
     from ..accuracy.coarse_runs import comparisons
-    from ..accuracy.errorbars import on_more_bed
+    from ..accuracy.model_terms import on_more_bed
 
     setup = Setup(scene)
     plan = plan_of(setup)

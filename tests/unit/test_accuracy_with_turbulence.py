@@ -10,7 +10,9 @@ from turbulent import channel
 import incipient
 from incipient import make_plan
 from incipient.accuracy.coarse_runs import coarse, comparisons, is_coarse
-from incipient.accuracy.errorbars import by_coarser_mesh, coarse_scenes, of_the_model, shares
+from incipient.accuracy.discretisation import by_coarser_mesh, shares
+from incipient.accuracy.errorbars import coarse_scenes
+from incipient.accuracy.model_terms import of_the_model
 from incipient.cost import calibration
 from incipient.cost.command import chosen, predicted_plan
 from incipient.cost.ladder import ladder

@@ -9,7 +9,7 @@ from mpi4py import MPI
 from scipy.optimize import minimize
 
 from incipient.accuracy.coarse_runs import changed, comparisons
-from incipient.accuracy.errorbars import order_in_space
+from incipient.accuracy.discretisation import order_in_space
 from incipient.adaptive.balance import (
     FINEST,
     SHORTEST,

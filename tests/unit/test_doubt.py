@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from incipient.accuracy.discretisation import by_dual
 from incipient.accuracy.dual import GoalErrors
-from incipient.accuracy.errorbars import by_dual, with_safety
+from incipient.accuracy.errorbars import with_safety
 from incipient.accuracy.waves import doubt_of_stream
 from incipient.adaptive.search import Search
 from incipient.evaluation.contact_verdict import find_contacts

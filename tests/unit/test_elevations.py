@@ -9,9 +9,9 @@ import pytest
 from scenes import TANK, message
 
 from incipient.accuracy.coarse_runs import changed, farther
-from incipient.accuracy.errorbars import by_coarser_runs
-from incipient.accuracy.far_sides import has_no_far_sides
+from incipient.accuracy.discretisation import by_coarser_runs
 from incipient.accuracy.goal import Goal, relative
+from incipient.accuracy.model_terms import has_no_far_sides
 from incipient.accuracy.waves import OF_FEW_STEPS, OF_STREAM, least_share
 from incipient.adaptive.balance import Parts, Powers, cheapest
 from incipient.adaptive.balancing import first

@@ -11,12 +11,14 @@ from mpi4py import MPI
 from scenes import CARRIED
 
 import incipient
-from incipient.accuracy import errorbars
 from incipient.accuracy.coarse_runs import changed, comparisons, farther
-from incipient.accuracy.errorbars import (
-    by_coarser_runs,
-    coarse_scenes,
+from incipient.accuracy.discretisation import by_coarser_runs
+from incipient.accuracy.errorbars import coarse_scenes
+from incipient.accuracy.model_terms import (
     decay_of,
+    no_gap,
+    of_domain,
+    of_gap,
     of_level_ground,
     of_the_model,
     on_more_bed,
@@ -105,7 +107,7 @@ def test_gap_term_against_a_gap_closed(time: Time | None, inertia: bool) -> None
     """The gap is closed to a sixteenth; the rest changes force and couple by another few per cent of that."""
     scene = Scene(**{**on_bed(fluid={"inertia": inertia}).model_dump(), "time": time})
     closed = changed(scene, contact={"gap": scene.contact.gap / 16.0})
-    found = effectivities(errorbars.of_gap(scene, solve), solve(scene), solve(closed))
+    found = effectivities(of_gap(scene, solve), solve(scene), solve(closed))
     assert all(1.0 / WITHIN < one < WITHIN for one in found)
 
 
@@ -118,7 +120,7 @@ def test_gap_term_of_a_wide_gap(gap: float) -> None:
         solved.append(scene.contact.gap)
         return Loads(np.full(3, 1.0 + scene.contact.gap), np.zeros(3))
 
-    term = errorbars.of_gap(on_bed(contact={"gap": gap}), growing)
+    term = of_gap(on_bed(contact={"gap": gap}), growing)
     assert term.force == pytest.approx(np.full(3, gap))
     assert max(solved) <= 0.1
 
@@ -130,7 +132,7 @@ def test_domain_term_against_a_far_larger_domain(time: Time | None) -> None:
     large = farther(farther(farther(scene)))
     assert large.domain.height == pytest.approx(1.5**3 * scene.domain.height)
     assert large.viscosity == pytest.approx(scene.viscosity)
-    found = effectivities(errorbars.of_domain(scene, solve), solve(scene), solve(large))
+    found = effectivities(of_domain(scene, solve), solve(scene), solve(large))
     assert all(1.0 / WITHIN < one < WITHIN for one in found)
 
 
@@ -139,7 +141,7 @@ def test_domain_of_the_example_is_large_enough(inertia: bool) -> None:
     """It stands for an endless one to 2% of force and couple, by the estimate and by a domain five times as large."""
     scene = on_bed(fluid={"inertia": inertia})
     large = changed(scene, domain={"origin": (-64.0, 0.0), "length": 120.0, "height": 100.0})
-    here, there, term = solve(scene), solve(large), errorbars.of_domain(scene, solve)
+    here, there, term = solve(scene), solve(large), of_domain(scene, solve)
     assert all(e < 0.02 * size for e, size in zip(estimated(term), sizes(here), strict=True))
     assert all(d < 0.02 * size for d, size in zip(difference(here, there), sizes(there), strict=True))
 
@@ -154,7 +156,7 @@ def test_a_stream_without_a_bed_is_endless_downwards_too() -> None:
     larger = farther(scene)
     assert (larger.domain.bottom, larger.domain.ceiling) == (-1.0, 5.0)
     far = changed(scene, domain={"origin": (-57.0, -58.0), "length": 120.0, "height": 120.0})
-    here, term = solve(scene), errorbars.of_domain(scene, solve)
+    here, term = solve(scene), of_domain(scene, solve)
     true = abs(here.force[0] - solve(far).force[0])
     assert true / WITHIN < term.force[0] < WITHIN * true
     shear = loads(IN_STREAM.replace("uniform", "shear"))
@@ -177,7 +179,7 @@ def test_domain_term_of_a_stream(time: Time | None) -> None:
     """The drag in a stream between sides that move with it falls as they go away, at once or from Stokes flow on."""
     scene = Scene(**{**changed(loads(IN_STREAM), numerics=COARSE).model_dump(), "time": time})
     large = farther(farther(farther(scene)))
-    term, drags = errorbars.of_domain(scene, solve), [solve(one).force[0] for one in (scene, large)]
+    term, drags = of_domain(scene, solve), [solve(one).force[0] for one in (scene, large)]
     assert abs(np.diff(drags)[0]) / WITHIN < term.force[0] < WITHIN * abs(np.diff(drags)[0])
 
 
@@ -303,15 +305,15 @@ def test_what_does_not_apply_is_said() -> None:
 
 def test_a_repelled_grain_and_one_away_from_the_bed() -> None:
     repelled = loads(CARRIED, overrides=("body.on_contact='repel'",))
-    assert errorbars.no_gap(repelled).startswith("not estimated: ")
-    assert errorbars.no_gap(loads(IN_STREAM)) == "does not apply: no grain rests on a bed"
-    assert errorbars.no_gap(on_bed()) == ""
+    assert no_gap(repelled).startswith("not estimated: ")
+    assert no_gap(loads(IN_STREAM)) == "does not apply: no grain rests on a bed"
+    assert no_gap(on_bed()) == ""
 
 
 def test_the_path_of_a_grain_in_a_channel_depends_on_its_sides() -> None:
     """The domain's term has an error of the place as well."""
     drifting = IN_STREAM + 'motion = "free"\ndensity = 1.0\n[time]\nend = 0.4\nstep = 0.1\n'
-    term = errorbars.of_domain(loads(drifting, overrides=("numerics.mesh_size=3",)), solve)
+    term = of_domain(loads(drifting, overrides=("numerics.mesh_size=3",)), solve)
     assert term.place is not None and term.place[0] > 0.0
 
 

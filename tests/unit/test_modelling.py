@@ -11,9 +11,9 @@ from mpi4py import MPI
 
 import incipient
 from incipient.accuracy.coarse_runs import changed, coarse
-from incipient.accuracy.errorbars import of_domain, of_gap
 from incipient.accuracy.goal import Goal
 from incipient.accuracy.kept_runs import KeptRuns, Solve
+from incipient.accuracy.model_terms import of_domain, of_gap
 from incipient.adaptive.modelling import SMALLEST_GAP, Suited, remedies, suited
 from incipient.adaptive.search import Search
 from incipient.critical.adaptation import CriticalRefinement

@@ -8,9 +8,8 @@ from incipient.arrays import Floats
 from incipient.geometry.space.nearest import Triangles
 from incipient.geometry.space.surfaces import Surface
 
-BESIDE = (
-    1e-9  # of an edge's length, and of a triangle's barycentric coordinates: what only touches does not cross
-)
+# Of an edge's length, and of a triangle's barycentric coordinates: what only touches does not cross.
+BESIDE = 1e-9
 
 
 def crossed(surface: Surface) -> np.ndarray:

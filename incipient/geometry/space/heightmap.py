@@ -166,11 +166,9 @@ class HeightMap(Smooth):
 def _weights(t: Floats, derivative: int, step: float) -> Floats:
     """Weights (n, 4) of four neighbouring heights at fractions t (n,) of the middle cell."""
     one, zero = np.ones_like(t), np.zeros_like(t)
-    powers = (
-        [one, t, t * t, t**3],
-        [zero, one, 2.0 * t, 3.0 * t * t],
-        [zero, zero, 2.0 * one, 6.0 * t],
-    )[derivative]
+    powers = ([one, t, t * t, t**3], [zero, one, 2.0 * t, 3.0 * t * t], [zero, zero, 2.0 * one, 6.0 * t])[
+        derivative
+    ]
     keys = 0.5 * np.array(
         [[0.0, 2.0, 0.0, 0.0], [-1.0, 0.0, 1.0, 0.0], [2.0, -5.0, 4.0, -1.0], [-1.0, 3.0, -3.0, 1.0]]
     )

@@ -6,7 +6,7 @@ import numpy as np
 
 from incipient.errors import SceneError
 from incipient.geometry.space.crossings import crossed
-from incipient.geometry.space.surfaces import Indices, Surface, merged, sides
+from incipient.geometry.space.surfaces import Indices, Surface, connected, merged, sides
 
 DIGITS = 2e-7  # of the extent: files of 32-bit numbers write the same point differently
 
@@ -32,9 +32,6 @@ def require_plain(surface: Surface, name: str) -> None:
 
 def _in_one_sense(triangles: Indices) -> Indices:
     """The triangles turned so that neighbours have the sense of the first of their part."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import breadth_first_order
-
     directed = sides(triangles)
     _, edge = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True)
     forward = directed[:, 0] < directed[:, 1]
@@ -42,22 +39,12 @@ def _in_one_sense(triangles: Indices) -> Indices:
     paired = np.flatnonzero(np.diff(edge.ravel()[order]) == 0)
     a, b = order[paired], order[paired + 1]
     # Neighbours in one sense go along their common side in opposite directions.
-    against = np.where(forward[a] == forward[b], 2.0, 1.0)
-    count = len(triangles)
+    against, count = forward[a] == forward[b], len(triangles)
     first, second = a % count, b % count
-    graph = coo_matrix(
-        (np.tile(against, 2), (np.r_[first, second], np.r_[second, first])), shape=(count, count)
-    )
-    table = graph.tocsr()
-    turned, seen = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
-    for start in range(count):
-        if seen[start]:
-            continue
-        reached, before = breadth_first_order(table, start, directed=False)
-        seen[reached] = True
-        for triangle in reached[1:].tolist():
-            other = before[triangle]
-            turned[triangle] = turned[other] ^ (table[triangle, other] == 2.0)
-    result = triangles.copy()
-    result[turned] = result[turned, ::-1]
-    return result
+    part = connected(count, np.column_stack([first, second]))
+    starts = np.unique(part, return_index=True)[1][part]
+    # Number k is triangle k as given, k + count the same turned; those of one sense are linked.
+    links = np.stack([[first, second + count * against], [first + count, second + count * ~against]])
+    sense = connected(2 * count, np.concatenate(links, axis=1).T)
+    turned = sense[:count] != sense[starts]
+    return np.where(turned[:, None], triangles[:, ::-1], triangles)

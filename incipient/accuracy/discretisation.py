@@ -1,0 +1,156 @@
+"""Errors of time step and mesh in loads, as a term of error bars: from the dual solution, or from coarser runs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import ConvergenceError
+from ..planning.flow_setup import Setup
+from ..planning.wall_cells import coarsest
+from ..results.errorbars import Loads, Term
+from ..scene import Scene
+from .coarse_runs import (
+    COARSER_MESH,
+    comparisons,
+    on_another_mesh,
+    on_coarser_mesh,
+    order_in_time,
+    ratio_of_steps,
+)
+from .kept_runs import Solve
+from .waves import (
+    LONGER_STEP,
+    OF_FEW_STEPS,
+    doubt_of_stream,
+    enlarged,
+    error_over_change,
+    least_share,
+    of_large_errors,
+)
+
+if TYPE_CHECKING:
+    from .dual import GoalErrors
+
+# Part of both corrections against upwinding that the second one may be: were the next ones to fall as slowly, all of
+# them together would be twice the first one.
+SETTLED = 0.5
+# Of runs with turbulence on coarser meshes: the order at which their errors are taken to fall at least, and at most.
+# Those of u* over forms of a bed scatter rather than fall (docs/turbulence.md).
+SLOWEST, FASTEST, SCATTERING = 1.0, 2.0, 0.0
+OF_DRIVEN_BOXES = 2.0  # the order of velocities in a driven box (docs/space.md)
+NOT_COARSER = (
+    "coarser meshes have as few rows or columns of cells: use numerics.mesh_size = {finer:g} or less"
+)
+OF_MESH = "mesh"  # name of the part of the discretisation's term that outlasts a change of steps
+
+
+def by_dual(goals: GoalErrors, unit: float) -> Term:
+    """The term of the discretisation from estimated errors, in a unit that has their allowance. Collective.
+
+    Where the flow is upwinded a second correction is made, which leaves the estimates those of both.
+    """
+    left = goals.correct_again() if goals.is_upwinded else 0.0
+    doubt = ""
+    if left > SETTLED:
+        doubt = (
+            f"upwinding changes much, and of two corrections against it the second still made {left:.0%}; "
+            "use a smaller numerics.mesh_size"
+        )
+    force, couple = unit * np.abs(goals.force), unit * np.abs(goals.couple)
+    return Term("discretisation", force, couple, "dual-weighted residual, one order more", doubt=doubt)
+
+
+def by_coarser_mesh(scene: Scene, computed: Loads, solve: Solve) -> Term:
+    """The term of a steady flow with turbulence: by runs on two coarser meshes.
+
+    A dual solution would be needed of flow, k and epsilon together. No order is supposed above one: k and epsilon are
+    upwinded, and away from walls the cells are coarse for them. Two meshes may agree by chance: what the coarser two
+    differ by is not believed to fall at an order above two.
+
+    Raises:
+        ConvergenceError: a coarser mesh has as few rows or columns of cells.
+    """
+    how = f"runs on meshes x {COARSER_MESH:.3g} and {COARSER_MESH**2:.3g}, extrapolated at order 1"
+    _require_coarser(scene)
+    share, coarser = 1.0 / (COARSER_MESH**SLOWEST - 1.0), on_coarser_mesh(scene)
+    in_coarser, in_coarsest = solve(coarser), solve(on_coarser_mesh(coarser))
+    scatters = scene.body is None and scene.bed is not None and scene.bed.kind != "flat"
+    fastest = SCATTERING if scatters else FASTEST
+    near = Term.of_difference("discretisation", computed, in_coarser, share, how)
+    far = Term.of_difference("discretisation", in_coarser, in_coarsest, share / COARSER_MESH**fastest, how)
+    return near.at_least(far)
+
+
+def on_centrelines(scene: Scene, computed: Loads, solve: Solve) -> Term:
+    """The term of the velocities on the centrelines of a lid-driven box: by runs on two coarser meshes.
+
+    Whatever the velocity's order they are taken to converge at order 2: at the ends of the lid the flow is singular.
+    Two meshes may agree by chance: what the coarser two differ by, fallen at that order, is not gone below.
+
+    Raises:
+        ConvergenceError: the coarser meshes have as few rows or columns of cells.
+    """
+    if scene.numerics.mesh_size > (
+        most := Setup(scene).far_cells.coarsest_grid / COARSER_MESH**2 * (1.0 + 1e-9)
+    ):
+        raise ConvergenceError(NOT_COARSER.format(finer=math.floor(100.0 * most) / 100.0))
+    fall = COARSER_MESH**OF_DRIVEN_BOXES
+    how = f"runs on meshes x {COARSER_MESH:.3g} and {COARSER_MESH**2:.3g}, extrapolated at order {OF_DRIVEN_BOXES:g}"
+    coarser = on_coarser_mesh(scene)
+    in_coarser, in_coarsest = solve(coarser), solve(on_coarser_mesh(coarser))
+    near = Term.of_difference("discretisation", computed, in_coarser, 1.0 / (fall - 1.0), how)
+    far = Term.of_difference("discretisation", in_coarser, in_coarsest, 1.0 / (fall - 1.0) / fall, how)
+    return near.at_least(far)
+
+
+def _require_coarser(scene: Scene) -> None:
+    """Raise ConvergenceError where the mesh for comparison, which is to be coarser, would not be. Not collective."""
+    if scene.is_turbulent and COARSER_MESH * scene.numerics.mesh_size > (most := coarsest(Setup(scene))):
+        raise ConvergenceError(NOT_COARSER.format(finer=math.floor(100.0 * most / COARSER_MESH) / 100.0))
+
+
+def by_coarser_runs(scene: Scene, computed: Loads, solve: Solve, of_mesh: Term | None = None) -> Term:
+    """The term of time step and mesh, a part of each: by a run in longer steps, and one of one order more in these.
+
+    What the mesh errs by hardly depends on the steps, so that it is seen in the longer ones, too, and where it is
+    known from others (`of_mesh`) that run is spared.
+    """
+    _require_coarser(scene)
+    longer, beside = comparisons(scene)
+    in_longer, (to_step, to_mesh) = solve(longer), shares(scene)
+    to_step = max(to_step, least_share(computed, in_longer, order_in_time(scene)))
+    how = f"a run with steps x {ratio_of_steps(scene):.3g}, extrapolated at order {order_in_time(scene)}"
+    of_step = Term.of_difference("time step", computed, in_longer, to_step, how)
+    of_step = enlarged(of_step, OF_FEW_STEPS)
+    if of_mesh is None:
+        order = SLOWEST if scene.is_turbulent else order_in_space(scene.order)
+        how = f"these on a mesh x {COARSER_MESH:.3g}, extrapolated at order {order:g}"
+        how = how if on_another_mesh(scene) else f"these on a mesh for elements of order {beside.order}"
+        found = Term.of_difference(OF_MESH, in_longer, solve(beside), to_mesh, how)
+        of_mesh = enlarged(found, error_over_change(scene))
+    together = Term.of_parts("discretisation", (of_step, of_mesh), "time step and mesh together")
+    return replace(enlarged(together, of_large_errors(together, computed)), doubt=doubt_of_stream(scene))
+
+
+def shares(scene: Scene) -> tuple[float, float]:
+    """The error of the time step over what longer ones change, and that of the mesh over what another one changes.
+
+    The mesh for elements of one order more leaves so much less of an error that all it changes is one. Not collective.
+    """
+    ratio, order = ratio_of_steps(scene), scene.order
+    in_time = (ratio if ratio > 1.0 else LONGER_STEP) ** order_in_time(scene)
+    in_space = SLOWEST if scene.is_turbulent else order_in_space(order)
+    return 1.0 / (in_time - 1.0), 1.0 / (COARSER_MESH**in_space - 1.0) if on_another_mesh(scene) else 1.0
+
+
+def order_in_space(velocity: int) -> int:
+    """The order in `numerics.mesh_size` with which loads are taken to converge, from that of the velocity's elements.
+
+    Between that of the energy norm and its double, which a load read off the residual has on cells that all shrink
+    alike: how fast they grow with the distance from the grain does not change with their size. Not collective.
+    """
+    return velocity + 1

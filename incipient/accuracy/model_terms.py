@@ -1,0 +1,185 @@
+"""Errors of what stands for the true geometry and flow, as terms of error bars: gap, sides, datum, level ground."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from ..planning.flow_setup import Setup
+from ..planning.meshed_bed import resolved_bed
+from ..results.errorbars import Loads, Term
+from ..scene import Contact, Scene
+from ..scene.datum import effective_height, height_of_datum, starts_at_effective_height
+from ..scene.model import WIDEST_GAP
+from .coarse_runs import FARTHER, changed, coarse, farther
+from .kept_runs import Solve
+
+DECAY = 2.0  # the influence of sides is taken to fall off like their distance to this power
+DECAY_OVER_FORMS = 1.5  # there, with a base flow that suits them: 1.6 to 1.8 were measured (docs/accuracy.md)
+# How much larger the bed's part meshed as it is becomes, and the decay of what the rest changes (docs/space.md).
+WIDER, DECAY_OF_GROUND = 1.5, 1.0
+LARGER, SMALLER = (1.0, 2.0, 4.0), (0.25, 0.5, 1.0)  # gaps of three runs, relative to the scene's
+CLOSED_WIDER = 4.0  # how much wider the space next to contacts is that is closed in a coarse run
+ORDERS = (0.3, 2.0)  # between which the order in the gap is believed
+TOO_LITTLE = 1e-6  # of the largest of three loads: changes that tell no order
+SAME_DATUM = 1e-6  # of the height of the forms
+GROUND, MODEL = "level ground", "turbulence model"
+NO_CONTACT = "does not apply: no grain rests on a bed"
+MOVES = "does not apply: the grain moves, and contact.gap says where it stops"
+REPELLED = "not estimated: the grain moves, and what keeps it away from walls is a model of its own"
+
+
+def of_gap(scene: Scene, solve: Solve) -> Term:
+    """What closing the gap between grain and bed would change, from coarse runs with larger gaps.
+
+    If the gap is already wide, the runs have smaller gaps, because larger ones are not allowed.
+    """
+    contact = scene.contact or Contact(friction=0.0)  # friction plays no part in the flow
+    if scene.closes_contacts:
+        return _of_closing(scene, contact, solve)
+    wide = 4.0 * contact.gap > WIDEST_GAP
+    sections = [{**contact.model_dump(), "gap": k * contact.gap} for k in (SMALLER if wide else LARGER)]
+    loads = [solve(coarse(scene, contact=section)) for section in sections]
+    values = [np.concatenate([one.force, one.couple]) for one in loads]
+    errors = np.array([_to_zero(*three) for three in zip(*values, strict=True)])
+    if wide:  # found is the error with the smallest gap, to which the way there from the scene's is added
+        errors += np.abs(values[2] - values[0])
+    told = "1/4, 1/2 and 1" if wide else "1, 2 and 4"
+    how = f"coarse runs with {told} times the gap, extrapolated to none"
+    near, far = (float(np.linalg.norm(loads[i + 1].force - loads[i].force)) for i in (0, 1))
+    return Term("gap", errors[:3], errors[3:], how, power=_order_in_gap(near, far))
+
+
+def _of_closing(scene: Scene, contact: Contact, solve: Solve) -> Term:
+    """What closing less of the space next to contacts would change, from a coarse run in which more of it is closed.
+
+    The fluid in a wedge hardly moves, and its pressure is that of the wedge's mouth: what closing a space of some width
+    changes falls faster than the width, and less of it cannot change as much.
+    """
+    wide = CLOSED_WIDER * contact.gap > WIDEST_GAP
+    factor = 1.0 / CLOSED_WIDER if wide else CLOSED_WIDER
+    other = {**contact.model_dump(), "gap": factor * contact.gap}
+    how = f"a coarse run with the contacts closed {'1/' if wide else ''}{CLOSED_WIDER:g} times as widely"
+    at = [solve(coarse(scene, contact=section)) for section in (contact.model_dump(), other)]
+    return Term.of_difference("gap", at[0], at[1], 1.0, how)
+
+
+def _to_zero(at_one: float, at_two: float, at_four: float) -> float:
+    """|value without gap - value at the gap|, for a value that goes as a power of the gap."""
+    near, far = at_two - at_one, at_four - at_two
+    if abs(near) <= TOO_LITTLE * max(abs(at_one), abs(at_two), abs(at_four)):
+        return abs(near)
+    return abs(near) / (2.0 ** _order_in_gap(near, far) - 1.0)
+
+
+def _order_in_gap(near: float, far: float) -> float:
+    """The power of the gap from what two doublings of it change."""
+    return float(np.clip(np.log2(max(far / near, 1e-3)), *ORDERS)) if near else ORDERS[0]
+
+
+def no_gap(scene: Scene) -> str:
+    """Why there is no term of the gap, or nothing."""
+    if scene.body is not None and scene.body.moves:
+        return REPELLED if scene.body.on_contact == "repel" else MOVES
+    return "" if scene.rests else NO_CONTACT
+
+
+def has_no_far_sides(scene: Scene) -> str:
+    """Why there is no term of the domain, or nothing."""
+    if scene.is_turbulent and scene.body is None:
+        return "does not apply: how long the channel is, and what enters, belong to the scene"
+    if scene.domain.kind == "box":
+        return "does not apply: the domain is closed by walls"
+    if scene.bed is not None and scene.bed.kind in ("polyline", "height-map", "mesh"):
+        return "not estimated: the bed is known only as far as its points reach"
+    if scene.has_surface and scene.surface is not None and scene.surface.outflow == "wall":
+        return "does not apply: the channel is closed by a wall"
+    return ""
+
+
+def of_domain(scene: Scene, solve: Solve, decay: float | None = None) -> Term:
+    """What sides that stand for an endless flow change, from a coarse run with all of them farther away.
+
+    Their influence falls off like their distance to the power `decay`; None: as `decay_of` the scene says.
+    """
+    decay = decay_of(scene) if decay is None else decay
+    how = f"a coarse run with sides {FARTHER:g} times as far, decay with distance to the power {decay:.2g}"
+    share = 1.0 / (1.0 - FARTHER**-decay)
+    return Term.of_difference("domain", solve(coarse(farther(scene))), solve(coarse(scene)), share, how)
+
+
+def decay_of(scene: Scene) -> float:
+    """The power of their distance with which the influence of far sides falls off. Not collective."""
+    return DECAY_OVER_FORMS if starts_at_effective_height(scene) else DECAY
+
+
+def of_datum(scene: Scene, other: Scene, solve: Solve) -> Term:
+    """What a stream that starts where it does changes, from a coarse run of a scene in which it starts elsewhere."""
+    how = f"a coarse run with flow.datum = {other.datum - other.domain.bottom:.4g}, which may suit the bed as well"
+    return Term.of_difference("datum", solve(coarse(other)), solve(coarse(scene)), 1.0, how)
+
+
+def with_other_datum(scene: Scene, speed: float = 1.0) -> Scene | None:
+    """The scene with its stream from as far beyond the bed's effective height as that may be off, seen from its own.
+
+    None where there is no such height, or the scene's is that for certain, or the stream with its turbulence enters at
+    the bed's own height. At `speed` the flow is faster by a factor.
+    """
+    if scene.is_turbulent or has_no_far_sides(scene) or not starts_at_effective_height(scene):
+        return None
+    found, datum = effective_height(scene, speed), height_of_datum(scene, speed)
+    bottom, crest = scene.domain.bottom, scene.bed_shape.crest
+    off = bottom + found.height - datum
+    other = min(datum + off + math.copysign(found.uncertainty, off), crest)
+    if abs(other - datum) < SAME_DATUM * (crest - bottom):
+        return None
+    return changed(scene, flow={"datum": other - bottom})
+
+
+def _adapted(scene: Scene, speed: float) -> Scene:
+    """The scene with a stream that suits its bed: far sides otherwise tell of how slowly one that does not adapts."""
+    if getattr(scene.flow, "datum", "auto") in ("auto", "effective"):
+        return scene
+    return with_other_datum(scene, speed) or scene
+
+
+def of_level_ground(wider: Scene, computed: Loads, solve: Solve) -> Term:
+    """What a bed that is meshed as it is everywhere would change, from a run with more of it meshed so."""
+    how = f"a run with the bed meshed {WIDER:g} times as far, decay with distance to the power {DECAY_OF_GROUND:g}"
+    share = 1.0 / (1.0 - WIDER**-DECAY_OF_GROUND)
+    return Term.of_difference(GROUND, solve(wider), computed, share, how)
+
+
+def on_more_bed(scene: Scene) -> Scene | None:
+    """The scene with more of its bed meshed as it is; None where there is no more, or its influence is not asked for.
+
+    A steady flow in space on a mesh of default sizes has such a bed: away from the grain it goes over to level ground.
+    """
+    if scene.gdim != 3 or scene.time is not None or scene.numerics.accuracy is not None:
+        return None
+    if resolved_bed(Setup(scene).geometry, scene.placement, scene.datum) is None:
+        return None
+    return changed(scene, numerics={"meshed_bed": WIDER * scene.numerics.meshed_bed, "error_bars": False})
+
+
+def of_the_model(scene: Scene, speed: float = 1.0) -> dict[str, Callable[[Solve], Term]]:
+    """How the terms of the model are estimated that a scene has, by name; its flow may be faster. Not collective."""
+    found: dict[str, Callable[[Solve], Term]] = {}
+    if not no_gap(scene):
+        found["gap"] = partial(of_gap, scene)
+    if not has_no_far_sides(scene):
+        found["domain"] = partial(of_domain, _adapted(scene, speed))
+    if (other := with_other_datum(scene, speed)) is not None:
+        found["datum"] = partial(of_datum, scene, other)
+    return found
+
+
+def not_there(scene: Scene) -> dict[str, str]:
+    """Why a scene has no term of gap, domain or model of turbulence, by name. Not collective."""
+    reasons = {"gap": no_gap(scene), "domain": has_no_far_sides(scene)}
+    if scene.is_turbulent:
+        reasons[MODEL] = "not estimated: other constants or walls of [turbulence] tell of it"
+    return {name: reason for name, reason in reasons.items() if reason}
