@@ -18,7 +18,7 @@ from incipient.geometry.space.polyhedra import Box, Triangulated
 from incipient.geometry.space.remeshing import GRID, Draft, Exact
 from incipient.geometry.space.solid import Solid
 from incipient.geometry.space.spheres import Spheres
-from incipient.geometry.space.surfaces import Surface
+from incipient.geometry.space.surfaces import Surface, grid
 from incipient.geometry.space.terrain import Plane
 
 from .solid_region import PlacedSolid, SolidFrame, SolidRegion
@@ -52,11 +52,9 @@ class Body(Exact):
         """The grain's own triangles, of a clump the level surface's."""
         whole = self._whole()
         surface = Surface(self.frame.local(self.placed.placement.to_scene(whole.points)), whole.triangles)
+        surface = halved(surface) if self.symmetric else surface
         held = np.zeros(surface.points.shape, dtype=bool)
-        if self.symmetric:
-            surface = halved(surface)
-            held = np.zeros(surface.points.shape, dtype=bool)
-            held[:, 1] = surface.points[:, 1] == 0.0
+        held[:, 1] = self.symmetric & (surface.points[:, 1] == 0.0)
         if isinstance(self.placed.solid, Cylinder):
             # Its ends, of which the plane of symmetry may be one, stay in the sides of the domain.
             across = surface.points[:, 1]
@@ -222,11 +220,8 @@ class Ground(Exact):
         return np.asarray(np.round(places / self.frame.length / GRID) * GRID)
 
     def _grid(self, xs: Floats, ys: Floats) -> Surface:
-        x, y = np.meshgrid(xs, ys, indexing="ij")
-        flat = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
-        index = np.arange(x.size).reshape(x.shape)
-        a, b, c, d = (k.ravel() for k in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]))
-        triangles = np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+        places, triangles = grid(xs, ys)
+        flat = np.column_stack([places, np.zeros(len(places))])
         return Surface(self.project(flat, np.zeros(flat.shape, dtype=bool)), triangles)
 
     def _marched(self, xs: Floats, ys: Floats) -> Surface:

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ..scene import Scene, Time
-from .far_sides import has_free_lower_side, longer_channel
+from ..scene import Scene, Surface, Time
+from ..scene.expression import Expression
 from .waves import LONGER_STEP
 
 # Coarse runs for the terms of the model: order, mesh_size at least; in time, how much longer the steps are, of which
@@ -88,7 +88,8 @@ def farther(scene: Scene, factor: float = FARTHER) -> Scene:
         origin[1] -= 0.5 * (factor - 1.0) * domain.width
     if scene.top == "stream":
         changes["height"] = factor * domain.height
-    if has_free_lower_side(scene):
+    # Without a bed the flow is endless downwards, too. Shear is not, it begins there.
+    if scene.bed is None and scene.top == "stream" and scene.flow.kind in ("uniform", "expression"):
         origin[up] -= 0.5 * (factor - 1.0) * domain.height
     larger = changed(scene, domain={**changes, "origin": tuple(origin)})
     if scene.fluid.scale == "grain":
@@ -141,3 +142,21 @@ def changed(scene: Scene, **sections: dict[str, Any]) -> Scene:
     for name, keys in sections.items():
         plain[name] = {**(plain[name] or {}), **keys}
     return Scene(**plain)
+
+
+def longer_channel(scene: Scene, factor: float) -> dict[str, dict[str, Any]]:
+    """What is other in a channel with a free surface that is `factor` times as long. Not collective.
+
+    Where the inflow changes in time the right end moves away, and its sponge becomes longer: waves are to come in at
+    the same place. Else the inflow moves away, by whole periods of the bed: where a stream has the still level is given
+    by the scene, and on a level bed friction makes its depth another one upstream of another place.
+    """
+    surface, domain = scene.surface or Surface(), scene.domain
+    more = (factor - 1.0) * domain.length
+    if surface.wave is not None or "t" in Expression(surface.inflow).variables:
+        sponge = {"surface": {"sponge": factor * surface.sponge}} if surface.sponge > 0.0 else {}
+        return {"domain": {"length": domain.length + more}, **sponge}
+    period = getattr(scene.bed, "wavelength", None) or getattr(scene.bed, "spacing", None)
+    before = more if period is None else float(period * np.ceil(more / period))
+    origin = (domain.origin[0] - before, *domain.origin[1:])
+    return {"domain": {"length": domain.length + before, "origin": origin}}

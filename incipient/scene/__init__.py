@@ -8,6 +8,7 @@ from .flows import ExpressionFlow, Flow, Lid, LogLaw, OpenChannel, Poiseuille, S
 from .kinds import Bed, Body
 from .model import Contact, Fluid, Gravity, Output, Time
 from .numerics import Numerics
+from .registration import register
 from .shapes import (
     Disc,
     Discs,
@@ -80,6 +81,7 @@ __all__ = [
     "example",
     "load",
     "loads",
+    "register",
     "save",
     "schema",
 ]

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from incipient.arrays import Floats, rows
 from incipient.errors import SceneError
 from incipient.geometry.plane.curves import Arc, Curve, Line, Spline
+from incipient.geometry.shape import require_positive
 
 
 class Bed(ABC):
@@ -149,7 +150,7 @@ class Sinusoidal(Bed):
     origin_y: float = 0.0
 
     def __post_init__(self) -> None:
-        _require_positive("wavelength", self.wavelength)
+        require_positive("wavelength", self.wavelength)
         if not (np.isfinite(self.amplitude) and self.amplitude >= 0.0):
             raise SceneError(
                 f"amplitude {self.amplitude} is not a length; give a number that is not negative"
@@ -257,8 +258,8 @@ class HalfDiscs(Bed):
     origin_y: float = 0.0
 
     def __post_init__(self) -> None:
-        _require_positive("radius", self.radius)
-        _require_positive("spacing", self.spacing)
+        require_positive("radius", self.radius)
+        require_positive("spacing", self.spacing)
         if self.spacing < 2.0 * self.radius * (1.0 - 1e-12):
             raise SceneError(
                 f"spacing {self.spacing} of the half-discs is below their diameter {2.0 * self.radius}; "
@@ -409,8 +410,3 @@ def require_order(x0: float, x1: float) -> None:
     """Refuse a piece of bed that does not go from left to right. Raises SceneError."""
     if not x0 < x1:
         raise SceneError(f"a piece of bed from x = {x0} to {x1} is empty; give x0 < x1")
-
-
-def _require_positive(name: str, value: float) -> None:
-    if not (np.isfinite(value) and value > 0.0):
-        raise SceneError(f"{name} {value} is not a positive length; give a positive number")

@@ -56,8 +56,7 @@ class Ellipse(Grain):
     semi_axes: tuple[float, float]
 
     def __post_init__(self) -> None:
-        for value in self.semi_axes:
-            require_positive("semi-axis", value)
+        require_positive("semi-axis", *self.semi_axes)
 
     @property
     def size(self) -> float:

@@ -18,6 +18,7 @@ from incipient.errors import SceneError
 from incipient.geometry import moments
 from incipient.geometry.plane.curves import Curve, Spline, Traced
 from incipient.geometry.plane.grain import Grain
+from incipient.geometry.shape import require_positive
 
 SPLINE_ERROR = 1e-7  # of the splines that are meshed, in grain sizes
 MAX_EXPONENT = 100.0
@@ -73,9 +74,7 @@ class Superellipse(Smooth):
     exponent: float
 
     def __post_init__(self) -> None:
-        for value in self.semi_axes:
-            if not (np.isfinite(value) and value > 0.0):
-                raise SceneError(f"semi-axis {value} is not a positive length; give a positive number")
+        require_positive("semi-axis", *self.semi_axes)
         if not 2.0 <= self.exponent <= MAX_EXPONENT:
             raise SceneError(f"exponent {self.exponent} is not between 2 and {MAX_EXPONENT:g}; change it")
 

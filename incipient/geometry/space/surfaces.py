@@ -83,23 +83,21 @@ def box(half_sides: Floats, spacing: float) -> Surface:
     for axis in range(3):
         u, v = (axis + 1) % 3, (axis + 2) % 3
         for sign in (-1.0, 1.0):
-            grid, cells = _grid(int(counts[u]), int(counts[v]))
-            face = np.empty((len(grid), 3))
-            face[:, axis], face[:, u], face[:, v] = sign, grid[:, 0], grid[:, 1]
+            places, cells = grid(*(np.linspace(-1, 1, int(counts[k]) + 1) for k in (u, v)))
+            face = np.empty((len(places), 3))
+            face[:, axis], face[:, u], face[:, v] = sign, places[:, 0], places[:, 1]
             points.append(face * half_sides)
             triangles.append((cells if sign > 0 else cells[:, ::-1]) + offset)
-            offset += len(grid)
+            offset += len(places)
     return merged(np.vstack(points), np.vstack(triangles), 1e-9 * float(half_sides.min()))
 
 
-def _grid(columns: int, rows: int) -> tuple[Floats, Indices]:
-    """Points (n, 2) of a grid on [-1, 1]^2 and its triangles (m, 3)."""
-    u, v = np.meshgrid(np.linspace(-1, 1, columns + 1), np.linspace(-1, 1, rows + 1), indexing="ij")
+def grid(us: Floats, vs: Floats) -> tuple[Floats, Indices]:
+    """Points (n, 2) of a grid with these abscissae and ordinates, and its triangles (m, 3)."""
+    u, v = np.meshgrid(us, vs, indexing="ij")
     index = np.arange(u.size).reshape(u.shape)
-    a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
-    cells = np.concatenate(
-        [np.stack([a, b, c], axis=-1).reshape(-1, 3), np.stack([a, c, d], axis=-1).reshape(-1, 3)]
-    )
+    a, b, c, d = (k.ravel() for k in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]))
+    cells = np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
     return np.column_stack([u.ravel(), v.ravel()]), cells
 
 
