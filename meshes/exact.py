@@ -10,11 +10,10 @@ import numpy as np
 
 from incipient.arrays import Floats
 from incipient.geometry.space.cloud import NearestOf
-from incipient.geometry.space.cylinder import Cylinder
 from incipient.geometry.space.halving import halved
 from incipient.geometry.space.marching import in_blocks, level_surface
 from incipient.geometry.space.pieces import HalfSpacesAndBalls
-from incipient.geometry.space.polyhedra import Box, Triangulated
+from incipient.geometry.space.polyhedra import Triangulated
 from incipient.geometry.space.remeshing import GRID, Draft, Exact
 from incipient.geometry.space.solid import Solid
 from incipient.geometry.space.spheres import Spheres
@@ -45,8 +44,7 @@ class Body(Exact):
     @property
     def sharp(self) -> bool:
         """Whether the grain has sharp edges."""
-        solid = self.placed.solid
-        return isinstance(solid, Triangulated) or (isinstance(solid, Box) and solid.edge_radius == 0.0)
+        return self.placed.solid.sharp
 
     def draft(self) -> Draft:
         """The grain's own triangles, of a clump the level surface's."""
@@ -55,7 +53,7 @@ class Body(Exact):
         surface = halved(surface) if self.symmetric else surface
         held = np.zeros(surface.points.shape, dtype=bool)
         held[:, 1] = self.symmetric & (surface.points[:, 1] == 0.0)
-        if isinstance(self.placed.solid, Cylinder):
+        if self.placed.solid.spans_width:
             # Its ends, of which the plane of symmetry may be one, stay in the sides of the domain.
             across = surface.points[:, 1]
             held[:, 1] = (across == across.min()) | (across == across.max())

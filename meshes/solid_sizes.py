@@ -10,9 +10,6 @@ import numpy as np
 from incipient.arrays import Floats
 from incipient.geometry.space.cloud import Cloud, NearestOf
 from incipient.geometry.space.marching import in_blocks
-from incipient.geometry.space.polyhedra import Box
-from incipient.geometry.space.solid import Sphere
-from incipient.geometry.space.spheres import Spheres
 from incipient.geometry.space.surfaces import Surface
 
 from .exact import Body, Ground
@@ -52,7 +49,7 @@ class SizeMap:
         clouds = {}
         for name, placed in self.region.holes.items():
             solid = placed.solid
-            if not isinstance(solid, (Sphere, Box, Spheres)):
+            if not solid.level_is_distance:
                 surface = solid.surface(solid.size / PER_SIZE)
                 points = self.frame.local(placed.placement.to_scene(surface.points))
                 clouds[name] = Cloud(Surface(points, surface.triangles))

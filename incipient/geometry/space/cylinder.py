@@ -18,6 +18,7 @@ ACROSS = np.array([1.0, 0.0, 1.0])  # the directions normal to the axis
 class Cylinder(Solid):
     """The tube of a diameter and a length about the second axis, without ends: these lie in the sides of a domain."""
 
+    spans_width = True
     diameter: float
     length: float
 

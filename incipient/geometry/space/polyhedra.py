@@ -43,6 +43,7 @@ class FlatSided(Solid):
 class Box(FlatSided):
     """A box with sides (3,) whose edges and corners are rounded with `edge_radius` (0: sharp)."""
 
+    level_is_distance = True
     sides: tuple[float, float, float]
     edge_radius: float = 0.0
 
@@ -52,6 +53,11 @@ class Box(FlatSided):
             raise SceneError(
                 f"edge_radius {self.edge_radius} is not between 0 and half the shortest side; change it"
             )
+
+    @property
+    def sharp(self) -> bool:
+        """Whether its edges are not rounded."""
+        return self.edge_radius == 0.0
 
     @property
     def _half(self) -> Floats:
@@ -162,6 +168,11 @@ class Triangulated(FlatSided):
         solid = cls(surface.points, surface.triangles, str(path))
         require_plain(surface, str(path))
         return solid
+
+    @property
+    def sharp(self) -> bool:
+        """True: its triangles meet in edges."""
+        return True
 
     @property
     def _surface(self) -> Surface:

@@ -46,6 +46,13 @@ class Solid(Shape):
     """A rigid grain in space."""
 
     gdim = 3
+    level_is_distance = False  # whether `level` is the signed distance everywhere
+    spans_width = False  # whether its ends lie in the sides of the domain
+
+    @property
+    def sharp(self) -> bool:
+        """Whether it has edges that a mesh has to follow."""
+        return False
 
     @abstractmethod
     def surface(self, spacing: float) -> Surface:
@@ -174,6 +181,7 @@ class Ellipsoid(Superquadric):
 class Sphere(Solid):
     """A sphere of the given diameter."""
 
+    level_is_distance = True
     diameter: float
 
     def __post_init__(self) -> None:

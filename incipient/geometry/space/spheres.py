@@ -33,6 +33,7 @@ class Spheres(Solid):
     Raises SceneError if the numbers are no spheres, or if a sphere touches no other or lies within another.
     """
 
+    level_is_distance = True
     centres: tuple[Triple, ...]
     radii: tuple[float, ...]
 
