@@ -50,15 +50,18 @@ def test_an_accuracy_that_is_not_reached_is_said_so():
 @pytest.mark.slow
 @pytest.mark.parametrize("mesh_size", [2.0, 2.0**0.5])
 def test_error_bars_of_shear_velocities_cover_what_finer_cells_change(mesh_size):
-    """Over a level bed and a wavy one, whose mean u* is compared."""
+    """Over a level bed and a wavy one, whose mean u* is compared.
+
+    Over forms the bar may be twice as wide: what the coarser two meshes differ by is not taken to fall there.
+    """
     bed = Sinusoidal(amplitude=0.025, wavelength=1.0)
-    for scene in (channel(22000.0, 20.0), channel(22000.0, 8.0, bed=bed)):
+    for scene, widest in ((channel(22000.0, 20.0), 0.03), (channel(22000.0, 8.0, bed=bed), 0.06)):
         numerics = Numerics(mesh_size=mesh_size, order=2)
         found = incipient.run(scene.model_copy(update={"numerics": numerics}))
         finer = incipient.run(scene.model_copy(update={"numerics": FINE})).turbulence
         which = finer.leading
         change = abs(found.turbulence.shear_velocities - finer.shear_velocities)[which]
-        assert 0.0 < change < found.error_bars.shear[which] < 0.03 * finer.shear_velocity
+        assert 0.0 < change < found.error_bars.shear[which] < widest * finer.shear_velocity
 
 
 @pytest.mark.slow
