@@ -12,22 +12,23 @@ PAGE = ROOT / "docs" / "performance.md"
 
 HEAD = """# Speed and accuracy
 
-`make bench` writes this page from `benchmarks/results.json`. Do not edit it by hand. `.venv/bin/python
-benchmarks/run.py --only cylinder` makes one part (also {names}); `--repeat N` measures N rounds; `--report` writes this
-page again without measuring. What accuracy costs, scene by scene: [cost.md](cost.md).
+`make bench` writes this page from `benchmarks/results.json`, which has all runs. Do not edit it by hand.
+`.venv/bin/python benchmarks/run.py --only cylinder` makes one part (also {names});
+`--repeat N` measures N rounds; `--report` writes this page without measuring. What accuracy costs, scene by scene:
+[cost.md](cost.md).
 
-**Method.** Whole processes are measured from start to exit: imports, meshing and written files included, forms compiled
-by a warm-up round. The process is bound to one core with one thread. Programs that are compared run alternately; tables
-have the median of the rounds. *Wall* is elapsed time, *processor* user and system time, *memory* peak resident size.
-Where another process used the core, wall exceeds processor.
+**Method.** Whole processes on one core with one thread: imports, meshing and written files included, forms compiled
+by a warm-up round. Programs that are compared run alternately; tables have the median of the rounds, without runs of
+other programs that another of the same program beats in time and error. *Processor* is user and system time, *memory*
+peak resident size.
 
 **Machine.** {processor}, {cores} cores, {memory_gib} GiB, {system}; {versions}.
 {load}
 
-**Other programs.** They are small scripts in `benchmarks/programs/`, as a user of the library would write them. *Plain
-dolfinx* assembles and factorises in every Newton iteration. *NGSolve* (from PyPI, in an environment of its own) uses
-static condensation and its fastest direct solver. They are not the best that these libraries can do. None of them
-estimates its error. So *incipient* runs without error bars beside them; the grain on a bed has error bars.
+**Other programs** are scripts in `benchmarks/programs/`, as a user of the library would write them, not the best that
+these libraries can do. *Plain dolfinx* assembles and factorises in every Newton iteration. *NGSolve* (from PyPI) uses
+static condensation and its fastest direct solver. None estimates its error, so *incipient* runs without error bars
+beside them; the grain on a bed has error bars.
 """
 
 

@@ -30,10 +30,10 @@ def mebibytes(number: float) -> str:
 
 
 def expense(row: Row) -> list[str]:
-    """Cells for wall time, processor time and memory, or dashes for a program that could not run."""
+    """Cells for processor time and memory, or dashes for a program that could not run."""
     if "error" in row:
-        return ["-", "-", "-"]
-    return [seconds(row["wall"]), seconds(row["cpu"]), mebibytes(row["peak_mib"])]
+        return ["-", "-"]
+    return [seconds(row["cpu"]), mebibytes(row["peak_mib"])]
 
 
 def failures(rows: Iterable[Row]) -> str:
@@ -66,24 +66,14 @@ def _beats(one: Row, row: Row, error: Callable[[Row], float]) -> bool:
 
 
 def race(best: dict[str, Row], own: str, goal: str) -> str:
-    """Who reaches the goal in what time, as a table with ratios to our own program."""
+    """Who reaches the goal in what wall time, with ratios of wall and processor time to our own program."""
     if own not in best:
         return f"incipient did not reach {goal}."
     ours = best[own]
-    rows = [
-        [f"{row['family']}: {row['name']}", *expense(row), *_ratios(row, ours)]
-        for row in sorted(best.values(), key=lambda row: row["wall"])
+    first = f"{own} {seconds(ours['wall'])} s ({ours['name']})"
+    others = [
+        f"{family} x {row['wall'] / ours['wall']:.2f} ({row['name']}; processor time x {row['cpu'] / ours['cpu']:.2f})"
+        for family, row in sorted(best.items(), key=lambda one: one[1]["wall"])
+        if family != own
     ]
-    heads = [
-        "cheapest of each kind",
-        "wall [s]",
-        "processor [s]",
-        "memory [MiB]",
-        "wall ratio",
-        "processor ratio",
-    ]
-    return f"To reach {goal}:\n\n" + table(heads, rows)
-
-
-def _ratios(row: Row, ours: Row) -> list[str]:
-    return [f"{row[key] / ours[key]:.2f}" for key in ("wall", "cpu")]
+    return f"Wall time to reach {goal}: {', '.join([first, *others])}."

@@ -7,7 +7,6 @@ from typing import Any
 
 import callers
 from measure import Session
-from tables import table
 
 CASES = 3000
 GOALS = {"safety_factors": 2000, "incipient_motions": 1000}  # a second
@@ -34,21 +33,10 @@ def describe(data: dict[str, Any]) -> str:
     head = "## Contact: the exact judge"
     if "error" in data:
         return f"{head}\n\nCould not run here: `{data['error']}`."
-    rows = [
-        [
-            WORK[name],
-            f"{data['milliseconds'][name]:.2f}",
-            f"{data['rates'][name]:.0f}",
-            f"{GOALS[name]}",
-        ]
-        for name in GOALS
-    ]
-    heads = ["", "processor time each [ms]", "a second", "goal"]
+    times = ", ".join(f"{WORK[name]} {data['milliseconds'][name]:.2f} ms" for name in GOALS)
     return f"""{head}
 
-{data["cases"]} random grains on {data["contacts"]} contacts in space, one after the other on one core: spheres,
-irregular grains and contacts anywhere (`tests/stability/random_contacts.py`). A motion includes the search for other
-motions that the laws allow, more than two fifths of its time, and the smallest contact forces of each.
-
-{table(heads, rows)}
+Processor time each, for {data["cases"]} random grains on {data["contacts"]} contacts in space, one after the other
+on one core (`tests/stability/random_contacts.py`): {times}. A motion includes the search for other motions
+that the laws allow, more than two fifths of its time.
 """

@@ -64,7 +64,6 @@ def describe(data: dict[str, Any]) -> str:
         "unknowns",
         "error of C_D",
         "error of C_L",
-        "wall [s]",
         "processor [s]",
         "memory [MiB]",
     ]
@@ -75,8 +74,7 @@ def describe(data: dict[str, Any]) -> str:
     return f"""## Cylinder in a channel, Re = 20 (DFG 2D-1)
 
 Relative errors of the coefficients against C_D = {CYLINDER["drag"]}, C_L = {CYLINDER["lift"]}
-(Schäfer & Turek 1996, digits of Nabh 1998). All programs compute the force from the residual. Runs of other
-programs that another of the same program beats in time and error are left out.
+(Schäfer & Turek 1996, digits of Nabh 1998). All programs compute the force from the residual.
 
 {table(heads, cells)}
 

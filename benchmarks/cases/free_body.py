@@ -50,8 +50,8 @@ def describe(data: dict[str, Any]) -> str:
     return f"""## A free body
 
 The first 60 steps of the pebble in the pothole (`demos/scenes/{SCENE}.toml`), by the stages of `cost.wall_time` in
-result.json (seconds of the last round). *Interface*: the body's equation of motion, and the derivative of the flow by
-its three motions. A grain at rest has *flow* and *tractions* as well. This run does not remesh:
+result.json (seconds of the last round; no remeshing). *Interface*: the body's equation of motion, and the derivative of
+the flow by its three motions:
 
 {table(heads, rows)}"""
 

@@ -55,7 +55,7 @@ def _kept(row: Row) -> Row:
 
 def describe(data: dict[str, Any]) -> str:
     """The section of the page."""
-    runs = [[row["name"], *expense(row)] for row in data["runs"]]
+    runs = [[row["name"], seconds(row["wall"]), *expense(row)] for row in data["runs"]]
     fine = data["refined"][-1]
     refined = [
         [r["name"], str(r["unknowns"]), *_loads(r), small(_distance(r, fine))] for r in data["refined"][:-1]
@@ -69,13 +69,12 @@ def describe(data: dict[str, Any]) -> str:
 
 {table(["", "wall [s]", "processor [s]", "memory [MiB]"], runs)}
 
-Force and couple (torque) on the grain in scene units. The error is the largest difference from the finest mesh in force
-or couple, over the force:
+Force and couple (torque) in scene units. Error: largest difference from the finest mesh in force or couple, over the
+force:
 
 {table(["", "unknowns", "F_x", "F_y", "couple", "error"], refined)}
 
-Smaller gaps (P3-P2, mesh_size = 0.5; gap in grain sizes). The last line extrapolates the two smallest gaps linearly to
-contact:
+The gap in grain sizes (P3-P2, mesh_size = 0.5), extrapolated linearly from the two smallest ones:
 
 {table(["gap", "cells across", "F_x", "F_y", "couple"], [*gaps, ["0 (extrapolated)", "", *limit]])}
 

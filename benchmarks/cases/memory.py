@@ -84,7 +84,6 @@ def describe(data: dict[str, Any]) -> str:
 
 `incipient plan` predicts base + c n log2 n for n unknowns. With the error bars of steady flow the unknowns of the dual
 solution, of one order more, come on top. In {len(sizes)} runs of `cylinder`, `cavity` and `grain_on_bed` with
-{min(sizes)} to {max(sizes)} unknowns, orders 2 to 4, with and without error bars, the prediction is
-{min(off):+.0f}% to {max(off):+.0f}% off the peak resident memory of the whole process.
-The best fit to the peaks without error bars is a base of
+{min(sizes)} to {max(sizes)} unknowns, orders 2 to 4, with and without error bars, it is
+{min(off):+.0f}% to {max(off):+.0f}% off the peak of the whole process. Best fit without error bars: a base of
 {found["base_mib"]:.0f} MiB and c = {found["bytes"]:.0f} bytes."""

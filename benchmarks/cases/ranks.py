@@ -7,7 +7,7 @@ from typing import Any
 import callers
 from measure import Session, on_cores
 from references import CYLINDER
-from tables import expense, small, table
+from tables import seconds, small, table
 
 RANKS = 2
 SETTINGS = {"numerics.order": 4, "numerics.mesh_size": 0.35}
@@ -39,7 +39,11 @@ def describe(data: dict[str, Any]) -> str:
     if "error" in data:
         return f"{head}\n\nCould not be run: {data['error']}."
     cells = [
-        [r["name"], f"{r['coefficients']['drag']:.12f}", f"{r['coefficients']['lift']:.12f}", *expense(r)[:2]]
+        [
+            r["name"],
+            *(f"{r['coefficients'][k]:.12f}" for k in CYLINDER),
+            *(seconds(r[k]) for k in ("wall", "cpu")),
+        ]
         for r in data["rows"]
     ]
     drag, lift = (small(value) for value in data["differences"].values())

@@ -79,7 +79,6 @@ def describe(data: dict[str, Any]) -> str:
         f"Re = {HARDEST}, P4-P3",
         "unknowns",
         "largest error",
-        "wall [s]",
         "processor [s]",
         "memory [MiB]",
     ]
@@ -99,8 +98,8 @@ def describe(data: dict[str, Any]) -> str:
 ![Velocity on the centrelines of the driven cavity](figures/cavity.png)
 
 The paper's Fig. 2. Lines: `demos/scenes/cavity.toml` (P4-P3, mesh_size = 1); markers: Ghia, Ghia & Shin (1982),
-`benchmarks/reference/cavity_ghia_1982.csv`, with the known misprints corrected or left out. Largest deviations from
-their table, which has about three digits:
+`benchmarks/reference/cavity_ghia_1982.csv`, known misprints corrected or left out. Largest deviations from their
+table (about three digits):
 
 {table(["Re", "u on x = 0.5", "v on y = 0.5"], deviations)}
 
@@ -108,6 +107,6 @@ Extrema on the centrelines (lid speed 1):
 
 {table(["Re", *next(iter(data["extrema"].values()))], extrema)}
 
-Cost and error at Re = {HARDEST}, the error being that of the three extrema against the finest run:
+Cost, and error of the three extrema against the finest run, at Re = {HARDEST}:
 
 {table(heads, cost)}"""

@@ -125,10 +125,9 @@ def _describe_periodic(row: Row, refined: list[Row], others: list[Row]) -> str:
         "Schäfer & Turek (1996)",
         *(f"{low:g} to {high:g}" for low, high in VORTEX_STREET.values()),
         "",
-        "",
     ]
     cells = [
-        [r["name"], *(f"{r['found'][key]:.4f}" for key in NAMES), seconds(r["wall"]), seconds(r["cpu"])]
+        [r["name"], *(f"{r['found'][key]:.4f}" for key in NAMES), seconds(r["cpu"])]
         for r in (row, *refined)
         if "error" not in r
     ]
@@ -137,7 +136,7 @@ def _describe_periodic(row: Row, refined: list[Row], others: list[Row]) -> str:
 `demos/scenes/vortex_street.toml`, from rest; maxima over the last {LATE:g} time units ({row["periods"]} periods of the
 lift, over which its amplitude changes by {row["growth"]:.1e}).
 
-{table(["", *NAMES.values(), "wall [s]", "processor [s]"], [published, *cells])}
+{table(["", *NAMES.values(), "processor [s]"], [published, *cells])}
 
 {_beside([row, *others])}
 
@@ -152,11 +151,11 @@ def _beside(rows: list[Row]) -> str:
     cells = [
         [f"{r['family']}: {r['name']}", str(r["unknowns"]), *_errors(r["found"]), *expense(r)] for r in ran
     ]
-    heads = ["program", "unknowns", *NAMES.values(), "wall [s]", "processor [s]", "memory [MiB]"]
+    heads = ["program", "unknowns", *NAMES.values(), "processor [s]", "memory [MiB]"]
     limits = ", ".join(f"{NAMES[key]} = {value:g}" for key, value in LIMIT.items())
-    return f"""Other programs: relative differences from {limits}, the limit of incipient's cells and steps. *Splitting*
-solves the components of the velocity, the pressure and a projection one after another; *explicit convection* is of
-first order in time and needs short steps, but one factorisation for all of them.
+    return f"""Relative differences from {limits}, the limit of incipient's cells and steps. *Splitting* solves
+velocity, pressure and a projection one after another; *explicit convection* is of first order in time and needs short
+steps, but one factorisation for all.
 
 {table(heads, cells)}
 
@@ -176,10 +175,7 @@ def _remark(refined: list[Row]) -> str:
     """What the finest run says about the interval of the lift."""
     if not refined or refined[-1]["found"]["lift"] >= VORTEX_STREET["lift"][0]:
         return "The last line of the first table is the most accurate."
-    return (
-        "The last line of the first table is the most accurate: as cells and steps shrink, C_L,max goes to a value a "
-        "little below the interval of 1996."
-    )
+    return "As cells and steps shrink, C_L,max goes to a value a little below the interval of 1996."
 
 
 def _describe_pulsating(row: Row) -> str:
@@ -210,6 +206,6 @@ def _cost(row: Row) -> str:
     iterations = row["iterations"]
     return (
         f"{row['unknowns']} unknowns, {steps} steps, {iterations['newton']} corrections, "
-        f"{iterations['factorisations']} factorisations: {seconds(row['wall'])} s wall, "
-        f"{seconds(row['cpu'])} s processor ({each:.0f} ms a step), {row['peak_mib']:.0f} MiB."
+        f"{iterations['factorisations']} factorisations: {seconds(row['cpu'])} s ({each:.0f} ms a step), "
+        f"{row['peak_mib']:.0f} MiB."
     )
