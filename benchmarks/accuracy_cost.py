@@ -138,11 +138,11 @@ def _brief(part: str) -> str:
         rows = (row.strip("| ").split(" | ") for row in part.splitlines()[2:])
         return f"Time at equal errors: {', '.join(f'*{cells[0]}* {cells[1]}' for cells in rows)}."
     if part.startswith("The error is "):
-        return f"{part.partition('). ')[0]})."
+        said, _, good = part.partition("). ")[0].partition(" (")
+        return f"{said} ({good.rpartition('itself ')[2]})."
     if part.startswith("**Solver options**"):
-        first, *_, last = part.split(". ")
-        own = first.replace("**Solver options**", "Solver options")
-        return f"{own}. Cheaper: {last.partition(': ')[2] or 'none.'}"
+        cheaper = part.rpartition(". ")[2].partition(": ")[2]
+        return f"Cheaper than the scene's own options: {cheaper}" if cheaper else ""
     return part
 
 
@@ -157,42 +157,42 @@ def _head() -> str:
     versions = ", ".join(f"{name} {version}" for name, version in machine.versions().items())
     return f"""# Cost of accuracy
 
-`make cost` (`benchmarks/accuracy_cost.py`) writes this page. Do not edit it by hand. `incipient cost SCENE` makes the
-same study of any scene. It leaves a page with tables of all runs and quantities (`cost.md`), its picture, `cost.csv`
-and `cost.json`. An interrupted study resumes.
+```sh
+incipient cost mine.toml   # a study of any scene: tables (cost.md), picture, cost.csv, cost.json; resumes
+incipient calibrate        # one or two minutes: `incipient plan` then predicts the times of this machine
+make cost                  # writes this page by `benchmarks/accuracy_cost.py`: do not edit it by hand
+```
 
 Machine: {about["processor"]}, {about["cores"]} cores, {about["memory_gib"]} GiB, {about["system"]}; {versions}.
 
 ## The tables
 
-- **Runs.** A study is a ladder of runs: orders of the velocity, cell sizes, time steps, solver options. Each run is a
-  process of its own, without error bars, with forms compiled before. Runs of less than 5 s are made twice if solver
-  options are compared; the quicker one counts. Compare processor times: on a busy machine wall times say little.
+- **Runs.** A study is a ladder of runs: orders of the velocity, cell sizes, time steps, solver options. Each is a
+  process of its own, without error bars, with forms compiled before; of runs made twice (below 5 s) the quicker counts.
 - **Front.** The runs whose error is smaller, by a tenth at least, than that of all that take less processor time.
-- **Law.** \\(E = C (t - t_0)^{{-p}}\\), with t in seconds of processor time, is fitted to the front in logarithms. The
-  start \\(t_0\\) does not depend on the number of unknowns: libraries, mesh generator, compiled forms. "About"
-  marks times beyond the runs.
+- **Law.** \\(E = C (t - t_0)^{{-p}}\\), with t in seconds of processor time, is fitted to the front. The start
+  \\(t_0\\) does not depend on the number of unknowns (libraries, mesh generator, forms). "About": beyond the runs.
 - **Reference.** The finest run, extrapolated where possible. Couple means torque.
 
 ## Solver options
 
-They change the algebra, the linearisation, the stabilisation or the time scheme, on the same cells and steps. By
-default the usual ones are tried on the three coarsest variants of the middle order, if the scene does not use them
-anyway: for steady flow {_usual(solvers.USUAL_STEADY)}; for flow
-in time {_usual(solvers.USUAL_IN_TIME)}. `--solvers WAY ...` tries the given ones on
-all variants, `--solvers own` tries none. Words are joined by "+", such as `extrapolated+bdf1`:
+They change the algebra, the linearisation, the stabilisation or the time scheme, on the same cells and steps. The usual
+ones (steady: {_usual(solvers.USUAL_STEADY)}; in time:
+{_usual(solvers.USUAL_IN_TIME)}) are tried on the three coarsest variants of the middle order, unless
+the scene has them. `--solvers WAY ...` tries the given ones on all variants, `--solvers own` none. Words are joined by
+"+", such as `extrapolated+bdf1`:
 
 {_ways()}
 
-*Time at equal errors* is the time (without start) for the error of the scene's own options, relative to the time of
-those. An option is *cheaper* if it takes less by a tenth, and less on every variant; `incipient plan` then says so. It
-also replaces the scene's own on the front. What such studies recommend for all scenes becomes the default.
+*Time at equal errors* is the time (without start) for the error of the scene's own options, over the time of those
+(geometric mean over three variants). An option is *cheaper* if it takes less by a tenth, and less on every variant;
+`incipient plan` then says so. What such studies recommend for all scenes becomes the default.
 
 ## Time and error before a run
 
-`incipient plan SCENE` predicts time, memory and error. A study fits two laws to its runs, for n unknowns, m time
-steps and cells h:
-\\(t = t_0 + f + n^p (a + c m)\\) for the processor time, \\(E = C h^q + D \\Delta t^r\\) for the error of each order.
+`incipient plan SCENE` predicts time, memory and error by two laws fitted to a study, for n unknowns, m time steps and
+cells h: \\(t = t_0 + f + n^p (a + c m)\\) for the processor time, \\(E = C h^q + D \\Delta t^r\\) for the error of each
+order.
 
 | laws | processor time right to a factor of |
 | :-- | --: |
@@ -201,9 +201,8 @@ steps and cells h:
 | of another machine, shipped with the program | {prediction.ELSEWHERE:g} |
 
 The laws of every study are kept as this machine's calibration (`$XDG_CACHE_HOME/incipient/calibration.json`).
-`plan --study DIRECTORY` takes the laws of one study. `incipient calibrate` studies small scenes of each kind in one or
-two minutes. The dual solution of the error bars counts as a run with its unknowns, a coarse run as one whose mesh is
-made. Laws are of runs solved as the scene says.
+`plan --study DIRECTORY` takes those of one study. The dual solution of the error bars counts as a run with its
+unknowns, a coarse run as one whose mesh is made.
 """
 
 
