@@ -138,8 +138,9 @@ def _brief(part: str) -> str:
         rows = (row.strip("| ").split(" | ") for row in part.splitlines()[2:])
         return f"Time at equal errors: {', '.join(f'*{cells[0]}* {cells[1]}' for cells in rows)}."
     if part.startswith("The error is "):
-        said, _, good = part.partition("). ")[0].partition(" (")
-        return f"{said} ({good.rpartition('itself ')[2]})."
+        said, _, good = part.removeprefix("The error is ").partition("). ")[0].partition(" (")
+        said = said.replace("largest of the relative errors", "largest relative error").removeprefix("the ")
+        return f"Error: {said} ({good.rpartition('itself ')[2]})."
     if part.startswith("**Solver options**"):
         cheaper = part.rpartition(". ")[2].partition(": ")[2]
         return f"Cheaper than the scene's own options: {cheaper}" if cheaper else ""
