@@ -30,7 +30,7 @@ PUBLIC = {
     "incipient.contact": "The paper's judge, without a flow.",
     "incipient.contact.equilibrium": "The exact judge, without a flow.",
     "incipient.results.result": "What a run gives back.",
-    "incipient.critical.threshold": "What `incipient.threshold` gives back.",
+    "incipient.critical.outcome": "What `incipient.threshold` gives back.",
 }
 FOREIGN = re.compile(
     r"""<(?:script|img|link|iframe|source)\b[^>]*?\b(?:src|href)=["']?(?:https?:)?//""", re.I

@@ -30,7 +30,7 @@ from .errors import (
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from .critical.threshold import Threshold
+    from .critical.outcome import Threshold
     from .effects.plan import make_plan
     from .planning.plan import Plan
     from .progress import Silent

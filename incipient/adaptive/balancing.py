@@ -9,7 +9,7 @@ reach the accuracy is recorded; it is repeated finer if it does not.
 from __future__ import annotations
 
 import math
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from ..accuracy.discretisation import OF_MESH, by_coarser_runs
 from ..accuracy.goal import relative
 from ..accuracy.kept_runs import KeptRuns
 from ..accuracy.waves import is_stream
-from ..errors import ConvergenceError, IncipientError, Interrupted
+from ..errors import ConvergenceError, IncipientError, Interrupted, MeshError
 from ..planning.cells import FAR_CELL, FAR_CELL_IN_SPACE
 from ..planning.open_channel import LEVEL
 from ..results.adaptation import Trial
@@ -28,9 +28,9 @@ from ..scene import Scene
 from ..scene.numerics import OF_SURFACE
 from ..simulation.recorder import Recorder, Unrecorded
 from ..simulation.simulate import simulate
-from ..simulation.state import Accounts, Known
+from ..simulation.state import Accounts
 from .balance import WORK_POWER, Parts, Powers, Refined, cheapest, halved, milder
-from .search import Search, Told
+from .search import AccuracySearch, Attempt, Told
 
 # Cells and steps of the first run, relative to those that the scene says.
 COARSEST_MESH, LONGEST = 8.0**0.5, 8.0
@@ -42,42 +42,39 @@ AIM = 0.7  # of the accuracy, so that the run expected to reach it does
 LEAST_WORK = 4.0
 
 
-class Balancing(Search):
+class Balancing(AccuracySearch):
     """From run to run, each with shorter steps, a finer mesh, a higher order, or all of them."""
 
     _failed = ""  # why the last run could not be compared
     _of_mesh: Term | None = None  # what the mesh of the last run contributes to its error
 
-    def result(self) -> Result:
-        """Run until the accuracy is reached or cannot be. Collective."""
-        scene, recorded = first(self.scene), False
-        while True:
-            try:
-                told = self._run(scene, recorded)
-            except ConvergenceError as error:
-                if not self._tell_of_failure(scene, error):
-                    raise
-                recorded, scene = False, finer(scene, halved(scene.order, Powers(order_in_time(scene))))
-                continue
-            following = None if self.reason else self._following(scene)
-            if following is None:
-                return told.result if recorded else self._run(scene, recorded=True, again=True).result
-            recorded = following.enough or self._is_last_affordable(following)
-            self._keep_for(following, scene)
-            scene = finer(scene, following)
+    def _first(self) -> Attempt:
+        return Attempt(first(self.scene))
 
-    def _tell_of_failure(self, scene: Scene, error: ConvergenceError) -> bool:
-        """Keep a run that has failed as a trial; whether a finer one is to be tried. Not collective."""
-        assert scene.time is not None
-        self.known = Known()
-        self.keep_model_terms()
+    def _tried(self, attempt: Attempt) -> Any:
+        scene, recorded = attempt.scene, attempt.recorded
+        told = self._run(scene, recorded)
+        following = None if self.reason else self._following(scene)
+        if following is None:
+            return told.result if recorded else self._run(scene, recorded=True, again=True).result
+        recorded = following.enough or self._is_last_affordable(following)
+        self._keep(self._of_mesh if following.keeps_mesh(scene.order) else None)
+        return Attempt(finer(scene, following), recorded=recorded)
+
+    def _after_failure(self, attempt: Attempt, error: ConvergenceError | MeshError) -> Any:
+        """A finer run, where there was no flow on the mesh in these steps."""
+        scene = attempt.scene
+        if scene.time is None or isinstance(error, MeshError):
+            raise error
+        self._keep(None)
         self.tell(Trial(scene.order, 0, 0, None, 0.0, scene.time.step, f"failed: {error}"))
-        return len(self.trials) < MOST_RUNS
+        if len(self.trials) >= MOST_RUNS:
+            raise error
+        return Attempt(finer(scene, halved(scene.order, Powers(order_in_time(scene)))))
 
-    def _keep_for(self, following: Refined, scene: Scene) -> None:
+    def _keep(self, of_mesh: Term | None) -> None:
         """Forget what was found about a scene but what the next one shares with it. Not collective."""
-        of_mesh = self._of_mesh if following.keeps_mesh(scene.order) else None
-        self.known = Known({} if of_mesh is None else {OF_MESH: of_mesh})
+        self.known.terms, self.known.loads = {} if of_mesh is None else {OF_MESH: of_mesh}, {}
         self.keep_model_terms()
 
     # -- one run --------------------------------------------------------------------------------
@@ -95,7 +92,7 @@ class Balancing(Search):
 
         told = Told(self.recorder if recorded else Unrecorded(), scene, self.adaptation_beside, judge)
         quiet = scene if recorded else changed(scene, numerics={"error_bars": False})
-        accounts = Accounts(known=self.known, spent=self.spent)
+        accounts = Accounts(known=self.known, spent=self.spent)  # times of each run are its own
         simulate(quiet, self.comm, cast(Recorder, told), self.voice, accounts=accounts)
         return told
 

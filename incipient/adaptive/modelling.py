@@ -7,30 +7,28 @@ the mesh is sought after that. Otherwise they are as the scene says, and it is s
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..accuracy.coarse_runs import changed, coarse, farther
-from ..accuracy.goal import relative
+from ..accuracy.goal import Computed, Quantity, relative
+from ..accuracy.kept_runs import Solve
 from ..accuracy.model_terms import DECAY, has_no_far_sides, not_there, of_domain, of_the_model
 from ..arrays import spatial
 from ..errors import IncipientError, SceneError
-from ..results.errorbars import Loads
+from ..results.elevations import Elevations
+from ..results.errorbars import ErrorBars, Loads, Term
 from ..results.loads import Couples, Forces
 from ..scene import Scene
 from ..simulation.loads import weights
 
 if TYPE_CHECKING:
-    from ..accuracy.goal import Computed, Quantity
-    from ..accuracy.kept_runs import Solve
-    from ..results.elevations import Elevations
-    from ..results.errorbars import ErrorBars, Term
     from ..results.turbulence import WallReport
 
-Measure = Callable[["Term"], float]
+Measure = Callable[[Term], float]
 
 SHARE = 0.5  # of the accuracy, for gap and domain together
 AIM = 0.7  # of a term's part of it, so that the gap or domain expected to have it does
@@ -48,13 +46,14 @@ class Suited:
     """A scene with the gap and domain that an accuracy calls for.
 
     terms: their errors, as they are now; `error` is their sum, relative, infinite where they are not known
-    unmet: why they are not small enough, or nothing
+    unmet: why they are not small enough, or nothing; errors: what each term comes to by name, relative
     """
 
     scene: Scene
     terms: tuple[Term, ...] = ()
     error: float = np.inf
     unmet: str = ""
+    errors: dict[str, float] = field(default_factory=dict)
 
     def changes(self, asked: Scene) -> tuple[str, ...]:
         """What is other than in the scene that was asked for, in words."""
@@ -72,72 +71,65 @@ def suited(scene: Scene, asked: float, goal: Quantity, solve: Solve, tell: Calla
     What has been found so far is kept where a coarse run fails, or the budget is spent. The search ends where the
     domain's error does not fall as it is expected to: it is then larger than it seemed, and no larger domain helps.
     """
-    found, errors = Suited(scene), dict[str, float]()
+    found = Suited(scene)
     for _ in range(MOST_STEPS):
         try:
-            before, errors_before = found, errors
-            found, errors = _looked_at(scene, goal, solve)
-            if _hardly_falls(before, errors_before, found, errors):
+            before, found = found, _looked_at(scene, goal, solve)
+            errors = found.errors
+            if _hardly_falls(before, found):
                 return _ended(before, found, goal, solve)
             if found.error <= SHARE * asked:
                 return found
             tell("; ".join([_words(scene), *(f"error of the {name} {e:.1e}" for name, e in errors.items())]))
-            scene = _improved(found, errors, SHARE * asked / len(errors))
+            scene = _improved(found, SHARE * asked / len(errors))
         except IncipientError as error:
             return replace(found, unmet=f"errors of gap and domain are not known beyond that: {error}")
         if scene is found.scene:
             largest = max(errors, key=lambda name: errors[name])
             remedy = f"; {_of_datum(scene)}" if largest == "datum" else ""
-            return replace(
-                found,
-                unmet=f"the error of the {largest}, {errors[largest]:.1e}, cannot be made smaller{remedy}",
-            )
+            unmet = f"the error of the {largest}, {errors[largest]:.1e}, cannot be made smaller{remedy}"
+            return replace(found, unmet=unmet)
     return replace(found, unmet=f"gap and domain err too much after {MOST_STEPS} steps")
 
 
-def _looked_at(
-    scene: Scene, goal: Quantity, solve: Solve, decay: float | None = None
-) -> tuple[Suited, dict[str, float]]:
-    """A scene with its terms, and what each comes to by name, relative; the domain's error decays with that power."""
+def _looked_at(scene: Scene, goal: Quantity, solve: Solve, decay: float | None = None) -> Suited:
+    """A scene with its terms, the domain's error decaying with a power of its size. Collective."""
     estimates = of_the_model(scene)
     if not estimates:
-        return Suited(scene, (), 0.0), {}
+        return Suited(scene, (), 0.0)
     if decay is not None:
         estimates["domain"] = partial(of_domain, scene, decay=decay)
     terms = tuple(estimate(solve) for estimate in estimates.values())
     measure = _measure(scene, goal, solve(coarse(scene)))
     errors = {term.name: measure(term) for term in terms}
-    return Suited(scene, terms, sum(errors.values())), errors
+    return Suited(scene, terms, sum(errors.values()), errors=errors)
 
 
-def _hardly_falls(
-    before: Suited, errors_before: dict[str, float], found: Suited, errors: dict[str, float]
-) -> bool:
+def _hardly_falls(before: Suited, found: Suited) -> bool:
     """Whether a larger domain has less than half the power of its size in its error that the estimate supposes.
 
     The gap's power is measured anew with each gap, so that it needs no such question.
     """
     larger = found.scene.domain.length / before.scene.domain.length
-    if larger <= 1.0 or "domain" not in errors_before or errors["domain"] <= 0.0:
+    if larger <= 1.0 or "domain" not in before.errors or found.errors["domain"] <= 0.0:
         return False
-    return errors["domain"] > errors_before["domain"] * larger ** (-0.5 * DECAY)
+    return found.errors["domain"] > before.errors["domain"] * larger ** (-0.5 * DECAY)
 
 
 def _ended(before: Suited, found: Suited, goal: Quantity, solve: Solve) -> Suited:
     """The better of the last two scenes, with the domain's error by the law of one that hardly falls. Collective."""
     slowly = [_looked_at(one.scene, goal, solve, SLOW_DECAY) for one in (before, found)]
-    best, errors = min(slowly, key=lambda one: one[0].error)
-    return replace(
-        best, unmet=f"the error of the domain, {errors['domain']:.1e}, hardly falls as the domain grows"
-    )
+    best = min(slowly, key=lambda one: one.error)
+    unmet = f"the error of the domain, {best.errors['domain']:.1e}, hardly falls as the domain grows"
+    return replace(best, unmet=unmet)
 
 
-def _improved(found: Suited, errors: dict[str, float], part: float) -> Scene:
+def _improved(found: Suited, part: float) -> Scene:
     """The scene with less of each term that is more than its part of the accuracy; the same where none can be less."""
     scene = found.scene
     for term in found.terms:
-        if errors[term.name] > part:
-            scene = _lessened(scene, term, AIM * part / errors[term.name]) or scene
+        if (error := found.errors[term.name]) > part:
+            scene = _lessened(scene, term, AIM * part / error) or scene
     return scene
 
 
@@ -156,9 +148,8 @@ def remedies(scene: Scene, asked: float, goal: Quantity, found: Computed, bars: 
         error = relative(goal, found, term)
         if term.name == "discretisation" or error is None or error <= asked:
             continue
-        said.append(
-            f"beside it the error of the {term.name}, {error:.1e}; {_remedy(scene, term, asked / error)}"
-        )
+        remedy = _remedy(scene, term, asked / error)
+        said.append(f"beside it the error of the {term.name}, {error:.1e}; {remedy}")
     if said:
         said.append('numerics.accuracy_includes = "all" lets the run change gap and domain')
     return tuple(said)

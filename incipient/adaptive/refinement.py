@@ -8,11 +8,10 @@ fewer unknowns (`cheapest_order`).
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -23,23 +22,21 @@ from ..accuracy.errorbars import error_bars
 from ..accuracy.model_terms import has_no_far_sides
 from ..errors import ConvergenceError, MeshError
 from ..interrupt import told_where_kept
+from ..meshes import SizeField
 from ..planning.layout import Layout
 from ..results.adaptation import Trial
+from ..results.errorbars import ErrorBars
 from ..results.loads import Couples, Forces
 from ..results.result import Result
 from ..scene import Scene
 from ..simulation.build import prepared
 from ..simulation.recorder import Recorder
 from ..simulation.simulate import finished, hand_over, loads_of
-from ..simulation.state import Accounts, Run
+from ..simulation.state import Run
 from ..simulation.steady import loads_at
 from .modelling import SMALLEST_GAP
-from .search import Search, Told
+from .search import AccuracySearch, Attempt, Told
 from .sizing import STEEPEST, Shares, gathered, resized
-
-if TYPE_CHECKING:
-    from ..meshes import SizeField
-    from ..results.errorbars import ErrorBars
 
 ORDERS = (2, 3, 4)
 UNKNOWNS = {  # per vertex of a large mesh, by the dimension and the order
@@ -82,48 +79,31 @@ def next_order(order: int, excess: float, gdim: int = 2) -> tuple[int, float]:
     return higher, excess / AIM * GAIN ** (higher - order)
 
 
-@dataclass(frozen=True)
-class Attempt:
-    """A mesh to be tried: the scene with order and tolerance, and what becomes of the cell sizes laid out."""
-
-    scene: Scene
-    sizing: Callable[[Layout], Layout]
-    expected: float = 0.0  # unknowns
-    note: str = ""
-
-
 def coarse_sizes(factor: float, field: SizeField | None, layout: Layout) -> Layout:
     """Default cell sizes times `factor`, except in gaps and where `field` prescribes sizes."""
     sizes = layout.sizes.coarsened(factor, STEEPEST)
     return replace(layout, sizes=replace(sizes, field=field))
 
 
-class Refinement(Search):
+class Refinement(AccuracySearch):
     """Steady flow: from mesh to mesh by the shares of the vertices."""
 
-    def result(self) -> Result:
-        """Try meshes until the accuracy is reached or cannot be. Collective."""
-        attempt, best, failures = self._first(COARSEST), None, 0
-        while True:
-            try:
-                outcome = self._tried(attempt)
-            except (ConvergenceError, MeshError) as error:
-                failures += 1
-                self.tell(Trial(attempt.scene.order, 0, 0, None, 0.0, note=str(error)))
-                if best is not None:
-                    self.reason = f"the next mesh failed: {error}"
-                    return self._repeated(best)
-                if failures == MOST_FAILURES:
-                    raise
-                attempt = self._first(COARSEST * 0.5**failures)
-                continue
-            if not isinstance(outcome, Attempt):
-                return outcome
-            best, attempt = attempt, outcome
+    _failures = 0
 
-    def _first(self, factor: float) -> Attempt:
+    def _first(self, factor: float = COARSEST) -> Attempt:
         sizing = partial(coarse_sizes, factor, None)
         return Attempt(self._set_up(self.scene, self.scene.order), sizing)
+
+    def _after_failure(self, attempt: Attempt, error: ConvergenceError | MeshError) -> Any:
+        """A finer first mesh; after others the result on the last of them."""
+        self._failures += 1
+        self.tell(Trial(attempt.scene.order, 0, 0, None, 0.0, note=str(error)))
+        if self._best is not None:
+            self.reason = f"the next mesh failed: {error}"
+            return self._repeated(self._best)
+        if self._failures == MOST_FAILURES:
+            raise error
+        return self._first(COARSEST * 0.5**self._failures)
 
     def _set_up(self, scene: Scene, order: int) -> Scene:
         asked = self.numerics.accuracy
@@ -133,10 +113,9 @@ class Refinement(Search):
 
     def _prepared(self, attempt: Attempt) -> AbstractContextManager[Run]:
         """The run of an attempt, whose costs and estimates are those of the search. Collective."""
-        accounts = Accounts(self.ledger, self.iterations, self.known, self.spent)
-        return prepared(attempt.scene, self.comm, accounts, voice=self.voice, sizing=attempt.sizing)
+        return prepared(attempt.scene, self.comm, self.accounts, voice=self.voice, sizing=attempt.sizing)
 
-    def _tried(self, attempt: Attempt) -> Result | Attempt:
+    def _tried(self, attempt: Attempt) -> Any:
         """Solve, estimate, and either conclude or say what to try next. Collective."""
         began = self.elapsed()
         with self._prepared(attempt) as run:
@@ -218,16 +197,10 @@ class Refinement(Search):
         # As far as contributions cancel, their sum may be larger than the error.
         cancelling = float(np.clip(error / max(together, 1e-300) * CANCELLING, None, 1.0))
         wanted = resized(shares, order, relative * cancelling, self.comm)
-        per_vertex = UNKNOWNS[self.scene.gdim]
-        return Attempt(
-            self._set_up(attempt.scene, order),
-            partial(coarse_sizes, COARSEST, wanted.field),
-            self.trials[-1].unknowns
-            * per_vertex[order]
-            / per_vertex[attempt.scene.order]
-            * wanted.more_cells,
-            note,
-        )
+        per_vertex, before = UNKNOWNS[self.scene.gdim], attempt.scene.order
+        unknowns = self.trials[-1].unknowns * per_vertex[order] / per_vertex[before] * wanted.more_cells
+        sizing = partial(coarse_sizes, COARSEST, wanted.field)
+        return Attempt(self._set_up(attempt.scene, order), sizing, unknowns, note)
 
     def _within_budget(self, attempt: Attempt) -> Attempt | None:
         """The attempt if it is affordable, else nothing, and why."""

@@ -10,6 +10,9 @@ from ..progress import Silent
 from ..results.result import Result
 from ..scene import Scene
 from ..simulation.recorder import Recorder, Unrecorded
+from .balancing import Balancing
+from .refinement import Refinement
+from .uniform import UniformRefinement
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -26,11 +29,8 @@ def run_to_accuracy(
     Raises:
         IncipientError: on all ranks, if no mesh could be solved on.
     """
-    from .balancing import Balancing
-    from .refinement import Refinement
-    from .uniform import Uniform
-
-    search = Balancing if scene.time is not None else Uniform if scene.is_turbulent else Refinement
+    steady = UniformRefinement if scene.is_turbulent else Refinement
+    search = steady if scene.time is None else Balancing
     recorder = recorder or Unrecorded()
     with Interruption(comm) if recorder.keeps else nullcontext():
         seeking = search(scene, comm, recorder, voice or Silent())

@@ -1,33 +1,37 @@
 """Asking for accuracy instead of a mesh: solve, estimate the error, refine where it comes from, and again.
 
-Steady flow is refined where the error comes from (`refinement`); for flow in time steps and mesh are made finer as
-each errs for its cost (`balancing`). Here is what both have in common: the record of the meshes tried, and the budget.
+The loop is here, with the record of the meshes tried and the budget. What is refined is a strategy: the cells that the
+error of steady flow comes from (`refinement`), all cells alike (`uniform`), time steps and mesh of flow in time as
+each errs for its cost (`balancing`), and what the error of a critical flow comes from (`critical.meshes`).
 """
 
 from __future__ import annotations
 
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..accuracy.goal import Goal, Quantity
 from ..accuracy.kept_runs import KeptRuns
+from ..errors import ConvergenceError, MeshError
 from ..planning.expense import MEMORY_GROWTH
+from ..planning.layout import Layout
 from ..progress import Silent
 from ..results.adaptation import Adaptation, Trial
 from ..results.result import Result
-from ..results.timing import Ledger, peak_memory_mib
+from ..results.timing import peak_memory_mib
 from ..scene import Scene
 from ..simulation.recorder import Recorder
-from ..simulation.state import Known
+from ..simulation.simulate import loads_of
+from ..simulation.state import Accounts
 from .modelling import SHARE, Suited, not_estimated, remedies, suited
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from mpi4py import MPI
 
 # What a result says of a search that is still on; one that is stopped leaves it so.
@@ -81,19 +85,65 @@ class Told:
         return replace(result, scene=scene, adaptation=self._adaptation(result))
 
 
-class Search:
-    """What both ways have in common: the accounts and the budget."""
+@dataclass(frozen=True)
+class Attempt:
+    """A mesh to be tried: its scene, and what becomes of the cell sizes laid out.
+
+    expected: unknowns; note: what is changed besides the mesh
+    recorded: whether a run in time is handed to the recorder, since no other is expected after it
+    """
+
+    scene: Scene
+    sizing: Callable[[Layout], Layout] = lambda layout: layout
+    expected: float = 0.0
+    note: str = ""
+    recorded: bool = False
+
+
+class AccuracySearch(ABC):
+    """The search for a mesh that is fine enough: attempt by attempt, each by what the ones before have shown.
+
+    Args:
+        recorder: what the last run is handed to; it may begin again.
+    """
 
     def __init__(self, scene: Scene, comm: MPI.Comm, recorder: Recorder, voice: Silent):
         self.scene, self.comm, self.recorder, self.voice = scene, comm, recorder, voice
-        self.numerics, self.ledger, self.trials = scene.numerics, Ledger(), list[Trial]()
-        self.iterations: dict[str, int] = {}
-        self.known = Known()
+        self.numerics, self.trials = scene.numerics, list[Trial]()
+        self.accounts = Accounts(spent=self.spent)
+        self.ledger, self.known = self.accounts.ledger, self.accounts.known
         self.goal: Quantity = Goal.of(scene)
         self.speed = 1.0  # of the flow whose loads are looked at, over that of the scene
         self.reason, self.met = "", False
         self.wished = scene
         self.suited: Suited | None = None  # gap and domain chosen, where the accuracy includes their errors
+        self._best: Attempt | None = None  # the last one that was solved and estimated
+
+    def result(self) -> Any:
+        """Try meshes until the accuracy is reached or cannot be; the result on the last of them. Collective.
+
+        Raises:
+            IncipientError: on all ranks, if no mesh could be solved on.
+        """
+        attempt = self._first()
+        while isinstance(attempt, Attempt):
+            try:
+                self._best, attempt = attempt, self._tried(attempt)
+            except (ConvergenceError, MeshError) as error:
+                attempt = self._after_failure(attempt, error)
+        return attempt
+
+    @abstractmethod
+    def _first(self) -> Attempt:
+        """The first mesh, a coarse one."""
+
+    @abstractmethod
+    def _tried(self, attempt: Attempt) -> Any:
+        """Solve, estimate, and either say what to try next or give the result. Collective."""
+
+    @abstractmethod
+    def _after_failure(self, attempt: Attempt, error: ConvergenceError | MeshError) -> Any:
+        """What to try after an attempt that failed, or the result of an earlier one; else raise. Collective."""
 
     @property
     def asked(self) -> float:
@@ -109,13 +159,14 @@ class Search:
         asked = self.numerics.accuracy
         if self.numerics.accuracy_includes == "discretisation" or not isinstance(asked, float | int):
             return
-        from ..simulation.simulate import loads_of
-
-        runs = KeptRuns(self.known.loads, self.spent, lambda scene: loads_of(scene, self.comm))
         with self.ledger.stage("error bars"):
-            self.suited = suited(self.scene, asked, self.goal, runs, self.voice.say)
+            self.suited = suited(self.scene, asked, self.goal, self.kept_runs(), self.voice.say)
         self.scene = self.suited.scene
         self.keep_model_terms()
+
+    def kept_runs(self) -> KeptRuns:
+        """Coarse runs of this search, each made once, as long as the budget lasts. Not collective."""
+        return KeptRuns(self.known.loads, self.spent, lambda scene: loads_of(scene, self.comm))
 
     def keep_model_terms(self) -> None:
         """Let error bars have the terms of gap and domain that were found. Not collective."""
@@ -150,12 +201,9 @@ class Search:
     def adaptation_beside(self, result: Result) -> Adaptation:
         """The record so far, and what a result says of errors that are not in it. Not collective."""
         found, bars = self.adaptation(), result.error_bars
-        if bars is None:
+        if bars is None or self.suited is not None or not isinstance(found.asked, float | int):
             return found
-        if self.suited is not None or not isinstance(found.asked, float | int):
-            return found
-        beside = remedies(self.scene, found.asked, self.goal, result, bars)
-        return replace(found, beside=beside)
+        return replace(found, beside=remedies(self.scene, found.asked, self.goal, result, bars))
 
     def elapsed(self) -> float:
         """Seconds so far, the same on all ranks."""
@@ -172,23 +220,19 @@ class Search:
         """Why a run of so many seconds and unknowns is not made, or nothing. Collective."""
         numerics = self.numerics
         if numerics.budget_seconds is not None and self.elapsed() + seconds > numerics.budget_seconds:
-            return (
-                f"stopped at numerics.budget_seconds = {numerics.budget_seconds:g}: the next mesh would "
-                f"take about {seconds:.1f} s"
-            )
+            budget = f"stopped at numerics.budget_seconds = {numerics.budget_seconds:g}"
+            return f"{budget}: the next mesh would take about {seconds:.1f} s"
         now = float(sum(self.comm.allgather(peak_memory_mib())))
         expected = now + max(0.0, _factors_mib(unknowns) - _factors_mib(self.trials[-1].unknowns))
+        needs = f"the next mesh would need about {expected:.0f} MiB"
         if numerics.budget_mib is not None and expected > numerics.budget_mib:
-            return (
-                f"stopped at numerics.budget_mib = {numerics.budget_mib:g}: the next mesh would need about "
-                f"{expected:.0f} MiB"
-            )
+            return f"stopped at numerics.budget_mib = {numerics.budget_mib:g}: {needs}"
         if expected - now > self.comm.bcast(_free_mib(), root=0):
-            return f"stopped: the next mesh would need about {expected:.0f} MiB, more than there is"
+            return f"stopped: {needs}, more than there is"
         return ""
 
     def tell(self, trial: Trial) -> None:
-        """Keep a trial and say how it went."""
+        """Keep a trial and say how it went. Not collective."""
         self.trials.append(trial)
         step = "" if trial.step is None else f"step {trial.step:.3g}, "
         error = trial.note if trial.estimate is None else f"estimated error {trial.estimate:.2e}"

@@ -7,40 +7,37 @@ that no run is made for an estimate alone.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..accuracy.coarse_runs import COARSER_MESH, changed, on_coarser_mesh
 from ..accuracy.discretisation import by_coarser_mesh
 from ..accuracy.goal import relative
-from ..accuracy.kept_runs import KeptRuns
 from ..errors import MeshError
 from ..planning.flow_setup import Setup
 from ..planning.wall_cells import coarsest
 from ..results.errorbars import Loads
+from ..results.loads import Couples, Forces
+from ..scene import Scene
 from ..simulation.loads import loads
-from ..simulation.simulate import loads_of
+from ..simulation.state import Run
 from ..simulation.steady import solve_with_parts
 from .modelling import LoadsOnMesh
-from .refinement import Attempt, Refinement
-
-if TYPE_CHECKING:
-    from ..results.loads import Couples, Forces
-    from ..scene import Scene
-    from ..simulation.state import Run
+from .refinement import COARSEST, Refinement
+from .search import Attempt
 
 SMALLEST, LARGEST = 0.01, 100.0  # of numerics.mesh_size
 # Meshes on which an error is no longer seen to fall, by so much at the least, before the search ends.
 LOOKED_AT, LEAST_FALL = 3, 0.8
 
 
-class Uniform(Refinement):
+class UniformRefinement(Refinement):
     """Steady turbulent flow: all cells alike, from mesh to mesh."""
 
     def __init__(self, *arguments: Any):
         super().__init__(*arguments)
         self._seen: list[tuple[Scene, Loads]] = []  # on meshes one after the other, the present one last
 
-    def _first(self, factor: float) -> Attempt:
+    def _first(self, factor: float = COARSEST) -> Attempt:
         self._seen = []
         return self._on(self.scene, min(factor * self.numerics.mesh_size, LARGEST))
 
@@ -48,7 +45,7 @@ class Uniform(Refinement):
         """A mesh with cells of a size, whatever that of the scene is."""
         told = ", ".join(one for one in (f"mesh_size {mesh_size:.3g}", note) if one)
         sized = changed(self._set_up(scene, scene.order), numerics={"mesh_size": mesh_size})
-        return Attempt(sized, lambda layout: layout, expected, told)
+        return Attempt(sized, expected=expected, note=told)
 
     def _solved(self, run: Run) -> tuple[Forces | None, Couples | None]:
         solve_with_parts(run, run.fluid, run.parts)
@@ -67,8 +64,7 @@ class Uniform(Refinement):
             coarser = on_coarser_mesh(coarser)
             if (scene.contact, scene.domain) == (coarser.contact, coarser.domain):
                 self.known.loads[coarser.model_dump_json()] = there
-        runs = KeptRuns(self.known.loads, self.spent, lambda scene: loads_of(scene, self.comm))
-        term = self.known.terms["discretisation"] = by_coarser_mesh(run.scene, computed, runs)
+        term = self.known.terms["discretisation"] = by_coarser_mesh(run.scene, computed, self.kept_runs())
         return relative(self.goal, found, term), None
 
     def _to_refine(self, attempt: Attempt, excess: float, shares: Any, error: float) -> Attempt | None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,10 +18,8 @@ from ..arrays import Floats
 from ..contact.equilibrium import safety_factor
 from ..contact.loads.error_box import ErrorBox, safety_range, shifted
 from ..results.errorbars import ErrorBars
-
-if TYPE_CHECKING:
-    from ..results.loads import Couples, Forces
-    from .search import Found
+from ..results.loads import Couples, Forces
+from .search import Found
 
 Range = tuple[float, float]
 
@@ -140,7 +138,7 @@ class CriticalGoal:
 
     @property
     def _places(self) -> dict[int, int]:
-        """Of each component there is, among those of the scene, its place among force and couple in space."""
+        """Indices of the components in space, by the index among those of the scene that do not vanish."""
         if self.gdim == 2:
             return {0: 0, 1: 1, 2: 5}
         return {place: place for place in ((0, 2, 4) if self.halved else range(6))}

@@ -32,6 +32,11 @@ NEAR_TOP = 1.2  # so far above the fastest flow the load is extrapolated by a pa
 ROOT = 1e-10  # relative error of a root of the load interpolated
 
 
+def flow_of(load: Load) -> Floats:
+    """(6,) force and couple of the flow."""
+    return np.concatenate([load.flow_force, load.flow_couple])
+
+
 @dataclass(frozen=True, eq=False)
 class LoadPath:
     """Loads of the flow over its factor, interpolated between factors.
@@ -51,7 +56,10 @@ class LoadPath:
 
     def load(self, factor: float) -> Load:
         """The load with the flow at a factor."""
-        flow = factor * self.over_factor(factor)
+        return self._with(factor * self.over_factor(factor))
+
+    def _with(self, flow: Floats) -> Load:
+        """The load with force and couple (6,) of the flow."""
         return Load(flow[:3], flow[3:], self.rest.weight, self.rest.centre)
 
     def over_factor(self, factor: float) -> Floats:
@@ -130,14 +138,12 @@ class LoadPath:
         simple = factor * (self._u(over) + float(bent @ self._loosest))
         if simple < 1.0:
             return simple
-        load = Load(over[:3], over[3:], self.rest.weight, self.rest.centre)
-        low = safety_range(load, self.contacts, self.friction, ErrorBox.of(bent)).low
+        low = safety_range(self._with(over), self.contacts, self.friction, ErrorBox.of(bent)).low
         return factor / low if low > 0.0 else np.inf
 
     def _u(self, flow: Floats) -> float:
         """1/S of a flow's load (6,); infinite where no part of it is held."""
-        load = Load(flow[:3], flow[3:], self.rest.weight, self.rest.centre)
-        value = safety_factor(load, self.contacts, self.friction).value
+        value = safety_factor(self._with(flow), self.contacts, self.friction).value
         return 1.0 / value if value > 0.0 else np.inf
 
     def steepness(self, factor: float) -> float:

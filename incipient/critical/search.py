@@ -21,15 +21,15 @@ from ..errors import ConvergenceError
 from ..evaluation.contact_verdict import followed, load_of
 from ..parallel import collectively
 from ..planning.effects import EffectName
+from ..results.loads import Couples, Forces
+from ..simulation.state import Run
 from ..simulation.steady import loads_at, make_as_fast
-from .loadpath import LoadPath
+from .loadpath import LoadPath, flow_of
 
 if TYPE_CHECKING:
     from ..contact.exact.rocking import Rocking
-    from ..results.loads import Couples, Forces
-    from ..simulation.state import Run
 
-Solve = Callable[["Run", float, float], "tuple[Forces, Couples]"]
+Solve = Callable[[Run, float, float], tuple[Forces, Couples]]
 
 CREEPING = 1e-6  # grain Reynolds number of the flow that stands for Stokes flow
 FIRST = 30.0  # grain Reynolds number of the first flow with inertia, at most
@@ -44,7 +44,7 @@ APART = 1.03  # a flow is tried only so far from one that could not be solved
 
 
 @dataclass(frozen=True)
-class Trial:
+class SolvedFlow:
     """A flow that was solved: its factor, and the safety factor of the grain in it."""
 
     factor: float
@@ -80,7 +80,7 @@ class Found:
     factor: float
     held_to: float
     path: LoadPath
-    trials: tuple[Trial, ...]
+    trials: tuple[SolvedFlow, ...]
     unsolved: tuple[float, ...] = ()
     reason: str = ""
     between: tuple[float, float] | None = None
@@ -115,7 +115,7 @@ class Found:
         return float(np.linalg.norm(self.path.loads[0, :3])) or 1.0
 
 
-class Search:
+class CriticalSearch:
     """The search on one mesh, in a run that is prepared. Public methods are collective but those said not to be.
 
     Args:
@@ -125,7 +125,7 @@ class Search:
     def __init__(self, run: Run, solve: Solve = loads_at):
         scene, self._loads_at = run.scene, solve
         assert run.contacts is not None and scene.contact is not None
-        self.run, self.trials, self.unsolved = run, list[Trial](), list[float]()
+        self.run, self.trials, self.unsolved = run, list[SolvedFlow](), list[float]()
         self._contacts, self._friction = run.contacts, scene.contact.friction
         self._solved: dict[float, tuple[Forces, Couples]] = {}
         self._states: dict[float, list[np.ndarray]] = {}
@@ -187,16 +187,15 @@ class Search:
                 found = followed(self.run.scene, self._load(factor))
         found = self.run.comm.bcast(found)
         if found is not None:
-            self.trials[-1] = Trial(factor, found.critical)
+            self.trials[-1] = SolvedFlow(factor, found.critical)
             self.run.voice.say(f"flow x {factor:.6g}: rocks, safety factor {found.critical:.6g}")
         return found
 
     def _from_slowest(self) -> Found:
         """Search from the slowest flow upwards in which the law of the wall is for the grain: none below is known."""
         from ..effects.turbulence.limits import slowest
-        from ..planning.flow_setup import Setup
 
-        slow = slowest(Setup(self.run.scene))
+        slow = slowest(self.run.setup)
         self._solve(slow)
         if self.trials[0].safety_factor < 1.0:
             raise ConvergenceError(
@@ -324,7 +323,7 @@ class Search:
         self._solved[factor] = force, couple
         self._states[factor] = [one.x.array.copy() for one in run.states]
         value = safety_factor(self._load(factor), self._contacts, self._friction).value
-        self.trials.append(Trial(factor, value))
+        self.trials.append(SolvedFlow(factor, value))
         run.voice.say(f"flow x {factor:.6g}: safety factor {value:.6g}")
 
     def _start_from(self, factor: float) -> None:
@@ -337,8 +336,7 @@ class Search:
     def _path(self) -> LoadPath:
         factors = np.array(sorted(self._solved))
         loads = [self._load(factor) for factor in factors]
-        flows = [np.concatenate([load.flow_force, load.flow_couple]) for load in loads]
-        over = np.array(flows) / factors[:, None]
+        over = np.array([flow_of(load) for load in loads]) / factors[:, None]
         rest = Load(np.zeros(3), np.zeros(3), loads[0].weight, loads[0].centre)
         return LoadPath(factors, over, rest, self._contacts, self._friction)
 

@@ -8,34 +8,39 @@ couple there (`critical.bars`).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..accuracy.errorbars import error_terms
 from ..arrays import spatial
 from ..contact import Contacts, Load
+from ..contact.verdict import Verdict, judge
+from ..effects.turbulence.transition import transition
 from ..errors import IncipientError, SceneError
+from ..evaluation.contact_verdict import mass_and_inertia
 from ..evaluation.si_units import in_si
 from ..interrupt import told_where_kept
-from ..planning.flow_setup import Setup
+from ..planning.numbers import numbers_of
 from ..progress import Silent
-from ..results.si import si_lines
+from ..results.adaptation import Adaptation
 from ..scene import Scene
 from ..scene.units import nominal_diameter
 from ..simulation.assemble import TO_COME, cost
+from ..simulation.beside import Beside
+from ..simulation.build import prepared
+from ..simulation.simulate import loads_of
+from ..simulation.state import Run
+from .bars import critical_bars
+from .meshes import CriticalRefinement, on_its_own_mesh
+from .outcome import Threshold
+from .search import CriticalSearch, Found
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from ..contact.verdict import Verdict
-    from ..results.adaptation import Adaptation
-    from ..simulation.state import Run
-    from .bars import CriticalBars
-    from .search import Found, Search, Trial
-
-SCHEMA_VERSION = 2
 SAME_SIZE = 1e-9  # relative
 BEYOND = 1e-4  # how much faster than critical a flow is that shows the motion
 NOT_ONE = 0.02  # by which the safety factor of a critical flow is off from one on a mesh of its own, told from here on
@@ -55,154 +60,6 @@ OF_ROCKING = "not computed: the grain rocks before it leaves, under a load that 
 LAMINAR = "in laminar {flow} over one grain{plane}: not a point of Shields' curve, which is of turbulent flow"
 
 
-@dataclass(frozen=True)
-class Threshold:
-    """The critical flow of a scene, or why there is none.
-
-    factor:          critical speed over that of the scene; 0: any flow moves it, or its weight alone does;
-                     inf: none that was seen moves it
-    held_to:         factor up to which the grain is held; inf: it always is
-    reason:          why the search ended without a critical flow, or without one solved near it
-    shields:         Shields number tau_b / ((rho_s - rho_f) g d), tau_b of the undisturbed flow at its datum
-    reynolds:        the scene's Reynolds number, critical
-    shear_reynolds:  u* d / nu with u*^2 = tau_b / rho_f
-    size:            d, the largest diameter of the grain
-    nominal:         its nominal diameter, of the sphere of equal volume, in the plane the disc of equal area
-    shields_nominal: the Shields number with that
-    notes:           what to know of the critical flow
-    mode:            how the grain begins to move, by the exact judge
-    load:            the load at the threshold, which the contact forces balance; where any flow moves the grain
-                     that of a weak one, where none does that of the strongest one seen
-    verdict:         both judges there
-    trials:          the flows solved on the way; unsolved: factors at which no steady flow was found
-    bars:            error bars of the factor, None: `without_bars` says why, or there is no threshold
-    adaptation:      how the mesh was found, None without `numerics.accuracy`
-    stress_power:    the power of the factor with which the stress on the bed goes, nearly: two in turbulent flow
-    si:              the critical flow and its load in SI units (`results.si`), None without [units]
-    """
-
-    factor: float
-    held_to: float
-    reason: str
-    shields: float
-    reynolds: float
-    shear_reynolds: float
-    size: float
-    nominal: float
-    shields_nominal: float
-    notes: tuple[str, ...]
-    mode: str
-    load: Load
-    contact_forces: np.ndarray
-    contacts: Contacts
-    verdict: dict[str, Any]
-    trials: tuple[Trial, ...]
-    unsolved: tuple[float, ...]
-    cost: dict[str, Any]
-    bars: CriticalBars | None = None
-    without_bars: str = ""
-    adaptation: Adaptation | None = field(default=None)
-    si: dict[str, Any] | None = None
-    stress_power: float = 1.0
-
-    @property
-    def is_critical(self) -> bool:
-        """Whether there is a flow at which the grain begins to move."""
-        return 0.0 < self.factor < np.inf
-
-    @property
-    def errors(self) -> dict[str, float | None]:
-        """Absolute errors of factor, shields, reynolds and shear_reynolds; None where they are not known."""
-        share = None if self.bars is None or not self.bars.terms else self.bars.error / self.factor
-        stress = self.stress_power
-        powers = {"factor": 1.0, "shields": stress, "reynolds": 1.0, "shear_reynolds": 0.5 * stress}
-        return {
-            name: None if share is None else share * power * getattr(self, name)
-            for name, power in powers.items()
-        }
-
-    def to_dict(self) -> dict[str, Any]:
-        """Everything as plain data for threshold.json."""
-        names = [
-            *self.errors,
-            "held_to",
-            "reason",
-            "size",
-            "nominal",
-            "shields_nominal",
-            "notes",
-            "errors",
-            "mode",
-            "verdict",
-            "unsolved",
-            "cost",
-            "si",
-        ]
-        return {
-            **{name: getattr(self, name) for name in names},
-            "schema_version": SCHEMA_VERSION,
-            "error_bars": self.bars and self.bars.to_dict(),
-            "without_error_bars": self.without_bars,
-            "adaptation": self.adaptation and self.adaptation.to_dict(),
-            "load": asdict(self.load),
-            "contacts": {**asdict(self.contacts), "forces": self.contact_forces},
-            "trials": [asdict(trial) for trial in self.trials],
-        }
-
-    def text(self) -> str:
-        """The outcome in a few lines."""
-        lines = self._critical_lines() if self.is_critical else [f"threshold           {self.why_none()}"]
-        if self.bars is not None:
-            lines += self.bars.lines()
-        elif self.without_bars:
-            lines.append(f"error bars          {self.without_bars}")
-        if self.adaptation is not None:
-            lines += self.adaptation.lines()
-        unsolved = f", {len(self.unsolved)} not found" if self.unsolved else ""
-        return "\n".join([*lines, f"flows solved        {len(self.trials)}{unsolved}"])
-
-    def why_none(self) -> str:
-        """Why there is no critical flow, in words."""
-        if self.factor == 0.0 and self.verdict["safety_status"] == "AT_ONCE":
-            return f"zero: any flow moves the grain, {self.mode}"
-        if self.factor == 0.0:
-            return (
-                "none: the grain moves without any flow; with body.settle = true it first rolls and tips to a place "
-                "where it rests"
-            )
-        if not np.isfinite(self.held_to):
-            return (
-                "none: no strength of this flow moves the grain, whose load grows in proportion (no inertia)"
-            )
-        tried = f" (tried: {', '.join(f'{one:.3g}' for one in self.unsolved)})" if self.unsolved else ""
-        return f"none up to {self.held_to:.3g} times the flow of the scene; {self.reason}{tried}"
-
-    def _critical_lines(self) -> list[str]:
-        told = {name: with_error(getattr(self, name), error) for name, error in self.errors.items()}
-        return [
-            f"threshold           {told['factor']} times the flow of the scene; "
-            f"then the grain begins {self.mode}",
-            f"Shields number      {told['shields']}",
-            *(f"                    {note}" for note in self.notes),
-            f"Reynolds number     {told['reynolds']}   shear Reynolds number {told['shear_reynolds']}",
-            *si_lines(self.si),
-        ]
-
-
-def with_error(value: float, error: float | None) -> str:
-    """A number with its error and no more digits than are certain; four where the error is not known."""
-    if error is None:
-        return f"{value:.4g}"
-    if not np.isfinite(error):
-        return f"{value:.2g} (error without bound)"
-    if error <= 1e-6 * value:  # digits beyond are those of the search
-        return f"{value:.6g}"
-    place = int(np.floor(np.log10(error)))
-    digits = max(0, (1 if error / 10.0**place < 2.0 else 0) - place)
-    shown = np.ceil(error * 10.0**digits) / 10.0**digits
-    return f"{value:.{digits}f} +- {shown:.{digits}f}"
-
-
 def find_threshold(
     scene: Scene,
     comm: MPI.Comm,
@@ -220,16 +77,14 @@ def find_threshold(
         SceneError: the scene has no weight, friction or bed to judge the grain by, or is time-dependent.
         ConvergenceError: not even the slowest flow could be solved.
     """
-    from ..simulation.build import prepared
-    from .adaptation import CriticalRefinement
-    from .search import Search
-
     _require(scene)
     if scene.fluid.inertia and scene.effects.inertia == "auto":
         # Where the plan would leave inertia out, it may matter at the threshold.
         scene = scene.model_copy(update={"effects": scene.effects.model_copy(update={"inertia": True})})
 
-    def concluded(run: Run, search: Search, found: Found, adaptation: Adaptation | None = None) -> Threshold:
+    def concluded(
+        run: Run, search: CriticalSearch, found: Found, adaptation: Adaptation | None = None
+    ) -> Threshold:
         """The threshold that a search has found, with error bars where they are wanted; kept before these begin."""
         threshold = _threshold(run, found)
         if found.is_critical:
@@ -244,13 +99,11 @@ def find_threshold(
 
     voice = voice or Silent()
     if scene.numerics.accuracy is not None:
-        return CriticalRefinement(scene, comm, voice, concluded).threshold()
+        return CriticalRefinement(scene, comm, voice, concluded).result()
     if scene.is_turbulent:
-        from .own_mesh import on_its_own_mesh
-
         return on_its_own_mesh(scene, comm, voice, concluded)
     with prepared(scene, comm, voice=voice) as run:
-        search = Search(run)
+        search = CriticalSearch(run)
         return concluded(run, search, search.from_rest())
 
 
@@ -285,10 +138,10 @@ def _require(scene: Scene) -> None:
 
 def _threshold(run: Run, found: Found) -> Threshold:
     """The threshold without error bars. Collective."""
-    scene, load, nominal = run.scene, _load_at(found), nominal_diameter(run.scene.grain)
+    scene, load = run.scene, _load_at(found)
     critical = _judged(run, found, load)
-    stress = found.factor * Setup(scene).bed_stress(found.factor)
-    return Threshold(
+    stress = found.factor * run.setup.bed_stress(found.factor)
+    threshold = Threshold(
         factor=found.factor,
         held_to=found.held_to,
         reason=found.reason,
@@ -296,9 +149,8 @@ def _threshold(run: Run, found: Found) -> Threshold:
         reynolds=found.factor * scene.fluid.reynolds,
         shear_reynolds=float(np.sqrt(stress) * _size(scene) / scene.viscosity),
         size=_size(scene),
-        nominal=nominal,
-        shields_nominal=stress / _stress_unit(scene) * _size(scene) / nominal,
-        notes=_notes(scene, found),
+        nominal=nominal_diameter(scene.grain),
+        notes=(),
         mode=_mode(run, found),
         load=load,
         contact_forces=critical.equilibrium.safety.contact_forces,
@@ -310,15 +162,11 @@ def _threshold(run: Run, found: Found) -> Threshold:
         si=in_si(scene, found.factor, load.flow_force, load.flow_couple) if found.is_critical else None,
         stress_power=2.0 if scene.is_turbulent else 1.0,
     )
+    return replace(threshold, notes=_notes(run, found, threshold)) if found.is_critical else threshold
 
 
-def _with_bars(threshold: Threshold, run: Run, search: Search, found: Found) -> Threshold:
+def _with_bars(threshold: Threshold, run: Run, search: CriticalSearch, found: Found) -> Threshold:
     """The threshold with error bars, or with what kept them from being computed. Collective."""
-    from ..accuracy.errorbars import error_terms
-    from ..simulation.beside import Beside
-    from ..simulation.simulate import loads_of
-    from .bars import critical_bars
-
     with run.stage("error bars"):
         try:
             force, couple = search.at_nearest(found.factor)
@@ -333,17 +181,13 @@ def _with_bars(threshold: Threshold, run: Run, search: Search, found: Found) -> 
     return replace(threshold, bars=bars, cost=cost(run))
 
 
-def _notes(scene: Scene, found: Found) -> tuple[str, ...]:
+def _notes(run: Run, found: Found, threshold: Threshold) -> tuple[str, ...]:
     """What the Shields number is, and whether the flow can be laminar there. Not collective."""
-    from ..effects.turbulence.transition import transition
-    from ..planning.numbers import numbers_of
-
-    if not found.is_critical:
-        return ()
+    scene, setup = run.scene, run.setup
     plane = " in the plane" if scene.gdim == 2 else ""
     told = TURBULENT if scene.is_turbulent else LAMINAR
-    notes = [_shields_note(scene, found), told.format(flow=f"{scene.flow.kind} flow", plane=plane)]
-    if turbulent := transition(Setup(scene), numbers_of(Setup(scene)), found.factor):
+    notes = [_shields_note(threshold, scene.gdim), told.format(flow=f"{scene.flow.kind} flow", plane=plane)]
+    if turbulent := transition(setup, numbers_of(setup), found.factor):
         notes.append(turbulent.text(" at the threshold"))
     if found.rocking is not None:
         rocking, last = found.rocking, found.rocking.rests[-1]
@@ -357,15 +201,14 @@ def _notes(scene: Scene, found: Found) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _shields_note(scene: Scene, found: Found) -> str:
+def _shields_note(threshold: Threshold, gdim: int) -> str:
     """What the Shields number is, and what it is with the nominal diameter."""
-    size, nominal = _size(scene), nominal_diameter(scene.grain)
+    size, nominal = threshold.size, threshold.nominal
     told = SHIELDS.format(size=size)
     if abs(nominal - size) <= SAME_SIZE * size:
         return told + ROUND
-    shields = found.factor * Setup(scene).bed_stress(found.factor) / _stress_unit(scene) * size / nominal
-    what = "disc of equal area" if scene.gdim == 2 else "sphere of equal volume"
-    return told + NOMINAL.format(shields=shields, size=nominal, what=what)
+    what = "disc of equal area" if gdim == 2 else "sphere of equal volume"
+    return told + NOMINAL.format(shields=threshold.shields_nominal, size=nominal, what=what)
 
 
 def _mode(run: Run, found: Found) -> str:
@@ -392,9 +235,6 @@ def _contacts_at(run: Run, found: Found) -> Contacts:
 
 
 def _judged(run: Run, found: Found, load: Load) -> Verdict:
-    from ..contact.verdict import judge
-    from ..evaluation.contact_verdict import mass_and_inertia
-
     scene, contacts = run.scene, _contacts_at(run, found)
     assert scene.body is not None and scene.contact is not None
     return judge(load, contacts, scene.contact.friction, mass_and_inertia(scene.body, scene.placement))

@@ -16,7 +16,7 @@ from .earlier import CHECKPOINT, RESULT, SCENE, keep_complete_result, make_room,
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from ..critical.threshold import Threshold
+    from ..critical.outcome import Threshold
     from ..mesh.domain import Domain
     from ..restart.checkpoint import Checkpoint
     from .xdmf import FieldSeries, SurfaceSeries

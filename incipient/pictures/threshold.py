@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..contact import Contacts, Load, equilibrium
-from ..critical.threshold import with_error
+from ..critical.outcome import with_error
 from ..errors import ConvergenceError, OutputError
 from ..evaluation.contact_verdict import mass_and_inertia
 from ..files import reported

@@ -11,7 +11,8 @@ from mpi4py import MPI
 import incipient
 from incipient.accuracy.coarse_runs import farther
 from incipient.contact.equilibrium import safety_factor
-from incipient.critical.threshold import Threshold, find_threshold
+from incipient.critical.outcome import Threshold
+from incipient.critical.threshold import find_threshold
 from incipient.evaluation.contact_verdict import load_of
 from incipient.output.directory import write_threshold
 from incipient.pictures.record import parsed_json

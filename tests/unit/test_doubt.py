@@ -14,7 +14,7 @@ from incipient.accuracy.discretisation import by_dual
 from incipient.accuracy.dual import GoalErrors
 from incipient.accuracy.errorbars import with_safety
 from incipient.accuracy.waves import doubt_of_stream
-from incipient.adaptive.search import Search
+from incipient.adaptive.search import AccuracySearch
 from incipient.evaluation.contact_verdict import find_contacts
 from incipient.results.errorbars import ErrorBars, Term
 from incipient.results.loads import Couples, Forces
@@ -109,9 +109,9 @@ def test_nothing_is_certain_in_doubt(doubt: str) -> None:
 
 def test_an_accuracy_in_doubt_is_not_known_to_be_reached() -> None:
     search: Any = SimpleNamespace(numerics=SimpleNamespace(accuracy=0.1), suited=None, met=None, reason="")
-    Search.conclude(search, 0.05, "for a reason")
+    AccuracySearch.conclude(search, 0.05, "for a reason")
     assert not search.met and search.reason == "not known to be reached: for a reason"
-    Search.conclude(search, 0.05)
+    AccuracySearch.conclude(search, 0.05)
     assert search.met
 
 

@@ -15,8 +15,8 @@ from incipient.accuracy.goal import Goal
 from incipient.accuracy.kept_runs import KeptRuns, Solve
 from incipient.accuracy.model_terms import of_domain, of_gap
 from incipient.adaptive.modelling import SMALLEST_GAP, Suited, remedies, suited
-from incipient.adaptive.search import Search
-from incipient.critical.adaptation import CriticalRefinement
+from incipient.adaptive.refinement import Refinement
+from incipient.critical.meshes import CriticalRefinement
 from incipient.errors import ConvergenceError, SceneError
 from incipient.progress import Silent
 from incipient.results.errorbars import ErrorBars, Loads, Term
@@ -64,8 +64,8 @@ def narrow(**numerics: Any) -> Scene:
     return changed(grain_on_bed(), domain=NARROW, body={"x": 3.0}, numerics=chosen)
 
 
-def seeking(scene: Scene) -> Search:
-    return Search(scene, MPI.COMM_SELF, Unrecorded(), Silent())
+def seeking(scene: Scene) -> Refinement:
+    return Refinement(scene, MPI.COMM_SELF, Unrecorded(), Silent())
 
 
 def solved(scene: Scene) -> Loads:

@@ -9,8 +9,8 @@ from mpi4py import MPI
 from turbulent import channel, grain
 
 from incipient.contact import Load
-from incipient.critical import own_mesh
-from incipient.critical.search import Found, Trial
+from incipient.critical import meshes
+from incipient.critical.search import Found, SolvedFlow
 from incipient.errors import ConvergenceError
 from incipient.planning.flow_setup import Setup
 from incipient.progress import Silent
@@ -22,8 +22,8 @@ class Pretended:
 
     def __init__(self, monkeypatch, critical):
         self.made_for, self.critical, self.trials = [], critical, []
-        monkeypatch.setattr(own_mesh, "prepared", self._prepared)
-        monkeypatch.setattr(own_mesh, "Search", lambda run: self)
+        monkeypatch.setattr(meshes, "prepared", self._prepared)
+        monkeypatch.setattr(meshes, "CriticalSearch", lambda run: self)
 
     def _prepared(self, scene, comm, accounts, voice, speed):
         self.made_for.append(speed)
@@ -32,7 +32,7 @@ class Pretended:
     def from_rest(self):
         factor = self.critical(self.made_for[-1])
         path = SimpleNamespace(load=lambda at: load(1.0))
-        return Found(factor, factor, path, (Trial(12.0, 2.0),), reason="held")
+        return Found(factor, factor, path, (SolvedFlow(12.0, 2.0),), reason="held")
 
     def near(self, before):
         assert before.factor == self.critical(self.made_for[-2])
@@ -40,11 +40,11 @@ class Pretended:
 
     def load_at(self, factor):
         strength = (factor / self.critical(self.made_for[-1])) ** 2
-        self.trials.append(Trial(factor, 1.0 / strength))
+        self.trials.append(SolvedFlow(factor, 1.0 / strength))
         return load(strength)
 
     def threshold(self, scene):
-        return own_mesh.on_its_own_mesh(scene, MPI.COMM_SELF, Silent(), lambda run, search, found: found)
+        return meshes.on_its_own_mesh(scene, MPI.COMM_SELF, Silent(), lambda run, search, found: found)
 
 
 def load(strength):
@@ -77,14 +77,14 @@ def test_a_threshold_that_no_mesh_agrees_on_is_refused(monkeypatch):
     pretended = Pretended(monkeypatch, lambda speed: 2.0 / speed)
     with pytest.raises(ConvergenceError, match=r"differs from mesh to mesh.*: it is 2, 1, 2, .* smaller"):
         pretended.threshold(grain(0.2))
-    assert len(pretended.made_for) == own_mesh.MOST_MESHES
+    assert len(pretended.made_for) == meshes.MOST_MESHES
 
 
 def test_what_faster_flows_hold_on_the_mesh_of_a_slower_one_is_said(monkeypatch):
     pretended = Pretended(monkeypatch, lambda speed: float("inf"))
     found = pretended.threshold(grain(0.2))
     assert pretended.made_for == [1.0]
-    assert found.reason == f"held; {own_mesh.OTHER_MESH}"
+    assert found.reason == f"held; {meshes.OTHER_MESH}"
 
 
 def test_a_mesh_serves_as_long_as_the_distance_of_the_law_does():
@@ -92,8 +92,8 @@ def test_a_mesh_serves_as_long_as_the_distance_of_the_law_does():
     smooth = grain(0.2)
     ratio = Setup(smooth).walls.distance / Setup(smooth).faster(1.5).walls.distance
     assert 1.4 < ratio < 1.5
-    assert own_mesh.outgrown(smooth, 1.0, 1.5) and own_mesh.outgrown(smooth, 1.5, 1.0)
-    assert not own_mesh.outgrown(smooth, 1.5, 1.52)
+    assert meshes.outgrown(Setup(smooth), 1.0, 1.5) and meshes.outgrown(Setup(smooth), 1.5, 1.0)
+    assert not meshes.outgrown(Setup(smooth), 1.5, 1.52)
     for asked in (Turbulence(wall_distance=0.006), Turbulence(wall="rough", roughness=0.01)):
         given = channel(
             fluid=Fluid(reynolds=2e5, scale="flow"),
@@ -101,4 +101,4 @@ def test_a_mesh_serves_as_long_as_the_distance_of_the_law_does():
             bed=Flat(),
             turbulence=asked,
         )
-        assert not own_mesh.outgrown(given, 1.0, 3.0)
+        assert not meshes.outgrown(Setup(given), 1.0, 3.0)

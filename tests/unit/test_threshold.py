@@ -15,8 +15,9 @@ from incipient.contact import Load
 from incipient.contact.equilibrium import safety_factor
 from incipient.critical.bars import CriticalBars, CriticalGoal
 from incipient.critical.loadpath import LoadPath
-from incipient.critical.search import Found, Search
-from incipient.critical.threshold import find_threshold, with_error
+from incipient.critical.outcome import with_error
+from incipient.critical.search import CriticalSearch, Found
+from incipient.critical.threshold import find_threshold
 from incipient.errors import ConvergenceError, SceneError
 from incipient.evaluation.contact_verdict import find_contacts
 from incipient.geometry.placement import Placement
@@ -75,8 +76,8 @@ class Pretended:
     def from_rest(self) -> Found:
         return self.search().from_rest()
 
-    def search(self) -> Search:
-        return Search(self, self.loads_at)  # type: ignore[arg-type]
+    def search(self) -> CriticalSearch:
+        return CriticalSearch(self, self.loads_at)  # type: ignore[arg-type]
 
     def first_loss(self, to: float) -> float:
         """The slowest flow that moves the grain, by looking at many."""

@@ -1,0 +1,159 @@
+"""The meshes on which a critical flow is searched for: refined to an accuracy, or made for its law of the wall.
+
+To an accuracy meshes are refined as for a load, by what its errors mean for the critical flow. On the first mesh the
+whole search is made. On the next ones the load as a function of the factor differs by little, and one flow, the
+critical one of the mesh before, is enough in most cases.
+
+With wall functions, where the mesh ends, or how large its cells at walls are, goes with the distance of the law of the
+wall, which the flow changes: on the mesh of a slower flow cells are too large for the thinner layer of a faster one.
+So a search from rest on the mesh of the scene's own flow is followed by searches near its result, each on a mesh made
+for the critical flow before, until its law's distance is that of its mesh to a tenth. How far the load then is from
+that on a mesh made for the critical flow itself is a term of its error: meshes as fine differ by what they scatter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from ..adaptive.refinement import Refinement
+from ..adaptive.search import Attempt
+from ..errors import ConvergenceError, SceneError
+from ..planning.flow_setup import Setup
+from ..progress import Silent
+from ..results.adaptation import Adaptation
+from ..results.loads import Couples, Forces
+from ..scene import Scene
+from ..simulation.build import prepared
+from ..simulation.recorder import Unrecorded
+from ..simulation.state import Accounts, Run
+from .bars import CriticalGoal
+from .loadpath import flow_of
+from .search import CriticalSearch, Found, OwnMesh
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+CHANGED = 1.1  # ratio of the law's distance to that of the mesh, or its inverse, up to which the mesh serves
+MOST_MESHES = 6
+OTHER_MESH = "all on the mesh for the scene's own flow, whose cells are too large at the walls of these"
+
+Concluded = TypeVar("Concluded")
+
+
+class CriticalRefinement(Refinement):
+    """From mesh to mesh by what each vertex contributes to the error of the critical flow.
+
+    Args:
+        conclude: makes the result of the search on the last mesh, while its run is at hand.
+    """
+
+    _search: CriticalSearch
+
+    def __init__(
+        self,
+        scene: Scene,
+        comm: MPI.Comm,
+        voice: Silent,
+        conclude: Callable[[Run, CriticalSearch, Found, Adaptation], Any],
+    ):
+        if scene.numerics.accuracy == "verdict":
+            raise SceneError(
+                'numerics.accuracy: "verdict" means nothing for a threshold; give a relative error of the critical '
+                "flow such as 0.01"
+            )
+        if scene.numerics.accuracy_includes == "all":
+            raise SceneError(
+                'numerics.accuracy_includes: "all" is for runs; leave it out, and see the error bars of the threshold'
+            )
+        super().__init__(scene, comm, Unrecorded(), voice)
+        self._conclude, self._found = conclude, list[Found]()
+
+    def _solved(self, run: Run) -> tuple[Forces, Couples]:
+        self._search = CriticalSearch(run)
+        found = _next(self._search, self._found)
+        self._found.append(found)
+        if found.rocking is not None:
+            raise SceneError(
+                "numerics.accuracy: the grain rocks before it leaves its pocket, and no error bar of that is known; "
+                "leave it out"
+            )
+        if found.is_critical:
+            self.speed, self.goal = found.factor, CriticalGoal(found, self.scene.gdim, self.scene.symmetric)
+        return self._search.at_nearest(found.factor)
+
+    def _to_refine(self, attempt: Attempt, excess: float, shares: Any, error: float) -> Attempt | None:
+        if self._found[-1].is_critical:
+            return super()._to_refine(attempt, excess, shares, error)
+        self.reason = "there is no critical flow whose error could be made smaller"
+        return None
+
+    def _handed_over(self, run: Run) -> Any:
+        """Nothing is kept before the conclusion."""
+
+    def _concluded(self, run: Run, told: Any) -> Any:
+        return self._conclude(run, self._search, self._found[-1], self.adaptation())
+
+
+def on_its_own_mesh(
+    scene: Scene, comm: MPI.Comm, voice: Silent, conclude: Callable[[Run, CriticalSearch, Found], Concluded]
+) -> Concluded:
+    """What `conclude` makes of the critical flow, on a mesh made for its law of the wall. Collective.
+
+    Raises:
+        ConvergenceError: no such flow was found within a few meshes, or near that of another mesh.
+    """
+    accounts, setup, speed, known = Accounts(), Setup(scene), 1.0, list[Found]()
+    while not known or outgrown(setup, speed, known[-1].factor):
+        if len(known) == MOST_MESHES:
+            raise ConvergenceError(_differing(known))
+        speed = known[-1].factor if known else 1.0
+        voice.say(f"mesh for the law of the wall of flow x {speed:.4g}")
+        with prepared(scene, comm, accounts, voice=voice, speed=speed) as run:
+            search = CriticalSearch(run)
+            found = _next(search, known)
+            if known:
+                trials = *known[-1].trials, *found.trials
+                found = replace(found, trials=trials, unsolved=(*known[-1].unsolved, *found.unsolved))
+            known.append(found)
+            if not found.is_critical:
+                return conclude(run, search, _told_of_mesh(setup, found))
+    found = known[-1]
+    with prepared(scene, comm, accounts, voice=voice, speed=found.factor) as run:
+        search = CriticalSearch(run)
+        try:
+            load = search.load_at(found.factor)
+        except ConvergenceError as error:
+            raise ConvergenceError(
+                f"{error}; the critical flow was {found.factor:.4g} times the scene's"
+            ) from error
+        own = OwnMesh(abs(flow_of(load) - flow_of(found.load)), search.trials[-1].safety_factor)
+        return conclude(run, search, replace(found, own_mesh=own))
+
+
+def _next(search: CriticalSearch, known: list[Found]) -> Found:
+    """The critical flow on a mesh, near that on the mesh before, or from rest on the first one. Collective."""
+    return search.near(known[-1]) if known else search.from_rest()
+
+
+def _differing(known: list[Found]) -> str:
+    factors = ", ".join(f"{found.factor:.4g}" for found in known)
+    return (
+        f"the critical flow differs from mesh to mesh, each made for the law of the wall of the one before: it is "
+        f"{factors} times the scene's; use a smaller numerics.mesh_size"
+    )
+
+
+def outgrown(setup: Setup, made_for: float, factor: float) -> bool:
+    """Whether a mesh made for one flow does not serve for another; both are factors of the scene's. Not collective."""
+    one, other = (setup.faster(each).walls.distance for each in (made_for, factor))
+    return max(one / other, other / one) > CHANGED
+
+
+def _told_of_mesh(setup: Setup, found: Found) -> Found:
+    """What there is no critical flow in, with the reason to doubt that where faster flows were solved."""
+    fastest = max((trial.factor for trial in found.trials), default=1.0)
+    if fastest <= 1.0 or not outgrown(setup, 1.0, fastest):
+        return found
+    return replace(found, reason=f"{found.reason}; {OTHER_MESH}")

@@ -1,0 +1,158 @@
+"""The critical flow of a scene as data, with the lines on it for a reader."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..contact import Contacts, Load
+from ..results.si import si_lines
+
+if TYPE_CHECKING:
+    from ..results.adaptation import Adaptation
+    from .bars import CriticalBars
+    from .search import SolvedFlow
+
+SCHEMA_VERSION = 2
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """The critical flow of a scene, or why there is none.
+
+    factor:          critical speed over that of the scene; 0: any flow moves it, or its weight alone does;
+                     inf: none that was seen moves it
+    held_to:         factor up to which the grain is held; inf: it always is
+    reason:          why the search ended without a critical flow, or without one solved near it
+    shields:         Shields number tau_b / ((rho_s - rho_f) g d), tau_b of the undisturbed flow at its datum
+    reynolds:        the scene's Reynolds number, critical
+    shear_reynolds:  u* d / nu with u*^2 = tau_b / rho_f
+    size:            d, the largest diameter of the grain
+    nominal:         its nominal diameter, of the sphere of equal volume, in the plane the disc of equal area
+    notes:           what to know of the critical flow
+    mode:            how the grain begins to move, by the exact judge
+    load:            the load at the threshold, which the contact forces balance; where any flow moves the grain
+                     that of a weak one, where none does that of the strongest one seen
+    verdict:         both judges there
+    trials:          the flows solved on the way; unsolved: factors at which no steady flow was found
+    bars:            error bars of the factor, None: `without_bars` says why, or there is no threshold
+    adaptation:      how the mesh was found, None without `numerics.accuracy`
+    stress_power:    the power of the factor with which the stress on the bed goes, nearly
+    si:              the critical flow and its load in SI units (`results.si`), None without [units]
+    """
+
+    factor: float
+    held_to: float
+    reason: str
+    shields: float
+    reynolds: float
+    shear_reynolds: float
+    size: float
+    nominal: float
+    notes: tuple[str, ...]
+    mode: str
+    load: Load
+    contact_forces: np.ndarray
+    contacts: Contacts
+    verdict: dict[str, Any]
+    trials: tuple[SolvedFlow, ...]
+    unsolved: tuple[float, ...]
+    cost: dict[str, Any]
+    bars: CriticalBars | None = None
+    without_bars: str = ""
+    adaptation: Adaptation | None = None
+    si: dict[str, Any] | None = None
+    stress_power: float = 1.0
+
+    @property
+    def is_critical(self) -> bool:
+        """Whether there is a flow at which the grain begins to move."""
+        return 0.0 < self.factor < np.inf
+
+    @property
+    def shields_nominal(self) -> float:
+        """The Shields number with the nominal diameter."""
+        return self.shields * self.size / self.nominal
+
+    @property
+    def errors(self) -> dict[str, float | None]:
+        """Absolute errors of factor, shields, reynolds and shear_reynolds; None where they are not known."""
+        share = None if self.bars is None or not self.bars.terms else self.bars.error / self.factor
+        stress = self.stress_power
+        powers = {"factor": 1.0, "shields": stress, "reynolds": 1.0, "shear_reynolds": 0.5 * stress}
+        return {
+            name: None if share is None else share * power * getattr(self, name)
+            for name, power in powers.items()
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain data for threshold.json."""
+        names = (
+            *("held_to", "reason", "size", "nominal", "shields_nominal", "notes"),
+            *("errors", "mode", "verdict", "unsolved", "cost", "si"),
+        )
+        return {
+            **{name: getattr(self, name) for name in (*self.errors, *names)},
+            "schema_version": SCHEMA_VERSION,
+            "error_bars": self.bars and self.bars.to_dict(),
+            "without_error_bars": self.without_bars,
+            "adaptation": self.adaptation and self.adaptation.to_dict(),
+            "load": asdict(self.load),
+            "contacts": {**asdict(self.contacts), "forces": self.contact_forces},
+            "trials": [asdict(trial) for trial in self.trials],
+        }
+
+    def text(self) -> str:
+        """The outcome in a few lines."""
+        lines = self._critical_lines() if self.is_critical else [f"threshold           {self.why_none()}"]
+        if self.bars is not None:
+            lines += self.bars.lines()
+        elif self.without_bars:
+            lines.append(f"error bars          {self.without_bars}")
+        if self.adaptation is not None:
+            lines += self.adaptation.lines()
+        unsolved = f", {len(self.unsolved)} not found" if self.unsolved else ""
+        return "\n".join([*lines, f"flows solved        {len(self.trials)}{unsolved}"])
+
+    def why_none(self) -> str:
+        """Why there is no critical flow, in words."""
+        if self.factor == 0.0 and self.verdict["safety_status"] == "AT_ONCE":
+            return f"zero: any flow moves the grain, {self.mode}"
+        if self.factor == 0.0:
+            return (
+                "none: the grain moves without any flow; with body.settle = true it first rolls and tips to a place "
+                "where it rests"
+            )
+        if not np.isfinite(self.held_to):
+            return (
+                "none: no strength of this flow moves the grain, whose load grows in proportion (no inertia)"
+            )
+        tried = f" (tried: {', '.join(f'{one:.3g}' for one in self.unsolved)})" if self.unsolved else ""
+        return f"none up to {self.held_to:.3g} times the flow of the scene; {self.reason}{tried}"
+
+    def _critical_lines(self) -> list[str]:
+        told = {name: with_error(getattr(self, name), error) for name, error in self.errors.items()}
+        return [
+            f"threshold           {told['factor']} times the flow of the scene; "
+            f"then the grain begins {self.mode}",
+            f"Shields number      {told['shields']}",
+            *(f"                    {note}" for note in self.notes),
+            f"Reynolds number     {told['reynolds']}   shear Reynolds number {told['shear_reynolds']}",
+            *si_lines(self.si),
+        ]
+
+
+def with_error(value: float, error: float | None) -> str:
+    """A number with its error and no more digits than are certain; four where the error is not known."""
+    if error is None:
+        return f"{value:.4g}"
+    if not np.isfinite(error):
+        return f"{value:.2g} (error without bound)"
+    if error <= 1e-6 * value:  # digits beyond are those of the search
+        return f"{value:.6g}"
+    place = int(np.floor(np.log10(error)))
+    digits = max(0, (1 if error / 10.0**place < 2.0 else 0) - place)
+    shown = np.ceil(error * 10.0**digits) / 10.0**digits
+    return f"{value:.{digits}f} +- {shown:.{digits}f}"
