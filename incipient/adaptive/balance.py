@@ -6,14 +6,25 @@ up to E, the least work has (Lagrange)
 
     e_t : e_h = 1/q : p/s,
 
-so that an error that costs little to lessen is lessened most. Pure numbers: nothing here knows of a mesh.
+so that an error that costs little to lessen is lessened most. Nothing here solves: what a run to an accuracy will
+come to is predicted with it, too.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from ..accuracy.coarse_runs import HIGHEST_ORDER, LONGEST_STEP, changed, order_in_time
 from ..accuracy.discretisation import order_in_space
+from ..accuracy.waves import is_stream
+from ..planning.cells import FAR_CELL, FAR_CELL_IN_SPACE
+from ..planning.open_channel import LEVEL
+from ..results.adaptation import Trial
+from ..scene import Scene
+from ..scene.numerics import OF_SURFACE
 
 ORDERS = (2, 3, 4)
 # Work on cells of one `numerics.mesh_size`, where the orders err alike, relative to that in elements of order two
@@ -24,6 +35,12 @@ WORK = {2: 1.0, 3: 1.3, 4: 1.7}
 WORK_POWER = 1.5
 # At most so much finer at once: what a coarse run tells of the error of a much finer one is not worth much.
 SHORTEST, FINEST = 1 / 16, 1 / 4
+# Cells and steps of the first run, relative to those that the scene says.
+COARSEST_MESH, LONGEST = 8.0**0.5, 8.0
+FEWEST_STEPS = 8
+MOST_RUNS = 6
+HIGHEST_OF_SURFACE = 3  # order of the velocity beyond which that of the elevation, which is the cells', stays
+AIM = 0.7  # of the accuracy, so that the run expected to reach it does
 
 
 @dataclass(frozen=True)
@@ -102,3 +119,62 @@ def _with_work(shorter: float, finer: float, order: int, higher: int, powers: Po
 
 def _ratio(wanted: float, now: float, power: float) -> float:
     return (wanted / now) ** (1.0 / power) if now > wanted else 1.0
+
+
+# -- scenes ---------------------------------------------------------------------------------
+
+
+def refined(scene: Scene, trial: Trial, aim: float) -> Refined:
+    """How the scene in time is made finer for a relative error, after a trial of it. Not collective."""
+    powers = Powers(order_in_time(scene))
+    order, of_step, of_mesh = scene.order, trial.of_step, trial.of_mesh
+    if of_step is None or of_mesh is None or not math.isfinite(of_step + of_mesh):
+        return halved(order, powers)
+    # A safety factor may err more than its parts together.
+    more = max(1.0, (trial.estimate or 0.0) / (of_step + of_mesh))
+    highest = HIGHEST_OF_SURFACE if scene.accuracy_of in OF_SURFACE else HIGHEST_ORDER
+    return cheapest(Parts(more * of_step, more * of_mesh), aim, order, powers, highest)
+
+
+def first(scene: Scene) -> Scene:
+    """The scene in time as coarse as the first run: a coarse mesh, and long steps, of which there are a few."""
+    assert scene.time is not None
+    longer = LONGEST
+    while longer > 1.0 and longer * scene.time.step > scene.time.end / FEWEST_STEPS:
+        longer /= 2.0
+    return _resized(scene, _coarsest(scene), longer)
+
+
+def _coarsest(scene: Scene) -> float:
+    """How much larger the cells of the first run are.
+
+    Where a stream enters below a free surface they are so small that the zone at the inflow, one cell at the least, is
+    as long on all meshes, those of one order more included: else its length errs, which the comparison does not tell.
+    """
+    if not is_stream(scene):
+        return COARSEST_MESH
+    sizes = FAR_CELL if scene.gdim == 2 else FAR_CELL_IN_SPACE
+    suitable = LEVEL / (sizes[min(scene.order + 1, HIGHEST_ORDER)] * scene.numerics.mesh_size)
+    return float(np.clip(suitable, 1.0, COARSEST_MESH))
+
+
+def finer(scene: Scene, wanted: Refined) -> Scene:
+    """The scene in time with shorter steps, a finer mesh and another order, as it is wanted."""
+    assert scene.time is not None
+    shorter = wanted.shorter
+    if scene.time.tolerance is None and shorter < 1.0:
+        steps = scene.time.end / scene.time.step / shorter
+        # Even, and from some number on such that the longer steps of a comparison end where these do.
+        multiple = LONGEST_STEP if steps > LONGEST_STEP * FEWEST_STEPS else 2.0
+        shorter = scene.time.end / scene.time.step / (multiple * math.ceil(steps / multiple * (1.0 - 1e-9)))
+    return changed(_resized(scene, wanted.finer, shorter), numerics={"order": wanted.order})
+
+
+def _resized(scene: Scene, cells: float, steps: float) -> Scene:
+    """The scene with cells and steps so many times as large; where steps adapt, their errors follow."""
+    assert scene.time is not None
+    time = {"step": steps * scene.time.step}
+    if scene.time.tolerance is not None:
+        time["tolerance"] = scene.time.tolerance * steps ** (order_in_time(scene) + 1)
+    mesh_size = min(float(f"{cells * scene.numerics.mesh_size:.12g}"), 100.0)
+    return changed(scene, numerics={"mesh_size": mesh_size}, time=time)

@@ -8,19 +8,13 @@ reach the accuracy is recorded; it is repeated finer if it does not.
 
 from __future__ import annotations
 
-import math
 from typing import Any, cast
 
-import numpy as np
-
-from ..accuracy.coarse_runs import HIGHEST_ORDER, LONGEST_STEP, changed, comparisons, order_in_time
+from ..accuracy.coarse_runs import changed, comparisons, order_in_time
 from ..accuracy.discretisation import OF_MESH, by_coarser_runs
 from ..accuracy.goal import relative
 from ..accuracy.kept_runs import KeptRuns
-from ..accuracy.waves import is_stream
 from ..errors import ConvergenceError, IncipientError, Interrupted, MeshError
-from ..planning.cells import FAR_CELL, FAR_CELL_IN_SPACE
-from ..planning.open_channel import LEVEL
 from ..results.adaptation import Trial
 from ..results.errorbars import Loads, Term
 from ..results.result import Result
@@ -29,15 +23,9 @@ from ..scene.numerics import OF_SURFACE
 from ..simulation.recorder import Recorder, Unrecorded
 from ..simulation.simulate import simulate
 from ..simulation.state import Accounts
-from .balance import WORK_POWER, Parts, Powers, Refined, cheapest, halved, milder
+from .balance import AIM, MOST_RUNS, WORK_POWER, Powers, Refined, finer, first, halved, milder, refined
 from .search import AccuracySearch, Attempt, Told
 
-# Cells and steps of the first run, relative to those that the scene says.
-COARSEST_MESH, LONGEST = 8.0**0.5, 8.0
-FEWEST_STEPS = 8
-MOST_RUNS = 6
-HIGHEST_OF_SURFACE = 3  # order of the velocity beyond which that of the elevation, which is the cells', stays
-AIM = 0.7  # of the accuracy, so that the run expected to reach it does
 # At least so much more work has a run to be worth it; where a budget does not allow more, as much as it allows.
 LEAST_WORK = 4.0
 
@@ -156,59 +144,3 @@ class Balancing(AccuracySearch):
     def _is_last_affordable(self, wanted: Refined) -> bool:
         """Whether after the next run no other is. Collective."""
         return len(self.trials) + 1 >= MOST_RUNS or bool(self._beyond(wanted, 1.0 + LEAST_WORK))
-
-
-def refined(scene: Scene, trial: Trial, aim: float) -> Refined:
-    """How the scene in time is made finer for a relative error, after a trial of it. Not collective."""
-    powers = Powers(order_in_time(scene))
-    order, of_step, of_mesh = scene.order, trial.of_step, trial.of_mesh
-    if of_step is None or of_mesh is None or not math.isfinite(of_step + of_mesh):
-        return halved(order, powers)
-    # A safety factor may err more than its parts together.
-    more = max(1.0, (trial.estimate or 0.0) / (of_step + of_mesh))
-    highest = HIGHEST_OF_SURFACE if scene.accuracy_of in OF_SURFACE else HIGHEST_ORDER
-    return cheapest(Parts(more * of_step, more * of_mesh), aim, order, powers, highest)
-
-
-def first(scene: Scene) -> Scene:
-    """The scene in time as coarse as the first run: a coarse mesh, and long steps, of which there are a few."""
-    assert scene.time is not None
-    longer = LONGEST
-    while longer > 1.0 and longer * scene.time.step > scene.time.end / FEWEST_STEPS:
-        longer /= 2.0
-    return _resized(scene, _coarsest(scene), longer)
-
-
-def _coarsest(scene: Scene) -> float:
-    """How much larger the cells of the first run are.
-
-    Where a stream enters below a free surface they are so small that the zone at the inflow, one cell at the least, is
-    as long on all meshes, those of one order more included: else its length errs, which the comparison does not tell.
-    """
-    if not is_stream(scene):
-        return COARSEST_MESH
-    sizes = FAR_CELL if scene.gdim == 2 else FAR_CELL_IN_SPACE
-    suitable = LEVEL / (sizes[min(scene.order + 1, HIGHEST_ORDER)] * scene.numerics.mesh_size)
-    return float(np.clip(suitable, 1.0, COARSEST_MESH))
-
-
-def finer(scene: Scene, wanted: Refined) -> Scene:
-    """The scene in time with shorter steps, a finer mesh and another order, as it is wanted."""
-    assert scene.time is not None
-    shorter = wanted.shorter
-    if scene.time.tolerance is None and shorter < 1.0:
-        steps = scene.time.end / scene.time.step / shorter
-        # Even, and from some number on such that the longer steps of a comparison end where these do.
-        multiple = LONGEST_STEP if steps > LONGEST_STEP * FEWEST_STEPS else 2.0
-        shorter = scene.time.end / scene.time.step / (multiple * math.ceil(steps / multiple * (1.0 - 1e-9)))
-    return changed(_resized(scene, wanted.finer, shorter), numerics={"order": wanted.order})
-
-
-def _resized(scene: Scene, cells: float, steps: float) -> Scene:
-    """The scene with cells and steps so many times as large; where steps adapt, their errors follow."""
-    assert scene.time is not None
-    time = {"step": steps * scene.time.step}
-    if scene.time.tolerance is not None:
-        time["tolerance"] = scene.time.tolerance * steps ** (order_in_time(scene) + 1)
-    mesh_size = min(float(f"{cells * scene.numerics.mesh_size:.12g}"), 100.0)
-    return changed(scene, numerics={"mesh_size": mesh_size}, time=time)

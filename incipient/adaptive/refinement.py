@@ -22,8 +22,6 @@ from ..accuracy.errorbars import error_bars
 from ..accuracy.model_terms import has_no_far_sides
 from ..errors import ConvergenceError, MeshError
 from ..interrupt import told_where_kept
-from ..meshes import SizeField
-from ..planning.layout import Layout
 from ..results.adaptation import Trial
 from ..results.errorbars import ErrorBars
 from ..results.loads import Couples, Forces
@@ -35,54 +33,18 @@ from ..simulation.simulate import finished, hand_over, loads_of
 from ..simulation.state import Run
 from ..simulation.steady import loads_at
 from .modelling import SMALLEST_GAP
+from .orders import COARSEST, MOST_MESHES, UNKNOWNS, cheapest_order, coarse_sizes, next_order
 from .search import AccuracySearch, Attempt, Told
-from .sizing import STEEPEST, Shares, gathered, resized
+from .sizing import Shares, gathered, resized
 
-ORDERS = (2, 3, 4)
-UNKNOWNS = {  # per vertex of a large mesh, by the dimension and the order
-    2: {2: 9, 3: 22, 4: 41},
-    3: {2: 25, 3: 89, 4: 219},
-}
-GAIN = 0.1  # what one order more is expected to leave of the error on the same mesh
-COARSEST = 4.0  # the first mesh: its cells relative to those by default
-AIM = 0.6  # of the accuracy, so that the mesh expected to reach it does
 CANCELLING = 4.0  # most that contributions of the next mesh are trusted to cancel
-MOST_MESHES, MOST_FAILURES = 12, 3
+MOST_FAILURES = 3
 SOLVER_SHARE = 1e-3  # of the accuracy: what the iteration may leave
 TOLERANCES = (1e-10, 1e-5)
 TIME_GROWTH = 1.3  # of the time to solve and estimate with unknowns
 FOR_VERDICT = 0.2  # what is left of an error that is to decide a verdict
 CLOSER = 0.25  # a gap that is to decide a verdict, relative to before
 CRITICAL = 1e-4  # a safety factor known this well and still on both sides of one
-
-
-def cheapest_order(order: int, excess: float, gdim: int = 2) -> int:
-    """The order, not below the given one, that is expected to need the fewest unknowns.
-
-    excess: the error in elements of the given order over the accuracy asked for. One order more on the same mesh is
-    expected to leave a tenth; what is then too much needs (error / accuracy)^(d/2k) times the unknowns in d dimensions.
-    """
-
-    def unknowns(k: int) -> float:
-        """Expected of elements of order k, relative."""
-        return UNKNOWNS[gdim][k] * max(1.0, excess * GAIN ** (k - order)) ** (0.5 * gdim / k)
-
-    return min((k for k in ORDERS if k >= order), key=unknowns)
-
-
-def next_order(order: int, excess: float, gdim: int = 2) -> tuple[int, float]:
-    """The order of the next mesh, and what its elements would leave on this one over the error aimed at.
-
-    excess: the error on this mesh, in elements of `order`, over the accuracy asked for
-    """
-    higher = cheapest_order(order, excess / AIM, gdim)
-    return higher, excess / AIM * GAIN ** (higher - order)
-
-
-def coarse_sizes(factor: float, field: SizeField | None, layout: Layout) -> Layout:
-    """Default cell sizes times `factor`, except in gaps and where `field` prescribes sizes."""
-    sizes = layout.sizes.coarsened(factor, STEEPEST)
-    return replace(layout, sizes=replace(sizes, field=field))
 
 
 class Refinement(AccuracySearch):

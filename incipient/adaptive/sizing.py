@@ -18,6 +18,7 @@ from scipy import sparse
 from .. import compat
 from ..arrays import Floats, Integers
 from ..meshes import SizeField
+from .orders import STEEPEST
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
 
 # The size of a cell relative to before: shares say nothing about much smaller ones.
 SMALLEST, LARGEST = 0.2, 2.0
-STEEPEST = 0.35  # growth of sizes with distance
 FAINT = 1e-3  # shares below this part of the mean are looked at as that
 BISECTIONS = 60
 

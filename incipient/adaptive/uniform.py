@@ -22,7 +22,8 @@ from ..simulation.loads import loads
 from ..simulation.state import Run
 from ..simulation.steady import solve_with_parts
 from .modelling import LoadsOnMesh
-from .refinement import COARSEST, Refinement
+from .orders import COARSEST
+from .refinement import Refinement
 from .search import Attempt
 
 SMALLEST, LARGEST = 0.01, 100.0  # of numerics.mesh_size

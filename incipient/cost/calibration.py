@@ -12,15 +12,14 @@ import os
 import platform
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..errors import OutputError
 from ..files import reported, write_json
+from ..scene import Scene
 from .laws import ErrorLaw, TimeLaw
-
-if TYPE_CHECKING:
-    from ..scene import Scene
 
 SCHEMA_VERSION = 2
 NAME, SHIPPED = "calibration.json", Path(__file__).with_name("shipped.json")
@@ -61,8 +60,6 @@ Calibration = Mapping[str, Findings]
 
 def machine() -> str:
     """Name of this machine among those that share a home directory."""
-    from importlib.metadata import version
-
     cores = os.cpu_count() or 1
     return f"{_processor()}, {cores} cores, {platform.node()}, incipient {version('incipient')}"
 

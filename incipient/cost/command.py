@@ -6,22 +6,25 @@ import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from .. import scene as s
+from ..accuracy.errorbars import coarse_scenes
+from ..effects.plan import make_plan
 from ..errors import ConvergenceError, MissingError, SceneError
 from ..files import plain, reported
+from ..planning.plan import Plan
+from ..scene import Scene
+from ..scene.example import grain_on_bed
+from ..simulation.build import estimate
 from . import calibration, markdown
 from .comparison import Compared
 from .frontier import percent
 from .ladder import Spread, ladder, spread
 from .measurement import measure, quicker
+from .prediction import Prediction, first_mesh, known_laws, predict
 from .solvers import named
 from .study import Study, findings, run_ladder
-
-if TYPE_CHECKING:
-    from ..planning.plan import Plan
-    from ..scene import Scene
-    from .prediction import Prediction
 
 Say = Callable[[str], None]
 # How many times as long runs below a free surface took with their error bars, the least and the most (docs/surface.md).
@@ -115,10 +118,6 @@ def predicted_plan(scene: Scene, directory: Path | None = None) -> PredictedPlan
         MeshError: a mesh cannot be made.
         OutputError: the directory holds no study.
     """
-    from ..effects.plan import make_plan
-    from ..simulation.build import estimate
-    from .prediction import first_mesh, known_laws, predict
-
     plan = make_plan(scene)
     known = known_laws(scene, directory)
     cheaper = () if known is None else tuple(known.cheaper())
@@ -137,8 +136,6 @@ def price_of_bars(scene: Scene) -> str:
     wanted = scene.numerics.error_bars and scene.numerics.accuracy is None
     if not wanted or scene.body is not None or not scene.has_surface:
         return ""
-    from ..accuracy.errorbars import coarse_scenes
-
     runs = [(run.time, run.order) for run in coarse_scenes(scene) if run.time is not None]
     named = ", ".join(f"P{order}-P{order - 1} in steps of {time.step:.3g}" for time, order in runs)
     least, most = WITH_BARS
@@ -176,9 +173,6 @@ def calibrate(say: Say) -> str:
 
 def builtin() -> dict[str, Scene]:
     """A scene of each kind that takes a second or two."""
-    from .. import scene as s
-    from ..scene.example import grain_on_bed
-
     bars = s.Numerics(error_bars=False)
     return {
         "grain on a bed": grain_on_bed(),

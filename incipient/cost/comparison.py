@@ -6,18 +6,15 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .frontier import FLATTEST, LEAST_SPAN, WORTH
 from .laws import geometric_mean
+from .measurement import JudgedRun
+from .quantities import ErrorNorm
 
-if TYPE_CHECKING:
-    from .measurement import JudgedRun
-    from .quantities import ErrorNorm
-
-Pair = tuple["JudgedRun", "JudgedRun"]  # of one variant: with another solver option, and with the scene's own
+Pair = tuple[JudgedRun, JudgedRun]  # of one variant: with another solver option, and with the scene's own
 FEWEST_SECONDS = 0.01  # of processor time beyond the start: what the clock resolves
 
 

@@ -73,18 +73,17 @@ STEADY, UNSTEADY = Spread(), Spread(sizes=(2.0, RATIO, 1.0))
 QUICK = Spread((2, 3), (2.0, RATIO), (4.0, 2.0), solvers=())
 # In space higher orders and finer cells soon have too many unknowns, and few solver options have a meaning.
 IN_SPACE = Spread((2,), (2.0, RATIO, 1.0), (4.0, 2.0, 1.0), solvers=())
-QUICK_IN_SPACE = replace(IN_SPACE, sizes=(2.0, RATIO), steps=(4.0, 2.0))
 # With turbulence k and epsilon have one order, and no other solver option is known to matter.
 TURBULENT = Spread((2, 3), (2.0, RATIO, 1.0, 1.0 / RATIO), (4.0, 2.0, 1.0), solvers=())
-QUICK_TURBULENT = replace(TURBULENT, sizes=(2.0, RATIO, 1.0), steps=(4.0, 2.0))
 
 
 def spread(scene: Scene, quick: bool) -> Spread:
     """The usual ladder of a scene."""
-    if scene.is_turbulent and scene.gdim == 2:
-        return replace(QUICK_TURBULENT, orders=(scene.order,)) if quick else TURBULENT
-    if scene.gdim == 3:
-        return replace(QUICK_IN_SPACE if quick else IN_SPACE, orders=(scene.order,))
+    if scene.gdim == 3 or scene.is_turbulent:
+        usual = TURBULENT if scene.gdim == 2 else IN_SPACE
+        if quick:
+            usual = replace(usual, sizes=usual.sizes[:-1], steps=usual.steps[:-1])
+        return replace(usual, orders=(scene.order,)) if quick or scene.gdim == 3 else usual
     if quick:
         return replace(QUICK, orders=(3, 4)) if scene.order == 4 else QUICK
     return STEADY if scene.time is None else UNSTEADY
@@ -103,59 +102,47 @@ def ladder(scene: Scene, spread: Spread) -> Ladder:
     if spread.solvers is None:
         at = plain.cheap
         ways = tuple(dict.fromkeys(way for variant in at for way in solvers.usual(variant.of(scene))))
-    found = itertools.chain.from_iterable(
-        (variant, *(_others(scene, variant, ways) if variant in at else ())) for variant in plain.variants
-    )
+    found: list[Variant] = []
+    for variant in plain.variants:
+        # What "auto" decides may hang on the cells.
+        others = [way for way in ways if variant in at and solvers.differs(way, variant.of(scene))]
+        found += [variant, *(replace(variant, solver=way) for way in others)]
     return replace(plain, variants=tuple(found))
 
 
-def _others(scene: Scene, variant: Variant, ways: Sequence[str]) -> list[Variant]:
-    """A variant with other solver options than the scene's own; what "auto" decides may hang on the cells."""
-    return [replace(variant, solver=way) for way in ways if solvers.differs(way, variant.of(scene))]
-
-
 def _solved_as_is(scene: Scene, spread: Spread) -> Ladder:
-    unique = tuple(sorted(set(spread.orders)))
-    sizes = _descending(scene.numerics.mesh_size * size for size in spread.sizes)
-    sizes = tuple(size for size in sizes if SMALLEST <= size <= LARGEST) or (scene.numerics.mesh_size,)
+    orders, finest = tuple(sorted(set(spread.orders))), scene.numerics.mesh_size
+    sizes = _descending(finest * size for size in spread.sizes)
+    sizes = tuple(size for size in sizes if SMALLEST <= size <= LARGEST) or (finest,)
+    if scene.time is not None:
+        steps = _descending(min(scene.time.step * step, scene.time.end / 2.0) for step in spread.steps)
+        return _unsteady(orders, sizes, steps)
     finer = 2.0 if scene.gdim == 2 else RATIO
-    if scene.time is None:
-        return _all_finer(unique, sizes, finer) if scene.is_turbulent else _steady(unique, sizes, finer)
-    steps = _descending(min(scene.time.step * step, scene.time.end / 2.0) for step in spread.steps)
-    return _unsteady(unique, sizes, steps)
+    if scene.is_turbulent:
+        return _steady(orders, sizes, orders[-1], finer)
+    # A higher order is worth more than finer cells; without one they must be finer, too.
+    return _steady(orders, sizes, min(orders[-1] + 1, 4), RATIO if orders[-1] == 4 else finer)
 
 
-def _steady(orders: Sequence[int], sizes: Sequence[float], finer: float) -> Ladder:
-    """All orders on all cells; a reference of higher order than all others has cells `finer` times as small."""
+def _steady(orders: Sequence[int], sizes: Sequence[float], highest: int, finer: float) -> Ladder:
+    """All orders on all cells; the reference of the highest order has cells `finer` times as small."""
     variants = tuple(Variant(order, size) for order in orders for size in sizes)
-    highest, cheap = orders[-1], _cheap(variants, orders)
-    # A higher order is worth more than finer cells; without one they must be much finer.
-    if highest < 4:
-        reference = Variant(highest + 1, max(sizes[-1] / finer, SMALLEST))
-        return Ladder(variants, reference, (reference,), cheap)
-    reference = Variant(4, max(sizes[-1] / RATIO, SMALLEST))
-    return Ladder(variants, reference, (*(Variant(4, size) for size in sizes), reference), cheap)
-
-
-def _all_finer(orders: Sequence[int], sizes: Sequence[float], finer: float) -> Ladder:
-    """All orders on all cells; the reference is of the highest of these, with cells `finer` times as small."""
-    variants = tuple(Variant(order, size) for order in orders for size in sizes)
-    line = tuple(variant for variant in variants if variant.order == orders[-1])
-    reference = Variant(orders[-1], max(sizes[-1] / finer, SMALLEST))
+    reference = Variant(highest, max(sizes[-1] / finer, SMALLEST))
+    line = tuple(variant for variant in variants if variant.order == highest)
     return Ladder(variants, reference, (*line, reference), _cheap(variants, orders))
 
 
 def _unsteady(orders: Sequence[int], sizes: Sequence[float], steps: Sequence[float]) -> Ladder:
     """Cells and steps finer together, and each a little behind the other."""
     both = max(len(sizes), len(steps))
-    sizes, steps = _lengthened(sizes, both), _lengthened(steps, both)
-    pairs = [(sizes[0], steps[0])]
-    for before, now in zip(range(both - 1), range(1, both), strict=True):
-        pairs += [(sizes[now], steps[before]), (sizes[now], steps[now])]
-    pairs = list(dict.fromkeys(pairs))
-    variants = tuple(Variant(order, *pair) for order in orders for pair in pairs)
+    sizes, steps = ([*values, *[values[-1]] * (both - len(values))] for values in (sizes, steps))
+    rungs = list(zip(sizes, steps, strict=True))
+    pairs = rungs[:1]
+    for (_, before), (size, step) in itertools.pairwise(rungs):
+        pairs += [(size, before), (size, step)]
+    variants = tuple(Variant(order, *pair) for order in orders for pair in dict.fromkeys(pairs))
     reference = Variant(orders[-1], max(sizes[-1] / RATIO, SMALLEST), steps[-1] / 2.0)
-    diagonal = [Variant(orders[-1], *pair) for pair in zip(sizes, steps, strict=True)]
+    diagonal = [Variant(orders[-1], *pair) for pair in rungs]
     return Ladder(variants, reference, (*dict.fromkeys(diagonal), reference), _cheap(variants, orders))
 
 
@@ -163,10 +150,6 @@ def _cheap(variants: Sequence[Variant], orders: Sequence[int]) -> tuple[Variant,
     """The coarsest variants of the middle order; of an even number of orders the lower of the two in the middle."""
     order = orders[(len(orders) - 1) // 2]
     return tuple(variant for variant in variants if variant.order == order)[:COMPARED]
-
-
-def _lengthened(values: Sequence[float], length: int) -> Sequence[float]:
-    return (*values, *[values[-1]] * (length - len(values)))
 
 
 def _descending(values: Iterable[float]) -> tuple[float, ...]:

@@ -14,10 +14,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
+from ..accuracy.coarse_runs import changed
+from ..errors import IncipientError, SceneError
+from ..parallel import start_alone_quickly
 from ..results.timing import peak_memory_mib
-from ..scene import Scene
+from ..scene import Scene, loads
+from ..scene.file import dumps
 from ..simulation.recorder import Unrecorded
+from ..simulation.simulate import simulate
 from . import process, solvers
+from .quantities import quantities
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -57,8 +63,6 @@ class Variant:
         Raises:
             SceneError: the scene cannot be computed so.
         """
-        from ..accuracy.coarse_runs import changed
-
         numerics = {"order": self.order, "mesh_size": self.mesh_size, "geometry_order": None}
         sections: dict[str, dict[str, Any]] = {"numerics": {**numerics, "error_bars": False}}
         # An accuracy asked for would choose the mesh itself.
@@ -145,9 +149,6 @@ def quicker(scene: Scene, variant: Variant) -> MeasuredRun:
 
 
 def _once(scene: Scene, variant: Variant) -> tuple[MeasuredRun, bool]:
-    from ..errors import SceneError
-    from ..scene.file import dumps
-
     try:
         text = dumps(variant.of(scene))
     except SceneError as error:
@@ -191,13 +192,8 @@ class _History(Unrecorded):
 
 def main() -> int:
     """Run the scene on standard input and tell what it took and gave; the exit code."""
-    from ..errors import IncipientError
-    from ..parallel import start_alone_quickly
-
     start_alone_quickly()
     from mpi4py import MPI
-
-    from ..scene import loads
 
     try:
         print(json.dumps(computed(loads(sys.stdin.read()), MPI.COMM_SELF)))
@@ -210,8 +206,6 @@ def main() -> int:
 def computed(scene: Scene, comm: MPI.Comm) -> dict[str, Any]:
     """Run a scene; what `MeasuredRun` holds beside the times of the whole process. Collective."""
     from ..coupled import tractions  # noqa: F401 (the start is over then)
-    from ..simulation.simulate import simulate
-    from .quantities import quantities
 
     start, recorder = time.process_time(), _History()
     result = simulate(scene, comm, recorder)

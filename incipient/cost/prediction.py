@@ -9,23 +9,29 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import numpy as np
 
+from ..accuracy.coarse_runs import COARSER_MESH, changed, comparisons, on_coarser_mesh
+from ..accuracy.discretisation import shares
+from ..accuracy.errorbars import coarse_scenes
+from ..adaptive import balance
+from ..adaptive.orders import COARSEST, MOST_MESHES, UNKNOWNS, coarse_sizes, next_order
+from ..effects.plan import make_plan
 from ..planning import expense, meshing
 from ..planning.flow_setup import Setup
+from ..planning.plan import Estimate
 from ..results.adaptation import Trial
+from ..scene import Scene
 from ..scene.numerics import OF_SURFACE, OF_WALLS
+from ..simulation.assemble import has_error_bars
+from ..simulation.build import estimate
 from . import calibration, solvers
 from .calibration import Findings
 from .frontier import percent, seconds
 from .ladder import LARGEST
 from .laws import error_at, geometric_mean
-
-if TYPE_CHECKING:
-    from ..planning.plan import Estimate
-    from ..scene import Scene
 
 # Factors within which times by runs of the scene, of other scenes, and of another machine are trusted, and errors.
 OWN, FOREIGN, ELSEWHERE = 1.4, 2.0, 3.0
@@ -201,23 +207,19 @@ class _Run:
         return round(self.unknowns * after / before)
 
 
-def predict(known: KnownLaws, estimate: Estimate) -> Prediction | str:
+def predict(known: KnownLaws, first: Estimate) -> Prediction | str:
     """Prediction of the run of a scene, or in words why it is not known. Not collective.
 
     Args:
         known: what studies tell of the scene.
-        estimate: cells and unknowns on its mesh, the first one where an accuracy is asked for.
+        first: cells and unknowns on its mesh, the first one where an accuracy is asked for.
 
     Raises:
         MeshError: a mesh cannot be made.
     """
-    from ..accuracy.coarse_runs import comparisons, on_coarser_mesh
-    from ..accuracy.errorbars import coarse_scenes
-    from ..simulation.assemble import has_error_bars
-
-    scene, last, path = known.scene, None, [_Run(known.scene, estimate.unknowns)]
+    scene, last, path = known.scene, None, [_Run(known.scene, first.unknowns)]
     if scene.numerics.accuracy is not None:
-        found = _search(known, estimate.unknowns)
+        found = _search(known, first.unknowns)
         if isinstance(found, str):
             return f"  final mesh, time and memory: not known: {found}"
         path, last = found
@@ -246,8 +248,6 @@ def _counted(scene: Scene) -> _Run:
 
 
 def _estimate(scene: Scene) -> Estimate:
-    from ..simulation.build import estimate
-
     made = estimate(scene).estimate
     assert made is not None
     return made
@@ -262,12 +262,8 @@ def first_mesh(scene: Scene) -> Estimate:
     Raises:
         MeshError: it cannot be made.
     """
-    from ..adaptive import balancing
-    from ..adaptive.refinement import COARSEST, coarse_sizes
-    from ..effects.plan import make_plan
-
     steady = scene.time is None
-    first = scene if steady else balancing.first(scene)
+    first = scene if steady else balance.first(scene)
     if scene.is_turbulent:
         return _estimate(_sized(scene, COARSEST))
     plan = make_plan(first)
@@ -279,9 +275,6 @@ def first_mesh(scene: Scene) -> Estimate:
 
 def _search(known: KnownLaws, unknowns: int) -> tuple[list[_Run], LastMesh] | str:
     """The meshes of a run to an accuracy that starts from so many unknowns, or why they are not known."""
-    from ..adaptive import balancing
-    from ..adaptive.refinement import COARSEST
-
     scene, numerics, time = known.scene, known.scene.numerics, known.scene.time
     if not isinstance(numerics.accuracy, float | int):
         return f"they hang on what decides the verdict; {LIMIT}"
@@ -294,7 +287,7 @@ def _search(known: KnownLaws, unknowns: int) -> tuple[list[_Run], LastMesh] | st
         return f"there is no law of errors for the load on a grain that moves; {LIMIT}"
     if time is not None and time.tolerance is not None:
         return f"there is no law of errors for steps that adapt; {LIMIT}"
-    first = balancing.first(scene) if time else _sized(scene, COARSEST)
+    first = balance.first(scene) if time else _sized(scene, COARSEST)
     error = known.errors(first).get(scene.accuracy_of)
     if error is None:
         return f"no error of the {scene.accuracy_of} is known for scenes of this kind; run `incipient cost SCENE`"
@@ -313,16 +306,11 @@ def _search(known: KnownLaws, unknowns: int) -> tuple[list[_Run], LastMesh] | st
 
 def _sized(scene: Scene, factor: float) -> Scene:
     """The scene with its cells larger by a factor, as far as they may be. Not collective."""
-    from ..accuracy.coarse_runs import changed
-
     return changed(scene, numerics={"mesh_size": min(factor * scene.numerics.mesh_size, LARGEST)})
 
 
 def _alike(first: _Run, known: KnownLaws, asked: float) -> tuple[list[_Run], bool]:
     """Meshes of turbulent flow, all cells smaller alike, until the estimate is small enough; whether it is."""
-    from ..accuracy.coarse_runs import COARSER_MESH
-    from ..adaptive.refinement import MOST_MESHES
-
     path = [first]
     while len(path) < MOST_MESHES:
         scene = _sized(path[-1].scene, 1.0 / COARSER_MESH)
@@ -336,9 +324,6 @@ def _alike(first: _Run, known: KnownLaws, asked: float) -> tuple[list[_Run], boo
 
 def _refined(first: _Run, excess: float) -> list[_Run]:
     """The first mesh of a steady flow and, where its error exceeds what is asked, the second, mostly the last."""
-    from ..accuracy.coarse_runs import changed
-    from ..adaptive.refinement import UNKNOWNS, next_order
-
     if excess <= 1.0:
         return [first]
     before = first.scene.order
@@ -351,13 +336,11 @@ def _refined(first: _Run, excess: float) -> list[_Run]:
 
 def _balanced(first: _Run, known: KnownLaws, asked: float) -> tuple[list[_Run], bool]:
     """Runs in time made finer as the search will choose them until the error is small enough; whether it is."""
-    from ..adaptive.balancing import AIM, MOST_RUNS, finer, refined
-
     path = [first]
     trial = _as_tried(path[-1], known)
-    while not (reaches := cast(float, trial.estimate) <= asked) and len(path) < MOST_RUNS:
+    while not (reaches := cast(float, trial.estimate) <= asked) and len(path) < balance.MOST_RUNS:
         last = path[-1].scene
-        scene = finer(last, refined(last, trial, AIM * asked))
+        scene = balance.finer(last, balance.refined(last, trial, balance.AIM * asked))
         meshed = (scene.numerics.mesh_size, scene.order)
         kept = meshed == (last.numerics.mesh_size, last.order)
         unknowns = path[-1].unknowns if kept else _counted(scene).unknowns
@@ -368,9 +351,6 @@ def _balanced(first: _Run, known: KnownLaws, asked: float) -> tuple[list[_Run], 
 
 def _as_tried(run: _Run, known: KnownLaws) -> Trial:
     """Error that a run will find: the step's part as by longer ones, the rest is the mesh's."""
-    from ..accuracy.coarse_runs import comparisons
-    from ..accuracy.discretisation import shares
-
     scene = run.scene
     of = scene.accuracy_of
     own, in_longer = (known.errors(one)[of].value for one in (scene, comparisons(scene)[0]))
@@ -381,7 +361,5 @@ def _as_tried(run: _Run, known: KnownLaws) -> Trial:
 
 def _compared_with(run: _Run) -> list[_Run]:
     """The runs in longer steps, the second in elements of one order more, that one in time is compared with."""
-    from ..accuracy.coarse_runs import comparisons
-
     longer, beside = comparisons(run.scene)
     return [_Run(longer, run.unknowns), _Run(beside, round(OTHER_ORDER * run.unknowns))]

@@ -9,17 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from ..scene import Surface
+from ..planning.flow_setup import Setup
+from ..results.result import Result
+from ..scene import Scene, Surface
 from ..scene.numerics import OF_WALLS
 from ..scene.surface import stations_of
-
-if TYPE_CHECKING:
-    from ..results.result import Result
-    from ..scene import Scene
 
 SMALLEST_COUPLE = 0.01  # of force times grain size: below it a couple's error is relative to that
 SMALLEST_TURN = 0.1  # the same for a turn, of the path in units of the grain's size
@@ -182,8 +180,6 @@ def peak(times: np.ndarray, values: np.ndarray) -> float:
 
 
 def _single(name: str, reference: Mapping[str, float], scene: Scene) -> ErrorNorm:
-    from ..planning.flow_setup import Setup
-
     of_walls = (*WALLS,)[0 if Setup(scene).walls.plane else 1]
     words = LINES | LINES_IN_SPACE | WALLS | {of_walls: OF_WALLS}
     said = words.get(name, name.replace("_", " "))

@@ -8,16 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..effects.plan import make_plan
 from ..errors import SceneError
 from ..planning.effects import EffectName
 from ..planning.plan import Plan
 from ..planning.tolerance import of_steady
-
-if TYPE_CHECKING:
-    from ..scene import Scene
+from ..scene import Scene
 
 OWN = "own"
 LOOSEST = 1e-3  # to which a tolerance is enlarged at the most

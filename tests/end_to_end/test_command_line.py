@@ -22,6 +22,8 @@ from incipient.cli import main
 from incipient.scene.file import load
 
 BLOCK_ON_INCLINE = CAVITY.parents[1] / "cases" / "block_on_incline.toml"
+ACCURATE = settings(numerics_accuracy=0.01)
+IN_TIME = ["--set", "time={end=10.0, step=0.1, start='steady'}"]
 COARSE = settings(numerics_mesh_size=4, numerics_order=2, numerics_error_bars=False)
 SMALL = settings(domain_length=12.0, domain_height=6.0, body_x=4.0)
 COUNTED = [
@@ -183,15 +185,17 @@ def test_threshold_leaves_the_results_of_the_run_alone(command, tmp_path):
     assert written == {f"results/grain_on_bed_threshold/{name}" for name in ("scene.toml", "threshold.json")}
 
 
-def test_plan_computes_nothing():
+@pytest.mark.parametrize(("accuracy", "time"), [([], []), (ACCURATE, []), (ACCURATE, IN_TIME)])
+def test_plan_computes_nothing(accuracy, time):
     code = (
         "import sys; from incipient.cli import main; assert main(sys.argv[1:]) == 0\n"
         "assert not {'dolfinx', 'petsc4py', 'ufl', 'pyvista', 'matplotlib'} & set(sys.modules)"
     )
-    arguments = [sys.executable, "-c", code, "plan", str(GRAIN_ON_BED)]
+    arguments = [sys.executable, "-c", code, "plan", str(GRAIN_ON_BED), *accuracy, *time]
     done = subprocess.run(arguments, env=environment(), capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
-    assert "yes  contact" in done.stdout and " no  unsteadiness" in done.stdout and "unknowns" in done.stdout
+    unsteady = "yes  unsteadiness" if time else " no  unsteadiness"
+    assert "yes  contact" in done.stdout and unsteady in done.stdout and "unknowns" in done.stdout
 
 
 @pytest.mark.parametrize(("scene", "values"), COUNTED)

@@ -8,8 +8,10 @@ from mpi4py import MPI
 
 from incipient.accuracy.coarse_runs import changed
 from incipient.accuracy.goal import Goal
-from incipient.adaptive.refinement import SMALLEST_GAP, Refinement, cheapest_order, with_less_of
-from incipient.adaptive.sizing import LARGEST, SMALLEST, STEEPEST, Shares, resized
+from incipient.adaptive.modelling import SMALLEST_GAP
+from incipient.adaptive.orders import STEEPEST, cheapest_order
+from incipient.adaptive.refinement import Refinement, with_less_of
+from incipient.adaptive.sizing import LARGEST, SMALLEST, Shares, resized
 from incipient.errors import SceneError
 from incipient.geometry.plane.curves import Line
 from incipient.meshes import Near, Region, SizeField, Sizes

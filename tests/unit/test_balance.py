@@ -18,10 +18,13 @@ from incipient.adaptive.balance import (
     Powers,
     Refined,
     cheapest,
+    finer,
+    first,
     halved,
     milder,
+    refined,
 )
-from incipient.adaptive.balancing import LEAST_WORK, Balancing, finer, first, refined
+from incipient.adaptive.balancing import LEAST_WORK, Balancing
 from incipient.progress import Silent
 from incipient.results.adaptation import Trial
 from incipient.scene import Scene, loads

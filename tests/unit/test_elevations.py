@@ -13,8 +13,7 @@ from incipient.accuracy.discretisation import by_coarser_runs
 from incipient.accuracy.goal import Goal, relative
 from incipient.accuracy.model_terms import has_no_far_sides
 from incipient.accuracy.waves import OF_FEW_STEPS, OF_STREAM, least_share
-from incipient.adaptive.balance import Parts, Powers, cheapest
-from incipient.adaptive.balancing import first
+from incipient.adaptive.balance import Parts, Powers, cheapest, first
 from incipient.adaptive.modelling import suited
 from incipient.effects.plan import make_plan
 from incipient.results.elevations import Elevations, Reading

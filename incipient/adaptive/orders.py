@@ -1,0 +1,51 @@
+"""The order and the cells of the next mesh of steady flow, from the error on the one before.
+
+Nothing here solves: what a run to an accuracy will come to is predicted with it, too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ..meshes import SizeField
+from ..planning.layout import Layout
+
+ORDERS = (2, 3, 4)
+UNKNOWNS = {  # per vertex of a large mesh, by the dimension and the order
+    2: {2: 9, 3: 22, 4: 41},
+    3: {2: 25, 3: 89, 4: 219},
+}
+GAIN = 0.1  # what one order more is expected to leave of the error on the same mesh
+COARSEST = 4.0  # the first mesh: its cells relative to those by default
+AIM = 0.6  # of the accuracy, so that the mesh expected to reach it does
+MOST_MESHES = 12
+STEEPEST = 0.35  # growth of sizes with distance
+
+
+def cheapest_order(order: int, excess: float, gdim: int = 2) -> int:
+    """The order, not below the given one, that is expected to need the fewest unknowns.
+
+    excess: the error in elements of the given order over the accuracy asked for. One order more on the same mesh is
+    expected to leave a tenth; what is then too much needs (error / accuracy)^(d/2k) times the unknowns in d dimensions.
+    """
+
+    def unknowns(k: int) -> float:
+        """Expected of elements of order k, relative."""
+        return UNKNOWNS[gdim][k] * max(1.0, excess * GAIN ** (k - order)) ** (0.5 * gdim / k)
+
+    return min((k for k in ORDERS if k >= order), key=unknowns)
+
+
+def next_order(order: int, excess: float, gdim: int = 2) -> tuple[int, float]:
+    """The order of the next mesh, and what its elements would leave on this one over the error aimed at.
+
+    excess: the error on this mesh, in elements of `order`, over the accuracy asked for
+    """
+    higher = cheapest_order(order, excess / AIM, gdim)
+    return higher, excess / AIM * GAIN ** (higher - order)
+
+
+def coarse_sizes(factor: float, field: SizeField | None, layout: Layout) -> Layout:
+    """Default cell sizes times `factor`, except in gaps and where `field` prescribes sizes."""
+    sizes = layout.sizes.coarsened(factor, STEEPEST)
+    return replace(layout, sizes=replace(sizes, field=field))
