@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 from ..planning.effects import Decision, EffectName
 from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers
+from ..planning.plan import Plan
+from ..results.left_out import Omission
+from ..results.loads import Couples, Forces
+from .run_part import RunPart, Solving, Stage
 
 if TYPE_CHECKING:
     from ..fluid import FlowModel
     from ..mesh.domain import Domain
-    from ..planning.plan import Plan
     from ..restart.checkpoint import Checkpoint
-    from ..results.left_out import Omission
-    from ..results.loads import Couples, Forces
-    from .run_part import RunPart, Solving, Stage
 
 
 @dataclass(frozen=True, eq=False)

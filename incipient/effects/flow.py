@@ -11,12 +11,12 @@ from ..planning.effects import Decision, EffectName
 from ..planning.flow_setup import Setup
 from ..planning.mean_profile import force_of_turbulence
 from ..planning.numbers import Numbers
+from ..planning.plan import Plan
 from ..scene import Scene
 from .effect import Effect
 
 if TYPE_CHECKING:
     from ..fluid import FlowModel
-    from ..planning.plan import Plan
 
 
 class FlowEffect(Effect):

@@ -16,13 +16,14 @@ from typing import TYPE_CHECKING, Any
 from ..planning.effects import SHARE, Decision, EffectName, accuracy_asked, moves, percent
 from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers
+from ..planning.plan import Plan
 from ..results.left_out import Omission
 from ..scene import Scene
 from .effect import Effect, Solved
+from .missing_term import weighted
 
 if TYPE_CHECKING:
     from ..fluid import FlowModel
-    from ..planning.plan import Plan
 
 OSEEN = 3.0 / 16.0
 
@@ -69,8 +70,6 @@ class InertiaEffect(Effect):
             how = "by Oseen's term, at most"
             yield Omission(self.name, decision.expected, how, False, remedy)
             return
-        from .missing_term import weighted
-
         yield weighted(solved, self.name, _convection, remedy)
 
 

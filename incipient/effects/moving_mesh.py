@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 from ..planning.effects import Decision, EffectName, moves
 from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers
+from ..planning.plan import Plan
 from ..scene import Scene
 from .effect import Effect
 
 if TYPE_CHECKING:
     from ..fluid import FlowModel
-    from ..planning.plan import Plan
 
 
 class MovingMeshEffect(Effect):

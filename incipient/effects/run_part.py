@@ -6,7 +6,11 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
+from ..geometry.placement import Placement
 from ..planning.effects import EffectName
+from ..planning.plan import Plan
+from ..progress import Silent
+from ..scene import Scene
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -16,13 +20,9 @@ if TYPE_CHECKING:
     from ..coupled.tractions import TractionProbe
     from ..fluid import FlowModel, Fluid, TimeStep, Transient
     from ..fluid.transient import Interface
-    from ..geometry.placement import Placement
     from ..mesh.domain import Domain
     from ..mesh.motion import MeshMotion
-    from ..planning.plan import Plan
-    from ..progress import Silent
     from ..restart.checkpoint import Checkpoint
-    from ..scene import Scene
 
 Stage = Callable[[str], AbstractContextManager[Any]]
 

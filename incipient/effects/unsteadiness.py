@@ -16,12 +16,13 @@ from typing import TYPE_CHECKING, Any
 from ..planning.effects import SHARE, Decision, EffectName, accuracy_asked, moves, percent
 from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers, time_of_change, wall_distance
+from ..planning.plan import Plan
 from ..results.left_out import Omission
 from .effect import Effect, Solved
+from .missing_term import weighted
 
 if TYPE_CHECKING:
     from ..fluid import FlowModel
-    from ..planning.plan import Plan
 
 # A cylinder in a stream sheds vortices from this Reynolds number on (Heil, Rosso, Hazel & Brøns 2017, J.
 # Fluid Mech. 812, 199; experiments: 47, Provansal, Mathis & Boyer 1987, J. Fluid Mech. 182, 1); close to a
@@ -77,8 +78,6 @@ class UnsteadinessEffect(Effect):
             how = "history force, pressure gradient and added mass, leading terms"
             yield Omission(self.name, decision.expected, how, False, remedy)
             return
-        from .missing_term import weighted
-
         before, rate, fluid = transient.past[0], run.fluid.velocity, run.fluid
         values, length = fluid.state.x.array - before.state, fluid.time - before.time
         rate.x.array[:] = values[fluid.space.velocity_map] / length

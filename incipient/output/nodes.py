@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from dolfinx.fem import Function
 
 from .. import compat
 from ..tables.rows import Numbered, Rows, compact
@@ -72,8 +73,6 @@ class QuadraticNodes:
     def _target(self, shape: tuple[int, ...]) -> tuple[Any, np.ndarray]:
         """A P2 function of a shape to interpolate into, and its space's cell-wise degrees of freedom."""
         if shape not in self._targets:
-            from dolfinx.fem import Function
-
             space = compat.space(self.mesh, ("Lagrange", 2), shape)
             self._targets[shape] = Function(space), compat.cell_dofs(space)
         return self._targets[shape]

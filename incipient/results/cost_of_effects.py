@@ -12,11 +12,11 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from ..planning.effects import EffectName
+from ..planning.plan import Plan
 from .timing import Ledger, Share
 
 if TYPE_CHECKING:
     from ..fluid.steady import Step
-    from ..planning.plan import Plan
 
 LINEAR_CORRECTIONS = 2  # of a time step
 

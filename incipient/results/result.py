@@ -14,17 +14,17 @@ from ..errors import SceneError
 from ..geometry.placement import Placement
 from ..planning.plan import Plan
 from ..scene import Scene
+from .adaptation import Adaptation
 from .cost_of_effects import cost_lines
 from .elevations import Elevations
 from .errorbars import ErrorBars, Loads, centreline_velocities
+from .left_out import Omission
 from .loads import Coefficients, Couples, Forces, Gap, loads_words
 from .si import si_lines
+from .steady import Steadied
 
 if TYPE_CHECKING:
     from ..mesh.sampling import Extremum
-    from .adaptation import Adaptation
-    from .left_out import Omission
-    from .steady import Steadied
     from .turbulence import WallReport
 
 SCHEMA_VERSION = 1

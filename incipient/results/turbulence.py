@@ -5,14 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from ..arrays import Floats
 from ..planning.wall_law import HIGHEST, LARGEST_SHARE, LOWEST, WallLaw
-
-if TYPE_CHECKING:
-    from ..arrays import Floats
 
 REATTACHES = "behind steps the model reattaches 15% too soon"  # as `benchmarks/turbulent_step.py` measures
 MOST_SPANS = 4  # along which the flow runs upstream, told in words

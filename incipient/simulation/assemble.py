@@ -11,24 +11,25 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..effects.effect import Solved
 from ..errors import IncipientError
 from ..evaluation.si_units import in_si
 from ..parallel import collectively
 from ..planning.effects import EffectName
+from ..planning.layout import Layout
 from ..planning.stabilisation import measured_cell_reynolds
 from ..results.errorbars import ErrorBars, Loads
+from ..results.left_out import Omission
 from ..results.loads import Gap
 from ..results.result import Result, Traction
 from ..results.timing import peak_memory_mib
 from ..scene import Scene
 from .loads import coefficients, judged, loads
+from .state import Run
 
 if TYPE_CHECKING:
     from ..contact import Contacts
     from ..mesh.domain import Domain
-    from ..planning.layout import Layout
-    from ..results.left_out import Omission
-    from .state import Run
 
 # What a result says of error bars that are still to come; a run that is stopped leaves it so.
 TO_COME = "not computed: the run goes on, or was stopped while they were"
@@ -158,9 +159,7 @@ def _error_bars(run: Run, result: Result, solve: Callable[[Scene], Loads]) -> tu
 
 
 def _omissions(run: Run, result: Result) -> tuple[Omission, ...]:
-    from ..effects.effect import Solved
     from ..effects.left_out import omissions
-    from ..results.left_out import Omission
 
     with run.stage("omitted effects"):
         try:

@@ -13,15 +13,17 @@ from ..arrays import Floats
 from ..errors import ConvergenceError
 from ..geometry.rest import lifted
 from ..geometry.space.terrain import Plane
+from ..planning.conditions import conditions
+from ..planning.flow_setup import Setup
 from ..results.errorbars import Loads
+from ..scene import Scene
+from .state import Run
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
     from ..fluid import Fluid
     from ..mesh.stretching import Box
-    from ..scene import Scene
-    from .state import Run
 
 # To what error the flows are solved: their differences are percents of the loads.
 TOLERANCE = 1e-5
@@ -104,8 +106,6 @@ class Beside:
         """Force and couple on the moved mesh."""
         from ..coupled.tractions import TractionProbe
         from ..fluid import Fluid
-        from ..planning.conditions import conditions
-        from ..planning.flow_setup import Setup
 
         run, places = self._run, self._run.domain.mesh.geometry.x
         before, fluid = places.copy(), run.fluid.coarse or run.fluid

@@ -13,6 +13,7 @@ from ..installed import memory_of_libraries, required
 from ..parallel import collectively
 from ..planning import expense, meshing
 from ..planning.cells import CLOSED
+from ..planning.conditions import conditions
 from ..planning.effects import EffectName
 from ..planning.flow_setup import Setup
 from ..planning.layout import Layout
@@ -68,7 +69,6 @@ def prepared(
         _load_libraries(comm, draws=checkpoint is None)
         from ..fluid import raised
         from ..mesh import domain
-        from ..planning.conditions import conditions
     voice.begin("mesh")
     with accounts.ledger.stage("mesh"):
         contacts = _contacts(setup, plan, accounts)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,9 +11,7 @@ from ..restart.checkpoint import Checkpoint, Progress
 from ..restart.redistribution import stored_flow, stored_mesh
 from ..scene.file import dumps
 from ..scene.order import with_order
-
-if TYPE_CHECKING:
-    from .state import Run
+from .state import Run
 
 
 def collected(run: Run) -> Checkpoint:

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..arrays import Floats, spatial
 from ..results.loads import Coefficients, Couples, Forces, apart
-
-if TYPE_CHECKING:
-    from ..scene import Scene
-    from .state import Run
+from ..scene import Scene
+from .state import Run
 
 
 def loads(run: Run, surface: bool, speed: float = 1.0) -> tuple[Forces, Couples]:

@@ -8,21 +8,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..effects import known
+from ..effects.run_part import RunPart
 from ..errors import IncipientError
 from ..fluid import Fluid, QuasiSteady, TimeStep, Transient
 from ..fluid.tolerance import of_steps
 from ..fluid.transient import Interface, Past
 from ..mesh import domain
+from ..planning import meshing
 from ..planning.effects import EffectName
 from ..planning.flow_setup import Setup
 from ..planning.tolerance import of_steady
+from .state import Run
 
 if TYPE_CHECKING:
     from ..coupled.coupling import Coupling
     from ..effects.moving_grain.part import MovingGrain
-    from ..effects.run_part import RunPart
     from ..restart.checkpoint import Checkpoint
-    from .state import Run
 
 
 class March:
@@ -133,7 +134,6 @@ class March:
     def _remesh(self, grain: MovingGrain, before: Coupling) -> None:
         """Mesh the fluid around the grain and carry everything over; the old mesh goes last."""
         from ..coupled.remeshing import carry_over
-        from ..planning import meshing
 
         run, transient = self._run, self.transient
         with run.accounts.ledger.stage("remeshing"):

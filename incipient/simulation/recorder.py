@@ -5,13 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
+from ..planning.plan import Plan
+from ..results.result import Result
+from ..scene import Scene
+from .state import Run
+
 if TYPE_CHECKING:
     from ..mesh.domain import Domain
-    from ..planning.plan import Plan
     from ..restart.checkpoint import Checkpoint
-    from ..results.result import Result
-    from ..scene import Scene
-    from .state import Run
 
 
 class Recorder(Protocol):

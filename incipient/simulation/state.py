@@ -7,10 +7,17 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, cast
 
+from ..effects.run_part import RunPart
 from ..planning.effects import EffectName
+from ..planning.flow_setup import Setup
+from ..planning.layout import Layout
+from ..planning.plan import Plan
 from ..progress import Silent
 from ..results.cost_of_effects import Corrections
+from ..results.elevations import Elevations
+from ..results.errorbars import Loads, Term
 from ..results.timing import Ledger
+from .steadiness import Steadiness
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -19,17 +26,10 @@ if TYPE_CHECKING:
     from ..coupled.tractions import TractionProbe
     from ..effects.free_surface.part import MovingSurface
     from ..effects.moving_grain.part import MovingGrain
-    from ..effects.run_part import RunPart
     from ..effects.turbulence.part import TurbulentFlow
     from ..fluid import Fluid, Transient
     from ..mesh.domain import Domain
-    from ..planning.flow_setup import Setup
-    from ..planning.layout import Layout
-    from ..planning.plan import Plan
-    from ..results.elevations import Elevations
-    from ..results.errorbars import Loads, Term
     from .march import March
-    from .steadiness import Steadiness
 
 
 @dataclass

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from ..effects.run_part import RunPart
 from ..planning.conditions import conditions
 from ..planning.effects import EffectName
 from ..planning.stabilisation import stabilisation_of
@@ -17,7 +18,6 @@ from .loads import loads
 from .state import Run
 
 if TYPE_CHECKING:
-    from ..effects.run_part import RunPart
     from ..fluid import Fluid
 
 # Reynolds number of the whole flow from which the continuation begins with a share of it.

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import ConvergenceError, IncipientError, Interrupted, OutputError
+from ..interrupt import Interruption
 from ..planning.conditions import conditions
 from ..planning.effects import EffectName, moves
 from ..results.loads import named, named_couple
@@ -17,11 +18,11 @@ from .build import flow_model
 from .loads import coefficients, judged, loads
 from .recorder import Recorder, record_fields
 from .state import Run
+from .steadiness import Steadiness
 from .steady import solve_steadily, solve_with_parts
 
 if TYPE_CHECKING:
     from ..fluid import TimeStep
-    from ..interrupt import Interruption
     from ..restart.checkpoint import Checkpoint
 
 
@@ -106,8 +107,6 @@ class TimeLoop:
         with stage if run.plan.has(EffectName.MOVING_MESH) else nullcontext():
             march, domain = March(run, self._checkpoint), run.domain
         if time.until_steady is not None:
-            from .steadiness import Steadiness
-
             run.watch(Steadiness(run.fluid, run.surface, run.scene.domain.height, time.until_steady))
         for step in self._timed(march.steps()):
             if run.domain is not domain:

@@ -13,6 +13,7 @@ from ..errors import SceneError
 from ..installed import required
 from ..parallel import collectively, ranks_there_are
 from ..progress import Silent
+from ..scene import Scene
 from .case_refinement import SweepRefinement
 from .cases import SweepCase
 from .expectation import Foresight, cores, free_memory_mib
@@ -23,7 +24,6 @@ from .store import Store
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from ..scene import Scene
 
 log = logging.getLogger("incipient")
 

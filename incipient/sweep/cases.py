@@ -14,10 +14,10 @@ from ..errors import SceneError
 from ..scene import Scene
 from ..scene.file import dumps, parse
 from ..scene.points import file_text
+from .axes import Settings
 
 if TYPE_CHECKING:
     from ..simulation.judge_case import Case as JudgedCase
-    from .axes import Settings
 
 TASKS = ("run", "threshold", "judge")
 SECTION = "sweep"

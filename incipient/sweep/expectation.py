@@ -7,14 +7,14 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ..errors import IncipientError
 from ..installed import memory_of_libraries
-
-if TYPE_CHECKING:
-    from ..scene import Scene
-    from .cases import SweepCase
+from ..meshes.expected import expected_cells
+from ..planning import meshing
+from ..planning.flow_setup import Setup
+from ..scene import Scene
+from .cases import SweepCase
 
 SHARE = 0.8  # of the memory that is free
 OF_JUDGE = 150.0  # MiB of a process that judges, measured
@@ -65,12 +65,9 @@ def _drawn(scene: Scene) -> str:
 def _cells(scene: Scene) -> float | None:
     """Expected number of cells of the mesh."""
     from ..effects.plan import make_plan
-    from ..planning import meshing
-    from ..planning.flow_setup import Setup
 
     with suppress(IncipientError, ImportError, OSError):
         layout = meshing.lay_out(Setup(scene), make_plan(scene))
-        from ..meshes.expected import expected_cells
 
         return sum(expected_cells(layout.shape, layout.sizes).values())
     return None

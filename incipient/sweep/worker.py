@@ -24,6 +24,8 @@ from typing import TYPE_CHECKING, Any
 from ..errors import IncipientError
 from ..files import plain
 from ..parallel import ranks_there_are, start_alone_quickly
+from ..results.timing import peak_memory_mib
+from ..scene import loads
 from .store import CaseOutcome
 
 if TYPE_CHECKING:
@@ -84,8 +86,6 @@ def computed_by_group(task: str, text: str) -> CaseOutcome:
 
 def computed(task: str, text: str, comm: MPI.Comm) -> CaseOutcome:
     """Compute a case; one that fails with an error for users has its line as the reason. Collective."""
-    from ..results.timing import peak_memory_mib
-
     began, processor = time.perf_counter(), _processor_time()
     _forget_peak()
     result, reason, versions = None, "", _versions(task)
@@ -104,7 +104,6 @@ def computed(task: str, text: str, comm: MPI.Comm) -> CaseOutcome:
 
 
 def _run(text: str, comm: MPI.Comm) -> dict[str, Any]:
-    from ..scene import loads
     from ..simulation.simulate import simulate
 
     scene = loads(text)
@@ -117,7 +116,6 @@ def _run(text: str, comm: MPI.Comm) -> dict[str, Any]:
 
 def _threshold(text: str, comm: MPI.Comm) -> dict[str, Any]:
     from ..critical.threshold import find_threshold
-    from ..scene import loads
 
     return find_threshold(loads(text), comm).to_dict()
 

@@ -9,15 +9,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...planning.effects import Decision, EffectName, percent
+from ...planning.expense import memory_of_surface
 from ...planning.flow_setup import Setup
 from ...planning.numbers import Numbers
+from ...planning.open_channel import froude, near_critical, wave_of
 from ...results.left_out import Omission
 from ...scene.open_channel import STREAMS
 from ..effect import Effect, Solved
+from ..run_part import Solving, Stage
 
 if TYPE_CHECKING:
     from ...restart.checkpoint import Checkpoint
-    from ..run_part import Solving, Stage
     from .part import MovingSurface
 
 
@@ -48,8 +50,6 @@ class FreeSurfaceEffect(Effect):
 
     def warnings(self, setup: Setup) -> Iterator[str]:
         """A flow that is nearly critical."""
-        from ...planning.open_channel import near_critical
-
         yield from filter(None, (near_critical(setup),))
 
     def part_in_time(self, setup: Setup, stage: Stage, kept: Checkpoint | None) -> MovingSurface | None:
@@ -65,8 +65,6 @@ class FreeSurfaceEffect(Effect):
         scene = setup.scene
         if scene.gdim == 2 or not scene.has_surface:
             return 0.0
-        from ...planning.expense import memory_of_surface
-
         return memory_of_surface(unknowns, scene.time is not None and scene.time.start != "rest")
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
@@ -89,8 +87,6 @@ def _ends(setup: Setup) -> str:
     """What a channel with a free surface has at its ends; empty for a box."""
     if setup.geometry.domain.kind == "box":
         return ""
-    from ...planning.open_channel import froude, wave_of
-
     asked, speed, wave = setup.surface, froude(setup), wave_of(setup)
     told = f"; Froude number {speed:.2g}" if speed else ""
     told += f"; the level is {'the still one' if speed >= 1.0 else 'free'} at the inflow, "

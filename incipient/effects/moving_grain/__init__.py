@@ -10,10 +10,10 @@ from ...planning.flow_setup import Setup
 from ...planning.numbers import Numbers
 from ...results.left_out import Omission
 from ..effect import Effect, Solved
+from ..run_part import Stage
 
 if TYPE_CHECKING:
     from ...restart.checkpoint import Checkpoint
-    from ..run_part import Stage
     from .part import MovingGrain
 
 

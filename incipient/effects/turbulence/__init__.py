@@ -7,15 +7,16 @@ from typing import TYPE_CHECKING
 
 from ...errors import SceneError
 from ...planning.effects import Decision, EffectName
+from ...planning.expense import memory_of_turbulence
 from ...planning.flow_setup import Setup
 from ...planning.numbers import Numbers
 from ...results.left_out import Omission
 from ..effect import Effect, Solved
+from ..run_part import Stage
 from .transition import REMEDY, transition, turbulent_from
 
 if TYPE_CHECKING:
     from ...mesh.domain import Domain
-    from ..run_part import Stage
     from .part import TurbulentFlow
 
 
@@ -78,8 +79,6 @@ class TurbulenceEffect(Effect):
         """MiB of k and epsilon in space."""
         if setup.scene.gdim == 2 or not setup.scene.is_turbulent:
             return 0.0
-        from ...planning.expense import memory_of_turbulence
-
         return memory_of_turbulence(unknowns)
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
