@@ -16,14 +16,13 @@ from ..files import plain, reported
 from ..planning.plan import Plan
 from ..scene import Scene
 from ..scene.example import grain_on_bed
-from ..simulation.build import estimate
 from . import calibration, markdown
 from .comparison import Compared
 from .frontier import percent
 from .ladder import Spread, ladder, spread
 from .measurement import measure, quicker
 from .prediction import Prediction, first_mesh, known_laws, predict
-from .solvers import named
+from .solvers import SolverOptions
 from .study import Study, findings, run_ladder
 
 Say = Callable[[str], None]
@@ -56,7 +55,7 @@ def chosen(scene: Scene, quick: bool, **lists: Sequence[Any] | None) -> Spread:
         raise SceneError("--steps: the scene is steady; leave it out")
     given = {name: tuple(values) for name, values in lists.items() if values is not None}
     if "solvers" in given:
-        given["solvers"] = named(scene, given["solvers"])
+        given["solvers"] = SolverOptions(scene).named(given["solvers"])
     return Spread(**{**vars(usual), **given})
 
 
@@ -122,8 +121,7 @@ def predicted_plan(scene: Scene, directory: Path | None = None) -> PredictedPlan
     known = known_laws(scene, directory)
     cheaper = () if known is None else tuple(known.cheaper())
     try:
-        estimated = estimate(scene).estimate if scene.numerics.accuracy is None else first_mesh(scene)
-        assert estimated is not None
+        estimated = first_mesh(scene)
         expected = UNKNOWN if known is None else predict(known, estimated)
         return PredictedPlan(plan.with_estimate(estimated), expected, cheaper, price_of_bars(scene))
     except MissingError as error:

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 
 from ..errors import SceneError
 from ..scene import Scene
-from . import solvers
 from .measurement import Variant
+from .solvers import SolverOptions
 
 RATIO = math.sqrt(2.0)  # of cell sizes from one variant to the next
 UNEQUAL = 1.02  # ratios that differ by more are not the same
@@ -98,14 +98,14 @@ def ladder(scene: Scene, spread: Spread) -> Ladder:
         SceneError: a solver option does not suit the scene.
     """
     plain = _solved_as_is(scene, spread)
-    at, ways = plain.variants, solvers.named(scene, spread.solvers or ())
+    at, ways = plain.variants, SolverOptions(scene).named(spread.solvers or ())
     if spread.solvers is None:
         at = plain.cheap
-        ways = tuple(dict.fromkeys(way for variant in at for way in solvers.usual(variant.of(scene))))
+        ways = tuple(dict.fromkeys(way for variant in at for way in SolverOptions(variant.of(scene)).usual))
     found: list[Variant] = []
     for variant in plain.variants:
         # What "auto" decides may hang on the cells.
-        others = [way for way in ways if variant in at and solvers.differs(way, variant.of(scene))]
+        others = [way for way in ways if variant in at and SolverOptions(variant.of(scene)).differs(way)]
         found += [variant, *(replace(variant, solver=way) for way in others)]
     return replace(plain, variants=tuple(found))
 

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..files import write_json, write_text_atomically
-from ..scene import Scene
-from . import calibration, frontier, solvers
+from . import calibration, frontier
 from .comparison import Compared
 from .frontier import CostLaw, percent, seconds
 from .measurement import ENOUGH, MeasuredRun
+from .solvers import SolverOptions, said
 from .study import Study, doubt, findings, to_dict
 
 
@@ -93,17 +93,18 @@ def _solvers(study: Study) -> list[str]:
     found = study.solvers()
     if not found:
         return []
-    rows = [_solver_row(one, study.scene) for one in found]
+    able = SolverOptions(study.scene)
+    rows = [_solver_row(one, able) for one in found]
     numbers = ["time at equal errors", "time", "error", "change", "memory", "corrections", "factorisations"]
     table = _table(["solver option", *numbers, "what it is", "set by"], rows, left=(8, 9))
     return [_said_of_solvers(study), table]
 
 
-def _solver_row(one: Compared, scene: Scene) -> list[str]:
+def _solver_row(one: Compared, able: SolverOptions) -> list[str]:
     found = (one.time_at_error, one.time, one.error, one.memory, one.newton, one.factorisations)
     ratios = [_ratio(value) for value in found]
-    set_by = "; ".join(f"`{setting}`" for setting in solvers.settings(one.solver, scene))
-    return [one.solver, *ratios[:3], percent(one.change), *ratios[3:], solvers.said(one.solver), set_by]
+    set_by = "; ".join(f"`{setting}`" for setting in able.settings(one.solver))
+    return [one.solver, *ratios[:3], percent(one.change), *ratios[3:], said(one.solver), set_by]
 
 
 def _said_of_solvers(study: Study) -> str:
@@ -115,7 +116,7 @@ def _said_of_solvers(study: Study) -> str:
     if better:
         best = f"Cheaper at equal errors, by a tenth on the whole and on every variant: {', '.join(better)}."
     return (
-        f"**Solver options** beside the scene's own ({solvers.own(study.scene)}), {where}. Time (without that of "
+        f"**Solver options** beside the scene's own ({SolverOptions(study.scene).own}), {where}. Time (without that of "
         'starting), error, memory, Newton\'s corrections and factorisations are relative to its own; "-": error not '
         "to be told apart from the reference's, or nothing to count. At equal errors: by how error and time go "
         "together on these variants. The change is the largest relative difference between the numbers of both. "

@@ -22,8 +22,9 @@ from ..scene import Scene, loads
 from ..scene.file import dumps
 from ..simulation.recorder import Unrecorded
 from ..simulation.simulate import simulate
-from . import process, solvers
-from .quantities import quantities
+from . import process
+from .quantities import ComparedNumbers
+from .solvers import SolverOptions, options
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -36,7 +37,7 @@ ENOUGH = 5.0  # processor time [s] after which a run is not made again
 class Variant:
     """Resolution: order of the velocity, factor on cell sizes, time step (None: steady); and how it is solved.
 
-    solver: one of the ways of `solvers`, empty for the scene's own
+    solver: words of `solvers`, empty for the scene's own
     """
 
     order: int
@@ -63,17 +64,16 @@ class Variant:
         Raises:
             SceneError: the scene cannot be computed so.
         """
-        numerics = {"order": self.order, "mesh_size": self.mesh_size, "geometry_order": None}
-        sections: dict[str, dict[str, Any]] = {"numerics": {**numerics, "error_bars": False}}
         # An accuracy asked for would choose the mesh itself.
-        for name in ("accuracy", "accuracy_includes", "budget_seconds", "budget_mib"):
-            if name in type(scene.numerics).model_fields:
-                sections["numerics"][name] = type(scene.numerics).model_fields[name].default
-        sections["output"] = {"fields": False, "pictures": False, "every": 0, "checkpoint": 0}
+        chosen = ("accuracy", "accuracy_includes", "budget_seconds", "budget_mib", "geometry_order")
+        numerics: dict[str, Any] = {name: type(scene.numerics).model_fields[name].default for name in chosen}
+        numerics |= {"order": self.order, "mesh_size": self.mesh_size, "error_bars": False}
+        output = {"fields": False, "pictures": False, "every": 0, "checkpoint": 0}
+        sections: dict[str, dict[str, Any]] = {"numerics": numerics, "output": output}
         if self.step is not None:
             # A step that adapts itself would not be the variant's.
             sections["time"] = {"step": self.step, "tolerance": None}
-        for name, keys in solvers.sections(self.solver, scene).items():
+        for name, keys in SolverOptions(scene).sections(self.solver).items():
             sections[name] = sections.get(name, {}) | keys
         return changed(scene, **sections)
 
@@ -157,7 +157,7 @@ def _once(scene: Scene, variant: Variant) -> tuple[MeasuredRun, bool]:
     command = [sys.executable, "-P", "-m", "incipient.cost.measurement"]
     # In a session of its own: an interrupt is this process's to deal with.
     used = process.run(
-        command, process.environment_of_one_rank(solvers.options(variant.solver)), given=text, apart=True
+        command, process.environment_of_one_rank(options(variant.solver)), given=text, apart=True
     )
     if used.exit_code != 0:
         return MeasuredRun(
@@ -220,7 +220,7 @@ def computed(scene: Scene, comm: MPI.Comm) -> dict[str, Any]:
         "cells": result.cost["cells"],
         "unknowns": result.cost["unknowns"],
         "counts": vars(Counts.of(counted)),
-        "found": quantities(scene, result, recorder.rows),
+        "found": ComparedNumbers(scene).of_run(result, recorder.rows),
         "compiling": compilers.ru_utime + compilers.ru_stime,
     }
 

@@ -18,7 +18,7 @@ from ..accuracy.discretisation import shares
 from ..accuracy.errorbars import coarse_scenes
 from ..adaptive import balance
 from ..adaptive.orders import COARSEST, MOST_MESHES, UNKNOWNS, coarse_sizes, next_order
-from ..effects.plan import make_plan
+from ..effects.plan import plan_of
 from ..planning import expense, meshing
 from ..planning.flow_setup import Setup
 from ..planning.plan import Estimate
@@ -27,11 +27,12 @@ from ..scene import Scene
 from ..scene.numerics import OF_SURFACE, OF_WALLS
 from ..simulation.assemble import has_error_bars
 from ..simulation.build import estimate
-from . import calibration, solvers
+from . import calibration
 from .calibration import Findings
 from .frontier import percent, seconds
 from .ladder import LARGEST
 from .laws import error_at, geometric_mean
+from .solvers import SolverOptions
 
 # Factors within which times by runs of the scene, of other scenes, and of another machine are trusted, and errors.
 OWN, FOREIGN, ELSEWHERE = 1.4, 2.0, 3.0
@@ -87,13 +88,12 @@ class KnownLaws:
 
     def cheaper(self) -> list[str]:
         """Solver options that the last of the studies found to be cheaper than the scene's, in words."""
-        last = self.findings[-1]
+        last, able = self.findings[-1], SolverOptions(self.scene)
         study = "the last study" if self.own else f'the study of "{last.title}"'
         return [
-            f"{' with '.join(solvers.settings(way, self.scene))} took {share:.2g} of the time at the same error "
-            f"in {study}"
+            f"{' with '.join(able.settings(way))} took {share:.2g} of the time at the same error in {study}"
             for way, share in sorted(last.cheaper.items(), key=lambda one: one[1])
-            if solvers.differs(way, self.scene)
+            if able.differs(way)
         ]
 
 
@@ -244,33 +244,30 @@ def predict(known: KnownLaws, first: Estimate) -> Prediction | str:
 
 def _counted(scene: Scene) -> _Run:
     """A scene with its unknowns, by making its mesh."""
-    return _Run(scene, _estimate(scene).unknowns)
-
-
-def _estimate(scene: Scene) -> Estimate:
     made = estimate(scene).estimate
     assert made is not None
-    return made
-
-
-# -- to an accuracy -----------------------------------------------------------------------------------------
+    return _Run(scene, made.unknowns)
 
 
 def first_mesh(scene: Scene) -> Estimate:
-    """Cells, unknowns and memory on the first mesh of a run to an accuracy, by making it. Not collective.
+    """Cells, unknowns and memory on the mesh of a run, the first one to an accuracy, by making it. Not collective.
 
     Raises:
         MeshError: it cannot be made.
     """
+    if scene.numerics.accuracy is None or scene.is_turbulent:
+        made = estimate(scene if scene.numerics.accuracy is None else _sized(scene, COARSEST)).estimate
+        assert made is not None
+        return made
     steady = scene.time is None
-    first = scene if steady else balance.first(scene)
-    if scene.is_turbulent:
-        return _estimate(_sized(scene, COARSEST))
-    plan = make_plan(first)
-    layout = meshing.lay_out(Setup(first), plan)
-    return expense.count(
-        coarse_sizes(COARSEST, None, layout) if steady else layout, plan.order, steady, plan.solver.name
-    )
+    setup = Setup(scene if steady else balance.first(scene))
+    plan = plan_of(setup)
+    layout = meshing.lay_out(setup, plan)
+    sized = coarse_sizes(COARSEST, None, layout) if steady else layout
+    return expense.count(sized, plan.order, steady, plan.solver.name)
+
+
+# -- to an accuracy -----------------------------------------------------------------------------------------
 
 
 def _search(known: KnownLaws, unknowns: int) -> tuple[list[_Run], LastMesh] | str:

@@ -10,9 +10,7 @@ from pathlib import Path
 
 from ..errors import OutputError
 from ..files import append_row, reported, write_text_atomically
-from ..scene import Scene
 from .measurement import Counts, MeasuredRun, Variant
-from .quantities import columns
 
 Key = tuple[int, str, str, str]
 
@@ -20,17 +18,17 @@ TABLE = "cost.csv"
 SOLVER, AFTER = "solver", "step"  # a column that files of earlier versions lack, and that before it
 
 
-def append(scene: Scene, run: MeasuredRun, directory: Path) -> None:
+def append(columns: Sequence[str], run: MeasuredRun, directory: Path) -> None:
     """Add a run to the file in a directory. Not collective.
 
     Raises:
         OutputError: it cannot be written.
     """
-    append_row(directory / TABLE, row_of(scene, run))
+    append_row(directory / TABLE, row_of(columns, run))
 
 
-def row_of(scene: Scene, run: MeasuredRun) -> dict[str, float | int | str]:
-    """A run as a row; what a failed run lacks is empty."""
+def row_of(columns: Sequence[str], run: MeasuredRun) -> dict[str, float | int | str]:
+    """A run as a row, with its numbers in `columns`; what a failed run lacks is empty."""
     good, (order, mesh_size, step, solver) = not run.failed, run.variant.key
     row: dict[str, float | int | str] = {
         "order": order,
@@ -46,10 +44,10 @@ def row_of(scene: Scene, run: MeasuredRun) -> dict[str, float | int | str]:
         "unknowns": run.unknowns if good else "",
     }
     row |= {name: count if good else "" for name, count in vars(run.counts).items()}
-    return row | {name: repr(run.found[name]) if good else "" for name in columns(scene)}
+    return row | {name: repr(run.found[name]) if good else "" for name in columns}
 
 
-def known_runs(scene: Scene, directory: Path) -> dict[Key, MeasuredRun]:
+def known_runs(columns: Sequence[str], directory: Path) -> dict[Key, MeasuredRun]:
     """The runs in the file of a directory, by the keys of their variants. Not collective.
 
     Half a row at its end, of a writer that was killed, is cut off. In a file of an earlier version all runs were
@@ -68,13 +66,13 @@ def known_runs(scene: Scene, directory: Path) -> dict[Key, MeasuredRun]:
             os.truncate(path, whole)
     try:
         rows = csv.DictReader(text[:whole].decode().splitlines())
-        runs = [_run_of(scene, row) for row in rows]
+        runs = [_run_of(columns, row) for row in rows]
     except (KeyError, ValueError, TypeError) as error:
         raise OutputError(f"{path}: cannot be understood ({error}); delete it to begin anew") from error
     return {run.variant.key: run for run in runs}
 
 
-def _run_of(scene: Scene, row: Mapping[str, str]) -> MeasuredRun:
+def _run_of(columns: Sequence[str], row: Mapping[str, str]) -> MeasuredRun:
     step = float(row[AFTER]) if row[AFTER] else None
     variant = Variant(int(row["order"]), float(row["mesh_size"]), step, row.get(SOLVER, ""))
     spent = float(row["wall [s]"]), float(row["processor [s]"])
@@ -88,7 +86,7 @@ def _run_of(scene: Scene, row: Mapping[str, str]) -> MeasuredRun:
         cells=int(row["cells"]),
         unknowns=int(row["unknowns"]),
         counts=Counts.of(row),
-        found={name: float(row[name]) for name in columns(scene)},
+        found={name: float(row[name]) for name in columns},
     )
 
 

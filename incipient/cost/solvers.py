@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from ..effects.plan import make_plan
@@ -42,36 +43,6 @@ class Solver:
     looser: float = 1.0
     laminar: bool = False
     steady: bool = False
-
-    def applies(self, scene: Scene, plan: Plan) -> bool:
-        """Whether it means anything for a scene with its plan."""
-        iterates = plan.has(EffectName.INERTIA) or scene.time is not None
-        excluded = (self.laminar and scene.is_turbulent) or (self.steady and scene.time is not None)
-        return all(map(plan.has, self.needs)) and not excluded and (iterates or self.looser == 1.0)
-
-    def sections(self, scene: Scene) -> Sections:
-        """The keys, by section, that this option changes in a scene."""
-        numerics = {**self.numerics, **(self._tolerances(scene) if self.looser > 1.0 else {})}
-        sections = {"numerics": numerics, "time": dict(self.time)}
-        return {name: keys for name, keys in sections.items() if keys}
-
-    def _tolerances(self, scene: Scene) -> dict[str, float]:
-        """The tolerances that end the iterations, enlarged, by key."""
-        moves = scene.has_surface or (scene.body is not None and scene.body.moves)
-        names = ("tolerance", "interface_tolerance") if moves else ("tolerance",)
-        given = {name: of_steady(getattr(scene.numerics, name)) for name in names}
-        return {name: max(value, min(self.looser * value, LOOSEST)) for name, value in given.items()}
-
-    def is_own(self, scene: Scene, plan: Plan) -> bool:
-        """Whether the scene is solved so anyway."""
-        if "stabilisation" in self.numerics:
-            return plan.stabilisation.present == (self.numerics["stabilisation"] == "on")
-        same = (
-            getattr(getattr(scene, name), key) == value
-            for name, keys in self.sections(scene).items()
-            for key, value in keys.items()
-        )
-        return not self.petsc and all(same)
 
 
 CONVECTION, TIME = (EffectName.INERTIA,), (EffectName.UNSTEADINESS,)
@@ -109,60 +80,113 @@ USUAL_STEADY = ("chords", "loose", "umfpack", "stabilised", "unstabilised")
 USUAL_IN_TIME = ("implicit", "extrapolated", "bdf1", "bdf2", "loose")
 
 
-def usual(scene: Scene) -> tuple[str, ...]:
-    """The solver options worth comparing with a scene's own. Not collective."""
-    words, able = USUAL_STEADY if scene.time is None else USUAL_IN_TIME, others(scene)
-    return tuple(word for word in words if word in able and (word != "umfpack" or _has_umfpack()))
+@dataclass(frozen=True, eq=False)
+class SolverOptions:
+    """The solver options of a scene: those that mean something for it, and what they change. None is collective."""
 
+    scene: Scene
 
-def others(scene: Scene) -> tuple[str, ...]:
-    """The words that change how a scene is solved. Not collective."""
-    plan = make_plan(scene)
-    return tuple(
-        word for word, one in WORDS.items() if one.applies(scene, plan) and not one.is_own(scene, plan)
-    )
+    @cached_property
+    def plan(self) -> Plan:
+        """The plan of the scene."""
+        return make_plan(self.scene)
 
+    @cached_property
+    def others(self) -> tuple[str, ...]:
+        """The words that change how the scene is solved."""
+        return tuple(word for word, one in WORDS.items() if self._applies(one) and not self._is_own(one))
 
-def named(scene: Scene, asked: Sequence[str]) -> tuple[str, ...]:
-    """The solver options asked for, each once, without what the scene does anyway on whatever mesh.
+    @property
+    def usual(self) -> tuple[str, ...]:
+        """The solver options worth comparing with the scene's own."""
+        words = USUAL_STEADY if self.scene.time is None else USUAL_IN_TIME
+        return tuple(word for word in words if word in self.others and (word != "umfpack" or _has_umfpack()))
 
-    Raises:
-        SceneError: a word is not known, means nothing for the scene, or contradicts another.
-    """
-    found = ("+".join(_words(scene, name)) for name in asked if name != OWN)
-    return tuple(dict.fromkeys(solver for solver in found if solver))
+    def named(self, asked: Sequence[str]) -> tuple[str, ...]:
+        """The solver options asked for, each once, without what the scene does anyway on whatever mesh.
 
+        Raises:
+            SceneError: a word is not known, means nothing for the scene, or contradicts another.
+        """
+        found = ("+".join(self._words(name)) for name in asked if name != OWN)
+        return tuple(dict.fromkeys(solver for solver in found if solver))
 
-def _words(scene: Scene, name: str) -> Iterator[str]:
-    """The words of a solver option in the order of `WORDS`, without those of what the scene does anyway."""
-    words, able = name.split("+"), others(scene)
-    plan, settled = make_plan(scene), set[str]()
-    for word in words:
-        one = WORDS.get(word)
-        if one is None or not one.applies(scene, plan):
-            why = "is not known" if one is None else "changes nothing in this scene"
-            raise SceneError(f"--solvers: {word} {why}; give some of: {', '.join((OWN, *able))}")
-        keys = {option.split()[0] for option in [one.petsc] if option}
-        keys |= {key for section in one.sections(scene).values() for key in section}
-        if keys & settled:
-            raise SceneError(f"--solvers: {name} contradicts itself; join words for different settings only")
-        settled |= keys
-    # Whether a scene is stabilised may hang on its cells.
-    kept = {*able, *(word for word in words if "stabilisation" in WORDS[word].numerics)}
-    yield from (word for word in WORDS if word in words and word in kept)
+    def differs(self, solver: str) -> bool:
+        """Whether a solver option is another than the scene's own."""
+        return bool(set(solver.split("+")) & set(self.others))
 
+    def sections(self, solver: str) -> Sections:
+        """Keys that a solver option changes in the scene, by section."""
+        merged: Sections = {}
+        for name, keys in (part for one in _solvers(solver) for part in self._sections(one).items()):
+            merged[name] = merged.get(name, {}) | keys
+        return merged
 
-def differs(solver: str, scene: Scene) -> bool:
-    """Whether a solver option is another than the scene's own. Not collective."""
-    return bool(set(solver.split("+")) & set(others(scene)))
+    def settings(self, solver: str) -> list[str]:
+        """Settings by which a user chooses a solver option: keys of the scene, and the environment."""
+        changed = self.sections(solver)
+        keys = [f"{name}.{key} = {_toml(value)}" for name in changed for key, value in changed[name].items()]
+        return [*keys, *([f'PETSC_OPTIONS="{options(solver)}"'] if options(solver) else [])]
 
+    @property
+    def own(self) -> str:
+        """The solver option of the scene itself, in words."""
+        solved = f"{self.plan.scheme}, {self.plan.convection} convection"
+        if self.scene.time is None:
+            newton = "Newton's method, LU factorisation kept for GMRES"
+            solved = newton if self.plan.has(EffectName.INERTIA) else "one linear system"
+        return f"{solved}, stabilised" if self.plan.stabilisation.present else solved
 
-def sections(solver: str, scene: Scene) -> Sections:
-    """Keys that a solver option changes in a scene, by section."""
-    merged: Sections = {}
-    for name, keys in (part for one in _solvers(solver) for part in one.sections(scene).items()):
-        merged[name] = merged.get(name, {}) | keys
-    return merged
+    def _words(self, name: str) -> Iterator[str]:
+        """The words of a solver option in the order of `WORDS`, without those of what the scene does anyway."""
+        words, settled = name.split("+"), set[str]()
+        for word in words:
+            one = WORDS.get(word)
+            if one is None or not self._applies(one):
+                why = "is not known" if one is None else "changes nothing in this scene"
+                some = ", ".join((OWN, *self.others))
+                raise SceneError(f"--solvers: {word} {why}; give some of: {some}")
+            keys = {option.split()[0] for option in [one.petsc] if option}
+            keys |= {key for section in self._sections(one).values() for key in section}
+            if keys & settled:
+                raise SceneError(
+                    f"--solvers: {name} contradicts itself; join words for different settings only"
+                )
+            settled |= keys
+        # Whether a scene is stabilised may hang on its cells.
+        kept = {*self.others, *(word for word in words if "stabilisation" in WORDS[word].numerics)}
+        yield from (word for word in WORDS if word in words and word in kept)
+
+    def _applies(self, one: Solver) -> bool:
+        """Whether an option means anything for the scene."""
+        scene, has = self.scene, self.plan.has
+        iterates = has(EffectName.INERTIA) or scene.time is not None
+        excluded = (one.laminar and scene.is_turbulent) or (one.steady and scene.time is not None)
+        return all(map(has, one.needs)) and not excluded and (iterates or one.looser == 1.0)
+
+    def _is_own(self, one: Solver) -> bool:
+        """Whether the scene is solved so anyway."""
+        if "stabilisation" in one.numerics:
+            return self.plan.stabilisation.present == (one.numerics["stabilisation"] == "on")
+        same = (
+            getattr(getattr(self.scene, name), key) == value
+            for name, keys in self._sections(one).items()
+            for key, value in keys.items()
+        )
+        return not one.petsc and all(same)
+
+    def _sections(self, one: Solver) -> Sections:
+        """The keys, by section, that an option changes in the scene."""
+        numerics = {**one.numerics, **(self._tolerances(one.looser) if one.looser > 1.0 else {})}
+        return {name: keys for name, keys in (("numerics", numerics), ("time", dict(one.time))) if keys}
+
+    def _tolerances(self, looser: float) -> dict[str, float]:
+        """The tolerances that end the iterations, enlarged, by key."""
+        scene = self.scene
+        moves = scene.has_surface or (scene.body is not None and scene.body.moves)
+        names = ("tolerance", "interface_tolerance") if moves else ("tolerance",)
+        given = {name: of_steady(getattr(scene.numerics, name)) for name in names}
+        return {name: max(value, min(looser * value, LOOSEST)) for name, value in given.items()}
 
 
 def options(solver: str) -> str:
@@ -173,24 +197,6 @@ def options(solver: str) -> str:
 def said(solver: str) -> str:
     """A solver option in words."""
     return ", ".join(one.said for one in _solvers(solver))
-
-
-def settings(solver: str, scene: Scene) -> list[str]:
-    """Settings by which a user chooses a solver option: keys of the scene, and the environment."""
-    changed = sections(solver, scene)
-    keys = [f"{name}.{key} = {_toml(value)}" for name in changed for key, value in changed[name].items()]
-    return [*keys, *([f'PETSC_OPTIONS="{options(solver)}"'] if options(solver) else [])]
-
-
-def own(scene: Scene) -> str:
-    """The solver option of the scene itself, in words."""
-    plan = make_plan(scene)
-    solved = f"{plan.scheme}, {plan.convection} convection"
-    if scene.time is None and plan.has(EffectName.INERTIA):
-        solved = "Newton's method, LU factorisation kept for GMRES"
-    elif scene.time is None:
-        solved = "one linear system"
-    return f"{solved}, stabilised" if plan.stabilisation.present else solved
 
 
 def _solvers(solver: str) -> list[Solver]:

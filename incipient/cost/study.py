@@ -26,7 +26,7 @@ from .frontier import CostLaw, Reference, percent, seconds
 from .ladder import Ladder
 from .laws import ErrorLaw, fitted_errors, fitted_time, geometric_mean
 from .measurement import JudgedRun, MeasuredRun, Variant
-from .quantities import ErrorNorm, columns, goals
+from .quantities import ComparedNumbers, ErrorNorm
 from .records import TABLE, append, completed, known_runs
 
 LEAST_WORK = 1.05  # times its start: what the shortest run takes
@@ -91,19 +91,20 @@ def run_ladder(scene: Scene, ladder: Ladder, directory: Path, measure: Measure, 
         OutputError: the directory holds the ladder of another scene, or cannot be written.
         ConvergenceError: too few runs succeeded.
     """
-    if not columns(scene):
+    columns = ComparedNumbers(scene).columns
+    if not columns:
         raise SceneError("cost: the scene gives no number to compare")
     prepare(scene, directory)
-    done, wanted = known_runs(scene, directory), [*ladder.variants, ladder.reference]
+    done, wanted = known_runs(columns, directory), [*ladder.variants, ladder.reference]
     if completed(directory, ladder.compared):
-        done = known_runs(scene, directory)
+        done = known_runs(columns, directory)
         if any(variant.key not in done for variant in wanted):
             say(f"{directory}: {EARLIER}")
     for number, variant in enumerate(wanted, 1):
         if variant.key in done:
             continue
         run = measure(scene, variant)
-        append(scene, run, directory)
+        append(columns, run, directory)
         done[variant.key] = run
         say(f"{number} of {len(wanted)}: {variant.name}: {run.failed or _spent(run)}")
     return judge(scene, ladder, [done[variant.key] for variant in wanted])
@@ -149,7 +150,7 @@ def judge(scene: Scene, ladder: Ladder, runs: Sequence[MeasuredRun]) -> Study:
         reasons = "; ".join(dict.fromkeys(run.failed for run in runs if run.failed))
         raise ConvergenceError(f"cost: fewer than two runs of the ladder succeeded: {reasons}")
     compared_with, values = _reference(ladder, good)
-    wanted = goals(scene, values.values)
+    wanted = ComparedNumbers(scene).goals(values.values)
     if not wanted:
         raise ConvergenceError("cost: all numbers to compare are zero")
     rest = sorted((run for run in good if run is not compared_with), key=lambda run: run.cpu)

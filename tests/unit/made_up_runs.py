@@ -11,6 +11,7 @@ from incipient.cost.measurement import Counts, MeasuredRun, Variant
 from incipient.scene import Scene, loads
 from incipient.scene.example import commented, grain_on_bed
 
+COLUMNS = ("force_x", "force_y", "couple", "safety_factor")
 TIMED = 'time={end = 1.0, step = 0.01, start = "stokes"}'
 
 

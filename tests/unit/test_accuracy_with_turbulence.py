@@ -17,7 +17,7 @@ from incipient.cost import calibration
 from incipient.cost.command import chosen, predicted_plan
 from incipient.cost.ladder import ladder
 from incipient.cost.measurement import Variant
-from incipient.cost.quantities import columns, goals
+from incipient.cost.quantities import ComparedNumbers
 from incipient.errors import ConvergenceError
 from incipient.planning.flow_setup import Setup
 from incipient.planning.wall_cells import coarsest
@@ -98,8 +98,9 @@ def test_what_a_channel_is_compared_by(bed, leading):
     """u* at the outflow, over a bed that is not level in the mean; the other one is told beside."""
     scene = channel(bed=bed)
     reference = {"outflow_shear_velocity": 0.05, "mean_shear_velocity": 0.04}
-    found = goals(scene, reference)
-    assert columns(scene) == tuple(reference)
+    numbers = ComparedNumbers(scene)
+    found = numbers.goals(reference)
+    assert numbers.columns == tuple(reference)
     (first,) = (goal for goal in found if goal.leading)
     assert first.name == scene.accuracy_of == "shear velocity"
     assert first.columns == (f"{leading}_shear_velocity",)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from made_up_runs import TIMED, Runner, quiet, scene, studied
+from made_up_runs import COLUMNS, TIMED, Runner, quiet, scene, studied
 from scenes import TANK
 
 from incipient.cost import calibration, frontier, markdown, quantities
@@ -221,7 +221,7 @@ def test_rows_hold_every_digit_and_awkward_words(tmp_path: Path) -> None:
     (failed,) = study.failed
     assert failed.failed == 'no steady flow, "of course", found'
     assert failing.name in summary(study, tmp_path)
-    kept = known_runs(scene(), tmp_path)
+    kept = known_runs(COLUMNS, tmp_path)
     assert kept[Variant(3, 2.0).key].found == runner(scene(), Variant(3, 2.0)).found
 
 
@@ -284,11 +284,11 @@ step = 0.07
     times = np.append(np.arange(0.07, 3.0, 0.07), 3.0)
     heights = {"elevation_1": 0.1, "elevation_2": 0.1 * np.cos(np.pi / 4.0)}
     rows = [{"time": t} | {name: height * np.cos(t) for name, height in heights.items()} for t in times]
-    found = quantities.quantities(waves, None, rows)
+    found = quantities.ComparedNumbers(waves).of_run(None, rows)
     at = 3.0 * np.arange(1, quantities.TIMES + 1) / quantities.TIMES
     exact = [height * np.cos(at) for height in heights.values()]
-    assert [found[name] for name in quantities.columns(waves)] == pytest.approx(
+    assert [found[name] for name in quantities.ComparedNumbers(waves).columns] == pytest.approx(
         np.concatenate(exact), abs=1e-6
     )
-    (goal,) = quantities.goals(waves, found)
+    (goal,) = quantities.ComparedNumbers(waves).goals(found)
     assert goal.error({name: 1.01 * value for name, value in found.items()}, found) == pytest.approx(0.01)

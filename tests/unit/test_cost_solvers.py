@@ -9,16 +9,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_up_runs import TIMED, Runner, quiet, scene, studied
+from made_up_runs import COLUMNS, TIMED, Runner, quiet, scene, studied
 
 from incipient.compat import PETSc
-from incipient.cost import calibration, markdown, measurement, process, solvers
+from incipient.cost import calibration, markdown, measurement, process
 from incipient.cost import study as cost
 from incipient.cost.command import chosen, summary
 from incipient.cost.comparison import compared
 from incipient.cost.ladder import QUICK, STEADY, Spread, ladder
 from incipient.cost.measurement import MeasuredRun, Variant, quicker
 from incipient.cost.records import completed, known_runs
+from incipient.cost.solvers import SolverOptions, options
 from incipient.cost.study import findings
 from incipient.errors import SceneError
 from incipient.pictures.cost import draw
@@ -52,21 +53,21 @@ TRIED = tuple(way for way in STEADILY if way != "umfpack" or factors_by("umfpack
 
 
 def test_only_what_means_something_is_varied() -> None:
-    assert set(solvers.others(scene())) == {*STEADILY, "superlu"}
-    assert solvers.others(scene("fluid.inertia=false")) == ("umfpack", "superlu")
-    in_time = solvers.others(scene(TIMED))
+    assert set(SolverOptions(scene()).others) == {*STEADILY, "superlu"}
+    assert SolverOptions(scene("fluid.inertia=false")).others == ("umfpack", "superlu")
+    in_time = SolverOptions(scene(TIMED)).others
     assert {"extrapolated", "bdf1", "loose", "energy-stable"} <= set(in_time)
     assert not {"implicit", "bdf2", "printed", "chords", "naive"} & set(in_time)
-    assert "naive" in solvers.others(load(SCENES / "pothole_4.toml"))
+    assert "naive" in SolverOptions(load(SCENES / "pothole_4.toml")).others
     street = load(SCENES / "vortex_street.toml")
-    assert solvers.usual(street) == ("extrapolated", "bdf1", "loose")
-    assert solvers.own(street) == "bdf2, implicit convection"
+    assert SolverOptions(street).usual == ("extrapolated", "bdf1", "loose")
+    assert SolverOptions(street).own == "bdf2, implicit convection"
 
 
 def test_ways_asked_for() -> None:
     made = scene(TIMED)
     asked = ["own", "implicit", "bdf1+extrapolated", "extrapolated+bdf1", "bdf2+extrapolated"]
-    assert solvers.named(made, asked) == ("extrapolated+bdf1", "extrapolated")
+    assert SolverOptions(made).named(asked) == ("extrapolated+bdf1", "extrapolated")
     for wrong, said in (
         ("magic", "magic is not known; give some of: own, extrapolated, bdf1"),
         ("chords", "chords changes nothing in this scene"),
@@ -74,9 +75,9 @@ def test_ways_asked_for() -> None:
         ("extrapolated+magic", "magic is not known"),
     ):
         with pytest.raises(SceneError, match=said):
-            solvers.named(made, [wrong])
+            SolverOptions(made).named([wrong])
     with pytest.raises(SceneError, match="contradicts itself"):
-        solvers.named(scene(), ["umfpack+superlu"])
+        SolverOptions(scene()).named(["umfpack+superlu"])
 
 
 def test_what_a_way_changes(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -89,13 +90,13 @@ def test_what_a_way_changes(monkeypatch: pytest.MonkeyPatch) -> None:
     )
     assert Variant(2, 1.0, None, "loose").of(made).numerics.tolerance == pytest.approx(1e-5)
     assert Variant(2, 1.0, None, "loose").of(scene("numerics.tolerance=0.01")).numerics.tolerance == 0.01
-    assert solvers.settings("loose", load(SCENES / "pothole_4.toml")) == [
+    assert SolverOptions(load(SCENES / "pothole_4.toml")).settings("loose") == [
         "numerics.tolerance = 0.001",
         "numerics.interface_tolerance = 0.001",
     ]
     assert Variant(2, 1.0, None, "chords").of(scene()) == Variant(2, 1.0).of(scene())
     monkeypatch.setenv("PETSC_OPTIONS", "-log_view")
-    chords = process.environment_of_one_rank(solvers.options("chords"))
+    chords = process.environment_of_one_rank(options("chords"))
     assert chords["PETSC_OPTIONS"] == "-log_view -fluid_ksp_type preonly"
     assert process.environment_of_one_rank()["PETSC_OPTIONS"] == "-log_view"
 
@@ -253,7 +254,7 @@ def test_a_study_of_an_earlier_version_goes_on(tmp_path: Path) -> None:
     studied(tmp_path, Runner())
     earlier(tmp_path)
     before = (tmp_path / "cost.csv").read_bytes()
-    assert len(known_runs(scene(), tmp_path)) == 16
+    assert len(known_runs(COLUMNS, tmp_path)) == 16
     assert (tmp_path / "cost.csv").read_bytes() == before, "reading changes nothing"
     again, said = Varied(), list[str]()
     made = scene()
