@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ..critical.outcome import Threshold
     from ..mesh.domain import Domain
     from ..restart.checkpoint import Checkpoint
-    from .xdmf import FieldSeries, SurfaceSeries
+    from .xdmf import FieldSeries
 
 
 class ResultDirectory:
@@ -47,7 +47,7 @@ class ResultDirectory:
         self._overwrite = overwrite
         self._rows = 0
         self._series: FieldSeries | None = None
-        self._surface: SurfaceSeries | None = None
+        self._surface: FieldSeries | None = None
 
     def begin(self, scene: Scene, plan: Plan, domain: Domain) -> None:
         """Write the resolved scene; open the field series if fields are wanted. Called again: start anew."""
@@ -60,15 +60,14 @@ class ResultDirectory:
         self._overwrite = True  # what is there from now on is this run's own
         if not scene.output.fields:
             return
-        from .xdmf import FieldSeries, SurfaceSeries
+        from .xdmf import FieldSeries
 
         after, steady = None if self._resumed is None else self._resumed.time, scene.time is None
         self._series = FieldSeries(self.path / "fields", domain.mesh, self.comm, after, steady)
         if "body" in domain.names:
             facets = domain.facets_of("body")
-            self._surface = SurfaceSeries(
-                self.path / "surface", domain.mesh, facets, self.comm, after, steady
-            )
+            stem = self.path / "surface"
+            self._surface = FieldSeries(stem, domain.mesh, self.comm, after, steady, facets)
 
     def _make_ready(self) -> None:
         """Let an earlier run make room; of one that is resumed, drop the rows that came after the checkpoint."""

@@ -21,16 +21,8 @@ SERIES = tuple(
 )
 DATA = (RESULT, "history.csv", *SERIES, "threshold.json")
 DRAWN = (
-    "flow",
-    "pressure",
-    "vorticity",
-    "traction",
-    "verdict",
-    "profiles",
-    "mesh",
-    "trajectory",
-    "walls",
-    "elevation",
+    *("flow", "pressure", "vorticity", "traction", "verdict"),
+    *("profiles", "mesh", "trajectory", "walls", "elevation"),
 )
 PICTURES = (
     *(f"{name}.png" for name in DRAWN),

@@ -133,7 +133,8 @@ class SeriesFile:
         self._forget_vtk()
         with _opened(self._hdf5, "r+") as file:
             for index in range(_count(file)):
-                if not _is_whole(step := file[f"step{index}"]) or _is_after(step, time):
+                about, latest = file[f"step{index}"].attrs, time + _SAME_TIME * abs(time)
+                if not about.keys() >= _ABOUT or about["time"] > latest:  # not written to its end, or later
                     del file[f"step{index}"]
             self._steps = _count(file)
             self._mesh = _Mesh(sum(name.startswith("mesh") for name in file) - 1)
@@ -316,15 +317,6 @@ def _opened(path: Path, mode: str) -> Iterator[Any]:
 
 def _count(file: Any) -> int:
     return sum(name.startswith("step") for name in file)
-
-
-def _is_whole(step: Any) -> bool:
-    """Whether a step was written to its end."""
-    return step.attrs.keys() >= _ABOUT
-
-
-def _is_after(step: Any, time: float) -> bool:
-    return bool(step.attrs["time"] > time + _SAME_TIME * abs(time))
 
 
 def _some(file: Any, path: Path) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -17,23 +17,47 @@ from .series_file import SeriesFile, Unreadable
 log = logging.getLogger("incipient")
 
 
-class Series:
-    """Writes Lagrange functions of any degree on quadratic nodes, step by step; see the two kinds below.
+class FieldSeries:
+    """Writes Lagrange functions of any degree on quadratic nodes of a mesh, or of part of its boundary, step by step.
 
-    Every method is collective. Ranks write their rows of tables at once, rank 0 all else (`SeriesFile`). The files are
-    closed between writes, so every step written stays readable, whatever happens to the program later. A topology is
-    written once for each mesh, the nodes' coordinates once for each step before which the mesh has moved.
+    In the plane cells are Triangle_6 and those of a boundary, such as a grain's surface, Edge_3; in space
+    Tetrahedron_10 and Triangle_6. Every method is collective. Ranks write their rows of tables at once, rank 0 all else
+    (`SeriesFile`). The files are closed between writes, so every step written stays readable, whatever happens to the
+    program later. A topology is written once for each mesh, the nodes' coordinates once for each step before which the
+    mesh has moved.
+
+    Args:
+        stem: path of the files without ending.
+        mesh: dolfinx mesh, straight or curved.
+        comm: its communicator.
+        after: None starts the files anew; a time resumes those that are there, after dropping later steps.
+        steady: there will be one step, written as a grid without a time.
+        facets: (n,) local indices of boundary facets, on whose nodes values are written; those owned by another rank
+            are ignored. None: on all of the mesh.
 
     Raises:
         OutputError: on all ranks, when the files cannot be written; steps written before stay readable.
     """
 
-    def __init__(self, stem: Path, comm: MPI.Comm, nodes: QuadraticNodes, after: float | None, steady: bool):
+    def __init__(
+        self,
+        stem: Path,
+        mesh: Any,
+        comm: MPI.Comm,
+        after: float | None = None,
+        steady: bool = False,
+        facets: np.ndarray | None = None,
+    ):
+        nodes = QuadraticNodes(mesh, facets)
         self._file = SeriesFile(stem, nodes.cell_type, steady)
         with collectively(comm):
             if comm.rank == 0:
                 self._file.create() if after is None else self._resume(after)
         self._go_on(nodes)
+
+    def remeshed(self, mesh: Any, facets: np.ndarray | None = None) -> None:
+        """Go on with a new mesh of the same kind, or facets of it: the steps to come are on it. Collective."""
+        self._go_on(QuadraticNodes(mesh, facets))
 
     def _resume(self, after: float) -> None:
         """Go on with the files that are there; what cannot be read is put aside, and does not stop the run."""
@@ -70,53 +94,3 @@ class Series:
         """Whether, on any rank, a node of the mesh is not where it was when coordinates were last written."""
         still = self._written is not None and np.array_equal(self._written, places)
         return bool(self._comm.allreduce(not still, op=MPI.LOR))
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        """Nothing is left open between writes."""
-
-
-class FieldSeries(Series):
-    """Fields on all of a mesh: Triangle_6 in the plane, Tetrahedron_10 in space.
-
-    Args:
-        stem: path of the files without ending.
-        mesh: dolfinx mesh, straight or curved.
-        comm: its communicator.
-        after: None starts the files anew; a time goes on with those that are there, after dropping later steps.
-        steady: there will be one step, written as a grid without a time.
-    """
-
-    def __init__(
-        self, stem: Path, mesh: Any, comm: MPI.Comm, after: float | None = None, steady: bool = False
-    ):
-        super().__init__(stem, comm, QuadraticNodes(mesh), after, steady)
-
-    def remeshed(self, mesh: Any) -> None:
-        """Go on with a new mesh of the same kind: the steps to come are on it. Collective."""
-        self._go_on(QuadraticNodes(mesh))
-
-
-class SurfaceSeries(Series):
-    """A series of fields on part of the boundary, such as a grain's surface: Edge_3 in the plane, Triangle_6 in space.
-
-    `facets` are local indices of boundary facets, (n,); those owned by another rank are ignored. Functions
-    live on the whole mesh; their values on the facets' nodes are written.
-    """
-
-    def __init__(
-        self,
-        stem: Path,
-        mesh: Any,
-        facets: np.ndarray,
-        comm: MPI.Comm,
-        after: float | None = None,
-        steady: bool = False,
-    ):
-        super().__init__(stem, comm, QuadraticNodes(mesh, facets), after, steady)
-
-    def remeshed(self, mesh: Any, facets: np.ndarray) -> None:
-        """Go on with facets of a new mesh: the steps to come are on them. Collective."""
-        self._go_on(QuadraticNodes(mesh, facets))

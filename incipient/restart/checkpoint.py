@@ -172,7 +172,7 @@ def write(path: Path, checkpoint: Checkpoint, comm: MPI.Comm) -> None:
     Raises:
         OutputError: on all ranks, it cannot be written; the old one is as it was.
     """
-    part, tables = part_of(path), dict(_tables(checkpoint))
+    part, tables = part_of(path), _tables(checkpoint)
     checksums = _checksums(comm, tables)
 
     def made() -> dict[str, int]:
@@ -202,9 +202,11 @@ def _made(path: Path, checkpoint: Checkpoint, checksums: dict[str, str]) -> dict
     import h5py
 
     with path.open("wb") as file:
-        os.posix_fallocate(file.fileno(), 0, METADATA_BYTES + sum(_sizes(checkpoint)))
+        os.posix_fallocate(
+            file.fileno(), 0, METADATA_BYTES + sum(_size(one) for _, one in _members(checkpoint))
+        )
     with h5py.File(path, "w", locking=False) as file:
-        places = dict(_put(file, checkpoint))
+        places = _put(file, checkpoint)
         file.attrs.update({"format": FORMAT, "digest": _digest(file, checksums), "version": VERSION})
         file.attrs["program"] = f"incipient {metadata.version('incipient')}"
     with path.open("r+b") as file:
@@ -224,7 +226,7 @@ def read(path: Path, comm: MPI.Comm) -> Checkpoint:
         with _opened(path) as file:
             _require_readable(path, file)
             found = _got(Checkpoint, file, path, comm)
-    checksums = _checksums(comm, dict(_tables(found)))
+    checksums = _checksums(comm, _tables(found))
     with collectively(comm), _opened(path) as file:
         if file.attrs.get("digest") != _digest(file, checksums):
             raise OutputError(f"{path}: is damaged, its content is not what was written; {ANEW}")
@@ -257,40 +259,35 @@ def _require_readable(path: Path, file: Any) -> None:
 # -- as datasets ------------------------------------------------------------------------------------
 
 
-def _tables(part: Any, within: str = "") -> Iterator[tuple[str, Rows]]:
-    """The tables of which ranks have rows, with their full names."""
+def _members(part: Any, within: str = "") -> Iterator[tuple[str, Any]]:
+    """What a dataclass and those within it hold, with full names."""
     for field in fields(part):
-        value = getattr(part, field.name)
-        if isinstance(value, Rows):
-            yield f"{within}/{field.name}", value
-        elif is_dataclass(value):
-            yield from _tables(value, f"{within}/{field.name}")
-
-
-def _sizes(part: Any) -> Iterator[int]:
-    """Bytes of what a dataclass holds, tables whole."""
-    for field in fields(part):
-        value = getattr(part, field.name)
-        if isinstance(value, Rows):
-            yield value.nbytes
-        elif is_dataclass(value):
-            yield from _sizes(value)
+        name, value = f"{within}/{field.name}", getattr(part, field.name)
+        if is_dataclass(value) and not isinstance(value, Rows):
+            yield from _members(value, name)
         else:
-            yield value.nbytes if isinstance(value, np.ndarray) else 4 * len(json.dumps(value))
+            yield name, value
 
 
-def _put(group: Any, part: Any) -> Iterator[tuple[str, int]]:
-    """Store the fields of a dataclass, of tables their shape; yields names and places of these."""
-    for field in fields(part):
-        value = getattr(part, field.name)
+def _tables(part: Any) -> dict[str, Rows]:
+    """The tables of which ranks have rows, by their full names."""
+    return {name: value for name, value in _members(part) if isinstance(value, Rows)}
+
+
+def _size(value: Any) -> int:
+    """Bytes of a member, of tables the whole."""
+    return int(value.nbytes) if isinstance(value, Rows | np.ndarray) else 4 * len(json.dumps(value))
+
+
+def _put(file: Any, checkpoint: Checkpoint) -> dict[str, int]:
+    """Store the members, of tables their shape; places of these by their names."""
+    places = {}
+    for name, value in _members(checkpoint):
         if isinstance(value, Rows):
-            yield f"{group.name.rstrip('/')}/{field.name}", reserve(group, field.name, value)
-        elif is_dataclass(value):
-            yield from _put(group.create_group(field.name), value)
-        elif isinstance(value, np.ndarray):
-            group[field.name] = value
+            places[name] = reserve(file, name, value)
         else:
-            group[field.name] = json.dumps(value)
+            file[name] = value if isinstance(value, np.ndarray) else json.dumps(value)
+    return places
 
 
 def _got(kind: type[T], group: Any, path: Path, comm: MPI.Comm) -> T:
@@ -303,18 +300,14 @@ def _got(kind: type[T], group: Any, path: Path, comm: MPI.Comm) -> T:
             )
         stored = group[name]
         if hasattr(stored, "keys"):
-            found[name] = _got(_dataclass_of(hint), stored, path, comm)
+            kind_of_part = next(one for one in (hint, *get_args(hint)) if is_dataclass(one))
+            found[name] = _got(kind_of_part, stored, path, comm)  # type: ignore[arg-type]
         elif hint is Rows:
             mine = block(len(stored), comm.rank, comm.size)
             found[name] = Rows(stored[mine], mine.start, len(stored))
         else:
             found[name] = json.loads(stored.asstr()[()]) if stored.dtype.kind == "O" else stored[()]
     return kind(**found)
-
-
-def _dataclass_of(hint: Any) -> Any:
-    """The dataclass that a field is, or may be."""
-    return next(kind for kind in (hint, *get_args(hint)) if is_dataclass(kind))
 
 
 def _checksums(comm: MPI.Comm, tables: dict[str, Rows]) -> dict[str, str]:

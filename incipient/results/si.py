@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
+
+from .loads import couple_words, force_words
 
 # Numbers of a flow, with their units and names for a reader.
 FLOW = {
@@ -23,16 +24,10 @@ def si_lines(found: dict[str, Any] | None) -> list[str]:
     lines = [f"{'in SI units':<20}{', '.join([head, *flow])}"]
     if "force" in found:
         gdim = found["dimension"]
-        force = _words(found["force"][:gdim])
-        couple = _words(found["couple"][2:] if gdim == 2 else found["couple"])
+        force, couple = force_words(found["force"], gdim, ".4g"), couple_words(found["couple"], gdim, ".4g")
         units = ("N/m", "N") if gdim == 2 else ("N", "N m")
         lines.append(f"{'':<20}force of the flow {force} {units[0]}, couple {couple} {units[1]}")
     if "end" in found:
         unit = found["units"]["time"]
         lines.append(f"{'':<20}ends after {found['end']:.4g} s; one unit of time is {unit:.4g} s")
     return lines
-
-
-def _words(values: Sequence[float]) -> str:
-    told = ", ".join(f"{value:.4g}" for value in values)
-    return f"({told})" if len(values) > 1 else told

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from itertools import chain
 
 import numpy as np
 
@@ -20,9 +21,10 @@ def collected(run: Run) -> Checkpoint:
     To be called between steps, when the last one has been recorded.
     """
     assert run.march is not None
-    transient = run.march.transient
+    transient, coupling = run.march.transient, run.march.coupling
     fluid = transient.fluid
     states = [fluid.state.x.array, *(one.state for one in transient.past)]
+    parts = dict(chain.from_iterable(part.stored(coupling, transient).items() for part in run.parts))
     return Checkpoint(
         # With the order that the flow has, whatever a later version would choose.
         scene=dumps(with_order(run.scene, run.plan.order)),
@@ -30,11 +32,7 @@ def collected(run: Run) -> Checkpoint:
         mesh=stored_mesh(fluid.domain),
         times=np.array([fluid.time, *(one.time for one in transient.past)]),
         flow=stored_flow(fluid, states),
-        **{
-            name: one
-            for part in run.parts
-            for name, one in part.stored(run.march.coupling, transient).items()
-        },
+        **parts,
     )
 
 

@@ -67,11 +67,11 @@ def _inertia(value: Any) -> float | tuple[Any, ...]:
     if moments[2] > (1.0 + ROUNDING) * (moments[0] + moments[1]):
         remedy = "no principal moment of a body exceeds the sum of the other two"
         raise contradiction(f"has principal moments {moments.round(6).tolist()}", remedy)
-    return float(given) if given.ndim == 0 else tuple(map(_plain_row, given))
-
-
-def _plain_row(row: Any) -> Any:
-    return tuple(row.tolist()) if isinstance(row, np.ndarray) else float(row)
+    return (
+        float(given)
+        if given.ndim == 0
+        else tuple(tuple(row) if isinstance(row, list) else row for row in given.tolist())
+    )
 
 
 Vector = Annotated[tuple[float, ...], PlainValidator(_vector)]

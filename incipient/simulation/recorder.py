@@ -25,18 +25,22 @@ class Recorder(Protocol):
 
     def begin(self, scene: Scene, plan: Plan, domain: Domain) -> None:
         """The mesh is there; computation begins."""
+        return
 
     def wants_fields(self, number: int, last: bool) -> bool:
         """Whether the fields of this step shall be handed over."""
 
     def step(self, row: dict[str, Any]) -> None:
         """A time step was accepted."""
+        return
 
     def remeshed(self, domain: Domain) -> None:
         """Take note that fields are on another mesh from now on."""
+        return
 
     def fields(self, time: float, fields: dict[str, Any], traction: Any) -> None:
         """Fields on the mesh, and the traction on the grain's surface (None without a grain)."""
+        return
 
     def keep(self, checkpoint: Checkpoint) -> Path | None:
         """Keep what the run needs to go on; where, None if nowhere."""
@@ -46,37 +50,23 @@ class Recorder(Protocol):
 
     def finish(self, result: Result) -> None:
         """The run is over, whether complete or not."""
+        return
 
 
-class Unrecorded:
+class Unrecorded(Recorder):
     """Keeps nothing; the result object is all there is."""
 
     keeps = False
-
-    def begin(self, scene: Scene, plan: Plan, domain: Domain) -> None:
-        """Nothing."""
 
     def wants_fields(self, number: int, last: bool) -> bool:
         """No."""
         return False
 
-    def step(self, row: dict[str, Any]) -> None:
-        """Nothing."""
-
-    def remeshed(self, domain: Domain) -> None:
-        """Nothing."""
-
-    def fields(self, time: float, fields: dict[str, Any], traction: Any) -> None:
-        """Nothing."""
-
-    def keep(self, checkpoint: Checkpoint) -> Path | None:
+    def keep(self, checkpoint: Checkpoint) -> None:
         """Nowhere."""
 
-    def provisional(self, result: Result) -> Path | None:
+    def provisional(self, result: Result) -> None:
         """Nowhere."""
-
-    def finish(self, result: Result) -> None:
-        """Nothing."""
 
 
 def record_fields(recorder: Recorder, run: Run, number: int, last: bool) -> None:

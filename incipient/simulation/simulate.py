@@ -74,11 +74,8 @@ def finished(run: Run, recorder: Recorder, follows: bool = True) -> Result:
         Interrupted: meanwhile; where the result without them is kept.
     """
     result = with_rests(run, outcome(run)) if follows else outcome(run)
-    if run.scene.numerics.error_bars:
-        kept = recorder.provisional(result)
-        with told_where_kept(kept, run.comm):
-            result = with_estimates(run, result, Beside(run, loads_of))
-    else:
+    estimated = run.scene.numerics.error_bars
+    with told_where_kept(recorder.provisional(result), run.comm) if estimated else nullcontext():
         result = with_estimates(run, result, Beside(run, loads_of))
     recorder.finish(result)
     return result

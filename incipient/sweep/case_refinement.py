@@ -82,14 +82,11 @@ class Cell:
 
     def halves(self, ways: Sequence[int]) -> list[Cell]:
         """The cells that halving in some directions makes of it."""
-        ends = zip(self.low, self.high, strict=True)
-        spans = [_halved(*one) if way in ways else [one] for way, one in enumerate(ends)]
+        spans = []
+        for way, (low, high) in enumerate(zip(self.low, self.high, strict=True)):
+            middle = 0.5 * (low + high)
+            spans.append([(low, middle), (middle, high)] if way in ways else [(low, high)])
         return [Cell.between(one) for one in itertools.product(*spans)]
-
-
-def _halved(low: float, high: float) -> list[tuple[float, float]]:
-    middle = 0.5 * (low + high)
-    return [(low, middle), (middle, high)]
 
 
 @dataclass(eq=False)

@@ -8,16 +8,13 @@ import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..errors import SceneError
 from ..scene import Scene
 from ..scene.file import dumps, parse
 from ..scene.points import file_text
 from .axes import Settings
-
-if TYPE_CHECKING:
-    from ..simulation.judge_case import Case as JudgedCase
 
 TASKS = ("run", "threshold", "judge")
 SECTION = "sweep"
@@ -99,9 +96,9 @@ def resolved(source: Source, settings: Settings, task: str, common: Sequence[str
 
 
 def _judged(source: Source, settings: Settings, overrides: Sequence[str]) -> SweepCase:
-    from ..simulation.judge_case import Case as Judged
+    from ..simulation.judge_case import Case
 
-    case: JudgedCase = parse(Judged, source.text, source.base, overrides, source.name)
+    case = parse(Case, source.text, source.base, overrides, source.name)
     content = case.model_dump(mode="json", exclude_none=True, warnings=False)
     identifying = {name: part for name, part in content.items() if name not in ("title", "source")}
     return SweepCase(_identity("judge", identifying), "judge", source.name, settings, json.dumps(content), "")

@@ -42,20 +42,18 @@ class RefinementOptions:
         Raises:
             SceneError: it cannot be understood, or there is no refinement to which it belongs.
         """
-        said = {one: self._said(one, section) for one in ("refine", "most", "quantity")}
+        given = {name: getattr(self, name) for name in ("refine", "most", "quantity")}
+        said = {name: section.get(name) if one is None else one for name, one in given.items()}
         for key, kinds in (("refine", (int, float)), ("most", (int,)), ("quantity", (str,))):
             if said[key] is not None and not isinstance(said[key], kinds):
                 raise SceneError(f"{name}: sweep.{key}: {said[key]!r} does not fit; {_FITS[key]}")
         if said["refine"] is None or said["refine"] is False:
-            extra = next((key for key in ("most", "quantity") if getattr(self, key) is not None), None)
+            extra = next((key for key in ("most", "quantity") if given[key] is not None), None)
             if extra is not None:
                 raise SceneError(f"--{extra}: is for a refinement; give --refine too, or leave it out")
             return None
         tolerance = USUAL if said["refine"] is True else float(said["refine"])
         return Aim(tolerance, MOST if said["most"] is None else said["most"], said["quantity"])
-
-    def _said(self, key: str, section: Mapping[str, Any]) -> Any:
-        return section.get(key) if getattr(self, key) is None else getattr(self, key)
 
 
 @dataclass(frozen=True)

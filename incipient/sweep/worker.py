@@ -87,7 +87,10 @@ def computed_by_group(task: str, text: str) -> CaseOutcome:
 def computed(task: str, text: str, comm: MPI.Comm) -> CaseOutcome:
     """Compute a case; one that fails with an error for users has its line as the reason. Collective."""
     began, processor = time.perf_counter(), _processor_time()
-    _forget_peak()
+    with suppress(
+        OSError
+    ):  # the kernel counts the largest memory from here, or it is that of all cases so far
+        Path("/proc/self/clear_refs").write_text("5")
     result, reason, versions = None, "", _versions(task)
     try:
         result = plain(_TASKS[task](text, comm))
@@ -138,12 +141,6 @@ def _processor_time() -> float:
     """Processor time [s] of this process and of compilers that it has started."""
     used = os.times()
     return used.user + used.system + used.children_user + used.children_system
-
-
-def _forget_peak() -> None:
-    """Let the kernel count the largest memory from here; where it does not, it is that of all cases so far."""
-    with suppress(OSError):
-        Path("/proc/self/clear_refs").write_text("5")
 
 
 def main() -> None:

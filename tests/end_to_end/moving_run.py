@@ -138,7 +138,7 @@ def write_fields(directory: Path, times, meshes: int) -> list[float]:
 
     from dolfinx.fem import Function  # isort: skip
     from incipient.mesh.motion import MeshMotion, RigidDisplacement
-    from incipient.output.xdmf import FieldSeries, SurfaceSeries
+    from incipient.output.xdmf import FieldSeries
 
     fields = surface = None
     parts = np.array_split(np.asarray(times), meshes)
@@ -150,7 +150,7 @@ def write_fields(directory: Path, times, meshes: int) -> list[float]:
         functions = [Function(compat.space(mesh, ("Lagrange", 2), shape)) for shape in ((2,), (), ())]
         if fields is None:
             fields = FieldSeries(directory / "fields", mesh, mesh.comm)
-            surface = SurfaceSeries(directory / "surface", mesh, body, mesh.comm)
+            surface = FieldSeries(directory / "surface", mesh, mesh.comm, facets=body)
         else:
             fields.remeshed(mesh)
             surface.remeshed(mesh, body)

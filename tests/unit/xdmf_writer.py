@@ -25,7 +25,7 @@ from incipient.mesh.domain import build
 from incipient.mesh.motion import MeshMotion, RigidDisplacement
 from incipient.meshes import Near, Region, Sizes
 from incipient.meshes.model import region_model
-from incipient.output.xdmf import FieldSeries, SurfaceSeries
+from incipient.output.xdmf import FieldSeries
 
 RADIUS = 0.4
 SEMI_AXES = (0.2, 0.1)  # of the ellipse that moves in the box (0, 2) x (0, 1)
@@ -71,20 +71,20 @@ def functions(mesh, degree=2):
 def write_all(directory: Path) -> None:
     comm = MPI.COMM_WORLD
     mesh, hole = holed_square(2, 0.4)
-    with FieldSeries(directory / "fields", mesh, comm) as series:
-        series.write(0.0, functions(mesh))
-        series.write(0.5, functions(mesh))
-        mesh.geometry.x[:, 0] += 0.2 * mesh.geometry.x[:, 1] ** 2
-        series.write(1.25, functions(mesh))
-        mesh, _ = holed_square(2, 0.25)
-        series.remeshed(mesh)
-        series.write(2.0, functions(mesh, degree=4))  # x^2 on quadratic cells is quartic
+    series = FieldSeries(directory / "fields", mesh, comm)
+    series.write(0.0, functions(mesh))
+    series.write(0.5, functions(mesh))
+    mesh.geometry.x[:, 0] += 0.2 * mesh.geometry.x[:, 1] ** 2
+    series.write(1.25, functions(mesh))
+    mesh, _ = holed_square(2, 0.25)
+    series.remeshed(mesh)
+    series.write(2.0, functions(mesh, degree=4))  # x^2 on quadratic cells is quartic
     mesh, hole = holed_square(3, 0.4)
-    SurfaceSeries(directory / "surface", mesh, hole, comm).write(0.0, functions(mesh))
+    FieldSeries(directory / "surface", mesh, comm, facets=hole).write(0.0, functions(mesh))
     FieldSeries(directory / "cubic", mesh, comm).write(0.0, functions(mesh, degree=4))
     cube = create_unit_cube(comm, 2, 2, 2)
     FieldSeries(directory / "cube", cube, comm).write(0.0, functions(cube))
-    skin = SurfaceSeries(directory / "skin", cube, compat.exterior_facets(cube), comm)
+    skin = FieldSeries(directory / "skin", cube, comm, facets=compat.exterior_facets(cube))
     skin.write(0.0, functions(cube))
 
 
@@ -120,7 +120,7 @@ def write_moving(directory: Path) -> None:
         body = domain.facets_of("body")
         if fields is None:
             fields = FieldSeries(directory / "fields", domain.mesh, comm)
-            surface = SurfaceSeries(directory / "surface", domain.mesh, body, comm)
+            surface = FieldSeries(directory / "surface", domain.mesh, comm, facets=body)
         else:
             fields.remeshed(domain.mesh)
             surface.remeshed(domain.mesh, body)

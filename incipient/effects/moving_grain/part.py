@@ -157,13 +157,9 @@ class MovingGrain(RunPart):
 
     def reported(self) -> dict[str, Any]:
         """How the motion ended, where the grain is, how it went. A verdict at contact is made by `landing`."""
-        return {"trajectory": self.summary()}
-
-    def summary(self) -> dict[str, Any]:
-        """Plain data for the result: how it ended, where the grain is, how it went."""
         state, near = self.state, self.clearance()
         iterations, in_space = self.interface_iterations or [0], self.scene.gdim == 3
-        return {
+        trajectory = {
             "ended": {
                 "by": "contact" if self.part.met else "time",
                 "time": self._fluid.time,
@@ -180,6 +176,7 @@ class MovingGrain(RunPart):
             "interface_iterations": {"mean": float(np.mean(iterations)), "most": max(iterations)},
             "remeshings": [asdict(one) for one in self.remeshings],
         }
+        return {"trajectory": trajectory}
 
     def clearance(self) -> Clearance:
         """How far the grain is from what is nearest to it. Not collective."""

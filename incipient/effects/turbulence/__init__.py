@@ -47,21 +47,9 @@ class TurbulenceEffect(Effect):
             return
         from . import limits
 
-        refusals = {
-            "turbulence.": (limits.beyond_walls, limits.within_sand),
-            "bed: ": (limits.within_forms,),
-            "turbulence: ": (limits.too_small, limits.too_near),
-            "body.": (limits.through_the_top,),
-        }
-        for key, reasons in refusals.items():
-            for reason in reasons:
-                if why := reason(setup):
-                    raise SceneError(f"{key}{why}")
-        doubts = (
-            *(limits.small, limits.narrow_gap, limits.cornered),
-            *(limits.coarse_at_grain, limits.smooth_grain),
-        )
-        yield from filter(None, (doubt(setup) for doubt in doubts))
+        for why in limits.refusals(setup):
+            raise SceneError(why)
+        yield from limits.doubts(setup)
 
     def as_fast(self, setup: Setup, speed: float) -> Setup:
         """The setup of a flow as fast, whose law of the wall has another distance."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 from ...planning.clearance import Surroundings
 from ...planning.flow_setup import Setup
@@ -19,13 +20,37 @@ FEWEST_ACROSS = 6.0  # cells, of a grain in space, below which its loads are tol
 BISECTIONS = 40
 
 
+def refusals(setup: Setup) -> Iterator[str]:
+    """What in a scene the law of the wall is not for, with its key. Not collective."""
+    walls, bed = setup.walls, setup.scene.bed
+    rows, height = setup.turbulence.profile, walls.number * walls.depth
+    if walls.number > 1 and rows and rows[-1][0] >= height:
+        yield (
+            f"turbulence.profile: has a row at {rows[-1][0]:g}, the wall on top is {height:.4g} above that below; "
+            "leave out rows beyond it"
+        )
+    if float(walls.law.velocity(walls.shear_velocity, setup.base_flow.viscosity, walls.distance)) <= LEAST:
+        yield (
+            f"turbulence.roughness: is {walls.law.roughness:g}, and the law of the wall begins within the "
+            f"sand, {walls.distance:.3g} from the wall; set wall_distance to the roughness or more, or use a "
+            "smaller roughness"
+        )
+    if bed is not None and bed.kind in FORMS and setup.geometry.bed.feature < FINEST_FORM * walls.distance:
+        yield (
+            f"bed: has forms as fine as {2.0 * setup.geometry.bed.feature:.3g}, the law of the wall begins "
+            f"{walls.distance:.3g} from them: it stands for more than one of them; give a flat bed and "
+            'turbulence.wall = "rough" with their height as roughness'
+        )
+    yield from (f"turbulence: {why}" for why in (too_small(setup), too_near(setup)) if why)
+    yield from _through_the_top(setup)
+
+
 def too_near(setup: Setup) -> str:
     """Why the law of the wall is not for a scene, or an empty string. Not collective."""
     walls = setup.walls
+    share, of = walls.distance / walls.reach, "depth" if walls.reach == walls.depth else "half width"
     if walls.distance <= LARGEST_SHARE * walls.reach:
         return ""
-    share = walls.distance / walls.reach
-    of = "depth" if walls.reach == walls.depth else "half width"
     remedy = "use a larger fluid.reynolds, a smaller wall_distance or no turbulence"
     if walls.distance == walls.law.roughness:
         remedy = "use a smaller roughness, from which the law begins at rough walls, or no turbulence"
@@ -35,39 +60,18 @@ def too_near(setup: Setup) -> str:
     )
 
 
-def within_sand(setup: Setup) -> str:
-    """Why the law of the wall is not for walls as rough as a scene's, or an empty string. Not collective."""
-    walls = setup.walls
-    if float(walls.law.velocity(walls.shear_velocity, setup.base_flow.viscosity, walls.distance)) > LEAST:
+def too_small(setup: Setup) -> str:
+    """Error message if the grain is too small for wall functions, else an empty string. Not collective."""
+    if setup.scene.body is None:
         return ""
-    return (
-        f"roughness: is {walls.law.roughness:g}, and the law of the wall begins within the sand, {walls.distance:.3g} "
-        "from the wall; set wall_distance to the roughness or more, or use a smaller roughness"
-    )
-
-
-def within_forms(setup: Setup) -> str:
-    """Why the law of the wall is not for a bed as fine as a scene's, or an empty string. Not collective."""
-    bed, distance = setup.scene.bed, setup.walls.distance
-    fine = bed is not None and bed.kind in FORMS and setup.geometry.bed.feature < FINEST_FORM * distance
-    if not fine:
-        return ""
-    return (
-        f"has forms as fine as {2.0 * setup.geometry.bed.feature:.3g}, the law of the wall begins {distance:.3g} "
-        'from them: it stands for more than one of them; give a flat bed and turbulence.wall = "rough" with their '
-        "height as roughness"
-    )
-
-
-def beyond_walls(setup: Setup) -> str:
-    """Why a measured profile is not for a scene's walls, or an empty string. Not collective."""
-    rows, walls = setup.turbulence.profile, setup.walls
-    if walls.number == 1 or not rows or rows[-1][0] < walls.number * walls.depth:
-        return ""
-    return (
-        f"profile: has a row at {rows[-1][0]:g}, the wall on top is {walls.number * walls.depth:.4g} above that below; "
-        "leave out rows beyond it"
-    )
+    share, number = setup.walls.distance / setup.geometry.grain.size, grain_number(setup)
+    if share > THICKEST:
+        return (
+            f"the layer that the law of the wall stands for is {percent(share)} of the grain, at most "
+            f"{percent(THICKEST)}; use a smaller roughness or wall_distance, or a larger fluid.reynolds"
+        )
+    least = f"for the law of the wall it must be {SMALLEST_GRAIN:g} at least"
+    return "" if number >= SMALLEST_GRAIN else f"the grain has u* d/nu = {number:.3g}, {least}; {LAMINAR}"
 
 
 def grain_number(setup: Setup) -> float:
@@ -75,108 +79,72 @@ def grain_number(setup: Setup) -> float:
     return float(setup.geometry.grain.size * setup.walls.shear_velocity / setup.base_flow.viscosity)
 
 
-def too_small(setup: Setup) -> str:
-    """Why the law of the wall is not for a scene's grain, or an empty string. Not collective."""
-    if setup.scene.body is None:
-        return ""
-    share = setup.walls.distance / setup.geometry.grain.size
-    if share > THICKEST:
-        return (
-            f"the layer that the law of the wall stands for is {percent(share)} of the grain, at most "
-            f"{percent(THICKEST)}; use a smaller roughness or wall_distance, or a larger fluid.reynolds"
+def _through_the_top(setup: Setup) -> Iterator[str]:
+    """Where the grain reaches what the mesh leaves out below a wall on top."""
+    body, placement = setup.scene.body, setup.geometry.placement
+    if body is None or placement is None:
+        return
+    grain, sides = setup.surroundings.grain, setup.surroundings.sides
+    top = next(side for side in sides if side.axis == setup.geometry.up and side.inwards < 0)
+    found = Surroundings(grain, (top,)).clearance(placement)
+    if found.distance <= 0.0:
+        key = "centre" if body.centre is not None else "x"
+        yield (
+            f"body.{key}: the grain reaches {top.place - found.distance:.6g}, the mesh ends at {top.place:.6g}, the "
+            "distance of the law of the wall below the wall on top; move the grain, make it smaller or raise "
+            "domain.height"
         )
-    if grain_number(setup) >= SMALLEST_GRAIN:
-        return ""
-    return (
-        f"the grain has u* d/nu = {grain_number(setup):.3g}, for the law of the wall it must be {SMALLEST_GRAIN:g} at "
-        f"least; {LAMINAR}"
-    )
 
 
-def small(setup: Setup) -> str:
-    """What is to be known of the law of the wall on a scene's grain, or an empty string. Not collective."""
-    if setup.scene.body is None:
-        return ""
-    share = setup.walls.distance / setup.geometry.grain.size
-    if share <= THICK:
-        return ""
-    return (
-        f"the grain has u* d/nu = {grain_number(setup):.3g}: the layer that the law of the wall stands for is "
-        f"{percent(share)} of it; it is thin up to {percent(THICK)}"
-    )
-
-
-def coarse_at_grain(setup: Setup) -> str:
-    """What is to be known of how few cells a scene's grain has in space, or an empty string. Not collective."""
-    if setup.scene.body is None or setup.geometry.gdim == 2:
-        return ""
-    size = WALL_CELL * coarsening(setup.scene.order) * setup.walls.distance * setup.scene.numerics.mesh_size
-    across = setup.geometry.grain.size / size
-    if across >= FEWEST_ACROSS:
-        return ""
-    return (
-        f"the grain is {across:.2g} cells across: with 3 of them drag was a fifth too large and a safety factor a "
-        f"quarter off; use numerics.mesh_size = {setup.scene.numerics.mesh_size * across / FEWEST_ACROSS:.2g} or less"
-    )
-
-
-def smooth_grain(setup: Setup) -> str:
-    """How far the model is from measured loads on grains, or an empty string. Not collective."""
-    if setup.scene.body is None:
-        return ""
-    return (
+def doubts(setup: Setup) -> Iterator[str]:
+    """What is to be known of the model and of the law of the wall in a scene. Not collective."""
+    grain = setup.geometry.grain if setup.scene.body is not None else None
+    if grain is not None and (share := setup.walls.distance / grain.size) > THICK:
+        yield (
+            f"the grain has u* d/nu = {grain_number(setup):.3g}: the layer that the law of the wall stands for is "
+            f"{percent(share)} of it; it is thin up to {percent(THICK)}"
+        )
+    yield from _narrow_gap(setup)
+    if setup.walls.sides:
+        yield (
+            "the k-epsilon model makes no secondary flow, which in a real duct brings fast fluid into the corners: "
+            "friction there is larger than computed"
+        )
+    if grain is None:
+        return
+    if setup.geometry.gdim == 3:
+        yield from _coarse(setup)
+    yield (
         "the k-epsilon model is far from measured loads on smooth round bodies, by more than error bars tell: drag on "
         "a sphere on a bed a third too small, on a hump a quarter to two fifths of it, lift there a quarter to a third "
         "too large; another program with this model has 1.1 to 1.6 times the drag and 0.5 to 0.9 of the lift"
     )
 
 
-def cornered(setup: Setup) -> str:
-    """What is to be known of the model in a scene's ducts, or an empty string. Not collective."""
-    if not setup.walls.sides:
-        return ""
-    return (
-        "the k-epsilon model makes no secondary flow, which in a real duct brings fast fluid into the corners: "
-        "friction there is larger than computed"
-    )
+def _coarse(setup: Setup) -> Iterator[str]:
+    """How few cells a grain in space has."""
+    asked = setup.scene.numerics.mesh_size
+    size = WALL_CELL * coarsening(setup.scene.order) * setup.walls.distance * asked
+    if (across := setup.geometry.grain.size / size) < FEWEST_ACROSS:
+        yield (
+            f"the grain is {across:.2g} cells across: with 3 of them drag was a fifth too large and a safety factor a "
+            f"quarter off; use numerics.mesh_size = {asked * across / FEWEST_ACROSS:.2g} or less"
+        )
 
 
-def narrow_gap(setup: Setup) -> str:
-    """What is to be known of the gap by which a turbulent scene's grain is held off walls, or an empty string.
-
-    Within it the law of each wall knows of no second one: its friction is too little, however narrow the gap is. Not
-    collective.
-    """
+def _narrow_gap(setup: Setup) -> Iterator[str]:
+    """That the law of each wall knows of no second one: its friction is too little, however narrow the gap is."""
     body, placement = setup.scene.body, setup.geometry.placement
     if body is None or body.centre is None or body.moves or placement is None:
-        return ""
+        return
     nearest, least = setup.surroundings.clearance(placement), 2.0 * setup.walls.distance
     lid = setup.sides.top if setup.base_flow.flow.kind == "open-channel" else ""
     sides = () if setup.geometry.walled else setup.sides.across
     if nearest.other in (setup.sides.right, setup.sides.left, lid, *sides) or nearest.distance >= least:
-        return ""
-    return (
+        return
+    yield (
         f"the grain is held {nearest.distance:.3g} from the {nearest.other}, twice the distance of the law of the wall "
         f"is {least:.3g}: what flows between is no result of the model; hold it farther away, or let it touch by body.x"
-    )
-
-
-def through_the_top(setup: Setup) -> str:
-    """Where a turbulent scene's grain reaches what the mesh leaves out below a wall on top, or an empty string.
-
-    Not collective.
-    """
-    if setup.scene.body is None or setup.geometry.placement is None:
-        return ""
-    around = setup.surroundings
-    top = next(side for side in around.sides if side.axis == setup.geometry.up and side.inwards < 0)
-    found = Surroundings(around.grain, (top,)).clearance(setup.geometry.placement)
-    if found.distance > 0.0:
-        return ""
-    key = "centre" if setup.scene.body.centre is not None else "x"
-    return (
-        f"{key}: the grain reaches {top.place - found.distance:.6g}, the mesh ends at {top.place:.6g}, the distance of "
-        "the law of the wall below the wall on top; move the grain, make it smaller or raise domain.height"
     )
 
 
