@@ -12,6 +12,7 @@ from ..planning.numbers import Numbers
 from ..planning.plan import Plan
 from ..results.left_out import Omission
 from ..results.loads import Couples, Forces
+from ..results.quantity import OutputQuantity
 from .run_part import RunPart, Solving, Stage
 
 if TYPE_CHECKING:
@@ -34,9 +35,14 @@ class Effect:
     """One physical effect. The methods here are those of an effect that needs nothing of what they are asked for.
 
     Everything else walks `known.EFFECTS` and asks. What one effect alone needs is imported where it is present.
+
+    Attributes:
+        quantities: numbers that a run's outcome has where the effect is present; history, result, text, page and tables
+            walk them.
     """
 
     name: EffectName
+    quantities: tuple[OutputQuantity, ...] = ()
 
     def decide(self, setup: Setup, numbers: Numbers) -> Decision:
         """Whether the scene calls for the effect, and the reason. Not collective."""

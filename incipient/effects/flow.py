@@ -12,6 +12,7 @@ from ..planning.flow_setup import Setup
 from ..planning.mean_profile import force_of_turbulence
 from ..planning.numbers import Numbers
 from ..planning.plan import Plan
+from ..results.quantity import OutputQuantity
 from ..scene import Scene
 from .effect import Effect
 
@@ -23,6 +24,16 @@ class FlowEffect(Effect):
     """The motion of the fluid."""
 
     name = EffectName.FLOW
+    # On the centrelines of a lid-driven box, whose errors result.json has in this order: upwards is v2, in space v3.
+    quantities = tuple(
+        OutputQuantity(
+            *(f"centrelines.{name}.value", f"{name} on the centreline"),
+            error=f"error_bars.centreline.{place}",
+            heading="other numbers",
+        )
+        for place, start in enumerate(("minimum of v1", "maximum of v", "minimum of v"))
+        for name in ([start] if place == 0 else [f"{start}2", f"{start}3"])
+    )
 
     def decide(self, setup: Setup, numbers: Numbers) -> Decision:
         """Present unless the fluid is at rest and stays so."""

@@ -17,10 +17,13 @@ from ..planning.effects import SHARE, Decision, EffectName, accuracy_asked, move
 from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers
 from ..planning.plan import Plan
+from ..planning.stabilisation import measured_cell_reynolds
 from ..results.left_out import Omission
+from ..results.quantity import OutputQuantity
 from ..scene import Scene
 from .effect import Effect, Solved
 from .missing_term import weighted
+from .run_part import Solving
 
 if TYPE_CHECKING:
     from ..fluid import FlowModel
@@ -28,10 +31,22 @@ if TYPE_CHECKING:
 OSEEN = 3.0 / 16.0
 
 
+def _largest_of_cells(run: Solving) -> float:
+    return measured_cell_reynolds(run.fluid)
+
+
 class InertiaEffect(Effect):
     """Convection of momentum."""
 
     name = EffectName.INERTIA
+    quantities = (
+        OutputQuantity(
+            "measured_cell_reynolds",
+            "largest Reynolds number of a cell",
+            heading="other numbers",
+            measure=_largest_of_cells,
+        ),
+    )
 
     def decide(self, setup: Setup, numbers: Numbers) -> Decision:
         """Present where Oseen's correction exceeds a share of the accuracy asked for."""

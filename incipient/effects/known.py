@@ -5,6 +5,8 @@ from __future__ import annotations
 from ..planning.effects import Decision
 from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers
+from ..planning.plan import Plan
+from ..results.quantity import OutputQuantity
 from .contact import ContactEffect
 from .effect import Effect
 from .flow import FlowEffect
@@ -37,3 +39,9 @@ EFFECTS: tuple[Effect, ...] = (
 def decisions(setup: Setup, numbers: Numbers) -> tuple[Decision, ...]:
     """What is decided on every effect. Not collective."""
     return tuple(effect.decide(setup, numbers) for effect in EFFECTS)
+
+
+def quantities(plan: Plan | None = None) -> tuple[OutputQuantity, ...]:
+    """What runs may have to report, of those effects that a plan has, or of all. Not collective."""
+    present = (effect for effect in EFFECTS if plan is None or plan.has(effect.name))
+    return tuple(one for effect in present for one in effect.quantities)

@@ -5,13 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from ..effects import known
 from ..output.earlier import DRAWN
 from ..pictures.judged import Judged, judged, sentence
 from ..pictures.record import parsed_json
 from ..results.turbulence import longest
 from .errors import certainty, of_errors
 from .expense import of_adaptation, of_cost, of_omissions, of_plan, versions
-from .page import Cell, Erring, Part, Picture, Section, section, table, words
+from .page import Bounded, Cell, Erring, Part, Picture, Section, section, table, words
 from .units import of_si
 from .verdict import components, of_contacts, of_judges, statements, turning
 from .view import of_run as turned_of_run
@@ -51,7 +52,7 @@ def part(record: Path) -> Part:
         *_loads(stored, planar),
         *of_si(stored.get("si")),
         *_surface(stored),
-        *_turbulence(stored.get("turbulence")),
+        *_turbulence(stored),
         *told,
         *_path(stored),
         *of_errors(stored["error_bars"], planar),
@@ -147,21 +148,24 @@ def _couples(stored: dict[str, Any], planar: bool) -> Any:
 
 
 def _others(stored: dict[str, Any], planar: bool) -> list[tuple[Cell, ...]]:
-    rows: list[tuple[Cell, ...]] = [
-        (name.replace("_", " "), value) for name, value in (stored["coefficients"] or {}).items()
-    ]
+    rows: list[tuple[Cell, ...]] = []
     gap, grain = stored["gap"], stored["grain"]
     if gap is not None:
         name = "closed where narrower than" if gap.get("closed") else "gap between grain and bed"
         rows += [(name, gap["width"]), ("cells across the gap", gap["cells"])]
     if grain is not None:
-        rows += [("size of the grain", grain["size"]), ("centre", components(grain["centre"], planar))]
-    rows += [
-        (f"{name.replace('_', ' ')} on the centreline", extreme["value"])
-        for name, extreme in (stored["centrelines"] or {}).items()
-    ]
-    rows.append(("largest Reynolds number of a cell", stored["measured_cell_reynolds"]))
-    return [row for row in rows if row[1] is not None]
+        rows.append(("centre", components(grain["centre"], planar)))
+    return [*_quantities("other numbers", stored), *rows]
+
+
+def _quantities(heading: str, stored: dict[str, Any]) -> list[tuple[Cell, ...]]:
+    """Rows of the quantities under a heading that the run has, with their error bars."""
+    rows: list[tuple[Cell, ...]] = []
+    for one in known.quantities():
+        if one.heading == heading and (value := one.value(stored)) is not None:
+            bar = one.bar(stored)
+            rows.append((one.label, value if bar is None else Bounded(value, *bar)))
+    return rows
 
 
 def _surface(stored: dict[str, Any]) -> tuple[Section, ...]:
@@ -182,9 +186,9 @@ def _surface(stored: dict[str, Any]) -> tuple[Section, ...]:
     return section("The free surface", table(head, rows), words(entering))
 
 
-def _turbulence(found: dict[str, Any] | None) -> tuple[Section, ...]:
+def _turbulence(stored: dict[str, Any]) -> tuple[Section, ...]:
     """What the model of turbulence has found at the walls."""
-    if found is None:
+    if (found := stored.get("turbulence")) is None:
         return ()
     holds = (
         "The law of the wall holds" if found["applicable"] else "Warning: the law of the wall does NOT hold"
@@ -192,13 +196,7 @@ def _turbulence(found: dict[str, Any] | None) -> tuple[Section, ...]:
     # Results of earlier versions have no remedy.
     remedy = found.get("remedy", f"give turbulence.wall_distance = {found['suitable_distance']:.3g}")
     advice = "" if found["applicable"] else f"; {remedy}"
-    rows: list[tuple[Cell, ...]] = [
-        ("least y+ of the walls", found["least"]),
-        ("largest y+ of the walls", found["largest"]),
-        ("shear velocity u* along the walls, mean", found["shear_velocity"]),
-        ("shear velocity u* at the outflow", found["at_outflow"]),
-        ("friction C_f at the outflow", found["friction"]),
-    ]
+    rows = _quantities("at the walls", stored)
     if not found["plane"]:
         rows.append(("share of the walls at which the law does not hold", found["outside"]))
     told, others = longest(found["backward"])

@@ -11,9 +11,10 @@ import tomli_w
 
 from ..errors import OutputError
 from ..pictures.apart import draw_sweep_apart
+from ..results.quantity import HIGH, LOW
 from ..results.si import FLOW
 from ..sweep.store import DAMAGED, DONE, FAILED, Store
-from ..sweep.table import HIGH, LOW, rows
+from ..sweep.table import rows
 from .page import Bounded, Cell, Part, Picture, Settings, section, table
 
 # Columns that say what came out, where there are any.

@@ -20,6 +20,7 @@ from .elevations import Elevations
 from .errorbars import ErrorBars, Loads, centreline_velocities
 from .left_out import Omission
 from .loads import Coefficients, Couples, Forces, Gap, loads_words
+from .quantity import OutputQuantity
 from .si import si_lines
 from .steady import Steadied
 
@@ -31,7 +32,7 @@ SCHEMA_VERSION = 1
 # What result.json has under the name and in the form that the result has it.
 AS_THEY_ARE = (
     *("title", "status", "error", "scene", "grain", "contacts", "verdict", "trajectory", "cost"),
-    *("without_error_bars", "measured_cell_reynolds", "surface", "si"),
+    *("without_error_bars", "surface", "si"),
 )
 
 
@@ -59,13 +60,13 @@ class Result:
     """The outcome of a run. Vectors have three components in scene units; see `to_dict` for what is stored.
 
     without_error_bars:     why error bars that are wanted are not there
-    measured_cell_reynolds: largest |v| h/(k nu) of a cell (`stabilisation`), None where there is no convection
     surface:                of a free surface its elevations at the stations at the end, and a channel's inflow
     elevations:             those at the stations in the course of the run, which history.csv has
     turbulence:             at the walls of a turbulent flow, None without turbulence
     steady:                 whether a flow became steady that was to, None where that is not asked
     si:                     flow and loads in SI units (`results.si`), None without [units]
     traction:               of the fluid on the grain at the end, None without a grain
+    measured:               values of the quantities that the effects measure, None of an effect that is absent
     """
 
     title: str
@@ -83,7 +84,6 @@ class Result:
     trajectory: dict[str, Any] | None = None
     error_bars: ErrorBars | None = None
     without_error_bars: str = ""
-    measured_cell_reynolds: float | None = None
     surface: dict[str, Any] | None = None
     si: dict[str, Any] | None = None
     adaptation: Adaptation | None = None
@@ -96,6 +96,7 @@ class Result:
     velocity: Any = field(default=None, repr=False)
     pressure: Any = field(default=None, repr=False)
     traction: Traction | None = field(default=None, repr=False)
+    measured: dict[OutputQuantity, Any] = field(default_factory=dict, repr=False)
 
     def __repr__(self) -> str:
         """The outcome on one line."""
@@ -146,6 +147,11 @@ class Result:
         return self.trajectory is not None and self.trajectory["ended"]["by"] == "contact"
 
     @property
+    def measured_cell_reynolds(self) -> float | None:
+        """Largest |v| h/(k nu) of a cell (`stabilisation`), None where there is no convection."""
+        return next((v for one, v in self.measured.items() if one.key == "measured_cell_reynolds"), None)
+
+    @property
     def gdim(self) -> int:
         """Dimension of the scene."""
         return 2 if (self.scene.get("domain") or {}).get("width") is None else 3
@@ -164,6 +170,7 @@ class Result:
         stored: dict[str, Any] = {
             "schema_version": SCHEMA_VERSION,
             **{n: getattr(self, n) for n in AS_THEY_ARE},
+            **{quantity.key: value for quantity, value in self.measured.items()},
         }
         stored["plan"] = self.plan.to_dict()
         for name in ("force", "couple", "coefficients", "gap", "steady"):
@@ -186,7 +193,7 @@ class Result:
 
 
 def _lines(result: Result) -> list[str]:
-    lines, gdim = [], result.gdim
+    lines, gdim, stored = [], result.gdim, result.to_dict()
     if result.force is not None and result.couple is not None:
         flow = loads_words(result.force.flow, result.couple.flow, gdim)
         lines.append(f"force of the flow   {flow} about the centre of mass")
@@ -216,6 +223,7 @@ def _lines(result: Result) -> list[str]:
         lines += _levels(result.surface, result.error_bars)
     for name, extreme in (result.centrelines or {}).items():
         lines.append(f"{name:<20}{extreme.value:.6f}{_within(result)} at {extreme.position:.4f}")
+    lines += [one.line(stored) for one, value in result.measured.items() if one.in_text and value is not None]
     if result.verdict is not None:
         said = result.verdict["sentence"].split("; ", 1)
         lines += [f"{'' if row else 'verdict':<20}{part}" for row, part in enumerate(said)]

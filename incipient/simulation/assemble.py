@@ -11,16 +11,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..effects import known
 from ..effects.effect import Solved
+from ..effects.left_out import omissions
 from ..errors import IncipientError
 from ..evaluation.si_units import in_si
 from ..parallel import collectively
 from ..planning.effects import EffectName
 from ..planning.layout import Layout
-from ..planning.stabilisation import measured_cell_reynolds
 from ..results.errorbars import ErrorBars, Loads
 from ..results.left_out import Omission
 from ..results.loads import Gap
+from ..results.quantity import OutputQuantity
 from ..results.result import Result, Traction
 from ..results.timing import peak_memory_mib
 from ..scene import Scene
@@ -60,7 +62,7 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
                 reported["trajectory"]["ended"]["without_verdict"] = landed.why_not
         gap = None if grain is not None else _gap_of(run.layout, run.domain)
         lines = centrelines(scene, run.fluid)
-        cells = _cell_reynolds(run)
+        measured = _measured(run)
     return Result(
         title=scene.title,
         plan=run.plan,
@@ -73,7 +75,6 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
         contacts=_contacts(contacts),
         verdict=verdict,
         centrelines=lines,
-        measured_cell_reynolds=cells,
         steady=None if run.steadiness is None else run.steadiness.told(),
         si=in_si(scene, 1.0, *(None if one is None else one.flow for one in (force, couple))),
         cost=cost(run),
@@ -84,6 +85,7 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
         velocity=run.fluid.velocity,
         pressure=run.fluid.pressure,
         traction=traction,
+        measured=measured,
     )
 
 
@@ -159,8 +161,6 @@ def _error_bars(run: Run, result: Result, solve: Callable[[Scene], Loads]) -> tu
 
 
 def _omissions(run: Run, result: Result) -> tuple[Omission, ...]:
-    from ..effects.left_out import omissions
-
     with run.stage("omitted effects"):
         try:
             return omissions(Solved(run, result.force, result.couple, result.verdict))
@@ -193,12 +193,14 @@ def cost(run: Run) -> dict[str, Any]:
     }
 
 
-def _cell_reynolds(run: Run) -> float | None:
-    """The largest Reynolds number of a cell, None where there is no convection."""
-    if not run.plan.has(EffectName.INERTIA):
-        return None
-
-    return measured_cell_reynolds(run.fluid)
+def _measured(run: Run) -> dict[OutputQuantity, Any]:
+    """Values of the quantities that effects measure, None of an effect that is absent. Collective."""
+    present = known.quantities(run.plan)
+    return {
+        one: one.measure(run) if one in present else None
+        for one in known.quantities()
+        if one.measure is not None
+    }
 
 
 def _contacts(contacts: Contacts | None) -> list[dict[str, Any]]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..effects import known
 from ..errors import ConvergenceError, IncipientError, Interrupted, OutputError
 from ..interrupt import Interruption
 from ..planning.conditions import conditions
@@ -171,6 +172,9 @@ class TimeLoop:
             row |= run.steadiness.column(step)
         for part in run.parts:
             row |= part.budget()
+        for one in known.quantities(run.plan):
+            if one.at_steps and one.measure is not None:
+                row[one.column] = one.measure(run)
         return row if run.probe is None or run.grain is not None else row | self._loads(step)
 
     def _loads(self, step: TimeStep) -> dict[str, Any]:

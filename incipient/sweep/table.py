@@ -11,17 +11,17 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..effects import known
 from ..errors import MissingError
 from ..files import reported
+from ..results.quantity import HIGH, LOW, at
+from ..results.si import FLOW
 from .store import DAMAGED, FAILED, Store, damaged
 
 if TYPE_CHECKING:
     import pandas
 
-LOW, HIGH = "_low", "_high"  # of the columns that hold the ends of a quantity's error bar
 _THRESHOLD = ("factor", "shields", "reynolds", "shear_reynolds")
-_SI = ("shear_rate", "velocity", "bed_stress", "shear_velocity")
-_AXES = ("x", "y", "z")
 
 
 def rows(path: Path | str) -> list[dict[str, Any]]:
@@ -100,7 +100,7 @@ def _believed(stored: Mapping[str, Any], keys: Sequence[str]) -> dict[str, Any]:
 def _row(stored: Mapping[str, Any], keys: Sequence[str]) -> dict[str, Any]:
     scene = {} if stored["status"] == DAMAGED else _scene(stored)
     row: dict[str, Any] = {"source": stored["source"], "task": stored["task"], "status": stored["status"]}
-    row |= {key: _shown(value) for key in keys if (value := _at(scene, key)) is not None}
+    row |= {key: _shown(value) for key in keys if (value := at(scene, key)) is not None}
     if stored["result"]:
         row |= quantities(stored["task"], json.loads(stored["result"]))
     row |= {name: stored[name] for name in ("reason", "wall", "cpu", "peak_mib", "tries", "finished")}
@@ -117,14 +117,6 @@ def _scene(stored: Mapping[str, Any]) -> dict[str, Any]:
     return json.loads(text) if stored["task"] == "judge" else tomllib.loads(text)
 
 
-def _at(scene: Mapping[str, Any], key: str) -> Any:
-    """The value at a key such as ``fluid.reynolds``; None where there is none."""
-    value: Any = scene
-    for part in key.split("."):
-        value = value.get(part) if isinstance(value, Mapping) else None
-    return value
-
-
 def _shown(value: Any) -> Any:
     return value if isinstance(value, str | int | float | bool) else json.dumps(value)
 
@@ -133,7 +125,7 @@ def quantities(task: str, result: Mapping[str, Any]) -> dict[str, Any]:
     """Numbers and words of the result of a case, error bars under NAME_low and NAME_high."""
     found = _of_threshold(result) if task == "threshold" else _of_verdict(result)
     si = result.get("si") or {}
-    return found | {f"{name}_si": si[name] for name in _SI if name in si}
+    return found | {f"{name}_si": si[name] for name in FLOW if name in si}
 
 
 def _of_threshold(result: Mapping[str, Any]) -> dict[str, Any]:
@@ -166,43 +158,8 @@ def _of_verdict(result: Mapping[str, Any]) -> dict[str, Any]:
         ends = (math.inf if bar[end] is None else bar[end] for end in ("low", "high"))
         found |= dict(zip((f"safety_factor{LOW}", f"safety_factor{HIGH}"), ends, strict=True))
         found["certain"] = bar["certain"]
-    for name in ("force", "couple"):
-        if result.get(name) is not None:
-            found |= _vector(name, result[name]["flow"], bars and bars[name])
-    walls = result.get("turbulence")
-    if walls is not None:
-        found |= {name: walls[name] for name in ("friction", "applicable")}
-        found |= {
-            "bed_shear_velocity": walls["at_outflow"],
-            "y_plus_min": walls["least"],
-            "y_plus_max": walls["largest"],
-        }
-        found |= _of_shear(walls, bars)
-    for name, value in (result.get("coefficients") or {}).items():
-        if name in ("drag", "lift", "moment"):
-            found[name] = value
-    return found
-
-
-def _of_shear(walls: Mapping[str, Any], bars: Mapping[str, Any] | None) -> dict[str, float]:
-    """The ends of the error bars of u* at the outflow and of C_f, which goes as its square; none where not known."""
-    errors, u = None if bars is None else bars.get("shear_velocity"), walls["at_outflow"]
-    if errors is None or not u:
-        return {}
-    ends = {LOW: max(u - errors[0], 0.0), HIGH: u + errors[0]}
-    friction = {f"friction{end}": walls["friction"] * (value / u) ** 2 for end, value in ends.items()}
-    return friction | {f"bed_shear_velocity{end}": value for end, value in ends.items()}
-
-
-def _vector(name: str, values: Sequence[float], errors: Sequence[float] | None) -> dict[str, float]:
-    """The components that are not zero."""
-    found: dict[str, float] = {}
-    for number, axis in enumerate(_AXES):
-        value, error = values[number], None if errors is None else errors[number]
-        if value:
-            found[f"{name}_{axis}"] = value
-            if error is not None:
-                found |= {f"{name}_{axis}{LOW}": value - error, f"{name}_{axis}{HIGH}": value + error}
+    for quantity in known.quantities():
+        found |= quantity.columns(result)
     return found
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
 
 from ...errors import SceneError
 from ...planning.effects import Decision, EffectName
@@ -11,6 +11,7 @@ from ...planning.expense import memory_of_turbulence
 from ...planning.flow_setup import Setup
 from ...planning.numbers import Numbers
 from ...results.left_out import Omission
+from ...results.quantity import OutputQuantity, at
 from ..effect import Effect, Solved
 from ..run_part import Stage
 from .transition import REMEDY, transition, turbulent_from
@@ -20,10 +21,42 @@ if TYPE_CHECKING:
     from .part import TurbulentFlow
 
 
+def _of_shear_velocity(stored: Mapping[str, Any]) -> tuple[float, float] | None:
+    """Ends of the error bar of u* at the outflow; None where it is not known."""
+    error, u = at(stored, "error_bars.shear_velocity.0"), stored["turbulence"]["at_outflow"]
+    return None if error is None or not u else (max(u - error, 0.0), u + error)
+
+
+def _of_friction(stored: Mapping[str, Any]) -> tuple[float, float] | None:
+    """Those of C_f, which goes as the square of u*."""
+    ends, walls = _of_shear_velocity(stored), stored["turbulence"]
+    if ends is None:
+        return None
+    low, high = (walls["friction"] * (end / walls["at_outflow"]) ** 2 for end in ends)
+    return low, high
+
+
+# Name in the report of the walls, words, column, error bar.
+AT_WALLS = (
+    ("least", "least y+ of the walls", "y_plus_min", None),
+    ("largest", "largest y+ of the walls", "y_plus_max", None),
+    ("shear_velocity", "shear velocity u* along the walls, mean", "", None),
+    ("at_outflow", "shear velocity u* at the outflow", "bed_shear_velocity", _of_shear_velocity),
+    ("friction", "friction C_f at the outflow", "friction", _of_friction),
+)
+
+
 class TurbulenceEffect(Effect):
     """The k-epsilon model."""
 
     name = EffectName.TURBULENCE
+    quantities = (
+        *(
+            OutputQuantity(f"turbulence.{key}", words, column=column, ends=ends, heading="at the walls")
+            for key, words, column, ends in AT_WALLS
+        ),
+        OutputQuantity("turbulence.applicable", "the law of the wall holds", column="applicable"),
+    )
 
     def decide(self, setup: Setup, numbers: Numbers) -> Decision:
         """Present where the scene asks for it; else the plan says where the flow may be turbulent."""
