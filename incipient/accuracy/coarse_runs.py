@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ..planning.order import order_of
 from ..scene import Scene, Surface, Time
 from ..scene.expression import Expression
 from .waves import LONGER_STEP
@@ -47,13 +48,13 @@ def comparisons(scene: Scene) -> tuple[Scene, Scene]:
     longer = changed(scene, numerics={"error_bars": False}, time=time)
     if on_another_mesh(scene):
         return longer, on_coarser_mesh(longer)
-    other = scene.order + (1 if scene.order < HIGHEST_ORDER else -1)
+    other = order_of(scene).number + (1 if order_of(scene).number < HIGHEST_ORDER else -1)
     return longer, changed(longer, numerics={"order": other})
 
 
 def on_another_mesh(scene: Scene) -> bool:
     """Whether a flow in time is compared with one on a coarser mesh, not with one of another order. Not collective."""
-    return scene.is_turbulent or (scene.order == HIGHEST_ORDER and scene.body is not None)
+    return scene.is_turbulent or (order_of(scene).number == HIGHEST_ORDER and scene.body is not None)
 
 
 def ratio_of_steps(scene: Scene) -> float:
@@ -119,7 +120,7 @@ def coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
 
 def is_coarse(scene: Scene) -> bool:
     """Whether a scene of steady flow is the first of its own coarse runs, which is then not made. Not collective."""
-    return coarse(scene) == changed(scene, numerics={"error_bars": False, "order": scene.order})
+    return coarse(scene) == changed(scene, numerics={"error_bars": False, "order": order_of(scene).number})
 
 
 def _longer_steps(time: Time, longer: float) -> dict[str, float]:

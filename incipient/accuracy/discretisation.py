@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import ConvergenceError
 from ..planning.flow_setup import Setup
+from ..planning.order import order_of
 from ..planning.wall_cells import coarsest
 from ..results.errorbars import Loads, Term
 from ..scene import Scene
@@ -127,9 +128,13 @@ def by_coarser_runs(scene: Scene, computed: Loads, solve: Solve, of_mesh: Term |
     of_step = Term.of_difference("time step", computed, in_longer, to_step, how)
     of_step = enlarged(of_step, OF_FEW_STEPS)
     if of_mesh is None:
-        order = SLOWEST if scene.is_turbulent else order_in_space(scene.order)
+        order = SLOWEST if scene.is_turbulent else order_in_space(order_of(scene).number)
         how = f"these on a mesh x {COARSER_MESH:.3g}, extrapolated at order {order:g}"
-        how = how if on_another_mesh(scene) else f"these on a mesh for elements of order {beside.order}"
+        how = (
+            how
+            if on_another_mesh(scene)
+            else f"these on a mesh for elements of order {order_of(beside).number}"
+        )
         found = Term.of_difference(OF_MESH, in_longer, solve(beside), to_mesh, how)
         of_mesh = enlarged(found, error_over_change(scene))
     together = Term.of_parts("discretisation", (of_step, of_mesh), "time step and mesh together")
@@ -141,7 +146,7 @@ def shares(scene: Scene) -> tuple[float, float]:
 
     The mesh for elements of one order more leaves so much less of an error that all it changes is one. Not collective.
     """
-    ratio, order = ratio_of_steps(scene), scene.order
+    ratio, order = ratio_of_steps(scene), order_of(scene).number
     in_time = (ratio if ratio > 1.0 else LONGER_STEP) ** order_in_time(scene)
     in_space = SLOWEST if scene.is_turbulent else order_in_space(order)
     return 1.0 / (in_time - 1.0), 1.0 / (COARSER_MESH**in_space - 1.0) if on_another_mesh(scene) else 1.0

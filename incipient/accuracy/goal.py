@@ -15,6 +15,7 @@ from ..contact import Contacts
 from ..contact.exact.judge import judged
 from ..contact.loads.error_box import shifted
 from ..evaluation.contact_verdict import find_contacts, load_of
+from ..planning.flow_setup import Setup
 from ..results.loads import Couples, Forces
 from ..scene import Scene
 from ..scene.numerics import OF_SURFACE, OF_WALLS
@@ -127,7 +128,7 @@ class Goal:
         """Which of the components of force and couple there are: of a scene that is halved only the even ones."""
         if self.scene.gdim == 2:
             return np.arange(3)
-        return np.array([0, 2, 4]) if self.scene.symmetric else np.arange(6)
+        return np.array([0, 2, 4]) if Setup(self.scene).symmetric else np.arange(6)
 
     def _scale(self, force: Forces, couple: Couples) -> float:
         size = float(np.linalg.norm(force.flow))

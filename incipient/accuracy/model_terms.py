@@ -12,7 +12,6 @@ from ..planning.flow_setup import Setup
 from ..planning.meshed_bed import resolved_bed
 from ..results.errorbars import Loads, Term
 from ..scene import Contact, Scene
-from ..scene.datum import effective_height, height_of_datum, starts_at_effective_height
 from ..scene.model import WIDEST_GAP
 from .coarse_runs import FARTHER, changed, coarse, farther
 from .kept_runs import Solve
@@ -113,12 +112,13 @@ def of_domain(scene: Scene, solve: Solve, decay: float | None = None) -> Term:
 
 def decay_of(scene: Scene) -> float:
     """The power of their distance with which the influence of far sides falls off. Not collective."""
-    return DECAY_OVER_FORMS if starts_at_effective_height(scene) else DECAY
+    return DECAY_OVER_FORMS if Setup(scene).base_flow.over_forms else DECAY
 
 
 def of_datum(scene: Scene, other: Scene, solve: Solve) -> Term:
     """What a stream that starts where it does changes, from a coarse run of a scene in which it starts elsewhere."""
-    how = f"a coarse run with flow.datum = {other.datum - other.domain.bottom:.4g}, which may suit the bed as well"
+    height = Setup(other).base_flow.datum - other.domain.bottom
+    how = f"a coarse run with flow.datum = {height:.4g}, which may suit the bed as well"
     return Term.of_difference("datum", solve(coarse(other)), solve(coarse(scene)), 1.0, how)
 
 
@@ -128,9 +128,10 @@ def with_other_datum(scene: Scene, speed: float = 1.0) -> Scene | None:
     None where there is no such height, or the scene's is that for certain, or the stream with its turbulence enters at
     the bed's own height. At `speed` the flow is faster by a factor.
     """
-    if scene.is_turbulent or has_no_far_sides(scene) or not starts_at_effective_height(scene):
+    base_flow = Setup(scene).base_flow_at(speed)
+    if scene.is_turbulent or has_no_far_sides(scene) or not base_flow.over_forms:
         return None
-    found, datum = effective_height(scene, speed), height_of_datum(scene, speed)
+    found, datum = base_flow.effective_height, base_flow.datum
     bottom, crest = scene.domain.bottom, scene.bed_shape.crest
     off = bottom + found.height - datum
     other = min(datum + off + math.copysign(found.uncertainty, off), crest)
@@ -160,7 +161,8 @@ def on_more_bed(scene: Scene) -> Scene | None:
     """
     if scene.gdim != 3 or scene.time is not None or scene.numerics.accuracy is not None:
         return None
-    if resolved_bed(Setup(scene).geometry, scene.placement, scene.datum) is None:
+    setup = Setup(scene)
+    if resolved_bed(setup.geometry, scene.placement, setup.base_flow.datum) is None:
         return None
     return changed(scene, numerics={"meshed_bed": WIDER * scene.numerics.meshed_bed, "error_bars": False})
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from ..planning.flow_setup import Setup
 from ..planning.open_channel import LEVEL
+from ..planning.order import order_of
 from ..results.errorbars import Loads, Term
 from ..scene import Scene
 
@@ -67,7 +68,7 @@ def doubt_of_stream(scene: Scene) -> str:
     """
     if not is_stream(scene):
         return ""
-    order = scene.order
+    order = order_of(scene).number
     cells = Setup(scene).far_cells
     largest = cells.largest if scene.gdim == 2 else cells.largest_in_space(order)
     most = LEVEL * scene.domain.height / largest
@@ -88,4 +89,4 @@ def enlarged(term: Term, factor: float) -> Term:
 
 def error_over_change(scene: Scene) -> float:
     """Error of elevations over what elements of one order more change. Not collective."""
-    return OF_STREAM if is_stream(scene) and scene.order == 2 else 1.0
+    return OF_STREAM if is_stream(scene) and order_of(scene).number == 2 else 1.0

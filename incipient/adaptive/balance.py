@@ -22,6 +22,7 @@ from ..accuracy.discretisation import order_in_space
 from ..accuracy.waves import is_stream
 from ..planning.cells import FAR_CELL, FAR_CELL_IN_SPACE
 from ..planning.open_channel import LEVEL
+from ..planning.order import order_of
 from ..results.adaptation import Trial
 from ..scene import Scene
 from ..scene.numerics import OF_SURFACE
@@ -127,7 +128,7 @@ def _ratio(wanted: float, now: float, power: float) -> float:
 def refined(scene: Scene, trial: Trial, aim: float) -> Refined:
     """How the scene in time is made finer for a relative error, after a trial of it. Not collective."""
     powers = Powers(order_in_time(scene))
-    order, of_step, of_mesh = scene.order, trial.of_step, trial.of_mesh
+    order, of_step, of_mesh = order_of(scene).number, trial.of_step, trial.of_mesh
     if of_step is None or of_mesh is None or not math.isfinite(of_step + of_mesh):
         return halved(order, powers)
     # A safety factor may err more than its parts together.
@@ -154,7 +155,7 @@ def _coarsest(scene: Scene) -> float:
     if not is_stream(scene):
         return COARSEST_MESH
     sizes = FAR_CELL if scene.gdim == 2 else FAR_CELL_IN_SPACE
-    suitable = LEVEL / (sizes[min(scene.order + 1, HIGHEST_ORDER)] * scene.numerics.mesh_size)
+    suitable = LEVEL / (sizes[min(order_of(scene).number + 1, HIGHEST_ORDER)] * scene.numerics.mesh_size)
     return float(np.clip(suitable, 1.0, COARSEST_MESH))
 
 

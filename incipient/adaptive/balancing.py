@@ -15,6 +15,7 @@ from ..accuracy.discretisation import OF_MESH, by_coarser_runs
 from ..accuracy.goal import relative
 from ..accuracy.kept_runs import KeptRuns
 from ..errors import ConvergenceError, IncipientError, Interrupted, MeshError
+from ..planning.order import order_of
 from ..results.adaptation import Trial
 from ..results.errorbars import Loads, Term
 from ..results.result import Result
@@ -46,7 +47,7 @@ class Balancing(AccuracySearch):
         if following is None:
             return told.result if recorded else self._run(scene, recorded=True, again=True).result
         recorded = following.enough or self._is_last_affordable(following)
-        self._keep(self._of_mesh if following.keeps_mesh(scene.order) else None)
+        self._keep(self._of_mesh if following.keeps_mesh(order_of(scene).number) else None)
         return Attempt(finer(scene, following), recorded=recorded)
 
     def _after_failure(self, attempt: Attempt, error: ConvergenceError | MeshError) -> Any:
@@ -55,10 +56,10 @@ class Balancing(AccuracySearch):
         if scene.time is None or isinstance(error, MeshError):
             raise error
         self._keep(None)
-        self.tell(Trial(scene.order, 0, 0, None, 0.0, scene.time.step, f"failed: {error}"))
+        self.tell(Trial(order_of(scene).number, 0, 0, None, 0.0, scene.time.step, f"failed: {error}"))
         if len(self.trials) >= MOST_RUNS:
             raise error
-        return Attempt(finer(scene, halved(scene.order, Powers(order_in_time(scene)))))
+        return Attempt(finer(scene, halved(order_of(scene).number, Powers(order_in_time(scene)))))
 
     def _keep(self, of_mesh: Term | None) -> None:
         """Forget what was found about a scene but what the next one shares with it. Not collective."""

@@ -22,6 +22,7 @@ from ..accuracy.errorbars import error_bars
 from ..accuracy.model_terms import has_no_far_sides
 from ..errors import ConvergenceError, MeshError
 from ..interrupt import told_where_kept
+from ..planning.order import order_of
 from ..results.adaptation import Trial
 from ..results.errorbars import ErrorBars
 from ..results.loads import Couples, Forces
@@ -54,12 +55,12 @@ class Refinement(AccuracySearch):
 
     def _first(self, factor: float = COARSEST) -> Attempt:
         sizing = partial(coarse_sizes, factor, None)
-        return Attempt(self._set_up(self.scene, self.scene.order), sizing)
+        return Attempt(self._set_up(self.scene, order_of(self.scene).number), sizing)
 
     def _after_failure(self, attempt: Attempt, error: ConvergenceError | MeshError) -> Any:
         """A finer first mesh; after others the result on the last of them."""
         self._failures += 1
-        self.tell(Trial(attempt.scene.order, 0, 0, None, 0.0, note=str(error)))
+        self.tell(Trial(order_of(attempt.scene).number, 0, 0, None, 0.0, note=str(error)))
         if self._best is not None:
             self.reason = f"the next mesh failed: {error}"
             return self._repeated(self._best)
@@ -86,7 +87,7 @@ class Refinement(AccuracySearch):
                 error, shares = self._estimated(run, force, couple)
             seconds, mesh = self.elapsed() - began, run.domain.mesh
             cells = int(mesh.topology.index_map(mesh.topology.dim).size_global)
-            order, unknowns = attempt.scene.order, run.fluid.space.unknowns
+            order, unknowns = order_of(attempt.scene).number, run.fluid.space.unknowns
             self.tell(Trial(order, cells, unknowns, error, seconds, note=attempt.note))
             if error is None:
                 following = self._within_budget(self._finer(attempt, order, 1.0, shares, np.inf))
@@ -144,7 +145,7 @@ class Refinement(AccuracySearch):
         if excess <= 1.0:
             self.conclude(error, self.known.terms["discretisation"].doubt)
             return None
-        order = attempt.scene.order
+        order = order_of(attempt.scene).number
         if np.isinf(error):  # the safety factor may be infinite: how much finer is enough is not known
             order = cheapest_order(order, 1.0 / FOR_VERDICT, self.scene.gdim)
             return self._within_budget(self._finer(attempt, order, FOR_VERDICT, shares, error))
@@ -159,7 +160,7 @@ class Refinement(AccuracySearch):
         # As far as contributions cancel, their sum may be larger than the error.
         cancelling = float(np.clip(error / max(together, 1e-300) * CANCELLING, None, 1.0))
         wanted = resized(shares, order, relative * cancelling, self.comm)
-        per_vertex, before = UNKNOWNS[self.scene.gdim], attempt.scene.order
+        per_vertex, before = UNKNOWNS[self.scene.gdim], order_of(attempt.scene).number
         unknowns = self.trials[-1].unknowns * per_vertex[order] / per_vertex[before] * wanted.more_cells
         sizing = partial(coarse_sizes, COARSEST, wanted.field)
         return Attempt(self._set_up(attempt.scene, order), sizing, unknowns, note)
@@ -186,7 +187,7 @@ class Refinement(AccuracySearch):
             return None
         scene, decisive = attempt.scene, bar.decisive
         if decisive == "discretisation" and error > CRITICAL:
-            order = cheapest_order(scene.order, 1.0 / FOR_VERDICT, scene.gdim)
+            order = cheapest_order(order_of(scene).number, 1.0 / FOR_VERDICT, scene.gdim)
             finer = self._finer(attempt, order, FOR_VERDICT, shares, error, "for the verdict")
             return self._within_budget(finer)
         other = with_less_of(decisive, scene)

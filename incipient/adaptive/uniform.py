@@ -14,6 +14,7 @@ from ..accuracy.discretisation import by_coarser_mesh
 from ..accuracy.goal import relative
 from ..errors import MeshError
 from ..planning.flow_setup import Setup
+from ..planning.order import order_of
 from ..planning.wall_cells import coarsest
 from ..results.errorbars import Loads
 from ..results.loads import Couples, Forces
@@ -45,7 +46,7 @@ class UniformRefinement(Refinement):
     def _on(self, scene: Scene, mesh_size: float, expected: float = 0.0, note: str = "") -> Attempt:
         """A mesh with cells of a size, whatever that of the scene is."""
         told = ", ".join(one for one in (f"mesh_size {mesh_size:.3g}", note) if one)
-        sized = changed(self._set_up(scene, scene.order), numerics={"mesh_size": mesh_size})
+        sized = changed(self._set_up(scene, order_of(scene).number), numerics={"mesh_size": mesh_size})
         return Attempt(sized, expected=expected, note=told)
 
     def _solved(self, run: Run) -> tuple[Forces | None, Couples | None]:
@@ -76,7 +77,7 @@ class UniformRefinement(Refinement):
         if len(known) > LOOKED_AT and min(known[-LOOKED_AT:]) > LEAST_FALL * known[-LOOKED_AT - 1]:
             self.reason = f"not reached: on the last {LOOKED_AT} meshes the error has hardly fallen any more"
             return None
-        return self._within_budget(self._finer(attempt, attempt.scene.order, 0.0, shares, error))
+        return self._within_budget(self._finer(attempt, order_of(attempt.scene).number, 0.0, shares, error))
 
     def _finer(
         self, attempt: Attempt, order: int, relative: float, shares: Any, error: float, note: str = ""

@@ -13,6 +13,7 @@ from ..accuracy.errorbars import coarse_scenes
 from ..effects.plan import make_plan
 from ..errors import ConvergenceError, MissingError, SceneError
 from ..files import plain, reported
+from ..planning.order import order_of
 from ..planning.plan import Plan
 from ..scene import Scene
 from ..scene.example import grain_on_bed
@@ -134,7 +135,7 @@ def price_of_bars(scene: Scene) -> str:
     wanted = scene.numerics.error_bars and scene.numerics.accuracy is None
     if not wanted or scene.body is not None or not scene.has_surface:
         return ""
-    runs = [(run.time, run.order) for run in coarse_scenes(scene) if run.time is not None]
+    runs = [(run.time, order_of(run).number) for run in coarse_scenes(scene) if run.time is not None]
     named = ", ".join(f"P{order}-P{order - 1} in steps of {time.step:.3g}" for time, order in runs)
     least, most = WITH_BARS
     return (

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from ..errors import SceneError
+from ..planning.order import order_of
 from ..scene import Scene
 from .measurement import Variant
 from .solvers import SolverOptions
@@ -83,9 +84,9 @@ def spread(scene: Scene, quick: bool) -> Spread:
         usual = TURBULENT if scene.gdim == 2 else IN_SPACE
         if quick:
             usual = replace(usual, sizes=usual.sizes[:-1], steps=usual.steps[:-1])
-        return replace(usual, orders=(scene.order,)) if quick or scene.gdim == 3 else usual
+        return replace(usual, orders=(order_of(scene).number,)) if quick or scene.gdim == 3 else usual
     if quick:
-        return replace(QUICK, orders=(3, 4)) if scene.order == 4 else QUICK
+        return replace(QUICK, orders=(3, 4)) if order_of(scene).number == 4 else QUICK
     return STEADY if scene.time is None else UNSTEADY
 
 

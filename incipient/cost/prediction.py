@@ -21,6 +21,7 @@ from ..adaptive.orders import COARSEST, MOST_MESHES, UNKNOWNS, coarse_sizes, nex
 from ..effects.plan import plan_of
 from ..planning import expense, meshing
 from ..planning.flow_setup import Setup
+from ..planning.order import order_of
 from ..planning.plan import Estimate
 from ..results.adaptation import Trial
 from ..scene import Scene
@@ -76,7 +77,7 @@ class KnownLaws:
     def errors(self, scene: Scene) -> dict[str, Error]:
         """Errors by goal of the scene with any cells, order and steps, of goals that it shares with those studied."""
         step = calibration.step_of_flow(scene, scene.time.step if scene.time else None)
-        at, found = (scene.order, scene.numerics.mesh_size, step), {}
+        at, found = (order_of(scene).number, scene.numerics.mesh_size, step), {}
         for goal in {goal: None for one in self.findings for goal in one.errors}:
             if self.own or goal in _goals(scene):
                 known = [error_at(one.errors[goal], *at) for one in self.findings if goal in one.errors]
@@ -202,7 +203,7 @@ class _Run:
     @property
     def of_dual(self) -> int:
         """Unknowns with elements of one order more, in which errors of steady flow are estimated."""
-        order = self.scene.order
+        order = order_of(self.scene).number
         before, after = (k**2 + (k - 1) ** 2 / 2.0 for k in (order, order + 1))
         return round(self.unknowns * after / before)
 
@@ -298,7 +299,7 @@ def _search(known: KnownLaws, unknowns: int) -> tuple[list[_Run], LastMesh] | st
         path, reaches = _balanced(_Run(first, unknowns), known, asked)
     end, time = path[-1], path[-1].scene.time
     step = time.step if time else None
-    return path, LastMesh(error, len(path), end.scene.order, end.unknowns, step, reaches)
+    return path, LastMesh(error, len(path), order_of(end.scene).number, end.unknowns, step, reaches)
 
 
 def _sized(scene: Scene, factor: float) -> Scene:
@@ -323,7 +324,7 @@ def _refined(first: _Run, excess: float) -> list[_Run]:
     """The first mesh of a steady flow and, where its error exceeds what is asked, the second, mostly the last."""
     if excess <= 1.0:
         return [first]
-    before = first.scene.order
+    before = order_of(first.scene).number
     gdim = first.scene.gdim
     order, left = next_order(before, excess, gdim)
     per_vertex, more = UNKNOWNS[gdim], max(1.0, left) ** (0.5 * gdim / order)
@@ -338,8 +339,8 @@ def _balanced(first: _Run, known: KnownLaws, asked: float) -> tuple[list[_Run], 
     while not (reaches := cast(float, trial.estimate) <= asked) and len(path) < balance.MOST_RUNS:
         last = path[-1].scene
         scene = balance.finer(last, balance.refined(last, trial, balance.AIM * asked))
-        meshed = (scene.numerics.mesh_size, scene.order)
-        kept = meshed == (last.numerics.mesh_size, last.order)
+        meshed = (scene.numerics.mesh_size, order_of(scene).number)
+        kept = meshed == (last.numerics.mesh_size, order_of(last).number)
         unknowns = path[-1].unknowns if kept else _counted(scene).unknowns
         path.append(_Run(scene, unknowns))
         trial = _as_tried(path[-1], known)
@@ -352,7 +353,7 @@ def _as_tried(run: _Run, known: KnownLaws) -> Trial:
     of = scene.accuracy_of
     own, in_longer = (known.errors(one)[of].value for one in (scene, comparisons(scene)[0]))
     of_step = min(shares(scene)[0] * abs(in_longer - own), own)
-    order, of_mesh = scene.order, own - of_step
+    order, of_mesh = order_of(scene).number, own - of_step
     return Trial(order, 0, run.unknowns, own, 0.0, of_step=of_step, of_mesh=of_mesh)
 
 

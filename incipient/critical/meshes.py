@@ -80,7 +80,7 @@ class CriticalRefinement(Refinement):
                 "leave it out"
             )
         if found.is_critical:
-            self.speed, self.goal = found.factor, CriticalGoal(found, self.scene.gdim, self.scene.symmetric)
+            self.speed, self.goal = found.factor, CriticalGoal(found, self.scene.gdim, run.setup.symmetric)
         return self._search.at_nearest(found.factor)
 
     def _to_refine(self, attempt: Attempt, excess: float, shares: Any, error: float) -> Attempt | None:

@@ -19,7 +19,6 @@ from ..planning.plan import Plan
 from ..planning.scene_geometry import Geometry
 from ..planning.stabilisation import stabilisation_of
 from ..scene import Scene
-from ..scene.order import order_of
 from . import known
 
 GEOMETRY_ORDER = {2: 2, 3: 3, 4: 3}
@@ -42,8 +41,8 @@ def plan_of(setup: Setup) -> Plan:
     present = {effect.name for effect in effects if effect.present}
     return Plan(
         effects=effects,
-        order=scene.order,
-        why_order=order_of(scene).reason,
+        order=setup.order.number,
+        why_order=setup.order.reason,
         geometry_order=_geometry_order(setup),
         mesh_size=scene.numerics.mesh_size,
         convection=_convection(scene, present),
@@ -90,13 +89,13 @@ def _geometry_order(setup: Setup) -> int:
     if scene.numerics.geometry_order is not None:
         return scene.numerics.geometry_order
     if scene.has_surface:  # a wave is curved
-        return GEOMETRY_ORDER[scene.order if scene.gdim == 2 else 2]
+        return GEOMETRY_ORDER[setup.order.number if scene.gdim == 2 else 2]
     if scene.gdim == 3:
         return 1 if _has_flat_faces(geometry) else GEOMETRY_ORDER[2]
     curves = list(geometry.grain.drawn()) if geometry.grain is not None else []
     if geometry.bed is not None:
         curves.extend(geometry.bed.curves(geometry.domain.left, geometry.domain.right))
-    return 1 if all(isinstance(curve, Line) for curve in curves) else GEOMETRY_ORDER[scene.order]
+    return 1 if all(isinstance(curve, Line) for curve in curves) else GEOMETRY_ORDER[setup.order.number]
 
 
 def _has_flat_faces(geometry: Geometry) -> bool:

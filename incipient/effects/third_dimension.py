@@ -23,7 +23,7 @@ class ThirdDimensionEffect(Effect):
         if scene.gdim == 2:
             return Decision(self.name, False, reason)
 
-        if scene.symmetric:
+        if setup.symmetric:
             reason += f"; half of it is computed: it is its own mirror image in y = {scene.domain.middle:g}"
         elif scene.domain.symmetric is False:
             reason += "; the whole of it is computed: domain.symmetric = false"

@@ -12,7 +12,7 @@ from ..contact.exact.judge import MassAndInertia
 from ..contact.exact.rocking import Rocking, follow
 from ..contact.verdict import judge as judge_load
 from ..geometry.placement import Placement
-from ..planning.scene_geometry import geometry_of
+from ..planning.flow_setup import Setup
 from ..results.loads import Couples, Forces
 from ..results.safetybar import SafetyBar
 from ..scene import Body, Scene
@@ -28,7 +28,7 @@ RENEWED = (
 
 def find_contacts(scene: Scene) -> Contacts:
     """Contacts of the resting grain with the bed, for a scene that has both."""
-    return geometry_of(scene).contacts
+    return Setup(scene).geometry.contacts
 
 
 def load_of(scene: Scene, force: Forces, couple: Couples) -> Load:

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import SceneError
 from ..parallel import from_first
+from ..planning.order import order_of, with_order
 from ..restart import checkpoint as checkpoints
 from ..restart.checkpoint import Checkpoint
 from ..scene import Scene, load
 from ..scene.file import loads
-from ..scene.order import with_order
 from .earlier import CHECKPOINT, SCENE
 
 if TYPE_CHECKING:
@@ -47,8 +47,8 @@ def reopened(directory: Path, overrides: Sequence[str], comm: MPI.Comm) -> tuple
     def loaded() -> tuple[Scene, Scene]:
         """The scenes of the directory and of the checkpoint; refused if they do not go together."""
         scene, before = load(directory / SCENE, overrides), loads(kept.scene)
-        if scene.numerics.order == "auto" and scene.order != before.order:
-            scene = with_order(scene, before.order)  # that of the flow that is stored
+        if scene.numerics.order == "auto" and order_of(scene).number != order_of(before).number:
+            scene = with_order(scene, order_of(before).number)  # that of the flow that is stored
         _require_same(directory / SCENE, scene, before)
         _require_work(scene, before, kept)
         return scene, before
@@ -59,7 +59,7 @@ def reopened(directory: Path, overrides: Sequence[str], comm: MPI.Comm) -> tuple
 
 def _require_same(path: Path, scene: Scene, of_checkpoint: Scene) -> None:
     now, before = (
-        dict(_flat(one.model_dump(mode="json"))) | {"numerics.order": one.order}
+        dict(_flat(one.model_dump(mode="json"))) | {"numerics.order": order_of(one).number}
         for one in (scene, of_checkpoint)
     )
     moves = scene.body is not None and scene.body.moves

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,6 +12,7 @@ import numpy as np
 
 from ..scene import Domain, ExpressionFlow, LogLaw, Shear
 from .duct import duct_speed
+from .effective_height import EffectiveHeight, effective_height, repeats
 from .mean_profile import MeanProfile
 
 Velocity = Callable[[np.ndarray, float], np.ndarray]
@@ -25,19 +27,21 @@ class BaseFlow:
     """The flow without grain and bed forms, in units of the scene.
 
     flow:      the section of the scene that gives it
-    datum:     height at which its profile starts; below it the fluid is at rest
     bed:       shape on which what enters comes to rest; None without a bed
     reference: velocity of the Reynolds number; viscosity: kinematic
     walled:    whether the fluid sticks to the sides across the width
+    creeping:  whether inertia is left out, by which a computed datum is another one
+    speed:     of the flow for which the datum is computed, over this one's
     """
 
     flow: Any
     domain: Domain
-    datum: float
     bed: Any
     reference: float
     viscosity: float
     walled: bool = False
+    creeping: bool = False
+    speed: float = 1.0
 
     @property
     def gdim(self) -> int:
@@ -48,6 +52,38 @@ class BaseFlow:
     def up(self) -> int:
         """Number of the coordinate in which heights are counted."""
         return self.gdim - 1
+
+    @property
+    def over_forms(self) -> bool:
+        """Whether it is of known shear at the bed and passes several forms in the plane that repeat."""
+        return repeats(self.flow, self.domain, self.bed)
+
+    @property
+    def effective(self) -> bool:
+        """Whether its profile starts at the effective height of the bed."""
+        level = getattr(self.flow, "datum", "crest")
+        return self.bed is not None and (level == "effective" or (level == "auto" and self.over_forms))
+
+    @cached_property
+    def effective_height(self) -> EffectiveHeight:
+        """The effective height of the bed in the plane."""
+        viscosity = math.inf if self.creeping else self.viscosity
+        return effective_height(self.flow, self.domain, self.bed, viscosity, self.speed)
+
+    @cached_property
+    def datum(self) -> float:
+        """Height at which its profile starts, the same over the whole bed; below it the fluid is at rest."""
+        domain, bed = self.domain, self.bed
+        if bed is None:
+            return domain.bottom
+        if self.effective:
+            return domain.bottom + self.effective_height.height
+        level = getattr(self.flow, "datum", "crest")
+        along = (domain.left, domain.right)
+        within: tuple[Any, ...] = along if self.gdim == 2 else (along, domain.across)
+        if level in ("auto", "crest"):
+            return float(bed.crest_level(*within))
+        return float(bed.mean(*within)) if level == "mean" else domain.bottom + float(level)
 
     @property
     def depth(self) -> float:

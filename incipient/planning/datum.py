@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..scene.datum import effective_height, starts_at_effective_height
 from .flow_setup import Setup
 
 
@@ -40,8 +39,8 @@ def datum_of(setup: Setup) -> Datum | None:
 def _words(setup: Setup, level: float | str) -> str:
     bed, scene = setup.geometry.bed, setup.scene
     assert bed is not None
-    if level == "effective" or (level == "auto" and starts_at_effective_height(scene)):
-        found = effective_height(scene)
+    if setup.base_flow.effective:
+        found = setup.base_flow.effective_height
         share = (
             f", of it {found.height - found.creeping:.2g} by inertia" if found.height > found.creeping else ""
         )
@@ -50,7 +49,7 @@ def _words(setup: Setup, level: float | str) -> str:
         return "the mean height of the bed"
     if not isinstance(level, str):
         return f"flow.datum = {level:g}"
-    if bed.crest > scene.datum:
+    if bed.crest > setup.base_flow.datum:
         return (
             "the crests of the bed, which are as high in every third of the domain; "
             f"what is higher, up to {'xyz'[scene.up]} = {bed.crest:g}, does not count"

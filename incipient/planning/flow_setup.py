@@ -7,10 +7,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from ..scene import Scene, Surface, Turbulence
-from ..scene.datum import height_of_datum
+from ..scene.symmetry import differences
 from .base_flow import BaseFlow
 from .cells import FarCells
-from .scene_geometry import Geometry, geometry_of
+from .order import VelocityOrder, order_of
+from .scene_geometry import Geometry
 from .sides import SideNames, side_names
 
 if TYPE_CHECKING:
@@ -30,12 +31,39 @@ class Setup:
     @cached_property
     def geometry(self) -> Geometry:
         """Grain and bed in the domain."""
-        return geometry_of(self.scene)
+        scene = self.scene
+        return Geometry(
+            domain=scene.domain,
+            grain=scene.grain,
+            bed=scene.bed_shape,
+            placement=scene.placement,
+            rests=scene.rests,
+            moves=scene.body is not None and scene.body.moves,
+            gap=scene.contact_gap,
+            tolerance=scene.contact_tolerance,
+            top=scene.top,
+            sides=scene.sides,
+            symmetric=self.symmetric,
+            meshed_bed=scene.numerics.meshed_bed,
+        )
+
+    @cached_property
+    def symmetric(self) -> bool:
+        """Whether half of the scene is computed: what lies at one side of the middle of a domain in space."""
+        asked = self.scene.domain.symmetric
+        if self.scene.gdim == 2 or asked is False:
+            return False
+        return asked is True or next(differences(self.scene), None) is None
+
+    @cached_property
+    def order(self) -> VelocityOrder:
+        """Order of the velocity: what the scene says, or for "auto" what measurements recommend."""
+        return order_of(self.scene)
 
     @cached_property
     def sides(self) -> SideNames:
         """Names of the sides of the domain."""
-        return side_names(self.scene.domain, self.scene.bed is not None, self.scene.symmetric)
+        return side_names(self.scene.domain, self.scene.bed is not None, self.symmetric)
 
     @cached_property
     def base_flow(self) -> BaseFlow:
@@ -48,11 +76,12 @@ class Setup:
         return BaseFlow(
             flow=scene.flow,
             domain=scene.domain,
-            datum=scene.datum if speed == 1.0 else height_of_datum(scene, speed),
             bed=scene.bed_shape,
             reference=scene.reference_velocity,
             viscosity=scene.viscosity,
             walled=scene.gdim == 3 and scene.sides == "wall",
+            creeping=not scene.fluid.inertia or scene.effects.inertia is False,
+            speed=speed,
         )
 
     @cached_property
@@ -60,7 +89,7 @@ class Setup:
         """The cells away from everything."""
         scene = self.scene
         reynolds = scene.fluid.reynolds if scene.is_empty_box else None
-        return FarCells(scene.domain.extents, scene.order, reynolds)
+        return FarCells(scene.domain.extents, self.order.number, reynolds)
 
     @property
     def turbulence(self) -> Turbulence:

@@ -38,7 +38,7 @@ def method_of(setup: Setup, slow: bool, unsteady: bool) -> Method:
             "direct",
             "in two dimensions factors take little memory, and they serve for several iterations and time steps",
         )
-    if slow and scene.time is None and scene.order > LOWEST_ORDER:
+    if slow and scene.time is None and setup.order.number > LOWEST_ORDER:
         return Method(
             "two-level",
             "order 2 by blocks, and from there the higher one without a matrix: Stokes flow needs no more",

@@ -32,7 +32,7 @@ def ends(setup: Setup) -> list[Condition]:
     from ..fluid.conditions import Entering, Open, Slip
 
     scene, cells = setup.scene, setup.far_cells
-    largest = cells.largest if scene.gdim == 2 else cells.largest_in_space(scene.order)
+    largest = cells.largest if scene.gdim == 2 else cells.largest_in_space(setup.order.number)
     level = max(LEVEL * scene.domain.height, scene.numerics.mesh_size * largest)
     wave, base_flow = wave_of(setup), setup.base_flow
     along = _beside_stream(base_flow, setup.surface) if wave is None else _with_stream(base_flow, wave)

@@ -12,7 +12,7 @@ from ..geometry.placement import Placement
 from ..geometry.plane.closing import Closing, closing
 from ..geometry.rest import clearance, lifted
 from ..geometry.touching import touching
-from ..scene import Domain, Scene
+from ..scene import Domain
 
 if TYPE_CHECKING:
     from ..contact import Contacts
@@ -124,24 +124,6 @@ class Geometry:
         if not self.symmetric:
             return x
         return x[0], self.domain.middle + abs(x[1] - self.domain.middle), x[2]
-
-
-def geometry_of(scene: Scene) -> Geometry:
-    """The geometry of a scene. Not collective."""
-    return Geometry(
-        domain=scene.domain,
-        grain=scene.grain,
-        bed=scene.bed_shape,
-        placement=scene.placement,
-        rests=scene.rests,
-        moves=scene.body is not None and scene.body.moves,
-        gap=scene.contact_gap,
-        tolerance=scene.contact_tolerance,
-        top=scene.top,
-        sides=scene.sides,
-        symmetric=scene.symmetric,
-        meshed_bed=scene.numerics.meshed_bed,
-    )
 
 
 def point(x: Any) -> Any:

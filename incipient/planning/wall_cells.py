@@ -91,7 +91,7 @@ def coarsest(setup: Setup) -> float:
     if not walls.plane:
         return math.inf
     rows, columns = ROWS * walls.number / FEWEST_ROWS, length / (COLUMN * walls.depth * FEWEST_COLUMNS)
-    return min(rows, columns) / coarsening(setup.scene.order)
+    return min(rows, columns) / coarsening(setup.order.number)
 
 
 def cells(

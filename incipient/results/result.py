@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from ..arrays import Floats
 from ..errors import SceneError
 from ..geometry.placement import Placement
+from ..planning.flow_setup import Setup
 from ..planning.plan import Plan
 from ..scene import Scene
 from .adaptation import Adaptation
@@ -135,7 +136,7 @@ class Result:
     def _mirrored(self, points: Floats) -> tuple[Floats, Floats]:
         """The flow at points of the half that was not computed; nan where there is none."""
         scene = Scene(**self.scene)
-        if not scene.symmetric:
+        if not Setup(scene).symmetric:
             return np.full(points.shape, np.nan), np.full(len(points), np.nan)
         mirror = np.array([1.0, -1.0, 1.0])
         velocity, pressure = self._sampled(mirror * points + [0.0, 2.0 * scene.domain.middle, 0.0])

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..errors import SceneError
-from . import effects_checks, surface_checks, turbulence_checks
+from . import effects_checks, surface_checks, symmetry, turbulence_checks
 from .messages import Key, Problem, split
 from .model import SceneSections
 from .numerics import OF_SURFACE, OF_WALLS
@@ -52,7 +52,15 @@ def contradictions(scene: SceneSections) -> list[Problem]:
     found = [problem for check in checks for problem in check(scene)]
     if found:
         return found
-    in_turn = (_resolution, _forms, _bed_extent, _datum_of_the_bed, surface_checks.misplaced, _body_place)
+    in_turn = (
+        _resolution,
+        _forms,
+        _bed_extent,
+        _datum_of_the_bed,
+        surface_checks.misplaced,
+        _body_place,
+        symmetry.contradictory,
+    )
     return next((problems for check in in_turn if (problems := [*check(scene)])), [])
 
 

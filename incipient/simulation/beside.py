@@ -145,7 +145,7 @@ def _in_domain(run: Run, scene: Scene) -> Floats | None:
         return np.array(x)
     assert placement is not None
     bed, resolved = run.scene.bed_shape, getattr(region, "resolved", None)
-    if scene.datum != run.scene.datum:
+    if Setup(scene).base_flow.datum != run.setup.base_flow.datum:
         return None
     if resolved is None and not (bed is None or (isinstance(bed, Plane) and not any(bed.slope))):
         return None

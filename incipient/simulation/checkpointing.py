@@ -8,10 +8,10 @@ from itertools import chain
 import numpy as np
 
 from ..fluid import Transient
+from ..planning.order import with_order
 from ..restart.checkpoint import Checkpoint, Progress
 from ..restart.redistribution import stored_flow, stored_mesh
 from ..scene.file import dumps
-from ..scene.order import with_order
 from .state import Run
 
 

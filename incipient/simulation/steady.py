@@ -12,7 +12,6 @@ from ..planning.effects import EffectName
 from ..planning.stabilisation import stabilisation_of
 from ..planning.tolerance import of_steady
 from ..results.loads import Couples, Forces
-from ..scene.datum import height_of_datum
 from .build import probe_of
 from .loads import loads
 from .state import Run
@@ -82,7 +81,7 @@ def make_as_fast(run: Run, factor: float) -> None:
     """Make the fluid's equations and conditions those of the flow faster by a factor, not its state. Collective."""
     _stabilise(run, factor)
     run.fluid.reynolds = factor * run.plan.reynolds
-    if height_of_datum(run.scene, 0.0) != run.scene.datum:
+    if run.setup.base_flow_at(0.0).datum != run.setup.base_flow.datum:
         run.fluid.let_in(conditions(run.setup, speed=factor))
 
 

@@ -112,7 +112,7 @@ def test_a_spheroid_in_shear_and_resumed(tmp_path: Path) -> None:
     """Through a new mesh, on 400 cells in a box three long axes wide: measured 5% of the fastest rate off the orbit
     in an unbounded fluid. Resumed before its last step it is the same."""
     scene = through_a_new_mesh(checkpoint=3, fields=True, every=1)
-    assert scene.symmetric
+    assert Setup(scene).symmetric
     incipient.run(scene, tmp_path / "whole")
     whole = history_of(tmp_path / "whole")
     assert np.abs(whole["spin_y"] - jeffery(angles(whole))).max() < 0.08 * 0.8
@@ -175,7 +175,7 @@ def test_distances_from_sides_and_bed() -> None:
         time=Time(end=1, step=1),
     )  # fmt: skip
     around = Setup(scene).surroundings
-    assert isinstance(around.grain, BoxSolid) and not scene.symmetric
+    assert isinstance(around.grain, BoxSolid) and not Setup(scene).symmetric
     walls = {
         "upstream": (0, 0, 1), "downstream": (0, 4, -1), "right": (1, 0, 1), "left": (1, 5, -1),
         "bottom": (2, 0, 1), "top": (2, 6, -1),
@@ -204,7 +204,7 @@ def test_mass_and_moments_follow_the_grain() -> None:
     assert found.inertia.moments == pytest.approx(mass / 5 * np.array([0.13, 0.29, 0.34]))
     assert found.mask.tolist() == [False, True, True, True, False, True]
     halved = in_box(centre=(2, 2, 2))
-    assert halved.symmetric
+    assert Setup(halved).symmetric
     assert rigid_body(halved.body, symmetric=True).mask.tolist() == [True, False, True, False, True, False]
 
 

@@ -67,15 +67,15 @@ def test_crest_and_mean_of_beds(bed, crest, mean):
     """Heights in the scene; the base line is where the domain begins. What is outside the domain does not count."""
     high = {"domain": Domain(length=12, height=6, origin=(0, 2)), "bed": bed, "body": None}
     high |= {"gravity": Gravity(acceleration=1), "fluid": {"reynolds": 20, "scale": "flow"}}
-    assert scene(**high, flow=Shear(datum="crest")).datum == pytest.approx(2 + crest)
+    assert Setup(scene(**high, flow=Shear(datum="crest"))).base_flow.datum == pytest.approx(2 + crest)
     if mean is not None:
-        assert scene(**high, flow=Shear(datum="mean")).datum == pytest.approx(2 + mean)
+        assert Setup(scene(**high, flow=Shear(datum="mean"))).base_flow.datum == pytest.approx(2 + mean)
 
 
 def test_a_number_is_a_height_above_the_base_line():
     domain = Domain(length=12, height=6, origin=(0, 2))
     found = scene(domain=domain, bed=HalfDiscs(radius=0.5, spacing=1.2), flow=Shear(datum=0.3))
-    assert found.datum == pytest.approx(2.3)
+    assert Setup(found).base_flow.datum == pytest.approx(2.3)
     assert loads(dumps(found)) == found
 
 
@@ -110,7 +110,7 @@ def test_flows_without_a_profile_or_a_bed_have_no_datum():
     assert make_plan(scene(flow=ExpressionFlow(components=("y", "0")))).datum is None
     held = Disc(diameter=1, centre=(4, 3))
     free = scene(body=held, bed=None)
-    assert make_plan(free).datum is None and free.datum == 0.0
+    assert make_plan(free).datum is None and Setup(free).base_flow.datum == 0.0
 
 
 @pytest.mark.parametrize("kind", FLOWS)
@@ -143,7 +143,7 @@ def test_the_inflow_is_at_rest_on_the_bed_and_carries_the_same_flux(kind, datum)
         moved = rough(phase, kind=kind, datum=datum)
         there, everywhere = speeds(Setup(moved).base_flow.entering), speeds(Setup(moved).base_flow.velocity)
         y, bed = HEIGHTS, moved.bed_shape.height([0.0])[0]
-        assert there.min() == 0.0 and (there[y < max(bed, moved.datum) - 1e-9] == 0.0).all()
+        assert there.min() == 0.0 and (there[y < max(bed, Setup(moved).base_flow.datum) - 1e-9] == 0.0).all()
         assert np.array_equal(there[y > 1.0], everywhere[y > 1.0])
         if kind != "uniform":
             assert there[y <= bed].max(initial=0.0) == 0.0
@@ -164,7 +164,7 @@ def test_a_bed_counts_with_the_speed_at_its_relief_above_the_datum():
     """Half-discs of radius 1/2, speed 1/2 there, viscosity 1/20; a grain that hides below the crests adds nothing."""
     assert numbers_of(Setup(rough(datum="crest"))).bed_reynolds == pytest.approx(0.5 * 0.5 * 20)
     deep = scene(bed=HalfDiscs(radius=2, spacing=8), body=Disc(diameter=1, x=4), domain=CHANNEL)
-    assert deep.datum == 2  # one form and a half are no row of them
+    assert Setup(deep).base_flow.datum == 2  # one form and a half are no row of them
     assert numbers_of(Setup(deep)).grain_reynolds == 0.0
     assert numbers_of(Setup(deep)).bed_reynolds == pytest.approx(2 * 2 * 20)
 

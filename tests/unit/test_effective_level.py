@@ -6,8 +6,8 @@ from scenes import CHANNEL, message, scene
 
 from incipient.geometry.plane import bed, polyline
 from incipient.geometry.plane.effective_level import effective_level
+from incipient.planning.flow_setup import Setup
 from incipient.scene import HalfDiscs, Poiseuille, Polyline, Shear, Sinusoidal, Uniform
-from incipient.scene.datum import effective_height
 from incipient.scene.example import grain_in_pocket
 
 # Beds, Reynolds number of shear rate 1 on the length 1, and the effective height found in one period with P2-P1
@@ -67,28 +67,30 @@ def test_between_base_and_crests(spacing):
 @pytest.mark.parametrize(("forms", "reynolds", "height", "error"), MEASURED)
 def test_against_finite_elements(forms, reynolds, height, error):
     """With inertia within the uncertainty that is said; without the panels' error."""
-    found = effective_height(scene(bed=forms, fluid={"reynolds": reynolds, "scale": "grain"}))
+    found = Setup(scene(bed=forms, fluid={"reynolds": reynolds, "scale": "grain"})).base_flow.effective_height
     assert found.height == pytest.approx(height, abs=error or found.uncertainty)
     assert found.height >= found.creeping
 
 
 def test_the_datum_is_the_effective_height_where_a_stream_shears_a_row_of_forms():
     row = HalfDiscs(radius=0.5, spacing=1.2)
-    assert scene(bed=row).datum == effective_height(scene(bed=row)).height
+    assert Setup(scene(bed=row)).base_flow.datum == Setup(scene(bed=row)).base_flow.effective_height.height
     slow = {"reynolds": 20, "scale": "grain", "inertia": False}
-    assert scene(bed=row, fluid=slow).datum == pytest.approx(0.4468, abs=1e-4)
+    assert Setup(scene(bed=row, fluid=slow)).base_flow.datum == pytest.approx(0.4468, abs=1e-4)
     between_walls = scene(bed=row, flow=Poiseuille(velocity=1.0))  # sheared at 6 V over the depth
     same = scene(bed=row, flow=Shear(rate=6 / 5.5), fluid={"reynolds": 20 * 6 / 5.5, "scale": "grain"})
-    assert between_walls.datum == pytest.approx(same.datum, rel=1e-12)
+    assert Setup(between_walls).base_flow.datum == pytest.approx(Setup(same).base_flow.datum, rel=1e-12)
     for crests in ({"flow": Uniform()}, {"bed": Sinusoidal(amplitude=0.5, wavelength=CHANNEL.length)}):
-        assert scene(**{"bed": row, **crests}).datum == pytest.approx(0.5)
+        assert Setup(scene(**{"bed": row, **crests})).base_flow.datum == pytest.approx(0.5)
     points = [(0.6 * k, 0.5 * (k % 2)) for k in range(21)]
-    assert scene(bed=Polyline(points=points)).datum == 0.5
-    assert 0.3 < scene(bed=Polyline(points=points), flow=Shear(datum="effective")).datum < 0.5
+    assert Setup(scene(bed=Polyline(points=points))).base_flow.datum == 0.5
+    assert (
+        0.3 < Setup(scene(bed=Polyline(points=points), flow=Shear(datum="effective"))).base_flow.datum < 0.5
+    )
 
 
 def test_in_space_it_is_refused():
-    assert grain_in_pocket().datum == grain_in_pocket().bed_shape.crest
+    assert Setup(grain_in_pocket()).base_flow.datum == grain_in_pocket().bed_shape.crest
     asked = {**grain_in_pocket().model_dump(), "flow": {"kind": "shear", "datum": "effective"}}
     found = message(lambda: type(grain_in_pocket())(**asked))
     assert 'flow.datum: is "effective" in space, where it is not computed; use "auto"' in found

@@ -16,6 +16,7 @@ from incipient.accuracy.waves import OF_FEW_STEPS, OF_STREAM, least_share
 from incipient.adaptive.balance import Parts, Powers, cheapest, first
 from incipient.adaptive.modelling import suited
 from incipient.effects.plan import make_plan
+from incipient.planning.order import order_of
 from incipient.results.elevations import Elevations, Reading
 from incipient.results.errorbars import NO_GRAIN, ErrorBars, Loads
 from incipient.scene import Scene
@@ -76,7 +77,7 @@ def term_of(step_error: float, mesh_error: float, order: int = 2):
     def solved(one: Scene) -> Loads:
         assert one.time is not None
         longer = (one.time.step / 0.1) ** 2
-        size = 1.0 + (mesh_error if one.order == order else 0.0)
+        size = 1.0 + (mesh_error if order_of(one).number == order else 0.0)
         return of(wave(round(4.0 / one.time.step), phase=step_error * longer, size=size))
 
     return by_coarser_runs(scene, solved(scene), solved)
@@ -184,7 +185,7 @@ def test_errors_of_a_streams_mesh_are_taken_to_be_larger_than_the_change():
     scene = loads(CHANNEL, overrides=["numerics.order=2"])
 
     def solved(one: Scene) -> Loads:
-        return of(wave(10, size=1.0 if one.order == 2 else 1.001))
+        return of(wave(10, size=1.0 if order_of(one).number == 2 else 1.001))
 
     of_mesh = by_coarser_runs(scene, solved(scene), solved).parts[1]
     assert of_mesh.elevation[0] == pytest.approx(OF_STREAM * 1e-3, rel=1e-6)

@@ -27,9 +27,9 @@ from incipient.accuracy.model_terms import (
 from incipient.errors import ConvergenceError
 from incipient.planning.flow_setup import Setup
 from incipient.planning.meshed_bed import resolved_bed
+from incipient.planning.order import order_of
 from incipient.results.errorbars import Loads, Term
 from incipient.scene import Scene, Time, loads
-from incipient.scene.datum import effective_height
 from incipient.scene.example import commented, grain_in_pocket, grain_on_bed
 from incipient.simulation import simulate as simulation
 from incipient.simulation.simulate import loads_of, simulate
@@ -199,7 +199,7 @@ def test_step_and_mesh_are_told_apart(scheme: str, order: int, adapts: bool) -> 
 
     def exact(one: Scene) -> Loads:
         assert one.time is not None
-        of_step, of_mesh = one.time.step**order, 0.5 * (scene.order + 1 - one.order)
+        of_step, of_mesh = one.time.step**order, 0.5 * (order_of(scene).number + 1 - order_of(one).number)
         return Loads(np.array([1.0 + 0.3 * of_step, 0.02 * of_mesh, 0]), np.array([0, 0, of_mesh - of_step]))
 
     term = by_coarser_runs(scene, exact(scene), exact)
@@ -322,7 +322,7 @@ def test_coarse_runs_in_time_are_few_and_cheap() -> None:
     scene = Scene(**{**grain_on_bed().model_dump(), "time": {"end": 10.0, "step": 0.1}})
     runs = coarse_scenes(scene)
     assert len(runs) == 6
-    assert [one.order for one in runs] == [3, 4, 2, 2, 2, 2]
+    assert [order_of(one).number for one in runs] == [3, 4, 2, 2, 2, 2]
     found = [(one.time.step / 0.1, one.numerics.mesh_size) for one in runs if one.time is not None]
     assert np.array(found) == pytest.approx(np.array([*2 * [(4.0, 1.0)], *4 * [(4.0, 2.0)]]))
     short = Scene(**{**scene.model_dump(), "time": {"end": 1.0, "step": 0.1}})
@@ -350,27 +350,31 @@ def test_far_sides_matter_longer_over_forms() -> None:
     assert (decay_of(on_bed()), decay_of(on_bed(bed=FORMS)), decay_of(grain_in_pocket())) == (2.0, 1.5, 2.0)
 
 
+def datum_of(scene: Scene) -> float:
+    return Setup(scene).base_flow.datum
+
+
 @pytest.mark.parametrize("datum", ["auto", "crest", "mean", 0.46])
 @pytest.mark.parametrize("speed", [1.0, 3.0])
 def test_a_datum_that_does_not_suit_the_bed_is_an_error(datum: str | float, speed: float) -> None:
     """What starting elsewhere changes: from the scene's datum to the far end of where the effective height may be."""
     scene = on_bed(bed=FORMS, flow={"kind": "shear", "datum": datum})
-    found, other = effective_height(scene, speed), with_other_datum(scene, speed)
+    found, other = Setup(scene).base_flow_at(speed).effective_height, with_other_datum(scene, speed)
     assert other is not None
-    own = found.height if datum == "auto" else scene.datum
+    own = found.height if datum == "auto" else datum_of(scene)
     sign = np.sign(found.height - own) or 1.0
-    assert other.datum == pytest.approx(found.height + sign * found.uncertainty)
+    assert datum_of(other) == pytest.approx(found.height + sign * found.uncertainty)
     terms = of_the_model(scene, speed)
     asked: list[Scene] = []
 
     def solve(one: Scene) -> Loads:
         asked.append(one)
-        return Loads(np.array([one.datum, 0.0, 0.0]), np.zeros(3))
+        return Loads(np.array([datum_of(one), 0.0, 0.0]), np.zeros(3))
 
-    assert terms["datum"](solve).force[0] == pytest.approx(abs(other.datum - scene.datum))
+    assert terms["datum"](solve).force[0] == pytest.approx(abs(datum_of(other) - datum_of(scene)))
     del asked[:]
     terms["domain"](solve)  # by a stream that suits the bed, lest its slow adapting hides what the sides do
-    assert {one.datum for one in asked} == {scene.datum if datum == "auto" else other.datum}
+    assert {datum_of(one) for one in asked} == {datum_of(scene) if datum == "auto" else datum_of(other)}
 
 
 def test_where_a_datum_is_no_error() -> None:
@@ -398,7 +402,7 @@ def test_level_ground_is_estimated_from_more_of_the_bed() -> None:
     term = of_level_ground(wider, solve(scene), solve)
     assert term.force == pytest.approx([0.2, 0.0, 0.0]) and term.couple == pytest.approx([0.0, 0.03, 0.0])
     assert asked[1].numerics.meshed_bed == 1.5 and not asked[1].numerics.error_bars
-    near, far = (resolved_bed(Setup(one).geometry, scene.placement, one.datum) for one in asked)
+    near, far = (resolved_bed(Setup(one).geometry, scene.placement, datum_of(one)) for one in asked)
     assert near is not None and far is not None and far.radius == 1.5 * near.radius
     assert [one.numerics.meshed_bed for one in coarse_scenes(scene)] == [1.0, 1.0, 1.0, 1.0, 1.5]
     wide = changed(scene, numerics={"meshed_bed": 4.0})  # up to the sides

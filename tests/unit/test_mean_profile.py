@@ -92,7 +92,7 @@ def test_the_force_brings_down_what_the_bed_takes_more_than_viscosity_does():
         dolfinx.mesh.CellType.quadrilateral,
     )
     measure = ufl.dx(domain=mesh, metadata={"quadrature_degree": 8})
-    force = force_of_turbulence(Setup(found).base_flow.mean_profile, found.datum, found.up)(
+    force = force_of_turbulence(Setup(found).base_flow.mean_profile, Setup(found).base_flow.datum, found.up)(
         ufl.SpatialCoordinate(mesh), None
     )
     whole = dolfinx.fem.assemble_scalar(compat.form(force[0] * measure))

@@ -8,6 +8,7 @@ from scenes import BOX, FLOW_SCALE, scene
 
 from incipient.accuracy.coarse_runs import changed, comparisons
 from incipient.effects.plan import make_plan
+from incipient.planning.order import order_of
 from incipient.scene import Disc, Domain, Effects, Fluid, Lid, Numerics, Scene, Sphere, Time, load
 from incipient.scene.example import grain_in_pocket, grain_on_bed
 from incipient.scene.file import dumps, loads
@@ -36,7 +37,7 @@ def test_what_is_chosen_and_why(changes: dict[str, Any], order: int) -> None:
     """What was measured (docs/numerics.md): three in the plane where nothing moves, and in space where it creeps."""
     made = scene(**changes)
     plan = make_plan(made)
-    assert (made.order, plan.order) == (order, order)
+    assert (order_of(made).number, plan.order) == (order, order)
     told = [line for line in plan.text().splitlines() if line.startswith(f"  velocity of order {order}: ")]
     assert len(told) == 1 and told[0].endswith(plan.why_order) and plan.why_order
     assert f"  P{order}-P{order - 1} Taylor-Hood" in plan.text()
@@ -47,32 +48,35 @@ def test_what_is_chosen_and_why(changes: dict[str, Any], order: int) -> None:
 def test_what_is_asked_for_is_taken(changes: dict[str, Any], _: int, asked: int) -> None:
     made = scene(**changes, numerics=Numerics(order=asked))
     plan = make_plan(made)
-    assert made.order == plan.order == asked
+    assert order_of(made).number == plan.order == asked
     assert plan.why_order == "" and "velocity of order" not in plan.text()
 
 
 @pytest.mark.parametrize("accuracy", [0.01, "verdict"])
 @pytest.mark.parametrize("made", [grain_on_bed, grain_in_pocket])
 def test_a_search_for_an_accuracy_begins_with_two(made: Any, accuracy: Any) -> None:
-    assert changed(made(), numerics={"accuracy": accuracy}).order == 2
+    assert order_of(changed(made(), numerics={"accuracy": accuracy})).number == 2
 
 
 def test_runs_in_time_are_compared_with_one_order_more() -> None:
     longer, beside = comparisons(scene(**IN_TIME))
-    assert (longer.order, beside.order) == (3, 4)
+    assert (order_of(longer).number, order_of(beside).number) == (3, 4)
 
 
 def test_auto_is_written_and_read() -> None:
     made = scene()
     assert 'order = "auto"' in dumps(made)
     assert loads(dumps(made)).numerics.order == "auto"
-    assert loads(dumps(scene(numerics=Numerics(order=2))), overrides=('numerics.order="auto"',)).order == 3
-    assert loads(dumps(made), overrides=("numerics.order=auto",)).order == 3
+    assert (
+        order_of(loads(dumps(scene(numerics=Numerics(order=2))), overrides=('numerics.order="auto"',))).number
+        == 3
+    )
+    assert order_of(loads(dumps(made), overrides=("numerics.order=auto",))).number == 3
 
 
 @pytest.mark.parametrize(("made", "order"), [(grain_on_bed, 3), (grain_in_pocket, 3)])
 def test_the_examples(made: Any, order: int) -> None:
-    assert made().order == order
+    assert order_of(made()).number == order
 
 
 @pytest.mark.parametrize(
@@ -80,4 +84,4 @@ def test_the_examples(made: Any, order: int) -> None:
 )
 def test_the_shipped_scenes(name: str, order: int) -> None:
     found: Scene = load(DEMOS / f"{name}.toml")
-    assert found.numerics.order == "auto" and found.order == order
+    assert found.numerics.order == "auto" and order_of(found).number == order

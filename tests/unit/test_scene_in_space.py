@@ -146,7 +146,7 @@ def test_mass_and_inertia_are_those_of_the_grain_as_it_is_turned():
 )
 def test_a_scene_that_is_its_own_mirror_image_is_halved(changes, halved):
     found = scene(**changes)
-    assert found.symmetric is halved
+    assert Setup(found).symmetric is halved
     asked = {**found.domain.model_dump(), "symmetric": True}
     if not halved and found.domain.symmetric is None:
         assert "domain.symmetric: is true, but" in message(lambda: scene(**{**changes, "domain": asked}))
@@ -214,11 +214,11 @@ def test_profiles_go_with_the_height_and_formulas_have_three_components():
 def test_the_inflow_is_at_rest_on_spheres_that_are_higher_than_the_datum():
     bed = SphereBed(radius=0.5, spacing=1.0, arrangement="square")
     found = scene(bed=bed, flow=Shear(datum="mean"), body=None, fluid=Fluid(reynolds=1, scale="flow"))
-    assert 0.2 < found.datum < 0.5
+    assert 0.2 < Setup(found).base_flow.datum < 0.5
     over_a_sphere, between = Setup(found).base_flow.entering(
         np.array([[0.0, 0.0], [1.0, 1.5], [0.499, 0.499]]), 0.0
     )[0]
-    assert over_a_sphere == 0.0 and between == pytest.approx(0.499 - found.datum)
+    assert over_a_sphere == 0.0 and between == pytest.approx(0.499 - Setup(found).base_flow.datum)
 
 
 # -- files ---------------------------------------------------------------------------------------------
@@ -437,5 +437,5 @@ def test_a_scanned_grain_is_seen_to_be_none_of_its_mirror_image_at_few_points(tm
     monkeypatch.setattr(Triangulated, "level", counted)
     body = {"shape": "mesh", "file": str(tmp_path / "grain.ply"), "size": 1.0, "centre": (6.0, 4.0, 2.0)}
     found = Scene(**{**scene().model_dump(exclude={"contact", "gravity"}), "bed": None, "body": body})
-    assert not found.symmetric
+    assert not Setup(found).symmetric
     assert 0 < sum(asked) < 1000

@@ -72,7 +72,7 @@ class FreeSurfaceEffect(Effect):
         if decision.expected is None:
             return
         scene = solved.run.scene
-        rise = _rise_under_lid(solved.run) / (scene.domain.ceiling - scene.datum)
+        rise = _rise_under_lid(solved.run) / Setup(scene).base_flow.depth
         may_be = scene.domain.kind == "box" or scene.flow.kind in STREAMS
         remedy = 'domain.top = "free-surface"' if may_be and not scene.is_turbulent else "a deeper channel"
         if rise > 1.0:

@@ -239,7 +239,7 @@ class _Stations:
         across = stations_of(scene.surface, scene.domain)
         top = scene.domain.ceiling + rising.raised
         points = np.array([(*place, top) for place in across]).reshape(-1, scene.gdim)
-        if scene.symmetric:  # the half that is computed has the larger y
+        if Setup(scene).symmetric:  # the half that is computed has the larger y
             points[:, 1] = scene.domain.middle + np.abs(points[:, 1] - scene.domain.middle)
         places = Locator(rising.domain.mesh).inside(spatial(points))
         ranks = np.array(comm.allgather(np.where(places.found, comm.rank, comm.size)))

@@ -61,10 +61,11 @@ class MovingGrain(RunPart):
         assert scene.body is not None and scene.time is not None
         assert scene.grain is not None and scene.placement is not None
         self.grain, self.time = scene.grain, scene.time
-        self.surroundings = Setup(scene).surroundings
+        setup = Setup(scene)
+        self.surroundings, self._halved = setup.surroundings, setup.symmetric
         self._is_free, self._is_repelled = scene.body.motion == "free", scene.body.on_contact == "repel"
-        self.body = rigid_body(scene.body, scene.symmetric)
-        start = state or initial_state(scene.body, scene.placement, scene.symmetric)
+        self.body = rigid_body(scene.body, self._halved)
+        start = state or initial_state(scene.body, scene.placement, self._halved)
         self._start, self._made_for = start, made_for
         self.remeshings: list[Remeshing] = []
         self.interface_iterations: list[int] = []
@@ -221,7 +222,7 @@ class MovingGrain(RunPart):
         arm = on_grain - state.place
         twist = np.cross(arm, force) if len(arm) == 3 else [planar_cross(arm, force)]
         load = np.concatenate([force, twist])
-        if self.scene.symmetric:  # as much from the mirror image of what it has come close to
+        if self._halved:  # as much from the mirror image of what it has come close to
             load[[1, 3, 5]] = 0.0
         return load
 

@@ -124,7 +124,7 @@ def doubts(setup: Setup) -> Iterator[str]:
 def _coarse(setup: Setup) -> Iterator[str]:
     """How few cells a grain in space has."""
     asked = setup.scene.numerics.mesh_size
-    size = WALL_CELL * coarsening(setup.scene.order) * setup.walls.distance * asked
+    size = WALL_CELL * coarsening(setup.order.number) * setup.walls.distance * asked
     if (across := setup.geometry.grain.size / size) < FEWEST_ACROSS:
         yield (
             f"the grain is {across:.2g} cells across: with 3 of them drag was a fifth too large and a safety factor a "

@@ -1,0 +1,45 @@
+"""The order of the velocity where the scene leaves it open: what the program's own measurements recommend."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..scene import Scene
+
+
+@dataclass(frozen=True)
+class VelocityOrder:
+    """The order of the velocity, and in words why it was chosen; no words where the scene gives it."""
+
+    number: int
+    reason: str = ""
+
+
+def order_of(scene: Scene) -> VelocityOrder:
+    """The scene's own order, or the one to take (docs/numerics.md says by which measurements). Not collective."""
+    asked, steady = scene.numerics.order, scene.time is None
+    if asked != "auto":
+        return VelocityOrder(asked)
+    if scene.gdim == 3:
+        creeps = steady and (not scene.fluid.inertia or scene.effects.inertia is False)
+        if scene.numerics.accuracy is None and scene.body is not None and creeps:
+            why = "in creeping flow in space it errs far less than order 2, from which it is found"
+            return VelocityOrder(3, why)
+        if steady and scene.is_empty_box and scene.flow.kind != "still":
+            return VelocityOrder(
+                4, "in a driven box in space it errs far less than order 2 for the same time"
+            )
+        why = "the scene lies in space, where higher orders take long but for creeping flow past a grain"
+        return VelocityOrder(2, why)
+    if scene.body is not None and scene.body.moves:
+        return VelocityOrder(2, "the grain moves, and the mesh with it")
+    if scene.numerics.accuracy is not None and not scene.is_turbulent:
+        return VelocityOrder(2, "a higher one is taken where it is expected to need fewer unknowns")
+    return VelocityOrder(
+        3, "in the plane, where nothing moves, it errs far less than order 2 for the same time"
+    )
+
+
+def with_order(scene: Scene, number: int) -> Scene:
+    """The scene with a given order. Not collective."""
+    return scene.model_copy(update={"numerics": scene.numerics.model_copy(update={"order": number})})
