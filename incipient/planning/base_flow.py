@@ -79,8 +79,7 @@ class BaseFlow:
         if self.effective:
             return domain.bottom + self.effective_height.height
         level = getattr(self.flow, "datum", "crest")
-        along = (domain.left, domain.right)
-        within: tuple[Any, ...] = along if self.gdim == 2 else (along, domain.across)
+        within: tuple[Any, ...] = domain.spans if self.gdim == 3 else domain.spans[0]
         if level in ("auto", "crest"):
             return float(bed.crest_level(*within))
         return float(bed.mean(*within)) if level == "mean" else domain.bottom + float(level)

@@ -76,6 +76,17 @@ class Domain(Section):
         return value
 
     @property
+    def gdim(self) -> int:
+        """Dimension of space: three with a width."""
+        return 2 if self.width is None else 3
+
+    @property
+    def spans(self) -> tuple[tuple[float, float], ...]:
+        """The least and the largest coordinate along the flow, in space also across it."""
+        along = (self.left, self.right)
+        return (along,) if self.width is None else (along, self.across)
+
+    @property
     def left(self) -> float:
         """Abscissa of the inflow, or of the left wall."""
         return self.origin[0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, LiteralString, get_args
@@ -33,6 +34,7 @@ _BOUNDS = {
     "less_than": ("lt", "less than"),
     "less_than_equal": ("le", "of at most"),
 }
+_NAME = re.compile("'([^']*)'")
 _SECTION_TYPES = ("model_type", "model_attributes_type", "dict_type")
 
 
@@ -53,6 +55,11 @@ class Problem:
         return f"{path}: {self.why}; {self.remedy}" if path else f"{self.why}; {self.remedy}"
 
 
+def problem(key: str, why: str, remedy: str) -> Problem:
+    """The problem at a key such as ``flow.kind``."""
+    return Problem(tuple(key.split(".")), why, remedy)
+
+
 def key_text(key: Key) -> str:
     """A key as the user writes it: ``body.centre[1]``; one that is too long is cut."""
     text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in key).lstrip(".")
@@ -69,6 +76,12 @@ def one_line(source: str, problems: Sequence[Problem]) -> str:
 def counted(number: int, thing: str) -> str:
     """``1 item``, ``2 items``."""
     return f"{number} {thing}" if number == 1 else f"{number} {thing}s"
+
+
+def either(names: Sequence[str]) -> str:
+    """``"a", "b" or "c"``."""
+    quoted = [f'"{name}"' for name in names]
+    return " or ".join([*([", ".join(quoted[:-1])] if quoted[1:] else []), quoted[-1]])
 
 
 def refusal(title: str, problems: Sequence[Problem], between: bool = False) -> ValidationError:
@@ -164,7 +177,7 @@ def _problem(detail: ErrorDetails, key: Key, section: type[BaseModel] | None, gd
         name, words = _BOUNDS[kind]
         return Problem(key, f"is {given}", f"give a number {words} {context[name]:g}")
     if kind == "literal_error":
-        return Problem(key, f"{given} is not known", f"use {_quoted(context['expected'])}")
+        return Problem(key, f"{given} is not known", f"use {either(_NAME.findall(context['expected']))}")
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         return _wrong_alternative(detail, key, section, gdim)
     if kind in _SECTION_TYPES:
@@ -201,7 +214,7 @@ def _what_to_add(name: str, field: FieldInfo | None) -> str:
     if field is not None and variants(field.annotation):
         return f"a section [{name}]"
     choices = [value for value in get_args(field.annotation) if isinstance(value, str)] if field else []
-    return f"it, {_quoted(' or '.join(choices))}" if choices else "it"
+    return f"it, {either(choices)}" if choices else "it"
 
 
 def _wrong_alternative(
@@ -215,7 +228,7 @@ def _wrong_alternative(
     fitting = [
         str(tag(model)) for model in models if gdim is None or gdim in getattr(model, "gdims", (gdim,))
     ]
-    choices = f"use {_quoted(' or '.join(fitting))}"
+    choices = f"use {either(fitting)}"
     if detail["type"] == "union_tag_not_found":
         return Problem((*key, name), "is missing", choices)
     close = _closest(str(context["tag"]), tags)
@@ -232,13 +245,6 @@ def _single_choice(section: type[BaseModel], name: str) -> str | None:
     field = section.model_fields.get(name)
     choices = get_args(field.annotation) if field else ()
     return str(choices[0]) if len(choices) == 1 else None
-
-
-def _quoted(words: str) -> str:
-    """``a, b or c`` from ``'a', 'b' or 'c'`` or ``a or b or c``, in double quotes."""
-    names = [part.strip(" '") for part in words.replace(" or ", ",").split(",")]
-    quoted = [f'"{name}"' for name in names]
-    return quoted[0] if len(quoted) == 1 else f"{', '.join(quoted[:-1])} or {quoted[-1]}"
 
 
 def shown(value: Any) -> str:

@@ -162,7 +162,7 @@ class SceneSections(Section):
     @property
     def gdim(self) -> int:
         """Dimension of space: three where the domain has a width."""
-        return 2 if self.domain.width is None else 3
+        return self.domain.gdim
 
     @property
     def up(self) -> int:

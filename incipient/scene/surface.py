@@ -136,10 +136,6 @@ class Surface(Section):
 def stations_of(surface: Surface | None, domain: Domain) -> list[tuple[float, ...]]:
     """Where elevations are reported: the stations, or without any five from end to end, in space three by three."""
     given = () if surface is None else surface.places()
-    along, sides = (
-        (5, [(domain.left, domain.right)])
-        if domain.width is None
-        else (3, [(domain.left, domain.right), domain.across])
-    )
-    evenly = ([low + (high - low) * i / (along - 1) for i in range(along)] for low, high in sides)
+    along = 5 if domain.gdim == 2 else 3
+    evenly = ([low + (high - low) * i / (along - 1) for i in range(along)] for low, high in domain.spans)
     return list(given) or list(product(*evenly))

@@ -4,79 +4,77 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from .messages import Key, Problem
-from .model import SceneSections
-from .numerics import OF_WALLS
+from .domain import Domain
+from .flows import Flow
+from .messages import Problem, either, problem
+from .model import SceneSections, Time
+from .numerics import OF_WALLS, Numerics
+from .surface import FREE
 
 FLOWS = ("poiseuille", "open-channel")
+_NOT_SIMULATED = "with turbulence is not simulated by this version"
 
 
 def contradictory(scene: SceneSections) -> Iterator[Problem]:
     """What keeps a scene from having the turbulence that it asks for."""
     if not scene.is_turbulent:
         if scene.turbulence is not None:
-            remedy = "set effects.turbulence = true or leave the section out"
-            yield Problem(
-                ("turbulence",), "describes turbulence, which effects.turbulence does not ask for", remedy
-            )
+            why = "describes turbulence, which effects.turbulence does not ask for"
+            yield problem("turbulence", why, "set effects.turbulence = true or leave the section out")
         return
-    for key, why, remedy in (*_of_place(scene), *_of_flow(scene), *_of_time(scene), *_of_accuracy(scene)):
-        yield Problem(key, why, remedy)
+    effects, numerics, time = scene.effects, scene.numerics, scene.time
+    yield from _of_flow(scene.flow, scene.domain)
+    if not scene.fluid.inertia or effects.inertia is False:
+        key = "fluid.inertia" if not scene.fluid.inertia else "effects.inertia"
+        yield problem(key, "is false, but without inertia there is no turbulence", "leave it out")
+    if time is not None:
+        yield from _of_time(time, numerics)
+        if effects.unsteadiness is False:
+            why = "is false but turbulence in time is unsteady"
+            yield problem("effects.unsteadiness", why, "leave [time] out")
+    if numerics.accuracy is not None:
+        yield from _of_accuracy(numerics, time is not None, scene.body is not None)
 
 
-def _of_place(scene: SceneSections) -> Iterator[tuple[Key, str, str]]:
-    if scene.gdim == 3 and scene.sides == "stream":
-        why = '"stream" with turbulence is not simulated by this version'
-        yield ("domain", "sides"), why, 'use "wall", or "slip", sides without friction'
-    if scene.has_surface:
-        why = '"free-surface" with turbulence is not simulated by this version'
-        yield ("domain", "top"), why, 'use "auto", a lid without friction'
+def _of_flow(flow: Flow, domain: Domain) -> Iterator[Problem]:
+    if domain.sides == "stream":
+        yield problem(
+            "domain.sides", f'"stream" {_NOT_SIMULATED}', 'use "wall", or "slip", sides without friction'
+        )
+    if domain.top == FREE:
+        yield problem("domain.top", f'"{FREE}" {_NOT_SIMULATED}', 'use "auto", a lid without friction')
+    if flow.kind not in FLOWS:
+        yield problem("flow.kind", f'"{flow.kind}" {_NOT_SIMULATED}', f"use {either(FLOWS)}")
+    elif domain.top == "stream":
+        yield problem("domain.top", '"stream" contradicts turbulence below it', 'use "auto"')
+    elif getattr(flow, "datum", "auto") != "auto":
+        why = "is not read with turbulence, whose profile starts at the bed's height at the inflow"
+        yield problem("flow.datum", why, "leave it out")
 
 
-def _of_flow(scene: SceneSections) -> Iterator[tuple[Key, str, str]]:
-    if scene.flow.kind not in FLOWS:
-        why = f'"{scene.flow.kind}" with turbulence is not simulated by this version'
-        yield ("flow", "kind"), why, 'use "poiseuille" or "open-channel"'
-    elif scene.domain.top == "stream":
-        yield ("domain", "top"), '"stream" contradicts turbulence below it', 'use "auto"'
-    elif getattr(scene.flow, "datum", "auto") != "auto":
-        why = "is not there with turbulence, whose profile starts at the bed's height at the inflow"
-        yield ("flow", "datum"), why, "leave it out"
-    if not scene.fluid.inertia or scene.effects.inertia is False:
-        key = ("fluid", "inertia") if not scene.fluid.inertia else ("effects", "inertia")
-        yield key, "is false, but without inertia there is no turbulence", "leave it out"
-
-
-def _of_time(scene: SceneSections) -> Iterator[tuple[Key, str, str]]:
-    if scene.time is None:
-        return
-    if scene.time.start == "stokes":
+def _of_time(time: Time, numerics: Numerics) -> Iterator[Problem]:
+    if time.start == "stokes":
         why = '"stokes" leaves out inertia, without which there is no turbulence'
-        yield ("time", "start"), why, 'use "steady" or "rest"'
-    if scene.effects.unsteadiness is False:
-        yield ("effects", "unsteadiness"), "is false but turbulence in time is unsteady", "leave [time] out"
-    if scene.numerics.convection == "extrapolated":
+        yield problem("time.start", why, 'use "steady" or "rest"')
+    if numerics.convection == "extrapolated":
         why = "with turbulence the walls' friction is implicit, and so is convection"
-        yield ("numerics", "convection"), why, 'use "implicit"'
-    if scene.numerics.form == "energy-stable":
-        yield ("numerics", "form"), "is not there with turbulence by this version", 'use "printed"'
+        yield problem("numerics.convection", why, 'use "implicit"')
+    if numerics.form == "energy-stable":
+        yield problem("numerics.form", f'"energy-stable" {_NOT_SIMULATED}', 'use "printed"')
 
 
-def _of_accuracy(scene: SceneSections) -> Iterator[tuple[Key, str, str]]:
+def _of_accuracy(numerics: Numerics, in_time: bool, has_grain: bool) -> Iterator[Problem]:
     """What an accuracy cannot be that of, or include, with turbulence."""
-    numerics = scene.numerics
-    if numerics.accuracy is None:
-        return
-    if scene.time is not None:
+    if in_time:
         why = "is not sought of turbulence in time by this version"
-        yield ("numerics", "accuracy"), why, "leave it out, and see the error bars, or leave [time] out"
-    if scene.body is not None:
+        yield problem("numerics.accuracy", why, "leave it out, and see the error bars, or leave [time] out")
+    if has_grain:
         return
     if numerics.accuracy == "verdict":
-        yield ("numerics", "accuracy"), '"verdict" is that of a grain but there is none', "give a number"
+        yield problem("numerics.accuracy", '"verdict" is that of a grain but there is none', "give a number")
     if numerics.accuracy_of not in ("auto", OF_WALLS):
-        why = f'"{numerics.accuracy_of}" is not there in a turbulent channel without a grain'
-        yield ("numerics", "accuracy_of"), why, f'use "{OF_WALLS}"'
+        why = f'"{numerics.accuracy_of}" does not exist in a turbulent channel without a grain'
+        yield problem("numerics.accuracy_of", why, f'use "{OF_WALLS}"')
     if numerics.accuracy_includes == "all":
         why = '"all" means gap and domain but without a grain both belong to the scene'
-        yield ("numerics", "accuracy_includes"), why, "leave it out"
+        yield problem("numerics.accuracy_includes", why, "leave it out")

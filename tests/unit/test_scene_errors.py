@@ -300,7 +300,7 @@ BETWEEN = [
     ),
     (
         {"domain": Domain(length=12, height=6, top="wall"), "flow": OpenChannel()},
-        'domain.top: "wall" contradicts the flow "open-channel"; use "auto" or "slip" or "stream"',
+        'domain.top: "wall" contradicts the flow "open-channel"; use "auto", "slip", "stream" or "free-surface"',
     ),
     ({"body": None}, 'fluid.scale: "grain" but there is no grain; add a section [body] or use "flow"'),
     (

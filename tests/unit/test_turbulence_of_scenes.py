@@ -62,7 +62,7 @@ def entering_of(scene):
         ),
         (
             {"numerics": Numerics(accuracy=0.05, accuracy_of="force")},
-            'numerics.accuracy_of: "force" is not there in a turbulent channel without a grain',
+            'numerics.accuracy_of: "force" does not exist in a turbulent channel without a grain',
         ),
         (
             {"numerics": Numerics(accuracy=0.05, accuracy_includes="all")},
@@ -100,7 +100,7 @@ def entering_of(scene):
         ),
         (
             {"flow": OpenChannel(datum="crest")},
-            "flow.datum: is not there with turbulence, whose profile starts at the bed's height at the inflow; leave",
+            "flow.datum: is not read with turbulence, whose profile starts at the bed's height at the inflow; leave",
         ),
         (
             {"turbulence": {"wall": "rough"}},

@@ -1,0 +1,204 @@
+"""Where a scene's bed and grain are: too large, too fine, outside of the domain, or into each other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Floats
+from ..errors import SceneError
+from ..geometry.placement import Placement
+from ..geometry.rest import clearance
+from . import surface_checks, symmetry
+from .domain import Domain
+from .messages import Problem, problem, split
+from .model import SceneSections
+from .surface import Surface
+
+# Distances in grain sizes: from the bed, where cells get as small as the gap; from a side, where they do not.
+TOUCHING, NEARLY_TOUCHING = 1e-6, 1e-3
+FINEST_PLACE = 1e-6  # of the smallest size in the scene: how well places must be known at the least
+_SAME = 1e-9  # of the width: a cylinder reaches from side to side
+_SPACING, _PLACES = 0.02, 201  # of points on a solid grain, in its size; in each direction on a bed in space
+CELLS_OF_A_FORM = 20  # at the least
+
+
+def misplaced(scene: SceneSections) -> list[Problem]:
+    """What is wrong with places and extents, by the first check that finds something."""
+    domain, bed, grain, shape, contact = scene.domain, scene.bed, scene.grain, scene.bed_shape, scene.contact
+    finest = FINEST_PLACE if grain is None or contact is None else contact.tolerance
+    found = [*_resolution(domain, grain, finest)]
+    if bed is not None and not found:
+        found = (
+            [*_forms(bed, shape, domain, grain, scene.numerics.max_cells)]
+            or [*_bed_extent(bed, shape, domain)]
+            or [*_datum_of_the_bed(getattr(scene.flow, "datum", "auto"), shape, domain)]
+        )
+    return (
+        found
+        or (scene.has_surface and [*surface_checks.misplaced(scene.surface or Surface(), domain, shape)])
+        or [*_body_place(scene)]
+        or [*symmetry.contradictory(scene)]
+    )
+
+
+def _resolution(domain: Domain, grain: Any, finest: float) -> Iterator[Problem]:
+    """Coordinates so large that numbers next to each other are too far apart to place a grain, or cells."""
+    names = ("length", "height") if domain.gdim == 2 else ("length", "width", "height")
+    for name, start, extent in zip(names, domain.origin, domain.extents, strict=True):
+        apart = math.ulp(abs(start) + extent)
+        needed = finest * min(extent, extent if grain is None else grain.size)
+        if 4.0 * apart > needed:
+            key = "origin" if abs(start) > extent else name
+            why = (
+                f"is so large that numbers there are {apart:.2g} apart, but places are needed to {needed:.2g}"
+            )
+            yield problem(f"domain.{key}", why, "move the scene towards zero, or make it smaller")
+
+
+def _forms(bed: Any, shape: Any, domain: Domain, grain: Any, max_cells: int) -> Iterator[Problem]:
+    """More bed forms than can be meshed, which it would take too long to look at; in space those below the grain."""
+    forms, where = bed.forms(domain.length), "on the domain's length"
+    if domain.gdim == 3:
+        area, where = domain.extents[0] * domain.extents[1], "in the domain"
+        if grain is not None:
+            area, where = min(grain.size**2, area), "under the grain"
+        forms = area / (2.0 * shape.feature) ** 2
+    if forms * CELLS_OF_A_FORM > max_cells:
+        why = f"has about {forms:.2g} forms {where}, with at least {CELLS_OF_A_FORM} cells each more than "
+        remedy = (
+            "enlarge them, give a flat bed in their place, or allow more with --set numerics.max_cells=NUMBER"
+        )
+        yield problem("bed", f"{why}numerics.max_cells = {max_cells}", remedy)
+
+
+def _bed_extent(bed: Any, shape: Any, domain: Domain) -> Iterator[Problem]:
+    reaches: tuple[tuple[float, float], ...] = ()
+    remedy, slack = "add points or shorten the domain", 0.0
+    if bed.kind == "polyline":
+        reaches = ((bed.points[0][0], bed.points[-1][0]),)
+    elif domain.gdim == 3:  # a height map may not reach as far as the domain
+        reaches, slack = shape.extent, 1e-9
+        remedy = "enlarge its cell, change its offset or shrink the domain"
+    for axis, (first, last), (low, high) in zip("xy", reaches, domain.spans, strict=False):
+        if low < first - slack * (high - low) or high > last + slack * (high - low):
+            why = f"reaches from {axis} = {first:g} to {last:g}, the domain from {low:g} to {high:g}"
+            yield problem("bed", why, remedy)
+    _, highest = _bed_heights(shape, domain)
+    if highest >= domain.ceiling:
+        why = f"rises to {'xyz'[domain.gdim - 1]} = {highest:g}, the top is at {domain.ceiling:g}"
+        yield problem("bed", why, "enlarge domain.height or lower the bed")
+
+
+def _datum_of_the_bed(level: float | str, bed: Any, domain: Domain) -> Iterator[Problem]:
+    """A datum given as a number must be a height that the bed has: above it a layer of fluid would be at rest."""
+    if level == "effective" and domain.gdim == 3:
+        why = 'is "effective" in space, where it is not computed'
+        yield problem("flow.datum", why, 'use "auto" or a height')
+    if isinstance(level, str):
+        return
+    lowest, highest = (height - domain.bottom for height in _bed_heights(bed, domain))
+    slack = 1e-9 * domain.height
+    if not lowest - slack <= level <= highest + slack:
+        why = f"is {level:g}, the bed's heights above its base line go from {lowest:g} to {highest:g}"
+        yield problem("flow.datum", why, 'give one of them, or "auto", "crest" or "mean"')
+
+
+def _bed_heights(bed: Any, domain: Domain) -> tuple[float, float]:
+    """The lowest and the highest place of the bed, the crest of one that repeats also where the domain has none."""
+    if domain.gdim == 3:
+        places = np.meshgrid(*(np.linspace(*span, _PLACES) for span in domain.spans))
+        heights = bed.height(np.stack(places, axis=-1).reshape(-1, 2))
+        crest = bed.crest_level(*domain.spans)
+    else:
+        x = np.linspace(domain.left, domain.right, 2001)
+        heights = bed.height(np.concatenate([x, bed.corners(domain.left, domain.right)]))
+        crest = bed.crest_level(domain.left, domain.right)
+    return float(heights.min()), max(float(heights.max()), crest)
+
+
+def _body_place(scene: SceneSections) -> Iterator[Problem]:
+    """The grain must lie within the domain, above the bed and clear of the walls."""
+    body, grain, bed, domain = scene.body, scene.grain, scene.bed_shape, scene.domain
+    if body is None:
+        return
+    key = f"body.{'x' if body.centre is None else 'centre'}"
+    into_bed, outside = "", [*_far_out(body, grain, domain)]
+    try:
+        placement = None if outside else scene.placement
+        if placement is not None:
+            outside = [*_beyond(body, _outline(grain, placement), bed, domain, grain.size)]
+        if placement is not None and bed is not None and not outside:
+            into_bed = _into_bed(grain, placement, bed, scene.contact_tolerance, scene.rests)
+    except SceneError as error:
+        yield problem(key, *split(str(error)))
+        return
+    if body.shape == "cylinder" and body.centre is not None:
+        yield from _not_across(body.centre[1], body.length, domain)
+    for why in outside:
+        yield problem(key, why, "move the grain, make it smaller or enlarge the domain")
+    if into_bed and body.x is None:
+        yield problem(key, into_bed, "raise the grain, or give x to let it rest on the bed")
+    elif into_bed:  # lowered onto a bed whose shape is finer than what shows how low it may get
+        remedy = "make the bed's forms larger or flatter: beside the grain they are too steep to lower it"
+        yield problem(key, into_bed, remedy)
+
+
+def _far_out(body: Any, grain: Any, domain: Domain) -> Iterator[str]:
+    """Grains that need not be placed to see that they do not fit."""
+    if grain.size >= math.hypot(*domain.extents):
+        yield f"the grain measures {grain.size:g}, more than the domain"
+    centre = (body.x, body.aside) if body.centre is None else body.centre
+    for axis, value, (low, high) in zip("xy", centre, domain.spans, strict=False):
+        if value is not None and not low < value < high:
+            yield f"{axis} = {value:g} is outside the domain, {low:g} to {high:g}"
+
+
+def _beyond(body: Any, outline: Floats, bed: Any, domain: Domain, size: float) -> Iterator[str]:
+    """How the points of a grain's outline leave the domain, or touch one of its sides, if only nearly."""
+    low, high, up = outline.min(axis=0), outline.max(axis=0), domain.gdim - 1
+    sides = [(0, low, "left side", domain.left), (0, high, "right side", domain.right)]
+    if domain.gdim == 3 and body.shape != "cylinder":
+        near, far = domain.across
+        sides += [(1, low, "side at least y", near), (1, high, "side at largest y", far)]
+    sides.append((up, high, "top", domain.ceiling))
+    if bed is None:
+        sides.append((up, low, "lower side", domain.bottom))
+    for axis, end, side, place in sides:
+        distance = end[axis] - place if end is low else place - end[axis]
+        if distance <= 0.0:
+            yield f"the grain reaches {'xyz'[axis]} = {end[axis]:g}, the domain's {side} is at {place:g}"
+        elif distance < NEARLY_TOUCHING * size:
+            yield f"the grain nearly touches the domain's {side}, from which it is {distance:.3g}"
+
+
+def _not_across(middle: float, length: float, domain: Domain) -> Iterator[Problem]:
+    """How a cylinder does not reach from side to side."""
+    low, high = (middle + end * length for end in (-0.5, 0.5))
+    near, far = domain.across
+    if max(abs(low - near), abs(high - far)) > _SAME * (far - near):
+        why = f"the cylinder reaches from y = {low:g} to {high:g}, the domain from {near:g} to {far:g}"
+        yield problem("body.length", why, "give domain.width, and the middle in centre")
+
+
+def _into_bed(grain: Any, placement: Placement, bed: Any, tolerance: float, rests: bool) -> str:
+    """How deep the grain is in the bed, or that it touches the bed above which it is to be held."""
+    depth = -clearance(grain, placement, bed)[0]
+    if depth > tolerance:
+        return f"the grain reaches {depth:.3g} into the bed"
+    held = not rests and -depth <= max(tolerance, TOUCHING * grain.size)
+    return "the grain touches the bed above which centre holds it" if held else ""
+
+
+def _outline(grain: Any, placement: Placement) -> Floats:
+    """Points (n, gdim) on the grain's surface, in the scene, among them the outermost."""
+    if placement.gdim == 2:
+        return placement.to_scene(grain.chain.points(65))
+    if not grain.cores:
+        return placement.to_scene(grain.surface(_SPACING * grain.size).points)
+    axes = np.vstack([np.eye(3), -np.eye(3)])
+    balls = [(placement.to_scene(core.points), core.radius) for core in grain.cores]
+    return np.concatenate([(points[:, None] + radius * axes).reshape(-1, 3) for points, radius in balls])
