@@ -155,7 +155,7 @@ def kind(scene: Scene) -> str:
     more = ("" if scene.gdim == 2 else IN_SPACE) + (WITH_TURBULENCE if scene.is_turbulent else "")
     if scene.time is None:
         return STEADY + more
-    moving = scene.has_surface or (scene.body is not None and scene.body.moves)
+    moving = scene.has_surface or scene.moves
     return (MOVING if moving else UNSTEADY) + more
 
 

@@ -281,7 +281,7 @@ def _search(known: KnownLaws, unknowns: int) -> tuple[list[_Run], LastMesh] | st
     if scene.accuracy_of in OF_SURFACE[0 if scene.body is not None else 1 :]:
         of = "levels at the end" if scene.body is None else "elevations above a grain"
         return f"there is no law of errors for {of}; {LIMIT}"
-    if scene.body is not None and scene.body.moves:
+    if scene.moves:
         return f"there is no law of errors for the load on a grain that moves; {LIMIT}"
     if time is not None and time.tolerance is not None:
         return f"there is no law of errors for steps that adapt; {LIMIT}"

@@ -183,7 +183,7 @@ class SolverOptions:
     def _tolerances(self, looser: float) -> dict[str, float]:
         """The tolerances that end the iterations, enlarged, by key."""
         scene = self.scene
-        moves = scene.has_surface or (scene.body is not None and scene.body.moves)
+        moves = scene.has_surface or scene.moves
         names = ("tolerance", "interface_tolerance") if moves else ("tolerance",)
         given = {name: of_steady(getattr(scene.numerics, name)) for name in names}
         return {name: max(value, min(looser * value, LOOSEST)) for name, value in given.items()}

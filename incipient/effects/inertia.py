@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from ..planning.effects import SHARE, Decision, EffectName, accuracy_asked, moves, percent
+from ..planning.effects import SHARE, Decision, EffectName, accuracy_asked, percent
 from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers
 from ..planning.plan import Plan
@@ -59,12 +59,12 @@ class InertiaEffect(Effect):
             return Decision(self.name, True, f"effects.inertia = true; {told}", True)
         if scene.has_surface:
             return Decision(self.name, True, f"the free surface moves the fluid; {told}")
-        if scene.flow.kind == "still" and not moves(scene):
+        if scene.flow.kind == "still" and not scene.moves:
             return Decision(self.name, False, "the fluid is at rest", expected=0.0)
         change = expected(scene, numbers)
         which = "flow Re" if numbers.grain_reynolds is None else "grain Re"
         value = numbers.flow_reynolds if numbers.grain_reynolds is None else numbers.grain_reynolds
-        if change > SHARE * accuracy_asked(scene):
+        if change > SHARE * accuracy_asked(scene.numerics):
             return Decision(self.name, True, told, expected=change)
         reason = f"{which} {value:.2g}; estimated effect on drag {percent(change)}"
         return Decision(self.name, False, reason, expected=change)

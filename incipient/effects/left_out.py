@@ -12,7 +12,7 @@ from .effect import Solved
 
 def omissions(solved: Solved) -> tuple[Omission, ...]:
     """The effects of the plan that were left out though the scene has them, and what they would change. Collective."""
-    plan, accuracy = solved.run.plan, accuracy_asked(solved.run.scene)
+    plan, accuracy = solved.run.plan, accuracy_asked(solved.run.scene.numerics)
     decided = {decision.name: decision for decision in plan.effects if not decision.present}
     return tuple(
         replace(one, exceeds=one.exceeds if one.relative is None else one.relative > accuracy)

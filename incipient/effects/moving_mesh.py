@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ..planning.effects import Decision, EffectName, moves
+from ..planning.effects import Decision, EffectName
 from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers
 from ..planning.plan import Plan
@@ -24,7 +24,7 @@ class MovingMeshEffect(Effect):
     def decide(self, setup: Setup, numbers: Numbers) -> Decision:
         """Present with a grain that moves or a free surface."""
         scene = setup.scene
-        there, forced = moves(scene) or scene.has_surface, scene.effects.moving_mesh != "auto"
+        there, forced = scene.moves or scene.has_surface, scene.effects.moving_mesh != "auto"
         return Decision(self.name, there, _reason(scene), forced)
 
     def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
@@ -33,9 +33,9 @@ class MovingMeshEffect(Effect):
 
 
 def _reason(scene: Scene) -> str:
-    if scene.has_surface and not moves(scene):
+    if scene.has_surface and not scene.moves:
         return "the mesh rises and falls with the free surface"
-    if not moves(scene):
+    if not scene.moves:
         return "nothing moves"
     if scene.body is not None and scene.body.shape in ("disc", "sphere"):
         return f"the mesh follows the grain; it need not turn with a {scene.body.shape}"

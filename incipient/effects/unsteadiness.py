@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from ..planning.effects import SHARE, Decision, EffectName, accuracy_asked, moves, percent
+from ..planning.effects import SHARE, Decision, EffectName, accuracy_asked, percent
 from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers, time_of_change, wall_distance
 from ..planning.plan import Plan
@@ -53,8 +53,8 @@ class UnsteadinessEffect(Effect):
             if time.until_steady is None
             else f", or until it changes by {time.until_steady:g} per unit of time"
         )
-        reason, small = f"until t = {time.end:g}{ends}", SHARE * accuracy_asked(scene)
-        if change is not None and change < small and not moves(scene):
+        reason, small = f"until t = {time.end:g}{ends}", SHARE * accuracy_asked(scene.numerics)
+        if change is not None and change < small and not scene.moves:
             reason += f"; effects.unsteadiness = false would change the drag by {percent(change)}"
         return Decision(self.name, True, reason, scene.effects.unsteadiness is True, change)
 

@@ -62,7 +62,7 @@ def _require_same(path: Path, scene: Scene, of_checkpoint: Scene) -> None:
         dict(_flat(one.model_dump(mode="json"))) | {"numerics.order": order_of(one).number}
         for one in (scene, of_checkpoint)
     )
-    moves = scene.body is not None and scene.body.moves
+    moves = scene.moves
     allowed = MAY_CHANGE + (MAY_CHANGE_IF_THE_GRAIN_MOVES if moves else ())
     becomes = MAY_BECOME if moves else {}
     for key in sorted(now.keys() | before.keys()):

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from ..scene import Scene
+from ..scene import Numerics
 
 SHARE = 0.1  # of the accuracy asked for that an effect left out by the plan may use up
 USUAL_ACCURACY = 0.01
@@ -44,15 +42,9 @@ class Decision:
     expected: float | None = None
 
 
-def accuracy_asked(scene: Scene) -> float:
-    """The relative accuracy that the scene asks for, or what is usual."""
-    asked = scene.numerics.accuracy
-    return asked if isinstance(asked, float) else USUAL_ACCURACY
-
-
-def moves(scene: Scene) -> bool:
-    """Whether the scene has a grain that moves while the flow is computed."""
-    return scene.body is not None and scene.body.moves
+def accuracy_asked(numerics: Numerics) -> float:
+    """The relative accuracy that a scene asks for, or what is usual."""
+    return numerics.accuracy if isinstance(numerics.accuracy, float) else USUAL_ACCURACY
 
 
 def percent(share: float) -> str:

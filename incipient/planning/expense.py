@@ -10,7 +10,7 @@ import numpy as np
 from ..geometry.space.cylinder import Cylinder
 from ..installed import memory_of_libraries
 from ..meshes import BoxGrid, Region, SolidGrid, SolidRegion
-from ..scene import Scene
+from .flow_setup import Setup
 from .layout import Layout
 from .linear import LOWEST_ORDER
 from .plan import Estimate
@@ -56,8 +56,9 @@ def count(
     return Estimate(cells, unknowns[0], memory(*unknowns))
 
 
-def has_dual(scene: Scene) -> bool:
+def has_dual(setup: Setup) -> bool:
     """Whether a scene's error bars take a dual solution beside the flow. Not collective."""
+    scene = setup.scene
     held = scene.body is not None and scene.time is None and not scene.is_turbulent
     return scene.numerics.error_bars and held
 

@@ -38,7 +38,7 @@ class Setup:
             bed=scene.bed_shape,
             placement=scene.placement,
             rests=scene.rests,
-            moves=scene.body is not None and scene.body.moves,
+            moves=scene.moves,
             gap=scene.contact_gap,
             tolerance=scene.contact_tolerance,
             top=scene.top,

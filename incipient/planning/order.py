@@ -31,7 +31,7 @@ def order_of(scene: Scene) -> VelocityOrder:
             )
         why = "the scene lies in space, where higher orders take long but for creeping flow past a grain"
         return VelocityOrder(2, why)
-    if scene.body is not None and scene.body.moves:
+    if scene.moves:
         return VelocityOrder(2, "the grain moves, and the mesh with it")
     if scene.numerics.accuracy is not None and not scene.is_turbulent:
         return VelocityOrder(2, "a higher one is taken where it is expected to need fewer unknowns")

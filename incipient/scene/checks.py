@@ -8,10 +8,11 @@ from typing import Any
 
 from . import effects_checks, places, surface_checks, turbulence_checks
 from .domain import Domain
+from .effects import Effects
 from .expression import Expression
-from .flows import Flow, LogLaw
+from .flows import ExpressionFlow, Flow, LogLaw
 from .messages import Problem, either, problem
-from .model import SceneSections, Time
+from .model import Output, SceneSections, Time
 from .numerics import OF_SURFACE, OF_WALLS, Numerics
 from .surface import Surface
 
@@ -33,7 +34,7 @@ def contradictions(scene: SceneSections) -> list[Problem]:
 
 def _between_sections(scene: SceneSections) -> Iterator[Problem]:
     body, bed, flow, domain, numerics = scene.body, scene.bed, scene.flow, scene.domain, scene.numerics
-    moves = body is not None and body.moves
+    time, moves = scene.time, scene.moves
     without_scale = scene.fluid.scale == "grain" and body is None
     yield from _dimensions(body, bed, flow, domain.gdim)
     yield from _flow(flow, domain)
@@ -49,10 +50,14 @@ def _between_sections(scene: SceneSections) -> Iterator[Problem]:
     if bed is not None and bed.slope_angle and scene.gravity is None:
         remedy = 'add a section [gravity] or use kind = "flat"'
         yield problem("bed.slope", "a slope turns gravity but there is no gravity", remedy)
-    yield from _of_steady_flow(scene) if scene.time is None else _never_steady(scene, scene.time)
-    if moves and scene.time is None:
+    unsteady = isinstance(flow, ExpressionFlow) and flow.unsteady
+    if time is None:
+        yield from _of_steady_flow(unsteady, numerics, scene.output)
+    elif time.until_steady is not None:
+        yield from _never_steady(moves, scene.effects, flow, unsteady, scene.surface or Surface())
+    if moves and time is None:
         yield problem("body.motion", "a grain moves in time", "add a section [time]")
-    yield from _ignored(numerics, moves, scene.has_surface, scene.time)
+    yield from _ignored(numerics, moves, scene.has_surface, time)
     yield from _budgets(numerics) if numerics.accuracy is None else _accuracy(scene)
     yield from effects_checks.contradictory(scene)
     yield from surface_checks.contradictory(scene)
@@ -124,13 +129,12 @@ def _bed_needed(flow: Flow, body: Any, rubs: bool) -> Iterator[Problem]:
         yield problem("body.x", why, "add a section [bed], or give centre instead")
 
 
-def _of_steady_flow(scene: SceneSections) -> Iterator[Problem]:
+def _of_steady_flow(unsteady: bool, numerics: Numerics, output: Output) -> Iterator[Problem]:
     """Keys that need [time]."""
-    flow, output = scene.flow, scene.output
     asked = {
-        "flow.components": (flow.kind == "expression" and flow.unsteady, "depend on t", "leave t out"),
+        "flow.components": (unsteady, "depend on t", "leave t out"),
         "numerics.convection": (
-            scene.numerics.convection == "extrapolated",
+            numerics.convection == "extrapolated",
             '"extrapolated" needs earlier steps',
             'use "implicit"',
         ),
@@ -143,22 +147,19 @@ def _of_steady_flow(scene: SceneSections) -> Iterator[Problem]:
             yield problem(key, why, f"add a section [time] or {remedy}")
 
 
-def _never_steady(scene: SceneSections, time: Time) -> Iterator[Problem]:
+def _never_steady(
+    moves: bool, effects: Effects, flow: Flow, unsteady: bool, surface: Surface
+) -> Iterator[Problem]:
     """Why the flow of a scene in time cannot become steady, each with a remedy."""
-    flow, surface = scene.flow, scene.surface or Surface()
     reasons = (
-        (scene.body is not None and scene.body.moves, "a flow but the grain moves", "hold the grain"),
+        (moves, "a flow but the grain moves", "hold the grain"),
         (
-            scene.effects.unsteadiness is False,
+            effects.unsteadiness is False,
             "a flow in time but effects.unsteadiness is false",
             "leave that out",
         ),
         (flow.kind == "still", "a flow but the fluid is still", "use another flow.kind"),
-        (
-            flow.kind == "expression" and flow.unsteady,
-            "a steady flow but flow.components depend on t",
-            "leave t out",
-        ),
+        (unsteady, "a steady flow but flow.components depend on t", "leave t out"),
         (surface.wave is not None, "a steady flow but surface.wave lets waves in", "leave that out"),
         *(
             (
@@ -169,7 +170,7 @@ def _never_steady(scene: SceneSections, time: Time) -> Iterator[Problem]:
             for key in ("inflow", "pressure", "seepage")
         ),
     )
-    for given, why, remedy in reasons if time.until_steady is not None else ():
+    for given, why, remedy in reasons:
         if given:
             yield problem("time.until_steady", f"is for {why}", f"leave it out or {remedy}")
 

@@ -22,7 +22,7 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
         why = "is true but without [time] the flow is steady"
         yield problem("effects.unsteadiness", why, "add a section [time]")
     if effects.unsteadiness is False and scene.time is not None:
-        moves, extrapolated = body is not None and body.moves, scene.numerics.convection == "extrapolated"
+        moves, extrapolated = scene.moves, scene.numerics.convection == "extrapolated"
         yield from _quasi_steady(moves, scene.time, extrapolated)
     if effects.contact is True and (scene.bed is None or body is None or body.x is None):
         yield problem(

@@ -225,6 +225,11 @@ class SceneSections(Section):
         return None if self.body is None else mean_density(self.body)
 
     @property
+    def moves(self) -> bool:
+        """Whether there is a grain that moves while the flow is computed."""
+        return self.body is not None and self.body.moves
+
+    @property
     def rests(self) -> bool:
         """Whether there is a grain that rests on the bed."""
         return self.body is not None and self.bed is not None and self.body.x is not None
@@ -235,8 +240,7 @@ class SceneSections(Section):
 
         It is in turbulent flow. Laminar flow through a gap is slow enough for the loads to be near their limit.
         """
-        held = self.rests and self.body is not None and not self.body.moves
-        return self.gdim == 2 and self.is_turbulent and held
+        return self.gdim == 2 and self.is_turbulent and self.rests and not self.moves
 
     @cached_property
     def bed_shape(self) -> Any:

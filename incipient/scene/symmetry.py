@@ -43,7 +43,7 @@ def differences(scene: SceneSections) -> Iterator[str]:
     domain, time, surface = scene.domain, scene.time, scene.surface
     if scene.grain is not None and scene.placement is not None:
         yield from _of_grain(scene.grain, scene.placement, domain.middle)
-    if scene.body is not None and scene.body.moves:
+    if scene.moves:
         yield from _of_motion(scene.body, _times(time))
     if scene.bed_shape is not None and np.isfinite(scene.bed_shape.feature):
         yield from _of_bed(scene.bed_shape, domain)

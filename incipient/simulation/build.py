@@ -132,11 +132,11 @@ def estimate(scene: Scene) -> Plan:
 
     setup = Setup(scene)
     plan = plan_of(setup)
-    wider = on_more_bed(scene) if expense.has_dual(scene) else None
+    wider = on_more_bed(scene) if expense.has_dual(setup) else None
     counted: Estimate = expense.count(
         meshing.lay_out(setup, plan),
         plan.order,
-        expense.has_dual(scene),
+        expense.has_dual(setup),
         plan.solver.name,
         None if wider is None else meshing.lay_out(Setup(wider), plan),
     )

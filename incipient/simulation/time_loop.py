@@ -13,7 +13,7 @@ from ..effects import known
 from ..errors import ConvergenceError, IncipientError, Interrupted, OutputError
 from ..interrupt import Interruption
 from ..planning.conditions import conditions
-from ..planning.effects import EffectName, moves
+from ..planning.effects import EffectName
 from ..results.loads import named, named_couple
 from .build import flow_model
 from .loads import coefficients, judged, loads
@@ -104,7 +104,7 @@ class TimeLoop:
         from .march import March
 
         run, time = self._run, self._time
-        stage = run.stage("mesh motion" if moves(run.scene) else "free surface")
+        stage = run.stage("mesh motion" if run.scene.moves else "free surface")
         with stage if run.plan.has(EffectName.MOVING_MESH) else nullcontext():
             march, domain = March(run, self._checkpoint), run.domain
         if time.until_steady is not None:

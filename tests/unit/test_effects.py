@@ -104,7 +104,7 @@ def test_inertia_is_left_out_where_it_is_small_beside_the_accuracy():
 def test_the_accuracy_asked_for_moves_the_threshold():
     assert not at(0.04, numerics=Numerics(accuracy=0.1)).present
     assert at(0.004, numerics=Numerics(accuracy=0.001)).present
-    assert accuracy_asked(scene(numerics=Numerics(accuracy="verdict"))) == accuracy_asked(scene()) == 0.01
+    assert accuracy_asked(Numerics(accuracy="verdict")) == accuracy_asked(Numerics()) == 0.01
 
 
 def test_the_demos_and_the_example_keep_their_inertia():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from ...planning.effects import Decision, EffectName, moves
+from ...planning.effects import Decision, EffectName
 from ...planning.flow_setup import Setup
 from ...planning.numbers import Numbers
 from ...results.left_out import Omission
@@ -37,7 +37,7 @@ class FreeBodyEffect(Effect):
     def part_in_time(self, setup: Setup, stage: Stage, kept: Checkpoint | None) -> MovingGrain | None:
         """A grain that moves, freely or not."""
         scene = setup.scene
-        if not moves(scene):
+        if not scene.moves:
             return None
         from .part import MovingGrain
 
