@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..scene import Domain, ExpressionFlow, LogLaw, Shear
+from ..scene.expression import expressions
 from .duct import duct_speed
 from .effective_height import EffectiveHeight, effective_height, repeats
 from .mean_profile import MeanProfile
@@ -158,8 +159,6 @@ class BaseFlow:
 
     @cached_property
     def _formulas(self) -> Velocity:
-        from ..scene.expression import expressions
-
         components = expressions(self.flow.components, "flow.components")
         return lambda x, t: np.vstack([component(x, t) for component in components])
 

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from ..geometry.plane.effective_level import effective_level
 from ..scene import Domain, OpenChannel, Poiseuille, Shear
 
 # What inertia leaves of the depth of the effective height below the crests, (1 + R/INERTIAL)^-POWER with R = shear rate
@@ -40,8 +41,6 @@ def effective_height(flow: Any, domain: Domain, bed: Any, viscosity: float, spee
 
     viscosity: kinematic; inf without inertia
     """
-    from ..geometry.plane.effective_level import effective_level
-
     if not math.isfinite(bed.feature):
         return EffectiveHeight(0.0, 0.0, 0.0)
     level = effective_level(bed, domain.left, domain.right)

@@ -10,12 +10,12 @@ from ..scene import Scene, Surface, Turbulence
 from ..scene.symmetry import differences
 from .base_flow import BaseFlow
 from .cells import FarCells
+from .clearance import Surroundings, surroundings_of
 from .order import VelocityOrder, order_of
 from .scene_geometry import Geometry
 from .sides import SideNames, side_names
 
 if TYPE_CHECKING:
-    from .clearance import Surroundings
     from .wall_layer import Walls
 
 
@@ -121,8 +121,6 @@ class Setup:
     @cached_property
     def surroundings(self) -> Surroundings:
         """What the grain may run into."""
-        from .clearance import surroundings_of
-
         return surroundings_of(self.geometry, self.sides, self.ceiling, self.scene.has_surface)
 
     def faster(self, factor: float) -> Setup:

@@ -16,6 +16,7 @@ from ..geometry.plane.closing import Closing
 from ..geometry.space.terrain import Smooth
 from ..installed import required
 from ..meshes import BoxGrid, Grid, Region, Sizes, SolidGrid, SolidRegion
+from ..meshes.expected import expected_cells
 from .scene_geometry import Place
 
 # Cells expected, by dimension, from which it is said that mesh and flow take long.
@@ -77,8 +78,6 @@ class Layout:
 
     def _require_few_cells(self) -> None:
         """Refuse a mesh that would take hours and all memory before it is begun."""
-        from ..meshes.expected import expected_cells
-
         parts = expected_cells(self.shape, self.sizes)
         expected, most = sum(parts.values()), max(parts, key=lambda name: parts[name])
         if not expected <= self.max_cells:

@@ -11,6 +11,7 @@ import numpy as np
 from ..arrays import Floats
 from ..errors import SceneError
 from ..scene import Surface
+from ..scene.expression import Expression
 from .base_flow import BaseFlow
 from .flow_setup import Setup
 
@@ -61,8 +62,6 @@ def sponges(setup: Setup) -> tuple[Sponge, ...]:
 
 def seepage(asked: Surface, up: int) -> Callable[[Floats, float], Floats]:
     """The velocity at which fluid seeps through the bed, straight up in the coordinate `up`. Not collective."""
-    from ..scene.expression import Expression
-
     speed = Expression(asked.seepage, "surface.seepage")
     return lambda x, t: np.vstack([*np.zeros((up, x.shape[1])), speed(x, t)])
 
@@ -95,8 +94,6 @@ def wave_of(setup: Setup) -> StokesWave | None:
 
 def _beside_stream(base_flow: BaseFlow, asked: Surface) -> Profile:
     """The velocity along a channel at its inflow with what a formula adds to the stream."""
-    from ..scene.expression import Expression
-
     stream, beside = base_flow.entering, Expression(asked.inflow, "surface.inflow")
     return lambda x, t: stream(x, t)[0] + beside(x, t)
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..scene.expression import Expression
 from .flow_setup import Setup
 from .open_channel import sponges
 from .scene_geometry import Geometry
@@ -19,7 +20,6 @@ OUTLINE = 65  # points on each curve of a grain's outline
 def free_surface(setup: Setup) -> FreeSurface:
     """The condition on top of a scene whose top is a free surface. Not collective."""
     from ..fluid.conditions import FreeSurface
-    from ..scene.expression import Expression
 
     asked, domain, scene = setup.surface, setup.geometry.domain, setup.scene
     # Where the still level meets the right end, the pressure without the hydrostatic part is zero.

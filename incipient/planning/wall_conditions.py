@@ -7,20 +7,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from types import SimpleNamespace
-from typing import TYPE_CHECKING
 
 import numpy as np
+import ufl
 
+from ..fluid.conditions import Condition, Friction, Open, Prescribed, Slip
 from ..meshes.solid_region import SYMMETRY
 from ..scene import Turbulence
 from .cells import CLOSED
 from .flow_setup import Setup
 from .wall_law import SAMPLES
 from .wall_layer import Walls
-
-if TYPE_CHECKING:
-    from ..fluid.conditions import Condition
-
 
 SAMPLES_OF_DUCT = 300  # on each side of a section
 Profile = Callable[..., np.ndarray]  # of heights (n,), and y (n,) if there are side walls
@@ -213,9 +210,6 @@ def _places(setup: Setup) -> Callable[[np.ndarray], tuple[np.ndarray, ...]]:
 
 def conditions(setup: Setup) -> list[Condition]:
     """Boundary conditions of a turbulent flow. Not collective."""
-    import ufl
-
-    from ..fluid.conditions import Friction, Open, Prescribed, Slip
 
     walls, names, sides, geometry = setup.walls, setup.walls.names, setup.sides, setup.geometry
     functions = SimpleNamespace(log=ufl.ln, larger=ufl.max_value, sin=ufl.sin, cos=ufl.cos)

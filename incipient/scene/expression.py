@@ -81,8 +81,6 @@ class Expression:
         Raises:
             SceneError: a value is infinite or not a number.
         """
-        import numpy as np
-
         names = {"x": x[0], "y": x[1], "z": x[2], "t": t, "pi": math.pi}
         with np.errstate(all="ignore"):  # a branch that `where` discards may well be undefined
             value = _evaluate(self._tree, names, np)

@@ -12,6 +12,7 @@ import tomli_w
 from pydantic import ValidationError
 
 from ..errors import SceneError
+from ..files import write_text_atomically
 from ..parallel import from_first
 from .complete import Scene
 from .example import commented, grain_in_pocket, grain_on_bed
@@ -101,8 +102,6 @@ def save(scene: Scene, path: Path | str) -> None:
     Raises:
         OutputError: the file cannot be written.
     """
-    from ..files import write_text_atomically
-
     write_text_atomically(Path(path), dumps(scene))
 
 

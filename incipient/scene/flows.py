@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, field_validator
 
 from ..errors import SceneError
+from .expression import Expression
 from .messages import counted, split
 from .section import NotNegative, Positive, Section, contradiction
 
@@ -104,8 +105,6 @@ class ExpressionFlow(Section):
     @field_validator("components")
     @classmethod
     def _are_formulas(cls, components: tuple[str, ...]) -> tuple[str, ...]:
-        from .expression import Expression
-
         for text in components:
             try:
                 variables = Expression(text).variables
@@ -120,8 +119,6 @@ class ExpressionFlow(Section):
     @property
     def unsteady(self) -> bool:
         """Whether a component depends on time."""
-        from .expression import Expression
-
         return any("t" in Expression(text).variables for text in self.components)
 
 

@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from ..errors import SceneError
+from ..geometry.placement import Placement
+from ..geometry.shape import Shape
+from .expression import Expression
 from .messages import Problem, refusal, split
 from .section import NotNegative, Section, contradiction
-
-if TYPE_CHECKING:
-    from ..geometry.placement import Placement
-    from ..geometry.shape import Shape
 
 # Keys that grains have in the plane and in space.
 Density = Annotated[
@@ -79,8 +78,6 @@ class BodySection(Section):
     @field_validator("course", check_fields=False)
     @classmethod
     def _are_formulas_of_time(cls, course: tuple[str, ...] | None) -> tuple[str, ...] | None:
-        from .expression import Expression
-
         for text in course or ():
             try:
                 variables = Expression(text).variables

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
+from ..geometry.placement import Placement
+from ..geometry.rest import rest
 from .domain import Domain, Sides, Top
 from .effects import Effects, section_of
 from .flows import Flow, LogLaw, Shear
@@ -22,12 +24,10 @@ from .kinds import Bed, Body
 from .mass import mass, mean_density
 from .numerics import OF_WALLS, Numerics
 from .section import NotNegative, Positive, Section, contradiction
+from .settling import rested
 from .surface import FREE, Surface
 from .turbulence import Turbulence
 from .units import Units
-
-if TYPE_CHECKING:
-    from ..geometry.placement import Placement
 
 _TOPS: dict[str, Top] = {
     "shear": "stream",
@@ -257,9 +257,6 @@ class SceneSections(Section):
         With body.settle it then rolls and tips until it rests, by the scene's friction or none. Raises SceneError if it
         does not.
         """
-        from ..geometry.rest import rest
-        from .settling import rested
-
         body = self.body
         if body is None:
             return None

@@ -6,23 +6,19 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 
+from .. import geometry
 from ..arrays import Point
 from ..errors import SceneError
+from ..geometry.plane.polygon import meeting_sides
 from .grains import SETTLES, BodySection, Density, Motion, OnContact, Settle
 from .messages import split
 from .points import MOST_POINTS, about_file, file_key, read_points, with_file_read
 from .section import NotNegative, Pair, Positive, PositivePair, Section, three
-
-if TYPE_CHECKING:
-    from ..geometry.placement import Placement
-    from ..geometry.plane import bed as bed_geometry
-    from ..geometry.plane import grain as grain_geometry
-    from ..geometry.space.terrain import Terrain
 
 MOST_DISCS, MOST_HARMONICS = 500, 100
 
@@ -74,11 +70,9 @@ class GrainSection(BodySection):
     )
     on_contact: OnContact = "stop"
 
-    def placed(self, centre: Sequence[float]) -> Placement:
+    def placed(self, centre: Sequence[float]) -> geometry.Placement:
         """The grain turned by its angle, its centroid at a point (2,)."""
-        from ..geometry.placement import Placement
-
-        return Placement(tuple(centre), math.radians(self.angle))
+        return geometry.Placement(tuple(centre), math.radians(self.angle))
 
 
 class Disc(GrainSection):
@@ -87,11 +81,9 @@ class Disc(GrainSection):
     shape: Literal["disc"] = Field("disc", description="Shape of the grain")
     diameter: Positive = Field(description="Diameter [length]")
 
-    def new_grain(self) -> grain_geometry.Grain:
+    def new_grain(self) -> geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
-        from ..geometry.plane import grain
-
-        return grain.Disc(self.diameter)
+        return geometry.Disc(self.diameter)
 
 
 class Ellipse(GrainSection):
@@ -100,11 +92,9 @@ class Ellipse(GrainSection):
     shape: Literal["ellipse"] = Field("ellipse", description="Shape of the grain")
     semi_axes: PositivePair = Field(description="Semi-axes, the first along x when angle is 0 [length]")
 
-    def new_grain(self) -> grain_geometry.Grain:
+    def new_grain(self) -> geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
-        from ..geometry.plane import grain
-
-        return grain.Ellipse(self.semi_axes)
+        return geometry.Ellipse(self.semi_axes)
 
 
 class Rectangle(GrainSection):
@@ -123,11 +113,9 @@ class Rectangle(GrainSection):
             raise self.refused("corner_radius", why, "make it smaller")
         return self
 
-    def new_grain(self) -> grain_geometry.Grain:
+    def new_grain(self) -> geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
-        from ..geometry.plane import grain
-
-        return grain.Rectangle(self.width, self.height, self.corner_radius)
+        return geometry.Rectangle(self.width, self.height, self.corner_radius)
 
 
 class Polygon(GrainSection):
@@ -152,8 +140,6 @@ class Polygon(GrainSection):
 
     @model_validator(mode="after")
     def _is_simple(self) -> Polygon:
-        from ..geometry.plane.polygon import meeting_sides
-
         _limit(self, "vertices", MOST_POINTS)
         if len(set(self.vertices)) < len(self.vertices):
             raise self.refused("vertices", "a vertex is given twice", "leave the repeated one out")
@@ -167,11 +153,9 @@ class Polygon(GrainSection):
             raise self.refused("vertices", *split(str(error))) from None
         return self
 
-    def new_grain(self) -> grain_geometry.Grain:
+    def new_grain(self) -> geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
-        from ..geometry.plane import polygon
-
-        return polygon.Polygon(self.vertices)
+        return geometry.Polygon(self.vertices)
 
 
 class Superellipse(GrainSection):
@@ -183,11 +167,9 @@ class Superellipse(GrainSection):
         ge=2, le=100, description="n in |x/a|^n + |y/b|^n = 1: 2 is an ellipse, 100 almost a box"
     )
 
-    def new_grain(self) -> grain_geometry.Grain:
+    def new_grain(self) -> geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
-        from ..geometry.plane import smooth
-
-        return smooth.Superellipse(self.semi_axes, self.exponent)
+        return geometry.Superellipse(self.semi_axes, self.exponent)
 
 
 class Star(GrainSection):
@@ -211,11 +193,9 @@ class Star(GrainSection):
             raise self.refused(key, *split(str(error))) from None
         return self
 
-    def new_grain(self) -> grain_geometry.Grain:
+    def new_grain(self) -> geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
-        from ..geometry.plane import smooth
-
-        return smooth.Star(smooth.Harmonics(self.radius, self.cosines, self.sines))
+        return geometry.Star(geometry.Harmonics(self.radius, self.cosines, self.sines))
 
 
 class Discs(GrainSection):
@@ -235,11 +215,9 @@ class Discs(GrainSection):
             raise self.refused("discs", *split(str(error))) from None
         return self
 
-    def new_grain(self) -> grain_geometry.Grain:
+    def new_grain(self) -> geometry.Grain:
         """The grain's shape in its body frame, lengths in scene units."""
-        from ..geometry.plane import discs
-
-        return discs.Discs([disc[:2] for disc in self.discs], [disc[2] for disc in self.discs])
+        return geometry.Discs([disc[:2] for disc in self.discs], [disc[2] for disc in self.discs])
 
 
 class BedSection(Section):
@@ -256,11 +234,11 @@ class BedSection(Section):
         """About how many forms, such as ripples, there are on a length; 0 in space, where not all are meshed."""
         return 0.0
 
-    def surface(self, origin_y: float, origin_x: float = 0.0) -> bed_geometry.Bed:
+    def surface(self, origin_y: float, origin_x: float = 0.0) -> geometry.Bed:
         """The bed's shape above its base line y = origin_y, abscissae counted from origin_x."""
         raise NotImplementedError
 
-    def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> Terrain:
+    def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
         """The bed's shape in space above its base plane z = origin_z, x and y counted from a corner."""
         raise NotImplementedError
 
@@ -270,17 +248,13 @@ class _Plane(BedSection):
 
     gdims: ClassVar[tuple[int, ...]] = (2, 3)
 
-    def surface(self, origin_y: float, origin_x: float = 0.0) -> bed_geometry.Bed:
+    def surface(self, origin_y: float, origin_x: float = 0.0) -> geometry.Bed:
         """The bed's shape above its base line y = origin_y, abscissae counted from origin_x."""
-        from ..geometry.plane import bed
+        return geometry.Flat(origin_y)
 
-        return bed.Flat(origin_y)
-
-    def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> Terrain:
+    def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
         """The bed's shape in space above its base plane z = origin_z, x and y counted from a corner."""
-        from ..geometry.space import terrain
-
-        return terrain.Plane(origin_z=origin_z)
+        return geometry.Plane(origin_z=origin_z)
 
 
 class Flat(_Plane):
@@ -315,14 +289,12 @@ class Sinusoidal(BedSection):
         """Ripples; of very steep ones the sharpness of the crests counts."""
         return 0.5 * length / self.surface(0.0).feature
 
-    def surface(self, origin_y: float, origin_x: float = 0.0) -> bed_geometry.Bed:
+    def surface(self, origin_y: float, origin_x: float = 0.0) -> geometry.Bed:
         """The bed's shape above its base line y = origin_y, abscissae counted from origin_x."""
-        from ..geometry.plane import bed
-
         phase = (
             math.radians(self.phase) + 2.0 * math.pi * math.fmod(origin_x, self.wavelength) / self.wavelength
         )
-        return bed.Sinusoidal(self.amplitude, self.wavelength, phase, origin_y)
+        return geometry.Sinusoidal(self.amplitude, self.wavelength, phase, origin_y)
 
 
 class HalfDiscs(BedSection):
@@ -344,11 +316,9 @@ class HalfDiscs(BedSection):
             raise self.refused("spacing", why, "enlarge spacing or reduce radius")
         return self
 
-    def surface(self, origin_y: float, origin_x: float = 0.0) -> bed_geometry.Bed:
+    def surface(self, origin_y: float, origin_x: float = 0.0) -> geometry.Bed:
         """The bed's shape above its base line y = origin_y, abscissae counted from origin_x."""
-        from ..geometry.plane import bed
-
-        return bed.HalfDiscs(self.radius, self.spacing, self.offset - origin_x, origin_y)
+        return geometry.HalfDiscs(self.radius, self.spacing, self.offset - origin_x, origin_y)
 
 
 class Polyline(BedSection):
@@ -384,11 +354,9 @@ class Polyline(BedSection):
             raise self.refused("points", why, "sort the points by ascending x, each place once")
         return self
 
-    def surface(self, origin_y: float, origin_x: float = 0.0) -> bed_geometry.Bed:
+    def surface(self, origin_y: float, origin_x: float = 0.0) -> geometry.Bed:
         """The bed's shape above its base line y = origin_y, abscissae counted from origin_x."""
-        from ..geometry.plane import polyline
-
-        return polyline.Polyline([(x - origin_x, y) for x, y in self.points], origin_y)
+        return geometry.Polyline([(x - origin_x, y) for x, y in self.points], origin_y)
 
 
 def _limit(section: Section, key: str, most: int) -> None:

@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 
+from .. import geometry
 from ..errors import SceneError
+from ..geometry.placement import product, rotation_by
 from .grains import SETTLES, BodySection, Density, Motion, OnContact, Settle
 from .messages import counted, split
 from .points import MOST_POINTS, about_file, file_key, with_file_read
 from .section import NotNegative, Positive, PositiveTriple, Triple, contradiction
-
-if TYPE_CHECKING:
-    from ..geometry.placement import Placement
-    from ..geometry.space.solid import Solid
 
 MOST_SPHERES = 500
 ROUNDEST = 100.0  # exponent of a superquadric
@@ -40,7 +38,7 @@ Freedom = Literal["x", "y", "z", "rx", "ry", "rz"]
 Course = Annotated[tuple[str, str, str, str, str, str], Field(strict=False)]
 
 
-def orientation_of(placement: Placement) -> tuple[float, float, float]:
+def orientation_of(placement: geometry.Placement) -> tuple[float, float, float]:
     """The angles about x, then about y, then about z by which a grain is turned [degrees], as in `orientation`."""
     a = placement.rotation
     about = (
@@ -123,15 +121,13 @@ class SolidSection(BodySection):
         """The y over which it comes to rest; None: the middle of the width."""
         return self.y
 
-    def placed(self, centre: Sequence[float]) -> Placement:
+    def placed(self, centre: Sequence[float]) -> geometry.Placement:
         """The grain turned by its orientation, its centroid at a point (3,)."""
-        from ..geometry.placement import Placement, product, rotation_by
-
         about_x, about_y, about_z = (
             rotation_by(angle * axis)
             for angle, axis in zip(np.radians(self.orientation), np.eye(3), strict=True)
         )
-        return Placement(tuple(centre), quaternion=product(about_z, product(about_y, about_x)))
+        return geometry.Placement(tuple(centre), quaternion=product(about_z, product(about_y, about_x)))
 
 
 class Sphere(SolidSection):
@@ -140,11 +136,9 @@ class Sphere(SolidSection):
     shape: Literal["sphere"] = Field("sphere", description="Shape of the grain")
     diameter: Positive = Field(description="Diameter [length]")
 
-    def new_grain(self) -> Solid:
+    def new_grain(self) -> geometry.Solid:
         """The grain's shape in its body frame, lengths in scene units."""
-        from ..geometry.space import solid
-
-        return solid.Sphere(self.diameter)
+        return geometry.Sphere(self.diameter)
 
 
 class Cylinder(SolidSection):
@@ -164,11 +158,9 @@ class Cylinder(SolidSection):
             raise self.refused("orientation", "a cylinder lies across the stream", "leave it out")
         return self
 
-    def new_grain(self) -> Solid:
+    def new_grain(self) -> geometry.Solid:
         """The grain's shape in its body frame, lengths in scene units."""
-        from ..geometry.space import cylinder
-
-        return cylinder.Cylinder(self.diameter, self.length)
+        return geometry.Cylinder(self.diameter, self.length)
 
 
 class Ellipsoid(SolidSection):
@@ -177,11 +169,9 @@ class Ellipsoid(SolidSection):
     shape: Literal["ellipsoid"] = Field("ellipsoid", description="Shape of the grain")
     semi_axes: SemiAxes
 
-    def new_grain(self) -> Solid:
+    def new_grain(self) -> geometry.Solid:
         """The grain's shape in its body frame, lengths in scene units."""
-        from ..geometry.space import solid
-
-        return solid.Ellipsoid(self.semi_axes)
+        return geometry.Ellipsoid(self.semi_axes)
 
 
 class Superquadric(SolidSection):
@@ -193,11 +183,9 @@ class Superquadric(SolidSection):
         description="Exponents along z and across it: 2 is an ellipsoid, 100 almost a box"
     )
 
-    def new_grain(self) -> Solid:
+    def new_grain(self) -> geometry.Solid:
         """The grain's shape in its body frame, lengths in scene units."""
-        from ..geometry.space import solid
-
-        return solid.Superquadric(self.semi_axes, self.exponents)
+        return geometry.Superquadric(self.semi_axes, self.exponents)
 
 
 class Box(SolidSection):
@@ -211,11 +199,9 @@ class Box(SolidSection):
     def _telling(self) -> str:
         return "edge_radius"
 
-    def new_grain(self) -> Solid:
+    def new_grain(self) -> geometry.Solid:
         """The grain's shape in its body frame, lengths in scene units."""
-        from ..geometry.space import polyhedra
-
-        return polyhedra.Box(self.sides, self.edge_radius)
+        return geometry.Box(self.sides, self.edge_radius)
 
 
 class Polyhedron(SolidSection):
@@ -230,13 +216,11 @@ class Polyhedron(SolidSection):
     def _telling(self) -> str:
         return "vertices"
 
-    def new_grain(self) -> Solid:
+    def new_grain(self) -> geometry.Solid:
         """The grain's shape in its body frame, lengths in scene units."""
-        from ..geometry.space import polyhedra
-
         if len(self.vertices) > MOST_POINTS:
             raise SceneError(f"has {len(self.vertices)} items; give {MOST_POINTS} at most")
-        return polyhedra.Polyhedron(self.vertices)
+        return geometry.Polyhedron(self.vertices)
 
 
 class Spheres(SolidSection):
@@ -251,13 +235,11 @@ class Spheres(SolidSection):
     def _telling(self) -> str:
         return "spheres"
 
-    def new_grain(self) -> Solid:
+    def new_grain(self) -> geometry.Solid:
         """The grain's shape in its body frame, lengths in scene units."""
-        from ..geometry.space import spheres
-
         if len(self.spheres) > MOST_SPHERES:
             raise SceneError(f"has {len(self.spheres)} items; give {MOST_SPHERES} at most")
-        return spheres.Spheres([ball[:3] for ball in self.spheres], [ball[3] for ball in self.spheres])
+        return geometry.Spheres([ball[:3] for ball in self.spheres], [ball[3] for ball in self.spheres])
 
 
 class Mesh(SolidSection):
@@ -284,10 +266,8 @@ class Mesh(SolidSection):
 
         def surface(path: Path) -> dict[str, Any]:
             """Vertices and triangles in a file, refused if they are too many or bound no grain."""
-            from ..geometry.space.polyhedra import Triangulated
-
             try:
-                found = Triangulated.from_file(path)
+                found = geometry.Triangulated.from_file(path)
             except SceneError as error:
                 raise about_file("Mesh", *split(str(error))) from None
             if len(found.vertices) > MOST_POINTS:
@@ -303,14 +283,14 @@ class Mesh(SolidSection):
     def _telling(self) -> str:
         return "triangles"
 
-    def new_grain(self) -> Solid:
+    def new_grain(self) -> geometry.Solid:
         """The grain's shape in its body frame, lengths in scene units."""
-        from ..geometry.space.polyhedra import Triangulated
-
         points = np.array(self.vertices, dtype=float).reshape(-1, 3)
         triangles = np.array(self.triangles, dtype=int).reshape(-1, 3)
-        found = Triangulated(points, triangles)
-        return found if self.size is None else Triangulated(self.size / found.size * points, triangles)
+        found = geometry.Triangulated(points, triangles)
+        return (
+            found if self.size is None else geometry.Triangulated(self.size / found.size * points, triangles)
+        )
 
 
 SolidBody = Sphere | Cylinder | Ellipsoid | Superquadric | Box | Polyhedron | Spheres | Mesh

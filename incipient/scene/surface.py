@@ -11,6 +11,7 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from ..errors import SceneError
 from .domain import Domain
+from .expression import Expression
 from .messages import split
 from .points import read_points
 from .section import NotNegative, Pair, Positive, Section, contradiction
@@ -96,8 +97,6 @@ class Surface(Section):
     @field_validator("elevation", "pressure", "inflow", "seepage")
     @classmethod
     def _is_a_formula(cls, text: str, info: ValidationInfo) -> str:
-        from .expression import Expression
-
         try:
             variables = Expression(text).variables
         except SceneError as error:
@@ -122,8 +121,6 @@ class Surface(Section):
 
     def height(self, x: np.ndarray) -> np.ndarray:
         """Elevations (n,) above the still level at time zero, at places (3, n). Not collective."""
-        from .expression import Expression
-
         if self.points:
             return np.interp(x[0], *np.transpose(self.points))
         return Expression(self.elevation)(x)

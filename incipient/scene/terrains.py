@@ -10,16 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field, ValidationInfo, model_validator
 
+from .. import geometry
 from ..arrays import LARGEST, MOST_HEIGHTS, SMALLEST
 from ..errors import SceneError
+from ..geometry.space.packing import Packing
 from .messages import Problem, refusal, shown, split
 from .points import about_file, file_key, with_file_read
 from .section import NotNegative, Pair, Positive, PositivePair
 from .shapes import BedSection
-
-if TYPE_CHECKING:
-    from ..geometry.space.heightmap import HeightMap
-    from ..geometry.space.terrain import Terrain
 
 _FILES = {"HeightMapBed": "a PNG, TIFF, .npy or .asc file", "MeshBed": "an STL, PLY or OBJ file"}
 Heights = Annotated[
@@ -71,15 +69,12 @@ class SphereBed(TerrainSection):
             raise self.refused("layers", *split(str(error))) from None
         return self
 
-    def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> Terrain:
+    def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
         """The bed's shape above its base plane z = origin_z, x and y counted from a corner."""
-        from ..geometry.space.packing import Packing
-        from ..geometry.space.terrain import Hemispheres
-
         offset = self.offset[0] - corner[0], self.offset[1] - corner[1]
         angle = math.radians(self.angle)
         if self.arrangement != "random" and self.layers == 1:
-            return Hemispheres(self.radius, self.spacing, self.arrangement, offset, origin_z, angle)
+            return geometry.Hemispheres(self.radius, self.spacing, self.arrangement, offset, origin_z, angle)
         kind = self.arrangement
         return Packing(self.radius, self.spacing, kind, offset, origin_z, angle, self.layers, self.seed)
 
@@ -93,14 +88,12 @@ class RidgeBed(TerrainSection):
     angle: float = Field(0.0, description="Of the direction across the crests from x towards y [degrees]")
     phase: float = Field(0.0, description="Phase at x = y = 0 [degrees]")
 
-    def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> Terrain:
+    def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
         """The bed's shape above its base plane z = origin_z, x and y counted from a corner."""
-        from ..geometry.space import terrain
-
         angle = math.radians(self.angle)
         ahead = corner[0] * math.cos(angle) + corner[1] * math.sin(angle)
         phase = math.radians(self.phase) + 2.0 * math.pi * math.fmod(ahead, self.wavelength) / self.wavelength
-        return terrain.Ridges(self.amplitude, self.wavelength, angle, phase, origin_z)
+        return geometry.Ridges(self.amplitude, self.wavelength, angle, phase, origin_z)
 
 
 class RasterBed(TerrainSection):
@@ -112,7 +105,7 @@ class RasterBed(TerrainSection):
         heights: tuple[tuple[float, ...], ...]
 
     @classmethod
-    def _in_file(cls, path: Path, data: dict[str, Any]) -> HeightMap:
+    def _in_file(cls, path: Path, data: dict[str, Any]) -> geometry.HeightMap:
         """The heights in a file. Raises SceneError if it cannot be read."""
         raise NotImplementedError
 
@@ -151,13 +144,11 @@ class RasterBed(TerrainSection):
             raise self.refused("heights", *split(str(error))) from None
         return self
 
-    def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> Terrain:
+    def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
         """The bed's shape above its base plane z = origin_z, x and y counted from a corner."""
-        from ..geometry.space.heightmap import HeightMap
-
         assert self.cell is not None
         place = (self.offset[0] - corner[0], self.offset[1] - corner[1], origin_z)
-        return HeightMap(getattr(self, "relief", 1.0) * np.array(self.heights), self.cell, place)
+        return geometry.HeightMap(getattr(self, "relief", 1.0) * np.array(self.heights), self.cell, place)
 
 
 class HeightMapBed(RasterBed):
@@ -175,12 +166,10 @@ class HeightMapBed(RasterBed):
     heights: Heights = ()
 
     @classmethod
-    def _in_file(cls, path: Path, data: dict[str, Any]) -> HeightMap:
+    def _in_file(cls, path: Path, data: dict[str, Any]) -> geometry.HeightMap:
         """The heights in an image or a table. Raises SceneError if it cannot be read."""
-        from ..geometry.space.heightmap import HeightMap
-
         cell = data.get("cell")
-        return HeightMap.from_file(path, None if cell is None else tuple(cell))
+        return geometry.HeightMap.from_file(path, None if cell is None else tuple(cell))
 
 
 class MeshBed(RasterBed):
@@ -198,12 +187,12 @@ class MeshBed(RasterBed):
     heights: Heights = ()
 
     @classmethod
-    def _in_file(cls, path: Path, data: dict[str, Any]) -> HeightMap:
+    def _in_file(cls, path: Path, data: dict[str, Any]) -> geometry.HeightMap:
         """The upper side of the surface, the lowest point on the base plane. Raises SceneError if it cannot be read."""
-        from ..geometry.space.heightmap import HeightMap
-
         cell = data.get("cell")
-        return HeightMap.from_surface(path, None if cell is None else tuple(cell), data.get("scale", 1.0))
+        return geometry.HeightMap.from_surface(
+            path, None if cell is None else tuple(cell), data.get("scale", 1.0)
+        )
 
 
 _NUMBERS = {  # keys by which a file is read: how many numbers, the least that they may be, what to give
