@@ -12,7 +12,9 @@ from .errors import IncipientError, MissingError
 from .installed import required
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
+    from mpi4py.MPI import Comm
+else:
+    Comm = Any  # what computes no flow does not load mpi4py, which need not be installed
 
 T = TypeVar("T")
 OFTEN = 0.01  # seconds between looks at who has come
@@ -32,7 +34,7 @@ class Alone:
         return value
 
 
-def world() -> MPI.Comm:
+def world() -> Comm:
     """The communicator of all ranks.
 
     Raises:
@@ -44,7 +46,7 @@ def world() -> MPI.Comm:
 
 
 @contextmanager
-def collectively(comm: MPI.Comm | Alone) -> Iterator[None]:
+def collectively(comm: Comm | Alone) -> Iterator[None]:
     """Run the block on every rank; if any rank raised, every rank raises the first rank's error.
 
     Collective. For work that one rank does for all (building a mesh, writing a file): a rank that
@@ -70,8 +72,8 @@ def collectively(comm: MPI.Comm | Alone) -> Iterator[None]:
 class Meeting:
     """Where all ranks come at their end, whatever it is, and learn which of them have failed. Made collectively."""
 
-    def __init__(self, comm: MPI.Comm | Alone):
-        self._comm = None if comm.size == 1 else cast("MPI.Comm", comm).Dup()
+    def __init__(self, comm: Comm | Alone):
+        self._comm = None if comm.size == 1 else cast("Comm", comm).Dup()
 
     def failed(self, has_failed: bool, seconds: float = float("inf")) -> list[bool]:
         """Who has failed, by rank; nobody knows where not all have come after so many seconds: an empty list."""
@@ -86,7 +88,7 @@ class Meeting:
         return [bool(one) for one in all_of_them]
 
 
-def from_first(comm: MPI.Comm | Alone, compute: Callable[[], T]) -> T:
+def from_first(comm: Comm | Alone, compute: Callable[[], T]) -> T:
     """What a function returns on the first rank, which alone calls it, on every rank. Collective.
 
     For files above all, which need not be there on the machines of other ranks. The value must be picklable.
@@ -123,9 +125,9 @@ def start_alone_quickly() -> None:
         del os.environ[name]
 
 
-def ranks_there_are() -> MPI.Comm:
+def ranks_there_are() -> Comm:
     """All ranks; without an MPI this process alone, which judges and plans, and says what is missing for a flow."""
     try:
         return world()
     except MissingError:
-        return cast("MPI.Comm", Alone())
+        return cast("Comm", Alone())

@@ -3,31 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ..errors import OutputError
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-    from ..pictures.apart import Drawn
+from ..parallel import Comm, collectively
 
 
-def tell_of_pictures(directory: Path, wanted: bool, comm: MPI.Comm) -> None:
-    """Draw pictures if they are wanted, and say where they are; one that fails takes nothing else with it."""
-    from ..parallel import collectively
-
+def tell_of_pictures(directory: Path, wanted: bool, comm: Comm) -> None:
+    """Draws pictures if they are wanted, and says where they are; one that fails takes nothing else with it."""
     with collectively(comm):
-        if comm.rank == 0 and not wanted:
-            print(f"pictures            incipient show {directory}", flush=True)
+        if comm.rank == 0 and wanted:
+            draw_and_tell(directory)
         elif comm.rank == 0:
-            from ..pictures.apart import draw_apart
-
-            say_drawn(draw_apart(directory), directory)
+            print(f"pictures            incipient show {directory}", flush=True)
 
 
-def say_drawn(drawn: Drawn, directory: Path) -> None:
-    """Say where pictures are; raise what went wrong with others as an OutputError."""
+def draw_and_tell(directory: Path) -> None:
+    """Draws the pictures of a directory and says where they are; raises OutputError for those that failed."""
+    from ..pictures.apart import draw_apart
+
+    drawn = draw_apart(directory)
     names = ", ".join(path.name for path in drawn.paths)
     print(f"pictures            {directory}/: {names}" if names else "pictures            none", flush=True)
     if drawn.complaint:

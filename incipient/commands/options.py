@@ -1,15 +1,17 @@
-"""Options that several commands have, and what they refuse alike."""
+"""The options of all commands, and what several of them refuse alike."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..errors import SceneError
+from ..parallel import Comm, collectively
 
-if TYPE_CHECKING:
-    from mpi4py import MPI
+BESIDE = object()  # a directory that is asked for and not named: that of the case
+OF_SWEEPS = ("quantity", "against", "by")  # options of `show` that are for sweeps alone
 
 
 def overrides(parser: argparse.ArgumentParser, example: str) -> None:
@@ -25,7 +27,201 @@ def named(text: str) -> Path:
     return Path(text)
 
 
-def alone(name: str, comm: MPI.Comm) -> None:
+def alone(name: str, comm: Comm) -> None:
     """Refuse ranks for a command that starts processes of its own."""
     if comm.size > 1:
         raise SceneError(f"{name} starts runs of its own; call it without mpirun")
+
+
+def require_left_by(directory: Path, names: Sequence[str], comm: Comm) -> None:
+    """Refuses what is not a directory in which an earlier command has left one of its files. Collective."""
+    with collectively(comm):
+        if comm.rank == 0 and not any((directory / name).is_file() for name in names):
+            why = "is not the directory of a run" if directory.is_dir() else "there is no such directory"
+            raise SceneError(f"{directory}: {why}; give the directory that a run was written to")
+
+
+def no_options(parser: argparse.ArgumentParser) -> None:
+    """Adds nothing: the command has no options."""
+
+
+def _scene(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("scene", type=Path, help="scene file (TOML)")
+    overrides(parser, "fluid.reynolds=40")
+
+
+def options_of_run(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of `incipient run`."""
+    _scene(parser)
+    parser.add_argument(
+        "--out", type=named, help="directory for the results (default: results/NAME OF THE SCENE)"
+    )
+    parser.add_argument(
+        "--overwrite",
+        action="store_true",
+        help="remove an earlier run from the directory even if it can be resumed (default: move it to a numbered one)",
+    )
+
+
+def options_of_resume(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of `incipient resume`."""
+    parser.add_argument("directory", type=Path, help="directory of the run")
+    overrides(parser, "time.end=20")
+
+
+def options_of_threshold(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of `incipient threshold`."""
+    _scene(parser)
+    parser.add_argument(
+        "--out", type=named, help="directory for the results (default: results/NAME OF THE SCENE_threshold)"
+    )
+
+
+def options_of_plan(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of `incipient plan`."""
+    _scene(parser)
+    parser.add_argument("--json", action="store_true", help="as JSON")
+    parser.add_argument(
+        "--study",
+        type=named,
+        metavar="DIRECTORY",
+        help="of incipient cost, to go by (default: the last of this scene on this machine, else those of others)",
+    )
+
+
+def options_of_cost(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of `incipient cost`."""
+    _scene(parser)
+    parser.add_argument(
+        "--out", type=named, help="directory for the study (default: results/NAME OF THE SCENE_cost)"
+    )
+    parser.add_argument("--quick", action="store_true", help="a few coarse runs only")
+    parser.add_argument(
+        "--orders", type=int, nargs="+", metavar="ORDER", help="orders of the velocity, 2 to 4"
+    )
+    for name, what in (("--sizes", "cell sizes"), ("--steps", "time steps")):
+        text = f"{what} as multiples of the scene's"
+        parser.add_argument(name, type=float, nargs="+", metavar="FACTOR", help=text)
+    parser.add_argument(
+        "--solvers",
+        nargs="+",
+        metavar="WAY",
+        help="solver options on all meshes, such as extrapolated+bdf1; own: none but the scene's (default: some, on "
+        "three coarse meshes)",
+    )
+
+
+def options_of_show(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of `incipient show`."""
+    parser.add_argument("directory", type=Path, help="directory of the results, or the file of a sweep")
+    parser.add_argument("--quantity", metavar="COLUMN", help="of a sweep: what to draw (see incipient table)")
+    parser.add_argument(
+        "--against", metavar="COLUMN", help="of a sweep: against what (default: what it varies first)"
+    )
+    parser.add_argument("--by", metavar="COLUMN", help="of a sweep: a curve for each value of this")
+    films = parser.add_mutually_exclusive_group()
+    films.add_argument("--animate", action="store_true", help="show the flow in motion instead")
+    films.add_argument("--turntable", action="store_true", help="go once round a grain in space instead")
+    parser.add_argument("--out", type=named, metavar="FILE", help="the film, .gif or .mp4")
+    fields = ("velocity", "pressure", "vorticity")
+    parser.add_argument("--field", choices=fields, help="what to animate (default: velocity)")
+
+
+def options_of_report(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of `incipient report`."""
+    parser.add_argument("path", type=Path, help="directory of the results, or the file of a sweep")
+    parser.add_argument(
+        "--out", type=named, metavar="FILE", help="the page (default: report.html there, or beside the sweep)"
+    )
+
+
+def options_of_sweep(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of `incipient sweep`."""
+    parser.add_argument(
+        "scenes", type=Path, nargs="+", metavar="SCENE", help="scene files, or cases to judge (TOML)"
+    )
+    parser.add_argument(
+        "--over",
+        action="append",
+        default=[],
+        metavar="KEY=VALUES",
+        help="such as fluid.reynolds=log:0.1:200:17 or contact.friction=0.2,0.4; several: every combination",
+    )
+    parser.add_argument(
+        "--zip", action="store_true", help="take the values of several keys side by side instead"
+    )
+    parser.add_argument(
+        "--cases", type=Path, metavar="FILE.csv", help="a case a row, under the keys of the first row"
+    )
+    parser.add_argument(
+        "--refine",
+        type=_share,
+        nargs="?",
+        const=True,
+        metavar="SHARE",
+        help="add cases where the mode changes or the curve bends, to this share of the range (default: 0.02)",
+    )
+    parser.add_argument("--most", type=int, metavar="N", help="with --refine: cases in all (default: 1000)")
+    parser.add_argument(
+        "--quantity",
+        metavar="COLUMN",
+        help="with --refine: the column whose curve is to be known (see table)",
+    )
+    overrides(parser, "numerics.mesh_size=2")
+    parser.add_argument("--do", choices=("run", "threshold", "judge"), help="(default: run)")
+    parser.add_argument(
+        "--out", type=named, metavar="FILE", help="file of the sweep (default: results/SCENE_TASK.sqlite)"
+    )
+    parser.add_argument("--jobs", type=int, metavar="N", help="cases at a time (default: by cores and ranks)")
+    parser.add_argument("--ranks", type=int, default=1, metavar="N", help="ranks of each case (default: 1)")
+    parser.add_argument(
+        "--memory", type=float, metavar="MIB", help="of all cases at a time (default: what is free)"
+    )
+    parser.add_argument(
+        "--wall", metavar="TIME", help="end in time, such as 8h or 1h30m; call again to go on"
+    )
+    parser.add_argument("--retry", action="store_true", help="compute cases again that have failed")
+    parser.add_argument(
+        "--dry-run", action="store_true", help="say how many cases there are, and what they take"
+    )
+
+
+def _share(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text} is not a number; give 0.01, or put --refine last") from None
+
+
+def options_of_table(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of `incipient table`."""
+    parser.add_argument("file", type=Path, help="file of a sweep")
+    ways = parser.add_mutually_exclusive_group()
+    ways.add_argument("--csv", action="store_true", help="all columns, as CSV")
+    ways.add_argument("--parquet", type=named, metavar="FILE", help="write all columns there")
+
+
+def options_of_judge(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of `incipient judge`."""
+    parser.add_argument("case", type=Path, help="case file (TOML)")
+    overrides(parser, "contacts.friction=0.4")
+    parser.add_argument(
+        "--series",
+        type=named,
+        metavar="FILE",
+        help="judge a series of loads: .csv or .parquet with time, force_x, force_y, couple (docs/contact.md)",
+    )
+    parser.add_argument(
+        "--out",
+        nargs="?",
+        type=named,
+        const=BESIDE,
+        metavar="DIRECTORY",
+        help="write judgement.json and its picture there; without a DIRECTORY next to the case",
+    )
+
+
+def options_of_new(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of `incipient new`."""
+    parser.add_argument("name", help="name of the scene; NAME.toml is written")
+    parser.add_argument("--space", action="store_true", help="a scene in three dimensions")

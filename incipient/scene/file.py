@@ -6,22 +6,19 @@ import re
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import tomli_w
 from pydantic import ValidationError
 
 from ..errors import SceneError
 from ..files import write_text_atomically
-from ..parallel import from_first
+from ..parallel import Comm, from_first
 from .complete import Scene
 from .example import commented, grain_in_pocket, grain_on_bed
 from .messages import Key, Problem, key_text, one_line, problems_of
 from .points import file_text
 from .section import Section, ordered_keys
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
 
 S = TypeVar("S", bound=Section)
 
@@ -32,7 +29,7 @@ _NOT_THE_SCENE = ("title", "numerics", "output", "time")
 _BARE_WORD = re.compile(r"[A-Za-z_][^\n\"'=\[\]{}]*")
 
 
-def load(path: Path | str, overrides: Sequence[str] = (), comm: MPI.Comm | None = None) -> Scene:
+def load(path: Path | str, overrides: Sequence[str] = (), comm: Comm | None = None) -> Scene:
     """The scene in a TOML file, changed by overrides such as ``"fluid.reynolds=40"``.
 
     Files that the scene names are read relative to the scene file. Collective over `comm`, of which the first rank

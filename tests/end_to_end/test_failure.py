@@ -408,7 +408,7 @@ def fails(options, comm):
     return 0
 
 cli.TO_COME = 1.0
-cli._commands = lambda: {"run": (fails, "run", cli._no_options)}
+cli._commands = lambda: {"run": (fails, "run", cli.options.no_options)}
 raise SystemExit(cli.main(["run"]))
 """
 

@@ -1,0 +1,70 @@
+"""`incipient show`: pictures and films of results."""
+
+from __future__ import annotations
+
+import argparse
+
+from ..errors import OutputError, SceneError
+from ..parallel import Comm, collectively
+from ..pictures.apart import Drawn, animate_apart, draw_apart, draw_sweep_apart, turn_apart
+from .options import OF_SWEEPS, require_left_by
+
+# What one of the commands leaves in a directory of results.
+RECORDS = ("result.json", "threshold.json", "judgement.json", "cost.json", "series.json", "scene.toml")
+
+
+def show(options: argparse.Namespace, comm: Comm) -> int:
+    """Draws the pictures of results, or animates them."""
+    if options.directory.suffix == ".toml":
+        why = "is a scene and no results"
+        raise SceneError(
+            f"{options.directory}: {why}; run it, then give the directory that the run was written to"
+        )
+    if options.directory.is_file():
+        return _show_sweep(options, comm)
+    _refuse_options_of_show(options)
+    require_left_by(options.directory, RECORDS, comm)
+    if options.field is not None and not options.animate:
+        raise SceneError("--field says what to animate; add --animate")
+    if options.out is not None and not (options.animate or options.turntable):
+        raise SceneError("--out names the animation; add --animate or --turntable")
+    with collectively(comm):
+        if comm.rank == 0:
+            _show_one(options)
+    return 0
+
+
+def _show_one(options: argparse.Namespace) -> None:
+    if options.animate:
+        print(animate_apart(options.directory, options.out, options.field or "velocity"))
+    elif options.turntable:
+        print(turn_apart(options.directory, options.out))
+    else:
+        _name(draw_apart(options.directory))
+
+
+def _name(drawn: Drawn) -> None:
+    """Prints the files of a drawing; raises OutputError for those that failed."""
+    for path in drawn.paths:
+        print(path)
+    if drawn.complaint:
+        raise OutputError(drawn.complaint)
+
+
+def _show_sweep(options: argparse.Namespace, comm: Comm) -> int:
+    """Draws the pictures of a sweep beside its file."""
+    if options.animate or options.turntable or options.out is not None or options.field is not None:
+        why = "is the file of a sweep, which is not animated"
+        raise SceneError(f"{options.directory}: {why}; leave the option out")
+    with collectively(comm):
+        if comm.rank == 0:
+            asked = {name: getattr(options, name) for name in OF_SWEEPS}
+            _name(draw_sweep_apart(options.directory, **asked))
+    return 0
+
+
+def _refuse_options_of_show(options: argparse.Namespace) -> None:
+    """Refuses what is for sweeps where none is shown."""
+    for name in OF_SWEEPS:
+        if getattr(options, name) is not None:
+            raise SceneError(f"--{name} is for the file of a sweep; {options.directory} is none")

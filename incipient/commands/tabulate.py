@@ -1,0 +1,71 @@
+"""`incipient table`: the cases of a sweep, a row each."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Set
+from pathlib import Path
+
+from ..parallel import Comm, collectively
+from ..scene import Scene
+from ..scene.key_units import unit_of
+from ..sweep import table as tables
+from ..sweep.store import Store
+
+WIDE = 160  # columns of a table that goes to a file
+
+
+def table(options: argparse.Namespace, comm: Comm) -> int:
+    """Print or write the cases of a sweep, a row each."""
+    with collectively(comm):
+        if comm.rank == 0 and options.parquet is not None:
+            tables.write_parquet(options.file, options.parquet)
+            print(options.parquet)
+        elif comm.rank == 0 and options.csv:
+            print(tables.as_csv(tables.rows(options.file)), end="", flush=True)
+        elif comm.rank == 0:
+            _print(options.file)
+    return 0
+
+
+def _print(file: Path) -> None:
+    """The columns that differ between cases or tell what came out, for a reader."""
+    from rich.console import Console
+    from rich.table import Table
+
+    found = tables.rows(file)
+    with Store(file) as store:
+        keys = store.keys()
+    heads = [name for name in tables.columns(found) if name in keys or name == "source"]
+    if len({row["source"] for row in found}) == 1:
+        heads.remove("source")
+    shown = Table(box=None)
+    for head in heads:
+        unit = _unit(head, {row["task"] for row in found})
+        numbers = all(_is_number(row[head]) for row in found if row.get(head) is not None)
+        shown.add_column(f"{head}{unit}", overflow="fold", justify="right" if numbers else "left")
+    shown.add_column("status", overflow="fold")
+    shown.add_column("", overflow="fold")
+    shown.add_column("time [s]", overflow="fold", justify="right")
+    for row in found:
+        said = tables.in_words(row) if row["status"] in ("done", "failed", "damaged") else ""
+        time = "" if row["wall"] is None else f"{row['wall']:.1f}"
+        shown.add_row(*(_cell(row.get(head)) for head in heads), row["status"], said, time)
+    Console(width=None if sys.stdout.isatty() else WIDE, markup=False).print(shown)
+
+
+def _unit(key: str, tasks: Set[str]) -> str:
+    """The unit of a key in brackets, after a space; nothing where it has none."""
+    from ..simulation.judge_case import Case
+
+    unit = unit_of(Case if tasks == {"judge"} else Scene, key)
+    return f" [{unit}]" if unit else ""
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _cell(value: object) -> str:
+    return "" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value)
