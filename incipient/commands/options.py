@@ -178,7 +178,7 @@ def options_of_sweep(parser: argparse.ArgumentParser) -> None:
         "--memory", type=float, metavar="MIB", help="of all cases at a time (default: what is free)"
     )
     parser.add_argument(
-        "--wall", metavar="TIME", help="end in time, such as 8h or 1h30m; call again to go on"
+        "--wall", metavar="TIME", help="stop in time, such as 8h or 1h30m; the same call resumes"
     )
     parser.add_argument("--retry", action="store_true", help="compute cases again that have failed")
     parser.add_argument(

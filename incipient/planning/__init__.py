@@ -1,1 +1,1 @@
-"""From the scene to the plan: effects and reasons, the undisturbed stream, conditions, what to draw and how fine."""
+"""From the scene to the plan: effects and reasons, the base flow, conditions, what to draw and how fine."""

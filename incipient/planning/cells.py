@@ -40,9 +40,9 @@ class FarCells:
         if self.box_reynolds is None:
             return FAR_CELL[self.order] * self.extents[-1]
         # Boundary layers thin as Re^-1/2, the grading makes up for half of that.
-        crowd = max(1.0, (self.box_reynolds / 1000.0) ** 0.25)
+        refined = max(1.0, (self.box_reynolds / 1000.0) ** 0.25)
         cells = GRID_CELLS if len(self.extents) == 2 else GRID_CELLS_IN_SPACE
-        return min(self.extents) / (cells[self.order] * crowd)
+        return min(self.extents) / (cells[self.order] * refined)
 
     def largest_in_space(self, order: int) -> float:
         """Their size in space for an order of the velocity [length]."""

@@ -71,8 +71,8 @@ def near_inflow(geometry: Geometry, still: bool) -> str:
     if away >= FREE_OF_INFLOW:
         return ""
     return (
-        f"the grain is {max(away, 0.0):.2g} of its size from the inflow, where the velocity is given, which its load "
-        f"tells of; leave {FREE_OF_INFLOW:g} of its size at the least, by body.x or domain.origin"
+        f"the grain is {max(away, 0.0):.2g} of its size from the inflow, where the velocity is prescribed: that "
+        f"changes its load; leave {FREE_OF_INFLOW:g} of its size at the least, by body.x or domain.origin"
     )
 
 

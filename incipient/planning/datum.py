@@ -1,4 +1,4 @@
-"""The datum of the undisturbed flow: the height at which its profile starts, and why there."""
+"""The datum of the base flow: the height at which its profile starts, and why there."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Datum:
 def datum_of(setup: Setup) -> Datum | None:
     """The datum of a flow of given profile over a bed; None for another flow, or without a bed. Not collective.
 
-    A stream with its turbulence enters at the bed's own height.
+    A turbulent flow enters at the bed's own height.
     """
     scene = setup.scene
     level = getattr(scene.flow, "datum", None)

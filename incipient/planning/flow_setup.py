@@ -16,7 +16,7 @@ from .scene_geometry import Geometry
 from .sides import SideNames, side_names
 
 if TYPE_CHECKING:
-    from .wall_layer import Walls
+    from .wall_layer import LayeredWalls
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +107,7 @@ class Setup:
         return self.scene.is_turbulent
 
     @cached_property
-    def walls(self) -> Walls:
+    def walls(self) -> LayeredWalls:
         """Walls with their layer, whether the flow has one or not."""
         from .wall_layer import walls_of
 

@@ -8,9 +8,10 @@ from .flow_setup import Setup
 from .stabilisation import largest_peclet, upwinds
 
 LOWEST_ORDER = 2
-FEW_CELLS = 5000  # up to which steady flow with eddies takes factors in space (docs/scaling.md)
+FEW_CELLS = 5000  # up to which steady turbulent flow in space is solved by LU factorisation (docs/scaling.md)
 
-# Peclet number |c| h/(2 k nu) of the largest cells up to which blocks do without upwinding (docs/scaling.md).
+# Peclet number |c| h/(2 k nu) of the largest cells up to which the block preconditioner converges without upwinding
+# (docs/scaling.md).
 RESOLVED = 25.0
 
 
@@ -36,28 +37,31 @@ def method_of(setup: Setup, slow: bool, unsteady: bool) -> Method:
     if scene.gdim == 2:
         return Method(
             "direct",
-            "in two dimensions factors take little memory, and they serve for several iterations and time steps",
+            "in the plane an LU factorisation takes little memory, and serves several iterations and time steps",
         )
     if slow and scene.time is None and setup.order.number > LOWEST_ORDER:
         return Method(
             "two-level",
-            "order 2 by blocks, and from there the higher one without a matrix: Stokes flow needs no more",
+            "order 2 by a block preconditioner, then the higher order without a matrix: Stokes flow needs no more",
         )
-    dear = "in space factors would take much time and memory"
+    dear = "an LU factorisation in space would take much time and memory"
     if slow:
         return Method("block", f"{dear}; Stokes flow needs none")
     if unsteady and scene.is_turbulent:
         return Method(
-            "direct", "steps in time with eddies were not tried otherwise; factors take much memory"
+            "direct", "iterative solvers are not validated for unsteady turbulent flow; needs much memory"
         )
     if unsteady:
-        return Method("block", f"{dear}; steps in time need none")
+        return Method("block", f"{dear}; time steps need none")
     if scene.is_empty_box:
-        return Method("direct", "in a closed box blocks do not converge; factors take much time and memory")
+        why = "the block preconditioner does not converge in a closed box"
+        return Method("direct", f"{why}; an LU factorisation takes much time and memory")
     if upwinds(setup) and scene.is_turbulent:
-        return Method("block", f"{dear}; on {FEW_CELLS} cells or less, where they are faster, they are taken")
+        return Method("block", f"{dear}; on {FEW_CELLS} cells or less it is faster, and used")
     if upwinds(setup):
-        return Method("block", f"{dear}; upwinding makes them needless")
+        return Method("block", f"{dear}; with upwinding none is needed")
     if scene.time is None and largest_peclet(setup) <= RESOLVED:
-        return Method("block", f"{dear}; cells are fine enough for the flow's convection")
-    return Method("direct", "the flow is not upwinded; in space its factors take much time and memory")
+        return Method("block", f"{dear}; the cells resolve the flow's convection")
+    return Method(
+        "direct", "the flow is not upwinded; an LU factorisation in space takes much time and memory"
+    )

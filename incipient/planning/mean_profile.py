@@ -55,7 +55,7 @@ class MeanProfile:
         return max(LAYER, self._shift) / self._per_length
 
     def regime(self) -> str:
-        """What the bed is for the stream, in words."""
+        """Whether the bed is hydraulically smooth or rough, in words."""
         k = self.roughness_reynolds
         word = "smooth" if k <= SMOOTH else "rough" if k >= ROUGH else "between smooth and rough"
         return f"hydraulically {word}, u* k_s/nu = {k:.3g}"

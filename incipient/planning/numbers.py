@@ -53,9 +53,9 @@ class Numbers:
             "Froude": self.froude,
             "Re*": self.shear_reynolds,
         }
-        told = {"grain Re": " (largest speed at its height)"}
+        notes = {"grain Re": " (largest speed at its height)"}
         return ", ".join(
-            f"{name} {value:.3g}{told.get(name, '')}" for name, value in named.items() if value is not None
+            f"{name} {value:.3g}{notes.get(name, '')}" for name, value in named.items() if value is not None
         )
 
 

@@ -36,7 +36,7 @@ def ends(setup: Setup) -> list[Condition]:
     largest = cells.largest if scene.gdim == 2 else cells.largest_in_space(setup.order.number)
     level = max(LEVEL * scene.domain.height, scene.numerics.mesh_size * largest)
     wave, base_flow = wave_of(setup), setup.base_flow
-    along = _beside_stream(base_flow, setup.surface) if wave is None else _with_stream(base_flow, wave)
+    along = _with_formula(base_flow, setup.surface) if wave is None else _with_wave(base_flow, wave)
     coming = None if wave is None else _coming_in(base_flow, wave)
     entering = Entering(setup.sides.left, 0, along, level, froude(setup) >= 1.0, coming)
     right = setup.sides.right
@@ -92,13 +92,13 @@ def wave_of(setup: Setup) -> StokesWave | None:
     return wave
 
 
-def _beside_stream(base_flow: BaseFlow, asked: Surface) -> Profile:
+def _with_formula(base_flow: BaseFlow, asked: Surface) -> Profile:
     """The velocity along a channel at its inflow with what a formula adds to the stream."""
     stream, beside = base_flow.entering, Expression(asked.inflow, "surface.inflow")
     return lambda x, t: stream(x, t)[0] + beside(x, t)
 
 
-def _with_stream(base_flow: BaseFlow, wave: StokesWave) -> Profile:
+def _with_wave(base_flow: BaseFlow, wave: StokesWave) -> Profile:
     """The velocity along a channel at its inflow, of stream and wave over the depth below the wave.
 
     It is counted by the area as the mesh was made.
@@ -138,7 +138,7 @@ def froude(setup: Setup) -> float:
 
 
 def near_critical(setup: Setup) -> str:
-    """What is to be known of a stream about as fast as its long waves, or an empty string. Not collective."""
+    """A warning for near-critical flow, or an empty string. Not collective."""
     if not setup.scene.has_surface or setup.scene.domain.kind != "channel":
         return ""
     number = froude(setup)
@@ -146,7 +146,7 @@ def near_critical(setup: Setup) -> str:
         return ""
     low, high = NEAR_CRITICAL
     return (
-        f"the Froude number, {number:.3g}, is between {low:g} and {high:g}: long waves hardly leave a stream near the "
-        "critical one, so that its level hangs on the ends and on how long the run is; compare with a larger "
+        f"the Froude number, {number:.3g}, is between {low:g} and {high:g}: long waves hardly leave near-critical "
+        "flow, so that its level depends on the ends and on the length of the run; compare with a larger "
         "domain.length and time.end, or choose another gravity.acceleration or flow.velocity"
     )

@@ -23,11 +23,13 @@ def order_of(scene: Scene) -> VelocityOrder:
     if scene.gdim == 3:
         creeps = steady and (not scene.fluid.inertia or scene.effects.inertia is False)
         if scene.numerics.accuracy is None and scene.body is not None and creeps:
-            why = "in creeping flow in space it errs far less than order 2, from which it is found"
+            why = (
+                "in creeping flow in space its error is far below that of order 2, from which it is computed"
+            )
             return VelocityOrder(3, why)
         if steady and scene.is_empty_box and scene.flow.kind != "still":
             return VelocityOrder(
-                4, "in a driven box in space it errs far less than order 2 for the same time"
+                4, "in a driven box in space its error is far below that of order 2 for the same time"
             )
         why = "the scene lies in space, where higher orders take long but for creeping flow past a grain"
         return VelocityOrder(2, why)
@@ -36,7 +38,7 @@ def order_of(scene: Scene) -> VelocityOrder:
     if scene.numerics.accuracy is not None and not scene.is_turbulent:
         return VelocityOrder(2, "a higher one is taken where it is expected to need fewer unknowns")
     return VelocityOrder(
-        3, "in the plane, where nothing moves, it errs far less than order 2 for the same time"
+        3, "in the plane, where nothing moves, its error is far below that of order 2 for the same time"
     )
 
 

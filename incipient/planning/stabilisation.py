@@ -3,7 +3,8 @@
 The Reynolds number of a cell is P = V h/(k nu): V the scene's reference velocity, h the size of the largest cells, away
 from everything, k the order of the velocity, nu the viscosity. Below the bound plain Taylor-Hood elements err
 less, above it those stabilised by `forms.terms.grad_div`, if the plain ones have a solution at all (docs/numerics.md).
-Steady flow in space is upwinded instead, `forms.terms.streamline_upwind`: where cells are coarse blocks need that.
+Steady flow in space is upwinded instead, `forms.terms.streamline_upwind`: the block preconditioner needs that
+where cells are coarse.
 """
 
 from __future__ import annotations
@@ -20,14 +21,14 @@ if TYPE_CHECKING:
 
 # Reynolds number of cells from which on convection is stabilised.
 COARSE = 50.0
-PLACES = 9  # in each direction, at which the undisturbed stream is looked at
+PLACES = 9  # in each direction, at which the base flow is sampled
 
 
 @dataclass(frozen=True)
 class Stabilisation:
     """Whether convection is stabilised, why, and the Reynolds number of the largest cells (zero: no convection).
 
-    `upwind` says that it is by upwinding along the streams, in cells with a Peclet number above one.
+    `upwind` says that it is by streamline upwinding, in cells with a Peclet number above one.
     """
 
     present: bool
@@ -50,9 +51,7 @@ def stabilisation_of(setup: Setup, inertia: bool, speed: float = 1.0) -> Stabili
     number, asked = speed * cell_reynolds(setup), setup.scene.numerics.stabilisation
     found = f"the Reynolds number of cells, V h/(k nu), is {number:.3g}"
     if upwinds(setup):
-        return Stabilisation(
-            True, f"upwinding along the streams of steady flow in space; {found}", number, True
-        )
+        return Stabilisation(True, f"streamline upwinding of steady flow in space; {found}", number, True)
     if asked != "auto":
         return Stabilisation(asked == "on", f'numerics.stabilisation = "{asked}"; {found}', number)
     bound = f"{found}, {'above' if number > COARSE else 'not above'} {COARSE:g}"
@@ -60,9 +59,9 @@ def stabilisation_of(setup: Setup, inertia: bool, speed: float = 1.0) -> Stabili
 
 
 def upwinds(setup: Setup) -> bool:
-    """Whether a flow with inertia is upwinded along its streams. Not collective.
+    """Whether a flow with inertia is upwinded along its streamlines. Not collective.
 
-    In a box with a grid that does harm, and blocks do not converge on it in any setup.
+    In a box with a grid that does harm, and the block preconditioner does not converge there.
     """
     scene = setup.scene
     steady, asked = scene.gdim == 3 and scene.time is None, scene.numerics.stabilisation

@@ -17,7 +17,7 @@ from .cells import layer_ends
 from .flow_setup import Setup
 from .scene_geometry import Geometry, point
 from .sides import SideNames
-from .wall_layer import Walls
+from .wall_layer import LayeredWalls
 
 # Of a channel's mesh: rows over the depth of a wall; column over that depth; finest over largest row.
 ROWS, COLUMN, GRADING = 14, 1.0, 0.3
@@ -37,7 +37,7 @@ LAYERS = 2  # of cells across a channel in space, at the least
 
 
 def channel_grid(
-    walls: Walls, geometry: Geometry, names: SideNames, order: int, mesh_size: float
+    walls: LayeredWalls, geometry: Geometry, names: SideNames, order: int, mesh_size: float
 ) -> Grid | SolidGrid:
     """The mesh between the walls, less what the law of the wall covers; in space it is extruded. Not collective."""
     domain, half = geometry.domain, geometry.symmetric
@@ -60,7 +60,7 @@ def channel_grid(
     return SolidGrid(found, (low, high), layer_ends(layers, GRADING if walls.sides else 1.0, half), across)
 
 
-def _row_ends(walls: Walls, coarse: float, height: float) -> tuple[float, ...]:
+def _row_ends(walls: LayeredWalls, coarse: float, height: float) -> tuple[float, ...]:
     """Where rows end that are as fine at walls as the law's distance asks for; none: rows graded as usual do."""
     largest, first = walls.depth / ROWS, FINE_ROW * walls.distance
     if first >= FIRST_ROW * largest:
@@ -95,7 +95,7 @@ def coarsest(setup: Setup) -> float:
 
 
 def cells(
-    walls: Walls, geometry: Geometry, order: int, placement: Placement | None = None
+    walls: LayeredWalls, geometry: Geometry, order: int, placement: Placement | None = None
 ) -> tuple[Near, ...]:
     """Cells along walls of which some are no planes, and at their corners, with a grain placed. Not collective."""
     away = None

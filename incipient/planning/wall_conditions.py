@@ -17,14 +17,14 @@ from ..scene import Turbulence
 from .cells import CLOSED
 from .flow_setup import Setup
 from .wall_law import SAMPLES
-from .wall_layer import Walls
+from .wall_layer import LayeredWalls
 
 SAMPLES_OF_DUCT = 300  # on each side of a section
 Profile = Callable[..., np.ndarray]  # of heights (n,), and y (n,) if there are side walls
 
 
 @dataclass(frozen=True)
-class Entering:
+class EnteringTurbulence:
     """Speed, k and epsilon at heights (n,), between side walls also at y (n,); functions that return (n,)."""
 
     speed: Profile
@@ -32,7 +32,7 @@ class Entering:
     dissipation: Profile
 
 
-def entering(walls: Walls, asked: Turbulence) -> Entering:
+def entering(walls: LayeredWalls, asked: Turbulence) -> EnteringTurbulence:
     """What enters between walls, its mean velocity over the whole height being the flow's. Not collective.
 
     "developed": the logarithmic law, k of Nezu & Nakagawa (1993, Turbulence in Open-Channel Flows), 4.78 u*^2
@@ -43,7 +43,7 @@ def entering(walls: Walls, asked: Turbulence) -> Entering:
     if asked.inflow == "profile":
         found = Measured.of(walls, asked)
         parts = found.speed, found.energy, found.dissipation
-        return Entering(*(partial(_at_height, part) for part in parts))
+        return EnteringTurbulence(*(partial(_at_height, part) for part in parts))
     c_mu, reach, mean, places = asked.c_mu, walls.reach, walls.mean, inflow_places(walls)
     law = partial(walls.law.velocity, walls.shear_velocity, walls.viscosity)
     in_mesh = _mean_in_mesh(walls)
@@ -51,7 +51,7 @@ def entering(walls: Walls, asked: Turbulence) -> Entering:
         assert asked.intensity is not None and asked.length is not None
         energy = 1.5 * (asked.intensity * mean) ** 2
         loss = c_mu**0.75 * energy**1.5 / asked.length
-        return Entering(*(partial(_uniform, value) for value in (in_mesh, energy, loss)))
+        return EnteringTurbulence(*(partial(_uniform, value) for value in (in_mesh, energy, loss)))
     scale = in_mesh / float(np.mean(law(walls.from_next(*places))))
 
     def energy_at(*place: np.ndarray) -> np.ndarray:
@@ -64,10 +64,10 @@ def entering(walls: Walls, asked: Turbulence) -> Entering:
         length = reach * (0.14 - 0.08 * inwards**2 - 0.06 * inwards**4)
         return c_mu**0.75 * energy_at(*place) ** 1.5 / length
 
-    return Entering(lambda *place: scale * law(walls.from_next(*place)), energy_at, dissipation_at)
+    return EnteringTurbulence(lambda *place: scale * law(walls.from_next(*place)), energy_at, dissipation_at)
 
 
-def section_of_mesh(walls: Walls) -> tuple[tuple[float, float], tuple[float, float]]:
+def section_of_mesh(walls: LayeredWalls) -> tuple[tuple[float, float], tuple[float, float]]:
     """From where to where the mesh's inflow extends in height and, between side walls, across; else from 0 to 1."""
     low, sides = walls.floor + walls.distance, walls.sides
     return (low, walls.ceiling), (sides[0] + walls.distance, sides[1] - walls.distance) if sides else (
@@ -76,7 +76,7 @@ def section_of_mesh(walls: Walls) -> tuple[tuple[float, float], tuple[float, flo
     )
 
 
-def inflow_places(walls: Walls) -> tuple[np.ndarray, ...]:
+def inflow_places(walls: LayeredWalls) -> tuple[np.ndarray, ...]:
     """Heights and, between side walls, y of points (n,) that stand for equal parts of the inflow of the mesh."""
     (low, high), (right, left) = section_of_mesh(walls)
     if not walls.sides:
@@ -86,7 +86,7 @@ def inflow_places(walls: Walls) -> tuple[np.ndarray, ...]:
     return height.ravel(), across.ravel()
 
 
-def _mean_in_mesh(walls: Walls) -> float:
+def _mean_in_mesh(walls: LayeredWalls) -> float:
     """Mean speed through the inflow of the mesh: what does not flow between it and the walls it stands off from."""
     (low, high), (right, left) = section_of_mesh(walls)
     beyond = walls.shear_velocity * walls.law.beyond(walls.shear_velocity, walls.viscosity, walls.distance)
@@ -106,7 +106,7 @@ class Measured:
     it ends at a wall itself they are stretched to begin a distance of the law above it.
     """
 
-    walls: Walls
+    walls: LayeredWalls
     rows: np.ndarray
     viscosity: float
     c_mu: float
@@ -114,7 +114,7 @@ class Measured:
     least: float
 
     @classmethod
-    def of(cls, walls: Walls, asked: Turbulence) -> Measured:
+    def of(cls, walls: LayeredWalls, asked: Turbulence) -> Measured:
         """The profile that a section gives between walls, in units of the scene. Not collective."""
         mean = walls.mean
         assert asked.intensity is not None and asked.length is not None

@@ -16,7 +16,7 @@ from .wall_law import LEAST, SAMPLES, WallLaw
 
 
 @dataclass(frozen=True)
-class Walls:
+class LayeredWalls:
     """The walls of a turbulent flow, as estimated before it is computed.
 
     depth:          over which a wall is felt: that of an open channel, half of that between two walls
@@ -75,7 +75,7 @@ class Walls:
         )
 
 
-def walls_of(asked: Turbulence, geometry: Geometry, base_flow: BaseFlow, names: SideNames) -> Walls:
+def walls_of(asked: Turbulence, geometry: Geometry, base_flow: BaseFlow, names: SideNames) -> LayeredWalls:
     """Where walls are and how far from them the mesh ends. Not collective.
 
     u* is that of the logarithmic law, whose mean over the depth h is u+(h) - 1/kappa; of a duct h is the area of its
@@ -96,7 +96,7 @@ def walls_of(asked: Turbulence, geometry: Geometry, base_flow: BaseFlow, names: 
         shear_velocity = base_flow.reference / max(mean, LEAST)
     distance = asked.wall_distance or law.suitable(shear_velocity, viscosity)
     floor, beyond = (ground, 0.0) if plane else (ground - distance, distance)
-    return Walls(
+    return LayeredWalls(
         law=law,
         depth=depth,
         distance=distance,

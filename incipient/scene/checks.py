@@ -104,7 +104,7 @@ def _flow(flow: Flow, domain: Domain) -> Iterator[Problem]:
         why = f'"{kind}" flows through but a box is closed'
         yield problem("flow.kind", why, 'set domain.kind = "channel", or use "lid" or "still"')
     elif boxed and domain.top == "stream" and kind != "expression":
-        yield problem("domain.top", "a closed box has no stream on top", 'use "wall", "slip" or "auto"')
+        yield problem("domain.top", "no flow passes the top of a closed box", 'use "wall", "slip" or "auto"')
     elif allowed is not None and domain.top not in allowed:
         yield problem("domain.top", f'"{domain.top}" contradicts the flow "{kind}"', f"use {either(allowed)}")
 

@@ -130,7 +130,7 @@ class Output(Section):
     checkpoint: int = Field(
         0,
         ge=0,
-        description="Save all that a run needs to go on every so many steps; 0: only if it is cut short or at contact",
+        description="Save all that a run needs to resume every so many steps; 0: only if it is cut short or at contact",
     )
 
 

@@ -63,8 +63,8 @@ def read_points(path: Path, fewest: int, section: str) -> list[Point]:
 
 def file_key(kinds: str, instead: str, example: str) -> Any:
     """The key `file` of a section: the kinds of files, and the keys that the resolved scene has instead."""
-    told = f"{kinds} relative to the scene; the resolved scene has {instead} instead"
-    return Field(None, description=told, examples=[example])
+    text = f"{kinds} relative to the scene; the resolved scene has {instead} instead"
+    return Field(None, description=text, examples=[example])
 
 
 def with_file_read(

@@ -58,7 +58,7 @@ def with_units(data: dict[str, Any], checked: Callable[[dict[str, Any]], SceneSe
     """
     try:
         units = Units.model_validate(data["units"])
-    except ValidationError:  # which is told when the whole scene is checked
+    except ValidationError:  # which is reported when the whole scene is checked
         return _filled(data, _ANY)
     if _get(data.get("body"), "mass") is not None:
         raise refusal(

@@ -108,12 +108,12 @@ class SolidSection(BodySection):
         try:
             self.grain()
         except SceneError as error:
-            raise self.refused(self._telling, *split(str(error))) from None
+            raise self.refused(self._shape_key, *split(str(error))) from None
         return self
 
     @property
-    def _telling(self) -> str:
-        """The key that tells the shape."""
+    def _shape_key(self) -> str:
+        """The key that gives the shape."""
         return "shape"
 
     @property
@@ -196,7 +196,7 @@ class Box(SolidSection):
     edge_radius: NotNegative = Field(0.0, description="Radius of the rounded edges and corners [length]")
 
     @property
-    def _telling(self) -> str:
+    def _shape_key(self) -> str:
         return "edge_radius"
 
     def new_grain(self) -> geometry.Solid:
@@ -213,7 +213,7 @@ class Polyhedron(SolidSection):
     )
 
     @property
-    def _telling(self) -> str:
+    def _shape_key(self) -> str:
         return "vertices"
 
     def new_grain(self) -> geometry.Solid:
@@ -232,7 +232,7 @@ class Spheres(SolidSection):
     )
 
     @property
-    def _telling(self) -> str:
+    def _shape_key(self) -> str:
         return "spheres"
 
     def new_grain(self) -> geometry.Solid:
@@ -280,7 +280,7 @@ class Mesh(SolidSection):
         )
 
     @property
-    def _telling(self) -> str:
+    def _shape_key(self) -> str:
         return "triangles"
 
     def new_grain(self) -> geometry.Solid:

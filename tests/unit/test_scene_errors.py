@@ -292,7 +292,7 @@ BETWEEN = [
     ],
     (
         {"domain": Domain(kind="box", length=12, height=6, top="stream"), "flow": Still()},
-        'domain.top: a closed box has no stream on top; use "wall", "slip" or "auto"',
+        'domain.top: no flow passes the top of a closed box; use "wall", "slip" or "auto"',
     ),
     (
         {"domain": Domain(kind="box", length=12, height=6, top="slip"), "flow": Lid()},
