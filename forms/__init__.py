@@ -1,12 +1,35 @@
 """UFL forms of the flow: one function a term, no assembly, no input or output, no PETSc."""
 
-from .flow import FlowTerms, energy_stable_rate, residual, vorticity
+from .flow import (
+    BodyForce,
+    BoundaryLoad,
+    Convection,
+    FlowTerm,
+    GradDiv,
+    RateOfChange,
+    OpenBoundary,
+    StreamlineUpwind,
+    Stress,
+    Unknowns,
+    energy_stable_rate,
+    residual,
+    vorticity,
+)
 from .kinematics import ReferenceMap, surface_vector, swept, volume_before
 from .terms import stress, surface_traction
 
 __all__ = [
-    "FlowTerms",
+    "BodyForce",
+    "BoundaryLoad",
+    "Convection",
+    "FlowTerm",
+    "GradDiv",
+    "RateOfChange",
+    "OpenBoundary",
     "ReferenceMap",
+    "StreamlineUpwind",
+    "Stress",
+    "Unknowns",
     "energy_stable_rate",
     "residual",
     "stress",

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import reduce
+from operator import add
 from typing import Any
 
 import ufl
@@ -13,67 +15,162 @@ from .kinematics import ReferenceMap, volume_before
 
 
 @dataclass(frozen=True)
-class FlowTerms:
-    """What enters the residual; None, or an empty tuple, means that the term is absent from the generated code.
+class Unknowns:
+    """Velocity and pressure v, p, what tests them, w, q, and the map of a reference domain; None: the identity."""
 
-    viscosity:      kinematic viscosity, any expression, such as 1/Re
-    rate:           time derivative at fixed X as an expression in the unknown velocity (None: steady)
-    carrier:        velocity that convects, less that of the mesh where the mesh itself has been moved (None: Stokes)
-    skew:           measure of the whole boundary for the energy-stable form of convection; None: as printed
-    body_force:     force per unit mass that is not the gradient of a potential (gravity is absorbed in the pressure)
-    cell_size:      size of a cell over the order of the velocity, for `terms.grad_div`; None: not stabilised
-    upwind:         the same size for `terms.streamline_upwind`; None: not stabilised that way
-    open_boundary:  measure of the boundary through which fluid leaves freely
-    surface:        function of w that gives the integral over a free surface (`surface.load`)
-    friction:       function of w and q that gives the integral over walls that resist the flow by a law
-    reference_map:  None for the identity
+    v: Any
+    p: Any
+    w: Any
+    q: Any
+    reference_map: ReferenceMap | None = None
+
+
+class FlowTerm:
+    """One term of the residual: an integrand over cells, integrals over boundaries, or both."""
+
+    def in_cells(self, of: Unknowns) -> Any:
+        """The integrand over cells; None: there is none."""
+        return None
+
+    def on_boundary(self, of: Unknowns) -> Any:
+        """The integrals over boundaries; None: there are none."""
+        return None
+
+
+@dataclass(frozen=True)
+class Stress(FlowTerm):
+    """Viscous stress and pressure, with the continuity of the flow.
+
+    viscosity: kinematic, any expression, such as 1/Re
     """
 
     viscosity: Any
+
+    def in_cells(self, of: Unknowns) -> Any:
+        """P : grad w, and continuity."""
+        force = terms.internal_force(of.v, of.p, of.w, self.viscosity, of.reference_map)
+        return force + terms.continuity(of.v, of.q, of.reference_map)
+
+
+@dataclass(frozen=True)
+class RateOfChange(FlowTerm):
+    """The rate of change of momentum; `rate`: dv/dt at fixed X as an expression in the unknown velocity."""
+
+    rate: Any
+
+    def in_cells(self, of: Unknowns) -> Any:
+        """J dv/dt . w."""
+        return terms.inertia(self.rate, of.w, of.reference_map)
+
+
+@dataclass(frozen=True)
+class Convection(FlowTerm):
+    """Convection of momentum.
+
+    carrier:  velocity that convects, less that of the mesh where the mesh itself has been moved
+    boundary: measure of the whole boundary for the energy-stable form; None: as printed
+    """
+
+    carrier: Any
+    boundary: Any = None
+
+    def in_cells(self, of: Unknowns) -> Any:
+        """The form as printed, or the skew one.
+
+        Raises:
+            ValueError: the energy-stable form is asked for on a reference map; it is written for moved meshes.
+        """
+        if self.boundary is None:
+            return terms.convection(of.v, self.carrier, of.w, of.reference_map)
+        if of.reference_map is not None:
+            raise ValueError(
+                "the energy-stable form is for a mesh that is itself moved, not for a reference map"
+            )
+        return terms.skew_convection(of.v, self.carrier, of.w)
+
+    def on_boundary(self, of: Unknowns) -> Any:
+        """What the skew form lacks where fluid crosses the boundary."""
+        if self.boundary is None:
+            return None
+        n = ufl.FacetNormal(of.w.ufl_domain())
+        return terms.through_boundary(of.v, self.carrier, of.w, n) * self.boundary
+
+
+@dataclass(frozen=True)
+class GradDiv(FlowTerm):
+    """`terms.grad_div`; `cell_size`: size of a cell over the order of the velocity."""
+
+    carrier: Any
+    viscosity: Any
+    cell_size: Any
+
+    def in_cells(self, of: Unknowns) -> Any:
+        """J gamma div(v) div(w)."""
+        return terms.grad_div(of.v, self.carrier, of.w, self.viscosity, self.cell_size, of.reference_map)
+
+
+@dataclass(frozen=True)
+class StreamlineUpwind(FlowTerm):
+    """`terms.streamline_upwind` of the inviscid residual; rate and body force are None where there are none."""
+
+    carrier: Any
+    viscosity: Any
+    cell_size: Any
     rate: Any = None
-    carrier: Any = None
-    skew: Any = None
-    cell_size: Any = None
-    upwind: Any = None
     body_force: Any = None
-    open_boundary: Any = None
-    reference_map: ReferenceMap | None = None
-    surface: Callable[[Any], Any] | None = None
-    friction: Callable[[Any, Any], Any] | None = None
+
+    def in_cells(self, of: Unknowns) -> Any:
+        """J delta r . (c . grad w)."""
+        x = of.reference_map
+        strong = terms.inviscid_momentum(of.v, of.p, self.carrier, self.rate, self.body_force, x)
+        return terms.streamline_upwind(strong, self.carrier, of.w, self.viscosity, self.cell_size, x)
 
 
-def residual(v: Any, p: Any, w: Any, q: Any, present: FlowTerms, dx: Any) -> Any:
-    """Weak residual of momentum and continuity, (338) and (339), tested with w and q over the measure dx.
+@dataclass(frozen=True)
+class BodyForce(FlowTerm):
+    """A force per unit mass that is not the gradient of a potential (gravity is absorbed in the pressure)."""
+
+    force: Any
+
+    def in_cells(self, of: Unknowns) -> Any:
+        """-J b . w."""
+        return terms.body_force(self.force, of.w, of.reference_map)
+
+
+@dataclass(frozen=True)
+class OpenBoundary(FlowTerm):
+    """A boundary through which fluid leaves freely; `measure` is its."""
+
+    viscosity: Any
+    measure: Any
+
+    def on_boundary(self, of: Unknowns) -> Any:
+        """`terms.open_boundary`."""
+        n = ufl.FacetNormal(of.w.ufl_domain())
+        return terms.open_boundary(of.v, of.w, n, self.viscosity, of.reference_map) * self.measure
+
+
+@dataclass(frozen=True)
+class BoundaryLoad(FlowTerm):
+    """The load of a boundary that brings its own integral, a function of w and q: a free surface, walls with friction."""
+
+    load: Callable[[Any, Any], Any]
+
+    def on_boundary(self, of: Unknowns) -> Any:
+        """The integral."""
+        return self.load(of.w, of.q)
+
+
+def residual(of: Unknowns, present: Iterable[FlowTerm], dx: Any) -> Any:
+    """Weak residual of momentum and continuity, (338) and (339): the sum of the terms present over the measure dx.
 
     Raises:
-        ValueError: the energy-stable form is asked for on a reference map; it is written for moved meshes.
+        ValueError: a term is not for the reference map of the unknowns.
     """
-    x = present.reference_map
-    if present.skew is not None and x is not None:
-        raise ValueError("the energy-stable form is for a mesh that is itself moved, not for a reference map")
-    integrand = terms.internal_force(v, p, w, present.viscosity, x) + terms.continuity(v, q, x)
-    if present.rate is not None:
-        integrand += terms.inertia(present.rate, w, x)
-    if present.carrier is not None and present.skew is not None:
-        integrand += terms.skew_convection(v, present.carrier, w)
-    elif present.carrier is not None:
-        integrand += terms.convection(v, present.carrier, w, x)
-    if present.carrier is not None and present.cell_size is not None:
-        integrand += terms.grad_div(v, present.carrier, w, present.viscosity, present.cell_size, x)
-    if present.carrier is not None and present.upwind is not None:
-        strong = terms.inviscid_momentum(v, p, present.carrier, present.rate, present.body_force, x)
-        integrand += terms.streamline_upwind(strong, present.carrier, w, present.viscosity, present.upwind, x)
-    if present.body_force is not None:
-        integrand += terms.body_force(present.body_force, w, x)
-    form = integrand * dx
-    n = ufl.FacetNormal(w.ufl_domain())
-    if present.carrier is not None and present.skew is not None:
-        form += terms.through_boundary(v, present.carrier, w, n) * present.skew
-    if present.open_boundary is not None:
-        form += terms.open_boundary(v, w, n, present.viscosity, x) * present.open_boundary
-    if present.friction is not None:
-        form += present.friction(w, q)
-    return form if present.surface is None else form + present.surface(w)
+    present = tuple(present)
+    cells = [found for term in present if (found := term.in_cells(of)) is not None]
+    boundaries = [found for term in present if (found := term.on_boundary(of)) is not None]
+    return reduce(add, boundaries, reduce(add, cells) * dx)
 
 
 def vorticity(v: Any) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
@@ -13,10 +13,10 @@ import numpy as np
 import ufl
 from petsc4py import PETSc
 
-from .. import compat
+from .. import compat, forms
 from ..compat import petsc
 from ..errors import IncipientError
-from ..forms import FlowTerms, energy_stable_rate, residual, swept
+from ..forms import energy_stable_rate, swept
 from ..mesh.domain import Domain
 from . import newton
 from .action import Action
@@ -115,7 +115,8 @@ class Fluid:
         Integrated over all cells, or over some of the local ones only, or by another measure; `upwind` or not.
         """
         v, p = ufl.split(self.state)
-        return residual(v, p, w, q, self._terms(v, upwind), measure or self.quadrature(cells))
+        unknowns = forms.Unknowns(v, p, w, q, self.model.reference_map)
+        return forms.residual(unknowns, self._terms(v, upwind), measure or self.quadrature(cells))
 
     def quadrature(self, cells: np.ndarray | None = None) -> Any:
         """The measure of all cells, or of some of the local ones, for the terms of this flow. Collective."""
@@ -131,19 +132,28 @@ class Fluid:
         whole = self.residual_form(*ufl.TestFunctions(self.space.mixed))
         return compat.form(ufl.derivative(whole, self.state, ufl.TrialFunction(self.space.mixed)))
 
-    def _terms(self, v: Any, upwind: bool = True) -> FlowTerms:
-        model = self.model
+    def _terms(self, v: Any, upwind: bool = True) -> Iterator[forms.FlowTerm]:
+        """The terms that the model calls for."""
+        model, viscosity = self.model, self.viscosity
         force = None if model.body_force is None else model.body_force(self.place(), self._time)
-        boundary = self.domain.measure(*self.constraints.crossings) if self.constraints.crossings else None
-        skew = self.constraints.crossed() if model.energy_stable else None
         rate, carrier = self._rate_of_change(v), self.carrier(v)
-        size = self._upwind_size() if upwind and model.upwind and model.inertia else None
-        return FlowTerms(
-            *(self.viscosity, rate, carrier, skew, self._cell_size(), size),
-            *(force, boundary, model.reference_map),
-            None if self.surface is None else partial(self.surface.integral, v, carrier),
-            None if self.walls is None else partial(self.walls.integral, self.state, rate),
-        )
+        yield forms.Stress(viscosity)
+        if rate is not None:
+            yield forms.RateOfChange(rate)
+        if carrier is not None:
+            yield forms.Convection(carrier, self.constraints.crossed() if model.energy_stable else None)
+        if model.inertia and model.stabilisation:
+            yield forms.GradDiv(carrier, viscosity, cell_size(self.domain.mesh) / model.order)
+        if model.inertia and model.upwind and upwind:
+            yield forms.StreamlineUpwind(carrier, viscosity, self._upwind_size(), rate, force)
+        if force is not None:
+            yield forms.BodyForce(force)
+        if self.constraints.crossings:
+            yield forms.OpenBoundary(viscosity, self.domain.measure(*self.constraints.crossings))
+        if self.walls is not None:
+            yield forms.BoundaryLoad(partial(self.walls.integral, self.state, rate))
+        if (surface := self.surface) is not None:
+            yield forms.BoundaryLoad(lambda w, _: surface.integral(v, carrier, w))
 
     def _equations(self) -> Equations:
         """What the Jacobian is made of."""
@@ -168,11 +178,6 @@ class Fluid:
             self._equations(), viscosity=None, rate=one, carrier=None, surface=None, open=free
         )
         return SOLVERS[self.model.solver](matrix, projection)
-
-    def _cell_size(self) -> Any:
-        """The root of a cell's doubled area (in space the cubic root of its sixfold volume), over the order."""
-        model = self.model
-        return cell_size(self.domain.mesh) / model.order if model.stabilisation and model.inertia else None
 
     def _past(self) -> list[Any]:
         """Velocities of the past states."""

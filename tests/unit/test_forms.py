@@ -83,15 +83,16 @@ class Problem:
         x = ufl.SpatialCoordinate(mesh)
         if reference_map is not None:
             x += reference_map.displacement
-        terms = forms.FlowTerms(
-            viscosity=1 / dolfinx.fem.Constant(mesh, 7.0),
-            rate=3.0 * (v - ufl.split(self.previous)[0]),
-            carrier=carrier,
-            body_force=ufl.as_vector([x[1], x[0] ** 2, x[0] * x[1]][: len(v)]),
-            open_boundary=sides(metadata=QUADRATURE),
-            reference_map=reference_map,
-        )
-        return forms.residual(v, p, w, q, terms, ufl.Measure("dx", domain=mesh, metadata=QUADRATURE))
+        viscosity = 1 / dolfinx.fem.Constant(mesh, 7.0)
+        terms = [
+            forms.Stress(viscosity),
+            forms.RateOfChange(3.0 * (v - ufl.split(self.previous)[0])),
+            *([] if carrier is None else [forms.Convection(carrier)]),
+            forms.BodyForce(ufl.as_vector([x[1], x[0] ** 2, x[0] * x[1]][: len(v)])),
+            forms.OpenBoundary(viscosity, sides(metadata=QUADRATURE)),
+        ]
+        unknowns = forms.Unknowns(v, p, w, q, reference_map)
+        return forms.residual(unknowns, terms, ufl.Measure("dx", domain=mesh, metadata=QUADRATURE))
 
     @property
     def velocity(self) -> Any:
@@ -194,7 +195,7 @@ def test_absent_terms_are_not_in_the_form() -> None:
     problem = make_problem(2, 1, affine)
     v, p = ufl.split(problem.state)
     w, q = ufl.TestFunctions(problem.space.mixed)
-    form = forms.residual(v, p, w, q, forms.FlowTerms(viscosity=1.0), ufl.dx)
+    form = forms.residual(forms.Unknowns(v, p, w, q), [forms.Stress(1.0)], ufl.dx)
     assert form.coefficients() == (problem.state,)
     assert {integral.integral_type() for integral in form.integrals()} == {"cell"}
 
@@ -229,19 +230,18 @@ def test_stokes_operator_is_symmetric_also_with_an_open_boundary(gdim: int, mapp
     space, domain = problem.space, problem.domain
     v, p = ufl.TrialFunctions(space.mixed)
     w, q = ufl.TestFunctions(space.mixed)
-    terms = forms.FlowTerms(
-        viscosity=1 / 7.0,
-        open_boundary=domain.measure("right")(metadata=QUADRATURE),
-        reference_map=forms.ReferenceMap(problem.displacement, problem.mesh_velocity) if mapped else None,
-    )
+    measure = domain.measure("right")(metadata=QUADRATURE)
+    terms = [forms.Stress(1 / 7.0), forms.OpenBoundary(1 / 7.0, measure)]
+    mapping = forms.ReferenceMap(problem.displacement, problem.mesh_velocity) if mapped else None
+    unknowns = forms.Unknowns(v, p, w, q, mapping)
     dx = ufl.Measure("dx", domain=domain.mesh, metadata=QUADRATURE)
-    matrix = petsc.assemble_matrix(compat.form(forms.residual(v, p, w, q, terms, dx)))
+    matrix = petsc.assemble_matrix(compat.form(forms.residual(unknowns, terms, dx)))
     matrix.assemble()
     prescribed = [
         boundary_blocks(space.velocity, domain.facets_of(name)) for name in domain.names if name != "right"
     ]
-    unknowns = gdim * np.concatenate(prescribed)[:, None] + np.arange(gdim)
-    free = np.delete(np.arange(space.unknowns), space.velocity_map[unknowns.ravel()])
+    held = gdim * np.concatenate(prescribed)[:, None] + np.arange(gdim)
+    free = np.delete(np.arange(space.unknowns), space.velocity_map[held.ravel()])
     entries = matrix[:, :][np.ix_(free, free)]
     assert np.abs(entries - entries.T).max() < ROUND_OFF * np.abs(entries).max()
 
@@ -402,9 +402,9 @@ def test_straight_cells_take_fewer_points(gdim: int, order: int) -> None:
     state = dolfinx.fem.Function(space.mixed)
     state.x.array[:] = np.random.default_rng(5).normal(size=len(state.x.array))
     v, p = ufl.split(state)
-    terms = forms.FlowTerms(viscosity=0.1, rate=v, carrier=v)
+    terms = [forms.Stress(0.1), forms.RateOfChange(v), forms.Convection(v)]
     found = []
     for measure in (space.quadrature(), space.quadrature(polynomial=True)):
-        form = forms.residual(v, p, *ufl.TestFunctions(space.mixed), terms, measure)
+        form = forms.residual(forms.Unknowns(v, p, *ufl.TestFunctions(space.mixed)), terms, measure)
         found.append(petsc.assemble_vector(compat.form(form)).array.copy())
     assert found[1] == pytest.approx(found[0], abs=1e-13 * np.abs(found[0]).max())
