@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import dolfinx
 import numpy as np
@@ -11,10 +11,8 @@ import ufl
 from .. import compat
 from ..compat import PETSc, petsc
 from ..mesh.domain import Domain
+from .conditions import Entering
 from .space import TaylorHood
-
-if TYPE_CHECKING:
-    from .conditions import Entering
 
 
 class Entry:

@@ -20,7 +20,8 @@ from ..forms import energy_stable_rate, swept
 from ..mesh.domain import Domain
 from . import newton
 from .action import Action
-from .conditions import Condition, Constraints
+from .conditions import Condition
+from .constraints import Constraints
 from .model import FlowModel
 from .solvers import SOLVERS, Equations, LinearSolver, TwoLevel, UnsolvedError
 from .space import TaylorHood, cell_size, geometry_function, geometry_rows, set_geometry_function, taylor_hood
@@ -65,9 +66,7 @@ class Fluid:
         self._extrapolation = tuple(self.space.constant(c) for c in (1.0, 0.0))
         self._shifts = tuple(geometry_function(mesh) for _ in range(2 * model.moving_mesh))
         self._rows = geometry_rows(self._shifts[0]) if self._shifts else None
-        self.surface: Any = self.constraints.surface_load(self.rate[0])
-        viscosities = 1 / self._reynolds, self.viscosity
-        self.walls: Any = self.constraints.walls(viscosities, model.shear_velocity)
+        self.surface, self.walls = self._surface_load(), self._wall_load()
         w, q = ufl.TestFunctions(self.space.mixed)
         self._residual = compat.form(self.residual_form(w, q, upwind=not model.exact))
         self._jacobian = None if coarse else self._compiled_jacobian()
@@ -94,6 +93,23 @@ class Fluid:
         self.constraints.prescribe(conditions)
         if self.coarse is not None:
             self.coarse.let_in(conditions)
+
+    def _surface_load(self) -> Any:
+        """The load of the free surface; None without one."""
+        if self.constraints.surface is None:
+            return None
+        from .surface import SurfaceLoad
+
+        return SurfaceLoad(self.domain, self.space, self.constraints, self.rate[0])
+
+    def _wall_load(self) -> Any:
+        """The load of walls with a law of friction; None without."""
+        if not (walls := self.constraints.friction):
+            return None
+        from .friction import WallLoad
+
+        viscosities = 1 / self._reynolds, self.viscosity
+        return WallLoad(self.domain, self.space, walls, viscosities, self.model.shear_velocity)
 
     def _one_level(self) -> LinearSolver:
         """The solver that the model names, for a matrix that is held."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import dolfinx
 import numpy as np
@@ -15,10 +15,8 @@ from ..forms.kinematics import rigid_velocity
 from ..forms.terms import impermeable
 from ..forms.turbulence import friction, layer, speed
 from ..mesh.domain import Domain
+from .conditions import Friction
 from .space import TaylorHood, cell_size
-
-if TYPE_CHECKING:
-    from .conditions import Friction
 
 HELD = 10.0  # times k^2 nu/h: what resists a flow through a wall, k being the order of the elements
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import dolfinx
 import ufl
@@ -12,10 +12,9 @@ from .. import compat
 from ..forms import terms
 from ..forms.surface import SurfaceTerms, component, load, pressure
 from ..mesh.domain import Domain
+from .conditions import Sponge
+from .constraints import Constraints
 from .space import TaylorHood, cell_size
-
-if TYPE_CHECKING:
-    from .conditions import Constraints, Sponge
 
 
 class SurfaceLoad:

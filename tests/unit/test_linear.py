@@ -15,7 +15,7 @@ from incipient import compat, forms
 from incipient.compat import petsc
 from incipient.errors import ConvergenceError
 from incipient.fluid import no_slip
-from incipient.fluid.conditions import Constraints
+from incipient.fluid.constraints import Constraints
 from incipient.fluid.solvers import Direct, LinearSolver, direct
 from incipient.fluid.solvers.mass import solve_mass_matrix
 from incipient.fluid.space import taylor_hood

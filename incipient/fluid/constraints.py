@@ -1,0 +1,172 @@
+"""The boundary conditions of a flow within its mixed system: Dirichlet conditions, kept up to date with time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import dolfinx
+import numpy as np
+import ufl
+from mpi4py import MPI
+
+from .. import compat
+from ..mesh.domain import Domain
+from .conditions import Carried, Condition, Entering, FreeSurface, Friction, Open, Prescribed, Seeping, Slip
+from .entry import Entry
+from .space import TaylorHood, boundary_blocks
+
+
+class Constraints:
+    """The Dirichlet conditions of a flow, kept up to date with time.
+
+    Where two boundaries meet, the condition named later holds: name walls after moving lids and the
+    corners are watertight. With `level` the pressure is zero at one node where no boundary gives it a level.
+    """
+
+    def __init__(
+        self, domain: Domain, space: TaylorHood, conditions: Sequence[Condition], level: bool = True
+    ):
+        self.space, self._domain = space, domain
+        self.open = tuple(c.boundary for c in conditions if isinstance(c, Open))
+        self.surface = next((c for c in conditions if isinstance(c, FreeSurface)), None)
+        self._values = dolfinx.fem.Function(space.velocity)
+        self.points = space.velocity_points()
+        prescribed = [c for c in conditions if isinstance(c, Prescribed)]
+        self.prescribe(conditions)
+        self._slip = [c for c in conditions if isinstance(c, Slip | Friction) and c.axis is not None]
+        self.friction = tuple(c for c in conditions if isinstance(c, Friction))
+        carried = [c.boundary for c in conditions if isinstance(c, Carried)]
+        self._carried = {name: boundary_blocks(space.velocity, domain.facets_of(name)) for name in carried}
+        given = [c.boundary for c in prescribed]
+        self.entries = tuple(
+            Entry(domain, space, c, tuple(given)) for c in conditions if isinstance(c, Entering)
+        )
+        self._seepage = self._through([c.boundary for c in prescribed if isinstance(c, Seeping)])
+        self.seeps, self.seepage = self._seepage is not None, 0.0
+        self.dirichlet = self._velocity_conditions(domain, [*given, *carried])
+        if level and self.closed:
+            self.dirichlet.append(self._pressure_pin())
+
+    @property
+    def closed(self) -> bool:
+        """Whether no boundary gives the pressure a level, so that it is known up to a constant only."""
+        return not self.open and self.surface is None
+
+    @property
+    def rubbing(self) -> tuple[str, ...]:
+        """Names of the boundaries along which the flow is resisted by a law of the wall."""
+        return tuple(one.boundary for one in self.friction)
+
+    @property
+    def walls_are_level(self) -> bool:
+        """Whether all boundaries along which the flow is resisted are planes across an axis, at a distance of walls."""
+        return all(one.axis is not None for one in self.friction)
+
+    @property
+    def crossings(self) -> tuple[str, ...]:
+        """Names of the ends across which the flow is not held: open ones, and those at which it is given along only."""
+        return (*self.open, *(entry.boundary for entry in self.entries))
+
+    @property
+    def influx(self) -> float:
+        """What enters per time through all entries and by seepage, at the last `update`."""
+        return sum((entry.influx for entry in self.entries), self.seepage)
+
+    def crossed(self) -> Any:
+        """The measure of the boundary that fluid may cross: nothing crosses a free surface."""
+        whole, names = self.space.boundary_quadrature(self._domain.facets), self._domain.names
+        if self.surface is None:
+            return whole
+        return whole(tuple(tag for name, tag in names.items() if name != self.surface.boundary))
+
+    def open_pressures(self, surface: FreeSurface | None = None) -> np.ndarray:
+        """Local pressure nodes on the boundaries through which fluid leaves freely, and on a surface. Collective."""
+        names = self.open if surface is None else (*self.open, surface.boundary)
+        nodes = [boundary_blocks(self.space.pressure, self._domain.facets_of(name)) for name in names]
+        return np.unique(np.concatenate([*nodes, np.empty(0, dtype=np.int32)])).astype(np.int32)
+
+    def update(self, t: float) -> None:
+        """Evaluate the prescribed velocities at time t. Collective."""
+        gdim = self.space.gdim
+        values = self._values.x.array.reshape(-1, gdim)
+        for velocity, blocks in self._prescribed:
+            if len(blocks):
+                values[blocks] = np.asarray(velocity(self.points[blocks].T, t))[:gdim].T
+        for entry in self.entries:
+            entry.update(t)
+        if self._seepage is not None:
+            mine = float(np.real(dolfinx.fem.assemble_scalar(self._seepage)))
+            self.seepage = float(self._domain.comm.allreduce(mine))
+
+    def prescribe(self, conditions: Sequence[Condition]) -> None:
+        """Take the prescribed velocities among conditions; they hold from the next `update`. Not collective."""
+        self._prescribed = [
+            (c.velocity, boundary_blocks(self.space.velocity, self._domain.facets_of(c.boundary)))
+            for c in conditions
+            if isinstance(c, Prescribed)
+        ]
+
+    def carry(self, boundary: str, velocity: Callable[[np.ndarray], np.ndarray]) -> None:
+        """Give a carried boundary its velocity, a function of its nodes' places (n, gdim)."""
+        gdim, blocks = self.space.gdim, self._carried[boundary]
+        self._values.x.array.reshape(-1, gdim)[blocks] = velocity(self.points[blocks, :gdim])
+
+    def carried_cells(self) -> np.ndarray:
+        """Local cells that have a node on a carried boundary, in ascending order."""
+        blocks = np.concatenate([*self._carried.values(), np.empty(0, dtype=np.int32)])
+        return self.space.cells_at(blocks)
+
+    def boundary_points_moved(self) -> None:
+        """Read the nodes' places again after the mesh has moved."""
+        self.points = self.space.velocity_points()
+
+    def _through(self, names: list[str]) -> Any:
+        """What the prescribed velocities bring in through boundaries, as a form; None: there are none."""
+        if not names:
+            return None
+        measure = self.space.boundary_quadrature(self._domain.facets)
+        inwards = -ufl.inner(self._values, ufl.FacetNormal(self.space.mixed.mesh))
+        return compat.form(inwards * measure(tuple(self._domain.names[name] for name in names)))
+
+    def _velocity_conditions(self, domain: Domain, prescribed: list[str]) -> list[Any]:
+        whole = self.space.mixed.sub(0)
+        conditions = []
+        for slip in self._slip:
+            component = compat.space(self.space.mixed.mesh, ("Lagrange", self.space.order))
+            zero = dolfinx.fem.Function(component)
+            facets = domain.facets_of(slip.boundary)
+            conditions.append(_on_facets(zero, (whole.sub(slip.axis), component), facets))
+        for entry in self.entries:
+            facets = domain.facets_of(entry.boundary)
+            conditions.append(_on_facets(entry.values, (whole.sub(entry.axis), entry.space), facets))
+        if prescribed:
+            facets = np.unique(np.concatenate([domain.facets_of(name) for name in prescribed]))
+            conditions.append(_on_facets(self._values, (whole, self.space.velocity), facets))
+        return conditions
+
+    def _pressure_pin(self) -> Any:
+        """One pressure unknown set to zero."""
+        index_map = self.space.pressure.dofmap.index_map
+        numbers = np.concatenate([np.arange(*index_map.local_range), index_map.ghosts])
+        own = np.flatnonzero(numbers == _first_node(self.space.pressure)).astype(np.int32)
+        zero = dolfinx.fem.Function(self.space.pressure)
+        mixed = self.space.pressure_map[own].astype(np.int32)
+        return dolfinx.fem.dirichletbc(zero, [mixed, own], self.space.mixed.sub(1))
+
+
+def _first_node(space: Any) -> int:
+    """Global number of the node that comes first by its coordinates, the same place on any number of ranks."""
+    index_map = space.dofmap.index_map
+    points = space.tabulate_dof_coordinates()
+    comm = space.mesh.comm
+    size = comm.allreduce(float(np.abs(points).max(initial=0.0)), op=MPI.MAX)
+    # Rounded, so that round-off does not decide among nodes on a straight side.
+    places = np.round(points[: index_map.size_local] / size, 9) + 0.0
+    order = np.lexsort(places.T[::-1])[:1]
+    mine = [(tuple(places[i]), index_map.local_range[0] + int(i)) for i in order]
+    return min(first for owned in comm.allgather(mine) for first in owned)[1]
+
+
+def _on_facets(values: Any, spaces: tuple[Any, Any], facets: np.ndarray) -> Any:
+    return dolfinx.fem.dirichletbc(values, compat.nodes_on(spaces, facets), spaces[0])
