@@ -1,7 +1,8 @@
 """OpenFOAM's simpleFoam with the k-epsilon model and wall functions: what its cases have in common, and how it is run.
 
 Standard constants and standard wall functions (nutkWallFunction, epsilonWallFunction, kqRWallFunction), SIMPLEC,
-convection by linearUpwind, of k and epsilon by limitedLinear. Debian's package `openfoam` (1912) does.
+convection of k and epsilon by limitedLinear, of the velocity by linearUpwind where nothing else is asked for. Debian's
+package `openfoam` (1912) does.
 """
 
 import os
@@ -30,10 +31,11 @@ class Inflow:
 
 @dataclass(frozen=True)
 class Schemes:
-    """What differs between meshes: correctors for cells that are not orthogonal, and relaxation."""
+    """What differs between cases: correctors for cells that are not orthogonal, relaxation, and convection."""
 
     correctors: int = 0
     relaxation: tuple[float, float] = (0.9, 0.8)  # of the velocity; of k and epsilon
+    convection: str = "linearUpwind grad(U)"  # of the velocity
 
 
 def is_installed(*names: str) -> bool:
@@ -95,7 +97,7 @@ def case(
         f"writeControl timeStep; writeInterval {ITERATIONS}; writePrecision 10; timePrecision 8;\n",
         "system/fvSchemes": header("dictionary", "fvSchemes")
         + "ddtSchemes { default steadyState; }\ngradSchemes { default Gauss linear; }\n"
-        "divSchemes { default none; div(phi,U) bounded Gauss linearUpwind grad(U);\n"
+        f"divSchemes {{ default none; div(phi,U) bounded Gauss {schemes.convection};\n"
         "div(phi,k) bounded Gauss limitedLinear 1; div(phi,epsilon) bounded Gauss limitedLinear 1;\n"
         "div((nuEff*dev2(T(grad(U))))) Gauss linear; }\n"
         "laplacianSchemes { default Gauss linear corrected; }\ninterpolationSchemes { default linear; }\n"

@@ -23,7 +23,7 @@ WALLS = (
 )  # of the outline: bed, lines that close the space at contacts, stone
 THICKNESS = 0.1  # of the one layer of cells
 FARTHEST = 3.0  # cells below the lid, over those at the stone
-SCHEMES = Schemes(correctors=1, relaxation=(0.7, 0.5))
+RELAXATION = (0.7, 0.5)
 KINDS = {3: 6, 4: 5}  # gmsh's numbers of prisms and hexahedra, by the corners of the cells that they stand on
 
 
@@ -75,24 +75,29 @@ def solve(
     inflow: Inflow,
     distance: float,
     law: tuple[float, float],
+    convection: str,
 ) -> Found:
-    """Write, mesh and run a case; `height` is that of the lid, `law` kappa and the constant of the logarithmic law.
+    """Write, mesh and run a case.
+
+    `height` is that of the lid, `law` kappa and the constant of the logarithmic law, `convection` OpenFOAM's scheme for
+    the velocity.
 
     Raises:
         RuntimeError: SIMPLE has not converged.
     """
     kappa, constant = law
+    schemes = Schemes(1, RELAXATION, convection)
     entries = f"kappa {kappa:g}; E {np.exp(kappa * constant):.8g}; "
-    for name, text in openfoam.case(inflow, WALLS, ("lid",), entries, SCHEMES).items():
+    for name, text in openfoam.case(inflow, WALLS, ("lid",), entries, schemes).items():
         (directory / name).parent.mkdir(parents=True, exist_ok=True)
         (directory / name).write_text(text, encoding="utf-8")
     wall = outline.beyond(distance)
     cells = _write_mesh(directory / "stone.msh", wall, outline, outline.beyond(-distance), height)
     openfoam.run(directory, "gmshToFoam", "stone.msh")
-    _name_kinds(directory / "constant/polyMesh/boundary")
+    name_kinds(directory / "constant/polyMesh/boundary")
     iterations, seconds = openfoam.solve(directory)
     openfoam.run(directory, "simpleFoam", "-postProcess", "-latestTime", "-func", "wallShearStress")
-    read = _read(directory, str(iterations), wall, distance, inflow.viscosity)
+    read = read_walls(directory, str(iterations), wall, distance, inflow.viscosity)
     return Found(*read, cells, iterations, seconds)
 
 
@@ -134,15 +139,25 @@ def _filled(edge: np.ndarray, height: float) -> tuple[np.ndarray, list[np.ndarra
 
 
 def _write_mesh(path: Path, wall: np.ndarray, outline: Outline, edge: np.ndarray, height: float) -> int:
-    """Write one layer of cells in gmsh's format 2.2; how many there are."""
+    """Write one layer of cells; how many there are."""
     points, (triangles, squares) = _filled(edge, height)
-    n, whole = len(wall), len(wall) + len(points)
+    n = len(wall)
     k = np.arange(n - 1)
-    strip = np.column_stack(
-        [k, k + 1, n + k + 1, n + k]
-    )  # points of the wall come first, those of the edge follow
+    # points of the wall come first, those of the edge follow
+    strip = np.column_stack([k, k + 1, n + k + 1, n + k])
     cells = [triangles + n, np.vstack([strip, squares + n])]
-    flat = np.vstack([wall, points])
+    return write_cells(path, np.vstack([wall, points]), cells, outline.walls, height)
+
+
+def write_cells(
+    path: Path, flat: np.ndarray, cells: list[np.ndarray], walls: np.ndarray, height: float
+) -> int:
+    """Write one layer of cells in gmsh's format 2.2; how many there are.
+
+    The first points of `flat` (n, 2) are those of the wall, in order; `walls` (m,) numbers its pieces in `WALLS`;
+    `cells` are the corners of triangles (k, 3) and of quadrilaterals (l, 4).
+    """
+    whole = len(flat)
     sides: dict[tuple[int, int], list[tuple[int, int]]] = {}
     for group in cells:
         for cell in group.tolist():
@@ -152,7 +167,7 @@ def _write_mesh(path: Path, wall: np.ndarray, outline: Outline, edge: np.ndarray
     elements: list[tuple[int, int, list[int]]] = []
     for (a, b), owners in sides.items():
         if len(owners) == 1:
-            name = _side(flat[[a, b]], (a, b), outline.walls, height)
+            name = _side(flat[[a, b]], (a, b), walls, height)
             elements.append((3, names.index(name) + 1, [a, b, b + whole, a + whole]))
     for group in cells:
         for cell in group.tolist():
@@ -184,7 +199,7 @@ def _side(ends: np.ndarray, numbers: tuple[int, int], walls: np.ndarray, height:
     return "inlet" if ends[:, 0].mean() < 1e-9 else "outlet"
 
 
-def _name_kinds(path: Path) -> None:
+def name_kinds(path: Path) -> None:
     """Make patches walls, and the sides empty."""
     text = path.read_text(encoding="utf-8")
     for name in (*WALLS, "sides"):
@@ -196,10 +211,15 @@ def _name_kinds(path: Path) -> None:
 # -- what is found -----------------------------------------------------------------------------------
 
 
-def _read(
-    directory: Path, time: str, wall: np.ndarray, distance: float, viscosity: float
+def read_walls(
+    directory: Path,
+    time: str,
+    wall: np.ndarray,
+    distance: float,
+    viscosity: float,
+    names: tuple[str, ...] = WALLS,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pressure, friction and y+ at the pieces of the outline."""
+    """Pressure, friction and y+ at the pieces of the outline, which belong to walls of these names."""
     mesh = directory / "constant/polyMesh"
     points = _vectors((mesh / "points").read_text(encoding="utf-8"))
     faces = re.findall(r"^\d+\(([\d ]+)\)", (mesh / "faces").read_text(encoding="utf-8"), re.M)
@@ -208,7 +228,7 @@ def _read(
     stress = (directory / time / "wallShearStress").read_text(encoding="utf-8")
     middles = 0.5 * (wall[1:] + wall[:-1])
     found = np.full((len(middles), 4), np.nan)
-    for name in WALLS:
+    for name in names:
         count, start = map(
             int,
             re.search(  # type: ignore[union-attr]
