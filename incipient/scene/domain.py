@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
+from .effects import one_of_three
 from .messages import counted
 from .section import Positive, Section, contradiction
 
@@ -64,9 +65,7 @@ class Domain(Section):
     @field_validator("symmetric", mode="before")
     @classmethod
     def _is_a_choice(cls, value: Any) -> Any:
-        if value is None or value == "auto" or isinstance(value, bool):
-            return value
-        raise contradiction(f"is {value!r}".replace("'", '"'), 'use "auto", true or false')
+        return value if value is None else one_of_three(value)
 
     @field_validator("sides", "symmetric")
     @classmethod

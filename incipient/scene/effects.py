@@ -9,14 +9,14 @@ from pydantic import BeforeValidator, Field
 from .section import Section, contradiction
 
 
-def _one_of_three(value: Any) -> Any:
-    """Refuse in one line what is neither "auto" nor a truth value."""
+def one_of_three(value: Any) -> Any:
+    """Refuses in one line what is neither "auto" nor a truth value."""
     if value == "auto" or isinstance(value, bool):
         return value
     raise contradiction(f"is {value!r}".replace("'", '"'), 'use "auto", true or false')
 
 
-Choice = Annotated[Literal["auto", True, False], BeforeValidator(_one_of_three)]
+Choice = Annotated[Literal["auto", True, False], BeforeValidator(one_of_three)]
 
 
 class Effects(Section):

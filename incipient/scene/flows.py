@@ -7,10 +7,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, field_validator
 
-from ..errors import SceneError
 from .expression import Expression
-from .messages import counted, split
-from .section import NotNegative, Positive, Section, contradiction
+from .messages import counted, shown
+from .section import NotNegative, Positive, Section, contradiction, is_number, require_formula
 
 
 def _components(value: Any) -> Any:
@@ -39,11 +38,9 @@ class Profile(Section):
     @field_validator("datum", mode="before")
     @classmethod
     def _is_a_level(cls, value: Any) -> Any:
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        if value in LEVELS or (number and abs(value) <= sys.float_info.max):
+        if value in LEVELS or (is_number(value) and abs(value) <= sys.float_info.max):
             return value
-        shown = f'"{value}"' if isinstance(value, str) else value
-        raise contradiction(f"is {shown}", f"use {_LEVELS} or a height above the bed's base line")
+        raise contradiction(f"is {shown(value)}", f"use {_LEVELS} or a height above the bed's base line")
 
 
 class Shear(Profile):
@@ -106,14 +103,9 @@ class ExpressionFlow(Section):
     @classmethod
     def _are_formulas(cls, components: tuple[str, ...]) -> tuple[str, ...]:
         for text in components:
-            try:
-                variables = Expression(text).variables
-            except SceneError as error:
-                raise contradiction(*split(str(error))) from None
-            if "z" in variables and len(components) == 2:
-                raise contradiction(
-                    f'"{text}" depends on z but the scene is two-dimensional', "use x, y and t"
-                )
+            require_formula(
+                text, "xyt" if len(components) == 2 else "xyzt", " but the scene is two-dimensional"
+            )
         return components
 
     @property

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
-from ..errors import SceneError
 from ..geometry.placement import Placement
 from ..geometry.shape import Shape
-from .expression import Expression
-from .messages import Problem, refusal, split
-from .section import NotNegative, Section, contradiction
+from .messages import Problem, refusal, shown
+from .section import NotNegative, Section, contradiction, require_formula
 
 # Keys that grains have in the plane and in space.
 Density = Annotated[
@@ -42,7 +39,7 @@ SETTLES = 'on the bed, by contact.friction; "frictionless": without'
 
 def _settles(value: Any) -> Any:
     if not isinstance(value, bool) and value != FRICTIONLESS:
-        raise contradiction(f"is {json.dumps(value, default=str)}", f'give true, false or "{FRICTIONLESS}"')
+        raise contradiction(f"is {shown(value)}", f'give true, false or "{FRICTIONLESS}"')
     return value
 
 
@@ -79,12 +76,7 @@ class BodySection(Section):
     @classmethod
     def _are_formulas_of_time(cls, course: tuple[str, ...] | None) -> tuple[str, ...] | None:
         for text in course or ():
-            try:
-                variables = Expression(text).variables
-            except SceneError as error:
-                raise contradiction(*split(str(error))) from None
-            if variables - {"t"}:
-                raise contradiction(f'"{text}" depends on more than the time', "use t only")
+            require_formula(text, "t")
         return course
 
     @model_validator(mode="after")

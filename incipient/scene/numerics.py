@@ -7,7 +7,7 @@ from typing import Any, Literal
 from pydantic import Field, field_validator
 
 from .messages import shown
-from .section import SMALLEST, Positive, Section, contradiction
+from .section import SMALLEST, Positive, Section, contradiction, is_number
 
 Accuracy = float | Literal["verdict"]
 Tolerance = float | Literal["auto"]
@@ -109,16 +109,14 @@ class Numerics(Section):
     @field_validator("tolerance", "interface_tolerance", mode="before")
     @classmethod
     def _is_a_tolerance(cls, value: Any) -> Any:
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        if value == "auto" or (number and value >= SMALLEST):
+        if value == "auto" or (is_number(value) and value >= SMALLEST):
             return value
         raise contradiction(f"is {shown(value)}", 'give a number above 0 such as 1e-8, or "auto"')
 
     @field_validator("accuracy", mode="before")
     @classmethod
     def _is_an_accuracy(cls, value: Any) -> Any:
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        if value is None or value == "verdict" or (number and FINEST <= value < 1.0):
+        if value is None or value == "verdict" or (is_number(value) and FINEST <= value < 1.0):
             return value
         raise contradiction(
             f"is {shown(value)}",

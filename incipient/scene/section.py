@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated, Any
 
 from pydantic import (
@@ -17,7 +18,8 @@ from pydantic_core import PydanticCustomError
 
 from ..arrays import LARGEST, SMALLEST
 from ..errors import SceneError
-from .messages import WITHIN, Problem, counted, one_line, problems_of, refusal
+from .expression import Expression
+from .messages import WITHIN, Problem, counted, one_line, problems_of, refusal, split
 
 
 def _not_tiny(value: float) -> float:
@@ -73,6 +75,13 @@ class Section(BaseModel):
         """The error that a validator of this section raises about one of its keys."""
         return refusal(type(self).__name__, [Problem((key,), why, remedy)])
 
+    def require(self, key: str, make: Callable[[], Any]) -> None:
+        """Makes what a key describes; raises the error about the key if that cannot be."""
+        try:
+            make()
+        except SceneError as error:
+            raise self.refused(key, *split(str(error))) from None
+
 
 def _largest(value: Any) -> float:
     """The largest size of the numbers that a value is or holds."""
@@ -84,6 +93,21 @@ def _largest(value: Any) -> float:
 def contradiction(why: str, remedy: str) -> PydanticCustomError:
     """The error that a validator of a single key raises."""
     return PydanticCustomError(WITHIN, "{why}; {remedy}", {"why": why, "remedy": remedy})
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value is a number, which a truth value is not."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def require_formula(text: str, variables: str, why: str = "") -> None:
+    """Refuses what is no formula in these variables; `why` is added to what is wrong with others."""
+    try:
+        unknown = Expression(text).variables - set(variables)
+    except SceneError as error:
+        raise contradiction(*split(str(error))) from None
+    if unknown:
+        raise contradiction(f'"{text}" depends on {min(unknown)}{why}', f"use {', '.join(variables)} only")
 
 
 def ordered_keys(section: type[BaseModel]) -> list[str]:

@@ -13,10 +13,8 @@ from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 
 from .. import geometry
 from ..arrays import Point
-from ..errors import SceneError
 from ..geometry.plane.polygon import meeting_sides
 from .grains import SETTLES, BodySection, Density, Motion, OnContact, Settle
-from .messages import split
 from .points import MOST_POINTS, about_file, file_key, read_points, with_file_read
 from .section import NotNegative, Pair, Positive, PositivePair, Section, three
 
@@ -147,10 +145,7 @@ class Polygon(GrainSection):
         if crossing:
             why = f"the sides after vertices {crossing[0]} and {crossing[1]} meet (counted from 0)"
             raise self.refused("vertices", why, "list the vertices in order around the grain")
-        try:
-            self.grain()
-        except SceneError as error:
-            raise self.refused("vertices", *split(str(error))) from None
+        self.require("vertices", self.grain)
         return self
 
     def new_grain(self) -> geometry.Grain:
@@ -186,11 +181,7 @@ class Star(GrainSection):
     def _encloses_its_pole(self) -> Star:
         for name in ("cosines", "sines"):
             _limit(self, name, MOST_HARMONICS)
-        try:
-            self.grain()
-        except SceneError as error:
-            key = "cosines" if self.cosines else "sines"
-            raise self.refused(key, *split(str(error))) from None
+        self.require("cosines" if self.cosines else "sines", self.grain)
         return self
 
     def new_grain(self) -> geometry.Grain:
@@ -209,10 +200,7 @@ class Discs(GrainSection):
     @model_validator(mode="after")
     def _hang_together(self) -> Discs:
         _limit(self, "discs", MOST_DISCS)
-        try:
-            self.grain()
-        except SceneError as error:
-            raise self.refused("discs", *split(str(error))) from None
+        self.require("discs", self.grain)
         return self
 
     def new_grain(self) -> geometry.Grain:

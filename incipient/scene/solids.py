@@ -105,10 +105,7 @@ class SolidSection(BodySection):
 
     @model_validator(mode="after")
     def _is_a_solid(self) -> SolidSection:
-        try:
-            self.grain()
-        except SceneError as error:
-            raise self.refused(self._shape_key, *split(str(error))) from None
+        self.require(self._shape_key, self.grain)
         return self
 
     @property

@@ -9,15 +9,13 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from ..errors import SceneError
 from .domain import Domain
 from .expression import Expression
-from .messages import split
 from .points import read_points
-from .section import NotNegative, Pair, Positive, Section, contradiction
+from .section import NotNegative, Pair, Positive, Section, require_formula
 
 Station = float | Annotated[tuple[float, float], Field(strict=False)]
-_VARIABLES = {"elevation": "xy", "pressure": "xyt", "inflow": "yzt", "seepage": "xyt"}
+_VARIABLES = {"elevation": "xy", "pressure": "txy", "inflow": "tyz", "seepage": "txy"}
 FREE = "free-surface"
 
 
@@ -97,13 +95,7 @@ class Surface(Section):
     @field_validator("elevation", "pressure", "inflow", "seepage")
     @classmethod
     def _is_a_formula(cls, text: str, info: ValidationInfo) -> str:
-        try:
-            variables = Expression(text).variables
-        except SceneError as error:
-            raise contradiction(*split(str(error))) from None
-        known = set(_VARIABLES[str(info.field_name)])
-        if unknown := variables - known:
-            raise contradiction(f'"{text}" depends on {min(unknown)}', f"use {', '.join(sorted(known))} only")
+        require_formula(text, _VARIABLES[str(info.field_name)])
         return text
 
     @model_validator(mode="after")

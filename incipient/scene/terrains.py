@@ -63,10 +63,7 @@ class SphereBed(TerrainSection):
             raise self.refused("spacing", why, "enlarge spacing or reduce radius")
         if self.seed and self.arrangement != "random":
             raise self.refused("seed", "is read only for a random arrangement", "leave it out")
-        try:
-            self.terrain(0.0)
-        except SceneError as error:
-            raise self.refused("layers", *split(str(error))) from None
+        self.require("layers", lambda: self.terrain(0.0))
         return self
 
     def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
@@ -138,10 +135,7 @@ class RasterBed(TerrainSection):
             raise self.refused("heights", "are in rows of different lengths", "give as many in each")
         if self.cell is None:
             raise self.refused("cell", "is missing", "add how far apart the heights are, as in [0.1, 0.1]")
-        try:
-            self.terrain(0.0)
-        except SceneError as error:
-            raise self.refused("heights", *split(str(error))) from None
+        self.require("heights", lambda: self.terrain(0.0))
         return self
 
     def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:

@@ -97,7 +97,7 @@ ONE_KEY = [
     ),
     (
         lambda: ExpressionFlow(components=("z", "0")),
-        'ExpressionFlow: components: "z" depends on z but the scene is two-dimensional; use x, y and t',
+        'ExpressionFlow: components: "z" depends on z but the scene is two-dimensional; use x, y, t only',
     ),
     (
         lambda: ExpressionFlow(components=("y", 0)),
@@ -123,7 +123,7 @@ ONE_KEY = [
     ),
     (
         lambda: Disc(diameter=1, centre=(1, 1), motion="prescribed", course=("x", "0", "0")),
-        'Disc: course: "x" depends on more than the time; use t only',
+        'Disc: course: "x" depends on x; use t only',
     ),
     (
         lambda: Disc(diameter=1, centre=(1, 1), motion="free", density=1, locked=("z",)),
@@ -190,7 +190,7 @@ ONE_KEY = [
     ),
     (
         lambda: Uniform(datum=True),
-        'Uniform: datum: is True; use "auto", "effective", "crest", "mean" or a height',
+        'Uniform: datum: is true; use "auto", "effective", "crest", "mean" or a height',
     ),
     (
         lambda: Poiseuille(datum=math.nan),
