@@ -35,25 +35,21 @@ def count(
     """Cells, unknowns and memory of the flow on the layout's mesh, by making it. Not collective.
 
     dual:   whether the errors of a steady flow are estimated as well, with elements of one order more (see `has_dual`)
-    solver: of the linear systems, a name in `fluid.solvers.SOLVERS`
+    solver: of the linear systems, a name of a `linear.Method`; in the plane it is direct
     wider:  of a run for the error bars that is made while the flow is kept; in space
     """
-    if isinstance(layout.shape, SolidRegion | SolidGrid | BoxGrid):
-        return count_in_space(layout, order, dual, solver, wider)
-    with layout.gmsh_model() as model:
-        _, tags, nodes = model.mesh.getElements(2)
-        cells = sum(len(t) for t in tags)
-        per_cell = (layout.geometry_order + 1) * (layout.geometry_order + 2) // 2
-        corners = np.concatenate([n.reshape(-1, per_cell)[:, :3] for n in nodes])
-    vertices = len(np.unique(corners))
-    # Euler's formula with one closed outline per hole.
-    holes = len(layout.shape.holes) if isinstance(layout.shape, Region) else 0
-    edges = vertices + cells - 1 + holes
-    unknowns = [
-        2 * _lagrange(k, vertices, edges, cells) + _lagrange(k - 1, vertices, edges, cells)
-        for k in range(order, order + 1 + dual)
-    ]
-    return Estimate(cells, unknowns[0], memory(*unknowns))
+    cells, unknowns = _counted(layout)
+    if not _is_in_space(layout):
+        return Estimate(cells, unknowns(order), memory(*map(unknowns, range(order, order + 1 + dual))))
+    needed = memory_in_space(solver, unknowns, order, dual)
+    if wider is not None:
+        beside = memory_in_space(solver, _counted(wider)[1], order, False) - memory_of_libraries()
+        needed = max(needed, memory_in_space(solver, unknowns, order, False) + beside)
+    return Estimate(cells, unknowns(order), needed)
+
+
+def _is_in_space(layout: Layout) -> bool:
+    return isinstance(layout.shape, SolidRegion | SolidGrid | BoxGrid)
 
 
 def has_dual(setup: Setup) -> bool:
@@ -73,42 +69,23 @@ def memory(*unknowns: int) -> float:
     return memory_of_libraries() + MEMORY_GROWTH * entries / 2**20
 
 
-def _lagrange(order: int, vertices: int, edges: int, cells: int) -> int:
-    return vertices + (order - 1) * edges + (order - 1) * (order - 2) // 2 * cells
-
-
-def count_in_space(
-    layout: Layout, order: int, dual: bool = False, solver: str = "direct", wider: Layout | None = None
-) -> Estimate:
-    """Cells, unknowns and memory of the flow on the layout's mesh, by making it. Not collective.
-
-    dual:   whether the errors of a steady flow are estimated as well
-    solver: of the linear systems, a name of a `linear.Method`
-    wider:  of a run for the error bars that is made while the flow is kept
-    """
-    cells, unknowns = _counted(layout)
-    memory = memory_in_space(solver, unknowns, order, dual)
-    if wider is not None:
-        beside = memory_in_space(solver, _counted(wider)[1], order, False) - memory_of_libraries()
-        memory = max(memory, memory_in_space(solver, unknowns, order, False) + beside)
-    return Estimate(cells, unknowns(order), memory)
-
-
 def _counted(layout: Layout) -> tuple[int, Callable[[int], int]]:
     """Cells of the layout's mesh, and unknowns on it by order of the velocity, by making it."""
-    assert isinstance(layout.shape, SolidRegion | SolidGrid | BoxGrid)
+    shape, gdim = layout.shape, 3 if _is_in_space(layout) else 2
+    per_cell = math.comb(layout.geometry_order + gdim, gdim)
     with layout.gmsh_model() as model:
-        _, tags, nodes = model.mesh.getElements(3)
-        cells = sum(len(t) for t in tags)
-        per_cell = {1: 4, 2: 10}[layout.geometry_order]
-        corners = np.concatenate([n.reshape(-1, per_cell)[:, :4] for n in nodes])
-        _, tags, _ = model.mesh.getElements(2)
-        outside = sum(len(t) for t in tags)
+        _, tags, nodes = model.mesh.getElements(gdim)
+        cells = sum(map(len, tags))
+        corners = np.concatenate([n.reshape(-1, per_cell)[:, : gdim + 1] for n in nodes])
+        outside = sum(map(len, model.mesh.getElements(gdim - 1)[1]))
     vertices = len(np.unique(corners))
-    faces = (4 * cells + outside) // 2
-    edges = vertices + faces - cells - euler_number(layout.shape)
-    numbers = vertices, edges, faces, cells
-    return cells, lambda k: 3 * lagrange(k, *numbers) + lagrange(k - 1, *numbers)
+    if isinstance(shape, SolidRegion | SolidGrid | BoxGrid):
+        faces = (4 * cells + outside) // 2
+        numbers = vertices, vertices + faces - cells - euler_number(shape), faces, cells
+    else:  # Euler's formula with one closed outline per hole
+        holes = len(shape.holes) if isinstance(shape, Region) else 0
+        numbers = vertices, vertices + cells - 1 + holes, cells, 0
+    return cells, lambda k: gdim * lagrange(k, *numbers) + lagrange(k - 1, *numbers)
 
 
 def euler_number(region: SolidRegion | SolidGrid | BoxGrid) -> int:
@@ -120,7 +97,7 @@ def euler_number(region: SolidRegion | SolidGrid | BoxGrid) -> int:
 
 
 def lagrange(order: int, vertices: int, edges: int, faces: int, cells: int) -> int:
-    """Nodes of continuous elements of an order on tetrahedra."""
+    """Nodes of continuous elements of an order on tetrahedra; in the plane on triangles, `faces` without `cells`."""
     inner = (order - 1) * (order - 2)
     return vertices + (order - 1) * edges + inner // 2 * faces + inner * (order - 3) // 6 * cells
 
