@@ -17,7 +17,7 @@ from ..accuracy.kept_runs import KeptRuns
 from ..errors import ConvergenceError, IncipientError, Interrupted, MeshError
 from ..planning.order import order_of
 from ..results.adaptation import Trial
-from ..results.errorbars import Loads, Term
+from ..results.errorbars import Term
 from ..results.result import Result
 from ..scene import Scene
 from ..scene.numerics import OF_SURFACE
@@ -34,6 +34,7 @@ LEAST_WORK = 4.0
 class Balancing(AccuracySearch):
     """From run to run, each with shorter steps, a finer mesh, a higher order, or all of them."""
 
+    _coarse: KeptRuns  # those that the last run is compared with
     _failed = ""  # why the last run could not be compared
     _of_mesh: Term | None = None  # what the mesh of the last run contributes to its error
 
@@ -88,28 +89,25 @@ class Balancing(AccuracySearch):
     def _compare(self, scene: Scene) -> None:
         """Run what a scene is compared with, quickly done beside it, or note why that fails. Collective."""
         self._failed = ""
-        kept = KeptRuns(self.known.loads, lambda: "", self._loads_of)
+        self._coarse = KeptRuns(
+            self.known.loads, lambda: "", lambda one: simulate(one, self.comm).loads_at_end()
+        )
         longer, beside = comparisons(scene)
         try:
-            kept(longer)
+            self._coarse(longer)
             if OF_MESH not in self.known.terms:
-                kept(beside)
+                self._coarse(beside)
         except Interrupted:
             raise
         except IncipientError as error:
             self._failed = f"not compared: {error}"
 
-    def _loads_of(self, scene: Scene) -> Loads:
-        return simulate(scene, self.comm).loads_at_end()
-
     def _judge(self, scene: Scene, result: Result, seconds: float) -> None:
         estimate = of_step = of_mesh = None
-        doubt = ""
-        cost = result.cost
+        doubt, cost = "", result.cost
         if not self._failed:
-            term = by_coarser_runs(
-                scene, result.loads_at_end(), self._known_run, self.known.terms.get(OF_MESH)
-            )
+            known = self.known.terms.get(OF_MESH)
+            term = by_coarser_runs(scene, result.loads_at_end(), self._coarse, known)
             estimate, of_step, of_mesh = (relative(self.goal, result, one) for one in (term, *term.parts))
             doubt = term.doubt
             # What the mesh does to waves is seen the less the longer the steps are, which damp them.
@@ -119,9 +117,6 @@ class Balancing(AccuracySearch):
         self.tell(Trial(order, cells, unknowns, estimate, seconds, step, self._failed, of_step, of_mesh))
         if estimate is not None and estimate <= self.asked:
             self.conclude(estimate, doubt)
-
-    def _known_run(self, scene: Scene) -> Loads:
-        return self.known.loads[scene.model_dump_json()]
 
     # -- what next ------------------------------------------------------------------------------
 

@@ -7,6 +7,7 @@ the mesh is sought after that. Otherwise they are as the scene says, and it is s
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -22,7 +23,8 @@ from ..errors import IncipientError, SceneError
 from ..results.elevations import Elevations
 from ..results.errorbars import ErrorBars, Loads, Term
 from ..results.loads import Couples, Forces
-from ..scene import Scene
+from ..scene import Domain, Scene
+from ..scene.flows import Flow
 from ..simulation.loads import weights
 
 if TYPE_CHECKING:
@@ -61,7 +63,7 @@ class Suited:
         if now is not None and before is not None and now != before:
             found.append(f"contact.gap = {now.gap:.3g} in place of {before.gap:.3g}")
         if self.scene.domain != asked.domain:
-            found.append(f"{_words(self.scene)} in place of {_words(asked)}")
+            found.append(f"{_words(self.scene.domain)} in place of {_words(asked.domain)}")
         return tuple(found)
 
 
@@ -80,13 +82,17 @@ def suited(scene: Scene, asked: float, goal: Quantity, solve: Solve, tell: Calla
                 return _ended(before, found, goal, solve)
             if found.error <= SHARE * asked:
                 return found
-            tell("; ".join([_words(scene), *(f"error of the {name} {e:.1e}" for name, e in errors.items())]))
+            tell(
+                "; ".join(
+                    [_words(scene.domain), *(f"error of the {name} {e:.1e}" for name, e in errors.items())]
+                )
+            )
             scene = _improved(found, SHARE * asked / len(errors))
         except IncipientError as error:
             return replace(found, unmet=f"errors of gap and domain are not known beyond that: {error}")
         if scene is found.scene:
             largest = max(errors, key=lambda name: errors[name])
-            remedy = f"; {_of_datum(scene)}" if largest == "datum" else ""
+            remedy = f"; {_of_datum(scene.flow)}" if largest == "datum" else ""
             unmet = f"the error of the {largest}, {errors[largest]:.1e}, cannot be made smaller{remedy}"
             return replace(found, unmet=unmet)
     return replace(found, unmet=f"gap and domain err too much after {MOST_STEPS} steps")
@@ -158,24 +164,13 @@ def remedies(scene: Scene, asked: float, goal: Quantity, found: Computed, bars: 
 def _remedy(scene: Scene, term: Term, relative: float) -> str:
     """What would make a term `relative` times what it is."""
     if term.name == "datum":
-        return _of_datum(scene)
-    try:
+        return _of_datum(scene.flow)
+    better = None
+    with suppress(SceneError):
         better = _lessened(scene, term, AIM * relative, at_once=False)
-    except SceneError:
-        better = None
-    return _advice(term.name, better, scene)
-
-
-def _of_datum(scene: Scene) -> str:
-    if getattr(scene.flow, "datum", "auto") in ("auto", "effective"):
-        return "with inertia the effective height of the bed is not known better"
-    return 'flow.datum = "auto" has less of it'
-
-
-def _advice(name: str, better: Scene | None, scene: Scene) -> str:
     if better is None:
         return "it cannot be made small enough"
-    if name == "gap" and better.contact is not None:
+    if term.name == "gap" and better.contact is not None:
         return f"contact.gap = {better.contact.gap:.2g} would do"
     domain = better.domain
     keys = [
@@ -189,28 +184,31 @@ def _advice(name: str, better: Scene | None, scene: Scene) -> str:
     return f"{', '.join(keys)} would do"
 
 
+def _of_datum(flow: Flow) -> str:
+    if getattr(flow, "datum", "auto") in ("auto", "effective"):
+        return "with inertia the effective height of the bed is not known better"
+    return 'flow.datum = "auto" has less of it'
+
+
 def _lessened(scene: Scene, term: Term, relative: float, at_once: bool = True) -> Scene | None:
     """The scene in which a term is expected to be `relative` times what it is; None where that cannot be had.
 
     at_once: not all the way where that is far, since what is expected is then not worth much
     """
     relative = max(relative, LEAST)
-    if term.name == "gap":
-        return _closer(scene, relative ** (1.0 / term.power), at_once)
+    if term.name == "gap" and scene.contact is not None:
+        smaller = relative ** (1.0 / term.power)
+        before = scene.contact.gap
+        gap = before * (max(smaller, CLOSEST) if at_once else smaller)
+        if before <= SMALLEST_GAP or (gap < SMALLEST_GAP and not at_once):
+            return None
+        return changed(scene, contact={"gap": float(f"{max(gap, SMALLEST_GAP):.2g}")})
+    if term.name == "gap":  # a section [contact] of its own would call for a verdict
+        return None
     if term.name == "datum" or has_no_far_sides(scene):
         return None
     factor = float(np.ceil(10.0 * relative ** (-1.0 / DECAY))) / 10.0
     return farther(scene, min(factor, FARTHEST) if at_once else factor)
-
-
-def _closer(scene: Scene, smaller: float, at_once: bool) -> Scene | None:
-    contact = scene.contact
-    if contact is None:  # a section of its own would call for a verdict
-        return None
-    gap = contact.gap * (max(smaller, CLOSEST) if at_once else smaller)
-    if contact.gap <= SMALLEST_GAP or (gap < SMALLEST_GAP and not at_once):
-        return None
-    return changed(scene, contact={"gap": float(f"{max(gap, SMALLEST_GAP):.2g}")})
 
 
 def _measure(scene: Scene, goal: Quantity, loads: Loads) -> Measure:
@@ -234,7 +232,6 @@ class LoadsOnMesh:
     turbulence: WallReport | None = None
 
 
-def _words(scene: Scene) -> str:
-    domain = scene.domain
+def _words(domain: Domain) -> str:
     extents = " x ".join(f"{one:.4g}" for one in domain.extents)
     return f"domain {extents} from ({', '.join(f'{one:.4g}' for one in domain.origin)})"

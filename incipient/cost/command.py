@@ -8,14 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from .. import scene as s
 from ..accuracy.errorbars import coarse_scenes
 from ..effects.plan import make_plan
 from ..errors import ConvergenceError, MissingError, SceneError
 from ..files import plain, reported
 from ..planning.order import order_of
 from ..planning.plan import Plan
-from ..scene import Scene
+from ..scene import Scene, load
 from ..scene.example import grain_on_bed
 from . import calibration, markdown
 from .comparison import Compared
@@ -27,6 +26,12 @@ from .solvers import SolverOptions
 from .study import Study, findings, run_ladder
 
 Say = Callable[[str], None]
+# Built-in scenes besides that of the example, in files.
+BUILTIN = Path(__file__).with_name("builtin")
+OF_EACH_KIND = (
+    *("driven cavity", "turbulent channel"),
+    *("grain held in a started stream", "grain carried by shear"),
+)
 # How many times as long runs below a free surface took with their error bars, the least and the most (docs/surface.md).
 WITH_BARS = 1.3, 5.3
 UNKNOWN = "  time and errors are not known of scenes of this kind; they are after `incipient cost SCENE`"
@@ -171,41 +176,6 @@ def calibrate(say: Say) -> str:
 
 
 def builtin() -> dict[str, Scene]:
-    """A scene of each kind that takes a second or two."""
-    bars = s.Numerics(error_bars=False)
-    return {
-        "grain on a bed": grain_on_bed(),
-        "driven cavity": s.Scene(
-            title="Driven cavity, Re = 400",
-            domain=s.Domain(kind="box", length=1.0, height=1.0),
-            fluid=s.Fluid(reynolds=400.0, scale="flow"),
-            flow=s.Lid(),
-            numerics=s.Numerics(order=4),
-        ),
-        "turbulent channel": s.Scene(
-            title="Turbulent channel, Re = 22000",
-            domain=s.Domain(length=10.0, height=1.0),
-            fluid=s.Fluid(reynolds=22000.0, scale="flow"),
-            flow=s.OpenChannel(),
-            effects=s.Effects(turbulence=True),
-            numerics=s.Numerics(order=2),
-        ),
-        "grain held in a started stream": s.Scene(
-            title="Disc in a stream, Re = 40",
-            domain=s.Domain(kind="channel", length=12.0, height=8.0),
-            fluid=s.Fluid(reynolds=40.0, scale="grain"),
-            flow=s.Uniform(),
-            body=s.Disc(diameter=1.0, centre=(4.0, 4.0)),
-            time=s.Time(end=2.0, step=0.025),
-            numerics=bars,
-        ),
-        "grain carried by shear": s.Scene(
-            title="Free disc in shear, Re = 10",
-            domain=s.Domain(kind="channel", length=12.0, height=6.0),
-            fluid=s.Fluid(reynolds=10.0, scale="grain"),
-            flow=s.Shear(rate=1.0),
-            body=s.Disc(diameter=1.0, centre=(4.0, 2.0), motion="free", density=1.0),
-            time=s.Time(end=1.0, step=0.0125, start="stokes"),
-            numerics=bars,
-        ),
-    }
+    """A scene of each kind that takes a second or two, by name."""
+    found = {name: load(BUILTIN / f"{name.replace(' ', '_')}.toml") for name in OF_EACH_KIND}
+    return {"grain on a bed": grain_on_bed(), **found}

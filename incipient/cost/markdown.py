@@ -8,7 +8,7 @@ from pathlib import Path
 from ..files import write_json, write_text_atomically
 from . import calibration, frontier
 from .comparison import Compared
-from .frontier import CostLaw, percent, seconds
+from .frontier import percent, seconds
 from .measurement import ENOUGH, MeasuredRun
 from .solvers import SolverOptions, said
 from .study import Study, doubt, findings, to_dict
@@ -30,7 +30,9 @@ def page(study: Study, picture: str = "cost.png", heading: str = "#") -> str:
     title = study.scene.title or "What accuracy costs"
     parts = [f"{heading} {title}", f"**{study.words()}.**", f"![Error against cost]({picture})"]
     parts += [_explained(study), _accuracies(study), _of_goals(study), *_solvers(study), _runs(study)]
-    parts += [_failures(study)] if study.failed else []
+    if study.failed:
+        lines = [f"- {run.variant.name}: {run.failed}" for run in study.failed]
+        parts += ["Runs that failed:", "\n".join(lines)]
     return "\n\n".join(parts) + "\n"
 
 
@@ -61,17 +63,16 @@ def _accuracies(study: Study) -> str:
         run = (
             f"{reached[0].variant.name}, {reached[0].peak_mib:.0f} MiB" if reached else "finer than any here"
         )
-        prices = [_priced(laws[name], accuracy, errors, of) for name, of in (("cpu", times), ("wall", walls))]
+        prices = [
+            frontier.cost(law, accuracy, errors, of) if law else "-"
+            for law, of in ((laws["cpu"], times), (laws["wall"], walls))
+        ]
         rows.append([percent(accuracy), *prices, run])
     digits = [f"x {law.digit:.2g}" if law else "-" for law in (laws["cpu"], laws["wall"])]
     starting = f"of the time beyond {seconds(laws['cpu'].start)} of starting"
     rows.append(["each further digit", *digits, starting])
     heads = ["accuracy", "processor time", "wall time", "cheapest run that reached it"]
     return _table(heads, rows, left=(3,))
-
-
-def _priced(law: CostLaw | None, accuracy: float, errors: Sequence[float], times: Sequence[float]) -> str:
-    return "-" if law is None else frontier.cost(law, accuracy, errors, times)
 
 
 def _of_goals(study: Study) -> str:
@@ -140,11 +141,6 @@ def _runs(study: Study) -> str:
 
 def _spent(run: MeasuredRun) -> list[str]:
     return [f"{run.cpu:.2f}", f"{run.wall:.2f}", str(run.unknowns), f"{run.peak_mib:.0f}"]
-
-
-def _failures(study: Study) -> str:
-    lines = [f"- {run.variant.name}: {run.failed}" for run in study.failed]
-    return "Runs that failed:\n\n" + "\n".join(lines)
 
 
 def _table(heads: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int] = ()) -> str:

@@ -78,7 +78,7 @@ class KnownLaws:
         """Errors by goal of the scene with any cells, order and steps, of goals that it shares with those studied."""
         step = calibration.step_of_flow(scene, scene.time.step if scene.time else None)
         at, found = (order_of(scene).number, scene.numerics.mesh_size, step), {}
-        for goal in {goal: None for one in self.findings for goal in one.errors}:
+        for goal in dict.fromkeys(goal for one in self.findings for goal in one.errors):
             if self.own or goal in _goals(scene):
                 known = [error_at(one.errors[goal], *at) for one in self.findings if goal in one.errors]
                 logs = np.log([max(error, 1e-300) for error, _ in known])
@@ -106,25 +106,19 @@ def known_laws(scene: Scene, study: Path | None = None) -> KnownLaws | None:
     Raises:
         OutputError: the directory holds no study.
     """
-    given = {} if study is None else calibration.of_study(study)
-    here, elsewhere = calibration.read(), calibration.shipped()
     places = (
-        (f"in {study}", given, FOREIGN),
-        ("on this machine", here, FOREIGN),
-        ("on another machine", elsewhere, ELSEWHERE),
+        (f"in {study}", {} if study is None else calibration.of_study(study), FOREIGN),
+        ("on this machine", calibration.read(), FOREIGN),
+        ("on another machine", calibration.shipped(), ELSEWHERE),
     )
     for where, known, _ in places[:2]:
         if own := known.get(calibration.digest(scene)):
             return KnownLaws(scene, (own,), True, OWN, f"by runs of this scene {where}")
     kind = calibration.kind(scene)
-    alike = (
-        (where, [one for one in known.values() if one.kind == kind], factor)
-        for where, known, factor in places
-    )
-    where, found, factor = next((one for one in alike if one[1]), ("", [], 0.0))
-    if not found:
-        return None
-    return KnownLaws(scene, tuple(found), False, factor, f"by runs of other scenes {where}")
+    for where, known, factor in places:
+        if alike := tuple(one for one in known.values() if one.kind == kind):
+            return KnownLaws(scene, alike, False, factor, f"by runs of other scenes {where}")
+    return None
 
 
 def _goals(scene: Scene) -> tuple[str, ...]:
@@ -203,8 +197,9 @@ class _Run:
     @property
     def of_dual(self) -> int:
         """Unknowns with elements of one order more, in which errors of steady flow are estimated."""
-        order = order_of(self.scene).number
-        before, after = (k**2 + (k - 1) ** 2 / 2.0 for k in (order, order + 1))
+        before, after = (
+            k**2 + (k - 1) ** 2 / 2.0 for k in (order_of(self.scene).number, order_of(self.scene).number + 1)
+        )
         return round(self.unknowns * after / before)
 
 
@@ -324,8 +319,7 @@ def _refined(first: _Run, excess: float) -> list[_Run]:
     """The first mesh of a steady flow and, where its error exceeds what is asked, the second, mostly the last."""
     if excess <= 1.0:
         return [first]
-    before = order_of(first.scene).number
-    gdim = first.scene.gdim
+    before, gdim = order_of(first.scene).number, first.scene.gdim
     order, left = next_order(before, excess, gdim)
     per_vertex, more = UNKNOWNS[gdim], max(1.0, left) ** (0.5 * gdim / order)
     unknowns = first.unknowns * per_vertex[order] / per_vertex[before] * more
@@ -334,27 +328,25 @@ def _refined(first: _Run, excess: float) -> list[_Run]:
 
 def _balanced(first: _Run, known: KnownLaws, asked: float) -> tuple[list[_Run], bool]:
     """Runs in time made finer as the search will choose them until the error is small enough; whether it is."""
-    path = [first]
-    trial = _as_tried(path[-1], known)
+    path, trial = [first], _as_tried(first, known)
     while not (reaches := cast(float, trial.estimate) <= asked) and len(path) < balance.MOST_RUNS:
         last = path[-1].scene
         scene = balance.finer(last, balance.refined(last, trial, balance.AIM * asked))
-        meshed = (scene.numerics.mesh_size, order_of(scene).number)
-        kept = meshed == (last.numerics.mesh_size, order_of(last).number)
-        unknowns = path[-1].unknowns if kept else _counted(scene).unknowns
-        path.append(_Run(scene, unknowns))
+        kept = (scene.numerics.mesh_size, order_of(scene).number) == (
+            last.numerics.mesh_size,
+            order_of(last).number,
+        )
+        path.append(_Run(scene, path[-1].unknowns) if kept else _counted(scene))
         trial = _as_tried(path[-1], known)
     return path, reaches
 
 
 def _as_tried(run: _Run, known: KnownLaws) -> Trial:
     """Error that a run will find: the step's part as by longer ones, the rest is the mesh's."""
-    scene = run.scene
-    of = scene.accuracy_of
+    scene, of = run.scene, run.scene.accuracy_of
     own, in_longer = (known.errors(one)[of].value for one in (scene, comparisons(scene)[0]))
     of_step = min(shares(scene)[0] * abs(in_longer - own), own)
-    order, of_mesh = order_of(scene).number, own - of_step
-    return Trial(order, 0, run.unknowns, own, 0.0, of_step=of_step, of_mesh=of_mesh)
+    return Trial(order_of(scene).number, 0, run.unknowns, own, 0.0, of_step=of_step, of_mesh=own - of_step)
 
 
 def _compared_with(run: _Run) -> list[_Run]:

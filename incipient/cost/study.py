@@ -156,7 +156,7 @@ def judge(scene: Scene, ladder: Ladder, runs: Sequence[MeasuredRun]) -> Study:
     rest = sorted((run for run in good if run is not compared_with), key=lambda run: run.cpu)
     judged = tuple(_judged(run, wanted, values) for run in rest)
     errors = [one.error if one.told_apart else math.inf for one in judged]
-    front, starts = _front(judged, errors), {name: _start(good, name) for name in ("cpu", "wall")}
+    starts = {name: _start(good, name) for name in ("cpu", "wall")}
     return Study(
         scene=scene,
         ladder=ladder,
@@ -165,7 +165,7 @@ def judge(scene: Scene, ladder: Ladder, runs: Sequence[MeasuredRun]) -> Study:
         goals=wanted,
         judged=judged,
         failed=tuple(run for run in runs if run.failed),
-        front=tuple(front),
+        front=tuple(_front(judged, errors)),
         laws={name: _law(judged, errors, name, start) for name, start in starts.items()},
         of_goals={
             goal.name: _law(judged, _clear_errors(judged, goal, values), "cpu", starts["cpu"])
@@ -272,8 +272,7 @@ def findings(study: Study) -> Calibration:
     """Findings of a study by its runs solved as the scene says, none without any. Not collective."""
     scene, end = study.scene, study.scene.time.end if study.scene.time else 0.0
     runs = [*(one.run for one in study.judged), study.compared_with]
-    own = [run for run in runs if not run.variant.solver]
-    if not own:
+    if not (own := _own(runs)):
         return {}
     steps = np.array([end / run.variant.step if run.variant.step else 0.0 for run in own])
     unknowns, cpu = np.array([(run.unknowns, run.cpu) for run in own], dtype=float).T
