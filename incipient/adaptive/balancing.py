@@ -25,7 +25,7 @@ from ..simulation.recorder import Recorder, Unrecorded
 from ..simulation.simulate import simulate
 from ..simulation.state import Accounts
 from .balance import AIM, MOST_RUNS, WORK_POWER, Powers, Refined, finer, first, halved, milder, refined
-from .search import AccuracySearch, Attempt, Told
+from .search import AccuracySearch, Attempt, SearchRecorder
 
 # At least so much more work has a run to be worth it; where a budget does not allow more, as much as it allows.
 LEAST_WORK = 4.0
@@ -43,10 +43,10 @@ class Balancing(AccuracySearch):
 
     def _tried(self, attempt: Attempt) -> Any:
         scene, recorded = attempt.scene, attempt.recorded
-        told = self._run(scene, recorded)
+        recorder = self._run(scene, recorded)
         following = None if self.reason else self._following(scene)
         if following is None:
-            return told.result if recorded else self._run(scene, recorded=True, again=True).result
+            return recorder.result if recorded else self._run(scene, recorded=True, again=True).result
         recorded = following.enough or self._is_last_affordable(following)
         self._keep(self._of_mesh if following.keeps_mesh(order_of(scene).number) else None)
         return Attempt(finer(scene, following), recorded=recorded)
@@ -57,7 +57,7 @@ class Balancing(AccuracySearch):
         if scene.time is None or isinstance(error, MeshError):
             raise error
         self._keep(None)
-        self.tell(Trial(order_of(scene).number, 0, 0, None, 0.0, scene.time.step, f"failed: {error}"))
+        self.report(Trial(order_of(scene).number, 0, 0, None, 0.0, scene.time.step, f"failed: {error}"))
         if len(self.trials) >= MOST_RUNS:
             raise error
         return Attempt(finer(scene, halved(order_of(scene).number, Powers(order_in_time(scene)))))
@@ -69,22 +69,24 @@ class Balancing(AccuracySearch):
 
     # -- one run --------------------------------------------------------------------------------
 
-    def _run(self, scene: Scene, recorded: bool, again: bool = False) -> Told:
+    def _run(self, scene: Scene, recorded: bool, again: bool = False) -> SearchRecorder:
         """Run a scene and those it is compared with, estimate its error, and judge it. Collective."""
         began = self.elapsed()
         if not again:
             self._compare(scene)
 
         def judge(result: Result) -> None:
-            """Tell its error, if this run is new and got to its end."""
+            """Report its error if this run is new and got to its end."""
             if result.status == "complete" and not again:
                 self._judge(scene, result, self.elapsed() - began)
 
-        told = Told(self.recorder if recorded else Unrecorded(), scene, self.adaptation_beside, judge)
+        recorder = SearchRecorder(
+            self.recorder if recorded else Unrecorded(), scene, self.adaptation_beside, judge
+        )
         quiet = scene if recorded else changed(scene, numerics={"error_bars": False})
         accounts = Accounts(known=self.known, spent=self.spent)  # times of each run are its own
-        simulate(quiet, self.comm, cast(Recorder, told), self.voice, accounts=accounts)
-        return told
+        simulate(quiet, self.comm, cast(Recorder, recorder), self.voice, accounts=accounts)
+        return recorder
 
     def _compare(self, scene: Scene) -> None:
         """Run what a scene is compared with, quickly done beside it, or note why that fails. Collective."""
@@ -114,7 +116,7 @@ class Balancing(AccuracySearch):
             self._of_mesh = None if scene.accuracy_of in OF_SURFACE else term.parts[-1]
         order, cells, unknowns = result.plan.order, cost["cells"], cost["unknowns"]
         step = scene.time.step if scene.time is not None else None
-        self.tell(Trial(order, cells, unknowns, estimate, seconds, step, self._failed, of_step, of_mesh))
+        self.report(Trial(order, cells, unknowns, estimate, seconds, step, self._failed, of_step, of_mesh))
         if estimate is not None and estimate <= self.asked:
             self.conclude(estimate, doubt)
 

@@ -67,7 +67,7 @@ class Suited:
         return tuple(found)
 
 
-def suited(scene: Scene, asked: float, goal: Quantity, solve: Solve, tell: Callable[[str], None]) -> Suited:
+def suited(scene: Scene, asked: float, goal: Quantity, solve: Solve, report: Callable[[str], None]) -> Suited:
     """Make gap and domain such that their errors are half of the relative error asked for together. Collective.
 
     What has been found so far is kept where a coarse run fails, or the budget is spent. The search ends where the
@@ -82,7 +82,7 @@ def suited(scene: Scene, asked: float, goal: Quantity, solve: Solve, tell: Calla
                 return _ended(before, found, goal, solve)
             if found.error <= SHARE * asked:
                 return found
-            tell(
+            report(
                 "; ".join(
                     [_words(scene.domain), *(f"error of the {name} {e:.1e}" for name, e in errors.items())]
                 )

@@ -35,7 +35,7 @@ from ..simulation.state import Run
 from ..simulation.steady import loads_at
 from .modelling import SMALLEST_GAP
 from .orders import COARSEST, MOST_MESHES, UNKNOWNS, cheapest_order, coarse_sizes, next_order
-from .search import AccuracySearch, Attempt, Told
+from .search import AccuracySearch, Attempt, SearchRecorder
 from .sizing import Shares, gathered, resized
 
 CANCELLING = 4.0  # most that contributions of the next mesh are trusted to cancel
@@ -60,7 +60,7 @@ class Refinement(AccuracySearch):
     def _after_failure(self, attempt: Attempt, error: ConvergenceError | MeshError) -> Any:
         """A finer first mesh; after others the result on the last of them."""
         self._failures += 1
-        self.tell(Trial(order_of(attempt.scene).number, 0, 0, None, 0.0, note=str(error)))
+        self.report(Trial(order_of(attempt.scene).number, 0, 0, None, 0.0, note=str(error)))
         if self._best is not None:
             self.reason = f"the next mesh failed: {error}"
             return self._repeated(self._best)
@@ -88,7 +88,7 @@ class Refinement(AccuracySearch):
             seconds, mesh = self.elapsed() - began, run.domain.mesh
             cells = int(mesh.topology.index_map(mesh.topology.dim).size_global)
             order, unknowns = order_of(attempt.scene).number, run.fluid.space.unknowns
-            self.tell(Trial(order, cells, unknowns, error, seconds, note=attempt.note))
+            self.report(Trial(order, cells, unknowns, error, seconds, note=attempt.note))
             if error is None:
                 following = self._within_budget(self._finer(attempt, order, 1.0, shares, np.inf))
                 return following or self._concluded(run, self._handed_over(run))
@@ -96,15 +96,15 @@ class Refinement(AccuracySearch):
                 following = self._to_refine(attempt, error / self.asked, shares, error)
                 return following or self._concluded(run, self._handed_over(run))
             # Coarse runs come next, for the error bars: what has been found outlasts an interrupt.
-            told = self._handed_over(run)
-            with told_where_kept(told.kept, self.comm):
+            recorder = self._handed_over(run)
+            with told_where_kept(recorder.kept, self.comm):
                 bars = error_bars(run, force, couple, lambda scene: loads_of(scene, self.comm, self.speed))
-            return self._to_decide(attempt, bars, shares) or self._concluded(run, told)
+            return self._to_decide(attempt, bars, shares) or self._concluded(run, recorder)
 
     def _estimated(
         self, run: Run, force: Forces | None, couple: Couples | None
     ) -> tuple[float | None, Shares]:
-        """The error of the quantity, None where this mesh does not tell it, and the vertices' shares. Collective."""
+        """The error of the quantity, None where this mesh gives none, and the vertices' shares. Collective."""
         assert run.layout.placement is not None and force is not None and couple is not None
         with GoalErrors(run.fluid, "body", run.layout.placement.centre) as goals:
             # Loads over those of the fluid, which has a speed of its own; both are near, or it is Stokes flow.
@@ -118,18 +118,18 @@ class Refinement(AccuracySearch):
         """Solve for the load whose errors are looked at, with the flow `speed` times that of the scene. Collective."""
         return loads_at(run, self.speed)
 
-    def _handed_over(self, run: Run) -> Told:
-        """The recorder that has got the solution at hand, but for its error bars. Collective."""
+    def _handed_over(self, run: Run) -> SearchRecorder:
+        """Hands the solution over to the recorder, without error bars. Collective."""
         chosen = ("order", "tolerance", "mesh_size")
         asked = changed(run.scene, numerics={name: getattr(self.numerics, name) for name in chosen})
-        told = Told(self.recorder, asked, self.adaptation_beside)
-        hand_over(run, cast(Recorder, told))
-        return told
+        recorder = SearchRecorder(self.recorder, asked, self.adaptation_beside)
+        hand_over(run, cast(Recorder, recorder))
+        return recorder
 
-    def _concluded(self, run: Run, told: Told) -> Result:
+    def _concluded(self, run: Run, recorder: SearchRecorder) -> Result:
         """Estimate the errors of the solution that has been handed over, and end with it. Collective."""
-        finished(run, cast(Recorder, told))
-        return told.result
+        finished(run, cast(Recorder, recorder))
+        return recorder.result
 
     def _repeated(self, attempt: Attempt) -> Result:
         """Solve once more on a mesh that was solved on before. Collective."""

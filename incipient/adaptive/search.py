@@ -38,15 +38,15 @@ if TYPE_CHECKING:
 UNFINISHED = "the search goes on, or was stopped"
 
 
-class Told:
-    """A recorder that also learns how the mesh was found; the scene it keeps is as it was asked for.
+class SearchRecorder:
+    """A recorder of results with the adaptation in them; the scene it keeps is as it was asked for.
 
-    result: what it was told last, with the adaptation
+    result: the last result, with the adaptation
     kept:   where a result without error bars is kept, None if nowhere
 
     Args:
         adaptation: the search so far, with what a result says beside it.
-        judge: told of the result when the run is over, before the search is asked for.
+        judge: is given the result when the run is over, before the adaptation is asked for.
     """
 
     result: Result
@@ -223,7 +223,7 @@ class AccuracySearch(ABC):
             budget = f"stopped at numerics.budget_seconds = {numerics.budget_seconds:g}"
             return f"{budget}: the next mesh would take about {seconds:.1f} s"
         now = float(sum(self.comm.allgather(peak_memory_mib())))
-        expected = now + max(0.0, _factors_mib(unknowns) - _factors_mib(self.trials[-1].unknowns))
+        expected = now + max(0.0, _lu_mib(unknowns) - _lu_mib(self.trials[-1].unknowns))
         needs = f"the next mesh would need about {expected:.0f} MiB"
         if numerics.budget_mib is not None and expected > numerics.budget_mib:
             return f"stopped at numerics.budget_mib = {numerics.budget_mib:g}: {needs}"
@@ -231,8 +231,8 @@ class AccuracySearch(ABC):
             return f"stopped: {needs}, more than there is"
         return ""
 
-    def tell(self, trial: Trial) -> None:
-        """Keep a trial and say how it went. Not collective."""
+    def report(self, trial: Trial) -> None:
+        """Keep a trial and log it. Not collective."""
         self.trials.append(trial)
         step = "" if trial.step is None else f"step {trial.step:.3g}, "
         error = trial.note if trial.estimate is None else f"estimated error {trial.estimate:.2e}"
@@ -243,8 +243,8 @@ class AccuracySearch(ABC):
         )
 
 
-def _factors_mib(unknowns: float) -> float:
-    """Memory of the factors of a flow and of that in elements of one order more."""
+def _lu_mib(unknowns: float) -> float:
+    """Memory [MiB] of the LU factorisations of a flow and of its dual, in elements of one order more."""
     both = np.array([1.0, 2.0]) * max(unknowns, 2.0)
     return float(MEMORY_GROWTH * np.sum(both * np.log2(both)) / 2**20)
 

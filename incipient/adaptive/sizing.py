@@ -43,7 +43,7 @@ class Shares:
 
     @property
     def dimension(self) -> int:
-        """That of the space the mesh is in."""
+        """Dimension of the space that the mesh is in."""
         return int(self.points.shape[1])
 
     @property
@@ -120,7 +120,7 @@ def _factors(errors: Floats, order: int, relative: float, dimension: int) -> Flo
     shape = (errors.mean() / errors) ** (1.0 / (rate + dimension))
 
     def at(level: float) -> Floats:
-        """The factors at a level of all."""
+        """Ratios of sizes at a common level."""
         return np.clip(np.exp(level) * shape, SMALLEST, LARGEST)
 
     low, high = np.log(SMALLEST / shape.max()), np.log(LARGEST / shape.min())

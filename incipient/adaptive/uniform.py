@@ -45,9 +45,9 @@ class UniformRefinement(Refinement):
 
     def _on(self, scene: Scene, mesh_size: float, expected: float = 0.0, note: str = "") -> Attempt:
         """A mesh with cells of a size, whatever that of the scene is."""
-        told = ", ".join(one for one in (f"mesh_size {mesh_size:.3g}", note) if one)
+        said = ", ".join(one for one in (f"mesh_size {mesh_size:.3g}", note) if one)
         sized = changed(self._set_up(scene, order_of(scene).number), numerics={"mesh_size": mesh_size})
-        return Attempt(sized, expected=expected, note=told)
+        return Attempt(sized, expected=expected, note=said)
 
     def _solved(self, run: Run) -> tuple[Forces | None, Couples | None]:
         solve_with_parts(run, run.fluid, run.parts)

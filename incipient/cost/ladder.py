@@ -1,4 +1,4 @@
-"""Which runs tell what accuracy costs: orders, cell sizes, time steps and solver options around those of a scene."""
+"""The runs of a study of cost: orders, cell sizes, time steps and solver options around those of a scene."""
 
 from __future__ import annotations
 

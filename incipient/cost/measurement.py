@@ -191,7 +191,7 @@ class _History(Unrecorded):
 
 
 def main() -> int:
-    """Run the scene on standard input and tell what it took and gave; the exit code."""
+    """Run the scene on standard input and print what it took and gave as JSON; returns the exit code."""
     start_alone_quickly()
     from mpi4py import MPI
 

@@ -58,7 +58,7 @@ class Error:
 
 @dataclass(frozen=True)
 class KnownLaws:
-    """Laws that studies tell of a scene.
+    """Laws of time and error that studies have found for a scene.
 
     own:    whether they are of the scene itself; where: which they are, in words
     factor: to which times are trusted
@@ -207,7 +207,7 @@ def predict(known: KnownLaws, first: Estimate) -> Prediction | str:
     """Prediction of the run of a scene, or in words why it is not known. Not collective.
 
     Args:
-        known: what studies tell of the scene.
+        known: the laws known for the scene.
         first: cells and unknowns on its mesh, the first one where an accuracy is asked for.
 
     Raises:

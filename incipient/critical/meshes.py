@@ -92,7 +92,7 @@ class CriticalRefinement(Refinement):
     def _handed_over(self, run: Run) -> Any:
         """Nothing is kept before the conclusion."""
 
-    def _concluded(self, run: Run, told: Any) -> Any:
+    def _concluded(self, run: Run, recorder: Any) -> Any:
         return self._conclude(run, self._search, self._found[-1], self.adaptation())
 
 
@@ -118,7 +118,7 @@ def on_its_own_mesh(
                 found = replace(found, trials=trials, unsolved=(*known[-1].unsolved, *found.unsolved))
             known.append(found)
             if not found.is_critical:
-                return conclude(run, search, _told_of_mesh(setup, found))
+                return conclude(run, search, _doubted(setup, found))
     found = known[-1]
     with prepared(scene, comm, accounts, voice=voice, speed=found.factor) as run:
         search = CriticalSearch(run)
@@ -151,8 +151,8 @@ def outgrown(setup: Setup, made_for: float, factor: float) -> bool:
     return max(one / other, other / one) > CHANGED
 
 
-def _told_of_mesh(setup: Setup, found: Found) -> Found:
-    """What there is no critical flow in, with the reason to doubt that where faster flows were solved."""
+def _doubted(setup: Setup, found: Found) -> Found:
+    """Adds to a search without a critical flow the reason to doubt it, where faster flows were solved."""
     fastest = max((trial.factor for trial in found.trials), default=1.0)
     if fastest <= 1.0 or not outgrown(setup, 1.0, fastest):
         return found

@@ -133,13 +133,13 @@ class Threshold:
         return f"none up to {self.held_to:.3g} times the flow of the scene; {self.reason}{tried}"
 
     def _critical_lines(self) -> list[str]:
-        told = {name: with_error(getattr(self, name), error) for name, error in self.errors.items()}
+        shown = {name: with_error(getattr(self, name), error) for name, error in self.errors.items()}
         return [
-            f"threshold           {told['factor']} times the flow of the scene; "
+            f"threshold           {shown['factor']} times the flow of the scene; "
             f"then the grain begins {self.mode}",
-            f"Shields number      {told['shields']}",
+            f"Shields number      {shown['shields']}",
             *(f"                    {note}" for note in self.notes),
-            f"Reynolds number     {told['reynolds']}   shear Reynolds number {told['shear_reynolds']}",
+            f"Reynolds number     {shown['reynolds']}   shear Reynolds number {shown['shear_reynolds']}",
             *si_lines(self.si),
         ]
 

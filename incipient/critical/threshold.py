@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 SAME_SIZE = 1e-9  # relative
 BEYOND = 1e-4  # how much faster than critical a flow is that shows the motion
-NOT_ONE = 0.02  # by which the safety factor of a critical flow is off from one on a mesh of its own, told from here on
+NOT_ONE = 0.02  # deviation from one of the safety factor on a mesh of its own from which on it is reported
 OTHERWISE = (
     "WARNING: on a mesh made for the critical flow itself the safety factor is {:.3g}, not 1: the mesh is too coarse "
     "for a threshold; use a smaller numerics.mesh_size"
@@ -185,8 +185,8 @@ def _notes(run: Run, found: Found, threshold: Threshold) -> tuple[str, ...]:
     """What the Shields number is, and whether the flow can be laminar there. Not collective."""
     scene, setup = run.scene, run.setup
     plane = " in the plane" if scene.gdim == 2 else ""
-    told = TURBULENT if scene.is_turbulent else LAMINAR
-    notes = [_shields_note(threshold, scene.gdim), told.format(flow=f"{scene.flow.kind} flow", plane=plane)]
+    about = TURBULENT if scene.is_turbulent else LAMINAR
+    notes = [_shields_note(threshold, scene.gdim), about.format(flow=f"{scene.flow.kind} flow", plane=plane)]
     if turbulent := transition(setup, numbers_of(setup), found.factor):
         notes.append(turbulent.text(" at the threshold"))
     if found.rocking is not None:
@@ -204,11 +204,11 @@ def _notes(run: Run, found: Found, threshold: Threshold) -> tuple[str, ...]:
 def _shields_note(threshold: Threshold, gdim: int) -> str:
     """What the Shields number is, and what it is with the nominal diameter."""
     size, nominal = threshold.size, threshold.nominal
-    told = SHIELDS.format(size=size)
+    said = SHIELDS.format(size=size)
     if abs(nominal - size) <= SAME_SIZE * size:
-        return told + ROUND
+        return said + ROUND
     what = "disc of equal area" if gdim == 2 else "sphere of equal volume"
-    return told + NOMINAL.format(shields=threshold.shields_nominal, size=nominal, what=what)
+    return said + NOMINAL.format(shields=threshold.shields_nominal, size=nominal, what=what)
 
 
 def _mode(run: Run, found: Found) -> str:

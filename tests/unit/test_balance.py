@@ -163,13 +163,13 @@ def test_what_is_not_known_is_halved() -> None:
 def test_a_budget_is_spent_on_what_it_allows() -> None:
     """Error 100 times what is wanted: ten times the steps. A budget of seven runs allows a part of the way there."""
     search = Balancing(in_time("numerics.budget_seconds=700"), MPI.COMM_SELF, Unrecorded(), Silent())
-    search.tell(tried(0.7, 0.0, seconds=100.0))
+    search.report(tried(0.7, 0.0, seconds=100.0))
     allowed = search._following(in_time())
     assert allowed is not None and not allowed.enough
     assert LEAST_WORK**0.5 < allowed.work < 7.0
     assert allowed.shorter == pytest.approx(1.0 / allowed.work)
     assert search._is_last_affordable(allowed), "so that it is recorded"
-    search.tell(tried(0.7, 0.0, seconds=300.0))
+    search.report(tried(0.7, 0.0, seconds=300.0))
     assert search._following(in_time()) is None
     assert search.reason.startswith(
         "stopped at numerics.budget_seconds = 700: the next mesh would take about "
@@ -179,6 +179,6 @@ def test_a_budget_is_spent_on_what_it_allows() -> None:
 def test_runs_are_few() -> None:
     search = Balancing(in_time(), MPI.COMM_SELF, Unrecorded(), Silent())
     for _ in range(6):
-        search.tell(tried(0.02, 0.0))
+        search.report(tried(0.02, 0.0))
     assert search._following(in_time()) is None
     assert search.reason == "not reached with 6 runs"
