@@ -34,7 +34,7 @@ WORK = {2: 1.0, 3: 1.3, 4: 1.7}
 # With which power of the inverse cell size the work grows (measured: 0.8 to 1.7, two on meshes that do not grow away
 # from the grain); what is best hangs little on it.
 WORK_POWER = 1.5
-# At most so much finer at once: what a coarse run tells of the error of a much finer one is not worth much.
+# At most so much finer at once: estimates by a coarse run are poor for a much finer one.
 SHORTEST, FINEST = 1 / 16, 1 / 4
 # Cells and steps of the first run, relative to those that the scene says.
 COARSEST_MESH, LONGEST = 8.0**0.5, 8.0
@@ -46,7 +46,7 @@ AIM = 0.7  # of the accuracy, so that the run expected to reach it does
 
 @dataclass(frozen=True)
 class Parts:
-    """What step and mesh each contribute to a relative error."""
+    """Contributions of time step and mesh to a relative error."""
 
     step: float
     mesh: float
@@ -54,7 +54,7 @@ class Parts:
 
 @dataclass(frozen=True)
 class Powers:
-    """How the error goes with the step, and the work with the cell size: q and p above."""
+    """Powers q of the step in the error and p of the inverse cell size in the work, as above."""
 
     step: float
     work: float = WORK_POWER
@@ -62,7 +62,7 @@ class Powers:
 
 @dataclass(frozen=True)
 class Refined:
-    """Steps and cells relative to before, the order of the elements, and the work relative to before.
+    """The next run: steps, cells and work relative to the last one, and the order of the elements.
 
     enough: whether the accuracy is expected to be reached so; otherwise it is a part of the way there
     """
@@ -92,18 +92,18 @@ def cheapest(parts: Parts, asked: float, order: int, powers: Powers, highest: in
 
 
 def halved(order: int, powers: Powers) -> Refined:
-    """Steps half as long and cells smaller by the root of two: where it is not known what errs."""
+    """Steps half as long and cells smaller by the root of two, for an error of unknown origin."""
     return _with_work(0.5, 0.5**0.5, order, order, powers)
 
 
 def milder(refined: Refined) -> Refined:
-    """Half of the way there, in the logarithms."""
+    """A refinement by half as much, in the logarithms of steps and cells."""
     shorter, finer = refined.shorter**0.5, refined.finer**0.5
     return replace(refined, shorter=shorter, finer=finer, work=refined.work**0.5, enough=False)
 
 
 def _refined(parts: Parts, asked: float, order: int, higher: int, powers: Powers) -> Refined:
-    """Where all is done in elements of an order `higher` than that of the run whose errors these are, or of that."""
+    """The refinement in elements of order `higher`, at least `order`, that of the run with these errors."""
     q, s = powers.step, float(order_in_space(higher))
     to_step = asked * (1.0 / q) / (1.0 / q + powers.work / s)
     if parts.step < to_step:
@@ -126,7 +126,7 @@ def _ratio(wanted: float, now: float, power: float) -> float:
 
 
 def refined(scene: Scene, trial: Trial, aim: float) -> Refined:
-    """How the scene in time is made finer for a relative error, after a trial of it. Not collective."""
+    """The refinement of a scene in time that is expected to reach a relative error. Not collective."""
     powers = Powers(order_in_time(scene))
     order, of_step, of_mesh = order_of(scene).number, trial.of_step, trial.of_mesh
     if of_step is None or of_mesh is None or not math.isfinite(of_step + of_mesh):
@@ -138,7 +138,7 @@ def refined(scene: Scene, trial: Trial, aim: float) -> Refined:
 
 
 def first(scene: Scene) -> Scene:
-    """The scene in time as coarse as the first run: a coarse mesh, and long steps, of which there are a few."""
+    """The first scene of a search in time: a coarse mesh, and steps as long as leaves a few of them."""
     assert scene.time is not None
     longer = LONGEST
     while longer > 1.0 and longer * scene.time.step > scene.time.end / FEWEST_STEPS:
@@ -147,7 +147,7 @@ def first(scene: Scene) -> Scene:
 
 
 def _coarsest(scene: Scene) -> float:
-    """How much larger the cells of the first run are.
+    """Size of the cells of the first run relative to those of the scene.
 
     Where a stream enters below a free surface they are so small that the zone at the inflow, one cell at the least, is
     as long on all meshes, those of one order more included: else its length errs, which the comparison does not tell.
@@ -160,7 +160,7 @@ def _coarsest(scene: Scene) -> float:
 
 
 def finer(scene: Scene, wanted: Refined) -> Scene:
-    """The scene in time with shorter steps, a finer mesh and another order, as it is wanted."""
+    """The scene in time refined: shorter steps, a finer mesh, another order."""
     assert scene.time is not None
     shorter = wanted.shorter
     if scene.time.tolerance is None and shorter < 1.0:
@@ -172,7 +172,7 @@ def finer(scene: Scene, wanted: Refined) -> Scene:
 
 
 def _resized(scene: Scene, cells: float, steps: float) -> Scene:
-    """The scene with cells and steps so many times as large; where steps adapt, their errors follow."""
+    """The scene with cells and steps enlarged by factors; the tolerance of adaptive steps follows."""
     assert scene.time is not None
     time = {"step": steps * scene.time.step}
     if scene.time.tolerance is not None:

@@ -32,7 +32,7 @@ LEAST_WORK = 4.0
 
 
 class Balancing(AccuracySearch):
-    """From run to run, each with shorter steps, a finer mesh, a higher order, or all of them."""
+    """Search for the time step, mesh and order of flow in time, run by run."""
 
     _coarse: KeptRuns  # those that the last run is compared with
     _failed = ""  # why the last run could not be compared
@@ -52,7 +52,7 @@ class Balancing(AccuracySearch):
         return Attempt(finer(scene, following), recorded=recorded)
 
     def _after_failure(self, attempt: Attempt, error: ConvergenceError | MeshError) -> Any:
-        """A finer run, where there was no flow on the mesh in these steps."""
+        """A finer run, if no flow was found on the mesh in these steps."""
         scene = attempt.scene
         if scene.time is None or isinstance(error, MeshError):
             raise error
@@ -63,20 +63,20 @@ class Balancing(AccuracySearch):
         return Attempt(finer(scene, halved(order_of(scene).number, Powers(order_in_time(scene)))))
 
     def _keep(self, of_mesh: Term | None) -> None:
-        """Forget what was found about a scene but what the next one shares with it. Not collective."""
+        """Drop the estimates for a scene except those that hold for the next one. Not collective."""
         self.known.terms, self.known.loads = {} if of_mesh is None else {OF_MESH: of_mesh}, {}
         self.keep_model_terms()
 
     # -- one run --------------------------------------------------------------------------------
 
     def _run(self, scene: Scene, recorded: bool, again: bool = False) -> SearchRecorder:
-        """Run a scene and those it is compared with, estimate its error, and judge it. Collective."""
+        """Run a scene and its coarse comparisons, estimate its error, and judge it. Collective."""
         began = self.elapsed()
         if not again:
             self._compare(scene)
 
         def judge(result: Result) -> None:
-            """Report its error if this run is new and got to its end."""
+            """Report the error of a new run that is complete."""
             if result.status == "complete" and not again:
                 self._judge(scene, result, self.elapsed() - began)
 
@@ -89,7 +89,7 @@ class Balancing(AccuracySearch):
         return recorder
 
     def _compare(self, scene: Scene) -> None:
-        """Run what a scene is compared with, quickly done beside it, or note why that fails. Collective."""
+        """Make the coarse runs that a scene is compared with, or note why they fail. Collective."""
         self._failed = ""
         self._coarse = KeptRuns(
             self.known.loads, lambda: "", lambda one: simulate(one, self.comm).loads_at_end()
@@ -123,7 +123,7 @@ class Balancing(AccuracySearch):
     # -- what next ------------------------------------------------------------------------------
 
     def _following(self, scene: Scene) -> Refined | None:
-        """How much finer the next run is, or nothing where there is none, and why. Collective."""
+        """The refinement of the next run; None, with the reason noted, if there is none. Collective."""
         wanted = refined(scene, self.trials[-1], AIM * self.asked)
         if len(self.trials) >= MOST_RUNS:
             self.reason = f"not reached with {MOST_RUNS} runs"
@@ -134,11 +134,11 @@ class Balancing(AccuracySearch):
         return None if beyond else wanted
 
     def _beyond(self, wanted: Refined, further: float = 1.0) -> str:
-        """Why a run with so much more work, and one `further` times as dear after it, is not made. Collective."""
+        """Reason why a run, and one `further` times as costly after it, exceeds the budget, or "". Collective."""
         last, more = self.trials[-1], wanted.work
         seconds = last.seconds * more * further
         return self.beyond_budget(seconds, last.unknowns * wanted.finer**-WORK_POWER)
 
     def _is_last_affordable(self, wanted: Refined) -> bool:
-        """Whether after the next run no other is. Collective."""
+        """Whether the next run is the last one within the budget. Collective."""
         return len(self.trials) + 1 >= MOST_RUNS or bool(self._beyond(wanted, 1.0 + LEAST_WORK))

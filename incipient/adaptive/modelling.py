@@ -58,7 +58,7 @@ class Suited:
     errors: dict[str, float] = field(default_factory=dict)
 
     def changes(self, asked: Scene) -> tuple[str, ...]:
-        """What is other than in the scene that was asked for, in words."""
+        """Differences from the scene that was requested, in words."""
         found, now, before = [], self.scene.contact, asked.contact
         if now is not None and before is not None and now != before:
             found.append(f"contact.gap = {now.gap:.3g} in place of {before.gap:.3g}")
@@ -68,7 +68,7 @@ class Suited:
 
 
 def suited(scene: Scene, asked: float, goal: Quantity, solve: Solve, report: Callable[[str], None]) -> Suited:
-    """Make gap and domain such that their errors are half of the relative error asked for together. Collective.
+    """Choose gap and domain whose errors together are half of the relative error requested. Collective.
 
     What has been found so far is kept where a coarse run fails, or the budget is spent. The search ends where the
     domain's error does not fall as it is expected to: it is then larger than it seemed, and no larger domain helps.
@@ -140,7 +140,7 @@ def _improved(found: Suited, part: float) -> Scene:
 
 
 def not_estimated(scene: Scene) -> str:
-    """Why the error of gap or domain is there but not known, or nothing. Not collective."""
+    """Reason why the error of gap or domain cannot be estimated, or "". Not collective."""
     for name, reason in not_there(scene).items():
         if reason.startswith("not estimated"):
             return f"that of the {name} is {reason}"
@@ -148,7 +148,7 @@ def not_estimated(scene: Scene) -> str:
 
 
 def remedies(scene: Scene, asked: float, goal: Quantity, found: Computed, bars: ErrorBars) -> tuple[str, ...]:
-    """For each error of gap and domain that is large beside the accuracy, what would make it small. Not collective."""
+    """Remedies for errors of gap and domain that exceed the accuracy requested, in words. Not collective."""
     said = []
     for term in bars.terms:
         error = relative(goal, found, term)
@@ -162,7 +162,7 @@ def remedies(scene: Scene, asked: float, goal: Quantity, found: Computed, bars: 
 
 
 def _remedy(scene: Scene, term: Term, relative: float) -> str:
-    """What would make a term `relative` times what it is."""
+    """Remedy that reduces a term to a share `relative` of it, in words."""
     if term.name == "datum":
         return _of_datum(scene.flow)
     better = None
@@ -212,7 +212,7 @@ def _lessened(scene: Scene, term: Term, relative: float, at_once: bool = True) -
 
 
 def _measure(scene: Scene, goal: Quantity, loads: Loads) -> Measure:
-    """What a term comes to, relative, for the quantity whose accuracy is asked for."""
+    """Measure of a term: its relative error of the quantity whose accuracy is requested."""
     found = LoadsOnMesh(None, None, loads.elevations)
     if scene.placement is not None:
         buoyancy, weight = weights(scene)
@@ -224,7 +224,7 @@ def _measure(scene: Scene, goal: Quantity, loads: Loads) -> Measure:
 
 @dataclass(frozen=True)
 class LoadsOnMesh:
-    """Loads, elevations and walls that a run has come to: a `goal.Computed`."""
+    """Loads, elevations and walls computed on a mesh: a `goal.Computed`."""
 
     force: Forces | None
     couple: Couples | None

@@ -30,7 +30,7 @@ def cheapest_order(order: int, excess: float, gdim: int = 2) -> int:
     """
 
     def unknowns(k: int) -> float:
-        """Expected of elements of order k, relative."""
+        """Unknowns expected with elements of order k, relative."""
         return UNKNOWNS[gdim][k] * max(1.0, excess * GAIN ** (k - order)) ** (0.5 * gdim / k)
 
     return min((k for k in ORDERS if k >= order), key=unknowns)

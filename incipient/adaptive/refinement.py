@@ -49,7 +49,7 @@ CRITICAL = 1e-4  # a safety factor known this well and still on both sides of on
 
 
 class Refinement(AccuracySearch):
-    """Steady flow: from mesh to mesh by the shares of the vertices."""
+    """Search for the mesh of steady flow: cells by the error that each vertex contributes."""
 
     _failures = 0
 
@@ -89,17 +89,15 @@ class Refinement(AccuracySearch):
             cells = int(mesh.topology.index_map(mesh.topology.dim).size_global)
             order, unknowns = order_of(attempt.scene).number, run.fluid.space.unknowns
             self.report(Trial(order, cells, unknowns, error, seconds, note=attempt.note))
-            if error is None:
-                following = self._within_budget(self._finer(attempt, order, 1.0, shares, np.inf))
-                return following or self._concluded(run, self._handed_over(run))
-            if self.numerics.accuracy != "verdict":
-                following = self._to_refine(attempt, error / self.asked, shares, error)
+            if error is None or self.numerics.accuracy != "verdict":
+                following = self._within_budget(self._next_mesh(attempt, error, shares))
                 return following or self._concluded(run, self._handed_over(run))
             # Coarse runs come next, for the error bars: what has been found outlasts an interrupt.
             recorder = self._handed_over(run)
             with told_where_kept(recorder.kept, self.comm):
                 bars = error_bars(run, force, couple, lambda scene: loads_of(scene, self.comm, self.speed))
-            return self._to_decide(attempt, bars, shares) or self._concluded(run, recorder)
+            following = self._within_budget(self._to_decide(attempt, error, bars, shares))
+            return following or self._concluded(run, recorder)
 
     def _estimated(
         self, run: Run, force: Forces | None, couple: Couples | None
@@ -140,21 +138,23 @@ class Refinement(AccuracySearch):
 
     # -- what next ------------------------------------------------------------------------------
 
-    def _to_refine(self, attempt: Attempt, excess: float, shares: Shares, error: float) -> Attempt | None:
+    def _next_mesh(self, attempt: Attempt, error: float | None, shares: Shares) -> Attempt | None:
         """The next mesh, or nothing once the accuracy is reached or cannot be."""
-        if excess <= 1.0:
+        assert error is not None
+        if error <= self.asked:
             self.conclude(error, self.known.terms["discretisation"].doubt)
             return None
-        order = order_of(attempt.scene).number
         if np.isinf(error):  # the safety factor may be infinite: how much finer is enough is not known
-            order = cheapest_order(order, 1.0 / FOR_VERDICT, self.scene.gdim)
-            return self._within_budget(self._finer(attempt, order, FOR_VERDICT, shares, error))
-        higher, left = next_order(order, excess, self.scene.gdim)
-        return self._within_budget(self._finer(attempt, higher, 1.0 / left, shares, error))
+            return self._for_verdict(attempt, error, shares)
+        higher, left = next_order(order_of(attempt.scene).number, error / self.asked, self.scene.gdim)
+        return self._finer(attempt, higher, 1.0 / left, shares, error)
 
-    def _finer(
-        self, attempt: Attempt, order: int, relative: float, shares: Shares, error: float, note: str = ""
-    ) -> Attempt:
+    def _for_verdict(self, attempt: Attempt, error: float, shares: Shares) -> Attempt:
+        """A mesh on which the error is expected to be `FOR_VERDICT` times that on this one."""
+        order = cheapest_order(order_of(attempt.scene).number, 1.0 / FOR_VERDICT, self.scene.gdim)
+        return self._finer(attempt, order, FOR_VERDICT, shares, error)
+
+    def _finer(self, attempt: Attempt, order: int, relative: float, shares: Shares, error: float) -> Attempt:
         """A mesh on which the error is expected to be `relative` times that in elements of an order on this one."""
         together = self.comm.bcast(float(np.sum(shares.errors)), root=0)
         # As far as contributions cancel, their sum may be larger than the error.
@@ -163,10 +163,12 @@ class Refinement(AccuracySearch):
         per_vertex, before = UNKNOWNS[self.scene.gdim], order_of(attempt.scene).number
         unknowns = self.trials[-1].unknowns * per_vertex[order] / per_vertex[before] * wanted.more_cells
         sizing = partial(coarse_sizes, COARSEST, wanted.field)
-        return Attempt(self._set_up(attempt.scene, order), sizing, unknowns, note)
+        return Attempt(self._set_up(attempt.scene, order), sizing, unknowns)
 
-    def _within_budget(self, attempt: Attempt) -> Attempt | None:
-        """The attempt if it is affordable, else nothing, and why."""
+    def _within_budget(self, attempt: Attempt | None) -> Attempt | None:
+        """The attempt if the budget allows it; else None, with the reason noted."""
+        if attempt is None:
+            return None
         last = self.trials[-1]
         seconds = last.seconds * max(1.0, attempt.expected / last.unknowns) ** TIME_GROWTH
         self.reason = self.beyond_budget(seconds, attempt.expected)
@@ -174,10 +176,10 @@ class Refinement(AccuracySearch):
             self.reason = f"not reached with {MOST_MESHES} meshes"
         return None if self.reason else attempt
 
-    def _to_decide(self, attempt: Attempt, bars: ErrorBars, shares: Shares) -> Attempt | None:
+    def _to_decide(self, attempt: Attempt, error: float, bars: ErrorBars, shares: Shares) -> Attempt | None:
         """The next mesh, gap or domain, or nothing once the verdict is decided or cannot be."""
-        bar, error = bars.safety, self.trials[-1].estimate
-        assert bar is not None and error is not None
+        bar = bars.safety
+        assert bar is not None
         if bar.certain and bars.failed:
             why = "; ".join(f"that of the {name}: {reason}" for name, reason in bars.failed.items())
             self.reason = f"undecided: certain but for errors that are not known, {why}"
@@ -185,12 +187,11 @@ class Refinement(AccuracySearch):
         if bar.certain:
             self.reason, self.met = "the verdict is certain", True
             return None
-        scene, decisive = attempt.scene, bar.decisive
+        decisive = bar.decisive
         if decisive == "discretisation" and error > CRITICAL:
-            order = cheapest_order(order_of(scene).number, 1.0 / FOR_VERDICT, scene.gdim)
-            finer = self._finer(attempt, order, FOR_VERDICT, shares, error, "for the verdict")
-            return self._within_budget(finer)
-        other = with_less_of(decisive, scene)
+            finer = self._for_verdict(attempt, error, shares)
+            return replace(finer, note=", ".join(filter(None, (finer.note, "for the verdict"))))
+        other = with_less_of(decisive, attempt.scene)
         if other is None:
             self.reason = (
                 f"undecided: the safety factor is between {bar.low:.6g} and {bar.high:.6g}, and the error of "
@@ -200,11 +201,11 @@ class Refinement(AccuracySearch):
         for name in ("gap", "domain", "datum"):
             self.known.terms.pop(name, None)
         unknowns = 1.2 * self.trials[-1].unknowns
-        return self._within_budget(replace(attempt, scene=other[0], expected=unknowns, note=other[1]))
+        return replace(attempt, scene=other[0], expected=unknowns, note=other[1])
 
 
 def with_less_of(term: str, scene: Scene) -> tuple[Scene, str] | None:
-    """The scene with a smaller gap or a larger domain, and in words; nothing where that ends."""
+    """The scene with a smaller gap or a larger domain, and a note on it; None if neither is possible."""
     if term == "gap" and scene.contact is not None and scene.contact.gap > SMALLEST_GAP:
         gap = max(CLOSER * scene.contact.gap, SMALLEST_GAP)
         return changed(scene, contact={"gap": gap}), f"gap {gap:.3g} of the grain's size"

@@ -66,16 +66,16 @@ class SearchRecorder:
         return getattr(self._recorder, name)
 
     def begin(self, scene: Scene, plan: Any, domain: Any) -> None:
-        """The mesh is there."""
+        """Begin the record of a run on its mesh."""
         self._recorder.begin(self._asked, plan, domain)
 
     def provisional(self, result: Result) -> Path | None:
-        """The run is over but for its error bars, and the search goes on."""
+        """Record a result without error bars; returns where it is kept."""
         self.kept = self._recorder.provisional(self._with_search(result))
         return self.kept
 
     def finish(self, result: Result) -> None:
-        """The run is over."""
+        """Judge and record the result of a run that is over."""
         self._judge(result)
         self.result = self._with_search(result)
         self._recorder.finish(self.result)
@@ -155,7 +155,7 @@ class AccuracySearch(ABC):
         return asked - self.suited.error if self.suited.error < asked else SHARE * asked
 
     def choose_gap_and_domain(self) -> None:
-        """Where the accuracy includes their errors, choose them for it before any mesh. Collective."""
+        """Choose gap and domain before any mesh, if the accuracy includes their errors. Collective."""
         asked = self.numerics.accuracy
         if self.numerics.accuracy_includes == "discretisation" or not isinstance(asked, float | int):
             return
@@ -169,7 +169,7 @@ class AccuracySearch(ABC):
         return KeptRuns(self.known.loads, self.spent, lambda scene: loads_of(scene, self.comm))
 
     def keep_model_terms(self) -> None:
-        """Let error bars have the terms of gap and domain that were found. Not collective."""
+        """Keep the terms of gap and domain for the error bars. Not collective."""
         if self.suited is not None:
             self.known.terms.update({term.name: term for term in self.suited.terms})
 
@@ -199,7 +199,7 @@ class AccuracySearch(ABC):
         return replace(found, reached=whole, includes=includes, changes=self.suited.changes(self.wished))
 
     def adaptation_beside(self, result: Result) -> Adaptation:
-        """The record so far, and what a result says of errors that are not in it. Not collective."""
+        """The record so far with the remedies for errors that it does not include. Not collective."""
         found, bars = self.adaptation(), result.error_bars
         if bars is None or self.suited is not None or not isinstance(found.asked, float | int):
             return found
@@ -210,14 +210,14 @@ class AccuracySearch(ABC):
         return float(self.comm.bcast(self.ledger.total(), root=0))
 
     def spent(self) -> str:
-        """Why no estimate shall be begun any more, or nothing. Collective."""
+        """Reason why no further estimate may begin, or "". Collective."""
         limit = self.numerics.budget_seconds
         if limit is None or self.elapsed() <= limit:
             return ""
         return f"numerics.budget_seconds = {limit:g} is spent"
 
     def beyond_budget(self, seconds: float, unknowns: float) -> str:
-        """Why a run of so many seconds and unknowns is not made, or nothing. Collective."""
+        """Reason why a run of this time [s] and size exceeds the budget, or "". Collective."""
         numerics = self.numerics
         if numerics.budget_seconds is not None and self.elapsed() + seconds > numerics.budget_seconds:
             budget = f"stopped at numerics.budget_seconds = {numerics.budget_seconds:g}"

@@ -57,7 +57,7 @@ class Shares:
 
 @dataclass(frozen=True, eq=False)
 class Wanted:
-    """The sizes wanted (None but on rank 0), and how many cells that makes for each of the mesh before."""
+    """Cell sizes of the next mesh (None but on rank 0), and its number of cells relative to this one."""
 
     field: SizeField | None
     more_cells: float
@@ -85,7 +85,7 @@ def gathered(mesh: Any, parts: list[Floats]) -> Shares:
 
 
 def _numbers(space: Any) -> tuple[int, Integers]:
-    """How many of a space's unknowns are this rank's, and the global number of each local one."""
+    """Number of unknowns owned by this rank, and the global number of each local one."""
     index_map = space.dofmap.index_map
     local = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
     return index_map.size_local, index_map.local_to_global(local)

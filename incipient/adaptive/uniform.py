@@ -33,7 +33,7 @@ LOOKED_AT, LEAST_FALL = 3, 0.8
 
 
 class UniformRefinement(Refinement):
-    """Steady turbulent flow: all cells alike, from mesh to mesh."""
+    """Search for the mesh of steady turbulent flow: all cells smaller alike."""
 
     def __init__(self, *arguments: Any):
         super().__init__(*arguments)
@@ -43,11 +43,10 @@ class UniformRefinement(Refinement):
         self._seen = []
         return self._on(self.scene, min(factor * self.numerics.mesh_size, LARGEST))
 
-    def _on(self, scene: Scene, mesh_size: float, expected: float = 0.0, note: str = "") -> Attempt:
-        """A mesh with cells of a size, whatever that of the scene is."""
-        said = ", ".join(one for one in (f"mesh_size {mesh_size:.3g}", note) if one)
+    def _on(self, scene: Scene, mesh_size: float, expected: float = 0.0) -> Attempt:
+        """An attempt with a `numerics.mesh_size`."""
         sized = changed(self._set_up(scene, order_of(scene).number), numerics={"mesh_size": mesh_size})
-        return Attempt(sized, expected=expected, note=said)
+        return Attempt(sized, expected=expected, note=f"mesh_size {mesh_size:.3g}")
 
     def _solved(self, run: Run) -> tuple[Forces | None, Couples | None]:
         solve_with_parts(run, run.fluid, run.parts)
@@ -69,22 +68,24 @@ class UniformRefinement(Refinement):
         term = self.known.terms["discretisation"] = by_coarser_mesh(run.scene, computed, self.kept_runs())
         return relative(self.goal, found, term), None
 
-    def _to_refine(self, attempt: Attempt, excess: float, shares: Any, error: float) -> Attempt | None:
-        if excess <= 1.0:
+    def _next_mesh(self, attempt: Attempt, error: float | None, shares: Any) -> Attempt | None:
+        if error is not None and error <= self.asked:
             self.conclude(error)
             return None
         known = [trial.estimate for trial in self.trials if trial.estimate is not None]
-        if len(known) > LOOKED_AT and min(known[-LOOKED_AT:]) > LEAST_FALL * known[-LOOKED_AT - 1]:
+        if (
+            error is not None
+            and len(known) > LOOKED_AT
+            and min(known[-LOOKED_AT:]) > LEAST_FALL * known[-LOOKED_AT - 1]
+        ):
             self.reason = f"not reached: on the last {LOOKED_AT} meshes the error has hardly fallen any more"
             return None
-        return self._within_budget(self._finer(attempt, order_of(attempt.scene).number, 0.0, shares, error))
+        return self._finer(attempt, order_of(attempt.scene).number, 0.0, shares, 0.0)
 
-    def _finer(
-        self, attempt: Attempt, order: int, relative: float, shares: Any, error: float, note: str = ""
-    ) -> Attempt:
+    def _finer(self, attempt: Attempt, order: int, relative: float, shares: Any, error: float) -> Attempt:
         """The mesh with cells smaller by the root of two, of which there are twice as many at the most."""
         mesh_size = attempt.scene.numerics.mesh_size / COARSER_MESH
         if mesh_size < SMALLEST:
             raise MeshError(f"numerics.mesh_size would be below {SMALLEST:g}: enlarge numerics.accuracy")
         more = COARSER_MESH**self.scene.gdim
-        return self._on(attempt.scene, mesh_size, more * self.trials[-1].unknowns, note)
+        return self._on(attempt.scene, mesh_size, more * self.trials[-1].unknowns)

@@ -151,7 +151,7 @@ def digest(scene: Scene) -> str:
 
 
 def kind(scene: Scene) -> str:
-    """Steady, unsteady, or with a mesh that follows a grain or a free surface; where, and whether with turbulence."""
+    """Kind of a scene: steady, unsteady or with a moving mesh, in the plane or in space, with turbulence or not."""
     more = ("" if scene.gdim == 2 else IN_SPACE) + (WITH_TURBULENCE if scene.is_turbulent else "")
     if scene.time is None:
         return STEADY + more

@@ -153,7 +153,7 @@ def price_of_bars(scene: Scene) -> str:
 
 
 def calibrate(say: Say) -> str:
-    """Measure small built-in scenes of each kind; what was found in a line. Goes on where it was interrupted.
+    """Measure small built-in scenes of each kind; returns the findings in a line. Resumes if interrupted.
 
     Raises:
         OutputError: the cache directory cannot be written.

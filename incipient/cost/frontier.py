@@ -31,7 +31,7 @@ class Reference:
 def reference(
     line: Sequence[Mapping[str, float]], ratio: float, others: Sequence[Mapping[str, float]]
 ) -> Reference:
-    """The finest of a line of ever finer runs, improved by what the last three tell of the limit.
+    """The finest of a line of ever finer runs, extrapolated by the last three where they converge.
 
     Args:
         line: numbers of runs of one order, the finest last, each finer than the one before by `ratio`.
@@ -111,7 +111,7 @@ def overhead(times: Sequence[float], unknowns: Sequence[float], solves: Sequence
 
 
 def fitted(costs: Sequence[float], errors: Sequence[float], start: float) -> CostLaw | None:
-    """error = constant (cost - start)^-power by least squares in the logarithms; None if too little tells it."""
+    """error = constant (cost - start)^-power by least squares in the logarithms; None if runs do not suffice."""
     runs = zip(costs, errors, strict=True)
     usable = [(t - start, e) for t, e in runs if t > LEAST_GAIN * start and e > 0.0]
     if len({round(math.log(t), 3) for t, _ in usable}) < 2:
@@ -155,7 +155,7 @@ def cost(law: CostLaw, error: float, errors: Sequence[float], costs: Sequence[fl
 
 
 def percent(error: float) -> str:
-    """0.001 as "0.1%"."""
+    """A share in per cent, such as "0.1%" for 0.001."""
     share = 100.0 * error
     if share == 0.0 or 1e-4 <= share < 1000.0:
         return f"{share:.2g}%"

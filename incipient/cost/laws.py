@@ -53,7 +53,7 @@ def fitted_time(unknowns: Floats, steps: Floats, cpu: Floats, start: float) -> T
     powers = POWERS if unknowns.max() >= WIDE * unknowns.min() else (USUAL_POWER,)
 
     def with_power(power: float) -> tuple[float, TimeLaw]:
-        """Residual, and the law."""
+        """Residual and law of a fit with a power of the unknowns."""
         n = unknowns**power
         (fixed, solution, step), missed = _positive(
             np.stack([np.ones_like(n), n, n * steps], axis=1), cpu - start, cpu

@@ -25,10 +25,10 @@ def write(study: Study, directory: Path) -> None:
     write_text_atomically(directory / "cost.md", page(study))
 
 
-def page(study: Study, picture: str = "cost.png", heading: str = "#") -> str:
-    """The study as Markdown; under a heading of a level, with the picture of a name."""
+def page(study: Study) -> str:
+    """The study as Markdown, with the picture cost.png."""
     title = study.scene.title or "What accuracy costs"
-    parts = [f"{heading} {title}", f"**{study.words()}.**", f"![Error against cost]({picture})"]
+    parts = [f"# {title}", f"**{study.words()}.**", "![Error against cost](cost.png)"]
     parts += [_explained(study), _accuracies(study), _of_goals(study), *_solvers(study), _runs(study)]
     if study.failed:
         lines = [f"- {run.variant.name}: {run.failed}" for run in study.failed]

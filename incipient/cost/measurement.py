@@ -59,7 +59,7 @@ class Variant:
         return self.order, f"{self.mesh_size:.6g}", step, self.solver
 
     def of(self, scene: Scene) -> Scene:
-        """The scene computed so, without error bars and files; PETSc's options are not part of it.
+        """The scene at this resolution, without error bars and files; PETSc's options are not part of it.
 
         Raises:
             SceneError: the scene cannot be computed so.
@@ -90,7 +90,7 @@ class Counts:
 
     @classmethod
     def of(cls, data: Mapping[str, Any]) -> Counts:
-        """Counts from numbers by name; missing ones are zero, other names do not matter."""
+        """Counts from numbers by name; missing ones are zero, other names are ignored."""
         return cls(**{one.name: int(data.get(one.name, 0)) for one in fields(cls)})
 
 

@@ -71,7 +71,7 @@ class KnownLaws:
     where: str
 
     def mean(self, number: Callable[[Findings], float]) -> float:
-        """The geometric mean of a number of each."""
+        """The geometric mean of a number over the findings."""
         return geometric_mean([number(one) for one in self.findings])
 
     def errors(self, scene: Scene) -> dict[str, Error]:
@@ -79,13 +79,21 @@ class KnownLaws:
         step = calibration.step_of_flow(scene, scene.time.step if scene.time else None)
         at, found = (order_of(scene).number, scene.numerics.mesh_size, step), {}
         for goal in dict.fromkeys(goal for one in self.findings for goal in one.errors):
-            if self.own or goal in _goals(scene):
+            if self.own or goal in self._shared:
                 known = [error_at(one.errors[goal], *at) for one in self.findings if goal in one.errors]
                 logs = np.log([max(error, 1e-300) for error, _ in known])
                 factor = math.exp(2.0 * np.std(logs)) * max(scatter for _, scatter in known)
                 least = OWN_ERROR if self.own else FOREIGN_ERROR
                 found[goal] = Error(math.exp(np.mean(logs)), max(factor, least))
         return found
+
+    @property
+    def _shared(self) -> tuple[str, ...]:
+        """Goals that the scene may have in common with others."""
+        body = self.scene.body
+        if body is None:
+            return ("minimum of v1", "maximum of v2", "minimum of v2", "kinetic energy", OF_WALLS)
+        return ("place", "angle") if body.moves else ("force", "couple", "safety factor")
 
     def cheaper(self) -> list[str]:
         """Solver options that the last of the studies found to be cheaper than the scene's, in words."""
@@ -121,13 +129,6 @@ def known_laws(scene: Scene, study: Path | None = None) -> KnownLaws | None:
     return None
 
 
-def _goals(scene: Scene) -> tuple[str, ...]:
-    """Errors that a scene may have in common with others, by name."""
-    if scene.body is None:
-        return ("minimum of v1", "maximum of v2", "minimum of v2", "kinetic energy", OF_WALLS)
-    return ("place", "angle") if scene.body.moves else ("force", "couple", "safety factor")
-
-
 # -- what a run comes to ------------------------------------------------------------------------------------
 
 
@@ -146,7 +147,7 @@ class LastMesh:
     reaches: bool
 
     def text(self) -> str:
-        """Two lines for a reader."""
+        """The expected meshes in two lines."""
         said, reached = "the first mesh is expected to do", "" if self.reaches else "not to be reached, "
         if self.meshes > 1:
             rounded = float(f"{self.unknowns:.2g}")
@@ -298,7 +299,7 @@ def _search(known: KnownLaws, unknowns: int) -> tuple[list[_Run], LastMesh] | st
 
 
 def _sized(scene: Scene, factor: float) -> Scene:
-    """The scene with its cells larger by a factor, as far as they may be. Not collective."""
+    """The scene with cells enlarged by a factor, up to the largest `numerics.mesh_size`. Not collective."""
     return changed(scene, numerics={"mesh_size": min(factor * scene.numerics.mesh_size, LARGEST)})
 
 
@@ -342,7 +343,7 @@ def _balanced(first: _Run, known: KnownLaws, asked: float) -> tuple[list[_Run], 
 
 
 def _as_tried(run: _Run, known: KnownLaws) -> Trial:
-    """Error that a run will find: the step's part as by longer ones, the rest is the mesh's."""
+    """Trial expected of a run: the part of the step as by longer steps, the rest of the mesh."""
     scene, of = run.scene, run.scene.accuracy_of
     own, in_longer = (known.errors(one)[of].value for one in (scene, comparisons(scene)[0]))
     of_step = min(shares(scene)[0] * abs(in_longer - own), own)

@@ -58,7 +58,7 @@ class ComparedNumbers:
 
     @cached_property
     def columns(self) -> tuple[str, ...]:
-        """Their names."""
+        """Names of the numbers."""
         scene = self.scene
         if scene.body is None:
             of_walls = (*WALLS,) if scene.is_turbulent else ("kinetic_energy",)

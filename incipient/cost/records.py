@@ -91,7 +91,7 @@ def _run_of(columns: Sequence[str], row: Mapping[str, str]) -> MeasuredRun:
 
 
 def completed(directory: Path, compared: Collection[Variant]) -> bool:
-    """Give a file of an earlier version the column that it lacks; whether it was one. Not collective.
+    """Add the column that a file of an earlier version lacks; returns whether it was one. Not collective.
 
     It loses the runs `compared` with others that are still to be made: times of another day would not do. Read it
     with `known_runs` before, which tells whether it is damaged.

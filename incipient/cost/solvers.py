@@ -82,7 +82,7 @@ USUAL_IN_TIME = ("implicit", "extrapolated", "bdf1", "bdf2", "loose")
 
 @dataclass(frozen=True, eq=False)
 class SolverOptions:
-    """The solver options of a scene: those that mean something for it, and what they change. None is collective."""
+    """The solver options of a scene, and what they change in it. Methods are not collective."""
 
     scene: Scene
 

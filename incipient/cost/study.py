@@ -40,7 +40,7 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Study:
-    """A scene's ladder when it is done.
+    """The runs of a scene's ladder with their errors, front and laws.
 
     judged: completed runs without the reference, cheapest first
     front:  indices of those that are better, by a tenth at least, than all that take less processor time
@@ -69,7 +69,7 @@ class Study:
         return compared(self.judged, self.front, self.goals)
 
     def words(self) -> str:
-        """Line of words on what accuracy costs."""
+        """What accuracy costs, in a line of words."""
         law = self.laws["cpu"]
         if law is None:
             return self._without_law()
@@ -237,7 +237,7 @@ def _front(judged: Sequence[JudgedRun], errors: Sequence[float]) -> list[int]:
 
 
 def _law(judged: Sequence[JudgedRun], errors: Sequence[float], time: str, start: float) -> CostLaw | None:
-    """The law of a kind of time on the front of errors."""
+    """The law of a time, "cpu" or "wall", on the front of errors."""
     best = _front(judged, errors)
     times = [getattr(judged[index].run, time) for index in best]
     return frontier.fitted(times, [errors[index] for index in best], start)

@@ -45,7 +45,7 @@ class CriticalBars:
 
     @property
     def error(self) -> float:
-        """The larger of the errors to both sides."""
+        """The larger of the errors below and above the factor."""
         return max(self.factor - self.low, self.high - self.factor)
 
     def to_dict(self) -> dict[str, Any]:
@@ -101,7 +101,7 @@ def _root(value: float, power: float) -> float:
 
 @dataclass(frozen=True)
 class CriticalGoal:
-    """The critical flow as what a mesh is refined for (see `accuracy.goal.Quantity`).
+    """The critical flow as the quantity whose error a mesh is refined for (see `accuracy.goal.Quantity`).
 
     gdim, halved: dimension of the scene, and whether half of it is computed, by its symmetry
     """

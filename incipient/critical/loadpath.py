@@ -91,11 +91,11 @@ class LoadPath:
         return chosen
 
     def judged(self, factor: float) -> SafetyFactor:
-        """What the exact judge says of the load with the flow at a factor."""
+        """Safety factor of the load with the flow at a factor."""
         return safety_factor(self.load(factor), self.contacts, self.friction)
 
     def holds(self, factor: float) -> bool:
-        """Whether that load is held."""
+        """Whether the grain is held under the load with the flow at a factor."""
         return self.judged(factor).value >= 1.0
 
     # -- where the grain is no longer held ----------------------------------------------------------

@@ -43,7 +43,7 @@ Concluded = TypeVar("Concluded")
 
 
 class CriticalRefinement(Refinement):
-    """From mesh to mesh by what each vertex contributes to the error of the critical flow.
+    """Search for the mesh of a critical flow: cells by the error that each vertex contributes to it.
 
     Args:
         conclude: makes the result of the search on the last mesh, while its run is at hand.
@@ -83,9 +83,9 @@ class CriticalRefinement(Refinement):
             self.speed, self.goal = found.factor, CriticalGoal(found, self.scene.gdim, run.setup.symmetric)
         return self._search.at_nearest(found.factor)
 
-    def _to_refine(self, attempt: Attempt, excess: float, shares: Any, error: float) -> Attempt | None:
+    def _next_mesh(self, attempt: Attempt, error: float | None, shares: Any) -> Attempt | None:
         if self._found[-1].is_critical:
-            return super()._to_refine(attempt, excess, shares, error)
+            return super()._next_mesh(attempt, error, shares)
         self.reason = "there is no critical flow whose error could be made smaller"
         return None
 
@@ -99,7 +99,7 @@ class CriticalRefinement(Refinement):
 def on_its_own_mesh(
     scene: Scene, comm: MPI.Comm, voice: Silent, conclude: Callable[[Run, CriticalSearch, Found], Concluded]
 ) -> Concluded:
-    """What `conclude` makes of the critical flow, on a mesh made for its law of the wall. Collective.
+    """Find the critical flow on a mesh made for its law of the wall; returns what `conclude` makes of it. Collective.
 
     Raises:
         ConvergenceError: no such flow was found within a few meshes, or near that of another mesh.

@@ -180,7 +180,7 @@ class CriticalSearch:
         return replace(self._ended(np.inf, factor, reason), rocking=rocking)
 
     def _rocking(self, factor: float) -> Rocking | None:
-        """The rests in a flow solved as its load grows; the trial tells of them."""
+        """Rests of the grain as the load of a solved flow grows; its critical factor is noted in the trial."""
         found = None
         with collectively(self.run.comm):
             if self.run.comm.rank == 0:

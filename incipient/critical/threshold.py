@@ -140,15 +140,16 @@ def _threshold(run: Run, found: Found) -> Threshold:
     """The threshold without error bars. Collective."""
     scene, load = run.scene, _load_at(found)
     critical = _judged(run, found, load)
-    stress = found.factor * run.setup.bed_stress(found.factor)
+    assert scene.grain is not None
+    stress, size = found.factor * run.setup.bed_stress(found.factor), scene.grain.size
     threshold = Threshold(
         factor=found.factor,
         held_to=found.held_to,
         reason=found.reason,
         shields=stress / _stress_unit(scene),
         reynolds=found.factor * scene.fluid.reynolds,
-        shear_reynolds=float(np.sqrt(stress) * _size(scene) / scene.viscosity),
-        size=_size(scene),
+        shear_reynolds=float(np.sqrt(stress) * size / scene.viscosity),
+        size=size,
         nominal=nominal_diameter(scene.grain),
         notes=(),
         mode=_mode(run, found),
@@ -242,10 +243,5 @@ def _judged(run: Run, found: Found, load: Load) -> Verdict:
 
 def _stress_unit(scene: Scene) -> float:
     """(rho_s - rho_f) g d."""
-    assert scene.gravity is not None and scene.density is not None
-    return (scene.density - 1.0) * scene.gravity.acceleration * _size(scene)
-
-
-def _size(scene: Scene) -> float:
-    assert scene.grain is not None
-    return scene.grain.size
+    assert scene.grain is not None and scene.gravity is not None and scene.density is not None
+    return (scene.density - 1.0) * scene.gravity.acceleration * scene.grain.size

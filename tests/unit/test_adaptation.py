@@ -169,7 +169,7 @@ def test_a_safety_factor_that_may_be_infinite_is_refined_step_by_step() -> None:
     search.report(Trial(2, 200, 1000, np.inf, 0.1))
     points, triangles = grid(10)
     shares = Shares(points, triangles, np.ones(len(points)))
-    following = search._to_refine(search._first(4.0), np.inf, shares, np.inf)
+    following = search._next_mesh(search._first(), np.inf, shares)
     assert following is not None and 1000.0 < following.expected < 6000.0
 
 
