@@ -30,8 +30,6 @@ from ..simulation.loads import weights
 if TYPE_CHECKING:
     from ..results.turbulence import WallReport
 
-Measure = Callable[[Term], float]
-
 SHARE = 0.5  # of the accuracy, for gap and domain together
 AIM = 0.7  # of a term's part of it, so that the gap or domain expected to have it does
 MOST_STEPS = 6
@@ -82,11 +80,8 @@ def suited(scene: Scene, asked: float, goal: Quantity, solve: Solve, report: Cal
                 return _ended(before, found, goal, solve)
             if found.error <= SHARE * asked:
                 return found
-            report(
-                "; ".join(
-                    [_words(scene.domain), *(f"error of the {name} {e:.1e}" for name, e in errors.items())]
-                )
-            )
+            parts = [f"error of the {name} {error:.1e}" for name, error in errors.items()]
+            report("; ".join([_words(scene.domain), *parts]))
             scene = _improved(found, SHARE * asked / len(errors))
         except IncipientError as error:
             return replace(found, unmet=f"errors of gap and domain are not known beyond that: {error}")
@@ -106,8 +101,8 @@ def _looked_at(scene: Scene, goal: Quantity, solve: Solve, decay: float | None =
     if decay is not None:
         estimates["domain"] = partial(of_domain, scene, decay=decay)
     terms = tuple(estimate(solve) for estimate in estimates.values())
-    measure = _measure(scene, goal, solve(coarse(scene)))
-    errors = {term.name: measure(term) for term in terms}
+    found = _computed(scene, solve(coarse(scene)))
+    errors = {term.name: relative(goal, found, term) or 0.0 for term in terms}
     return Suited(scene, terms, sum(errors.values()), errors=errors)
 
 
@@ -211,15 +206,13 @@ def _lessened(scene: Scene, term: Term, relative: float, at_once: bool = True) -
     return farther(scene, min(factor, FARTHEST) if at_once else factor)
 
 
-def _measure(scene: Scene, goal: Quantity, loads: Loads) -> Measure:
-    """Measure of a term: its relative error of the quantity whose accuracy is requested."""
-    found = LoadsOnMesh(None, None, loads.elevations)
-    if scene.placement is not None:
-        buoyancy, weight = weights(scene)
-        force = Forces(loads.force, loads.force, buoyancy, weight)
-        couple = Couples(loads.couple, loads.couple, spatial(scene.placement.centre))
-        found = replace(found, force=force, couple=couple)
-    return lambda term: relative(goal, found, term) or 0.0
+def _computed(scene: Scene, loads: Loads) -> LoadsOnMesh:
+    """What a coarse run has computed, with the weight of the grain if there is one."""
+    if scene.placement is None:
+        return LoadsOnMesh(None, None, loads.elevations)
+    force = Forces(loads.force, loads.force, *weights(scene))
+    couple = Couples(loads.couple, loads.couple, spatial(scene.placement.centre))
+    return LoadsOnMesh(force, couple, loads.elevations)
 
 
 @dataclass(frozen=True)

@@ -129,10 +129,10 @@ def predicted_plan(scene: Scene, directory: Path | None = None) -> PredictedPlan
     try:
         estimated = first_mesh(scene)
         expected = UNKNOWN if known is None else predict(known, estimated)
-        return PredictedPlan(plan.with_estimate(estimated), expected, cheaper, price_of_bars(scene))
+        plan = plan.with_estimate(estimated)
     except MissingError as error:
-        unknown = f"  cells, unknowns, memory and time are not known: {error}"
-        return PredictedPlan(plan, unknown, cheaper, price_of_bars(scene))
+        expected = f"  cells, unknowns, memory and time are not known: {error}"
+    return PredictedPlan(plan, expected, cheaper, price_of_bars(scene))
 
 
 def price_of_bars(scene: Scene) -> str:

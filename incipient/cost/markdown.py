@@ -11,7 +11,7 @@ from .comparison import Compared
 from .frontier import percent, seconds
 from .measurement import ENOUGH, MeasuredRun
 from .solvers import SolverOptions, said
-from .study import Study, doubt, findings, to_dict
+from .study import Study, findings, to_dict
 
 
 def write(study: Study, directory: Path) -> None:
@@ -39,7 +39,7 @@ def page(study: Study) -> str:
 def _explained(study: Study) -> str:
     leading = [goal for goal in study.goals if goal.leading]
     names = ", ".join(goal.name for goal in leading)
-    worst = max(doubt(goal, study.reference) for goal in leading)
+    worst = max(study.doubt(goal) for goal in leading)
     largest = "the largest of the relative errors of " if len(leading) > 1 else "the relative error of "
     again = f", those of less than {ENOUGH:g} s twice: the quicker one counts"
     return (
@@ -83,7 +83,7 @@ def _of_goals(study: Study) -> str:
         of_law = ["-", "-", "-"]
         if law is not None:
             of_law = [f"{law.constant:.2g}", f"{law.power:.2g}", f"x {law.digit:.2g}"]
-        rows.append([goal.name, *of_law, percent(best), percent(doubt(goal, study.reference))])
+        rows.append([goal.name, *of_law, percent(best), percent(study.doubt(goal))])
     heads = ["quantity", "C", "p", "a further digit", "best error", "reference good to"]
     said = "error = C (t - start)^-p on the front of each quantity, t in seconds of processor time:"
     return f"{said}\n\n{_table(heads, rows)}"

@@ -7,8 +7,7 @@ Every run has a process of its own (`incipient.cost.measurement`). Their numbers
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -38,26 +37,43 @@ Measure = Callable[[Scene, Variant], MeasuredRun]
 Say = Callable[[str], None]
 
 
-@dataclass(frozen=True)
 class Study:
-    """The runs of a scene's ladder with their errors, front and laws.
+    """The runs of a scene's ladder, judged: their errors against the finest of them, and what they cost.
 
-    judged: completed runs without the reference, cheapest first
+    compared_with, reference: the finest run, and its numbers, improved
+    goals:  the errors that are looked at
+    judged: completed runs without the reference, cheapest first; failed: those that gave nothing
     front:  indices of those that are better, by a tenth at least, than all that take less processor time
     laws:   time [s] against error on the fronts, of processor ("cpu") and wall time ("wall")
     of_goals: the laws of processor time by goal
+
+    Args:
+        runs: of the ladder, the reference last.
+
+    Raises:
+        ConvergenceError: fewer than two runs succeeded, or there is nothing to compare.
     """
 
-    scene: Scene
-    ladder: Ladder
-    reference: Reference
-    compared_with: MeasuredRun
-    goals: tuple[ErrorNorm, ...]
-    judged: tuple[JudgedRun, ...]
-    failed: tuple[MeasuredRun, ...]
-    front: tuple[int, ...]
-    laws: Mapping[str, CostLaw | None]
-    of_goals: Mapping[str, CostLaw | None]
+    def __init__(self, scene: Scene, ladder: Ladder, runs: Sequence[MeasuredRun]):
+        self.scene, self.ladder = scene, ladder
+        self.failed = tuple(run for run in runs if run.failed)
+        good = [run for run in runs if not run.failed]
+        if len(good) < 2:
+            reasons = "; ".join(dict.fromkeys(run.failed for run in self.failed))
+            raise ConvergenceError(f"cost: fewer than two runs of the ladder succeeded: {reasons}")
+        self.compared_with, self.reference = _reference(ladder, good)
+        self.goals = ComparedNumbers(scene).goals(self.reference.values)
+        if not self.goals:
+            raise ConvergenceError("cost: all numbers to compare are zero")
+        rest = sorted((run for run in good if run is not self.compared_with), key=lambda run: run.cpu)
+        self.judged = tuple(map(self._judged, rest))
+        errors = [one.error if one.told_apart else math.inf for one in self.judged]
+        self.front = tuple(self._front(errors))
+        starts = {name: _start(good, name) for name in ("cpu", "wall")}
+        self.laws = {name: self._law(errors, name, start) for name, start in starts.items()}
+        self.of_goals = {
+            goal.name: self._law(self._clear_errors(goal), "cpu", starts["cpu"]) for goal in self.goals
+        }
 
     def frontier(self) -> tuple[list[float], list[float]]:
         """Processor times [s] and errors of the runs on the front."""
@@ -70,108 +86,35 @@ class Study:
 
     def words(self) -> str:
         """What accuracy costs, in a line of words."""
-        law = self.laws["cpu"]
-        if law is None:
-            return self._without_law()
-        times, errors = self.frontier()
-        return frontier.words(law, errors, times)
-
-    def _without_law(self) -> str:
-        first, best = self.judged[0], min(self.judged, key=lambda one: one.error)
-        shown = [first] if best is first else [first, best]
-        said = [f"{percent(one.error)}: {seconds(one.run.cpu)}" for one in shown]
+        if law := self.laws["cpu"]:
+            times, errors = self.frontier()
+            return frontier.words(law, errors, times)
+        shown = dict.fromkeys((0, min(range(len(self.judged)), key=lambda i: self.judged[i].error)))
+        said = [f"{percent(self.judged[i].error)}: {seconds(self.judged[i].run.cpu)}" for i in shown]
         return f"{', '.join(said)}; too few runs can be told apart from the reference for a law"
 
+    def doubt(self, goal: ErrorNorm) -> float:
+        """Uncertainty of the reference in terms of a goal's relative error."""
+        return math.hypot(*(self.reference.uncertainty[name] for name in goal.columns)) / goal.scale
 
-def run_ladder(scene: Scene, ladder: Ladder, directory: Path, measure: Measure, say: Say) -> Study:
-    """Make the runs of a ladder that a directory does not hold yet, and judge all of them. Not collective.
+    def _judged(self, run: MeasuredRun) -> JudgedRun:
+        errors = {goal.name: goal.error(run.found, self.reference.values) for goal in self.goals}
+        known = [(errors[goal.name], self.doubt(goal)) for goal in self.goals if goal.leading]
+        return JudgedRun(run, errors, max(error for error, _ in known), _clear(known))
 
-    Raises:
-        SceneError: the scene's runs give nothing to compare.
-        OutputError: the directory holds the ladder of another scene, or cannot be written.
-        ConvergenceError: too few runs succeeded.
-    """
-    columns = ComparedNumbers(scene).columns
-    if not columns:
-        raise SceneError("cost: the scene gives no number to compare")
-    prepare(scene, directory)
-    done, wanted = known_runs(columns, directory), [*ladder.variants, ladder.reference]
-    if completed(directory, ladder.compared):
-        done = known_runs(columns, directory)
-        if any(variant.key not in done for variant in wanted):
-            say(f"{directory}: {EARLIER}")
-    for number, variant in enumerate(wanted, 1):
-        if variant.key in done:
-            continue
-        run = measure(scene, variant)
-        append(columns, run, directory)
-        done[variant.key] = run
-        say(f"{number} of {len(wanted)}: {variant.name}: {run.failed or _spent(run)}")
-    return judge(scene, ladder, [done[variant.key] for variant in wanted])
+    def _clear_errors(self, goal: ErrorNorm) -> list[float]:
+        """The errors of a goal; infinite where they are not clearly more than the doubt about the reference."""
+        found, unsure = [one.errors[goal.name] for one in self.judged], self.doubt(goal)
+        return [error if _clear([(error, unsure)]) else math.inf for error in found]
 
+    def _front(self, errors: Sequence[float]) -> list[int]:
+        return frontier.front([one.run.cpu for one in self.judged], errors, frontier.WORTH)
 
-def _spent(run: MeasuredRun) -> str:
-    return (
-        f"{run.unknowns} unknowns, processor {run.cpu:.2f} s, wall {run.wall:.2f} s, {run.peak_mib:.0f} MiB"
-    )
-
-
-def prepare(scene: Scene, directory: Path) -> None:
-    """Make the directory of a scene's ladder, or check that it is.
-
-    Raises:
-        OutputError: it is that of another scene, or cannot be made.
-    """
-    stored = directory / "scene.toml"
-    refuse_foreign(directory, (TABLE, stored.name))
-    if (directory / TABLE).exists() and stored.exists():
-        if load(stored) != scene:
-            raise OutputError(
-                f"{directory}: holds the runs of another scene; choose another --out or delete it"
-            )
-        return
-    with reported(directory):
-        directory.mkdir(parents=True, exist_ok=True)
-        (directory / TABLE).unlink(missing_ok=True)
-    save(scene, stored)
-
-
-# -- errors and the law -------------------------------------------------------------------------------------
-
-
-def judge(scene: Scene, ladder: Ladder, runs: Sequence[MeasuredRun]) -> Study:
-    """The errors of runs against the finest of them, the reference last, and what they cost.
-
-    Raises:
-        ConvergenceError: fewer than two runs succeeded, or there is nothing to compare.
-    """
-    good = [run for run in runs if not run.failed]
-    if len(good) < 2:
-        reasons = "; ".join(dict.fromkeys(run.failed for run in runs if run.failed))
-        raise ConvergenceError(f"cost: fewer than two runs of the ladder succeeded: {reasons}")
-    compared_with, values = _reference(ladder, good)
-    wanted = ComparedNumbers(scene).goals(values.values)
-    if not wanted:
-        raise ConvergenceError("cost: all numbers to compare are zero")
-    rest = sorted((run for run in good if run is not compared_with), key=lambda run: run.cpu)
-    judged = tuple(_judged(run, wanted, values) for run in rest)
-    errors = [one.error if one.told_apart else math.inf for one in judged]
-    starts = {name: _start(good, name) for name in ("cpu", "wall")}
-    return Study(
-        scene=scene,
-        ladder=ladder,
-        reference=values,
-        compared_with=compared_with,
-        goals=wanted,
-        judged=judged,
-        failed=tuple(run for run in runs if run.failed),
-        front=tuple(_front(judged, errors)),
-        laws={name: _law(judged, errors, name, start) for name, start in starts.items()},
-        of_goals={
-            goal.name: _law(judged, _clear_errors(judged, goal, values), "cpu", starts["cpu"])
-            for goal in wanted
-        },
-    )
+    def _law(self, errors: Sequence[float], time: str, start: float) -> CostLaw | None:
+        """The law of a time, "cpu" or "wall", on the front of errors."""
+        best = self._front(errors)
+        times = [getattr(self.judged[index].run, time) for index in best]
+        return frontier.fitted(times, [errors[index] for index in best], start)
 
 
 def _start(runs: Sequence[MeasuredRun], time: str) -> float:
@@ -205,12 +148,6 @@ def _fineness(run: MeasuredRun) -> tuple[float, ...]:
     return run.variant.order, -(run.variant.step or 0.0), -run.variant.mesh_size
 
 
-def _judged(run: MeasuredRun, wanted: Sequence[ErrorNorm], values: Reference) -> JudgedRun:
-    errors = {goal.name: goal.error(run.found, values.values) for goal in wanted}
-    known = [(errors[goal.name], doubt(goal, values)) for goal in wanted if goal.leading]
-    return JudgedRun(run, errors, max(error for error, _ in known), _clear(known))
-
-
 def _clear(known: Sequence[tuple[float, float]]) -> bool:
     """Whether the largest of errors is known to a factor, each of them with the doubt about its reference.
 
@@ -221,33 +158,11 @@ def _clear(known: Sequence[tuple[float, float]]) -> bool:
     return least > frontier.ROUND_OFF and most < frontier.TOLD_APART * least
 
 
-def doubt(goal: ErrorNorm, values: Reference) -> float:
-    """Uncertainty of the reference in terms of a goal's relative error."""
-    return math.hypot(*(values.uncertainty[name] for name in goal.columns)) / goal.scale
-
-
-def _clear_errors(judged: Sequence[JudgedRun], goal: ErrorNorm, values: Reference) -> list[float]:
-    """The errors of a goal; infinite where they are not clearly more than the doubt about the reference."""
-    found, unsure = [one.errors[goal.name] for one in judged], doubt(goal, values)
-    return [error if _clear([(error, unsure)]) else math.inf for error in found]
-
-
-def _front(judged: Sequence[JudgedRun], errors: Sequence[float]) -> list[int]:
-    return frontier.front([one.run.cpu for one in judged], errors, frontier.WORTH)
-
-
-def _law(judged: Sequence[JudgedRun], errors: Sequence[float], time: str, start: float) -> CostLaw | None:
-    """The law of a time, "cpu" or "wall", on the front of errors."""
-    best = _front(judged, errors)
-    times = [getattr(judged[index].run, time) for index in best]
-    return frontier.fitted(times, [errors[index] for index in best], start)
-
-
 def to_dict(study: Study) -> dict[str, Any]:
     """The study as plain data for cost.json."""
     found: dict[str, Any] = {"schema_version": 1, "title": study.scene.title, "words": study.words()}
     found["reference"] = {"run": study.compared_with.variant.name, **vars(study.reference)}
-    found["goals"] = [{**vars(goal), "doubt": doubt(goal, study.reference)} for goal in study.goals]
+    found["goals"] = [{**vars(goal), "doubt": study.doubt(goal)} for goal in study.goals]
     found["laws"] = {name: law and vars(law) for name, law in study.laws.items()}
     found["laws_of_goals"] = {name: law and vars(law) for name, law in study.of_goals.items()}
     found["solvers"] = [vars(one) for one in study.solvers()]
@@ -263,6 +178,62 @@ def to_dict(study: Study) -> dict[str, Any]:
     ]
     found["failed"] = [{"name": run.variant.name, "why": run.failed} for run in study.failed]
     return found
+
+
+# -- the runs ----------------------------------------------------------------------------------------------
+
+
+def run_ladder(scene: Scene, ladder: Ladder, directory: Path, measure: Measure, say: Say) -> Study:
+    """Make the runs of a ladder that a directory does not hold yet, and judge all of them. Not collective.
+
+    Raises:
+        SceneError: the scene's runs give nothing to compare.
+        OutputError: the directory holds the ladder of another scene, or cannot be written.
+        ConvergenceError: too few runs succeeded.
+    """
+    columns = ComparedNumbers(scene).columns
+    if not columns:
+        raise SceneError("cost: the scene gives no number to compare")
+    prepare(scene, directory)
+    done, wanted = known_runs(columns, directory), [*ladder.variants, ladder.reference]
+    if completed(directory, ladder.compared):
+        done = known_runs(columns, directory)
+        if any(variant.key not in done for variant in wanted):
+            say(f"{directory}: {EARLIER}")
+    for number, variant in enumerate(wanted, 1):
+        if variant.key in done:
+            continue
+        run = measure(scene, variant)
+        append(columns, run, directory)
+        done[variant.key] = run
+        say(f"{number} of {len(wanted)}: {variant.name}: {run.failed or _spent(run)}")
+    return Study(scene, ladder, [done[variant.key] for variant in wanted])
+
+
+def _spent(run: MeasuredRun) -> str:
+    return (
+        f"{run.unknowns} unknowns, processor {run.cpu:.2f} s, wall {run.wall:.2f} s, {run.peak_mib:.0f} MiB"
+    )
+
+
+def prepare(scene: Scene, directory: Path) -> None:
+    """Make the directory of a scene's ladder, or check that it is.
+
+    Raises:
+        OutputError: it is that of another scene, or cannot be made.
+    """
+    stored = directory / "scene.toml"
+    refuse_foreign(directory, (TABLE, stored.name))
+    if (directory / TABLE).exists() and stored.exists():
+        if load(stored) != scene:
+            raise OutputError(
+                f"{directory}: holds the runs of another scene; choose another --out or delete it"
+            )
+        return
+    with reported(directory):
+        directory.mkdir(parents=True, exist_ok=True)
+        (directory / TABLE).unlink(missing_ok=True)
+    save(scene, stored)
 
 
 # -- laws for predictions -----------------------------------------------------------------------------------

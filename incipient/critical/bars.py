@@ -71,9 +71,9 @@ def critical_bars(found: Found, loads: ErrorBars) -> CriticalBars:
         errors[OWN_MESH], ratios[OWN_MESH] = found.own_mesh.change, 1.0
     ranges = {name: factor_range(found, {name: error}, ratios[name]) for name, error in errors.items()}
     low, high = factor_range(found, errors, math.prod(ratios.values()))
-    if found.low < found.high:
-        ranges["search"] = found.low, found.high
-        low, high = low + found.low - found.factor, high + found.high - found.factor
+    if found.between is not None:
+        below, above = ranges["search"] = found.between
+        low, high = low + below - found.factor, high + above - found.factor
     terms = {name: max(found.factor - a, b - found.factor) for name, (a, b) in ranges.items()}
     return CriticalBars(found.factor, max(low, 0.0), high, terms, loads)
 

@@ -12,6 +12,7 @@ more than half of what it changes by: twice as much as a parabola with its verte
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_left
 from dataclasses import dataclass
 from functools import cached_property
@@ -70,14 +71,9 @@ class LoadPath:
         return self.before.over_factor(factor) + self._interpolated(factor, self.loads - known)
 
     def _interpolated(self, factor: float, values: Floats) -> Floats:
-        chosen = self._nearest(factor)
-        found = np.zeros(6)
+        chosen, f, found = self._nearest(factor), self.factors, np.zeros(6)
         for i in chosen:
-            weight = 1.0
-            for j in chosen:
-                if j != i:
-                    weight *= (factor - self.factors[j]) / (self.factors[i] - self.factors[j])
-            found += weight * values[i]
+            found += math.prod((factor - f[j]) / (f[i] - f[j]) for j in chosen if j != i) * values[i]
         return found
 
     def _nearest(self, factor: float) -> list[int]:
@@ -94,16 +90,12 @@ class LoadPath:
         """Safety factor of the load with the flow at a factor."""
         return safety_factor(self.load(factor), self.contacts, self.friction)
 
-    def holds(self, factor: float) -> bool:
-        """Whether the grain is held under the load with the flow at a factor."""
-        return self.judged(factor).value >= 1.0
-
     # -- where the grain is no longer held ----------------------------------------------------------
 
     def loss(self, low: float, high: float) -> float | None:
         """The first factor from `low`, which is held, to `high` from which on the load is not; None: it is held."""
         samples = np.linspace(low, high, SAMPLES + 2)
-        values = self._logarithms(samples)
+        values = np.array([self._logarithm(factor) for factor in samples])
         lost = np.flatnonzero(values[1:] < 0.0)
         if len(lost) == 0:
             return None
@@ -159,9 +151,6 @@ class LoadPath:
         if value == 0.0:
             return -LARGEST_LOGARITHM
         return float(np.clip(np.log(value), -LARGEST_LOGARITHM, LARGEST_LOGARITHM))
-
-    def _logarithms(self, factors: Floats) -> Floats:
-        return np.array([self._logarithm(factor) for factor in factors])
 
     @cached_property
     def _loosest(self) -> Floats:

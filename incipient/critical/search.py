@@ -88,16 +88,6 @@ class Found:
     own_mesh: OwnMesh | None = None
 
     @property
-    def low(self) -> float:
-        """The fastest flow below the critical one that holds the grain, where none was solved nearer."""
-        return self.between[0] if self.between else self.factor
-
-    @property
-    def high(self) -> float:
-        """The slowest flow above the critical one that does not hold it, where none was solved nearer."""
-        return self.between[1] if self.between else self.factor
-
-    @property
     def is_critical(self) -> bool:
         """Whether there is a flow at which the grain begins to move."""
         return 0.0 < self.factor < np.inf
@@ -106,13 +96,9 @@ class Found:
     def load(self) -> Load:
         """The critical load; where any flow moves the grain that of a slow one, else that of the fastest one seen."""
         if self.factor == 0.0:
-            return self.path.load(WEAK * float(np.linalg.norm(self.path.rest.weight)) / self._drag)
+            drag = float(np.linalg.norm(self.path.loads[0, :3])) or 1.0
+            return self.path.load(WEAK * float(np.linalg.norm(self.path.rest.weight)) / drag)
         return self.path.load(self.factor if self.is_critical else float(self.path.factors[-1]))
-
-    @property
-    def _drag(self) -> float:
-        """Size of the slowest flow's force over its factor."""
-        return float(np.linalg.norm(self.path.loads[0, :3])) or 1.0
 
 
 class CriticalSearch:
@@ -143,10 +129,8 @@ class CriticalSearch:
         self._solve(slow)
         value, load = self.trials[0].safety_factor, self._load(slow)
         status = safety_factor(load, self._contacts, self._friction).status
-        if status is SafetyStatus.AT_ONCE:
-            found = self._of_rocking(slow)
-            if found is not None:
-                return found
+        if status is SafetyStatus.AT_ONCE and (found := self._of_rocking(slow)):
+            return found
         if value == 0.0:
             held = status is SafetyStatus.AT_ONCE
             return self._ended(0.0, 0.0, "any flow moves the grain" if held else "its weight alone moves it")
@@ -212,7 +196,7 @@ class CriticalSearch:
                 raise ConvergenceError(f"no steady flow was found at {factor:.4g} times that of the scene")
             path = replace(self._path(), before=before.path.before or before.path)
             low, high = 0.5 * factor, 2.0 * factor
-            new = path.loss(low, high) if path.holds(low) else None
+            new = path.loss(low, high) if path.judged(low).value >= 1.0 else None
             if new is None:
                 raise ConvergenceError(f"no threshold near {factor:.4g} times the flow of the scene any more")
             if self._is_near(new) or len(self.trials) >= MOST_FLOWS:
