@@ -86,7 +86,7 @@ def computed(shape: np.ndarray, distance: float, mesh_size: float) -> Pressures:
     """The flow by the k-epsilon model."""
     began = time.process_time()
     with prepared(scene(shape, distance, mesh_size), MPI.COMM_SELF) as run:
-        run.turbulence.solve(run)
+        run.part("turbulence").solve(run)
         space, unknowns = run.fluid.state.function_space.sub(1).collapse()
         pressure, places = run.fluid.state.x.array[unknowns], space.tabulate_dof_coordinates()
 
@@ -97,7 +97,7 @@ def computed(shape: np.ndarray, distance: float, mesh_size: float) -> Pressures:
 
         x, found = along("body")
         level = np.interp(UPSTREAM + 0.05, *along("bed"))
-        walls = run.turbulence.report()
+        walls = run.wall_report()
         friction = np.array([walls.along["body"][name] for name in ("x", "friction")])
         back = friction[0, friction[1] < 0.0]
         cells = run.domain.mesh.topology.index_map(2).size_global

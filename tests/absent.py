@@ -46,7 +46,7 @@ OF_TURBULENCE = (
     "planning.wall_cells",
     "planning.wall_conditions",
     "effects.turbulence.limits",
-    "results.turbulence",
+    "results.wall_report",
 )
 OF_CONTACT = ("evaluation.contact_verdict", "contact")
 OF_ESTIMATES = ("accuracy",)

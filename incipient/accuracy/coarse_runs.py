@@ -36,9 +36,9 @@ def on_coarser_mesh(scene: Scene) -> Scene:
 def comparisons(scene: Scene) -> tuple[Scene, Scene]:
     """The scene in time with longer steps, and with these in elements of one order more, on a mesh of their own.
 
-    With turbulence, whose k and epsilon keep their order, and for elements of the highest order these are compared with
-    such on a coarser mesh, or where there is neither grain nor turbulence, and the mesh may be as coarse as it gets,
-    with those of one order less. Adaptive steps err more each.
+    With wall layers, where k and epsilon keep their order, and for elements of the highest order these are compared
+    with such on a coarser mesh, or where there is neither grain nor wall layers, and the mesh may be as coarse as it
+    gets, with those of one order less. Adaptive steps err more each.
     """
     assert scene.time is not None
     ratio = ratio_of_steps(scene)
@@ -54,7 +54,7 @@ def comparisons(scene: Scene) -> tuple[Scene, Scene]:
 
 def on_another_mesh(scene: Scene) -> bool:
     """Whether a flow in time is compared with one on a coarser mesh, not with one of another order. Not collective."""
-    return scene.is_turbulent or (order_of(scene).number == HIGHEST_ORDER and scene.body is not None)
+    return scene.has_wall_layer or (order_of(scene).number == HIGHEST_ORDER and scene.body is not None)
 
 
 def ratio_of_steps(scene: Scene) -> float:

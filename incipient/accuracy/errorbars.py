@@ -64,7 +64,7 @@ def error_terms(
 ) -> ErrorBars:
     """Error bars but for what they mean for the verdict; a steady flow may be `speed` times the scene's. Collective."""
     scene, found = run.scene, _Found(run, solve)
-    if scene.is_turbulent and scene.time is None:
+    if scene.has_wall_layer and scene.time is None:
         computed = _computed(run, force, couple)
         found.add("discretisation", partial(by_coarser_mesh, scene, computed))
         if is_coarse(scene):
@@ -104,9 +104,8 @@ def with_safety(bars: ErrorBars, run: Run, force: Forces | None, couple: Couples
     terms = (term for term in bars.terms if term.modes)
     bar = bar_of_scene(run.scene, run.contacts, force, couple, errors, *terms)
     unknown = (*bars.failed, *({MODEL} & bars.left_out.keys()))
-    if bar is not None and run.turbulence is not None:
-        holds = run.turbulence.report().applicable
-        bar = replace(bar, certain=False, decisive=OF_MODEL if holds else LAW)
+    if bar is not None and (walls := run.wall_report()) is not None:
+        bar = replace(bar, certain=False, decisive=OF_MODEL if walls.applicable else LAW)
     if bar is not None and (doubtful := bars.doubtful or (SCAN if SCAN in bars.failed else "")):
         bar = replace(bar, certain=False, decisive=doubtful)
     return replace(bars, safety=bar and replace(bar, unknown=unknown))
@@ -120,7 +119,7 @@ def _computed(run: Run, force: Forces | None, couple: Couples | None) -> Loads:
         place = np.concatenate([state.place, state.orientation])
     from ..mesh.sampling import centrelines
 
-    walls = None if run.turbulence is None or force is not None else run.turbulence.report()
+    walls = run.wall_report() if force is None else None
     lines = centreline_velocities(centrelines(run.scene, run.fluid))
     return replace(Loads.at_the_end(force, couple, place, run.elevations, walls), centreline=lines)
 
@@ -202,7 +201,7 @@ def coarse_scenes(scene: Scene) -> list[Scene]:
     with suppress(ConvergenceError):  # a term that is not computed needs no runs
         if scene.time is not None:
             by_coarser_runs(scene, nothing, note)
-        elif scene.is_turbulent:
+        elif scene.has_wall_layer:
             by_coarser_mesh(scene, nothing, note)
         elif scene.has_centrelines:
             on_centrelines(scene, nothing, note)

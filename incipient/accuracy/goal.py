@@ -24,7 +24,7 @@ from .safetybar import bar_of_scene
 if TYPE_CHECKING:
     from ..results.elevations import Elevations
     from ..results.errorbars import Term
-    from ..results.turbulence import WallReport
+    from ..results.wall_report import WallReport
 
 
 # A couple smaller than this share of force times grain size is measured against that share.

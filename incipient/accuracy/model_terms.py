@@ -88,7 +88,7 @@ def no_gap(scene: Scene) -> str:
 
 def has_no_far_sides(scene: Scene) -> str:
     """Why there is no term of the domain, or nothing."""
-    if scene.is_turbulent and scene.body is None:
+    if scene.has_wall_layer and scene.body is None:
         return "does not apply: how long the channel is, and what enters, belong to the scene"
     if scene.domain.kind == "box":
         return "does not apply: the domain is closed by walls"
@@ -129,7 +129,7 @@ def with_other_datum(scene: Scene, speed: float = 1.0) -> Scene | None:
     the bed's own height. At `speed` the flow is faster by a factor.
     """
     base_flow = Setup(scene).base_flow_at(speed)
-    if scene.is_turbulent or has_no_far_sides(scene) or not base_flow.over_forms:
+    if scene.has_wall_layer or has_no_far_sides(scene) or not base_flow.over_forms:
         return None
     found, datum = base_flow.effective_height, base_flow.datum
     bottom, crest = scene.domain.bottom, scene.bed_shape.crest
@@ -182,6 +182,6 @@ def of_the_model(scene: Scene, speed: float = 1.0) -> dict[str, Callable[[Solve]
 def not_there(scene: Scene) -> dict[str, str]:
     """Why a scene has no term of gap, domain or model of turbulence, by name. Not collective."""
     reasons = {"gap": no_gap(scene), "domain": has_no_far_sides(scene)}
-    if scene.is_turbulent:
+    if scene.has_wall_layer:
         reasons[MODEL] = "not estimated: other constants or walls of [turbulence] tell of it"
     return {name: reason for name, reason in reasons.items() if reason}

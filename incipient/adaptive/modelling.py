@@ -28,7 +28,7 @@ from ..scene.flows import Flow
 from ..simulation.loads import weights
 
 if TYPE_CHECKING:
-    from ..results.turbulence import WallReport
+    from ..results.wall_report import WallReport
 
 SHARE = 0.5  # of the accuracy, for gap and domain together
 AIM = 0.7  # of a term's part of it, so that the gap or domain expected to have it does

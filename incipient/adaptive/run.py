@@ -29,7 +29,7 @@ def run_to_accuracy(
     Raises:
         IncipientError: on all ranks, if no mesh could be solved on.
     """
-    steady = UniformRefinement if scene.is_turbulent else Refinement
+    steady = UniformRefinement if scene.has_wall_layer else Refinement
     search = steady if scene.time is None else Balancing
     recorder = recorder or Unrecorded()
     with Interruption(comm) if recorder.keeps else nullcontext():

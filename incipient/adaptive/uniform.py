@@ -1,4 +1,4 @@
-"""Steady turbulent flow to a given accuracy: all cells become smaller alike, until coarser meshes differ by little.
+"""Steady flow with wall layers to an accuracy: all cells become smaller alike, until coarser meshes differ by little.
 
 No dual solution of flow, k and epsilon is there to say which cells an error comes from. Each mesh has cells smaller by
 the root of two than the one before, and is compared with the two before it (`discretisation.by_coarser_mesh`), so
@@ -33,7 +33,7 @@ LOOKED_AT, LEAST_FALL = 3, 0.8
 
 
 class UniformRefinement(Refinement):
-    """Search for the mesh of steady turbulent flow: all cells smaller alike."""
+    """Search for the mesh of steady flow with wall layers: all cells smaller alike."""
 
     def __init__(self, *arguments: Any):
         super().__init__(*arguments)
@@ -53,9 +53,9 @@ class UniformRefinement(Refinement):
         return (None, None) if run.probe is None else loads(run, surface=False)
 
     def _estimated(self, run: Run, force: Forces | None, couple: Couples | None) -> tuple[float | None, Any]:
-        assert run.turbulence is not None
-        found = LoadsOnMesh(force, couple, None, run.turbulence.report())
-        computed = Loads.at_the_end(force, couple, None, None, found.turbulence)
+        walls = run.wall_report()
+        found = LoadsOnMesh(force, couple, None, walls)
+        computed = Loads.at_the_end(force, couple, None, None, walls)
         self._seen.append((run.scene, computed))
         coarser = on_coarser_mesh(run.scene)
         if len(self._seen) < 3 or coarser.numerics.mesh_size > coarsest(Setup(self.scene)):

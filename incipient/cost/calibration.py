@@ -152,7 +152,7 @@ def digest(scene: Scene) -> str:
 
 def kind(scene: Scene) -> str:
     """Kind of a scene: steady, unsteady or with a moving mesh, in the plane or in space, with turbulence or not."""
-    more = ("" if scene.gdim == 2 else IN_SPACE) + (WITH_TURBULENCE if scene.is_turbulent else "")
+    more = ("" if scene.gdim == 2 else IN_SPACE) + (WITH_TURBULENCE if scene.has_wall_layer else "")
     if scene.time is None:
         return STEADY + more
     moving = scene.has_surface or scene.moves

@@ -74,14 +74,14 @@ STEADY, UNSTEADY = Spread(), Spread(sizes=(2.0, RATIO, 1.0))
 QUICK = Spread((2, 3), (2.0, RATIO), (4.0, 2.0), solvers=())
 # In space higher orders and finer cells soon have too many unknowns, and few solver options have a meaning.
 IN_SPACE = Spread((2,), (2.0, RATIO, 1.0), (4.0, 2.0, 1.0), solvers=())
-# With turbulence k and epsilon have one order, and no other solver option is known to matter.
-TURBULENT = Spread((2, 3), (2.0, RATIO, 1.0, 1.0 / RATIO), (4.0, 2.0, 1.0), solvers=())
+# With wall layers k and epsilon have one order, and no other solver option is known to matter.
+WITH_WALL_LAYERS = Spread((2, 3), (2.0, RATIO, 1.0, 1.0 / RATIO), (4.0, 2.0, 1.0), solvers=())
 
 
 def spread(scene: Scene, quick: bool) -> Spread:
     """The usual ladder of a scene."""
-    if scene.gdim == 3 or scene.is_turbulent:
-        usual = TURBULENT if scene.gdim == 2 else IN_SPACE
+    if scene.gdim == 3 or scene.has_wall_layer:
+        usual = WITH_WALL_LAYERS if scene.gdim == 2 else IN_SPACE
         if quick:
             usual = replace(usual, sizes=usual.sizes[:-1], steps=usual.steps[:-1])
         return replace(usual, orders=(order_of(scene).number,)) if quick or scene.gdim == 3 else usual
@@ -119,7 +119,7 @@ def _solved_as_is(scene: Scene, spread: Spread) -> Ladder:
         steps = _descending(min(scene.time.step * step, scene.time.end / 2.0) for step in spread.steps)
         return _unsteady(orders, sizes, steps)
     finer = 2.0 if scene.gdim == 2 else RATIO
-    if scene.is_turbulent:
+    if scene.has_wall_layer:
         return _steady(orders, sizes, orders[-1], finer)
     # A higher order is worth more than finer cells; without one they must be finer, too.
     return _steady(orders, sizes, min(orders[-1] + 1, 4), RATIO if orders[-1] == 4 else finer)

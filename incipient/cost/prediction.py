@@ -226,11 +226,11 @@ def predict(known: KnownLaws, first: Estimate) -> Prediction | str:
     if last and scene.time is not None:
         beside = [one for run in path for one in _compared_with(run)]
         wanted = [one for one in wanted if one not in comparisons(end.scene)]
-    elif last and scene.is_turbulent:  # the meshes before the last are those it is compared with
+    elif last and scene.has_wall_layer:  # the meshes before the last are those it is compared with
         coarser = on_coarser_mesh(end.scene)
         wanted = [one for one in wanted if one not in (coarser, on_coarser_mesh(coarser))]
     runs = [run.size for run in (*path, *beside, *map(_counted, wanted))]
-    of_loads = scene.time is None and scene.body is not None and not scene.is_turbulent
+    of_loads = scene.time is None and scene.body is not None and not scene.has_wall_layer
     has_duals = of_loads and (bars or last is not None)
     duals = [run.of_dual for run in path] if has_duals else []
     cpu = known.mean(lambda one: one.time.seconds(runs, duals))
@@ -252,7 +252,7 @@ def first_mesh(scene: Scene) -> Estimate:
     Raises:
         MeshError: it cannot be made.
     """
-    if scene.numerics.accuracy is None or scene.is_turbulent:
+    if scene.numerics.accuracy is None or scene.has_wall_layer:
         made = estimate(scene if scene.numerics.accuracy is None else _sized(scene, COARSEST)).estimate
         assert made is not None
         return made
@@ -286,7 +286,7 @@ def _search(known: KnownLaws, unknowns: int) -> tuple[list[_Run], LastMesh] | st
     if error is None:
         return f"no error of the {scene.accuracy_of} is known for scenes of this kind; run `incipient cost SCENE`"
     asked, reaches = numerics.accuracy, True
-    if scene.is_turbulent:
+    if scene.has_wall_layer:
         path, reaches = _alike(_Run(first, unknowns), known, asked)
     elif time is None:
         error = replace(error, value=COARSE * error.value)

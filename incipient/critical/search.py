@@ -122,7 +122,7 @@ class CriticalSearch:
 
     def from_rest(self) -> Found:
         """Search from rest upwards."""
-        if self.run.turbulence is not None:
+        if self.run.setup.has_wall_layer:
             return self._from_slowest()
         inertia = self.run.plan.has(EffectName.INERTIA)
         slow = CREEPING / self._reynolds if inertia else 1.0
@@ -214,7 +214,7 @@ class CriticalSearch:
         """Make the fluid that of the flow solved nearest to a factor; force and couple there."""
         within = min(factor, max(self._states))
         nearest = min(self._states, key=lambda one: abs(one - within))
-        if self.run.turbulence is None:
+        if not self.run.setup.has_wall_layer:
             make_as_fast(self.run, nearest)
         self._start_from(nearest)
         return self._solved[nearest]
@@ -229,7 +229,7 @@ class CriticalSearch:
             if isinstance(inside, Found):
                 return inside
             top = float(path.factors[-1])
-            first = GROWTH * slow if self.run.turbulence is not None else FIRST / self._reynolds
+            first = GROWTH * slow if self.run.setup.has_wall_layer else FIRST / self._reynolds
             following = inside or self._beyond(path, top, first if top == slow else largest)
             if isinstance(following, Found):
                 return following

@@ -100,7 +100,7 @@ def find_threshold(
     voice = voice or Silent()
     if scene.numerics.accuracy is not None:
         return CriticalRefinement(scene, comm, voice, concluded).result()
-    if scene.is_turbulent:
+    if scene.has_wall_layer:
         return on_its_own_mesh(scene, comm, voice, concluded)
     with prepared(scene, comm, voice=voice) as run:
         search = CriticalSearch(run)
@@ -127,7 +127,7 @@ def _require(scene: Scene) -> None:
             "a profile that keeps its shape as the flow grows, unlike a log-law; sweep fluid.reynolds instead",
         ),
         (
-            scene.numerics.accuracy is None or not scene.is_turbulent,
+            scene.numerics.accuracy is None or not scene.has_wall_layer,
             "numerics.accuracy left out with turbulence; its error bars tell how accurate it is",
         ),
     )
@@ -161,7 +161,7 @@ def _threshold(run: Run, found: Found) -> Threshold:
         unsolved=found.unsolved,
         cost=cost(run),
         si=in_si(scene, found.factor, load.flow_force, load.flow_couple) if found.is_critical else None,
-        stress_power=2.0 if scene.is_turbulent else 1.0,
+        stress_power=2.0 if scene.has_wall_layer else 1.0,
     )
     return replace(threshold, notes=_notes(run, found, threshold)) if found.is_critical else threshold
 
@@ -186,7 +186,7 @@ def _notes(run: Run, found: Found, threshold: Threshold) -> tuple[str, ...]:
     """What the Shields number is, and whether the flow can be laminar there. Not collective."""
     scene, setup = run.scene, run.setup
     plane = " in the plane" if scene.gdim == 2 else ""
-    about = TURBULENT if scene.is_turbulent else LAMINAR
+    about = TURBULENT if scene.has_wall_layer else LAMINAR
     notes = [_shields_note(threshold, scene.gdim), about.format(flow=f"{scene.flow.kind} flow", plane=plane)]
     if turbulent := transition(setup, numbers_of(setup), found.factor):
         notes.append(turbulent.text(" at the threshold"))

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from ..mesh.domain import Domain
     from ..mesh.motion import MeshMotion
     from ..restart.checkpoint import Checkpoint
+    from ..results.wall_report import WallReport
 
 Stage = Callable[[str], AbstractContextManager[Any]]
 
@@ -137,6 +138,10 @@ class RunPart:
     def reported(self) -> dict[str, Any]:
         """Fields of `results.result.Result` by their names."""
         return {}
+
+    def wall_report(self) -> WallReport | None:
+        """The flow along walls with a wall-function layer, of a part that knows any."""
+        return None
 
     def functions(self) -> dict[str, Any]:
         """Functions on the mesh by the names that files have."""

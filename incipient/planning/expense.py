@@ -22,8 +22,6 @@ OF_FACTORS, OF_BLOCKS, OF_CORRECTIONS, OF_MOVED = 450.0, 3000.0, 900.0, 1600.0
 DENSER = 1600.0  # bytes per unknown by which matrices of order three, by blocks, are denser
 # Factors of higher orders over those of order two, by measured peaks of a lid-driven cube (docs/space.md).
 FULLER = {2: 1.0, 3: 1.33, 4: 1.65}
-# Bytes per unknown of the flow by k and epsilon, and what solves them and the flow with them.
-OF_TURBULENCE = 2500.0
 # MiB of a free surface and bytes per unknown of it and what it displaces; bytes per unknown of the steady flow from
 # which a run below one starts; fitted.
 OF_SURFACE, OF_RISING, OF_START = 14.0, 350.0, 900.0
@@ -55,7 +53,7 @@ def _is_in_space(layout: Layout) -> bool:
 def has_dual(setup: Setup) -> bool:
     """Whether a scene's error bars take a dual solution beside the flow. Not collective."""
     scene = setup.scene
-    held = scene.body is not None and scene.time is None and not scene.is_turbulent
+    held = scene.body is not None and scene.time is None and not scene.has_wall_layer
     return scene.numerics.error_bars and held
 
 
@@ -121,11 +119,6 @@ def memory_in_space(solver: str, unknowns: Callable[[int], int], order: int, dua
         of_order = OF_BLOCKS + DENSER * (order > LOWEST_ORDER)
         size = of_order * unknowns(order) + (OF_CORRECTIONS * unknowns(order + 1) if dual else 0.0)
     return memory_of_libraries() + size / 2**20
-
-
-def memory_of_turbulence(unknowns: int) -> float:
-    """MiB that k and epsilon, and blocks that are the Jacobian's, add to those of a flow in space. Not collective."""
-    return OF_TURBULENCE * unknowns / 2**20
 
 
 def memory_of_surface(unknowns: int, started: bool) -> float:

@@ -104,7 +104,7 @@ class Setup:
     @property
     def has_wall_layer(self) -> bool:
         """Whether walls are felt by wall functions, over a layer that the mesh leaves out or stands for."""
-        return self.scene.is_turbulent
+        return self.scene.has_wall_layer
 
     @cached_property
     def walls(self) -> LayeredWalls:

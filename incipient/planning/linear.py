@@ -47,7 +47,7 @@ def method_of(setup: Setup, slow: bool, unsteady: bool) -> Method:
     dear = "an LU factorisation in space would take much time and memory"
     if slow:
         return Method("block", f"{dear}; Stokes flow needs none")
-    if unsteady and scene.is_turbulent:
+    if unsteady and scene.has_wall_layer:
         return Method(
             "direct", "iterative solvers are not validated for unsteady turbulent flow; needs much memory"
         )
@@ -56,7 +56,7 @@ def method_of(setup: Setup, slow: bool, unsteady: bool) -> Method:
     if scene.is_empty_box:
         why = "the block preconditioner does not converge in a closed box"
         return Method("direct", f"{why}; an LU factorisation takes much time and memory")
-    if upwinds(setup) and scene.is_turbulent:
+    if upwinds(setup) and scene.has_wall_layer:
         return Method("block", f"{dear}; on {FEW_CELLS} cells or less it is faster, and used")
     if upwinds(setup):
         return Method("block", f"{dear}; with upwinding none is needed")

@@ -35,7 +35,7 @@ def order_of(scene: Scene) -> VelocityOrder:
         return VelocityOrder(2, why)
     if scene.moves:
         return VelocityOrder(2, "the grain moves, and the mesh with it")
-    if scene.numerics.accuracy is not None and not scene.is_turbulent:
+    if scene.numerics.accuracy is not None and not scene.has_wall_layer:
         return VelocityOrder(2, "a higher one is taken where it is expected to need fewer unknowns")
     return VelocityOrder(
         3, "in the plane, where nothing moves, its error is far below that of order 2 for the same time"

@@ -77,17 +77,19 @@ class WallLaw:
         return found
 
     def governing(
-        self, speed: Any, turbulent: Any, viscosity: Any, distance: Any, functions: Any = NUMPY
+        self, speed: Any, fluctuations: Any, viscosity: Any, distance: Any, functions: Any = NUMPY
     ) -> Any:
-        """The larger of u* for a speed at a distance from the wall and of that which the turbulence there stands for.
+        """The larger of u* for a speed at a distance from a wall and of `fluctuations`, that which k stands for there.
 
         Where the flow separates the speed vanishes and k does not: Kuzmin, Mierka & Turek (2007).
         """
-        return functions.larger(self.shear_velocity(speed, viscosity, distance, functions), turbulent)
+        return functions.larger(self.shear_velocity(speed, viscosity, distance, functions), fluctuations)
 
-    def drag(self, speed: Any, turbulent: Any, viscosity: Any, distance: Any, functions: Any = NUMPY) -> Any:
+    def drag(
+        self, speed: Any, fluctuations: Any, viscosity: Any, distance: Any, functions: Any = NUMPY
+    ) -> Any:
         """Friction over the velocity, u*/u+ of the governing u*, not below that of a viscous sublayer, nu/y."""
-        found = self.governing(speed, turbulent, viscosity, distance, functions)
+        found = self.governing(speed, fluctuations, viscosity, distance, functions)
         return functions.larger(
             found / self.velocity(found, viscosity, distance, functions), viscosity / distance
         )

@@ -9,7 +9,7 @@ from ..effects import known
 from ..output.earlier import DRAWN
 from ..pictures.judged import Judged, judged, sentence
 from ..pictures.record import parsed_json
-from ..results.turbulence import longest
+from ..results.wall_report import longest
 from .errors import certainty, of_errors
 from .expense import of_adaptation, of_cost, of_omissions, of_plan, versions
 from .page import Bounded, Cell, Erring, Part, Picture, Section, section, table, words

@@ -93,7 +93,7 @@ class StoredFlow:
 
 
 @dataclass(frozen=True, eq=False)
-class StoredTurbulence:
+class StoredValues:
     """States of ln k and ln epsilon (n, states, 2) at their nodes (n, 3), the present one first."""
 
     points: Rows
@@ -158,7 +158,7 @@ class Checkpoint:
     body: Body | None = None
     recorded: Recorded = Recorded()
     surface: Surface | None = None
-    turbulence: StoredTurbulence | None = None
+    turbulence: StoredValues | None = None
 
     @property
     def time(self) -> float:

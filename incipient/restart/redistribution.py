@@ -23,7 +23,7 @@ from ..fluid import Fluid
 from ..mesh.domain import Domain
 from ..parallel import collectively
 from ..tables.rows import Numbered, Rows, compact, exchanged
-from .checkpoint import StoredFlow, StoredMesh, StoredTurbulence
+from .checkpoint import StoredFlow, StoredMesh, StoredValues
 
 # How far, relative to the mesh's size, a node may be from where its value was stored.
 SAME_PLACE = 1e-10
@@ -69,10 +69,10 @@ def stored_flow(fluid: Fluid, states: Sequence[Floats]) -> StoredFlow:
     )
 
 
-def stored_turbulence(space: Any, states: Sequence[Floats]) -> StoredTurbulence:
+def stored_values(space: Any, states: Sequence[Floats]) -> StoredValues:
     """States (local unknowns,) of ln k and ln epsilon on their space, this rank's blocks of them. Collective."""
     values = np.stack([state.reshape(-1, 2) for state in states], axis=1)
-    return StoredTurbulence(_owned(space, space.tabulate_dof_coordinates()), _owned(space, values))
+    return StoredValues(_owned(space, space.tabulate_dof_coordinates()), _owned(space, values))
 
 
 def _given(mesh: Any) -> Integers:
@@ -164,7 +164,7 @@ def spread_flow(fluid: Fluid, stored: StoredFlow) -> list[Floats]:
     return states
 
 
-def spread_turbulence(space: Any, stored: StoredTurbulence) -> list[Floats]:
+def spread_values(space: Any, stored: StoredValues) -> list[Floats]:
     """The states (local unknowns,) of ln k and ln epsilon on a space of theirs. Collective.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Error bars on loads, path, elevations, u* of turbulent walls and velocities on centrelines: terms, as data."""
+"""Error bars on loads, path, elevations, u* at walls and velocities on centrelines: terms, as data."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .safetybar import SafetyBar
 
 if TYPE_CHECKING:
     from ..mesh.sampling import Extremum
-    from .turbulence import WallReport
+    from .wall_report import WallReport
 
 # Force and couple where there is no grain.
 NO_GRAIN: Floats = np.zeros(0)
@@ -28,7 +28,7 @@ class Loads:
     force, couple: (0,) without a grain
     place:         of a grain that moves, with its angle or quaternion: (3 or 7,)
     elevations:    of a free surface
-    shear:         (2,) u* at the outflow and its mean along the walls, of a turbulent flow without a grain
+    shear:         (2,) u* at the outflow and its mean along walls with a wall-function layer, without a grain
     centreline:    (3,) extreme velocities on the centrelines of a lid-driven box without a grain
     """
 
@@ -48,7 +48,7 @@ class Loads:
         elevations: Elevations | None,
         walls: WallReport | None = None,
     ) -> Loads:
-        """The loads of the flow, with what else there is; without a grain none, but u* of turbulent walls."""
+        """The loads of the flow, with what else there is; without a grain none, but u* at walls."""
         of_force, of_couple = (NO_GRAIN if one is None else one.flow for one in (force, couple))
         shear = None if walls is None or force is not None else walls.shear_velocities
         return cls(of_force, of_couple, place, elevations, shear)

@@ -27,7 +27,7 @@ from .steady import Steadied
 
 if TYPE_CHECKING:
     from ..mesh.sampling import Extremum
-    from .turbulence import WallReport
+    from .wall_report import WallReport
 
 SCHEMA_VERSION = 1
 # What result.json has under the name and in the form that the result has it.

@@ -15,8 +15,8 @@ class SafetyBar:
     """The safety factor over all loads within the error bars, what is certain of them, and what to improve.
 
     low, high: the smallest and the largest safety factor of a load within the bars
-    certain:   whether it is proved that all of these loads are held, or that none is: rest, or motion; in turbulent
-               flow only where the law of the wall holds
+    certain:   whether it is proved that all of these loads are held, or that none is: rest, or motion; with
+               wall layers only where the law of the wall holds
     modes:     what loads within the bars do, with `complete`; otherwise what those that were asked do
     complete:  whether it is proved that no load within the bars does anything else; one mode is then certain
     decisive:  the term without which the range of safety factors would shrink most
@@ -24,7 +24,7 @@ class SafetyBar:
                and with which all are; None where there is none
     frozen:    of a grain that rocks, how much its flow's load may change as it does, relative: low and high are about
                so far away, and nothing is proved
-    unknown:   terms that should be there but could not be computed, and the model of turbulence
+    unknown:   terms that should be there but could not be computed, and the model of the mean flow
     """
 
     value: float

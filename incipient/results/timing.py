@@ -29,7 +29,6 @@ EFFECT_OF_STAGE: dict[str, str] = {
     "remeshing": EffectName.MOVING_MESH,
     "interface": EffectName.FREE_BODY,
     "free surface": EffectName.FREE_SURFACE,
-    "turbulence": EffectName.TURBULENCE,
     "fields": "output",
     "checkpoint": "output",
     "error bars": "estimates",

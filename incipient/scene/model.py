@@ -202,11 +202,11 @@ class SceneSections(Section):
         asked = self.numerics.accuracy_of
         if asked != "auto" or self.body is not None:
             return asked if asked != "auto" else "force"
-        return OF_WALLS if self.is_turbulent else "elevation"
+        return OF_WALLS if self.has_wall_layer else "elevation"
 
     @property
-    def is_turbulent(self) -> bool:
-        """Whether turbulence is to be simulated."""
+    def has_wall_layer(self) -> bool:
+        """Whether turbulence is simulated: walls are felt by wall functions, over a layer that the mesh leaves out."""
         return self.effects.turbulence is True
 
     @cached_property
@@ -240,7 +240,7 @@ class SceneSections(Section):
 
         It is in turbulent flow. Laminar flow through a gap is slow enough for the loads to be near their limit.
         """
-        return self.gdim == 2 and self.is_turbulent and self.rests and not self.moves
+        return self.gdim == 2 and self.has_wall_layer and self.rests and not self.moves
 
     @cached_property
     def bed_shape(self) -> Any:

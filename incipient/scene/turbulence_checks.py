@@ -17,7 +17,7 @@ _NOT_SIMULATED = "with turbulence is not simulated by this version"
 
 def contradictory(scene: SceneSections) -> Iterator[Problem]:
     """What keeps a scene from having the turbulence that it asks for."""
-    if not scene.is_turbulent:
+    if not scene.has_wall_layer:
         if scene.turbulence is not None:
             why = "describes turbulence, which effects.turbulence does not ask for"
             yield problem("turbulence", why, "set effects.turbulence = true or leave the section out")

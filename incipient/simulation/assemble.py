@@ -115,7 +115,7 @@ def with_rests(run: Run, result: Result) -> Result:
 
 def has_error_bars(scene: Scene) -> bool:
     """Whether the result of a scene is to have error bars. Not collective."""
-    of = scene.body is not None or scene.has_surface or scene.is_turbulent
+    of = scene.body is not None or scene.has_surface or scene.has_wall_layer
     return scene.numerics.error_bars and (of or (scene.has_centrelines and scene.time is None))
 
 

@@ -68,7 +68,7 @@ class Beside:
         """The mesh in every scene of a coarse run, by the JSON of the scene; none if it does not serve for one."""
         run = self._run
         if (
-            run.turbulence is not None
+            run.setup.has_wall_layer
             or run.scene.gdim != 3
             or run.scene.time is not None
             or run.layout.placement is None

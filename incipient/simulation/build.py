@@ -51,7 +51,7 @@ def prepared(
         recorder: told when the mesh is there.
         checkpoint: the checkpoint of an earlier session of the run, whose mesh is taken and whose costs are counted on.
         sizing: changes the cell sizes that the plan has laid out.
-        speed: of the turbulent flow whose law of the wall the mesh is made for, over the scene's.
+        speed: of the flow whose law of the wall the mesh is made for, over the scene's.
 
     Raises:
         IncipientError: on all ranks: the scene cannot be planned or meshed.

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from ..coupled.tractions import TractionProbe
     from ..effects.free_surface.part import MovingSurface
     from ..effects.moving_grain.part import MovingGrain
-    from ..effects.turbulence.part import TurbulentFlow
     from ..fluid import Fluid, Transient
     from ..mesh.domain import Domain
+    from ..results.wall_report import WallReport
     from .march import March
 
 
@@ -130,25 +130,25 @@ class Run:
     @property
     def grain(self) -> MovingGrain | None:
         """The grain that moves; None without one, and before the first step."""
-        return cast("MovingGrain | None", self._part(EffectName.FREE_BODY))
+        return cast("MovingGrain | None", self.part(EffectName.FREE_BODY))
 
     @property
     def surface(self) -> MovingSurface | None:
         """The free surface; None without one, and before the first step."""
-        return cast("MovingSurface | None", self._part(EffectName.FREE_SURFACE))
+        return cast("MovingSurface | None", self.part(EffectName.FREE_SURFACE))
 
     @property
     def elevations(self) -> Elevations | None:
         """Elevations of the free surface so far; None without one, and before the first step."""
         return None if self.surface is None else self.surface.elevations
 
-    @property
-    def turbulence(self) -> TurbulentFlow | None:
-        """Turbulence model on the newest mesh, or None."""
-        return cast("TurbulentFlow | None", self._part(EffectName.TURBULENCE))
-
-    def _part(self, effect: EffectName) -> RunPart | None:
+    def part(self, effect: EffectName) -> Any:
+        """The part of an effect on the newest mesh, or None."""
         return next((part for part in self.parts if part.effect == effect), None)
+
+    def wall_report(self) -> WallReport | None:
+        """Flow along walls with a wall-function layer, None without. Collective."""
+        return next((found for part in self.parts if (found := part.wall_report()) is not None), None)
 
     @property
     def steadiness(self) -> Steadiness | None:

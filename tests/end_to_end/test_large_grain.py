@@ -60,7 +60,7 @@ def test_what_grain_and_bed_bear_is_what_the_stream_loses():
     Where the stream leaves freely -p n + nu dv/dn is none; what the stress has besides is counted.
     """
     with prepared(stone(), MPI.COMM_SELF) as run:
-        run.turbulence.solve(run)
+        run.part("turbulence").solve(run)
         fluid, domain = run.fluid, run.domain
         v, _ = ufl.split(fluid.state)
         along = fluid.space.velocity_map[::2]

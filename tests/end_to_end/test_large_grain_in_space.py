@@ -82,7 +82,7 @@ def test_what_grain_and_walls_bear_is_what_the_stream_loses(sides):
     scene = stone(domain=Domain(length=1.6, width=1.2, height=1.0, sides=sides))
     with prepared(scene, MPI.COMM_SELF) as run:
         assert run.fluid.solver.regular, "on few cells factors are faster than blocks"
-        run.turbulence.enter(run.fluid)
+        run.part("turbulence").enter(run.fluid)
         assert run.fluid.solve(1e-7).converged
         borne, lost = balance(run.fluid, walls)
         force, result = run.probe.resultant(), outcome(run)
@@ -142,10 +142,13 @@ def test_walls_of_a_square_duct_bear_alike():
     )
     stresses = {}
     with prepared(duct, MPI.COMM_SELF) as run:
-        run.turbulence.solve(run)
-        law, away = run.turbulence._walls.law, (duct.viscosity, run.turbulence._walls.distance)
+        run.part("turbulence").solve(run)
+        law, away = (
+            run.part("turbulence")._walls.law,
+            (duct.viscosity, run.part("turbulence")._walls.distance),
+        )
         for name, axis in (("bottom", 1), ("top", 1), ("left", 2)):
-            along = along_wall(run.fluid, name, run.turbulence.fields.shear_velocity())
+            along = along_wall(run.fluid, name, run.part("turbulence").fields.shear_velocity())
             end = np.isclose(along.places[:, 0], 5.0)
             stress = law.drag(along.speeds, along.shear_velocities, *away) * along.speeds
             stresses[name] = np.average(stress[end], weights=along.lengths[end])

@@ -23,7 +23,7 @@ from incipient.planning.flow_setup import Setup
 from incipient.planning.order import order_of
 from incipient.planning.wall_cells import coarsest
 from incipient.results.errorbars import Loads
-from incipient.results.turbulence import REATTACHES, WallReport
+from incipient.results.wall_report import REATTACHES, WallReport
 from incipient.scene import (
     Contact,
     Disc,

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 from ...errors import SceneError
 from ...planning.effects import Decision, EffectName
-from ...planning.expense import memory_of_turbulence
 from ...planning.flow_setup import Setup
 from ...planning.numbers import Numbers
 from ...results.left_out import Omission
@@ -36,6 +35,8 @@ def _of_friction(stored: Mapping[str, Any]) -> tuple[float, float] | None:
     return low, high
 
 
+# Per unknown of a flow in space by k and epsilon, and what solves them and the flow with them.
+BYTES = 2500.0
 # Name in the report of the walls, words, column, error bar.
 AT_WALLS = (
     ("least", "least y+ of the walls", "y_plus_min", None),
@@ -61,7 +62,7 @@ class TurbulenceEffect(Effect):
     def decide(self, setup: Setup, numbers: Numbers) -> Decision:
         """Present where the scene asks for it; else the plan says where the flow may be turbulent."""
         scene = setup.scene
-        if scene.is_turbulent:
+        if scene.has_wall_layer:
             told = f"k-epsilon model; {setup.walls.text()}"
             return Decision(self.name, True, f"effects.turbulence = true: {told}", True)
         off = scene.effects.turbulence is False
@@ -76,7 +77,7 @@ class TurbulenceEffect(Effect):
 
     def warnings(self, setup: Setup) -> Iterator[str]:
         """Walls, beds and grains for which the law of the wall is doubtful; those for which it does not hold raise."""
-        if not setup.scene.is_turbulent:
+        if not setup.scene.has_wall_layer:
             return
         from . import limits
 
@@ -86,21 +87,21 @@ class TurbulenceEffect(Effect):
 
     def as_fast(self, setup: Setup, speed: float) -> Setup:
         """The setup of a flow as fast, whose law of the wall has another distance."""
-        return setup.faster(speed) if setup.scene.is_turbulent and speed != 1.0 else setup
+        return setup.faster(speed) if setup.scene.has_wall_layer and speed != 1.0 else setup
 
     def part_at_start(self, setup: Setup, domain: Domain, stage: Stage) -> TurbulentFlow | None:
         """k and epsilon."""
-        if not setup.scene.is_turbulent:
+        if not setup.scene.has_wall_layer:
             return None
         from .part import TurbulentFlow
 
         return TurbulentFlow(setup, domain, stage)
 
     def memory(self, setup: Setup, unknowns: int) -> float:
-        """MiB of k and epsilon in space."""
-        if setup.scene.gdim == 2 or not setup.scene.is_turbulent:
+        """MiB of k and epsilon in space, and of blocks that are the Jacobian's."""
+        if setup.scene.gdim == 2 or not setup.scene.has_wall_layer:
             return 0.0
-        return memory_of_turbulence(unknowns)
+        return BYTES * unknowns / 2**20
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
         """That fluctuations of a mean profile are not there, or that a laminar flow may be turbulent."""

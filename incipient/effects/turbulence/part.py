@@ -21,7 +21,7 @@ from ...planning.effects import EffectName
 from ...planning.flow_setup import Setup
 from ...planning.linear import FEW_CELLS
 from ...planning.tolerance import of_steady
-from ...results.turbulence import WallReport
+from ...results.wall_report import WallReport
 from ..run_part import RunPart, Solving, Stage
 from .along_walls import AlongWall, along_wall
 from .fields import KEpsilon, TurbulenceConditions
@@ -152,28 +152,28 @@ class TurbulentFlow(RunPart):
 
     def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
         """ln k and ln epsilon, now and before."""
-        from ...restart.redistribution import stored_turbulence
+        from ...restart.redistribution import stored_values
 
         assert self.in_time is not None
-        return {"turbulence": stored_turbulence(self.fields.space, self.in_time.past)}
+        return {"turbulence": stored_values(self.fields.space, self.in_time.past)}
 
     def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
         """Take ln k and ln epsilon from a checkpoint."""
-        from ...restart.redistribution import spread_turbulence
+        from ...restart.redistribution import spread_values
 
         assert kept.turbulence is not None and self.in_time is not None
-        self.in_time.past = spread_turbulence(self.fields.space, kept.turbulence)
+        self.in_time.past = spread_values(self.fields.space, kept.turbulence)
         self.fields.state.x.array[:] = self.in_time.past[0]
 
     # -- output -----------------------------------------------------------------------------------
 
     def columns(self, step: TimeStep, coupling: Coupling | None) -> dict[str, Any]:
         """u* and y+ along the walls after a step."""
-        return self.report().columns()
+        return self.wall_report().columns()
 
     def reported(self) -> dict[str, Any]:
         """u* and y+ along the walls at the end."""
-        return {"turbulence": self.report()}
+        return {"turbulence": self.wall_report()}
 
     def unknowns(self) -> dict[str, int]:
         """Unknowns of ln k and ln epsilon."""
@@ -197,7 +197,7 @@ class TurbulentFlow(RunPart):
             compat.interpolate(found[name], expression)
         return found
 
-    def report(self) -> WallReport:
+    def wall_report(self) -> WallReport:
         """u* and y+ along the walls, and what they say of the law."""
         scene, walls, names = self._scene, self._walls, self._walls.names
         along = {name: along_wall(self._fluid, name, self.fields.shear_velocity()) for name in names}
