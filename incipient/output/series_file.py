@@ -49,7 +49,7 @@ class Unreadable(OutputError):
 
 
 @dataclass(frozen=True)
-class Step:
+class StoredStep:
     """Fields read back: points (nodes, 3), cells (cells, nodes per cell), fields (nodes,) or (nodes, 3)."""
 
     time: float
@@ -285,7 +285,7 @@ def times(stem: Path) -> list[float]:
         return [float(file[f"step{index}"].attrs["time"]) for index in range(_some(file, path))]
 
 
-def read_step(stem: Path, index: int = -1) -> Step:
+def read_step(stem: Path, index: int = -1) -> StoredStep:
     """Read one step (the last by default) of a pair written by `SeriesFile`. Not collective.
 
     Raises:
@@ -296,7 +296,9 @@ def read_step(stem: Path, index: int = -1) -> Step:
         group = file[f"step{range(_some(file, path))[index]}"]
         about = group.attrs
         fields = {name: dataset[()] for name, dataset in group.items()}
-        return Step(float(about["time"]), file[about["geometry"]][()], file[about["topology"]][()], fields)
+        return StoredStep(
+            float(about["time"]), file[about["geometry"]][()], file[about["topology"]][()], fields
+        )
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import OutputError
-from ..output.series_file import Step, read_step
+from ..output.series_file import StoredStep, read_step
 from .mesh import QuadraticMesh
 from .streamlines import Sampled, sample
 
@@ -24,8 +24,8 @@ class Run:
     directory: Path
     result: dict[str, Any]
     scene: dict[str, Any]
-    fields: Step
-    surface: Step | None
+    fields: StoredStep
+    surface: StoredStep | None
 
     @cached_property
     def mesh(self) -> QuadraticMesh:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import planar_cross, quarter_turned
-from ..output.series_file import Step
+from ..output.series_file import StoredStep
 from .mesh import directed, enclosed_area
 
 
@@ -24,7 +24,7 @@ class Surface:
     is_closed: bool = True
 
     @classmethod
-    def of(cls, step: Step) -> Surface:
+    def of(cls, step: StoredStep) -> Surface:
         """Put the edges of a surface series in order around the grain."""
         points = step.points[:, :2]
         edges = directed(step.cells)

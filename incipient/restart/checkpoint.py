@@ -101,7 +101,7 @@ class StoredValues:
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class StoredBody:
     """A moving grain, its coupling to the fluid and its mesh. States are place, angle or quaternion, velocities.
 
     made, weights:   places (nodes, 3) of the mesh when made, and how each node follows the grain (nodes, gdim + 1)
@@ -132,7 +132,7 @@ class Body:
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class StoredSurface:
     """A free surface and its mesh, the present state first.
 
     made:       places (nodes, 3) of the mesh when made
@@ -155,9 +155,9 @@ class Checkpoint:
     mesh: StoredMesh
     times: Floats
     flow: StoredFlow
-    body: Body | None = None
+    body: StoredBody | None = None
     recorded: Recorded = Recorded()
-    surface: Surface | None = None
+    surface: StoredSurface | None = None
     turbulence: StoredValues | None = None
 
     @property

@@ -23,7 +23,7 @@ class Elevations:
     largest: float
 
     @classmethod
-    def of(cls, readings: list[Reading]) -> Elevations:
+    def of(cls, readings: list[ElevationReading]) -> Elevations:
         """What has been read, of which there is one at least."""
         times, values = (np.array(part) for part in zip(*((r.time, r.values) for r in readings), strict=True))
         return cls(times, values.reshape(len(readings), -1), max(reading.largest for reading in readings))
@@ -66,7 +66,7 @@ class Elevations:
 
 
 @dataclass(frozen=True)
-class Reading:
+class ElevationReading:
     """Elevations at the stations at a time, and the largest size of one anywhere on the surface."""
 
     time: float

@@ -23,7 +23,7 @@ MOST_EVENTS = 10  # told in words, the longest first
 
 
 @dataclass(frozen=True)
-class Event:
+class UnheldTime:
     """A time in which the grain is not held.
 
     start, length: in the series' units of time; impulse: integral of the flow's force less what could be held of it
@@ -44,7 +44,7 @@ class Series:
     times: Floats
     batch: Batch
     shares: dict[str, float]
-    events: tuple[Event, ...]
+    events: tuple[UnheldTime, ...]
 
     def to_dict(self) -> dict[str, Any]:
         """All but the samples as plain data."""
@@ -151,7 +151,7 @@ def _steps(times: Floats) -> Floats:
     return np.append(gaps, 0.0) + np.append(0.0, gaps)
 
 
-def _events(times: Floats, steps: Floats, loads: Loads, batch: Batch) -> list[Event]:
+def _events(times: Floats, steps: Floats, loads: Loads, batch: Batch) -> list[UnheldTime]:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], ~batch.held, [False]]).astype(np.int8)))
     excess = np.linalg.norm(loads.force, axis=1) * (1.0 - np.minimum(batch.factors, 1.0)) * steps
     found = []
@@ -160,7 +160,7 @@ def _events(times: Floats, steps: Floats, loads: Loads, batch: Batch) -> list[Ev
         often = np.bincount(batch.modes[rows], steps[rows])
         mode, least = batch.labels[int(often.argmax())], float(batch.factors[rows].min())
         length = float(steps[rows].sum())
-        found.append(Event(float(times[first]), length, float(excess[rows].sum()), least, mode))
+        found.append(UnheldTime(float(times[first]), length, float(excess[rows].sum()), least, mode))
     return found
 
 

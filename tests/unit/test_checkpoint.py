@@ -25,10 +25,10 @@ from incipient.output.directory import CHECKPOINT
 from incipient.output.reopening import reopened
 from incipient.planning.order import order_of
 from incipient.restart.checkpoint import (
-    Body,
     Checkpoint,
     Progress,
     Recorded,
+    StoredBody,
     StoredFlow,
     StoredMesh,
     read,
@@ -165,7 +165,7 @@ def sample(time: float = 1.0, met: bool = False) -> Checkpoint:
     cells = Rows.whole(np.array([[0, 1, 2]]))
     mesh = StoredMesh(2, table(4, 2), cells, np.array([[0, 1]]), np.array([7]), {"bed": 7})
     flow = StoredFlow(table(4, 3), table(3, 3), table(4, 2, 2), table(3, 2))
-    body = Body(
+    body = StoredBody(
         *(table(4, 3), table(4, 3), numbers(3), numbers((2, 6)), numbers(2), table(4, 2, 3)),
         None, 2, 0.1, numbers(3), numbers(3), 0.1, numbers((1, 3)), met,
         [{"time": 0.1, "cells": 5}], np.array([1, 2]),

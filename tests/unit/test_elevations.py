@@ -17,7 +17,7 @@ from incipient.adaptive.balance import Parts, Powers, cheapest, first
 from incipient.adaptive.modelling import suited
 from incipient.effects.plan import make_plan
 from incipient.planning.order import order_of
-from incipient.results.elevations import Elevations, Reading
+from incipient.results.elevations import ElevationReading, Elevations
 from incipient.results.errorbars import NO_GRAIN, ErrorBars, Loads
 from incipient.scene import Scene
 from incipient.scene.file import loads
@@ -66,7 +66,7 @@ def test_a_run_resumed_late_is_compared_from_there_on():
     late = Elevations(late.times[10:], late.values[10:], 1.0)
     expected = np.abs(np.cos(0.99 * late.times) - np.cos(late.times)).max()
     assert late.apart(whole)[0] == pytest.approx(expected, rel=1e-12)
-    only = Elevations.of([Reading(4.0, [0.5, 0.25], 1.0)])
+    only = Elevations.of([ElevationReading(4.0, [0.5, 0.25], 1.0)])
     assert only.apart(whole)[0] == pytest.approx(abs(0.5 - np.cos(4.0)), rel=1e-12)
 
 

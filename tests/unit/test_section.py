@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pyvista import UnstructuredGrid
 
-from incipient.output.series_file import Step
+from incipient.output.series_file import StoredStep
 from incipient.pictures.record import Run
 from incipient.pictures.section import PARTS, TETRAHEDRON, boundary_lines, grain_lines, section_of
 from incipient.scene import Domain, Ellipsoid, Fluid, Scene, Shear
@@ -51,7 +51,7 @@ def test_fields_stand_where_they_are_on_curved_cells() -> None:
         Path(),
         {},
         {"domain": {"origin": [0.0, 0.0, 0.0], "width": 1.0}},
-        Step(0.0, points, cells, fields),
+        StoredStep(0.0, points, cells, fields),
         None,
     )
     section = section_of(run, (0.0, 1.0, 0.0, 1.0), ["pressure", "velocity"], 50)
@@ -89,7 +89,7 @@ def test_the_line_around_a_grain_is_its_own() -> None:
         Path(),
         {"grain": grain},
         scene.model_dump(mode="json"),
-        Step(0.0, CUBE, np.zeros((0, 10), int), {}),
+        StoredStep(0.0, CUBE, np.zeros((0, 10), int), {}),
         None,
     )
     (line,) = grain_lines(run, 1.0)

@@ -6,14 +6,14 @@ import numpy as np
 
 from ...coupled.coupling import Coupling
 from ...coupled.surface import SurfacePart
-from ...restart.checkpoint import Surface
+from ...restart.checkpoint import StoredSurface
 from ...restart.redistribution import numbered_nodes, spread_nodes
 
 
-def stored(part: SurfacePart, coupling: Coupling) -> Surface:
+def stored(part: SurfacePart, coupling: Coupling) -> StoredSurface:
     """Elevations now and before, and the places of the mesh."""
     nodes = numbered_nodes(coupling.fluid.domain.mesh)
-    return Surface(
+    return StoredSurface(
         made=nodes.dealt(coupling.motion.reference),
         elevations=nodes.dealt(np.stack([part.mesh.on_nodes(one) for one in part.past], axis=1)),
         times=np.array(part.times),
@@ -21,7 +21,7 @@ def stored(part: SurfacePart, coupling: Coupling) -> Surface:
     )
 
 
-def restore(part: SurfacePart, kept: Surface, coupling: Coupling) -> None:
+def restore(part: SurfacePart, kept: StoredSurface, coupling: Coupling) -> None:
     """Give the surface its elevations, and the mesh its places, now and before."""
     mesh = coupling.fluid.domain.mesh
     part.past = [part.mesh.from_nodes(one) for one in spread_nodes(mesh, kept.elevations).T.copy()]

@@ -24,7 +24,7 @@ from ...mesh.sampling import sample
 from ...planning.effects import EffectName
 from ...planning.flow_setup import Setup
 from ...planning.surface import OUTLINE, depths, stays_below
-from ...results.elevations import Elevations, Reading
+from ...results.elevations import ElevationReading, Elevations
 from ...scene import Scene
 from ...scene.surface import stations_of
 from ..run_part import RunPart, Stage
@@ -55,7 +55,7 @@ class MovingSurface(RunPart):
 
     def __init__(self, setup: Setup, stage: Stage):
         self._setup, self._scene, self._stage = setup, setup.scene, stage
-        self.readings: list[Reading] = []
+        self.readings: list[ElevationReading] = []
 
     def joined(self, fluid: Fluid, before: MovingSurface | None = None) -> None:
         """Enter a fluid; the surface on the mesh before goes on above it, and its volume stays."""
@@ -173,7 +173,7 @@ class MovingSurface(RunPart):
     def read(self) -> None:
         """Keep the elevations at the stations now, and the largest anywhere."""
         values = self._stations.values(self.part.elevation)
-        self.readings.append(Reading(self.fluid.time, values, self.part.largest()))
+        self.readings.append(ElevationReading(self.fluid.time, values, self.part.largest()))
 
     @property
     def elevations(self) -> Elevations | None:

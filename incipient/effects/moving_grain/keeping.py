@@ -12,7 +12,7 @@ from ...coupled.coupling import Coupling
 from ...coupled.remeshing import Remeshing
 from ...coupled.rigid import End, RigidPart
 from ...fluid import Transient
-from ...restart.checkpoint import Body, Checkpoint
+from ...restart.checkpoint import Checkpoint, StoredBody
 from ...restart.redistribution import numbered_nodes, spread_nodes
 
 
@@ -22,11 +22,11 @@ def stored(
     interface_iterations: list[int],
     coupling: Coupling,
     transient: Transient,
-) -> Body:
+) -> StoredBody:
     """A moving grain, its coupling to the fluid and its mesh, and how it has come so far."""
     mean = part.mean_load
     nodes = numbered_nodes(coupling.fluid.domain.mesh)
-    return Body(
+    return StoredBody(
         made=nodes.dealt(coupling.motion.reference),
         weights=nodes.dealt(part.mesh.weights),
         made_for=BodyState.at(part.mesh.placement).packed(),
@@ -46,7 +46,7 @@ def stored(
     )
 
 
-def restore(part: RigidPart, body: Body, coupling: Coupling) -> None:
+def restore(part: RigidPart, body: StoredBody, coupling: Coupling) -> None:
     """Give the grain its state and past, and the mesh its places now and before."""
     mesh = coupling.fluid.domain.mesh
     part.mesh.weights[:] = spread_nodes(mesh, body.weights)
