@@ -99,7 +99,7 @@ def _take(directory: Path, mine: Holder) -> None:
     for _ in range(TURNS):
         if _create(path, mine) or _taken_over(path, mine):
             return
-    raise OutputError(f"{path}: comes and goes; wait for the runs that are at work there, or remove it")
+    raise OutputError(f"{path}: other runs keep taking this lock; wait for them to end, or remove it")
 
 
 def _create(path: Path, mine: Holder) -> bool:
@@ -148,12 +148,12 @@ def _is_still_there(path: Path, stream: BinaryIO) -> bool:
 
 def _busy(path: Path, holder: Holder | None) -> str:
     if holder is None:
-        return f"{path.parent}: another run begins there; choose another directory, or remove {path} if none does"
+        return f"{path.parent}: another run is starting there; choose another directory, or remove {path} if none does"
     who = f"process {holder.process} on {holder.host.split()[0]}, since {holder.since}"
     remedy = "wait for it or choose another directory"
     if holder.host != _host() or holder.began is None:
         remedy += f", or remove {path} if that process is gone"
-    return f"{path.parent}: another run is at work there ({who}); {remedy}"
+    return f"{path.parent}: another run is using it ({who}); {remedy}"
 
 
 def _give_back(path: Path, mine: Holder) -> None:

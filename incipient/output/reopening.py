@@ -75,7 +75,7 @@ def _require_same(path: Path, scene: Scene, of_checkpoint: Scene) -> None:
         others = [*allowed, *(f'{name} = "{value}"' for name, value in becomes.items())]
         raise SceneError(
             f"{path}: {key} is {now.get(key)}, but the run to resume has {before.get(key)}; "
-            f"leave it so (only {', '.join(others)} may change) or start anew with: incipient run"
+            f"leave it so (only {', '.join(others)} may change) or start a new run with: incipient run"
         )
 
 
@@ -86,12 +86,12 @@ def _require_work(scene: Scene, of_checkpoint: Scene, kept: Checkpoint) -> None:
     if met and not repelled and scene.contact_gap >= of_checkpoint.contact_gap:
         raise SceneError(
             "the run has ended: its grain met something; "
-            'to go on set body.on_contact = "repel", or a smaller contact.gap'
+            'to resume it set body.on_contact = "repel", or a smaller contact.gap'
         )
     if scene.time.end - kept.time <= 1e-9 * scene.time.end:
         raise SceneError(
             f"the run has come to t = {kept.time:g} already and time.end is {scene.time.end:g}; "
-            "to go on give a later one, such as --set time.end=" + f"{2 * kept.time:g}"
+            "to resume it give a later one, such as --set time.end=" + f"{2 * kept.time:g}"
         )
 
 

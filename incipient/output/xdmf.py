@@ -66,7 +66,7 @@ class FieldSeries:
         except Unreadable as error:
             why, aside = str(error).rpartition("; ")[0], self._file.put_aside()
             kept = f", what there was is in {aside}" if aside else ""
-            log.warning("%s; the series starts anew after t = %g%s", why, after, kept)
+            log.warning("%s; the series restarts after t = %g%s", why, after, kept)
             self._file.create()
 
     def _go_on(self, nodes: QuadraticNodes) -> None:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 FORMAT, VERSION = "incipient checkpoint", 5
-ANEW = "start anew with: incipient run"
+ANEW = "start a new run with: incipient run"
 METADATA_BYTES = 1 << 16
 
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from ..mesh.domain import Domain
 
 # What a result says of error bars that are still to come; a run that is stopped leaves it so.
-TO_COME = "not computed: the run goes on, or was stopped while they were"
+TO_COME = "not computed: the run has not finished, or was stopped before"
 NO_MORE = (
     0.01  # by how much the load that a grain rocks under is more than what moves it, and counts as the same
 )

@@ -132,7 +132,7 @@ class Beside:
         with self._run.stage("flow"):
             report = fluid.solve(TOLERANCE, self._run.scene.numerics.max_iterations)
         if not report.converged:
-            raise ConvergenceError("the flow on the moved mesh was not found from that of the run")
+            raise ConvergenceError("the flow on the moved mesh did not converge from the solution of the run")
 
 
 def _in_domain(run: Run, scene: Scene) -> Floats | None:

@@ -165,7 +165,7 @@ class March:
             grain.remeshings.append(done)
             run.take_mesh(fluid, parts)
         run.voice.say(
-            f"t = {done.time:.6g}: a new mesh of {done.cells} cells; making the flow free of divergence on it "
+            f"t = {done.time:.6g}: remeshed with {done.cells} cells; the projection onto divergence-free velocities "
             f"changed the velocity by {done.change:.1e}"
         )
 

@@ -158,7 +158,7 @@ class TimeLoop:
         if stop or kept or (every > 0 and step.number % every == 0):
             path = self._keep()
         if stop:
-            raise Interrupted(f"interrupted at t = {step.time:.6g}; to go on: incipient resume {path}")
+            raise Interrupted(f"interrupted at t = {step.time:.6g}; resume with: incipient resume {path}")
 
     def _row(self, step: TimeStep) -> dict[str, Any]:
         """One line of the history: the step, the parts, and the loads on a grain that is held."""

@@ -270,7 +270,7 @@ class SweepRefinement:
         given = self._aim.quantity
         if given is not None and rows and all(given not in row for row in rows.values()):
             there = ", ".join(dict.fromkeys(name for row in rows.values() for name in row))
-            raise SceneError(f"--quantity {given}: no case has this column; there are {there}")
+            raise SceneError(f"--quantity {given}: no case has this column; available: {there}")
 
     def _seen(self, task: str, row: Mapping[str, Any]) -> Seen:
         name = self._aim.quantity or _USUAL.get(task, "safety_factor")

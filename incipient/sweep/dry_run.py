@@ -16,7 +16,7 @@ from .expectation import Expected, Foresight, total
 from .request import Request
 from .store import DONE, FAILED, Store
 
-LOOKING = "looking at cases, in per cent"
+LOOKING = "sampling cases, per cent"
 LONGEST = 10.0  # seconds that cases are looked at
 
 
@@ -73,7 +73,7 @@ def foretold(request: Request, file: Path, means: Means, places: int, voice: Sil
     more = sample.of_all / len(sample.cases)
     known, about = sample.of_all - round(more * len(left)), "" if sample.is_whole or not states else "about "
     lines = [
-        f"{'cases':<20}{sample.of_all}: {about}{known} known to {file}, {about}{sample.of_all - known} to compute, "
+        f"{'cases':<20}{sample.of_all}: {about}{known} already in {file}, {about}{sample.of_all - known} to compute, "
         f"{places} at a time"
     ]
     if not sample.is_whole:
@@ -89,7 +89,7 @@ def foretold(request: Request, file: Path, means: Means, places: int, voice: Sil
 
 def _time(expected: Mapping[str, Expected], more: float, places: int) -> str:
     sum_of_all = total(expected)
-    text = "not known; it is after `incipient calibrate`, or `incipient cost` of the scene"
+    text = "not known; run `incipient calibrate`, or `incipient cost` of the scene"
     if sum_of_all is not None:
         whole = more * sum_of_all
         text = f"about {in_words(whole / places)}, {in_words(whole)} of processor time"

@@ -73,7 +73,7 @@ class _Process:
         reason = self._epitaph()
         if not self._ready and self._popen.returncode >= 0:
             raise OutputError(
-                f"no process can compute cases: {reason}; see to that, and call again to resume"
+                f"no worker process starts: {reason}; remove the cause and repeat the command to resume"
             )
         return CaseOutcome(reason=reason, wall=time.perf_counter() - began)
 
@@ -234,6 +234,6 @@ def groups(comm: MPI.Comm, ranks: int) -> int:
     number = (comm.size - 1) // ranks
     if number < 1:
         raise SceneError(
-            f"--ranks {ranks}: one rank gives out the cases, and {comm.size - 1} are left; start {ranks + 1} or more"
+            f"--ranks {ranks}: one rank distributes the cases, and {comm.size - 1} are left; start {ranks + 1} or more"
         )
     return number

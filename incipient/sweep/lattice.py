@@ -98,7 +98,7 @@ def directions(axes: Sequence[VariedKey], together: bool) -> list[Direction]:
         if len(keys) < len(axes):
             missing = next(axis.key for axis in axes if NumericKey.of(axis, ordered=True) is None)
             raise SceneError(
-                f"--refine: {missing} goes along with others and has no different numbers; use --cases for it"
+                f"--refine: {missing} is varied with other keys and takes no distinct numbers; give it by --cases"
             )
         return [Direction.of(*keys)]
     keys = [key for axis in axes if (key := NumericKey.of(axis)) is not None]

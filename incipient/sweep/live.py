@@ -79,11 +79,11 @@ def described(case: SweepCase, outcome: CaseOutcome) -> str:
 
 
 def _headline(progress: SweepProgress) -> str:
-    parts = [f"{progress.finished} of {progress.total} cases", f"{len(progress.running)} at work"]
+    parts = [f"{progress.finished} of {progress.total} cases", f"{len(progress.running)} running"]
     if progress.failed:
         parts.append(f"{progress.failed} failed")
     if progress.elsewhere:
-        parts.append(f"{progress.elsewhere} at another sweep")
+        parts.append(f"{progress.elsewhere} in another sweep")
     if progress.left is not None:
         parts.append(f"about {seconds(progress.left)} left")
     return ", ".join(parts)

@@ -210,7 +210,7 @@ class Sweep:
             return ""
         return (
             f"needs about {memory:.0f} MiB of memory, and {self._limits.memory_mib:.0f} are free; "
-            "free some, or allow it with --memory, and call again with --retry"
+            "free some, or allow it with --memory, and repeat the command with --retry"
         )
 
     def _is_late(self) -> bool:
@@ -245,5 +245,5 @@ class Sweep:
         progress = self._progress
         return (
             f"{why}: {progress.finished} of {progress.total} cases are finished and kept in {self._store.path}; "
-            "call again to resume"
+            "repeat the command to resume"
         )

@@ -116,7 +116,7 @@ def test_an_interrupted_run_ends_at_once_and_keeps_everything(started, tmp_path,
     # Rank 0 speaks for all; waiting inside MPI for the other rank it may be ended before it can.
     if ranks == 1 or any(line.startswith("incipient: ") for line in outcome.lines):
         assert outcome.complaint.startswith("interrupted at t = ")
-        assert outcome.complaint.endswith(f"; to go on: incipient resume {tmp_path}")
+        assert outcome.complaint.endswith(f"; resume with: incipient resume {tmp_path}")
     assert not any("Traceback" in line for line in outcome.lines)
     # Open MPI's mpirun ends with 1 when the signal was for itself, whatever its ranks say; MPICH's with their code.
     by_itself = ranks == 2 and "Open MPI" in MPI.Get_library_version()
@@ -135,7 +135,7 @@ def test_a_signal_to_one_rank_ends_both(started, tmp_path):
     os.kill(_ranks(run.pid)[-1], signal.SIGTERM)
     _, said = run.communicate(timeout=HANGING)
     assert run.returncode == 130 and "Traceback" not in said
-    assert f"; to go on: incipient resume {tmp_path}\n" in said
+    assert f"; resume with: incipient resume {tmp_path}\n" in said
     assert read(tmp_path / "checkpoint.h5", MPI.COMM_SELF).progress.number == assert_all_kept(tmp_path)
 
 
@@ -150,7 +150,7 @@ def test_a_second_run_into_a_directory_is_refused(started, tmp_path, capsys):
     ):
         assert main([*arguments, str(tmp_path), "--log-level", "error"]) == 5
         (line,) = capsys.readouterr().err.splitlines()
-        assert line.startswith(f"incipient: {tmp_path}: another run is at work there (process {run.pid} on ")
+        assert line.startswith(f"incipient: {tmp_path}: another run is using it (process {run.pid} on ")
     rows = assert_all_kept_so_far(tmp_path)
     wait_until(has_rows(tmp_path, rows + 1), run)
     run.kill()
@@ -239,7 +239,7 @@ def test_an_interrupt_in_the_error_bars_keeps_the_verdict(started, tmp_path, ran
     result = result_of(tmp_path)
     assert result["status"] == "complete" and result["verdict"]["sentence"]
     assert result["error_bars"] is None
-    assert result["without_error_bars"] == "not computed: the run goes on, or was stopped while they were"
+    assert result["without_error_bars"] == "not computed: the run has not finished, or was stopped before"
     assert times_of(tmp_path / "fields") == [0.0]
 
 

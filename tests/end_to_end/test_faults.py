@@ -177,7 +177,7 @@ def test_processes_that_cannot_begin_end_the_sweep_and_fail_no_case(tmp_path: Pa
     broken.chmod(0o755)
     monkeypatch.setattr(sys, "executable", str(broken))
     with pytest.raises(
-        OutputError, match=r"no process can compute cases: .* with code 1: no room left; see to that"
+        OutputError, match=r"no worker process starts: .* with code 1: no room left; remove the cause"
     ):
         incipient.sweep.run(scene, file, {"contacts.friction": [0.1, 0.2]}, do="judge", jobs=1)
     assert rows(file, "status, tries") == [("waiting", 0)] * 2

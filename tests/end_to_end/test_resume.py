@@ -188,7 +188,7 @@ def test_a_run_stopped_right_before_a_new_mesh(
     whole_pothole: Path, tmp_path: Path, stopped: Callable[[int], None]
 ) -> None:
     stopped(8)
-    with pytest.raises(Interrupted, match=r"interrupted at t = 0\.8; to go on: incipient resume "):
+    with pytest.raises(Interrupted, match=r"interrupted at t = 0\.8; resume with: incipient resume "):
         incipient.run(pothole(), tmp_path)
     assert len(history(tmp_path)["time"]) == 8 and not (tmp_path / "result.json").exists()
     incipient.resume(tmp_path)
@@ -268,7 +268,7 @@ def test_a_signal_to_a_running_process(
     run.send_signal(signal.SIGTERM)
     said = run.communicate(timeout=60)[1]
     assert run.returncode == 130 and "Traceback" not in said
-    assert said.splitlines()[-1].endswith(f"; to go on: incipient resume {tmp_path / 'x'}")
+    assert said.splitlines()[-1].endswith(f"; resume with: incipient resume {tmp_path / 'x'}")
     done = command("resume", "x")
     assert done.returncode == 0, done.stderr
     assert f"for ParaView        {Path('x/fields.xdmf')}" in done.stdout
@@ -367,7 +367,7 @@ def test_fields_that_cannot_be_read_do_not_stop_it(
     assert times(directory / "surface") == pytest.approx(times(whole_pothole / "surface"))
     assert times(directory / "fields") == pytest.approx([1.1, 1.2, 1.3])
     (told,) = [record.getMessage() for record in caplog.records if "fields.h5" in record.getMessage()]
-    assert "; the series starts anew after t = 1" in told
+    assert "; the series restarts after t = 1" in told
     if left == "half":
         assert told.endswith(f"what there was is in {directory / 'fields.h5.1'}")
         assert (directory / "fields.h5.1").read_bytes() == half
@@ -438,8 +438,8 @@ def test_refusals_are_one_line(whole_pothole: Path, tmp_path: Path, session: Ses
             f"version/checkpoint.h5: is a checkpoint of version {VERSION + 1}, this program reads version {VERSION}; "
             "resume with",
         ),
-        (5, "damaged/checkpoint.h5: is damaged, its content is not what was written; start anew"),
-        (5, "half/checkpoint.h5: cannot be read: it is damaged or incomplete; start anew"),
+        (5, "damaged/checkpoint.h5: is damaged, its content is not what was written; start a new run"),
+        (5, "half/checkpoint.h5: cannot be read: it is damaged or incomplete; start a new run"),
         (5, "history/history.csv: has lost some of its 10 rows; put the file back, or start anew"),
         (
             2,

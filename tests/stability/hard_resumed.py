@@ -119,7 +119,7 @@ def _stopped(case: HardCase, directory: Path) -> str:
     try:
         result = incipient.run(_scene(case, case.stopping), directory, voice=voice)
     except IncipientError as error:
-        return str(error).partition("; t = ")[0].partition("; to go on")[0]
+        return str(error).partition("; t = ")[0].partition("; resume with")[0]
     ended = result.to_dict()["trajectory"]["ended"]
     assert ended["by"] == "contact"
     return f"meets the {ended['nearest']}"

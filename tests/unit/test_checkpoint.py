@@ -204,7 +204,7 @@ def test_what_was_written_is_read(path: Path, body: bool) -> None:
 
 
 def test_no_file(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match=r"checkpoint\.h5: no such checkpoint; start anew"):
+    with pytest.raises(OutputError, match=r"checkpoint\.h5: no such checkpoint; start a new run"):
         read(tmp_path / CHECKPOINT, COMM)
 
 
@@ -237,14 +237,14 @@ def test_nothing_may_be_missing(path: Path) -> None:
         write(path, sample(), COMM)
         with h5py.File(path, "r+") as file:
             del file[name]
-        with pytest.raises(OutputError, match=rf"checkpoint\.h5: {name} is missing; start anew"):
+        with pytest.raises(OutputError, match=rf"checkpoint\.h5: {name} is missing; start a new run"):
             read(path, COMM)
 
 
 def test_changed_numbers_are_noticed(path: Path) -> None:
     with h5py.File(path, "r+") as file:
         file["flow/velocities"][0, 0, 0] += 1e-12
-    with pytest.raises(OutputError, match="is damaged, its content is not what was written; start anew"):
+    with pytest.raises(OutputError, match="is damaged, its content is not what was written; start a new run"):
         read(path, COMM)
 
 
@@ -252,7 +252,7 @@ def test_changed_numbers_are_noticed(path: Path) -> None:
 def test_half_a_file(path: Path, kept: int) -> None:
     os.truncate(path, kept)
     with pytest.raises(
-        OutputError, match=r"checkpoint\.h5: cannot be read: it is damaged or incomplete; start anew"
+        OutputError, match=r"checkpoint\.h5: cannot be read: it is damaged or incomplete; start a new run"
     ) as told:
         read(path, COMM)
     assert "\n" not in str(told.value)
@@ -345,7 +345,7 @@ def test_a_scene_edited_in_the_directory_is_refused(path: Path) -> None:
 
 def test_a_grain_that_has_met_something_does_not_go_on(path: Path) -> None:
     write(path, sample(met=True), COMM)
-    with pytest.raises(SceneError, match=r"its grain met something; to go on set body\.on_contact"):
+    with pytest.raises(SceneError, match=r"its grain met something; to resume it set body\.on_contact"):
         reopened(path.parent, [], COMM)
 
 

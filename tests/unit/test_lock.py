@@ -71,7 +71,7 @@ def test_the_second_is_told_who_is_at_work(tmp_path: Path) -> None:
         with pytest.raises(OutputError) as told, locked(tmp_path, COMM):
             raise AssertionError("two at once")
         assert (tmp_path / LOCK).exists()
-    assert str(told.value).startswith(f"{tmp_path}: another run is at work there (process {os.getpid()} on ")
+    assert str(told.value).startswith(f"{tmp_path}: another run is using it (process {os.getpid()} on ")
     assert str(told.value).endswith("; wait for it or choose another directory")
     with locked(tmp_path, COMM):
         pass
@@ -153,4 +153,4 @@ def test_all_ranks_are_refused(tmp_path: Path, mpirun: Any) -> None:
     assert done.returncode == 0, done.stderr
     lines = sorted(done.stdout.splitlines())
     assert [line[:2] for line in lines] == ["0:", "1:"]
-    assert all(f"{tmp_path}: another run is at work there" in line for line in lines)
+    assert all(f"{tmp_path}: another run is using it" in line for line in lines)

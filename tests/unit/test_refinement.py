@@ -172,7 +172,7 @@ def test_between_values_are_equal_ratios_or_differences() -> None:
     [
         (["a.b=x,y"], False, RefinementOptions(True), "no key is varied over numbers"),
         (["a.b=1,2", "a.c=1,2", "a.d=1,2"], False, RefinementOptions(True), "are 3 keys with numbers"),
-        (["a.b=1,2", "a.c=x,y"], True, RefinementOptions(True), "a.c goes along with others"),
+        (["a.b=1,2", "a.c=x,y"], True, RefinementOptions(True), "a.c is varied with other keys"),
         (["a.b=1,2"], False, RefinementOptions(2.0), "--refine 2: is not a share of the range"),
         (["a.b=1,2"], False, RefinementOptions(True, 0), "--most 0: is not a number of cases"),
         (["a.b=1,2"], False, RefinementOptions(None, 5), "--most: is for a refinement"),
@@ -197,7 +197,7 @@ def test_wrong_sections_and_columns_are_refused(tmp_path: Path, capsys: Any) -> 
         ("refine = true\nmost = 1.5\n", "sweep.most: 1.5 does not fit"),
         (
             'refine = true\nquantity = "colour"\n',
-            "--quantity colour: no case has this column; there are mode",
+            "--quantity colour: no case has this column; available: mode",
         ),
     ):
         scene.write_text(BLOCK + head + extra + "[sweep.over]\ncontacts.friction = [0.1, 0.2]\n")

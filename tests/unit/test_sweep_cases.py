@@ -135,7 +135,7 @@ def test_what_a_sample_says_is_taken_for_all(tmp_path: Path, monkeypatch: pytest
     request = requested([SOURCE], [parsed("fluid.reynolds=lin:1:20:50")])
     file = tmp_path / "sweep.sqlite"
     whole = foretold(request, file, Means(memory_mib=1.0), 2).splitlines()
-    assert whole[0].endswith("50: 0 known to " + str(file) + ", 50 to compute, 2 at a time")
+    assert whole[0].endswith("50: 0 already in " + str(file) + ", 50 to compute, 2 at a time")
     assert whole[-1].endswith("; 50 cases are too large") and len(whole) == 3
     monkeypatch.setattr("incipient.sweep.dry_run.sampled", partial(sampled, longest=1e-9))
     some = foretold(request, file, Means(memory_mib=1.0), 2).splitlines()

@@ -140,8 +140,8 @@ class MovingSurface(RunPart):
             raised = unit * round(self._mean_above(placement, grain.size) / unit)
         if top > domain.ceiling + raised - unit:
             raise MeshError(
-                "the grain has risen to the free surface, where no new mesh can be made: end before it does, or use "
-                "a heavier grain or deeper water"
+                "the grain has risen to the free surface, where the domain cannot be remeshed: end before it does, or "
+                "use a heavier grain or deeper water"
             )
         if raised == 0.0:
             return scene

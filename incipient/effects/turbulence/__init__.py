@@ -107,8 +107,8 @@ class TurbulenceEffect(Effect):
         """That fluctuations of a mean profile are not there, or that a laminar flow may be turbulent."""
         numbers, scene = solved.run.plan.numbers, solved.run.scene
         if scene.flow.kind == "log-law":
-            how = "gusts, and mixing in the wake; the stream is the mean of a turbulent one"
-            remedy = "loads are those of the mean stream, gusts exceed them"
+            how = "gusts, and mixing in the wake; the base flow is the mean of a turbulent flow"
+            remedy = "loads are those of the mean flow, gusts exceed them"
             yield Omission(self.name, None, how, True, remedy)
         elif numbers is not None and (found := transition(Setup(scene), numbers)):
             how = f"{found.number} {found.value:.4g} is above {found.least:g}"
