@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 # Part of both corrections against upwinding that the second one may be: were the next ones to fall as slowly, all of
 # them together would be twice the first one.
 SETTLED = 0.5
-# Of runs with turbulence on coarser meshes: the order at which their errors are taken to fall at least, and at most.
+# Of runs with wall layers on coarser meshes: the order at which their errors are taken to fall at least, and at most.
 # Those of u* over forms of a bed scatter rather than fall (docs/turbulence.md).
 SLOWEST, FASTEST, SCATTERING = 1.0, 2.0, 0.0
 OF_DRIVEN_BOXES = 2.0  # the order of velocities in a driven box (docs/space.md)
@@ -66,7 +66,7 @@ def by_dual(goals: GoalErrors, unit: float) -> Term:
 
 
 def by_coarser_mesh(scene: Scene, computed: Loads, solve: Solve) -> Term:
-    """The term of a steady flow with turbulence: by runs on two coarser meshes.
+    """The term of a steady flow with wall layers: by runs on two coarser meshes.
 
     A dual solution would be needed of flow, k and epsilon together. No order is supposed above one: k and epsilon are
     upwinded, and away from walls the cells are coarse for them. Two meshes may agree by chance: what the coarser two

@@ -47,7 +47,7 @@ def weighted(solved: Solved, name: str, term: Term, remedy: str) -> Omission:
 def with_factors_of_steady_flow(fluid: Fluid) -> None:
     """Let the fluid's factors be those of its steady equations, linearised about its state. Collective.
 
-    The state stays; of an unsteady fluid the next step sets everything anew.
+    The state stays; of an unsteady fluid the next step sets everything again.
     """
     if fluid.model.linear and not fluid.model.unsteady:
         return

@@ -119,7 +119,7 @@ class RunPart:
         """Take note of an accepted step."""
 
     def check(self, step: TimeStep, placement: Placement | None) -> None:
-        """Refuse to go on from the state after a step, with a moving grain in a placement or none.
+        """Refuse to continue from the state after a step, with a moving grain in a placement or none.
 
         Raises:
             ConvergenceError: why it cannot, and a remedy.

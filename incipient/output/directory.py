@@ -26,8 +26,8 @@ class ResultDirectory:
     """Records a run in a directory (see `incipient.simulation.recorder.Recorder`). Every method is collective.
 
     Nothing that the directory holds is touched before a run begins. Then an earlier run makes room, as `earlier` says.
-    Given the checkpoint that a run goes on from, what the directory holds of later steps is dropped, and the rest
-    goes on; the result is the earlier one's until there is a new one.
+    Given the checkpoint that a run resumes from, what the directory holds of later steps is dropped, and the rest
+    continues; the result is the earlier one's until there is a new one.
 
     Args:
         path: the directory, made if it is not there.
@@ -50,7 +50,7 @@ class ResultDirectory:
         self._surface: FieldSeries | None = None
 
     def begin(self, scene: Scene, plan: Plan, domain: Domain) -> None:
-        """Write the resolved scene; open the field series if fields are wanted. Called again: start anew."""
+        """Write the resolved scene; open the field series if fields are wanted. Called again: restart."""
         self._output, self._series, self._surface = scene.output, None, None
         self._rows = 0 if self._resumed is None else self._resumed.recorded.rows
         with collectively(self.comm):
@@ -94,7 +94,7 @@ class ResultDirectory:
         self._rows += 1
 
     def remeshed(self, domain: Domain) -> None:
-        """Go on with the XDMF series on another mesh."""
+        """Continue the XDMF series on another mesh."""
         if self._series is not None:
             self._series.remeshed(domain.mesh)
         if self._surface is not None:

@@ -61,7 +61,7 @@ class Holder:
 
 @contextmanager
 def locked(directory: Path, comm: MPI.Comm, make: bool = False) -> Iterator[None]:
-    """Keep other runs out of a directory while the block goes on. To enter is collective, to leave is not.
+    """Keep other runs out of a directory during the block. To enter is collective, to leave is not.
 
     The lock of a process that has ended without giving it back is taken over. The lock is a file made only if it is
     not there, which network file systems do rightly, too; their locks on files are not relied upon.

@@ -111,7 +111,7 @@ class SeriesFile:
         self._waiting: dict[str, Rows] = {}  # to be written with the next step, by what they are
 
     def create(self) -> None:
-        """Start the HDF5 file anew and remove an old XDMF file, which would point into it."""
+        """Start a new HDF5 file and remove an old XDMF file, which would point into it."""
         import h5py
 
         self._forget_vtk()
@@ -122,9 +122,9 @@ class SeriesFile:
             file.attrs["format"] = "incipient fields, version 1"
 
     def resume(self, time: float) -> None:
-        """Go on with the pair that is there after its last step at or before a time; later steps are dropped.
+        """Resume the pair that is there after its last step at or before a time; later steps are dropped.
 
-        A mesh must be added before the next step. The XDMF file is written anew, whatever its state.
+        A mesh must be added before the next step. The XDMF file is rewritten, whatever its state.
 
         Raises:
             Unreadable: when there is no such pair, or its HDF5 file is damaged.
@@ -225,7 +225,7 @@ class SeriesFile:
         self._steps, self._mesh = self._steps + 1, mesh
 
     def _write_xdmf(self, steps: int | None = None) -> None:
-        """Write the whole XDMF file anew, for so many steps of the HDF5 file (default: those written)."""
+        """Rewrite the whole XDMF file, for so many steps of the HDF5 file (default: those written)."""
         steps = self._steps if steps is None else steps
         with _opened(self._hdf5, "r") as file:
             shown = range(steps)[-1:] if self._steady else range(steps)

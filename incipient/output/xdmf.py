@@ -30,7 +30,7 @@ class FieldSeries:
         stem: path of the files without ending.
         mesh: dolfinx mesh, straight or curved.
         comm: its communicator.
-        after: None starts the files anew; a time resumes those that are there, after dropping later steps.
+        after: None starts new files; a time resumes those that are there, after dropping later steps.
         steady: there will be one step, written as a grid without a time.
         facets: (n,) local indices of boundary facets, on whose nodes values are written; those owned by another rank
             are ignored. None: on all of the mesh.
@@ -56,11 +56,11 @@ class FieldSeries:
         self._go_on(nodes)
 
     def remeshed(self, mesh: Any, facets: np.ndarray | None = None) -> None:
-        """Go on with a new mesh of the same kind, or facets of it: the steps to come are on it. Collective."""
+        """Continue with a new mesh of the same kind, or facets of it: the steps to come are on it. Collective."""
         self._go_on(QuadraticNodes(mesh, facets))
 
     def _resume(self, after: float) -> None:
-        """Go on with the files that are there; what cannot be read is put aside, and does not stop the run."""
+        """Resume the files that are there; what cannot be read is put aside, and does not stop the run."""
         try:
             self._file.resume(after)
         except Unreadable as error:

@@ -26,7 +26,7 @@ class Datum:
 def datum_of(setup: Setup) -> Datum | None:
     """The datum of a flow of given profile over a bed; None for another flow, or without a bed. Not collective.
 
-    A turbulent flow enters at the bed's own height.
+    A flow with wall layers enters at the bed's own height.
     """
     scene = setup.scene
     level = getattr(scene.flow, "datum", None)

@@ -1,1 +1,1 @@
-"""Checkpoints: all that a run needs to go on, written, read and put back on any number of ranks."""
+"""Checkpoints: all that a run needs to resume, written, read and put back on any number of ranks."""

@@ -1,4 +1,4 @@
-"""All that a run needs to go on, in one file: what it holds, written whole or not at all, read whole or refused.
+"""All that a run needs to resume, in one file: what it holds, written whole or not at all, read whole or refused.
 
 An HDF5 file: every array a dataset, every other value a dataset of JSON text, parts as groups. The attributes of
 the file are its `format`, `version`, the `program` that wrote it, and a `digest` of all it holds. Ranks write and

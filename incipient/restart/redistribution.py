@@ -1,7 +1,7 @@
 """A mesh and the values on its nodes: dealt out in blocks that a file can take, and spread again over any ranks.
 
 Nothing of what is dealt out depends on how the library numbers or distributes: the mesh comes in the order in
-which it was first given, values with the places of their nodes. On a mesh made anew values find their nodes
+which it was first given, values with the places of their nodes. On a remade mesh values find their nodes
 by place. No rank has the whole of anything but the boundary's facets.
 """
 

@@ -144,7 +144,7 @@ class Result:
 
     @property
     def met(self) -> bool:
-        """Whether the run ended because its grain met something; with a checkpoint it may go on."""
+        """Whether the run ended because its grain met something; with a checkpoint it may resume."""
         return self.trajectory is not None and self.trajectory["ended"]["by"] == "contact"
 
     @property

@@ -13,7 +13,7 @@ from ..arrays import Floats
 from ..planning.wall_law import HIGHEST, LARGEST_SHARE, LOWEST, WallLaw
 
 REATTACHES = "behind steps the model reattaches 15% too soon"  # as `benchmarks/turbulent_step.py` measures
-MOST_SPANS = 4  # along which the flow runs upstream, told in words
+MOST_SPANS = 4  # along which the flow runs upstream, listed in words
 MOST_OUTSIDE = 0.1  # of the walls' length, in space of their area, where some are no planes
 
 

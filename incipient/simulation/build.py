@@ -48,7 +48,7 @@ def prepared(
 
     Args:
         accounts: those of the search that the run belongs to; None: its own.
-        recorder: told when the mesh is there.
+        recorder: notified when the mesh is there.
         checkpoint: the checkpoint of an earlier session of the run, whose mesh is taken and whose costs are counted on.
         sizing: changes the cell sizes that the plan has laid out.
         speed: of the flow whose law of the wall the mesh is made for, over the scene's.

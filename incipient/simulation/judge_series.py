@@ -19,7 +19,7 @@ from .judge_case import Case
 AXES = "xyz"
 SAMPLES, SUMMARY = "series.csv", "series.json"
 LONGEST_HEAD = 10_000  # letters of the row of names
-MOST_EVENTS = 10  # told in words, the longest first
+MOST_EVENTS = 10  # described in words, the longest first
 
 
 @dataclass(frozen=True)

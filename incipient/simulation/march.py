@@ -33,7 +33,7 @@ class March:
 
     Args:
         run: whose flow is at its start.
-        checkpoint: where to go on from; None: from the start.
+        checkpoint: where to resume from; None: from the start.
 
     Attributes:
         coupling: of flow and moving boundaries; None: nothing moves.
@@ -82,7 +82,7 @@ class March:
             self._renew_worn_mesh()
 
     def check(self, step: TimeStep) -> None:
-        """Refuse to go on from a state from which a part cannot.
+        """Refuse to continue from a state from which a part cannot.
 
         Raises:
             ConvergenceError: why, and a remedy.

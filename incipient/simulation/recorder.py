@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class Recorder(Protocol):
-    """Where a run leaves its results while it goes on. All methods are collective.
+    """Where a run leaves its results on the way. All methods are collective.
 
     `keeps` says whether `keep` does anything.
     """
@@ -43,7 +43,7 @@ class Recorder(Protocol):
         return
 
     def keep(self, checkpoint: Checkpoint) -> Path | None:
-        """Keep what the run needs to go on; where, None if nowhere."""
+        """Keep what the run needs to resume; where, None if nowhere."""
 
     def provisional(self, result: Result) -> Path | None:
         """The run is over but for its error bars; where this result is kept until `finish`, None if nowhere."""

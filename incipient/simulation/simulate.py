@@ -1,8 +1,8 @@
 """Runs a scene: builds what its plan names, solves, reads the tractions, judges.
 
-One data flow: scene, plan, fluid, tractions, contact, result. What happens outside (files, terminal) is told through
-a `Recorder` and a voice; this module writes nothing. The state of a run is in `state`, what makes it in `build`, its
-steps in time in `time_loop`, and its result in `assemble`.
+One data flow: scene, plan, fluid, tractions, contact, result. Files and terminal are served through a `Recorder` and
+a voice; this module writes nothing. The state of a run is in `state`, what makes it in `build`, its steps in time in
+`time_loop`, and its result in `assemble`.
 """
 
 from __future__ import annotations
@@ -102,6 +102,6 @@ def _solve(run: Run, recorder: Recorder, interruption: Interruption, checkpoint:
     except Interrupted:
         raise
     except IncipientError as error:
-        with suppress(OutputError):  # a full disk is told of once, and another failure before it
+        with suppress(OutputError):  # a full disk is reported once, and another failure before it
             recorder.finish(outcome(run, "failed", str(error)))
         raise

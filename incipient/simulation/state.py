@@ -63,9 +63,9 @@ class Run:
     """A scene, its plan, mesh and flow, and how far the run has come. Only its own methods change it.
 
     Args:
-        fluid: on the mesh that was made for the scene; it is replaced when a moving grain is meshed anew.
+        fluid: on the mesh that was made for the scene; it is replaced when the domain of a moving grain is remeshed.
         probe: reads the traction on the grain; None without a grain.
-        voice: told of the stages.
+        voice: reports the stages.
         parts: what is solved together with the flow.
     """
 
@@ -170,7 +170,7 @@ class Run:
         self._march, self._parts = march, tuple(parts)
 
     def take_mesh(self, fluid: Fluid, parts: Sequence[RunPart]) -> None:
-        """Go on with a fluid and its parts on a new mesh; the fluid before is freed. Collective."""
+        """Continue with a fluid and its parts on a new mesh; the fluid before is freed. Collective."""
         before, self._fluid, self._parts = self._fluid, fluid, tuple(parts)
         fluid.solver.statistics.add(before.solver.statistics)
         before.destroy()
@@ -180,7 +180,7 @@ class Run:
         self._steadiness = steadiness
 
     def take_fluid(self, fluid: Fluid, probe: TractionProbe | None) -> None:
-        """Go on with another fluid on the mesh; the one before is freed. Collective."""
+        """Continue with another fluid on the mesh; the one before is freed. Collective."""
         fluid.watch = self.corrections.record
         fluid.solver.statistics.add(self._fluid.solver.statistics)
         self._fluid.destroy()

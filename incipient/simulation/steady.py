@@ -64,7 +64,7 @@ def loads_at(run: Run, factor: float, start: float = 0.0) -> tuple[Forces, Coupl
 
     In units of the faster flow only the Reynolds number changes, so the mesh, the forms and the last
     solution serve again; forces go back to scene units with the factor squared. `start` is the factor of
-    the flow that the state is that of, if it is one to go on from.
+    the flow that the state is that of, if it is one to continue from.
 
     Raises:
         ConvergenceError: the fluid then holds the last flow found on the way, at its Reynolds number.
@@ -86,7 +86,7 @@ def make_as_fast(run: Run, factor: float) -> None:
 
 
 def _stabilise(run: Run, factor: float) -> None:
-    """Go on with a fluid whose convection is stabilised, or not, as for the flow faster by a factor. Collective."""
+    """Continue with a fluid whose convection is stabilised, or not, as for the flow faster by a factor. Collective."""
     from ..fluid import Fluid
 
     before, model = run.fluid, run.fluid.model

@@ -35,9 +35,9 @@ class TimeLoop:
 
     Args:
         run: the run of a scene in time. It gets the time integration, and its parts in time.
-        recorder: told of every step.
+        recorder: receives every step.
         interruption: asked between steps whether to stop.
-        checkpoint: where to go on from; None: from the start.
+        checkpoint: where to resume from; None: from the start.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class TimeLoop:
         """Step by step, each recorded.
 
         Raises:
-            Interrupted: it was asked for; what is needed to go on is kept.
+            Interrupted: it was asked for; what is needed to resume is kept.
             IncipientError: a step failed; the last good state is kept where the recorder keeps any.
         """
         try:
@@ -144,7 +144,7 @@ class TimeLoop:
     def _record(self, step: TimeStep, row: dict[str, Any], last: bool, kept: bool = False) -> None:
         """Hand a step over to the recorder, with a checkpoint where one is due, and stop if that was asked for.
 
-        `kept` asks for one of the last step: a run that has ended at contact may go on otherwise.
+        `kept` asks for one of the last step: a run that has ended at contact may resume otherwise.
         """
         run = self._run
         self._read()
@@ -194,7 +194,7 @@ class TimeLoop:
             run.would_move(step.time)
         return row
 
-    # -- going on later ---------------------------------------------------------------------------
+    # -- checkpoints ------------------------------------------------------------------------------
 
     def _keep(self) -> Path | None:
         from .checkpointing import collected

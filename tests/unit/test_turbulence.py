@@ -119,7 +119,7 @@ def test_turbulence_decays_along_a_stream():
 
 def test_thicker_eddies_have_the_same_energy():
     with turbulence(rectangle((0, 0), (1, 1), (1, 1)), uniform(2.0, 0.5)) as fields:
-        fields.thicken(4.0)
+        fields.raise_eddy_viscosity(4.0)
         assert np.exp(fields.state.x.array.reshape(-1, 2)) == pytest.approx(np.array([[2.0, 0.125]] * 9))
 
 

@@ -110,7 +110,7 @@ class MovingSurface(RunPart):
         mesh.geometry.x[:] = now
 
     def check(self, step: TimeStep, placement: Placement | None) -> None:
-        """Refuse to go on from a surface that cannot, above a moving grain's placement if there is one.
+        """Refuse to continue from a surface that cannot, above a moving grain's placement if there is one.
 
         Raises:
             ConvergenceError: it is too steep, or touches what is below it; why, and a remedy.

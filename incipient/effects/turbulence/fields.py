@@ -86,7 +86,7 @@ class KEpsilon:
     # -- what the flow sees of it ------------------------------------------------------------------
 
     def viscosity(self, of_molecules: Any) -> Any:
-        """The viscosity of molecules and eddies, for `FlowModel.viscosity`."""
+        """The molecular and eddy viscosity, for `FlowModel.viscosity`."""
         return of_molecules + forms.eddy_viscosity(ufl.split(self.state), self.closure)
 
     def shear_velocity(self) -> Any:
@@ -183,8 +183,8 @@ class KEpsilon:
         self.state.x.scatter_forward()
         return size
 
-    def thicken(self, factor: float) -> None:
-        """Make the eddies a factor more viscous, by less epsilon."""
+    def raise_eddy_viscosity(self, factor: float) -> None:
+        """Raise the eddy viscosity by a factor, by less epsilon."""
         self.state.x.array[1::2] -= np.log(factor)
 
     # -- its values -----------------------------------------------------------------------------------

@@ -19,11 +19,11 @@ from .fields import KEpsilon
 MOST_ROUNDS = 200
 # Of pseudo-time: of that in which the flow passes its depth; factors; and the shortest over the first.
 FIRST_STEP, GROWTH, CUT, SHORTEST = 1.0, 1.6, 0.25, 1e-4
-# How many times as viscous the eddies are made where there is no flow to begin with, and how often at most.
+# Factor by which the eddy viscosity is raised where there is no flow to begin with, and how often at most.
 THICKER, MOST_THICKENINGS = 4.0, 8
 # Within a step of pseudo-time, and of corrections of the flow over what is left in the end.
 STEP_TOLERANCE, SHARE_OF_FLOW = 1e-2, 1e-2
-# Corrections of the first flow, and in a round: where they do not do, more viscous eddies or a shorter step will.
+# Corrections of the first flow, and in a round: where they do not do, a larger eddy viscosity or a shorter step will.
 MOST_OF_FIRST, MOST_OF_FLOW = 7, 12
 MOST_TURNS = 15  # within a time step
 NO_STEP = "the flow with the eddy viscosity as it is does not converge: use a smaller time.step or numerics.mesh_size"
@@ -51,29 +51,29 @@ def solve_steadily(
     """Find the steady flow with its turbulence from their present states. Collective.
 
     In turn the flow is solved with the eddy viscosity as it is, and k and epsilon take an implicit step of pseudo-time
-    in that flow, which becomes longer while it succeeds. Where there is no flow to begin with, the eddies are made
-    more viscous; where there is none after a step, that step is taken anew, shorter. `time` is that in which the flow
+    in that flow, which becomes longer while it succeeds. Where there is no flow to begin with, the eddy viscosity is
+    raised; where there is none after a step, that step is repeated, shorter. `time` is that in which the flow
     passes its depth; within `stage` k and epsilon are solved.
 
     Raises:
         ConvergenceError: the flow does not converge, or k and epsilon still change after 200 rounds.
     """
     rounds: list[Round] = []
-    step, flow, eddies = FIRST_STEP * time, fluid.state.x.array, turbulence.state.x.array
+    step, flow, logarithms = FIRST_STEP * time, fluid.state.x.array, turbulence.state.x.array
     moved, past = 1.0, _begin(fluid, turbulence)
     for number in range(1, MOST_ROUNDS + 1):
         with stage():
             size = turbulence.step((1 / step, -1 / step, 0.0), (past, past), STEP_TOLERANCE)
-        change, past_flow = turbulence.largest(eddies - past), flow.copy()
-        # The flow is found no better than its eddies are known, and with factors of earlier rounds while they serve.
+        change, past_flow = turbulence.largest(logarithms - past), flow.copy()
+        # The flow is found no better than its eddy viscosity is known, and with a factorisation kept while it serves.
         enough = SHARE_OF_FLOW * max(tolerance, moved)
         if not np.isfinite(size) or not fluid.solve(enough, MOST_OF_FLOW, keep_factors=True).converged:
-            eddies[:], flow[:] = past, past_flow
+            logarithms[:], flow[:] = past, past_flow
             step *= CUT
             if step < SHORTEST * time:
                 raise ConvergenceError(NO_FLOW)
             continue
-        moved, past = _moved(fluid, flow - past_flow), eddies.copy()
+        moved, past = _moved(fluid, flow - past_flow), logarithms.copy()
         rounds.append(Round(number, step, moved, change))
         watch(rounds[-1])
         if max(change, moved) <= tolerance:
@@ -85,14 +85,14 @@ def solve_steadily(
 
 
 def _begin(fluid: Fluid, turbulence: KEpsilon) -> np.ndarray:
-    """Find the flow with the eddies as they are, or with more viscous ones, which pseudo-time lets go; the eddies."""
+    """Find the flow with the eddy viscosity as it is, or a larger one, which pseudo-time undoes; the logarithms."""
     start = fluid.state.x.array.copy()
     for _ in range(MOST_THICKENINGS + 1):
         with suppress(UnsolvedError):
             if fluid.solve(SHARE_OF_FLOW, MOST_OF_FIRST).converged:
                 return turbulence.state.x.array.copy()
         fluid.state.x.array[:] = start
-        turbulence.thicken(THICKER)
+        turbulence.raise_eddy_viscosity(THICKER)
     raise ConvergenceError(NO_FLOW)
 
 
@@ -103,10 +103,10 @@ def _moved(fluid: Fluid, change: np.ndarray) -> float:
 
 
 class Moving(Interface, Protocol):
-    """What moves with the flow, solved together with it for eddies as they are."""
+    """What moves with the flow, solved together with it for given turbulence fields."""
 
     def again(self, length: float, order: int, tolerance: float, before: NewtonReport) -> NewtonReport:
-        """Solve for the end of the step anew, from the end found before with other eddies and the report of that."""
+        """Solve for the end of the step again, from the end found with other k and epsilon and the report of that."""
         ...
 
 
@@ -114,7 +114,7 @@ class InTime:
     """Turbulence as what is solved together with a flow in time, see `fluid.transient.Interface`.
 
     Flow, and k and epsilon, take the same backward difference, in turn until the flow stays. What moves with the flow
-    is solved together with it each time: eddies answer to a motion far less than the pressure does.
+    is solved together with it each time: turbulence fields answer to a motion far less than the pressure does.
 
     Args:
         moving: a grain, and the mesh with it; None: nothing moves.
@@ -157,7 +157,7 @@ class InTime:
         return NewtonReport(False, tuple(sizes), np.inf)
 
     def _flow(self, length: float, order: int, tolerance: float, before: NewtonReport | None) -> NewtonReport:
-        """The flow, with what moves in it, for the eddies as they are; `before` is the report with earlier ones."""
+        """The flow, with what moves in it, for given turbulence fields; `before` is the report with earlier ones."""
         if self._moving is None:
             return self._fluid.solve(tolerance)
         if before is None:

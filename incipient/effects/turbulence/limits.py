@@ -14,9 +14,9 @@ from ...scene.turbulence import LAMINAR
 FORMS = ("sinusoidal", "half-discs", "ridges", "spheres")  # beds made of forms of one size
 FINEST_FORM = 0.5  # of the law's distance: half a form at the least
 SMALLEST_GRAIN = 300.0  # u* d/nu of grains below which the law of the wall is not for them
-THICK = 0.05  # of a grain, from which on the layer of the law is told: 50 nu/u* of one of u* d/nu = 1000
+THICK = 0.05  # of a grain, from which on the layer of the law is reported: 50 nu/u* of one of u* d/nu = 1000
 THICKEST = 0.5  # of a grain: a layer on both its sides as thick as itself
-FEWEST_ACROSS = 6.0  # cells, of a grain in space, below which its loads are told to be uncertain
+FEWEST_ACROSS = 6.0  # cells, of a grain in space, below which its loads are reported uncertain
 BISECTIONS = 40
 
 

@@ -59,7 +59,7 @@ class TurbulentFlow(RunPart):
         self.fields = KEpsilon(domain, given, ORDER, self._setup.turbulence.constants)
 
     def within(self, model: FlowModel) -> FlowModel:
-        """A model of the flow with the eddies in it; on few cells it is solved by factors in place of blocks."""
+        """The model of the flow with the eddy viscosity; on few cells with the direct solver in place of blocks."""
         fields, cells = self.fields, self.fields.domain.mesh.topology.index_map(self._scene.gdim).size_global
         solver = "direct" if model.solver == "block" and cells <= FEW_CELLS else model.solver
         eddies = {"viscosity": fields.viscosity, "shear_velocity": fields.shear_velocity()}
