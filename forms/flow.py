@@ -152,7 +152,7 @@ class OpenBoundary(FlowTerm):
 
 @dataclass(frozen=True)
 class BoundaryLoad(FlowTerm):
-    """The load of a boundary that brings its own integral, a function of w and q: a free surface, walls with friction."""
+    """The load of a boundary, which brings its integral, a function of w and q: a free surface, walls with friction."""
 
     load: Callable[[Any, Any], Any]
 
