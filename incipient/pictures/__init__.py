@@ -44,19 +44,19 @@ def draw(directory: Path, announce: Callable[[Path], object] = lambda path: None
         with drawing.attempt(directory / "result.json"):
             _draw_run(directory, drawing)
     if found:
-        from . import threshold
+        from .verdict import threshold
 
         drawing.add(directory / "threshold.json", threshold.draw)
     if studied:
-        from . import cost
+        from .charts import cost
 
         drawing.add(directory / "cost.json", cost.draw)
     if series:
-        from . import series as of_series
+        from .verdict import series as of_series
 
         drawing.add(directory / "series.json", of_series.draw)
     if judged:
-        from . import judgement
+        from .verdict import judgement
 
         drawing.add(directory / "judgement.json", judgement.draw)
     if drawing.failures:
@@ -97,12 +97,13 @@ class _Drawing:
 
 def _draw_run(directory: Path, drawing: _Drawing) -> None:
     from ..files import reported
-    from . import space, style
+    from . import style
     from .record import read
+    from .verdict import space
 
     run = read(directory)
     if run.moves:
-        from . import trajectory
+        from .motion import trajectory
 
         drawing.add(directory / "history.csv", partial(trajectory.draw, title=run.headline))
     for name, make in (space.makers(run) if space.is_in_space(run) else _makers(run)).items():
@@ -114,20 +115,21 @@ def _draw_run(directory: Path, drawing: _Drawing) -> None:
 
 def _makers(run: Run) -> dict[str, Maker]:
     """What draws the pictures of a run's last fields, by the pictures' names."""
-    from . import cells, flow, grain
+    from .flow import cells, fields
+    from .verdict import grain
 
-    makers: dict[str, Maker] = {"flow": flow.speed, "pressure": flow.pressure}
-    makers["vorticity"] = flow.vorticity
+    makers: dict[str, Maker] = {"flow": fields.speed, "pressure": fields.pressure}
+    makers["vorticity"] = fields.vorticity
     if run.surface is not None:
         makers["traction"] = grain.traction
     # A grain under way rests on nothing; where it has met the bed there is a verdict.
     if run.surface is not None and not (run.moves and run.result.get("verdict") is None):
         makers["verdict"] = grain.verdict
     if (run.result.get("turbulence") or {}).get("along"):
-        from . import walls
+        from .flow import walls
 
         makers["walls"] = walls.picture
     if run.setting("domain", "kind") == "box" and not run.moves:
-        makers["profiles"] = flow.profiles
+        makers["profiles"] = fields.profiles
     makers["mesh"] = cells.picture
     return makers

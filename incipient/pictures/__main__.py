@@ -22,15 +22,15 @@ for name in ("--quantity", "--against", "--by"):
 options = parser.parse_args()
 try:
     if options.animate:
-        from .animation import animate
+        from .motion.animation import animate
 
         print(animate(options.directory, options.out, options.field))
     elif options.turntable:
-        from .turntable import turn
+        from .motion.turntable import turn
 
         print(turn(options.directory, options.out))
     elif options.directory.is_file():
-        from .sweep import draw as draw_sweep
+        from .charts.sweep import draw as draw_sweep
 
         chosen = (options.quantity, options.against, options.by)
         draw_sweep(options.directory, lambda path: print(path, flush=True), *chosen)

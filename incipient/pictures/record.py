@@ -13,8 +13,8 @@ import numpy as np
 
 from ..errors import OutputError
 from ..output.series_file import StoredStep, read_step
-from .mesh import QuadraticMesh
-from .streamlines import Sampled, sample
+from .flow.mesh import QuadraticMesh
+from .flow.streamlines import Sampled, sample
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Run:
         if not self.value("gap", "closed"):
             return None
         from ..scene import Scene
-        from .outlines import grain_outline
+        from .verdict.outlines import grain_outline
 
         scene = Scene(**self.scene)
         return grain_outline(scene.grain, scene.placement)

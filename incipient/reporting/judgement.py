@@ -7,9 +7,9 @@ from typing import Any
 
 import tomli_w
 
-from ..pictures.judged import judged, sentence
-from ..pictures.judgement import shaped_case, surface_of_case
 from ..pictures.record import parsed_json
+from ..pictures.verdict.judged import judged, sentence
+from ..pictures.verdict.judgement import shaped_case, surface_of_case
 from .page import Cell, Part, Picture, Section, section, table
 from .verdict import of_contacts, of_judges, of_load, statements
 from .view import COARSER, of_case

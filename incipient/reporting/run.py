@@ -7,8 +7,8 @@ from typing import Any
 
 from ..effects import known
 from ..output.earlier import DRAWN
-from ..pictures.judged import Judged, judged, sentence
 from ..pictures.record import parsed_json
+from ..pictures.verdict.judged import Judged, judged, sentence
 from ..results.wall_report import longest
 from .errors import certainty, of_errors
 from .expense import of_adaptation, of_cost, of_omissions, of_plan, versions

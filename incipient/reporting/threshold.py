@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from ..pictures.judged import judged, sentence
 from ..pictures.record import parsed_json
-from ..pictures.threshold import critical_sentence, with_motion
+from ..pictures.verdict.judged import judged, sentence
+from ..pictures.verdict.threshold import critical_sentence, with_motion
 from ..scene import load
 from .errors import REMEDIES, of_errors
 from .expense import of_adaptation, of_cost, versions

@@ -12,10 +12,10 @@ import numpy as np
 
 from ..arrays import Floats
 from ..errors import OutputError
-from ..pictures.judged import Judged
 from ..pictures.record import read
-from ..pictures.space import SPACING, whole_surface
 from ..pictures.style import FLOW, FORCES, GRAIN, GROUND, STATES
+from ..pictures.verdict.judged import Judged
+from ..pictures.verdict.space import SPACING, whole_surface
 from ..scene import Scene
 from .page import Section, Turned, section
 

@@ -10,7 +10,7 @@ import pytest
 from images import assert_is_a_picture
 
 import incipient
-from incipient.pictures import threshold as pictures
+from incipient.pictures.verdict import threshold as pictures
 from incipient.scene import Shear
 
 SCENE = Path(__file__).parents[2] / "demos/scenes/bead_on_substrate.toml"

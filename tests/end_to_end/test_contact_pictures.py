@@ -14,17 +14,18 @@ from incipient.contact.verdict import judge
 from incipient.errors import OutputError
 from incipient.files import plain, write_json
 from incipient.geometry.touching import touching
-from incipient.pictures import draw, judgement, threshold
+from incipient.pictures import draw
 from incipient.pictures.apart import draw_apart
-from incipient.pictures.judged import judged
-from incipient.pictures.outlines import (
+from incipient.pictures.style import STATES
+from incipient.pictures.verdict import judgement, threshold
+from incipient.pictures.verdict.judged import judged
+from incipient.pictures.verdict.outlines import (
     bed_line,
     grain_outline,
     round_radius,
     sketched_outline,
     sketched_solid,
 )
-from incipient.pictures.style import STATES
 from incipient.scene import load, save
 
 DEMOS = Path(__file__).parents[2] / "demos"

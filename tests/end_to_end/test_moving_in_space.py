@@ -18,8 +18,8 @@ from PIL import Image
 import incipient
 from incipient.geometry.placement import Placement, rotation_by
 from incipient.geometry.space.polyhedra import Box as BoxSolid
-from incipient.pictures import trajectory
 from incipient.pictures.apart import animate_apart
+from incipient.pictures.motion import trajectory
 from incipient.planning.body import rigid_body
 from incipient.planning.flow_setup import Setup
 from incipient.scene import (
@@ -141,7 +141,9 @@ def assert_shows(path: Path, frames: int) -> None:
 
 def turned(directory: Path) -> Path:
     """The turntable of a run with three frames only, made in a process of its own as always."""
-    code = "import sys, pathlib; from incipient.pictures import turntable as t; t._Turntable.count = 3; "
+    code = (
+        "import sys, pathlib; from incipient.pictures.motion import turntable as t; t._Turntable.count = 3; "
+    )
     code += "print(t.turn(pathlib.Path(sys.argv[1])))"
     done = subprocess.run(
         [sys.executable, "-c", code, directory], capture_output=True, text=True, check=False

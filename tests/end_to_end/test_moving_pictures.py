@@ -22,9 +22,10 @@ from PIL import Image
 from incipient.cli import main
 from incipient.errors import OutputError
 from incipient.output.series_file import SeriesFile
-from incipient.pictures import animation, style, trajectory
+from incipient.pictures import style
 from incipient.pictures.apart import animate_apart, draw_apart
-from incipient.pictures.history import read_history
+from incipient.pictures.motion import animation, trajectory
+from incipient.pictures.motion.history import read_history
 from incipient.scene import loads
 
 STEPS = 10

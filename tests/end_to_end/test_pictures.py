@@ -19,12 +19,14 @@ from incipient.contact.verdict import judge
 from incipient.errors import OutputError
 from incipient.files import plain
 from incipient.output.series_file import SeriesFile
-from incipient.pictures import draw, flow, grain, style
+from incipient.pictures import draw, style
 from incipient.pictures.apart import draw_apart
-from incipient.pictures.mesh import QuadraticMesh, enclosed_area
+from incipient.pictures.flow import fields as flow
+from incipient.pictures.flow.mesh import QuadraticMesh, enclosed_area
+from incipient.pictures.flow.streamlines import Sampled, sample, streamlines
 from incipient.pictures.record import read
-from incipient.pictures.streamlines import Sampled, sample, streamlines
-from incipient.pictures.surface import Surface
+from incipient.pictures.verdict import grain
+from incipient.pictures.verdict.surface import Surface
 
 RADIUS, SIDE = 1.0, 8.0
 FLOW_PICTURES = ["flow.png", "pressure.png", "vorticity.png"]
@@ -261,8 +263,10 @@ def test_a_defect_in_one_picture_is_named_and_the_others_are_drawn(tmp_path, mon
     """Of a threshold and a judgement, one being beyond drawing."""
     for name in ("threshold", "judgement"):
         (tmp_path / f"{name}.json").write_text("{}")
-    monkeypatch.setattr("incipient.pictures.threshold.draw", lambda directory: [][0])
-    monkeypatch.setattr("incipient.pictures.judgement.draw", lambda directory: [directory / "judgement.png"])
+    monkeypatch.setattr("incipient.pictures.verdict.threshold.draw", lambda directory: [][0])
+    monkeypatch.setattr(
+        "incipient.pictures.verdict.judgement.draw", lambda directory: [directory / "judgement.png"]
+    )
     announced = []
     with pytest.raises(OutputError, match=r"^[^;]*threshold\.json: cannot be drawn: IndexError: [^;]*$"):
         draw(tmp_path, announced.append)

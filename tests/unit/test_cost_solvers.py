@@ -22,7 +22,7 @@ from incipient.cost.records import completed, known_runs
 from incipient.cost.solvers import SolverOptions, options
 from incipient.cost.study import findings
 from incipient.errors import SceneError
-from incipient.pictures.cost import draw
+from incipient.pictures.charts.cost import draw
 from incipient.scene import Scene, load, loads
 
 SCENES = Path(__file__).parents[2] / "demos" / "scenes"

@@ -15,9 +15,9 @@ from incipient.files import plain
 from incipient.geometry.space.solid import Sphere
 from incipient.geometry.space.terrain import Plane
 from incipient.pictures import style
-from incipient.pictures.judged import judged
-from incipient.pictures.sheet import load_rows, sheet, write_numbers
-from incipient.pictures.solid import rendered
+from incipient.pictures.verdict.judged import judged
+from incipient.pictures.verdict.sheet import load_rows, sheet, write_numbers
+from incipient.pictures.verdict.solid import rendered
 
 LONG = "A scanned pebble on a random bed of spheres, with bed.slope=3.0, with contact.friction=0.35, with bed.seed=4"
 

@@ -9,8 +9,8 @@ import pytest
 from pyvista import UnstructuredGrid
 
 from incipient.output.series_file import StoredStep
+from incipient.pictures.flow.section import PARTS, TETRAHEDRON, boundary_lines, grain_lines, section_of
 from incipient.pictures.record import Run
-from incipient.pictures.section import PARTS, TETRAHEDRON, boundary_lines, grain_lines, section_of
 from incipient.scene import Domain, Ellipsoid, Fluid, Scene, Shear
 
 EDGES = ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))  # of a tetrahedron, in VTK's order of their nodes

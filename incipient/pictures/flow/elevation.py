@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..scene import Scene
-from .record import Run
-from .style import INK, panels
+from ...scene import Scene
+from ..record import Run
+from ..style import INK, panels
 
 _FACES = np.array([(0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3)])  # corners of a tetrahedron's faces
 _MIDDLES = np.array(

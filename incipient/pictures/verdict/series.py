@@ -8,12 +8,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..arrays import Floats
-from ..errors import OutputError
-from ..files import reported
-from ..simulation.judge_series import SAMPLES, SUMMARY
-from . import style
-from .record import parsed_json
+from ...arrays import Floats
+from ...errors import OutputError
+from ...files import reported
+from ...simulation.judge_series import SAMPLES, SUMMARY
+from .. import style
+from ..record import parsed_json
 
 _BINS = 1500  # across the picture: of more samples the least and the largest of each are shown
 _TALLEST = 20.0  # safety factors above it are not shown

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..arrays import unit
-from .cells import pyvista_off_screen
+from ...arrays import unit
+from ..flow.cells import pyvista_off_screen
+from ..style import FLOW, FORCES, GRAIN, GROUND, INK, MOTION, REACTION, STATES
 from .judged import Judged, Motion
-from .style import FLOW, FORCES, GRAIN, GROUND, INK, MOTION, REACTION, STATES
 
 if TYPE_CHECKING:
-    from ..geometry.space.terrain import Terrain
+    from ...geometry.space.terrain import Terrain
 
 PIXELS = (1590, 1320)
 _TURNED, _RAISED = 24.0, 17.0  # of the view: from across the flow, and above the horizontal; degrees

@@ -8,13 +8,13 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.image import AxesImage
 
-from ..errors import OutputError
-from ..geometry.placement import Placement
-from ..scene import Scene
+from ...errors import OutputError
+from ...geometry.placement import Placement
+from ...scene import Scene
+from ..flow.section import Section, draw_outlines, section_of, views_of
+from ..record import Run, parsed_json
+from ..style import View
 from .film import ARROWS, Film
-from .record import Run, parsed_json
-from .section import Section, draw_outlines, section_of, views_of
-from .style import View
 
 _POINTS = 320  # of the grid, along its longer side
 

@@ -15,12 +15,12 @@ from matplotlib.image import AxesImage
 from matplotlib.patches import PathPatch, Polygon
 from matplotlib.path import Path
 
-from ..geometry.placement import Placement
-from ..scene import Scene
+from ...geometry.placement import Placement
+from ...scene import Scene
+from ..record import Run
+from ..style import GRAIN, GROUND, INK, View
 from .cells import pyvista_off_screen
-from .record import Run
 from .streamlines import Sampled
-from .style import GRAIN, GROUND, INK, View
 
 BESIDE = 1e-5  # of the width: how far beside a plane of symmetry fields are cut
 TETRAHEDRON, STRAIGHT = 24, 10  # VTK's numbers of the quadratic one and of the straight one

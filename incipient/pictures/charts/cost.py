@@ -16,12 +16,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullLocator
 
-from ..cost.frontier import WORTH, CostLaw, front, percent
-from ..errors import OutputError
-from ..files import reported
-from . import style
-from .record import parsed_json
-from .style import INK
+from ...cost.frontier import WORTH, CostLaw, front, percent
+from ...errors import OutputError
+from ...files import reported
+from .. import style
+from ..record import parsed_json
+from ..style import INK
 
 _COLOURS = {2: "#2166ac", 3: "#d95f0e", 4: "#1b7837"}
 _MARKERS = {2: "o", 3: "s", 4: "D"}

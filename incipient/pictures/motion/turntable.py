@@ -16,16 +16,17 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from ..errors import OutputError
-from ..scene import Scene
-from . import film_file, style
+from ...errors import OutputError
+from ...scene import Scene
+from .. import style
+from ..flow.section import tetrahedra
+from ..record import Run, read
+from ..style import FLOW, GROUND
+from ..verdict.judged import judged
+from ..verdict.solid import Stage, bed_around, empty_stage, frame_of, within
+from ..verdict.space import QUADRATIC_TRIANGLE, is_in_space, surface_of, whole_surface
+from . import film_file
 from .film_file import DOTS
-from .judged import judged
-from .record import Run, read
-from .section import tetrahedra
-from .solid import Stage, bed_around, empty_stage, frame_of, within
-from .space import QUADRATIC_TRIANGLE, is_in_space, surface_of, whole_surface
-from .style import FLOW, GROUND
 
 if TYPE_CHECKING:
     from PIL.Image import Image

@@ -15,20 +15,29 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from ..scene import Scene
-from . import elevation
-from .cells import COLOURS, framed, pyvista_off_screen, stage
+from ...scene import Scene
+from ..flow import elevation
+from ..flow.cells import COLOURS, framed, pyvista_off_screen, stage
+from ..flow.section import (
+    BESIDE,
+    TETRAHEDRON,
+    Section,
+    draw_outlines,
+    level_of,
+    section_of,
+    tetrahedra,
+    views_of,
+)
+from ..flow.streamlines import streamlines
+from ..record import Run
+from ..style import FLOW, FORCES, INK, PAPER, panels
 from .judged import Judged, judged
 from .plane import Marks, aside, label, marks_of
-from .record import Run
-from .section import BESIDE, TETRAHEDRON, Section, draw_outlines, level_of, section_of, tetrahedra, views_of
 from .sheet import Group, explain, judge_rows, load_rows, sheet, write_numbers
 from .solid import Rendering, rendered
-from .streamlines import streamlines
-from .style import FLOW, FORCES, INK, PAPER, panels
 
 if TYPE_CHECKING:
-    from ..geometry.space.terrain import Terrain
+    from ...geometry.space.terrain import Terrain
 
 SPACING = 0.04  # of the triangles of a grain's surface, in grain sizes
 _CLIPPED = 0.5  # per cent of the points, at either end, whose pressure exceeds the colour bar

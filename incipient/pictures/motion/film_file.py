@@ -12,8 +12,8 @@ import numpy as np
 from matplotlib.animation import FFMpegWriter
 from matplotlib.figure import Figure
 
-from ..errors import OutputError
-from ..files import reported
+from ...errors import OutputError
+from ...files import reported
 
 if TYPE_CHECKING:
     from PIL.Image import Image

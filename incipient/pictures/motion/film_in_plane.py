@@ -8,10 +8,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from matplotlib.path import Path as Outline
 
+from ..flow.mesh import curve, triangles_of
+from ..record import Run
+from ..style import GRAIN, INK, View
 from .film import ARROWS, Film
-from .mesh import curve, triangles_of
-from .record import Run
-from .style import GRAIN, INK, View
 from .trajectory import spoke
 
 

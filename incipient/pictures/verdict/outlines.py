@@ -64,7 +64,7 @@ def sketched_solid(case: Judged, coarser: int = 1) -> Solid:
     """
     from scipy.spatial import ConvexHull, QhullError
 
-    from ..geometry.space.surfaces import sphere
+    from ...geometry.space.surfaces import sphere
 
     radius = round_radius(case)
     if radius is not None:

@@ -10,17 +10,18 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..contact import Contacts, Load, equilibrium
-from ..critical.outcome import with_error
-from ..errors import ConvergenceError, OutputError
-from ..evaluation.contact_verdict import mass_and_inertia
-from ..files import reported
-from ..scene import Scene, load
-from . import style
+from ...contact import Contacts, Load, equilibrium
+from ...critical.outcome import with_error
+from ...errors import ConvergenceError, OutputError
+from ...evaluation.contact_verdict import mass_and_inertia
+from ...files import reported
+from ...scene import Scene, load
+from .. import style
+from ..record import parsed_json
+from ..style import FLOW, INK, MOTION
 from .judged import Judged, judged
 from .outlines import bed_line, grain_outline
 from .plane import Marks, draw_bed, draw_case, draw_grain, show_place
-from .record import parsed_json
 from .sheet import (
     UP,
     Group,
@@ -34,7 +35,6 @@ from .sheet import (
     write_numbers,
 )
 from .space import show_judged, surface_of
-from .style import FLOW, INK, MOTION
 
 _BEYOND = 1e-4  # how much more than the critical load shows the motion
 _SLOWEST = 1e-3  # of the fastest flow, shown

@@ -12,9 +12,9 @@ from matplotlib.patches import FancyArrowPatch, Patch, Polygon, Wedge
 from matplotlib.path import Path
 from matplotlib.patheffects import Normal, Stroke
 
-from ..arrays import quarter_turned, spatial
+from ...arrays import quarter_turned, spatial
+from ..style import FLOW, FORCES, GRAIN, GROUND, INK, MOTION, PAPER, REACTION, STATES, View
 from .judged import Judged, Motion
-from .style import FLOW, FORCES, GRAIN, GROUND, INK, MOTION, PAPER, REACTION, STATES, View
 
 # Lengths in grain sizes.
 _STRONGEST = 0.8  # arrow of the largest force

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import planar_cross, quarter_turned
-from ..output.series_file import StoredStep
-from .mesh import directed, enclosed_area
+from ...arrays import planar_cross, quarter_turned
+from ...output.series_file import StoredStep
+from ..flow.mesh import directed, enclosed_area
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from ..arrays import spatial
-from . import style
-from .record import Run
+from ...arrays import spatial
+from .. import style
+from ..record import Run
 
 PIXELS = 1600  # across
 COLOURS = "YlGnBu"  # of the speed

@@ -25,11 +25,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from ..output.series_file import read_step
+from ...output.series_file import read_step
+from ..record import Run, read_scene
+from ..style import GROUND, INK, View
 from .film_file import DOTS
 from .history import History, read_history
-from .record import Run, read_scene
-from .style import GROUND, INK, View
 
 if TYPE_CHECKING:
     from PIL.Image import Image

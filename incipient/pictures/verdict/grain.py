@@ -7,12 +7,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from .flow import draw_solids, draw_streamlines
+from ..flow.fields import draw_solids, draw_streamlines
+from ..record import Run
+from ..style import INK, PAPER, PULL, PUSH, View
 from .judged import Judged, judged
 from .plane import Marks, arrow, draw_case, draw_grain, draw_load, mark_contacts, show_place
-from .record import Run
 from .sheet import Group, explain, judge_rows, load_rows, sheet, write_numbers
-from .style import INK, PAPER, PULL, PUSH, View
 from .surface import Surface
 
 _ARROWS = 64

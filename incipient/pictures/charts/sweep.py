@@ -17,13 +17,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..arrays import Floats
-from ..errors import OutputError, SceneError
-from ..files import reported
-from ..results.quantity import HIGH, LOW
-from ..sweep.store import Store
-from ..sweep.table import columns, rows
-from . import style
+from ...arrays import Floats
+from ...errors import OutputError, SceneError
+from ...files import reported
+from ...results.quantity import HIGH, LOW
+from ...sweep.store import Store
+from ...sweep.table import columns, rows
+from .. import style
 
 Rows = list[dict[str, Any]]
 

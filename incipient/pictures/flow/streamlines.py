@@ -13,7 +13,7 @@ from math import hypot
 
 import numpy as np
 
-from ..arrays import quarter_turned, unit
+from ...arrays import quarter_turned, unit
 from .mesh import QuadraticMesh, triangles_of
 
 _CELLS_ACROSS = 400

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import OutputError
+from ...errors import OutputError
 
 if TYPE_CHECKING:
-    from ..geometry.placement import Placement
+    from ...geometry.placement import Placement
 
 # Columns of place and orientation, and of their rates, in the plane and in space.
 PLACE = {2: ("x", "y", "angle"), 3: ("x", "y", "z", *(f"quaternion_{part}" for part in "wxyz"))}
@@ -59,7 +59,7 @@ class History:
 
     def at(self, time: float) -> Placement:
         """Where the grain is at a time, between rows on the straight line from one to the next."""
-        from ..geometry.placement import Placement
+        from ...geometry.placement import Placement
 
         place = [float(np.interp(time, self.times, self.columns[name])) for name in PLACE[self.gdim]]
         if self.gdim == 2:

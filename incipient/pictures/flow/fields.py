@@ -13,11 +13,11 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
 
-from ..arrays import quarter_turned
+from ...arrays import quarter_turned
+from ..record import Run
+from ..style import GRAIN, GROUND, INK, View, panels
 from .mesh import curve, triangles_of
-from .record import Run
 from .streamlines import streamlines
-from .style import GRAIN, GROUND, INK, View, panels
 
 _TRIANGLES = 50_000  # about as many as a panel shows; more cannot be told apart
 _CLIPPED = 0.5  # per cent of the nodes, at either end, whose pressure exceeds the colour bar

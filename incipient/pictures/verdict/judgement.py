@@ -9,17 +9,17 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..errors import OutputError, SceneError
-from ..files import reported
-from ..simulation.judge_case import Case
-from . import style
+from ...errors import OutputError, SceneError
+from ...files import reported
+from ...simulation.judge_case import Case
+from .. import style
+from ..record import parsed_json
+from ..style import INK
 from .judged import Judged, judged, sentence
 from .outlines import Outline, Solid, grain_outline, sketched_outline, sketched_solid
 from .plane import Marks, draw_case, draw_grain, draw_strips, show_place
-from .record import parsed_json
 from .sheet import Group, explain, judge_rows, load_rows, sheet, write_numbers
 from .space import SPACING, show_judged
-from .style import INK
 
 _UNIT = "[units of the case]"
 _SKETCHED = "; the grain is sketched"

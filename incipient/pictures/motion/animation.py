@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import OutputError
-from ..output.series_file import read_step, times
-from . import film_file, style
+from ...errors import OutputError
+from ...output.series_file import read_step, times
+from .. import style
+from . import film_file
 from .film import FIELDS, Field, Film
 
 _MOST_FRAMES = 200

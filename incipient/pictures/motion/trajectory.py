@@ -24,15 +24,15 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-from ..errors import OutputError
-from ..files import reported
-from ..geometry.placement import Placement
-from ..scene import Scene, load
-from . import style
+from ...errors import OutputError
+from ...files import reported
+from ...geometry.placement import Placement
+from ...scene import Scene, load
+from .. import style
+from ..style import GRAIN, INK, View
+from ..verdict.outlines import grain_outline, grain_silhouette
+from ..verdict.plane import draw_bed
 from .history import RATES, History, read_history
-from .outlines import grain_outline, grain_silhouette
-from .plane import draw_bed
-from .style import GRAIN, INK, View
 
 # Early to late; the palest part of the map would be lost on white.
 _COLOURS = ListedColormap(colormaps["viridis_r"](np.linspace(0.12, 1.0, 256)), "moments")

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..planning.wall_law import WallLaw
-from .record import Run
-from .style import FLOW, GROUND, INK, PUSH
+from ...planning.wall_law import WallLaw
+from ..record import Run
+from ..style import FLOW, GROUND, INK, PUSH
 
 _COLOURS = (FLOW, PUSH, INK)
 _SIZE = (9.0, 5.5)  # inches

@@ -1,0 +1,1 @@
+"""Charts: what accuracy costs, quantities of sweeps."""
