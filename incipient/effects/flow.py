@@ -13,7 +13,6 @@ from ..planning.mean_profile import force_of_turbulence
 from ..planning.numbers import Numbers
 from ..planning.plan import Plan
 from ..results.quantity import OutputQuantity
-from ..scene import Scene
 from .effect import Effect
 
 if TYPE_CHECKING:
@@ -38,7 +37,7 @@ class FlowEffect(Effect):
     def decide(self, setup: Setup, numbers: Numbers) -> Decision:
         """Present unless the fluid is at rest and stays so."""
         scene = setup.scene
-        return Decision(self.name, scene.flow.kind != "still" or scene.has_surface, _reason(scene))
+        return Decision(self.name, scene.flow.kind != "still" or scene.has_surface, _reason(setup))
 
     def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
         """The force by which the fluctuations of a turbulent base flow keep its mean profile."""
@@ -54,7 +53,8 @@ class FlowEffect(Effect):
         yield from filter(None, (near_inflow(setup.geometry, setup.scene.flow.kind == "still"),))
 
 
-def _reason(scene: Scene) -> str:
+def _reason(setup: Setup) -> str:
+    scene = setup.scene
     if scene.flow.kind == "log-law":
         return "mean profile of a turbulent stream, kept by the force that its turbulence would exert"
     if scene.flow.kind != "still":

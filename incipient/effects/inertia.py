@@ -20,7 +20,6 @@ from ..planning.plan import Plan
 from ..planning.stabilisation import measured_cell_reynolds
 from ..results.left_out import Omission
 from ..results.quantity import OutputQuantity
-from ..scene import Scene
 from .effect import Effect, Solved
 from .missing_term import weighted
 from .run_part import Solving
@@ -53,7 +52,7 @@ class InertiaEffect(Effect):
         scene = setup.scene
         if not scene.fluid.inertia or scene.effects.inertia is False:
             key = "fluid.inertia" if not scene.fluid.inertia else "effects.inertia"
-            return Decision(self.name, False, f"{key} = false", True, expected(scene, numbers))
+            return Decision(self.name, False, f"{key} = false", True, expected(scene.flow.kind, numbers))
         told = f"Re = {scene.fluid.reynolds:g} on {scene.fluid.scale} scale"
         if scene.effects.inertia is True:
             return Decision(self.name, True, f"effects.inertia = true; {told}", True)
@@ -61,7 +60,7 @@ class InertiaEffect(Effect):
             return Decision(self.name, True, f"the free surface moves the fluid; {told}")
         if scene.flow.kind == "still" and not scene.moves:
             return Decision(self.name, False, "the fluid is at rest", expected=0.0)
-        change = expected(scene, numbers)
+        change = expected(scene.flow.kind, numbers)
         which = "flow Re" if numbers.grain_reynolds is None else "grain Re"
         value = numbers.flow_reynolds if numbers.grain_reynolds is None else numbers.grain_reynolds
         if change > SHARE * accuracy_asked(scene.numerics):
@@ -88,14 +87,14 @@ class InertiaEffect(Effect):
         yield weighted(solved, self.name, _convection, remedy)
 
 
-def expected(scene: Scene, numbers: Numbers) -> float:
-    """Relative change of the drag that convection makes, by Oseen's term; at most one."""
+def expected(kind: str, numbers: Numbers) -> float:
+    """Relative change of the drag that convection makes in a kind of flow, by Oseen's term; at most one."""
     found = [OSEEN * (numbers.bed_reynolds or 0.0)]
-    if scene.flow.kind in ("lid", "expression"):  # not parallel: inertia bends the flow itself
+    if kind in ("lid", "expression"):  # not parallel: inertia bends the flow itself
         found.append(OSEEN * numbers.flow_reynolds)
     if numbers.grain_reynolds is not None:
         found.append(OSEEN * numbers.grain_reynolds * max(1.0, numbers.reach))
-    elif scene.flow.kind != "still":
+    elif kind != "still":
         found.append(OSEEN * numbers.flow_reynolds)
     return min(max(found), 1.0)
 

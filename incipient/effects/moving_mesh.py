@@ -9,7 +9,6 @@ from ..planning.effects import Decision, EffectName
 from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers
 from ..planning.plan import Plan
-from ..scene import Scene
 from .effect import Effect
 
 if TYPE_CHECKING:
@@ -25,14 +24,15 @@ class MovingMeshEffect(Effect):
         """Present with a grain that moves or a free surface."""
         scene = setup.scene
         there, forced = scene.moves or scene.has_surface, scene.effects.moving_mesh != "auto"
-        return Decision(self.name, there, _reason(scene), forced)
+        return Decision(self.name, there, _reason(setup), forced)
 
     def terms(self, model: FlowModel, setup: Setup, plan: Plan, unsteady: bool) -> FlowModel:
         """The velocity of the mesh, which convection is relative to."""
         return replace(model, moving_mesh=unsteady)
 
 
-def _reason(scene: Scene) -> str:
+def _reason(setup: Setup) -> str:
+    scene = setup.scene
     if scene.has_surface and not scene.moves:
         return "the mesh rises and falls with the free surface"
     if not scene.moves:

@@ -39,31 +39,30 @@ def plan_of(setup: Setup) -> Plan:
     numbers = numbers_of(setup)
     effects = known.decisions(setup, numbers)
     present = {effect.name for effect in effects if effect.present}
+    inert, unsteady = EffectName.INERTIA in present, EffectName.UNSTEADINESS in present
+    convection = scene.numerics.convection if unsteady else "implicit"
+    scheme = "steady" if scene.time is None else scene.time.scheme if unsteady else "quasi-steady"
     return Plan(
         effects=effects,
         order=setup.order.number,
         why_order=setup.order.reason,
         geometry_order=_geometry_order(setup),
         mesh_size=scene.numerics.mesh_size,
-        convection=_convection(scene, present),
-        scheme=_scheme(scene, present),
+        convection=convection if inert else "no",
+        scheme=scheme,
         reynolds=1.0 / scene.viscosity,
-        solver=method_of(
-            setup,
-            slow=not present & {EffectName.INERTIA, EffectName.UNSTEADINESS},
-            unsteady=EffectName.UNSTEADINESS in present,
-        ),
+        solver=method_of(setup, slow=not (inert or unsteady), unsteady=unsteady),
         numbers=numbers,
-        stabilisation=stabilisation_of(setup, EffectName.INERTIA in present),
-        sought=_sought(scene),
+        stabilisation=stabilisation_of(setup, inert),
+        sought=_sought(setup),
         warnings=tuple(warning for effect in known.EFFECTS for warning in effect.warnings(setup)),
         datum=datum_of(setup),
     )
 
 
-def _sought(scene: Scene) -> str:
+def _sought(setup: Setup) -> str:
     """What the run chooses mesh and order, in time the steps as well, for."""
-    numerics = scene.numerics
+    scene, numerics = setup.scene, setup.scene.numerics
     if numerics.accuracy is None:
         return ""
     everything = numerics.accuracy_includes == "all"
@@ -104,15 +103,3 @@ def _has_flat_faces(geometry: Geometry) -> bool:
     level = bed is None or not math.isfinite(bed.feature)
     sharp = isinstance(grain, Box) and grain.edge_radius == 0.0
     return level and (grain is None or sharp or isinstance(grain, Triangulated))
-
-
-def _convection(scene: Scene, present: set[EffectName]) -> str:
-    if EffectName.INERTIA not in present:
-        return "no"
-    return scene.numerics.convection if EffectName.UNSTEADINESS in present else "implicit"
-
-
-def _scheme(scene: Scene, present: set[EffectName]) -> str:
-    if scene.time is None:
-        return "steady"
-    return scene.time.scheme if EffectName.UNSTEADINESS in present else "quasi-steady"

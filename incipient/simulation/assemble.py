@@ -57,7 +57,7 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
             if grain is not None and grain.part.met:
                 from ..effects.moving_grain.landing import landing
 
-                landed = landing(scene, grain.state, grain.clearance(), force, couple)
+                landed = landing(run.setup, grain.state, grain.clearance(), force, couple)
                 contacts, verdict = landed.contacts, landed.verdict
                 reported["trajectory"]["ended"]["without_verdict"] = landed.why_not
         gap = None if grain is not None else _gap_of(run.layout, run.domain)
@@ -69,7 +69,7 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
         scene=scene.model_dump(mode="json"),
         force=force,
         couple=couple,
-        coefficients=None if force is None or couple is None else coefficients(scene, force, couple),
+        coefficients=None if force is None or couple is None else coefficients(run, force, couple),
         grain=_grain(run),
         gap=gap,
         contacts=_contacts(contacts),

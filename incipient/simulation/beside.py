@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -140,7 +140,7 @@ def _in_domain(run: Run, scene: Scene) -> Floats | None:
     from ..mesh.stretching import stretched
 
     x, region, placement = run.domain.mesh.geometry.x, run.layout.shape, run.layout.placement
-    old, new = (_box(one) for one in (run.scene, scene))
+    old, new = (_box(one.domain) for one in (run.scene, scene))
     if np.array_equal(old.low, new.low) and np.array_equal(old.high, new.high):
         return np.array(x)
     assert placement is not None
@@ -155,9 +155,8 @@ def _in_domain(run: Run, scene: Scene) -> Floats | None:
     return stretched(np.array(x), np.asarray(placement.centre), kept, old, new)
 
 
-def _box(scene: Scene) -> Box:
+def _box(domain: Any) -> Box:
     from ..mesh.stretching import Box
 
-    domain = scene.domain
     sides = np.array([(domain.left, domain.right), domain.across, (domain.bottom, domain.ceiling)])
     return Box(sides[:, 0], sides[:, 1])

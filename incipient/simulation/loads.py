@@ -35,8 +35,9 @@ def weights(scene: Scene) -> tuple[Floats, Floats]:
     return -scene.grain.volume * gravity, (scene.mass or 0.0) * gravity
 
 
-def coefficients(scene: Scene, force: Forces, couple: Couples) -> Coefficients:
-    """Drag, lift and moment coefficients of the loads on the scene's grain. Not collective."""
+def coefficients(run: Run, force: Forces, couple: Couples) -> Coefficients:
+    """Drag, lift and moment coefficients of the loads on the run's grain. Not collective."""
+    scene = run.scene
     assert scene.grain is not None
     velocity, length = scene.reference_velocity, scene.grain.size
     area = length if scene.gdim == 2 else 0.25 * np.pi * length**2

@@ -182,7 +182,7 @@ class TimeLoop:
         run, gdim = self._run, self._run.scene.gdim
         with run.stage("tractions"):
             force, couple = loads(run, surface=False)
-        found = coefficients(run.scene, force, couple)
+        found = coefficients(run, force, couple)
         row: dict[str, Any] = named("force", force.flow, gdim) | named_couple("couple", couple.flow, gdim)
         row |= {"drag": found.drag, "lift": found.lift, "moment": found.moment}
         verdict = judged(run, force, couple)

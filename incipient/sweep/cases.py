@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import SceneError
+from ..planning.flow_setup import Setup
 from ..scene import Scene
 from ..scene.file import dumps, parse
 from ..scene.points import file_text
@@ -91,7 +92,7 @@ def resolved(source: Source, settings: Settings, task: str, common: Sequence[str
     left_out = {"title", "output"} | ({"units"} if scene.units is None else set())
     content = scene.model_dump(mode="json", exclude=left_out)
     return SweepCase(
-        _identity(task, content), task, source.name, settings, dumps(scene), _forms(scene, task), scene
+        _identity(task, content), task, source.name, settings, dumps(scene), _forms(Setup(scene), task), scene
     )
 
 
@@ -109,11 +110,11 @@ def _identity(task: str, content: dict[str, Any]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]
 
 
-def _forms(scene: Scene, task: str) -> str:
+def _forms(setup: Setup, task: str) -> str:
     """Dimension, elements, effects and what is computed beside the flow."""
-    from ..effects.plan import make_plan
+    from ..effects.plan import plan_of
 
-    plan = make_plan(scene)
+    scene, plan = setup.scene, plan_of(setup)
     present = sorted(effect.name for effect in plan.effects if effect.present)
     elements = (scene.gdim, plan.order, plan.geometry_order, plan.convection, plan.scheme, plan.solver.name)
     numerics = (scene.numerics.form, scene.numerics.error_bars, scene.numerics.accuracy is not None)

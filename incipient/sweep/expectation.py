@@ -50,7 +50,7 @@ class Foresight:
             return Expected(None, OF_JUDGE)
         drawn = _drawn(case.scene)
         if drawn not in self._cells:
-            self._cells[drawn] = _cells(case.scene)
+            self._cells[drawn] = _cells(Setup(case.scene))
         if case.forms not in self._first:
             self._first[case.forms] = (_predicted(case.scene, case.task), self._cells[drawn])
         known, of_known = self._first[case.forms]
@@ -62,13 +62,12 @@ def _drawn(scene: Scene) -> str:
     return str(scene.model_dump(mode="json", exclude={"title", "output", "gravity", "fluid", "effects"}))
 
 
-def _cells(scene: Scene) -> float | None:
+def _cells(setup: Setup) -> float | None:
     """Expected number of cells of the mesh."""
-    from ..effects.plan import make_plan
+    from ..effects.plan import plan_of
 
     with suppress(IncipientError, ImportError, OSError):
-        layout = meshing.lay_out(Setup(scene), make_plan(scene))
-
+        layout = meshing.lay_out(setup, plan_of(setup))
         return sum(expected_cells(layout.shape, layout.sizes).values())
     return None
 

@@ -50,7 +50,7 @@ def landed(found, centre, push, angle=0.0):
     couple = Couples(np.zeros(3), np.zeros(3), np.array([*centre, 0.0]))
     state = BodyState.at(Placement(centre, math.radians(angle)), [0.3, -0.4, 1.0])
     met = Setup(found).surroundings.clearance(state.placement)
-    return landing(found, state, met, force, couple)
+    return landing(Setup(found), state, met, force, couple)
 
 
 @pytest.mark.parametrize("bed", [None, Flat()])

@@ -61,13 +61,13 @@ class MovingSurface(RunPart):
         """Enter a fluid; the surface on the mesh before goes on above it, and its volume stays."""
         assert fluid.surface is not None
         self.fluid, space, condition = fluid, fluid.surface.space, fluid.surface.condition
-        scene, setup = self._scene, self._setup
+        setup = self._setup
         held, pinned = stays_below(setup), condition.pinned
         self._up = fluid.domain.gdim - 1
         rising = RisingDisplacement(
             fluid.domain, space, condition.boundary, held, pinned, condition.origin[self._up]
         )
-        self._stations = _Stations(rising, scene)
+        self._stations = _Stations(rising, setup)
         elevation, room = np.zeros((2, len(fluid.surface.elevation.x.array)))
         self._places: Floats = space.tabulate_dof_coordinates()[rising.nodes]
         self._places[:, self._up] -= rising.raised
@@ -234,12 +234,12 @@ class MovingSurface(RunPart):
 class _Stations:
     """Reads the elevation at the stations of a scene, of which the weights of the nodes do not change."""
 
-    def __init__(self, rising: RisingDisplacement, scene: Scene):
-        comm, space = rising.domain.comm, rising.space
+    def __init__(self, rising: RisingDisplacement, setup: Setup):
+        comm, space, scene = rising.domain.comm, rising.space, setup.scene
         across = stations_of(scene.surface, scene.domain)
         top = scene.domain.ceiling + rising.raised
         points = np.array([(*place, top) for place in across]).reshape(-1, scene.gdim)
-        if Setup(scene).symmetric:  # the half that is computed has the larger y
+        if setup.symmetric:  # the half that is computed has the larger y
             points[:, 1] = scene.domain.middle + np.abs(points[:, 1] - scene.domain.middle)
         places = Locator(rising.domain.mesh).inside(spatial(points))
         ranks = np.array(comm.allgather(np.where(places.found, comm.rank, comm.size)))

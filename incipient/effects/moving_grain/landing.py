@@ -22,7 +22,6 @@ from ...geometry.touching import touching
 from ...planning.clearance import Clearance
 from ...planning.flow_setup import Setup
 from ...results.loads import Couples, Forces
-from ...scene import Scene
 
 # Relative to the distance at which the grain has met the bed: how much farther its other contacts may be.
 FARTHER = 1.01
@@ -38,16 +37,16 @@ class Landing:
     why_not: str = ""
 
 
-def landing(scene: Scene, state: BodyState, met: Clearance, force: Forces, couple: Couples) -> Landing:
+def landing(setup: Setup, state: BodyState, met: Clearance, force: Forces, couple: Couples) -> Landing:
     """What there is to say of a grain in a state in which it has met something. Not collective."""
-    bed = Setup(scene).sides.bottom
+    scene, bed = setup.scene, setup.sides.bottom
     if met.other != bed:
         return Landing(why_not=f"the grain met the {met.other}, which is not the bed")
     try:
-        contacts = contacts_at(scene, state, met.distance)
+        contacts = contacts_at(setup, state, met.distance)
     except IncipientError as error:
         return Landing(why_not=f"the contacts where the grain met the {bed} were not found: {error}")
-    if why_not := _missing(scene):
+    if why_not := _missing(setup):
         return Landing(contacts, why_not=why_not)
     assert scene.body is not None and scene.contact is not None
     load = Load(force.flow, couple.flow, force.weight + force.buoyancy, spatial(state.place))
@@ -71,8 +70,9 @@ def _note(state: BodyState) -> str:
     )
 
 
-def _missing(scene: Scene) -> str:
+def _missing(setup: Setup) -> str:
     """What keeps a grain that has met the bed from being judged, or nothing."""
+    scene = setup.scene
     if scene.contact is None:
         return "it needs a section [contact] with a friction"
     if scene.effects.contact is False:
@@ -83,12 +83,12 @@ def _missing(scene: Scene) -> str:
     return "what body.locked keeps the grain from is no matter of contact" if locked else ""
 
 
-def contacts_at(scene: Scene, state: BodyState, distance: float) -> Contacts:
+def contacts_at(setup: Setup, state: BodyState, distance: float) -> Contacts:
     """Contacts of a grain with the bed, or the lower side in its place, from which it is that far [length].
 
     Raises SceneError if there are none.
     """
+    scene, level = setup.scene, setup.scene.domain.bottom
     assert scene.grain is not None
-    level = scene.domain.bottom
     bed = scene.bed_shape or (Flat(level) if scene.gdim == 2 else Plane(origin_z=level))
     return touching(scene.grain, state.placement, bed, FARTHER * max(distance, scene.contact_gap))
