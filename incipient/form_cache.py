@@ -15,13 +15,10 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 from .errors import OutputError
-from .parallel import collectively, from_first
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
+from .parallel import Comm, collectively, from_first
 
 T = TypeVar("T")
 WHOLE = "whole.json"  # the sizes of the files of a folder, written last
@@ -29,7 +26,7 @@ FULL = 2**20  # bytes free on a disk that counts as full
 REMEDY = "set XDG_CACHE_HOME to a directory that can be written"
 
 
-def compiled(root: Path, name: str, comm: MPI.Comm, build: Callable[[Path], T]) -> T:
+def compiled(root: Path, name: str, comm: Comm, build: Callable[[Path], T]) -> T:
     """What `build` makes of the code in a folder; it compiles the code where there is none. Collective over `comm`.
 
     A folder that is damaged is compiled anew.

@@ -10,12 +10,10 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 from .errors import Interrupted
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
+from .parallel import Comm
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 # Seconds in which further signals are taken for the same: mpirun passes on those that its ranks have had already.
@@ -31,7 +29,7 @@ class Interruption:
     SIGTERM interrupts, too. The handlers there were come back at the end. Only `asked` is collective.
     """
 
-    def __init__(self, comm: MPI.Comm):
+    def __init__(self, comm: Comm):
         self.armed, self._comm = False, comm
         self._since: float | None = None
         self._before: dict[int, Any] = {}
@@ -100,7 +98,7 @@ def _handlers_left_alone() -> Iterator[None]:
 
 
 @contextmanager
-def told_where_kept(directory: Path | None, comm: MPI.Comm) -> Iterator[None]:
+def told_where_kept(directory: Path | None, comm: Comm) -> Iterator[None]:
     """Let an interrupt of the block, in which errors are estimated, say where the result without them is kept.
 
     An interrupt stays as it is where nothing is kept, and with several ranks, as others may wait for this one.

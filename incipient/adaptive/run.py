@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
-from typing import TYPE_CHECKING
 
 from ..interrupt import Interruption
+from ..parallel import Comm
 from ..progress import Silent
 from ..results.result import Result
 from ..scene import Scene
@@ -14,12 +14,9 @@ from .balancing import Balancing
 from .refinement import Refinement
 from .uniform import UniformRefinement
 
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
 
 def run_to_accuracy(
-    scene: Scene, comm: MPI.Comm, recorder: Recorder | None = None, voice: Silent | None = None
+    scene: Scene, comm: Comm, recorder: Recorder | None = None, voice: Silent | None = None
 ) -> Result:
     """Run a scene with `numerics.accuracy` on meshes of the program's choice. Collective over `comm`.
 

@@ -12,13 +12,14 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..accuracy.goal import Goal, Quantity
 from ..accuracy.kept_runs import KeptRuns
 from ..errors import ConvergenceError, MeshError
+from ..parallel import Comm
 from ..planning.expense import MEMORY_GROWTH
 from ..planning.layout import Layout
 from ..progress import Silent
@@ -30,9 +31,6 @@ from ..simulation.recorder import Recorder
 from ..simulation.simulate import loads_of
 from ..simulation.state import Accounts
 from .modelling import SHARE, Suited, not_estimated, remedies, suited
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
 
 # What a result says of a search that is still on; one that is stopped leaves it so.
 UNFINISHED = "the search goes on, or was stopped"
@@ -107,7 +105,7 @@ class AccuracySearch(ABC):
         recorder: what the last run is handed to; it may begin again.
     """
 
-    def __init__(self, scene: Scene, comm: MPI.Comm, recorder: Recorder, voice: Silent):
+    def __init__(self, scene: Scene, comm: Comm, recorder: Recorder, voice: Silent):
         self.scene, self.comm, self.recorder, self.voice = scene, comm, recorder, voice
         self.numerics, self.trials = scene.numerics, list[Trial]()
         self.accounts = Accounts(spent=self.spent)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy import sparse
@@ -18,11 +18,8 @@ from scipy import sparse
 from .. import compat
 from ..arrays import Floats, Integers
 from ..meshes import SizeField
+from ..parallel import Comm
 from .orders import STEEPEST
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
 
 # The size of a cell relative to before: shares say nothing about much smaller ones.
 SMALLEST, LARGEST = 0.2, 2.0
@@ -91,7 +88,7 @@ def _numbers(space: Any) -> tuple[int, Integers]:
     return index_map.size_local, index_map.local_to_global(local)
 
 
-def resized(shares: Shares, order: int, relative: float, comm: MPI.Comm) -> Wanted:
+def resized(shares: Shares, order: int, relative: float, comm: Comm) -> Wanted:
     """Sizes with which the sum of shares is expected to become `relative` times what it is. Collective.
 
     order: order of the velocity on the new mesh

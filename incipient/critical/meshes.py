@@ -15,11 +15,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from ..adaptive.refinement import Refinement
 from ..adaptive.search import Attempt
 from ..errors import ConvergenceError, SceneError
+from ..parallel import Comm
 from ..planning.flow_setup import Setup
 from ..progress import Silent
 from ..results.adaptation import Adaptation
@@ -31,9 +32,6 @@ from ..simulation.state import Accounts, Run
 from .bars import CriticalGoal
 from .loadpath import flow_of
 from .search import CriticalSearch, Found, OwnMesh
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
 
 CHANGED = 1.1  # ratio of the law's distance to that of the mesh, or its inverse, up to which the mesh serves
 MOST_MESHES = 6
@@ -54,7 +52,7 @@ class CriticalRefinement(Refinement):
     def __init__(
         self,
         scene: Scene,
-        comm: MPI.Comm,
+        comm: Comm,
         voice: Silent,
         conclude: Callable[[Run, CriticalSearch, Found, Adaptation], Any],
     ):
@@ -97,7 +95,7 @@ class CriticalRefinement(Refinement):
 
 
 def on_its_own_mesh(
-    scene: Scene, comm: MPI.Comm, voice: Silent, conclude: Callable[[Run, CriticalSearch, Found], Concluded]
+    scene: Scene, comm: Comm, voice: Silent, conclude: Callable[[Run, CriticalSearch, Found], Concluded]
 ) -> Concluded:
     """Find the critical flow on a mesh made for its law of the wall; returns what `conclude` makes of it. Collective.
 

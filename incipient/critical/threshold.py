@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from ..errors import IncipientError, SceneError
 from ..evaluation.contact_verdict import mass_and_inertia
 from ..evaluation.si_units import in_si
 from ..interrupt import told_where_kept
+from ..parallel import Comm
 from ..planning.numbers import numbers_of
 from ..progress import Silent
 from ..results.adaptation import Adaptation
@@ -37,9 +37,6 @@ from .bars import critical_bars
 from .meshes import CriticalRefinement, on_its_own_mesh
 from .outcome import Threshold
 from .search import CriticalSearch, Found
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
 
 SAME_SIZE = 1e-9  # relative
 BEYOND = 1e-4  # how much faster than critical a flow is that shows the motion
@@ -62,7 +59,7 @@ LAMINAR = "in laminar {flow} over one grain{plane}: not a point of Shields' curv
 
 def find_threshold(
     scene: Scene,
-    comm: MPI.Comm,
+    comm: Comm,
     voice: Silent | None = None,
     keep: Callable[[Threshold], Path | None] = lambda threshold: None,
 ) -> Threshold:

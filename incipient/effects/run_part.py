@@ -7,14 +7,13 @@ from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
 from ..geometry.placement import Placement
+from ..parallel import Comm
 from ..planning.effects import EffectName
 from ..planning.plan import Plan
 from ..progress import Silent
 from ..scene import Scene
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
-
     from ..coupled.coupling import Coupling
     from ..coupled.part import Part
     from ..coupled.tractions import TractionProbe
@@ -33,7 +32,7 @@ class Solving(Protocol):
 
     scene: Scene
     plan: Plan
-    comm: MPI.Comm
+    comm: Comm
     voice: Silent
 
     @property

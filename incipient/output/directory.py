@@ -7,15 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..files import append_row, cut, part_of, reported, sync, write_json
-from ..parallel import collectively
+from ..parallel import Comm, collectively
 from ..planning.plan import Plan
 from ..results.result import Result
 from ..scene import Scene, save
 from .earlier import CHECKPOINT, RESULT, SCENE, keep_complete_result, make_room, remove_pictures
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
-
     from ..critical.outcome import Threshold
     from ..mesh.domain import Domain
     from ..restart.checkpoint import Checkpoint
@@ -40,9 +38,7 @@ class ResultDirectory:
 
     keeps = True
 
-    def __init__(
-        self, path: Path, comm: MPI.Comm, resumed: Checkpoint | None = None, overwrite: bool = False
-    ):
+    def __init__(self, path: Path, comm: Comm, resumed: Checkpoint | None = None, overwrite: bool = False):
         self.path, self.comm, self._resumed = path, comm, resumed
         self._overwrite = overwrite
         self._rows = 0
@@ -149,7 +145,7 @@ class ResultDirectory:
         write_json(self.path / RESULT, result.to_dict())
 
 
-def write_threshold(path: Path, scene: Scene, threshold: Threshold, comm: MPI.Comm) -> None:
+def write_threshold(path: Path, scene: Scene, threshold: Threshold, comm: Comm) -> None:
     """Write threshold.json and the resolved scene into a directory, made if it is not there. Collective.
 
     A run there that can be resumed makes room: it could not with another scene.

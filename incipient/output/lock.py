@@ -11,15 +11,12 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import BinaryIO
 
 from ..errors import OutputError
 from ..files import reported
-from ..parallel import collectively
+from ..parallel import Comm, collectively
 from .ownership import refuse_foreign
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
 
 LOCK = "lock.json"
 TURNS = 10  # how often a lock that vanishes while it is looked at is tried again
@@ -60,7 +57,7 @@ class Holder:
 
 
 @contextmanager
-def locked(directory: Path, comm: MPI.Comm, make: bool = False) -> Iterator[None]:
+def locked(directory: Path, comm: Comm, make: bool = False) -> Iterator[None]:
     """Keep other runs out of a directory during the block. To enter is collective, to leave is not.
 
     The lock of a process that has ended without giving it back is taken over. The lock is a file made only if it is

@@ -5,19 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..errors import SceneError
-from ..parallel import from_first
+from ..parallel import Comm, from_first
 from ..planning.order import order_of, with_order
 from ..restart import checkpoint as checkpoints
 from ..restart.checkpoint import Checkpoint
 from ..scene import Scene, load
 from ..scene.file import loads
 from .earlier import CHECKPOINT, SCENE
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
 
 # What a scene may be resumed with in place of what it was run with: where it ends, how its steps are made, when it
 # gets new meshes and of what cells, what is written. What is stored fits all of them.
@@ -34,7 +31,7 @@ MAY_CHANGE_IF_THE_GRAIN_MOVES = (
 MAY_BECOME = {"body.on_contact": "repel"}
 
 
-def reopened(directory: Path, overrides: Sequence[str], comm: MPI.Comm) -> tuple[Scene, Checkpoint]:
+def reopened(directory: Path, overrides: Sequence[str], comm: Comm) -> tuple[Scene, Checkpoint]:
     """The scene and the checkpoint of a run that was cut short, on every rank, of tables its share. Collective.
 
     Raises:

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -22,14 +22,11 @@ from numpy.typing import NDArray
 
 from ..errors import OutputError
 from ..files import cause_of, ends_with, insert_before_end, reported, write_text_atomically
-from ..parallel import Alone, collectively, from_first
+from ..parallel import Alone, Comm, collectively, from_first
 from ..tables.hdf5 import WriteAhead, complete, journal_of, reserve, write_rows
 from ..tables.rows import Rows
 from .earlier import put_aside
 from .vtkhdf import write_vtkhdf
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
 
 # The whole of a table, or this rank's rows of it.
 Table = Rows | NDArray[Any]
@@ -156,7 +153,7 @@ class SeriesFile:
         """Node coordinates (nodes, 3) of the newest mesh for the steps to come. On every rank."""
         self._waiting["geometry"] = _rows(points, np.float64)
 
-    def add_step(self, time: float, fields: Mapping[str, Table], comm: MPI.Comm | Alone = ALONE) -> None:
+    def add_step(self, time: float, fields: Mapping[str, Table], comm: Comm | Alone = ALONE) -> None:
         """Store fields, (nodes,) or (nodes, 3) each, at a time; the HDF5 file first, then the XDMF file. Collective."""
         values = {name: _rows(table, np.float64) for name, table in fields.items()}
         tables, mesh = self._waiting | values, self._mesh.changed(self._waiting)

@@ -15,19 +15,16 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields, is_dataclass
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_type_hints
+from typing import Any, TypeVar, get_args, get_type_hints
 
 import numpy as np
 
 from ..arrays import Floats, Integers
 from ..errors import OutputError
 from ..files import cause_of, part_of, reported, sync
-from ..parallel import collectively, from_first
+from ..parallel import Comm, collectively, from_first
 from ..tables.hdf5 import reserve, write_rows
 from ..tables.rows import Rows, block
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
 
 T = TypeVar("T")
 
@@ -166,7 +163,7 @@ class Checkpoint:
         return float(self.times[0])
 
 
-def write(path: Path, checkpoint: Checkpoint, comm: MPI.Comm) -> None:
+def write(path: Path, checkpoint: Checkpoint, comm: Comm) -> None:
     """Write a file so that at any moment there is the old one or the new one. Collective; all but rows is rank 0's.
 
     Raises:
@@ -214,7 +211,7 @@ def _made(path: Path, checkpoint: Checkpoint, checksums: dict[str, str]) -> dict
     return places
 
 
-def read(path: Path, comm: MPI.Comm) -> Checkpoint:
+def read(path: Path, comm: Comm) -> Checkpoint:
     """Read a file written by `write`, on any number of ranks, each an equal share of its rows. Collective.
 
     Raises:
@@ -290,7 +287,7 @@ def _put(file: Any, checkpoint: Checkpoint) -> dict[str, int]:
     return places
 
 
-def _got(kind: type[T], group: Any, path: Path, comm: MPI.Comm) -> T:
+def _got(kind: type[T], group: Any, path: Path, comm: Comm) -> T:
     """A dataclass from its stored fields, of which none may be missing, of tables this rank's share. Not collective."""
     found: dict[str, Any] = {}
     for name, hint in get_type_hints(kind).items():
@@ -310,7 +307,7 @@ def _got(kind: type[T], group: Any, path: Path, comm: MPI.Comm) -> T:
     return kind(**found)
 
 
-def _checksums(comm: MPI.Comm, tables: dict[str, Rows]) -> dict[str, str]:
+def _checksums(comm: Comm, tables: dict[str, Rows]) -> dict[str, str]:
     """What tables are and the checksums of their contents, by their names, the same on all ranks. Collective."""
     mine = np.array([rows.checksum() for rows in tables.values()], dtype=np.uint64)
     sums = np.sum(comm.allgather(mine), axis=0, dtype=np.uint64)

@@ -13,6 +13,7 @@ from ..arrays import Floats
 from ..errors import ConvergenceError
 from ..geometry.rest import lifted
 from ..geometry.space.terrain import Plane
+from ..parallel import Comm
 from ..planning.conditions import conditions
 from ..planning.flow_setup import Setup
 from ..results.errorbars import Loads
@@ -20,8 +21,6 @@ from ..scene import Scene
 from .state import Run
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
-
     from ..fluid import Fluid
     from ..mesh.stretching import Box
 
@@ -51,7 +50,7 @@ class Beside:
         speed: of the flow whose loads are asked for, over the scene's.
     """
 
-    def __init__(self, run: Run, by_itself: Callable[[Scene, MPI.Comm, float], Loads], speed: float = 1.0):
+    def __init__(self, run: Run, by_itself: Callable[[Scene, Comm, float], Loads], speed: float = 1.0):
         self._run, self._by_itself, self._speed = run, by_itself, speed
         self._moved: dict[str, _Moved] | None = None
 

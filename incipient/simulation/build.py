@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from ..effects import known
 from ..effects.plan import plan_of
 from ..installed import memory_of_libraries, required
-from ..parallel import collectively
+from ..parallel import Comm, collectively
 from ..planning import expense, meshing
 from ..planning.cells import CLOSED
 from ..planning.conditions import conditions
@@ -24,8 +24,6 @@ from .recorder import Recorder, Unrecorded
 from .state import Accounts, Run
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
-
     from ..contact import Contacts
     from ..coupled.tractions import TractionProbe
     from ..fluid import FlowModel, Fluid
@@ -36,7 +34,7 @@ if TYPE_CHECKING:
 @contextmanager
 def prepared(
     scene: Scene,
-    comm: MPI.Comm,
+    comm: Comm,
     accounts: Accounts | None = None,
     recorder: Recorder | None = None,
     voice: Silent | None = None,
@@ -99,7 +97,7 @@ def prepared(
             newest[0] = run.fluid
 
 
-def _load_libraries(comm: MPI.Comm, draws: bool) -> None:
+def _load_libraries(comm: Comm, draws: bool) -> None:
     """Load the large libraries in the order that takes least time. Collective.
 
     Symbols of a library are looked up in all that dolfinx has loaded before: gmsh's then take three times as long.
@@ -169,7 +167,7 @@ def probe_of(fluid: Fluid, layout: Layout) -> TractionProbe | None:
     return TractionProbe(fluid, "body", layout.placement.centre, enclosed)
 
 
-def _domain_kept(checkpoint: Checkpoint | None, comm: MPI.Comm) -> Domain | None:
+def _domain_kept(checkpoint: Checkpoint | None, comm: Comm) -> Domain | None:
     """The mesh of the checkpoint, if there is one."""
     if checkpoint is None:
         return None

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from ..errors import IncipientError, Interrupted, OutputError
 from ..interrupt import Interruption, told_where_kept
+from ..parallel import Comm
 from ..progress import Silent
 from ..results.errorbars import Loads
 from ..results.result import Result
@@ -25,14 +26,12 @@ from .state import Accounts, Run
 from .steady import loads_at, solve_with_parts
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
-
     from ..restart.checkpoint import Checkpoint
 
 
 def simulate(
     scene: Scene,
-    comm: MPI.Comm,
+    comm: Comm,
     recorder: Recorder | None = None,
     voice: Silent | None = None,
     checkpoint: Checkpoint | None = None,
@@ -81,7 +80,7 @@ def finished(run: Run, recorder: Recorder, follows: bool = True) -> Result:
     return result
 
 
-def loads_of(scene: Scene, comm: MPI.Comm, speed: float = 1.0) -> Loads:
+def loads_of(scene: Scene, comm: Comm, speed: float = 1.0) -> Loads:
     """Run a scene for its force and couple at the end; a steady flow may be `speed` times the scene's. Collective."""
     if speed == 1.0:
         return simulate(scene, comm, follows=False).loads_at_end()

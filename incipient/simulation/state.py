@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, cast
 
 from ..effects.run_part import RunPart
+from ..parallel import Comm
 from ..planning.effects import EffectName
 from ..planning.flow_setup import Setup
 from ..planning.layout import Layout
@@ -20,8 +21,6 @@ from ..results.timing import Ledger
 from .steadiness import Steadiness
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
-
     from ..contact import Contacts
     from ..coupled.tractions import TractionProbe
     from ..effects.free_surface.part import MovingSurface
@@ -84,7 +83,7 @@ class Run:
         self.setup, self.scene = setup, setup.scene
         self.plan, self.layout, self.contacts = plan, layout, contacts
         self.accounts, self.voice, self._parts = accounts, voice, tuple(parts)
-        self.comm: MPI.Comm = fluid.domain.comm
+        self.comm: Comm = fluid.domain.comm
         self.corrections = Corrections(accounts.ledger, plan)
         fluid.watch = self.corrections.record
         self._fluid, self._probe = fluid, probe

@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..errors import SceneError
 from ..installed import required
-from ..parallel import collectively, ranks_there_are
+from ..parallel import Comm, collectively, ranks_there_are
 from ..progress import Silent
 from ..scene import Scene
 from .case_refinement import SweepRefinement
@@ -20,10 +20,6 @@ from .expectation import Foresight, cores, free_memory_mib
 from .procedure import Limits, Sweep, SweepProgress, Watcher
 from .request import RefinementOptions, Request, of_python, parsed_seconds
 from .store import Store
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
 
 log = logging.getLogger("incipient")
 
@@ -54,7 +50,7 @@ class Means:
         """Memory and time."""
         return Limits(free_memory_mib() if self.memory_mib is None else self.memory_mib, self.wall)
 
-    def places(self, comm: MPI.Comm) -> int:
+    def places(self, comm: Comm) -> int:
         """Number of cases computed at a time."""
         if comm.size > 1:
             from .executors import groups
@@ -81,7 +77,7 @@ def run(
     most: int | None = None,
     quantity: str | None = None,
     watcher: Watcher | None = None,
-    comm: MPI.Comm | None = None,
+    comm: Comm | None = None,
 ) -> SweepProgress:
     """Compute the cases of a sweep that its file does not hold yet. Collective over `comm` (default: all ranks).
 
@@ -140,7 +136,7 @@ class Prepared:
 
 
 def computed(
-    prepared: Prepared, file: Path, means: Means, watcher: Watcher | None, comm: MPI.Comm
+    prepared: Prepared, file: Path, means: Means, watcher: Watcher | None, comm: Comm
 ) -> SweepProgress:
     """Compute cases, which the first rank alone needs to know, into a file. Collective; raises as `run`."""
     places = means.places(comm)
@@ -165,7 +161,7 @@ def computed(
     return progress
 
 
-def _start_petsc(comm: MPI.Comm) -> None:
+def _start_petsc(comm: Comm) -> None:
     """Start PETSc on all ranks, also on the first, which computes no flow.
 
     It starts on all together: where the first did not come the others waited for it without an end.

@@ -8,17 +8,14 @@ import time
 from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..cost.frontier import seconds
-from ..parallel import ranks_there_are
+from ..parallel import Comm, ranks_there_are
 from .cases import SweepCase
 from .procedure import SweepProgress, Watcher
 from .store import DONE, FAILED, CaseOutcome
 from .table import in_words, quantities
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
 
 log = logging.getLogger("incipient")
 LATEST = 8  # finished cases that the table shows
@@ -90,7 +87,7 @@ def _headline(progress: SweepProgress) -> str:
 
 
 @contextmanager
-def watching(comm: MPI.Comm | None = None) -> Iterator[Watcher]:
+def watching(comm: Comm | None = None) -> Iterator[Watcher]:
     """The right watcher for this rank (default: of all ranks) and this terminal. Not collective."""
     if (comm or ranks_there_are()).rank:
         yield Watcher()

@@ -19,22 +19,19 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..errors import IncipientError
 from ..files import plain
-from ..parallel import ranks_there_are, start_alone_quickly
+from ..parallel import Comm, ranks_there_are, start_alone_quickly
 from ..results.timing import peak_memory_mib
 from ..scene import loads
 from .store import CaseOutcome
 
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
 READY = "ready\n"
 END_WITH_PARENT = 1  # PR_SET_PDEATHSIG of Linux
 # The group that this rank leads; mpi4py.futures hands no communicator to its tasks.
-_LED: list[MPI.Comm] = []
+_LED: list[Comm] = []
 
 
 def end_with_parent(parent: int | None = None) -> None:
@@ -49,7 +46,7 @@ def end_with_parent(parent: int | None = None) -> None:
 
 
 @contextmanager
-def leading(group: MPI.Comm) -> Iterator[None]:
+def leading(group: Comm) -> Iterator[None]:
     """Let this rank compute the cases ordered in the block with a group, whose other ranks `follow`. Collective.
 
     Args:
@@ -66,7 +63,7 @@ def leading(group: MPI.Comm) -> Iterator[None]:
         group.bcast(None)
 
 
-def follow(group: MPI.Comm) -> None:
+def follow(group: Comm) -> None:
     """Compute cases with the first rank of a group until it orders no more. Collective."""
     while group and (order := group.bcast(None)) is not None:
         task, text = order
@@ -84,7 +81,7 @@ def computed_by_group(task: str, text: str) -> CaseOutcome:
         group.Abort(1)
 
 
-def computed(task: str, text: str, comm: MPI.Comm) -> CaseOutcome:
+def computed(task: str, text: str, comm: Comm) -> CaseOutcome:
     """Compute a case; one that fails with an error for users has its line as the reason. Collective."""
     began, processor = time.perf_counter(), _processor_time()
     with suppress(
@@ -106,7 +103,7 @@ def computed(task: str, text: str, comm: MPI.Comm) -> CaseOutcome:
     return CaseOutcome(result, reason, time.perf_counter() - began, spent, peak, versions)
 
 
-def _run(text: str, comm: MPI.Comm) -> dict[str, Any]:
+def _run(text: str, comm: Comm) -> dict[str, Any]:
     from ..simulation.simulate import simulate
 
     scene = loads(text)
@@ -117,13 +114,13 @@ def _run(text: str, comm: MPI.Comm) -> dict[str, Any]:
     return run_to_accuracy(scene, comm).to_dict()
 
 
-def _threshold(text: str, comm: MPI.Comm) -> dict[str, Any]:
+def _threshold(text: str, comm: Comm) -> dict[str, Any]:
     from ..critical.threshold import find_threshold
 
     return find_threshold(loads(text), comm).to_dict()
 
 
-def _judge(text: str, comm: MPI.Comm) -> dict[str, Any]:
+def _judge(text: str, comm: Comm) -> dict[str, Any]:
     from ..simulation.judge_case import Case, judge_case
 
     return judge_case(Case.model_validate(json.loads(text)))
