@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from .domain import Domain
 from .flows import Flow
 from .messages import Problem, either, problem
+from .model import Time
 from .surface import Surface, Wave
 
 # Base flows below a free surface: profiles without shear on it, or none.
@@ -22,7 +23,7 @@ def of_box(surface: Surface) -> Iterator[Problem]:
             yield problem(f"surface.{name}", "is that of a channel but the domain is a box", remedy)
 
 
-def of_channel(flow: Flow, domain: Domain, surface: Surface) -> Iterator[Problem]:
+def of_channel(flow: Flow, domain: Domain, surface: Surface, time: Time | None) -> Iterator[Problem]:
     """What keeps a channel from having a free surface."""
     kind, half = flow.kind, 0.5 * domain.length
     if kind not in STREAMS:
@@ -45,6 +46,8 @@ def of_channel(flow: Flow, domain: Domain, surface: Surface) -> Iterator[Problem
         yield problem("surface.sponge", why, f"give at most {half:g}")
     if surface.wave is not None:
         yield from _of_wave(surface.wave, surface, domain)
+    if time is not None and time.start != "rest" and surface.outflow == "wall":
+        yield problem("time.start", "is a flow through but the channel has an end", 'use "rest"')
 
 
 def _of_wave(wave: Wave, surface: Surface, domain: Domain) -> Iterator[Problem]:

@@ -38,13 +38,13 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
         why = f'is false but domain.top = "{FREE}"'
         yield problem("effects.free_surface", why, 'leave one of them out, as a lid is domain.top = "slip"')
     surface, domain = scene.surface or Surface(), scene.domain
-    yield from _of_time(scene.time, domain, surface)
+    yield from _of_time(scene.time, domain)
     if effects.unsteadiness is False:
         yield problem("effects.unsteadiness", "is false but a free surface moves in time", 'use "auto"')
     if gravity is None or effects.gravity is False or gravity.acceleration == 0.0:
         yield problem("domain.top", "gravity is what keeps a free surface level", "add a section [gravity]")
     if domain.kind == "channel":
-        yield from of_channel(scene.flow, domain, surface)
+        yield from of_channel(scene.flow, domain, surface, scene.time)
     elif scene.flow.kind != "still":
         why = "a free surface is simulated in a box whose fluid starts from rest"
         yield problem("flow.kind", why, 'use "still", or domain.kind = "channel"')
@@ -54,14 +54,12 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
     yield from _of_dimension(surface, domain.gdim)
 
 
-def _of_time(time: Time | None, domain: Domain, surface: Surface) -> Iterator[Problem]:
+def _of_time(time: Time | None, domain: Domain) -> Iterator[Problem]:
     if time is None:
         yield problem("domain.top", "a free surface moves in time", "add a section [time]")
     elif time.start != "rest" and domain.kind == "box":
         why = "below a free surface the fluid of a box starts from rest"
         yield problem("time.start", why, 'use "rest"')
-    elif time.start != "rest" and surface.outflow == "wall":
-        yield problem("time.start", "is a flow through but the channel has an end", 'use "rest"')
 
 
 def _of_bottom(surface: Surface, has_bed: bool) -> Iterator[Problem]:

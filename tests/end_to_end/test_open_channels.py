@@ -240,7 +240,7 @@ def test_the_plan_tells_of_the_ends():
 @pytest.mark.parametrize(
     ("old", "new", "why"),
     [
-        ('kind = "open-channel"', 'kind = "shear"', 'flow.kind: "shear" is no stream below a free surface'),
+        ('kind = "open-channel"', 'kind = "shear"', 'flow.kind: "shear" is no flow below a free surface'),
         ('elevation = "0"', 'inflow = "x"', 'surface.inflow: "x" depends on x; use t, y, z only'),
         ('elevation = "0"', 'inflow = "z"', "surface.inflow: depends on z but the scene lies in the plane"),
         (
