@@ -34,6 +34,7 @@ OF_FREE_SURFACE = (
     "coupled.surface",
     "effects.free_surface.part",
     "planning.surface",
+    "planning.surface_conditions",
 )
 OF_TURBULENCE = (
     "forms.turbulence",

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from ..planning.clearance import near_inflow
 from ..planning.effects import Decision, EffectName
 from ..planning.flow_setup import Setup
-from ..planning.mean_profile import force_of_turbulence
 from ..planning.numbers import Numbers
 from ..planning.plan import Plan
 from ..results.quantity import OutputQuantity
@@ -43,6 +42,7 @@ class FlowEffect(Effect):
         """The force by which the fluctuations of a turbulent base flow keep its mean profile."""
         if setup.scene.flow.kind != "log-law":
             return model
+        from ..planning.mean_force import force_of_turbulence
 
         base_flow = setup.base_flow
         force = force_of_turbulence(base_flow.mean_profile, base_flow.datum, base_flow.up)

@@ -17,7 +17,6 @@ from ..planning.effects import SHARE, Decision, EffectName, accuracy_asked, perc
 from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers
 from ..planning.plan import Plan
-from ..planning.stabilisation import measured_cell_reynolds
 from ..results.left_out import Omission
 from ..results.quantity import OutputQuantity
 from .effect import Effect, Solved
@@ -31,6 +30,8 @@ OSEEN = 3.0 / 16.0
 
 
 def _largest_of_cells(run: Solving) -> float:
+    from ..fluid.cell_reynolds import measured_cell_reynolds
+
     return measured_cell_reynolds(run.fluid)
 
 

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from ..meshes.solid_region import SYMMETRY
 from .base_flow import Velocity
 from .flow_setup import Setup
-from .open_channel import ends, seepage
 
 if TYPE_CHECKING:
     from ..fluid import Condition
@@ -27,6 +26,9 @@ def conditions(setup: Setup, held: bool = False, lid: bool = False, speed: float
         return wall_conditions.conditions(setup)
     from ..fluid import Carried, Open, Prescribed, Seeping, Slip, no_slip
 
+    if scene.has_surface:
+        from . import surface_conditions
+
     bottom, right, top, left = sides.around
     base_flow = setup.base_flow_at(speed)
     walls: list[str] = []
@@ -35,7 +37,7 @@ def conditions(setup: Setup, held: bool = False, lid: bool = False, speed: float
     seeping: list[Condition] = []
     surface = scene.has_surface and not lid
     if scene.domain.kind == "channel" and surface:
-        free.extend(ends(setup))
+        free.extend(surface_conditions.ends(setup))
     elif scene.domain.kind == "channel":
         moving.append((left, base_flow.entering))
         free.append(Open(right))
@@ -46,15 +48,13 @@ def conditions(setup: Setup, held: bool = False, lid: bool = False, speed: float
     if scene.surface is not None and scene.surface.bottom == "slip":
         free.append(Slip(bottom, axis=geometry.up))
     elif scene.surface is not None and scene.surface.seepage != "0":
-        seeping.append(Seeping(bottom, seepage(setup.surface, geometry.up)))
+        seeping.append(Seeping(bottom, surface_conditions.seepage(setup.surface, geometry.up)))
     elif _is_wall(setup):
         walls.append(bottom)
     else:
         moving.append((bottom, base_flow.velocity))
     if surface:
-        from .surface import free_surface
-
-        free.append(free_surface(setup))
+        free.append(surface_conditions.free_surface(setup))
     elif geometry.top in ("slip", "free-surface"):
         free.append(Slip(top, axis=geometry.up))
     elif geometry.top == "wall" and scene.flow.kind != "lid":

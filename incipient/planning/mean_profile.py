@@ -1,4 +1,4 @@
-"""The mean velocity of a turbulent stream over a bed, and the force that stands for the turbulence which keeps it.
+"""The mean velocity of a log-law flow over a bed; `mean_force` has the force that keeps it.
 
 With heights y and velocities in units of nu/u* and u*, the mixing length kappa (y + s) (1 - exp(-(y + s)/26)) gives
 
@@ -29,9 +29,9 @@ NODES = 400
 
 @dataclass(frozen=True)
 class MeanProfile:
-    """The mean velocity over its datum, and its force, in scene units.
+    """The mean velocity over its datum, in scene units.
 
-    roughness: equivalent sand roughness [length]; depth: of the stream above its datum, up to which it is tabulated
+    roughness: equivalent sand roughness [length]; depth: of the flow above its datum, up to which it is tabulated
     """
 
     shear_velocity: float
@@ -42,17 +42,17 @@ class MeanProfile:
     @property
     def roughness_reynolds(self) -> float:
         """k = u* k_s/nu."""
-        return self.roughness * self._per_length
+        return self.roughness * self.per_length
 
     @property
-    def _per_length(self) -> float:
+    def per_length(self) -> float:
         """u*/nu."""
         return self.shear_velocity / self.viscosity
 
     @property
     def layer(self) -> float:
         """Height over which the profile bends next to the bed: ten wall units, or the shift of a rough one [length]."""
-        return max(LAYER, self._shift) / self._per_length
+        return max(LAYER, self.shift) / self.per_length
 
     def regime(self) -> str:
         """Whether the bed is hydraulically smooth or rough, in words."""
@@ -62,65 +62,28 @@ class MeanProfile:
 
     def speed(self, heights: np.ndarray) -> np.ndarray:
         """Mean speeds (n,) at heights (n,) above the datum, of zero to the depth. Not collective."""
-        return self.shear_velocity * np.asarray(self._table(heights * self._per_length))
+        return self.shear_velocity * np.asarray(self._table(heights * self.per_length))
 
     @cached_property
     def _table(self) -> Any:
         """u over y in units of the wall: integrated from node to node, with the gradient itself at the nodes."""
         from scipy.interpolate import CubicHermiteSpline
 
-        y = np.sinh(np.linspace(0.0, np.arcsinh(self.depth * self._per_length), NODES))
+        y = np.sinh(np.linspace(0.0, np.arcsinh(self.depth * self.per_length), NODES))
         points, weights = np.polynomial.legendre.leggauss(8)
         half = 0.5 * np.diff(y)
         within = y[:-1, None] + half[:, None] * (1.0 + points)
-        u = np.concatenate([[0.0], np.cumsum(half * (_gradient(within, self._shift, np) @ weights))])
-        return CubicHermiteSpline(y, u, _gradient(y, self._shift, np))
+        u = np.concatenate([[0.0], np.cumsum(half * (gradient(within, self.shift, np) @ weights))])
+        return CubicHermiteSpline(y, u, gradient(y, self.shift, np))
 
     @property
-    def _shift(self) -> float:
+    def shift(self) -> float:
         """s, which rough beds shift the profile by, in units of the wall."""
         k = self.roughness_reynolds
         return max(0.9 * (math.sqrt(k) - k * math.exp(-k / 6.0)), 0.0)
 
-    def force(self, height: Any) -> Any:
-        """-nu d2u/dy2 at a height above the datum as a UFL expression: what the turbulence brings down.
 
-        By it and the viscosity the profile is the exact flow; below the datum it is zero. Its numbers are constants,
-        which recompile nothing. Not collective.
-        """
-        import ufl
-
-        scale, per_length, shift = _constants(
-            height, self.shear_velocity**2 * self._per_length, self._per_length, self._shift
-        )
-        y = ufl.variable(height * per_length)
-        return ufl.conditional(ufl.gt(height, 0), -scale * ufl.diff(_gradient(y, shift, ufl), y), 0)
-
-
-def _gradient(y: Any, shift: Any, functions: Any) -> Any:
-    """du/dy at y, in units of the wall, by the functions of numpy or of UFL."""
+def gradient(y: Any, shift: Any, functions: Any) -> Any:
+    """The gradient du/dy at y, in units of the wall, by the functions of numpy or of UFL."""
     mixing = KAPPA * (y + shift) * (1 - functions.exp(-(y + shift) / DAMPING))
     return 2 / (1 + functions.sqrt(1 + 4 * mixing**2))
-
-
-def _constants(place: Any, *values: float) -> list[Any]:
-    """Constants on the mesh of an expression."""
-    import dolfinx
-    from ufl.domain import extract_domains
-
-    from ..compat import PETSc
-
-    (domain,) = extract_domains(place)
-    return [dolfinx.fem.Constant(domain, PETSc.ScalarType(value)) for value in values]
-
-
-def force_of_turbulence(profile: MeanProfile, datum: float, up: int) -> Any:
-    """A force per unit mass for `FlowModel.body_force`, function of place and time, that keeps the profile.
-
-    datum: height at which it starts, in the coordinate numbered `up`
-    """
-    import ufl
-
-    return lambda place, time: ufl.as_vector(
-        [profile.force(place[up] - _constants(place, datum)[0]), *[0] * up]
-    )

@@ -10,14 +10,10 @@ where cells are coarse.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .flow_setup import Setup
-
-if TYPE_CHECKING:
-    from ..fluid import Fluid
 
 # Reynolds number of cells from which on convection is stabilised.
 COARSE = 50.0
@@ -84,22 +80,3 @@ def largest_peclet(setup: Setup) -> float:
     fastest = float(np.linalg.norm(base_flow.velocity(points, 0.0), axis=0).max())
     size = setup.scene.numerics.mesh_size * cells.largest_in_space(cells.order) / cells.order
     return 0.5 * fastest * size / float(base_flow.viscosity)
-
-
-def measured_cell_reynolds(fluid: Fluid) -> float:
-    """The largest |v| h/(k nu) of all cells of a flow at hand; h is the root of the doubled area. Collective."""
-    import dolfinx
-    import ufl
-    from mpi4py import MPI
-
-    from .. import compat
-
-    mesh, order = fluid.domain.mesh, fluid.space.order
-    space = compat.space(mesh, ("DG", order))
-    size = abs(ufl.JacobianDeterminant(mesh)) ** (1 / mesh.geometry.dim) / order
-    v, _ = ufl.split(fluid.state)
-    found = dolfinx.fem.Function(space)
-    number = ufl.sqrt(ufl.inner(v, v)) * size / fluid.viscosity
-    compat.interpolate(found, number)
-    mine = float(np.max(found.x.array, initial=0.0))
-    return float(fluid.domain.comm.allreduce(mine, op=MPI.MAX))

@@ -1,32 +1,13 @@
-"""The free surface of a scene: the condition on the flow, and the elevation that it starts with."""
+"""The free surface of a scene: where it is pinned, and how deep the fluid below it is."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from ..scene.expression import Expression
 from .flow_setup import Setup
-from .open_channel import sponges
 from .scene_geometry import Geometry
 
-if TYPE_CHECKING:
-    from ..fluid.conditions import FreeSurface
-
 OUTLINE = 65  # points on each curve of a grain's outline
-
-
-def free_surface(setup: Setup) -> FreeSurface:
-    """The condition on top of a scene whose top is a free surface. Not collective."""
-    from ..fluid.conditions import FreeSurface
-
-    asked, domain, scene = setup.surface, setup.geometry.domain, setup.scene
-    # Where the still level meets the right end, the pressure without the hydrostatic part is zero.
-    origin = (domain.right, *((domain.middle,) if scene.gdim == 3 else ()), domain.ceiling)
-    pressure = None if asked.pressure == "0" else Expression(asked.pressure, "surface.pressure")
-    top, gravity = setup.sides.top, tuple(scene.gravity_vector.tolist())
-    return FreeSurface(top, gravity, origin, pressure, asked.tension, sticking(setup), sponges(setup))
 
 
 def sticking(setup: Setup) -> tuple[str, ...]:

@@ -10,7 +10,8 @@ from scenes import message, scene
 from incipient import make_plan
 from incipient.evaluation.si_units import in_si
 from incipient.planning.flow_setup import Setup
-from incipient.planning.mean_profile import KAPPA, MeanProfile, force_of_turbulence
+from incipient.planning.mean_force import force_of_turbulence
+from incipient.planning.mean_profile import KAPPA, MeanProfile
 from incipient.planning.meshing import lay_out
 from incipient.planning.numbers import numbers_of
 from incipient.scene import Domain, Fluid, HalfDiscs, LogLaw, Uniform

@@ -1,0 +1,104 @@
+"""Conditions of a flow below a free surface: on top, at the ends of a channel, in sponges, and of seepage."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..arrays import Floats
+from ..fluid.conditions import Condition, Entering, FreeSurface, Open, Slip, Sponge, Wave
+from ..scene import Surface
+from ..scene.expression import Expression
+from .base_flow import BaseFlow
+from .flow_setup import Setup
+from .open_channel import LEVEL, froude, wave_of
+from .surface import sticking
+
+if TYPE_CHECKING:
+    from .waves import StokesWave
+
+Profile = Callable[[Floats, float], Floats]
+
+# A long wave that runs through the sponge to the end and back keeps exp(-ABSORBED) of its height.
+ABSORBED = 5.0
+
+
+def free_surface(setup: Setup) -> FreeSurface:
+    """The condition on top of a scene whose top is a free surface. Not collective."""
+    asked, domain, scene = setup.surface, setup.geometry.domain, setup.scene
+    # Where the still level meets the right end, the pressure without the hydrostatic part is zero.
+    origin = (domain.right, *((domain.middle,) if scene.gdim == 3 else ()), domain.ceiling)
+    pressure = None if asked.pressure == "0" else Expression(asked.pressure, "surface.pressure")
+    top, gravity = setup.sides.top, tuple(scene.gravity_vector.tolist())
+    return FreeSurface(top, gravity, origin, pressure, asked.tension, sticking(setup), sponges(setup))
+
+
+def ends(setup: Setup) -> list[Condition]:
+    """The conditions at both ends of a channel with a free surface. Not collective."""
+    scene, cells = setup.scene, setup.far_cells
+    largest = cells.largest if scene.gdim == 2 else cells.largest_in_space(setup.order.number)
+    level = max(LEVEL * scene.domain.height, scene.numerics.mesh_size * largest)
+    wave, base_flow = wave_of(setup), setup.base_flow
+    along = _with_formula(base_flow, setup.surface) if wave is None else _with_wave(base_flow, wave)
+    coming = None if wave is None else _coming_in(base_flow, wave)
+    entering = Entering(setup.sides.left, 0, along, level, froude(setup) >= 1.0, coming)
+    right = setup.sides.right
+    return [entering, Open(right) if setup.surface.outflow == "open" else Slip(right, axis=0)]
+
+
+def sponges(setup: Setup) -> tuple[Sponge, ...]:
+    """The zones at the ends of a channel in which waves die out. Not collective."""
+    asked, domain, scene = setup.surface, setup.geometry.domain, setup.scene
+    # A wave of speed c loses exp(-s x/(2 c)) of its height, with s a third of the rate at the end in the mean.
+    rate = 3.0 * ABSORBED * math.sqrt(abs(scene.gravity_vector[scene.up]) * domain.height)
+    found = []
+    if asked.sponge > 0.0:
+        start = domain.right - asked.sponge
+        found.append(Sponge(start, domain.right, rate / asked.sponge, setup.base_flow.velocity))
+    if asked.wave is not None and asked.wave.zone > 0.0:
+        start, length = domain.left + asked.wave.zone, asked.wave.zone
+        found.append(Sponge(start, domain.left, rate / length, None))
+    return tuple(found)
+
+
+def seepage(asked: Surface, up: int) -> Callable[[Floats, float], Floats]:
+    """The velocity at which fluid seeps through the bed, straight up in the coordinate `up`. Not collective."""
+    speed = Expression(asked.seepage, "surface.seepage")
+    return lambda x, t: np.vstack([*np.zeros((up, x.shape[1])), speed(x, t)])
+
+
+def _with_formula(base_flow: BaseFlow, asked: Surface) -> Profile:
+    """The velocity along a channel at its inflow with what a formula adds to the stream."""
+    stream, beside = base_flow.entering, Expression(asked.inflow, "surface.inflow")
+    return lambda x, t: stream(x, t)[0] + beside(x, t)
+
+
+def _with_wave(base_flow: BaseFlow, wave: StokesWave) -> Profile:
+    """The velocity along a channel at its inflow, of stream and wave over the depth below the wave.
+
+    It is counted by the area as the mesh was made.
+    """
+    stream, datum, up = base_flow.entering, base_flow.datum, base_flow.up
+
+    def along(x: Floats, t: float) -> Floats:
+        deeper, places = 1.0 + wave.elevation(np.zeros(1), t)[0] / wave.depth, x.copy()
+        places[up] = datum + (x[up] - datum) * deeper
+        waving, _ = wave.velocity(np.zeros(x.shape[1]), places[up] - datum, t)
+        return np.asarray((stream(places, t)[0] + waving) * deeper)
+
+    return along
+
+
+def _coming_in(base_flow: BaseFlow, wave: StokesWave) -> Wave:
+    stream, left, datum, up = base_flow.velocity, base_flow.domain.left, base_flow.datum, base_flow.up
+
+    def velocity(x: Floats, t: float) -> Floats:
+        found = stream(x, t)
+        for axis, waving in zip((0, up), wave.velocity(x[0] - left, x[up] - datum, t), strict=True):
+            found[axis] += waving
+        return found
+
+    return Wave(velocity, lambda x, t: wave.elevation(x[0] - left, t))
