@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from incipient.arrays import Floats, Integers
-from incipient.geometry.space.remeshing import Exact
+from incipient.geometry.space.remeshing import ExactSurface
 from incipient.interrupt import handlers_kept
 
 with handlers_kept():  # at its import gmsh takes interrupts for itself
@@ -45,7 +45,9 @@ class Nodes:
         return np.asarray(self.row[members.astype(np.int64)].reshape(-1, per_cell))
 
 
-def curved(surfaces: dict[int, Exact], walls: tuple[tuple[int, float], ...], order: int) -> tuple[Nodes, int]:
+def curved(
+    surfaces: dict[int, ExactSurface], walls: tuple[tuple[int, float], ...], order: int
+) -> tuple[Nodes, int]:
     """The nodes where they belong, and how many edges stay straight because cells beside them would fold.
 
     surfaces: what the triangles of gmsh's entities approximate

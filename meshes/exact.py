@@ -14,7 +14,7 @@ from incipient.geometry.space.halving import halved
 from incipient.geometry.space.marching import in_blocks, level_surface
 from incipient.geometry.space.pieces import HalfSpacesAndBalls
 from incipient.geometry.space.polyhedra import Triangulated
-from incipient.geometry.space.remeshing import GRID, Draft, Exact
+from incipient.geometry.space.remeshing import GRID, Draft, ExactSurface
 from incipient.geometry.space.solid import Solid
 from incipient.geometry.space.spheres import Spheres
 from incipient.geometry.space.surfaces import Surface, grid
@@ -33,7 +33,7 @@ Level = Callable[[Floats], Floats]
 
 
 @dataclass(frozen=True, eq=False)
-class Body(Exact):
+class Body(ExactSurface):
     """A grain's surface; where a region is cut in its plane of symmetry the half of it beyond that plane."""
 
     placed: PlacedSolid
@@ -98,7 +98,7 @@ class Body(Exact):
 
 
 @dataclass(frozen=True, eq=False)
-class Ground(Exact):
+class Ground(ExactSurface):
     """A bed's surface within a region: as it is where it is resolved, level farther away."""
 
     region: SolidRegion

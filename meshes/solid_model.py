@@ -10,7 +10,7 @@ import numpy as np
 
 from incipient.errors import MeshError
 from incipient.geometry.space.crossings import crossed
-from incipient.geometry.space.remeshing import Exact, remeshed, without_area
+from incipient.geometry.space.remeshing import ExactSurface, remeshed, without_area
 from incipient.geometry.space.surfaces import Surface, joined
 from incipient.interrupt import handlers_kept
 
@@ -69,7 +69,7 @@ class Outline:
         Raises:
             MeshError: a grain reaches into the bed, or surfaces cross however fine they are.
         """
-        named: dict[str, Exact] = {size.region.names[5]: self.ground, **self.bodies}
+        named: dict[str, ExactSurface] = {size.region.names[5]: self.ground, **self.bodies}
         found: dict[str, Surface] = {}
         for _ in range(ATTEMPTS):
             found = {name: remeshed(exact, exact.draft(), size) for name, exact in named.items()}
@@ -150,7 +150,7 @@ def _put_in_place(
     gmsh.model.mesh.setOrder(order)
     walls = _walls(region, frame)
     planes = tuple((axis, float(end[axis])) for axis in (0, 1) for end in (walls.low, walls.high))
-    named: dict[str, Exact] = {region.names[5]: outline.ground, **outline.bodies}
+    named: dict[str, ExactSurface] = {region.names[5]: outline.ground, **outline.bodies}
     nodes, straight = curved({tags[name]: exact for name, exact in named.items()}, planes, order)
     gmsh.logger.write(
         f"cells would fold over: {straight} edges are straight", "warning" if straight else "info"

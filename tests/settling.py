@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.optimize import nnls
 
-from incipient.geometry import Outcome, Placement, settle
+from incipient.geometry import Placement, SettlingOutcome, settle
 from incipient.geometry.placement import rotation_by
 
 TILT = rotation_by((0.3, 0.2, 0.1))
@@ -34,7 +34,7 @@ def surface_points(grain):
 
 def flaws(found, grain, bed, gravity=None, friction=1.0):
     """What contradicts an equilibrium, from the outside, by name; `friction` as it was given to settle."""
-    if not (found.outcome is Outcome.RESTS and found.stable):
+    if not (found.outcome is SettlingOutcome.RESTS and found.stable):
         return {"outcome": found}
     d, size, placement = grain.gdim, grain.size, found.placement
     points, normals = found.contacts.points[:, :d], found.contacts.normals[:, :d]

@@ -21,7 +21,7 @@ from incipient.geometry.contacts import Contacts
 NEAR = 1e-6  # a safety factor nearer to one is a boundary case
 
 
-class Part(Enum):
+class AgreementPart(Enum):
     """What a motion is made of."""
 
     LIFTS = "lifting"
@@ -29,8 +29,10 @@ class Part(Enum):
     TURNS = "turning"
 
 
-Family = frozenset[Part]
-_SLIDES, _LIFTS, _TURNS = (frozenset({part}) for part in (Part.SLIDES, Part.LIFTS, Part.TURNS))
+Family = frozenset[AgreementPart]
+_SLIDES, _LIFTS, _TURNS = (
+    frozenset({part}) for part in (AgreementPart.SLIDES, AgreementPart.LIFTS, AgreementPart.TURNS)
+)
 
 # What the paper's outcomes are called by one who watches the contacts. Pivotting combined with lifting keeps a
 # contact or leaves it; a rotation away from the surface leaves all, whether it is called lifting or not.
@@ -191,10 +193,10 @@ def _why_another_motion(paper: Classification, exact: Exact) -> Reason:
     if set(paper.obstructed_by) - set(paper.significant) or _others_pressed(paper, exact):
         return Reason.ONE_CONTACT_AT_A_TIME
     said = FAMILIES[paper.mode]
-    if family == _TURNS and all(Part.SLIDES in one for one in said):
+    if family == _TURNS and all(AgreementPart.SLIDES in one for one in said):
         stuck = bool((paper.C_friction >= 1.0).all())
         return Reason.ROLLING_CALLED_SLIDING if stuck else Reason.SLIP_IS_OVERESTIMATED
-    if paper.criterion is Criterion.TRANSLATION_ONLY and Part.TURNS in family and _SLIDES in said:
+    if paper.criterion is Criterion.TRANSLATION_ONLY and AgreementPart.TURNS in family and _SLIDES in said:
         return Reason.FRICTION_COUPLE
     return Reason.FORCES_NOT_ACCELERATIONS
 

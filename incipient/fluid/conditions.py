@@ -59,7 +59,7 @@ class Open:
 
 
 @dataclass(frozen=True)
-class Wave:
+class IncomingWave:
     """A wave that comes in at an end with a stream.
 
     velocity:  of both, a function of x (3, n), places as they are, and t that returns (gdim, n)
@@ -86,7 +86,7 @@ class Entering:
     velocity: Callable[[np.ndarray, float], np.ndarray]
     level: float
     given: bool = False
-    wave: Wave | None = None
+    wave: IncomingWave | None = None
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from .space import TaylorHood, cell_size
 HELD = 10.0  # times k^2 nu/h: what resists a flow through a wall, k being the order of the elements
 
 
-class Motion:
+class WallMotion:
     """The rigid motion of a wall, as a velocity in UFL that can be given without compiling anew.
 
     Attributes:
@@ -67,7 +67,7 @@ class WallLoad:
         self._normal, self._held = ufl.FacetNormal(domain.mesh), HELD * flow.order**2 / cell_size(domain.mesh)
         self._viscosity, self._shear_velocity = viscosity, shear_velocity
         self._walls = [(one, flow.constant(one.distance)) for one in walls]
-        self._motions = {one.boundary: Motion(domain.mesh) for one in walls if one.moves}
+        self._motions = {one.boundary: WallMotion(domain.mesh) for one in walls if one.moves}
 
     def integral(self, state: Any, rate: Any, w: Any, q: Any) -> Any:
         """The walls' part in the residual of a mixed state, tested with w and q, in UFL. Not collective.

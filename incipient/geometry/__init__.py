@@ -9,7 +9,7 @@ from incipient.geometry.plane.polygon import Polygon
 from incipient.geometry.plane.polyline import Polyline
 from incipient.geometry.plane.smooth import Harmonics, Star, Superellipse
 from incipient.geometry.rest import clearance, lifted, rest
-from incipient.geometry.settle import Outcome, Settled, settle
+from incipient.geometry.settle import Settled, SettlingOutcome, settle
 from incipient.geometry.space.cylinder import Cylinder
 from incipient.geometry.space.heightmap import HeightMap
 from incipient.geometry.space.polyhedra import Box, Polyhedron, Triangulated
@@ -35,7 +35,6 @@ __all__ = [
     "HeightMap",
     "Hemispheres",
     "Line",
-    "Outcome",
     "Placement",
     "Plane",
     "Polygon",
@@ -45,6 +44,7 @@ __all__ = [
     "Relief",
     "Ridges",
     "Settled",
+    "SettlingOutcome",
     "Sinusoidal",
     "Solid",
     "Sphere",

@@ -42,7 +42,7 @@ USED = 1e-9  # share of the weight from which on a contact takes part in carryin
 SOFTEST = 1e-4  # second derivative of the height, per grain size, that still counts as level
 
 
-class Outcome(Enum):
+class SettlingOutcome(Enum):
     """How settling ends."""
 
     RESTS = "rests in equilibrium"
@@ -65,7 +65,7 @@ class Settled:
 
     placement: Placement
     contacts: Contacts | None
-    outcome: Outcome
+    outcome: SettlingOutcome
     steps: int
     gap: float
     imbalance: float
@@ -73,7 +73,7 @@ class Settled:
     @property
     def stable(self) -> bool:
         """Whether the grain rests and returns after, or does not mind, a small disturbance."""
-        return self.outcome is Outcome.RESTS
+        return self.outcome is SettlingOutcome.RESTS
 
 
 def settle(
@@ -200,7 +200,7 @@ class _Descent:
                 found = self._pinched(placement, TOUCHING)
                 if found is not None and found.stable:
                     return self._settled(found, step)
-                return self._unsettled(placement, Outcome.UNSETTLED, step)
+                return self._unsettled(placement, SettlingOutcome.UNSETTLED, step)
             ahead = self._proximity.locally_least(placement, near, corners=True)
             motion = self._step(placement, ahead, touching, pull, length)
             trial = self._proximity.lowered(self._followed(placement, ahead, motion))
@@ -213,8 +213,8 @@ class _Descent:
             else:
                 length, tried = 0.3 * length, np.inf
             if self._left(placement, start, reach):
-                return self._unsettled(placement, Outcome.ROLLS_OFF, step)
-        return self._unsettled(placement, Outcome.UNSETTLED, max_steps)
+                return self._unsettled(placement, SettlingOutcome.ROLLS_OFF, step)
+        return self._unsettled(placement, SettlingOutcome.UNSETTLED, max_steps)
 
     def _work(self, before: Placement, after: Placement) -> float:
         """Work of the load from one placement to another close by: of the weight, how far down the centre goes."""
@@ -482,7 +482,7 @@ class _Descent:
 
     def _settled(self, rest: _Rest, steps: int) -> Settled:
         contacts = self._contacts(rest.placement, 10.0 * CLOSED * self.size)
-        outcome = Outcome.RESTS if rest.stable else Outcome.BALANCES
+        outcome = SettlingOutcome.RESTS if rest.stable else SettlingOutcome.BALANCES
         return Settled(rest.placement, contacts, outcome, steps, rest.gap, rest.imbalance)
 
     def _contacts(self, placement: Placement, tolerance: float) -> Contacts:
@@ -490,7 +490,7 @@ class _Descent:
             return footprint(self._proximity, placement, tolerance)
         return touching(self.grain, placement, self.bed, tolerance)
 
-    def _unsettled(self, placement: Placement, outcome: Outcome, steps: int) -> Settled:
+    def _unsettled(self, placement: Placement, outcome: SettlingOutcome, steps: int) -> Settled:
         touching = self._touching(
             placement, self._proximity.minima(placement, TOUCHING * self.size), TOUCHING
         )

@@ -18,14 +18,14 @@ LEAST_QUALITY = 0.02
 
 
 @dataclass(frozen=True)
-class Box:
+class KeptBox:
     """The least and the largest coordinates (3,) of a region."""
 
     low: Floats
     high: Floats
 
 
-def stretched(x: Floats, centre: Floats, kept: Floats, old: Box, new: Box) -> Floats | None:
+def stretched(x: Floats, centre: Floats, kept: Floats, old: KeptBox, new: KeptBox) -> Floats | None:
     """Points (n, 3) of one box in another; None where there is no room to stretch. Not collective.
 
     On each axis a point stays as it is within `kept` (3,) of the centre; beyond, it goes by a parabola that begins

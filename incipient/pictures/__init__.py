@@ -17,9 +17,9 @@ from ..errors import IncipientError, OutputError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from .record import Run
+    from .record import StoredRun
 
-    Maker = Callable[[Run], Figure]
+    Maker = Callable[[StoredRun], Figure]
 
 
 def draw(directory: Path, announce: Callable[[Path], object] = lambda path: None) -> list[Path]:
@@ -37,7 +37,7 @@ def draw(directory: Path, announce: Callable[[Path], object] = lambda path: None
         OutputError: when there is no result, when one is incomplete or damaged, or a picture could not be drawn or
             written; all others have been drawn then.
     """
-    drawing = _Drawing(announce)
+    drawing = _DrawnPictures(announce)
     names = ("judgement.json", "threshold.json", "cost.json", "series.json")
     judged, found, studied, series = ((directory / name).exists() for name in names)
     if (directory / "result.json").exists() or not (judged or found or studied or series):
@@ -64,7 +64,7 @@ def draw(directory: Path, announce: Callable[[Path], object] = lambda path: None
     return drawing.written
 
 
-class _Drawing:
+class _DrawnPictures:
     """Pictures drawn one after the other; one that fails does not keep the others from being drawn."""
 
     def __init__(self, announce: Callable[[Path], object]):
@@ -95,7 +95,7 @@ class _Drawing:
                 self.done(path)
 
 
-def _draw_run(directory: Path, drawing: _Drawing) -> None:
+def _draw_run(directory: Path, drawing: _DrawnPictures) -> None:
     from ..files import reported
     from . import style
     from .record import read
@@ -113,7 +113,7 @@ def _draw_run(directory: Path, drawing: _Drawing) -> None:
             drawing.done(path)
 
 
-def _makers(run: Run) -> dict[str, Maker]:
+def _makers(run: StoredRun) -> dict[str, Maker]:
     """What draws the pictures of a run's last fields, by the pictures' names."""
     from .flow import cells, fields
     from .verdict import grain

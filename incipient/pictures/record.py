@@ -18,7 +18,7 @@ from .flow.streamlines import Sampled, sample
 
 
 @dataclass(frozen=True)
-class Run:
+class StoredRun:
     """Result, resolved scene and last fields of a run; `surface` is None without a grain."""
 
     directory: Path
@@ -112,7 +112,7 @@ class Run:
         return f"{self.title}  (Re = {reynolds:g} on the scale of the {scale})" if reynolds else self.title
 
 
-def read(directory: Path) -> Run:
+def read(directory: Path) -> StoredRun:
     """Read a run's directory.
 
     Raises:
@@ -123,7 +123,7 @@ def read(directory: Path) -> Run:
     surface = read_step(directory / "surface") if scene.get("body") else None
     if surface is not None and "traction" not in surface.fields:
         raise OutputError(f"{directory / 'surface.h5'}: holds no traction; run the scene again")
-    return Run(directory, result, scene, read_step(directory / "fields"), surface)
+    return StoredRun(directory, result, scene, read_step(directory / "fields"), surface)
 
 
 def read_scene(directory: Path) -> dict[str, Any]:

@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import SceneError
 from ..geometry.placement import Placement
 from ..geometry.plane.closing import Closing
-from ..geometry.space.terrain import Smooth
+from ..geometry.space.terrain import SmoothTerrain
 from ..installed import required
 from ..meshes import BoxGrid, Grid, Region, Sizes, SolidGrid, SolidRegion
 from ..meshes.expected import expected_cells
@@ -93,7 +93,7 @@ class Layout:
             words = "a mesh of about %.2g cells is made, most for the %s: mesh and flow take minutes"
             log.info(words, expected, most)
         bed = self.shape.bed if isinstance(self.shape, SolidRegion) else None
-        if isinstance(bed, Smooth) and bed.steepest > STEEP:
+        if isinstance(bed, SmoothTerrain) and bed.steepest > STEEP:
             words = "the bed rises by %.2g on 1: to mesh it takes minutes and may fail; give a flatter or smoother one"
             log.info(words, bed.steepest)
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..arrays import Floats
-from ..fluid.conditions import Condition, Entering, FreeSurface, Open, Slip, Sponge, Wave
+from ..fluid.conditions import Condition, Entering, FreeSurface, IncomingWave, Open, Slip, Sponge
 from ..scene import Surface
 from ..scene.expression import Expression
 from .base_flow import BaseFlow
@@ -92,7 +92,7 @@ def _with_wave(base_flow: BaseFlow, wave: StokesWave) -> Profile:
     return along
 
 
-def _coming_in(base_flow: BaseFlow, wave: StokesWave) -> Wave:
+def _coming_in(base_flow: BaseFlow, wave: StokesWave) -> IncomingWave:
     stream, left, datum, up = base_flow.velocity, base_flow.domain.left, base_flow.datum, base_flow.up
 
     def velocity(x: Floats, t: float) -> Floats:
@@ -101,4 +101,4 @@ def _coming_in(base_flow: BaseFlow, wave: StokesWave) -> Wave:
             found[axis] += waving
         return found
 
-    return Wave(velocity, lambda x, t: wave.elevation(x[0] - left, t))
+    return IncomingWave(velocity, lambda x, t: wave.elevation(x[0] - left, t))

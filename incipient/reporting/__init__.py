@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ..errors import OutputError, SceneError
 from ..files import write_text_atomically
-from .page import Page, Part, html
+from .page import Page, PagePart, html
 
 # What commands leave in a directory, with pictures that are always drawn of it.
 RECORDS = {
@@ -91,11 +91,11 @@ def _newer(picture: Path, record: Path) -> bool:
     return picture.is_file() and picture.stat().st_mtime_ns >= record.stat().st_mtime_ns
 
 
-def _part(record: Path) -> Part:
+def _part(record: Path) -> PagePart:
     """What the page says of a record."""
     from . import judgement, run, study, threshold
 
-    makers: dict[str, Callable[[Path], Part]] = {
+    makers: dict[str, Callable[[Path], PagePart]] = {
         "result.json": run.part,
         "threshold.json": threshold.part,
         "judgement.json": judgement.part,

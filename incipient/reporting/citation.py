@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
 
-from .page import Part, Section, Settings, section, words
+from .page import PagePart, PageSection, Settings, section, words
 
 CITED = (
     "If you use these numbers, please cite the program and the paper whose criteria it computes:",
@@ -17,7 +17,7 @@ CITED = (
 )
 
 
-def closing(directory: Path | None, parts: Sequence[Part]) -> tuple[Section, ...]:
+def closing(directory: Path | None, parts: Sequence[PagePart]) -> tuple[PageSection, ...]:
     """The scene of a directory, or the case of a part, as TOML; versions; how to cite. Not collective."""
     texts = [part.scene for part in parts if part.scene]
     scene = None if directory is None else directory / "scene.toml"

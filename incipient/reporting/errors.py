@@ -12,7 +12,7 @@ import numpy as np
 
 from ..pictures.verdict.judged import sentence
 from ..results.safetybar import SafetyBar
-from .page import Cell, Section, section, table, words
+from .page import Cell, PageSection, section, table, words
 from .verdict import components, turning
 
 # What makes an error smaller, by the name of its term.
@@ -52,7 +52,7 @@ def bar(stored: dict[str, Any]) -> SafetyBar:
     return SafetyBar(**{**stored, **changed})
 
 
-def of_errors(stored: dict[str, Any] | None, planar: bool) -> tuple[Section, ...]:
+def of_errors(stored: dict[str, Any] | None, planar: bool) -> tuple[PageSection, ...]:
     """The terms of error bars on force and couple, on elevations, u* or velocities on centrelines, with remedies."""
     if stored is None:
         return ()

@@ -6,10 +6,10 @@ from typing import Any
 
 from ..planning.effects import percent
 from ..results.left_out import Omission
-from .page import Cell, Section, section, table, words
+from .page import Cell, PageSection, section, table, words
 
 
-def of_plan(plan: dict[str, Any]) -> tuple[Section, ...]:
+def of_plan(plan: dict[str, Any]) -> tuple[PageSection, ...]:
     """Which effects were simulated and which not, and how finely."""
     effects = [(one["name"], bool(one["present"]), one["reason"]) for one in plan["effects"]]
     order, cells, why = plan["order"], plan["geometry_order"], plan.get("why_order")
@@ -31,7 +31,7 @@ def of_plan(plan: dict[str, Any]) -> tuple[Section, ...]:
     )
 
 
-def of_omissions(stored: list[dict[str, Any]]) -> tuple[Section, ...]:
+def of_omissions(stored: list[dict[str, Any]]) -> tuple[PageSection, ...]:
     """What effects that were left out would have changed."""
     rows: list[tuple[Cell, ...]] = []
     warnings = []
@@ -47,7 +47,7 @@ def of_omissions(stored: list[dict[str, Any]]) -> tuple[Section, ...]:
     return section("What leaving effects out changes", words(*warnings), table(head, rows))
 
 
-def of_adaptation(stored: dict[str, Any] | None) -> tuple[Section, ...]:
+def of_adaptation(stored: dict[str, Any] | None) -> tuple[PageSection, ...]:
     """The accuracy that was asked for, and the meshes tried for it."""
     if stored is None:
         return ()
@@ -70,7 +70,7 @@ def of_adaptation(stored: dict[str, Any] | None) -> tuple[Section, ...]:
     return section("The way to the accuracy", words(said, *more), table(head, rows))
 
 
-def of_cost(cost: dict[str, Any]) -> tuple[Section, ...]:
+def of_cost(cost: dict[str, Any]) -> tuple[PageSection, ...]:
     """Time and memory by effect, the dearest first."""
     effects = cost.get("effects", {})
     total = sum(share["wall_time"] for share in effects.values()) or 1.0

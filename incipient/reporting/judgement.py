@@ -10,20 +10,20 @@ import tomli_w
 from ..pictures.record import parsed_json
 from ..pictures.verdict.judged import judged, sentence
 from ..pictures.verdict.judgement import shaped_case, surface_of_case
-from .page import Cell, Part, Picture, Section, section, table
+from .page import Cell, PagePart, PageSection, Picture, section, table
 from .verdict import of_contacts, of_judges, of_load, statements
 from .view import COARSER, of_case
 
 MOST_EVENTS = 50  # of a series, listed
 
 
-def part(record: Path) -> Part:
+def part(record: Path) -> PagePart:
     """What a page says of a judgement.json."""
     stored, picture = parsed_json(record), record.with_suffix(".png")
     case, chances = judged(stored["verdict"], record), stored["probabilities"]
     drawn = Picture(picture, "The load, and the forces at the contacts") if picture.is_file() else None
     surface = None if case.planar else surface_of_case(case, shaped_case(stored, record), COARSER)
-    return Part(
+    return PagePart(
         kind="Judged case",
         title=stored["title"] or "A case",
         statements=statements(case, stored["verdict"]),
@@ -42,7 +42,7 @@ def part(record: Path) -> Part:
     )
 
 
-def _probabilities(chances: dict[str, Any] | None) -> tuple[Section, ...]:
+def _probabilities(chances: dict[str, Any] | None) -> tuple[PageSection, ...]:
     if chances is None:
         return ()
     likely = sorted(chances["equilibrium"].items(), key=lambda item: -item[1]["value"])
@@ -52,7 +52,7 @@ def _probabilities(chances: dict[str, Any] | None) -> tuple[Section, ...]:
     )
 
 
-def part_of_series(record: Path) -> Part:
+def part_of_series(record: Path) -> PagePart:
     """What a page says of a series.json."""
     stored, picture = parsed_json(record), record.with_suffix(".png")
     shares, events = stored["shares"], stored["events"]
@@ -70,7 +70,7 @@ def part_of_series(record: Path) -> Part:
     moving = sum(share for mode, share in shares.items() if mode != "rest")
     drawn = Picture(picture, "The safety factor in time") if picture.is_file() else None
     listed = "Events" if len(events) <= MOST_EVENTS else f"The {MOST_EVENTS} longest of {len(events)} events"
-    return Part(
+    return PagePart(
         kind="Judged series",
         title="A series of loads",
         statements=(f"The grain is set in motion {len(events)} times, {100 * moving:.3g} % of the time.",),

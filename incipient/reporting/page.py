@@ -44,7 +44,7 @@ Cell = str | bool | int | float | Bounded | Erring | Sequence[float | None] | No
 
 
 @dataclass(frozen=True)
-class Table:
+class PageTable:
     """Rows of cells under heads. The first column names the rows."""
 
     head: tuple[str, ...]
@@ -107,11 +107,11 @@ class Turned:
     kind: ClassVar[str] = "turned"
 
 
-Block = Table | Words | Settings | Picture | Turned
+Block = PageTable | Words | Settings | Picture | Turned
 
 
 @dataclass(frozen=True)
-class Section:
+class PageSection:
     """Blocks under a heading."""
 
     title: str
@@ -119,7 +119,7 @@ class Section:
 
 
 @dataclass(frozen=True)
-class Part:
+class PagePart:
     """What a page says of one result.
 
     kind:       what the result is of, such as "Run"
@@ -134,7 +134,7 @@ class Part:
     statements: tuple[str, ...]
     certainty: str
     notes: tuple[str, ...]
-    sections: tuple[Section, ...]
+    sections: tuple[PageSection, ...]
     versions: str
     scene: str = ""
 
@@ -144,8 +144,8 @@ class Page:
     """A title, the parts, and what concerns them all."""
 
     title: str
-    parts: tuple[Part, ...]
-    closing: tuple[Section, ...]
+    parts: tuple[PagePart, ...]
+    closing: tuple[PageSection, ...]
 
 
 def html(page: Page) -> str:
@@ -165,15 +165,15 @@ def html(page: Page) -> str:
     )
 
 
-def section(title: str, *blocks: Block | None) -> tuple[Section, ...]:
+def section(title: str, *blocks: Block | None) -> tuple[PageSection, ...]:
     """A section of the blocks that there are; none where there are none."""
     there = tuple(block for block in blocks if block is not None)
-    return (Section(title, there),) if there else ()
+    return (PageSection(title, there),) if there else ()
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[Cell]]) -> Table | None:
+def table(head: Sequence[str], rows: Sequence[Sequence[Cell]]) -> PageTable | None:
     """A table, if it has rows."""
-    return Table(tuple(head), tuple(tuple(row) for row in rows)) if rows else None
+    return PageTable(tuple(head), tuple(tuple(row) for row in rows)) if rows else None
 
 
 def words(*lines: str) -> Words | None:

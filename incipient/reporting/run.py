@@ -12,7 +12,7 @@ from ..pictures.verdict.judged import Judged, judged, sentence
 from ..results.wall_report import longest
 from .errors import certainty, of_errors
 from .expense import of_adaptation, of_cost, of_omissions, of_plan, versions
-from .page import Bounded, Cell, Erring, Part, Picture, Section, section, table, words
+from .page import Bounded, Cell, Erring, PagePart, PageSection, Picture, section, table, words
 from .units import of_si
 from .verdict import components, of_contacts, of_judges, statements, turning
 from .view import of_run as turned_of_run
@@ -39,7 +39,7 @@ FORCES = (
 )
 
 
-def part(record: Path) -> Part:
+def part(record: Path) -> PagePart:
     """What a page says of the result.json of a run."""
     directory, stored = record.parent, parsed_json(record)
     planar = stored["scene"]["domain"].get("width") is None
@@ -61,7 +61,7 @@ def part(record: Path) -> Part:
         *of_adaptation(stored["adaptation"]),
         *of_cost(stored["cost"]),
     )
-    return Part(
+    return PagePart(
         kind="Run",
         title=stored["title"],
         statements=_statements(stored, case),
@@ -72,7 +72,7 @@ def part(record: Path) -> Part:
     )
 
 
-def _pictures(directory: Path, names: list[str]) -> tuple[Section, ...]:
+def _pictures(directory: Path, names: list[str]) -> tuple[PageSection, ...]:
     found = [(directory / f"{name}.png", CAPTIONS[name]) for name in names]
     return section("Pictures", *(Picture(path, caption) for path, caption in found if path.is_file()))
 
@@ -104,7 +104,7 @@ def _notes(stored: dict[str, Any]) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _loads(stored: dict[str, Any], planar: bool) -> tuple[Section, ...]:
+def _loads(stored: dict[str, Any], planar: bool) -> tuple[PageSection, ...]:
     """Forces, couples, coefficients, gap and extremes."""
     return section(
         "Forces and couples on the grain",
@@ -168,7 +168,7 @@ def _quantities(heading: str, stored: dict[str, Any]) -> list[tuple[Cell, ...]]:
     return rows
 
 
-def _surface(stored: dict[str, Any]) -> tuple[Section, ...]:
+def _surface(stored: dict[str, Any]) -> tuple[PageSection, ...]:
     """The elevations of a free surface at the end, with their error bars, and what enters below it."""
     found, bars = stored.get("surface"), stored["error_bars"]
     if found is None:
@@ -186,7 +186,7 @@ def _surface(stored: dict[str, Any]) -> tuple[Section, ...]:
     return section("The free surface", table(head, rows), words(entering))
 
 
-def _turbulence(stored: dict[str, Any]) -> tuple[Section, ...]:
+def _turbulence(stored: dict[str, Any]) -> tuple[PageSection, ...]:
     """What the model of turbulence has found at the walls."""
     if (found := stored.get("turbulence")) is None:
         return ()
@@ -205,7 +205,7 @@ def _turbulence(stored: dict[str, Any]) -> tuple[Section, ...]:
     return section("Turbulence", words(f"{holds}{advice}."), table(("at the walls", ""), rows))
 
 
-def _path(stored: dict[str, Any]) -> tuple[Section, ...]:
+def _path(stored: dict[str, Any]) -> tuple[PageSection, ...]:
     """Where a grain that moves has come to."""
     path = stored["trajectory"]
     if path is None:

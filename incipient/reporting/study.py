@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..pictures.record import parsed_json
-from .page import Cell, Part, Picture, section, table
+from .page import Cell, PagePart, Picture, section, table
 
 
-def part(record: Path) -> Part:
+def part(record: Path) -> PagePart:
     """What a page says of a cost.json."""
     stored, picture = parsed_json(record), record.with_suffix(".png")
     reference = stored["reference"]
@@ -38,7 +38,7 @@ def part(record: Path) -> Part:
         "none better",
     )
     drawn = Picture(picture, "Error against time") if picture.is_file() else None
-    return Part(
+    return PagePart(
         kind="What accuracy costs",
         title=stored["title"] or "What accuracy costs",
         statements=(f"{stored['words'][0].upper()}{stored['words'][1:]}.",),

@@ -15,7 +15,7 @@ from ..results.quantity import HIGH, LOW
 from ..results.si import FLOW
 from ..sweep.store import DAMAGED, DONE, FAILED, Store
 from ..sweep.table import rows
-from .page import Bounded, Cell, Part, Picture, Settings, section, table
+from .page import Bounded, Cell, PagePart, Picture, Settings, section, table
 
 # Columns that say what came out, where there are any.
 FOUND = (
@@ -41,7 +41,7 @@ HEADS = {
 Row = Mapping[str, Any]
 
 
-def part(file: Path) -> Part:
+def part(file: Path) -> PagePart:
     """What a page says of a sweep; its pictures are drawn. Not collective.
 
     Raises:
@@ -59,7 +59,7 @@ def part(file: Path) -> Part:
     named = [key for key in ("source", *keys) if len({str(row.get(key)) for row in found}) > 1]
     sources = ", ".join(dict.fromkeys(str(row["source"]) for row in found))
     rest = len(found) - len(done) - len(failed) - len(damaged)
-    return Part(
+    return PagePart(
         kind="Sweep",
         title=f"Sweep of {sources}",
         statements=(

@@ -11,7 +11,7 @@ from ..pictures.verdict.threshold import critical_sentence, with_motion
 from ..scene import load
 from .errors import REMEDIES, of_errors
 from .expense import of_adaptation, of_cost, versions
-from .page import Cell, Erring, Part, Picture, Section, section, table, words
+from .page import Cell, Erring, PagePart, PageSection, Picture, section, table, words
 from .units import of_si
 from .verdict import of_contacts, of_judges, of_load
 from .view import of_scene
@@ -25,14 +25,14 @@ NAMES = {
 }
 
 
-def part(record: Path) -> Part:
+def part(record: Path) -> PagePart:
     """What a page says of a threshold.json."""
     stored, picture = parsed_json(record), record.with_suffix(".png")
     scene = load(record.parent / "scene.toml")
     case = judged(with_motion(stored, scene), record)
     bars = stored["error_bars"]
     drawn = Picture(picture, "The grain as it begins to move") if picture.is_file() else None
-    return Part(
+    return PagePart(
         kind="Critical flow",
         title=scene.title,
         statements=(
@@ -83,7 +83,7 @@ def _certainty(stored: dict[str, Any]) -> str:
     return f"{said}; most of the error is that of the {largest}." if largest else f"{said}."
 
 
-def _of_factor(bars: dict[str, Any] | None) -> tuple[Section, ...]:
+def _of_factor(bars: dict[str, Any] | None) -> tuple[PageSection, ...]:
     if bars is None:
         return ()
     rows = [(name, error, REMEDIES.get(name, "")) for name, error in bars["factor"]["terms"].items()]

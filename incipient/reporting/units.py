@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 from ..results.si import FLOW
-from .page import Cell, Section, section, table
+from .page import Cell, PageSection, section, table
 from .verdict import components, turning
 
 OF_SCENE = {"length": "m", "time": "s", "velocity": "m/s", "stress": "Pa"}
 
 
-def of_si(found: dict[str, Any] | None) -> tuple[Section, ...]:
+def of_si(found: dict[str, Any] | None) -> tuple[PageSection, ...]:
     """Flow and loads in SI units as `results.si` stores them, and what one of the scene's units is."""
     if found is None:
         return ()

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..pictures.style import STATES
 from ..pictures.verdict.judged import Judged, pressed, sentence
-from .page import Cell, Section, section, table, words
+from .page import Cell, PageSection, section, table, words
 
 AXES = ("x", "y", "z")
 
@@ -24,7 +24,7 @@ def turning(couple: Sequence[float] | np.ndarray, planar: bool) -> Cell:
     return float(couple[2]) if planar else components(couple, planar)
 
 
-def of_contacts(case: Judged) -> tuple[Section, ...]:
+def of_contacts(case: Judged) -> tuple[PageSection, ...]:
     """Where the grain touches, and with what force."""
     normal, along = pressed(case.forces, case.contacts.normals)
     rows: list[tuple[Cell, ...]] = [
@@ -42,7 +42,7 @@ def of_contacts(case: Judged) -> tuple[Section, ...]:
     return section("Contacts", words(f"Forces: {case.occasion}."), table(head, rows))
 
 
-def of_judges(verdict: dict[str, Any], case: Judged) -> tuple[Section, ...]:
+def of_judges(verdict: dict[str, Any], case: Judged) -> tuple[PageSection, ...]:
     """What exact mechanics and the paper's criteria say, and whether they agree."""
     paper = verdict["judges"]["criteria"]
     planar = case.planar
@@ -71,7 +71,7 @@ def of_judges(verdict: dict[str, Any], case: Judged) -> tuple[Section, ...]:
     )
 
 
-def of_load(case: Judged) -> tuple[Section, ...]:
+def of_load(case: Judged) -> tuple[PageSection, ...]:
     """The load that is judged."""
     planar = case.planar
     rows: list[tuple[Cell, ...]] = [(name, components(force, planar)) for name, force in case.acting.items()]

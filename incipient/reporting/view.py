@@ -17,7 +17,7 @@ from ..pictures.style import FLOW, FORCES, GRAIN, GROUND, STATES
 from ..pictures.verdict.judged import Judged
 from ..pictures.verdict.space import SPACING, whole_surface
 from ..scene import Scene
-from .page import Section, Turned, section
+from .page import PageSection, Turned, section
 
 REACH = 1.45  # of the bed that is shown, and SEEN half the height of the picture, in grain sizes
 SEEN, SIDE = 1.15, 48  # SIDE: squares along the bed that is shown
@@ -68,7 +68,7 @@ class Model:
         }
 
 
-def of_run(directory: Path, stored: dict[str, Any], case: Judged | None) -> tuple[Section, ...]:
+def of_run(directory: Path, stored: dict[str, Any], case: Judged | None) -> tuple[PageSection, ...]:
     """The view of a run in space with a grain; none of other runs."""
     if stored["grain"] is None or stored["scene"]["domain"].get("width") is None:
         return ()
@@ -87,7 +87,7 @@ def of_run(directory: Path, stored: dict[str, Any], case: Judged | None) -> tupl
     return _section(model, case, shown)
 
 
-def of_scene(scene: Scene, case: Judged | None) -> tuple[Section, ...]:
+def of_scene(scene: Scene, case: Judged | None) -> tuple[PageSection, ...]:
     """The view of a scene in space whose grain rests, with the forces of its verdict; none of others."""
     grain, placement = scene.grain, scene.placement
     if scene.gdim == 2 or grain is None or placement is None:
@@ -100,14 +100,14 @@ def of_scene(scene: Scene, case: Judged | None) -> tuple[Section, ...]:
     return _section(model, case, "")
 
 
-def of_case(case: Judged, points: Floats, triangles: np.ndarray) -> tuple[Section, ...]:
+def of_case(case: Judged, points: Floats, triangles: np.ndarray) -> tuple[PageSection, ...]:
     """The view of a judged case in space, with a grain's surface, points (n, 3) and triangles (m, 3)."""
     model = Model(case.load.centre, float(np.ptp(points, axis=0).max()))
     _add_plain(model, points, triangles)
     return _section(model, case, "")
 
 
-def _section(model: Model, case: Judged | None, caption: str) -> tuple[Section, ...]:
+def _section(model: Model, case: Judged | None, caption: str) -> tuple[PageSection, ...]:
     if case is not None:
         _add_forces(model, case)
         caption += f"Arrows: the load at the centre, and at the contacts: {case.occasion}. "

@@ -22,7 +22,7 @@ from .state import Run
 
 if TYPE_CHECKING:
     from ..fluid import Fluid
-    from ..mesh.stretching import Box
+    from ..mesh.stretching import KeptBox
 
 # To what error the flows are solved: their differences are percents of the loads.
 TOLERANCE = 1e-5
@@ -154,8 +154,8 @@ def _in_domain(run: Run, scene: Scene) -> Floats | None:
     return stretched(np.array(x), np.asarray(placement.centre), kept, old, new)
 
 
-def _box(domain: Any) -> Box:
-    from ..mesh.stretching import Box
+def _box(domain: Any) -> KeptBox:
+    from ..mesh.stretching import KeptBox
 
     sides = np.array([(domain.left, domain.right), domain.across, (domain.bottom, domain.ceiling)])
-    return Box(sides[:, 0], sides[:, 1])
+    return KeptBox(sides[:, 0], sides[:, 1])

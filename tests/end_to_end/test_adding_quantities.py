@@ -21,7 +21,7 @@ from incipient.effects.flow import FlowEffect
 from incipient.effects.unsteadiness import UnsteadinessEffect
 from incipient.planning.flow_setup import Setup
 from incipient.reporting import run as page
-from incipient.reporting.page import Bounded, Table
+from incipient.reporting.page import Bounded, PageTable
 from incipient.results.quantity import OutputQuantity
 from incipient.scene import Disc, Domain, Fluid, Numerics, Output, Poiseuille, Scene, Time
 from incipient.sweep.table import quantities
@@ -82,7 +82,7 @@ def test_a_quantity_in_the_list_is_in_all_that_a_run_leaves(tmp_path: Path) -> N
         cells[1]
         for section in page.part(tmp_path / "result.json").sections
         for block in section.blocks
-        if isinstance(block, Table)
+        if isinstance(block, PageTable)
         for cells in block.rows
         if cells[0] == FLUX.label
     )

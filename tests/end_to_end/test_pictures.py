@@ -26,7 +26,7 @@ from incipient.pictures.flow.mesh import QuadraticMesh, enclosed_area
 from incipient.pictures.flow.streamlines import Sampled, sample, streamlines
 from incipient.pictures.record import read
 from incipient.pictures.verdict import grain
-from incipient.pictures.verdict.surface import Surface
+from incipient.pictures.verdict.surface import GrainSurface
 
 RADIUS, SIDE = 1.0, 8.0
 FLOW_PICTURES = ["flow.png", "pressure.png", "vorticity.png"]
@@ -314,7 +314,7 @@ def test_streamlines_of_a_rotation_are_circles_run_anticlockwise():
 
 
 def test_surface_is_put_in_order_with_normals_out_of_the_grain(grain_run):
-    surface = Surface.of(read(grain_run).surface)
+    surface = GrainSurface.of(read(grain_run).surface)
     assert np.allclose(surface.normals, surface.points / RADIUS, atol=3e-3)
     turn = np.diff(np.unwrap(np.arctan2(*surface.points.T[::-1])))
     assert np.allclose(turn, 2 * np.pi / len(surface.points))

@@ -22,7 +22,7 @@ from incipient.errors import ConvergenceError, OutputError, SceneError
 from incipient.reporting.citation import CITED
 from incipient.reporting.errors import REMEDIES
 from incipient.reporting.judgement import part as part_of_case
-from incipient.reporting.page import Table, Turned
+from incipient.reporting.page import PageTable, Turned
 from incipient.reporting.run import part as part_of_run
 from incipient.scene import Domain, Effects, Fluid, Numerics, OpenChannel, Output, Scene
 from incipient.simulation.judge_case import judge_case, load_case, save
@@ -169,7 +169,7 @@ def test_a_channel_says_what_its_turbulence_is(tmp_path: Path) -> None:
     assert walls is not None and walls.applicable
     sections = part_of_run(tmp_path / "result.json").sections
     (made,) = (one for one in sections if one.title == "Turbulence")
-    (table,) = (block for block in made.blocks if isinstance(block, Table))
+    (table,) = (block for block in made.blocks if isinstance(block, PageTable))
     assert [row[1] for row in table.rows] == [
         walls.least, walls.largest, walls.shear_velocity, walls.at_outflow, walls.friction,
     ]  # fmt: skip

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from incipient.contact import Contacts, Load, equilibrium
-from incipient.contact.agreement import FAMILIES, FAMILY, Part, Reason, compare
+from incipient.contact.agreement import FAMILIES, FAMILY, AgreementPart, Reason, compare
 from incipient.contact.assumptions import Assumption, assumptions_hold, broken, certain_motion
 from incipient.contact.exact.judge import judged
 from incipient.contact.paper import criteria
@@ -133,7 +133,9 @@ class TestFamilies:
         assert set(FAMILIES) == set(Mode)
         assert set(FAMILY) == set(equilibrium.Mode)
         assert all((family == frozenset()) == (not mode.moves) for mode, family in FAMILY.items())
-        assert FAMILIES[Mode.SLIDING_AND_PIVOTTING] == (frozenset({Part.SLIDES, Part.TURNS}),)
+        assert FAMILIES[Mode.SLIDING_AND_PIVOTTING] == (
+            frozenset({AgreementPart.SLIDES, AgreementPart.TURNS}),
+        )
 
 
 class TestAssumptions:

@@ -11,7 +11,7 @@ from mpi4py import MPI
 from scenes import sphere_on_plane
 
 from incipient.accuracy.errorbars import coarse_scenes
-from incipient.mesh.stretching import Box, stretched
+from incipient.mesh.stretching import KeptBox, stretched
 from incipient.results.errorbars import Loads
 from incipient.scene import Contact, Domain, Fluid, Gravity, Numerics, Scene, Sphere, SphereBed
 from incipient.simulation.beside import Beside
@@ -86,8 +86,8 @@ def test_a_bed_with_forms_up_to_the_sides_is_meshed_anew() -> None:
 
 def test_points_are_stretched_away_from_the_middle_only() -> None:
     """A side goes to its new place, what is near the centre stays, and no two points change their order."""
-    old = Box(np.zeros(3), np.array([10.0, 8.0, 6.0]))
-    new = Box(np.array([-2.0, 0.0, 0.0]), np.array([15.0, 12.0, 6.0]))
+    old = KeptBox(np.zeros(3), np.array([10.0, 8.0, 6.0]))
+    new = KeptBox(np.array([-2.0, 0.0, 0.0]), np.array([15.0, 12.0, 6.0]))
     centre, kept = np.array([5.0, 4.0, 1.0]), np.array([2.0, 1.0, 1.0])
     line = np.linspace(0.0, 1.0, 101)[:, None] * old.high
     moved = stretched(line, centre, kept, old, new)
@@ -96,4 +96,4 @@ def test_points_are_stretched_away_from_the_middle_only() -> None:
     near = np.abs(line - centre) <= kept
     assert np.array_equal(moved[near], line[near]) and np.array_equal(moved[:, 2], line[:, 2])
     assert stretched(line, centre, np.full(3, 9.0), old, new) is None
-    assert stretched(line, centre, kept, new, Box(old.low, np.array([8.0, 8.0, 6.0]))) is None
+    assert stretched(line, centre, kept, new, KeptBox(old.low, np.array([8.0, 8.0, 6.0]))) is None

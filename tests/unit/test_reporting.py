@@ -9,7 +9,7 @@ import pytest
 
 import incipient
 from incipient.evaluation.si_units import in_si
-from incipient.reporting.page import Bounded, Cell, Erring, Settings, Table, cell, look
+from incipient.reporting.page import Bounded, Cell, Erring, PageTable, Settings, cell, look
 from incipient.reporting.units import of_si
 
 SCENE = Path(__file__).parents[2] / "demos/scenes/grain_on_bed.toml"
@@ -58,7 +58,7 @@ def test_numbers_in_si_units() -> None:
     )
     (made,) = of_si(in_si(scene))
     (block,) = made.blocks
-    assert isinstance(block, Table)
+    assert isinstance(block, PageTable)
     told = {row[0]: row[1:] for row in block.rows}
     assert told["nominal diameter"] == (pytest.approx(1e-3), "m")
     assert told["stress on the bed"] == (pytest.approx(5e-3), "Pa")

@@ -10,7 +10,7 @@ from pyvista import UnstructuredGrid
 
 from incipient.output.series_file import StoredStep
 from incipient.pictures.flow.section import PARTS, TETRAHEDRON, boundary_lines, grain_lines, section_of
-from incipient.pictures.record import Run
+from incipient.pictures.record import StoredRun
 from incipient.scene import Domain, Ellipsoid, Fluid, Scene, Shear
 
 EDGES = ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))  # of a tetrahedron, in VTK's order of their nodes
@@ -47,7 +47,7 @@ def test_fields_stand_where_they_are_on_curved_cells() -> None:
     points, cells = quadratic(CUBE, SIX)
     points[:, 2] += 1.6 * points[:, 0] * (1.0 - points[:, 0]) * (1.0 - points[:, 2])  # 0.4 in the middle
     fields = {"pressure": points[:, 0].copy(), "velocity": points.copy()}
-    run = Run(
+    run = StoredRun(
         Path(),
         {},
         {"domain": {"origin": [0.0, 0.0, 0.0], "width": 1.0}},
@@ -85,7 +85,7 @@ def test_the_line_around_a_grain_is_its_own() -> None:
         "quaternion": [np.cos(0.3), 0.0, np.sin(0.3), 0.0],
         "size": 1.2,
     }
-    run = Run(
+    run = StoredRun(
         Path(),
         {"grain": grain},
         scene.model_dump(mode="json"),

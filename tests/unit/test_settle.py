@@ -20,12 +20,12 @@ from incipient.geometry import (
     HalfDiscs,
     Harmonics,
     Hemispheres,
-    Outcome,
     Placement,
     Plane,
     Polygon,
     Polyline,
     Rectangle,
+    SettlingOutcome,
     Sinusoidal,
     Sphere,
     Star,
@@ -137,7 +137,7 @@ class TestBoxes:
             assert found.placement.centre == pytest.approx((0.3, 0.25))
             assert not flaws(found, grain, Flat(), **how)
         else:
-            assert (found.outcome, found.contacts, found.stable) == (Outcome.ROLLS_OFF, None, False)
+            assert (found.outcome, found.contacts, found.stable) == (SettlingOutcome.ROLLS_OFF, None, False)
 
     @pytest.mark.parametrize(("width", "topples"), [(0.67, True), (0.70, False)])
     def test_on_a_slope_a_tall_one_topples(self, width, topples):
@@ -209,7 +209,7 @@ class TestOutcomes:
     )
     def test_started_on_its_summit_it_balances(self, grain, bed, start):
         found = settle(grain, bed, start)
-        assert (found.outcome, found.stable, len(found.contacts)) == (Outcome.BALANCES, False, 1)
+        assert (found.outcome, found.stable, len(found.contacts)) == (SettlingOutcome.BALANCES, False, 1)
         assert found.placement.centre[:-1] == pytest.approx(start.centre[:-1])
 
     def test_started_beside_its_summit_it_falls(self):
@@ -229,11 +229,11 @@ class TestOutcomes:
     )
     def test_what_is_round_rolls_off_a_slope(self, grain, bed, how):
         found = settle(grain, bed, Placement((*[0.0] * (grain.gdim - 1), 3.0)), **how)
-        assert (found.outcome, found.contacts) == (Outcome.ROLLS_OFF, None)
+        assert (found.outcome, found.contacts) == (SettlingOutcome.ROLLS_OFF, None)
 
     def test_too_few_steps(self):
         found = settle(Disc(1.0), HalfDiscs(0.5, 1.0), turned(0.3, 0.0), max_steps=2)
-        assert (found.outcome, found.contacts, found.steps) == (Outcome.UNSETTLED, None, 2)
+        assert (found.outcome, found.contacts, found.steps) == (SettlingOutcome.UNSETTLED, None, 2)
         assert found.imbalance > 0.1
 
     @pytest.mark.parametrize(

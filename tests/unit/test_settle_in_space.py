@@ -11,12 +11,12 @@ from incipient.geometry import (
     Ellipsoid,
     HeightMap,
     Hemispheres,
-    Outcome,
     Placement,
     Plane,
     Polyhedron,
     Relief,
     Ridges,
+    SettlingOutcome,
     Sphere,
     Spheres,
     StarSolid,
@@ -129,7 +129,7 @@ class TestSolidsOnPlanes:
         if stays:
             assert not flaws(found, grain, Plane(), **how)
         else:
-            assert (found.outcome, found.contacts) == (Outcome.ROLLS_OFF, None)
+            assert (found.outcome, found.contacts) == (SettlingOutcome.ROLLS_OFF, None)
 
     @pytest.mark.slow
     def test_superquadric_lies_on_a_pole_without_curvature(self):

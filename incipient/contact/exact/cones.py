@@ -190,9 +190,9 @@ def _run(
     circular cones.
     """
     height, width = rows.shape
-    table, square = Table(rows.T.ravel(), *_dense_pattern(height, width)), _zero_table(width)
+    table, square = ConeTable(rows.T.ravel(), *_dense_pattern(height, width)), _zero_table(width)
     if quadratic is not None:
-        square = Table(np.triu(quadratic).T.ravel(), *_dense_pattern(width, width))
+        square = ConeTable(np.triu(quadratic).T.ravel(), *_dense_pattern(width, width))
     cones: list[Any] = [clarabel.ZeroConeT(equal)] if equal else []
     cones += [clarabel.NonnegativeConeT(nonnegative)] if nonnegative else []
     cones += [TRIPLE] * ((height - equal - nonnegative) // 3)
@@ -200,7 +200,7 @@ def _run(
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class ConeTable:
     """A matrix as Clarabel reads it, column by column, by the names that scipy's has; making that takes longer."""
 
     data: Floats
@@ -218,10 +218,10 @@ def _dense_pattern(height: int, width: int) -> tuple[NDArray[np.int32], NDArray[
 
 
 @lru_cache(maxsize=256)
-def _zero_table(width: int) -> Table:
+def _zero_table(width: int) -> ConeTable:
     """A square table of zeros."""
     nothing, starts = np.zeros(0, dtype=np.int32), np.zeros(width + 1, dtype=np.int32)
-    return Table(np.zeros(0), nothing, starts, (width, width))
+    return ConeTable(np.zeros(0), nothing, starts, (width, width))
 
 
 @lru_cache(maxsize=1)

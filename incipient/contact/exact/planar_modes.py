@@ -18,7 +18,7 @@ from incipient.contact.exact.grasp import Grasp, leave_plane
 from incipient.contact.exact.motion import MANY, ZERO
 from incipient.contact.exact.motion_modes import Mode, contact_states, mode
 from incipient.contact.exact.planar_motion import (
-    Plane,
+    MotionPlane,
     allowed_edges,
     directions,
     lines_of_action,
@@ -67,7 +67,7 @@ def modes_within(
     return tuple(one for one in Mode if one in found)
 
 
-def _cells(problem: Plane) -> Iterator[_Cell]:
+def _cells(problem: MotionPlane) -> Iterator[_Cell]:
     """The free accelerations, and those that slide on every contact of one line of action."""
     nothing = np.empty((0, 3))
     yield _Cell(nothing, problem.normal, nothing, Mode.LIFTING_AND_ROTATING, Mode.LIFTING)
@@ -80,7 +80,7 @@ def _cells(problem: Plane) -> Iterator[_Cell]:
             yield _Cell(problem.normal[group[:1]], slides, forces, Mode.PIVOTING_AND_SLIDING, Mode.SLIDING)
 
 
-def _modes_in(cell: _Cell, problem: Plane, spread: Floats) -> Iterator[Mode]:
+def _modes_in(cell: _Cell, problem: MotionPlane, spread: Floats) -> Iterator[Mode]:
     """The modes of loads of the box that have an acceleration in a cell."""
     least = _least_acceleration(cell, problem, spread, 1.0)
     if least is None:
@@ -93,7 +93,7 @@ def _modes_in(cell: _Cell, problem: Plane, spread: Floats) -> Iterator[Mode]:
         yield cell.straight
 
 
-def _least_acceleration(cell: _Cell, problem: Plane, spread: Floats, sign: float) -> float | None:
+def _least_acceleration(cell: _Cell, problem: MotionPlane, spread: Floats, sign: float) -> float | None:
     """The least `sign` times the angular acceleration in a cell, over the box; None: no load has one there."""
     forces, errors = len(cell.edges), spread.shape[1]
     system = np.zeros((3 + len(cell.still), 3 + forces + errors))
@@ -115,7 +115,7 @@ def _least_acceleration(cell: _Cell, problem: Plane, spread: Floats, sign: float
     return None if answer.status == _INFEASIBLE else -math.inf
 
 
-def _modes_of_rays(case: Release, problem: Plane, spread: Floats) -> Iterator[Mode]:
+def _modes_of_rays(case: Release, problem: MotionPlane, spread: Floats) -> Iterator[Mode]:
     """The modes of loads of the box that have an acceleration where two contacts stay or one sticks."""
     count = spread.shape[1]
     target = np.concatenate([problem.wrench - spread.sum(axis=1), np.full(count, 2.0)])
@@ -126,7 +126,7 @@ def _modes_of_rays(case: Release, problem: Plane, spread: Floats) -> Iterator[Mo
             yield mode_along(problem, case.grasp, direction)
 
 
-def mode_along(problem: Plane, held_by: Grasp, direction: Floats) -> Mode:
+def mode_along(problem: MotionPlane, held_by: Grasp, direction: Floats) -> Mode:
     """The mode of an acceleration along a direction (3,) of length one in the plane."""
     assert held_by.plane is not None
     turning = direction[2] * held_by.plane[2] * (abs(direction[2]) > ZERO)

@@ -26,7 +26,7 @@ ZERO = 1e-9  # accelerations below it, for directions of length one or relative 
 
 
 @dataclass(frozen=True, eq=False)
-class Plane:
+class MotionPlane:
     """The planar problem: `basis` (3, 6) takes wrenches and accelerations into the plane.
 
     `fan` (g, 3) and `edges` (g, k, 3): edges of the cones as local forces and as wrenches, the last two those
@@ -63,13 +63,13 @@ def planar_solutions(case: Release) -> list[Candidate]:
     return found
 
 
-def plane_problem(case: Release) -> Plane:
+def plane_problem(case: Release) -> MotionPlane:
     """The planar problem of a case that has a plane."""
     plane, fan = case.grasp.plane, case.grasp.fan
     assert plane is not None and fan is not None
     basis = plane_basis(plane)
     rows = (basis @ case.grasp.columns).reshape(3, -1, 3)
-    return Plane(
+    return MotionPlane(
         basis=basis,
         fan=fan,
         edges=(rows @ fan.T).transpose(2, 1, 0),
@@ -88,20 +88,20 @@ def plane_basis(plane: Floats) -> Floats:
     return basis
 
 
-def _rest(problem: Plane) -> Iterator[Candidate]:
+def _rest(problem: MotionPlane) -> Iterator[Candidate]:
     """y = 0: contact forces balance the wrench."""
     factors = fans.combination(problem.edges.reshape(-1, 3).T, -problem.wrench)
     if factors is not None:
         yield problem.candidate(np.zeros(3), factors.reshape(problem.edges.shape[:2]))
 
 
-def _free(problem: Plane) -> Iterator[Candidate]:
+def _free(problem: MotionPlane) -> Iterator[Candidate]:
     """No contact force."""
     if (problem.normal @ problem.free >= -problem.zero).all():
         yield problem.candidate(problem.free, np.zeros(problem.edges.shape[:2]))
 
 
-def _sectors(problem: Plane) -> Iterator[Candidate]:
+def _sectors(problem: MotionPlane) -> Iterator[Candidate]:
     """Sliding on one contact along its tangent or against: N_i (free + factor mass^-1 edge) = 0."""
     opposing = problem.edges[[-1, -2]]  # (2, k, 3): sliding along the tangent, against it
     response = np.linalg.solve(problem.mass, opposing.reshape(-1, 3).T).T.reshape(opposing.shape)
@@ -117,7 +117,7 @@ def _sectors(problem: Plane) -> Iterator[Candidate]:
         yield problem.candidate(y[way, i], factors)
 
 
-def _sectors_of_several(problem: Plane) -> Iterator[Candidate]:
+def _sectors_of_several(problem: MotionPlane) -> Iterator[Candidate]:
     """Sliding on several contacts that share a line of action, facing or not: one linear program a way to slide.
 
     Their planes N_i y = 0 are one plane, cut by their T_i y = 0 into sectors.
@@ -128,14 +128,14 @@ def _sectors_of_several(problem: Plane) -> Iterator[Candidate]:
                 yield from _slides_on_all(problem, group, signs)
 
 
-def lines_of_action(problem: Plane) -> Iterator[Integers]:
+def lines_of_action(problem: MotionPlane) -> Iterator[Integers]:
     """The contacts (m,) on each line along which contacts press, facing or not."""
     rows = problem.normal
     parallel = np.abs(cross(rows[:, None], rows[None])).max(axis=2) <= ZERO
     yield from (np.flatnonzero(pattern) for pattern in np.unique(parallel, axis=0))
 
 
-def ways_to_slide(problem: Plane, group: Integers) -> Floats:
+def ways_to_slide(problem: MotionPlane, group: Integers) -> Floats:
     """The signs (s, m) of the tangential accelerations of contacts on one line, in each way to slide on all of them."""
     axes = np.linalg.svd(problem.normal[group[:1]])[2][1:]
     return sectors_of_lines(problem.tangent[group] @ axes.T)
@@ -149,7 +149,7 @@ def sectors_of_lines(lines: Floats) -> Floats:
     return np.asarray(np.sign(np.stack([np.cos(middles), np.sin(middles)], axis=1) @ lines.T))
 
 
-def _slides_on_all(problem: Plane, group: Integers, signs: Floats) -> Iterator[Candidate]:
+def _slides_on_all(problem: MotionPlane, group: Integers, signs: Floats) -> Iterator[Candidate]:
     """The solutions that slide on every contact of a group in the ways given by the signs."""
     edge = np.where(signs > 0.0, -1, -2) % len(problem.fan)
     count = len(group)
@@ -168,7 +168,7 @@ def _slides_on_all(problem: Plane, group: Integers, signs: Floats) -> Iterator[C
         yield problem.candidate(end[:3], factors, _apart(ends, problem.zero))
 
 
-def _rays(problem: Plane) -> Iterator[Candidate]:
+def _rays(problem: MotionPlane) -> Iterator[Candidate]:
     """Accelerations along the lines where two contacts stay or one sticks: y = size * direction, size > 0."""
     for direction in directions(problem):
         allowed = allowed_edges(problem, direction)
@@ -185,7 +185,7 @@ def _rays(problem: Plane) -> Iterator[Candidate]:
             yield problem.candidate(end[0] * direction, factors, _apart([e[:1] for e in ends], problem.zero))
 
 
-def allowed_edges(problem: Plane, direction: Floats) -> NDArray[np.bool_]:
+def allowed_edges(problem: MotionPlane, direction: Floats) -> NDArray[np.bool_]:
     """Which edges (g, k) contact forces may have with an acceleration along a direction (3,)."""
     stays, count = problem.normal @ direction <= ZERO, len(problem.fan)
     way = np.where(stays, problem.tangent @ direction, np.nan)
@@ -195,7 +195,7 @@ def allowed_edges(problem: Plane, direction: Floats) -> NDArray[np.bool_]:
     return allowed
 
 
-def directions(problem: Plane) -> Floats:
+def directions(problem: MotionPlane) -> Floats:
     """The directions (d, 3), of length one, of these lines that lead the grain into no contact."""
     first, second = np.triu_indices(len(problem.normal), 1)
     meets = cross(problem.normal[first], problem.normal[second])

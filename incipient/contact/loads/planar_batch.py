@@ -18,7 +18,7 @@ from incipient.contact.exact.motion_modes import Mode
 from incipient.contact.exact.planar_modes import mode_along
 from incipient.contact.exact.planar_motion import (
     ZERO,
-    Plane,
+    MotionPlane,
     allowed_edges,
     directions,
     lines_of_action,
@@ -163,7 +163,7 @@ def _motions(
     return tuple(_ways(problem, case.grasp))
 
 
-def _ways(problem: Plane, held_by: Grasp) -> Iterator[_Motion]:
+def _ways(problem: MotionPlane, held_by: Grasp) -> Iterator[_Motion]:
     """The free motion, sliding on one contact, and accelerations along lines where two stay or one sticks."""
     inverse = np.linalg.inv(problem.mass)
     turns = np.eye(3)[2] @ inverse

@@ -52,7 +52,7 @@ class TwoLevel:
         self._comm = equations.space.mixed.mesh.comm
         self._velocity, self._pressure = Components(equations, smoothing_only=True), ScaledMass(equations)
         self._pressures = _owned_pressures(equations)
-        self._solver, self._transfer = coarse[0], Transfer(coarse[1], equations)
+        self._solver, self._transfer = coarse[0], OrderTransfer(coarse[1], equations)
         self._constant = _constant_pressures(equations) if equations.closed else None
         matrix = self._solver.matrix
         self._right, self._left = matrix.createVecLeft(), matrix.createVecRight()
@@ -160,7 +160,7 @@ class TwoLevel:
             held.destroy()
 
 
-class Transfer:
+class OrderTransfer:
     """From a mixed space into that of a higher order on the same mesh, and back by the transpose. Collective.
 
     Vectors are (owned unknowns,) of one space or the other, and vanish where conditions hold.

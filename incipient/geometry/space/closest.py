@@ -16,7 +16,7 @@ from incipient.geometry.space.nearest import Triangles, nearest_on_triangles
 from incipient.geometry.space.pieces import Graph, Pieces, Sight
 from incipient.geometry.space.solid import Core, Solid, frame_of
 from incipient.geometry.space.surfaces import Surface, refined
-from incipient.geometry.space.terrain import Smooth, Terrain
+from incipient.geometry.space.terrain import SmoothTerrain, Terrain
 from incipient.geometry.space.triangles import least_on_triangles
 
 SAMPLES, SAMPLES_PER_FEATURE = 24.0, 6.0  # along the grain's size and along the bed's smallest feature
@@ -24,7 +24,7 @@ STEEPEST = 0.02  # vertical component of a normal that lowering still counts on
 
 
 @dataclass(frozen=True, eq=False)
-class Minima:
+class DistanceMinima:
     """Places where the distance of a placed grain from the bed is least, k of them.
 
     gaps:    distances (k,), negative where the grain is in the bed
@@ -44,10 +44,10 @@ class Minima:
     def __len__(self) -> int:
         return len(self.gaps)
 
-    def only(self, which: np.ndarray) -> "Minima":
+    def only(self, which: np.ndarray) -> "DistanceMinima":
         """Some of the minima, by a mask or by indices."""
         gaps, points, normals = self.gaps[which], self.points[which], self.normals[which]
-        return Minima(gaps, points, normals, self.anchors[which], self.origin[which], self.pieces)
+        return DistanceMinima(gaps, points, normals, self.anchors[which], self.origin[which], self.pieces)
 
 
 def _cut(core: Core, spacing: float) -> Core:
@@ -58,13 +58,13 @@ def _cut(core: Core, spacing: float) -> Core:
     return Core(fine.points, fine.triangles)
 
 
-def _together(parts: list[Minima]) -> Minima:
+def _together(parts: list[DistanceMinima]) -> DistanceMinima:
     """The minima of several tables in one."""
     gaps, points, normals, anchors, origin = (
         np.concatenate([getattr(part, name) for part in parts])
         for name in ("gaps", "points", "normals", "anchors", "origin")
     )
-    return Minima(gaps, points, normals, anchors, origin, parts[0].pieces)
+    return DistanceMinima(gaps, points, normals, anchors, origin, parts[0].pieces)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +107,7 @@ class SpatialProximity:
     @cached_property
     def cores(self) -> tuple[Core, ...]:
         """The grain's cores, on smooth beds cut finely enough that a triangle sees no two crests."""
-        if not isinstance(self.bed, Smooth):
+        if not isinstance(self.bed, SmoothTerrain):
             return self.grain.cores
         return tuple(_cut(core, 0.5 * self.bed.feature) for core in self.grain.cores)
 
@@ -131,7 +131,7 @@ class SpatialProximity:
             found.append(core.points[edges[edges[:, 0] != edges[:, 1]]])
         return tuple(found)
 
-    def minima(self, placement: Placement, within: float) -> Minima:
+    def minima(self, placement: Placement, within: float) -> DistanceMinima:
         """All minima whose gap is at most `within` (a length): over the surface, or over each triangle of cores.
 
         A minimum over a triangle need not be one over the surface (see `locally_least`). Exact to round-off
@@ -145,7 +145,7 @@ class SpatialProximity:
         found = _together(parts)
         return found.only(found.gaps <= within)
 
-    def tracked(self, placement: Placement, old: Minima) -> Minima:
+    def tracked(self, placement: Placement, old: DistanceMinima) -> DistanceMinima:
         """The minima `old` followed to another placement close by."""
         pieces = old.pieces
         parts = [old.only(np.empty(0, dtype=int))]
@@ -159,7 +159,7 @@ class SpatialProximity:
                 parts.append(self._tracked_on_core(placement, old.only(mine), int(k)))
         return _together(parts)
 
-    def _tracked_on_core(self, placement: Placement, old: Minima, k: int) -> Minima:
+    def _tracked_on_core(self, placement: Placement, old: DistanceMinima, k: int) -> DistanceMinima:
         """The lowest of the minima over the triangles around each old one; corners and edges stay what they are."""
         core = self.cores[k]
         fixed, free = np.flatnonzero(old.origin[:, 1] < 0), np.flatnonzero(old.origin[:, 1] >= 0)
@@ -187,7 +187,9 @@ class SpatialProximity:
             which.append(np.full(len(valley), piece))
         return points[np.concatenate(starts)], np.concatenate(which)
 
-    def _descended(self, placement: Placement, pieces: Pieces, points: Floats, which: np.ndarray) -> Minima:
+    def _descended(
+        self, placement: Placement, pieces: Pieces, points: Floats, which: np.ndarray
+    ) -> DistanceMinima:
         """Minima over a smooth grain's surface from points (m, 3) near it, in distance from pieces (m,)."""
         points = placement.to_scene(self.grain.project(placement.to_body(points)))
         sight = pieces.sight(points, which, points[:, :2])
@@ -208,7 +210,7 @@ class SpatialProximity:
             if moved.max(initial=0.0) <= 1e-12 * self.size:
                 break
         origin = np.column_stack([np.full((len(which), 2), -1), which]).astype(int)
-        return Minima(sight.gaps, points, sight.normals, placement.to_body(points), origin, pieces)
+        return DistanceMinima(sight.gaps, points, sight.normals, placement.to_body(points), origin, pieces)
 
     def _newton_step(self, placement: Placement, points: Floats, sight: Sight) -> tuple[Floats, Floats]:
         """Tangents (n, 3, 2) of the grain and the step along them (n, 2) towards the least distance."""
@@ -233,7 +235,7 @@ class SpatialProximity:
         """The placed grain's unit normals (n, 3) at points (n, 3) of the scene."""
         return self.grain.normal(placement.to_body(x)) @ placement.rotation.T
 
-    def _core_minima(self, placement: Placement, pieces: Pieces, k: int, within: float) -> Minima:
+    def _core_minima(self, placement: Placement, pieces: Pieces, k: int, within: float) -> DistanceMinima:
         """Minima over the triangles of a core, and all its corners where they are close."""
         core = self.cores[k]
         points = placement.to_scene(core.points)
@@ -305,14 +307,14 @@ class SpatialProximity:
         piece: np.ndarray,
         start: Floats,
         near: Floats,
-    ) -> Minima:
+    ) -> DistanceMinima:
         """Minima over triangles, corners and edges (m,) of a core in distance from pieces (m,)."""
         core = self.cores[k]
         corners = placement.to_scene(self._spanned(k, triangle))
         points, sight = least_on_triangles(pieces, corners, piece, start, near, self.size)
         origin = np.column_stack([np.full(len(piece), k), triangle, piece]).astype(int)
         surface = points - core.radius * sight.normals
-        return Minima(
+        return DistanceMinima(
             sight.gaps - core.radius, surface, sight.normals, placement.to_body(points), origin, pieces
         )
 
@@ -327,8 +329,8 @@ class SpatialProximity:
         return corners
 
     def locally_least(
-        self, placement: Placement, minima: Minima, corners: bool = False, slack: float = 0.0
-    ) -> Minima:
+        self, placement: Placement, minima: DistanceMinima, corners: bool = False, slack: float = 0.0
+    ) -> DistanceMinima:
         """The `minima` that are local minima over the whole surface, each once; on request all corners, too.
 
         Points whose neighbourhood is lower by no more than `slack` (a length) count as minima.
@@ -346,7 +348,7 @@ class SpatialProximity:
             keep |= self._is_corner(placement, minima)
         return _distinct(minima.only(keep), 1e-6 * self.size)
 
-    def _is_corner(self, placement: Placement, minima: Minima) -> np.ndarray:
+    def _is_corner(self, placement: Placement, minima: DistanceMinima) -> np.ndarray:
         """Which minima are corners of the grain, or minima along an edge of it."""
         found = (minima.origin[:, 0] >= 0) & (minima.origin[:, 1] < 0)
         for k in range(len(self.cores)):
@@ -409,7 +411,7 @@ def _chosen(which: np.ndarray, yes: Sight, no: Sight) -> Sight:
     )
 
 
-def _distinct(minima: Minima, tolerance: float) -> Minima:
+def _distinct(minima: DistanceMinima, tolerance: float) -> DistanceMinima:
     """The minima without those that repeat a lower one: the same point and the same normal."""
     from scipy.spatial import cKDTree
 

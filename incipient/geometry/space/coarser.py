@@ -9,14 +9,14 @@ import numpy as np
 from incipient.arrays import Floats
 from incipient.geometry.space.heightmap import HeightMap
 from incipient.geometry.space.nearest import Triangles
-from incipient.geometry.space.remeshing import Draft, Exact, remeshed
+from incipient.geometry.space.remeshing import Draft, ExactSurface, remeshed
 from incipient.geometry.space.surfaces import Surface
 
 AROUND = 8  # points whose edges are averaged for the length of edges at a place
 
 
 @dataclass(frozen=True, eq=False)
-class _Scan(Exact):
+class _Scan(ExactSurface):
     """A closed surface of triangles in a unit in which its extent is one; sharp edges stay."""
 
     surface: Surface

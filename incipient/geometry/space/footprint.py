@@ -9,7 +9,7 @@ from incipient.errors import SceneError
 from incipient.geometry import moments
 from incipient.geometry.contacts import Contacts
 from incipient.geometry.placement import Placement
-from incipient.geometry.space.closest import Minima, SpatialProximity
+from incipient.geometry.space.closest import DistanceMinima, SpatialProximity
 from incipient.geometry.space.solid import Core, frame_of
 from incipient.geometry.space.surfaces import connected, vector_areas
 
@@ -68,7 +68,7 @@ def footprint(proximity: SpatialProximity, placement: Placement, tolerance: floa
     return _contacts(points, patches, tolerance)
 
 
-def _contacts(minima: Minima, patches: list[Patch], tolerance: float) -> Contacts:
+def _contacts(minima: DistanceMinima, patches: list[Patch], tolerance: float) -> Contacts:
     points = [minima.points, *(patch.corners for patch in patches)]
     normals = [-minima.normals, *(np.tile(patch.normal, (len(patch.corners), 1)) for patch in patches)]
     areas = np.concatenate([np.zeros(len(minima)), *(patch.shares() for patch in patches)])
@@ -78,7 +78,7 @@ def _contacts(minima: Minima, patches: list[Patch], tolerance: float) -> Contact
 
 
 def _patches(
-    proximity: SpatialProximity, placement: Placement, core: Core, close: Minima, tolerance: float
+    proximity: SpatialProximity, placement: Placement, core: Core, close: DistanceMinima, tolerance: float
 ) -> list[Patch]:
     """The parts of a core that lie on one piece of bed: connected triangles all of whose corners touch."""
     piece = close.origin[0, 2]
@@ -100,7 +100,7 @@ def _patches(
     return [_patch(corners[label == one], core.radius) for one in np.unique(label)]
 
 
-def _lies(close: Minima, corners: Floats, bound: float) -> np.ndarray:
+def _lies(close: DistanceMinima, corners: Floats, bound: float) -> np.ndarray:
     """Which triangles (m, 3, 3) lie on a curved piece of bed also between their corners."""
     between = np.concatenate(
         [corners.mean(axis=1, keepdims=True), 0.5 * (corners + np.roll(corners, 1, axis=1))], 1
@@ -131,7 +131,7 @@ def _hull(points: Floats) -> np.ndarray:
     return order[turns > 1e-9 * float(np.ptp(points, axis=0).max()) ** 2]
 
 
-def _extreme(minima: Minima, tolerance: float) -> np.ndarray:
+def _extreme(minima: DistanceMinima, tolerance: float) -> np.ndarray:
     """Which points to keep where several of one normal lie on a straight line of contact: its two ends."""
     keep = np.ones(len(minima), dtype=bool)
     label = np.round(minima.normals, 6)

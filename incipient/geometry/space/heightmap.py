@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from incipient.arrays import MOST_HEIGHTS, Floats, decimal, rows, unwarned
 from incipient.errors import SceneError
 from incipient.geometry.shape import require_positive
-from incipient.geometry.space.terrain import Extent, Sides, Smooth
+from incipient.geometry.space.terrain import Extent, Sides, SmoothTerrain
 from incipient.geometry.space.triangle_files import require_file, triangles_in
 
 ACROSS = 200  # points of the raster of a surface along its longer side
@@ -19,7 +19,7 @@ LARGEST_FILE = 64  # MiB
 
 
 @dataclass(frozen=True, eq=False)
-class HeightMap(Smooth):
+class HeightMap(SmoothTerrain):
     """Heights (rows, columns) at points `cell` apart, the first row lowest in y, the first point at `origin`.
 
     Bicubic interpolation through the heights with slopes from central differences (Keys 1981): the surface

@@ -44,7 +44,7 @@ class Draft:
     faceted: bool = True
 
 
-class Exact(ABC):
+class ExactSurface(ABC):
     """A surface as it is exactly; points are in a unit in which its extent is about one."""
 
     @abstractmethod
@@ -57,7 +57,7 @@ class Exact(ABC):
 
 
 @dataclass(frozen=True, eq=False)
-class Mesh:
+class SurfaceMesh:
     """Points (n, 3), triangles (m, 3), coordinates held (n, 3), points that stay (n,), and edges that are kept (k, 2).
 
     Kept edges are sharp ones; the surface's own edge is always kept. `sizes` (n,) are the lengths wanted at the points.
@@ -80,7 +80,7 @@ class Mesh:
 class Remesher:
     """What a surface is to become: where its points lie, and how long its edges are to be."""
 
-    exact: Exact
+    exact: ExactSurface
     size: SizeOf
     curves: Triangles | None  # the sharp edges, as triangles without area
 
@@ -95,7 +95,7 @@ class Remesher:
         return np.asarray(np.round(found / GRID) * GRID)
 
 
-def remeshed(exact: Exact, draft: Draft, size: SizeOf) -> Surface:
+def remeshed(exact: ExactSurface, draft: Draft, size: SizeOf) -> Surface:
     """The surface triangulated with edges about as long as `size` says at points (n, 3).
 
     Raises:
@@ -122,7 +122,7 @@ def remeshed(exact: Exact, draft: Draft, size: SizeOf) -> Surface:
     return Surface(mesh.points, mesh.triangles)
 
 
-def _begun(draft: Draft, size: SizeOf) -> tuple[Mesh, Triangles | None]:
+def _begun(draft: Draft, size: SizeOf) -> tuple[SurfaceMesh, Triangles | None]:
     """The draft with its sharp edges found, and these as segments."""
     surface = draft.surface
     topology = Topology(surface.triangles)
@@ -137,7 +137,7 @@ def _begun(draft: Draft, size: SizeOf) -> tuple[Mesh, Triangles | None]:
         fixed |= (meeting == 2) & _turning(surface.points, kept, count)
     curves = Triangles(surface.points[kept[:, [0, 1, 1]]]) if draft.sharp and len(kept) else None
     sizes = np.ones(count)
-    return Mesh(surface.points, sizes, surface.triangles, draft.held, fixed, sharp), curves
+    return SurfaceMesh(surface.points, sizes, surface.triangles, draft.held, fixed, sharp), curves
 
 
 def _bent(draft: Draft, topology: Topology, size: SizeOf) -> np.ndarray:
@@ -165,7 +165,7 @@ def _turning(points: Floats, kept: np.ndarray, count: int) -> np.ndarray:
     return np.asarray(np.linalg.norm(total, axis=1) > 2.0 * np.sin(0.5 * TURN))
 
 
-def _kept(mesh: Mesh, topology: Topology) -> np.ndarray:
+def _kept(mesh: SurfaceMesh, topology: Topology) -> np.ndarray:
     """Which edges (k,) are sharp or the surface's own."""
     kept = topology.open.copy()
     if len(mesh.sharp):
@@ -173,7 +173,7 @@ def _kept(mesh: Mesh, topology: Topology) -> np.ndarray:
     return kept
 
 
-def _on_curves(mesh: Mesh) -> np.ndarray:
+def _on_curves(mesh: SurfaceMesh) -> np.ndarray:
     """Which points (n,) lie on kept edges."""
     topology = Topology(mesh.triangles)
     on_it = np.zeros(len(mesh.points), dtype=bool)
@@ -181,13 +181,13 @@ def _on_curves(mesh: Mesh) -> np.ndarray:
     return on_it
 
 
-def _lengths(mesh: Mesh, edges: np.ndarray) -> Floats:
+def _lengths(mesh: SurfaceMesh, edges: np.ndarray) -> Floats:
     """The lengths (k,) of edges in units of the size wanted there, in six digits."""
     first, second = mesh.points[edges].transpose(1, 0, 2)
     return np.asarray(np.round(np.linalg.norm(first - second, axis=1) / mesh.sizes[edges].mean(axis=1), 6))
 
 
-def _split(task: Remesher, mesh: Mesh) -> Mesh:
+def _split(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
     """Edges that are too long get a point in their middle; triangles are cut at such points."""
     topology = Topology(mesh.triangles)
     edges, kept = topology.edges, _kept(mesh, topology)
@@ -209,7 +209,7 @@ def _split(task: Remesher, mesh: Mesh) -> Mesh:
         halves = [np.column_stack([sharp[cut, end], number[cut]]) for end in (0, 1)]
         sharp = np.vstack([sharp[~cut], *halves])
     points = np.vstack([mesh.points, places])
-    return Mesh(
+    return SurfaceMesh(
         points,
         np.concatenate([mesh.sizes, task.size(places)]),
         _divided(points, mesh.triangles, middle[topology.of_sides]),
@@ -250,7 +250,7 @@ def _turned(
     return [table[rows, column] for table in (triangles, middles) for column in columns]
 
 
-def _collapsed(task: Remesher, mesh: Mesh) -> Mesh:
+def _collapsed(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
     """Edges that are too short become points, as long as no triangle turns over and none grows too long."""
     for _ in range(6):
         topology = Topology(mesh.triangles)
@@ -266,7 +266,7 @@ def _collapsed(task: Remesher, mesh: Mesh) -> Mesh:
     return mesh
 
 
-def _collapsible(mesh: Mesh, topology: Topology, kept: np.ndarray) -> np.ndarray:
+def _collapsible(mesh: SurfaceMesh, topology: Topology, kept: np.ndarray) -> np.ndarray:
     """Which edges (k,) may vanish without changing what the surface, its sharp edges and its own edge are."""
     edges, count = topology.edges, len(mesh.points)
     on_curve = np.zeros(count, dtype=bool)
@@ -287,8 +287,13 @@ def _common(edges: np.ndarray, count: int) -> np.ndarray:
 
 
 def _collapse_some(
-    task: Remesher, mesh: Mesh, topology: Topology, kept: np.ndarray, lengths: Floats, candidate: np.ndarray
-) -> tuple[Mesh, bool]:
+    task: Remesher,
+    mesh: SurfaceMesh,
+    topology: Topology,
+    kept: np.ndarray,
+    lengths: Floats,
+    candidate: np.ndarray,
+) -> tuple[SurfaceMesh, bool]:
     """The shortest of the candidates around collapsed; whether any was."""
     edges, count = topology.edges, len(mesh.points)
     rank = np.full(len(edges), np.inf)
@@ -319,7 +324,7 @@ def _collapse_some(
     return _renumbered(replace(mesh, points=points, sizes=sizes), number), True
 
 
-def _spoilt(mesh: Mesh, stays: np.ndarray, goes: np.ndarray, target: Floats) -> np.ndarray:
+def _spoilt(mesh: SurfaceMesh, stays: np.ndarray, goes: np.ndarray, target: Floats) -> np.ndarray:
     """Which collapses turn a triangle over or make an edge too long, (k,).
 
     A triangle that was folded itself may turn to where those around it face together, or folds would stay for good.
@@ -354,7 +359,7 @@ def _overturned(before: Floats, after: Floats, least: float) -> np.ndarray:
     return np.asarray(proper & ((unit(old) * unit(new)).sum(axis=1) < least))
 
 
-def _renumbered(mesh: Mesh, number: np.ndarray) -> Mesh:
+def _renumbered(mesh: SurfaceMesh, number: np.ndarray) -> SurfaceMesh:
     """The mesh with its points named anew, without what has collapsed."""
     triangles, sharp = number[mesh.triangles], number[mesh.sharp]
     a, b, c = triangles.T
@@ -363,7 +368,7 @@ def _renumbered(mesh: Mesh, number: np.ndarray) -> Mesh:
     used = np.unique(triangles)
     place = np.full(len(mesh.points), -1)
     place[used] = np.arange(len(used))
-    return Mesh(
+    return SurfaceMesh(
         mesh.points[used],
         mesh.sizes[used],
         place[triangles],
@@ -373,7 +378,7 @@ def _renumbered(mesh: Mesh, number: np.ndarray) -> Mesh:
     )
 
 
-def _swapped(mesh: Mesh) -> Mesh:
+def _swapped(mesh: SurfaceMesh) -> SurfaceMesh:
     """Edges turned within the two triangles beside them where that makes these rounder."""
     topology = Topology(mesh.triangles)
     free = np.flatnonzero(~_kept(mesh, topology))
@@ -418,7 +423,7 @@ def _roundness(points: Floats, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> F
     return np.asarray(2.0 * area / np.maximum(lengths[:, 1] * lengths[:, 2], 1e-300))
 
 
-def _smoothed(task: Remesher, mesh: Mesh) -> Mesh:
+def _smoothed(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
     """Points moved along the surface towards the middle of what is around them, finer parts weighing more."""
     topology = Topology(mesh.triangles)
     kept, count = _kept(mesh, topology), len(mesh.points)
@@ -448,7 +453,7 @@ def _smoothed(task: Remesher, mesh: Mesh) -> Mesh:
     return replace(mesh, points=points, sizes=task.size(points))
 
 
-def _along_curves(mesh: Mesh, lines: np.ndarray) -> Floats:
+def _along_curves(mesh: SurfaceMesh, lines: np.ndarray) -> Floats:
     """How points (n, 3) on kept edges move to the middle of both neighbours, the nearer one weighing more."""
     ends = mesh.points[lines]
     length = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
@@ -460,7 +465,7 @@ def _along_curves(mesh: Mesh, lines: np.ndarray) -> Floats:
     return pull / np.maximum(total, 1e-300)[:, None] - mesh.points
 
 
-def _without_folds(mesh: Mesh, target: Floats) -> Floats:
+def _without_folds(mesh: SurfaceMesh, target: Floats) -> Floats:
     """The points moved, but those of triangles that would turn over."""
     was = mesh.points[mesh.triangles]
     for _ in range(5):

@@ -238,7 +238,7 @@ class Hemispheres(Terrain):
         return _with_balls(self.origin_z, up, centres, np.full(len(centres), self.radius))
 
 
-class Smooth(Terrain):
+class SmoothTerrain(Terrain):
     """A bed with two derivatives."""
 
     @property
@@ -255,7 +255,7 @@ class Smooth(Terrain):
         return Graph(self.height, self.gradient, self.hessian, self.feature)
 
 
-class _Waves(Smooth):
+class _Waves(SmoothTerrain):
     """A sum of plane sinusoids, `waves` being rows of amplitude, wave vector (2) and phase."""
 
     origin_z: float
@@ -351,7 +351,7 @@ def _require_amplitude(value: float) -> None:
 
 
 @dataclass(frozen=True)
-class Relief(Smooth):
+class Relief(SmoothTerrain):
     """z = origin_z + function(x) for any smooth function of points (n, 2) that returns heights (n,).
 
     `feature` is the smallest horizontal length of its shape; derivatives are differences over parts of it

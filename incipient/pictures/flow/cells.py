@@ -12,13 +12,13 @@ from matplotlib.figure import Figure
 
 from ...arrays import spatial
 from .. import style
-from ..record import Run
+from ..record import StoredRun
 
 PIXELS = 1600  # across
 COLOURS = "YlGnBu"  # of the speed
 
 
-def picture(run: Run) -> Figure:
+def picture(run: StoredRun) -> Figure:
     """The cells over the speed, rendered off screen with pyvista. Not collective."""
     pyvista = pyvista_off_screen()
     grid = pyvista.UnstructuredGrid(
@@ -76,7 +76,7 @@ def pyvista_off_screen() -> Any:
     return pyvista
 
 
-def _edges(pyvista: Any, run: Run) -> Any:
+def _edges(pyvista: Any, run: StoredRun) -> Any:
     """Every cell's outline as a polyline along the sides' parabolas."""
     corners, sides = run.mesh.cells[:, :3], run.mesh.cells[:, 3:]
     s = np.linspace(0.0, 1.0, 7)[:, None, None, None]
@@ -88,7 +88,7 @@ def _edges(pyvista: Any, run: Run) -> Any:
     return pyvista.PolyData(spatial(lines.reshape(-1, 2)), lines=np.hstack([heads, connectivity]).ravel())
 
 
-def _view(run: Run) -> style.View:
+def _view(run: StoredRun) -> style.View:
     """The surroundings of the grain, or the whole domain without one."""
     x0, x1, y0, y1 = run.box
     if run.surface is None:
@@ -98,7 +98,7 @@ def _view(run: Run) -> style.View:
     return x0, x1, max(y0, centre[1] - size), min(y1, centre[1] + size)
 
 
-def _fastest(run: Run, view: style.View) -> float:
+def _fastest(run: StoredRun, view: style.View) -> float:
     """The largest speed in view: the colours are for what is seen."""
     x, y = run.mesh.points.T
     seen = (x >= view[0]) & (x <= view[1]) & (y >= view[2]) & (y <= view[3])

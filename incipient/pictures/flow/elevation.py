@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ...scene import Scene
-from ..record import Run
+from ..record import StoredRun
 from ..style import INK, panels
 
 _FACES = np.array([(0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3)])  # corners of a tetrahedron's faces
@@ -20,7 +20,7 @@ _LEVELS = 24  # colours
 _LINES, _PLACES = 7, 201  # lines of equal height of the bed; places in each direction at which that is known
 
 
-def picture(run: Run) -> Figure:
+def picture(run: StoredRun) -> Figure:
     """Elevation above the still level in colour as seen from above, the bed's height in lines."""
     points, triangles = _whole(run, *surface_of(run))
     scene = Scene(**run.scene)
@@ -37,7 +37,7 @@ def picture(run: Run) -> Figure:
     return figure
 
 
-def surface_of(run: Run) -> tuple[np.ndarray, np.ndarray]:
+def surface_of(run: StoredRun) -> tuple[np.ndarray, np.ndarray]:
     """The nodes (n, 3) of the free surface and straight triangles (m, 3) between them.
 
     They are the faces of one cell alone whose outward normals point up, less those of the grain.
@@ -63,7 +63,7 @@ def surface_of(run: Run) -> tuple[np.ndarray, np.ndarray]:
     return points[used], places.reshape(-1, 6)[:, _PARTS].reshape(-1, 3)
 
 
-def _whole(run: Run, points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _whole(run: StoredRun, points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Half a surface with its mirror image."""
     if not run.halved:
         return points, triangles

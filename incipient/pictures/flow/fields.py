@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
 
 from ...arrays import quarter_turned
-from ..record import Run
+from ..record import StoredRun
 from ..style import GRAIN, GROUND, INK, View, panels
 from .mesh import curve, triangles_of
 from .streamlines import streamlines
@@ -24,24 +24,24 @@ _CLIPPED = 0.5  # per cent of the nodes, at either end, whose pressure exceeds t
 _CLIPPED_VORTICITY = 6.0  # per cent of the nodes: it is greatest in thin layers
 
 
-def speed(run: Run) -> Figure:
+def speed(run: StoredRun) -> Figure:
     """Speed in colour, streamlines with the direction of flow."""
     values = np.linalg.norm(run.field("velocity"), axis=1)
     return _picture(run, values, "speed", "viridis", _from_zero, partial(draw_streamlines, run))
 
 
-def pressure(run: Run) -> Figure:
+def pressure(run: StoredRun) -> Figure:
     """Pressure in colour with isobars; extremes at corners and in gaps exceed the colour bar."""
     isobars = partial(_draw_isobars, run)
     return _picture(run, run.field("pressure"), "pressure", "RdYlBu_r", _without_extremes, isobars)
 
 
-def vorticity(run: Run) -> Figure:
+def vorticity(run: StoredRun) -> Figure:
     """Vorticity in colour, anticlockwise positive; the colour bar is symmetric and clips the extremes."""
     return _picture(run, run.field("vorticity"), "vorticity", "RdBu_r", _symmetric, lambda axes, view: None)
 
 
-def profiles(run: Run) -> Figure:
+def profiles(run: StoredRun) -> Figure:
     """Velocity along the vertical and the horizontal centreline of a box."""
     x0, x1, y0, y1 = run.box
     figure = Figure(figsize=(9.0, 4.2))
@@ -62,7 +62,7 @@ def profiles(run: Run) -> Figure:
     return figure
 
 
-def draw_solids(run: Run, axes: Axes, fluid_shown: bool, grain_shown: bool = True) -> None:
+def draw_solids(run: StoredRun, axes: Axes, fluid_shown: bool, grain_shown: bool = True) -> None:
     """The bed with the ground below it, and the grain; without the fluid in colour, the bed is cut out."""
     x0, x1, _, y1 = run.box
     outer = run.mesh.loops[0]
@@ -76,14 +76,16 @@ def draw_solids(run: Run, axes: Axes, fluid_shown: bool, grain_shown: bool = Tru
         axes.add_artist(Polygon(outline, facecolor=GRAIN, edgecolor=INK, lw=0.9, zorder=3))
 
 
-def _grains(run: Run) -> list[np.ndarray]:
+def _grains(run: StoredRun) -> list[np.ndarray]:
     """Outlines (n, 2) of what is not fluid amid the mesh, or the grain whose contacts are closed."""
     if run.touching_grain is not None:
         return [run.touching_grain]
     return [curve(run.mesh.points, hole) for hole in run.mesh.loops[1:]]
 
 
-def draw_streamlines(run: Run, axes: Axes, view: View, color: str = "white", alpha: float = 0.9) -> None:
+def draw_streamlines(
+    run: StoredRun, axes: Axes, view: View, color: str = "white", alpha: float = 0.9
+) -> None:
     """Evenly spaced streamlines with an arrow head in the middle of each."""
     x0, x1, y0, y1 = view
     separation = 0.021 * np.sqrt((x1 - x0) * (y1 - y0))
@@ -98,7 +100,7 @@ def draw_streamlines(run: Run, axes: Axes, view: View, color: str = "white", alp
         drawn.set_clip_path(fluid)
 
 
-def _draw_isobars(run: Run, axes: Axes, view: View) -> None:
+def _draw_isobars(run: StoredRun, axes: Axes, view: View) -> None:
     values, seen = run.field("pressure"), run.mesh.within(view)
     levels = np.linspace(*_range(_without_extremes(values[np.unique(seen.cells)])), 19)[1:-1]
     triangulation = triangles_of(seen.points, seen.quarters)
@@ -107,7 +109,7 @@ def _draw_isobars(run: Run, axes: Axes, view: View) -> None:
     )
 
 
-def near_grain(run: Run) -> View | None:
+def near_grain(run: StoredRun) -> View | None:
     """The part of the plane around the grain and its wake; None without a grain."""
     if not (outlines := _grains(run)):
         return None
@@ -121,7 +123,7 @@ def near_grain(run: Run) -> View | None:
 
 
 def _picture(
-    run: Run,
+    run: StoredRun,
     values: np.ndarray,
     name: str,
     colours: str,
@@ -144,7 +146,7 @@ def _picture(
     return figure
 
 
-def _paint(run: Run, axes: Axes, view: View, values: np.ndarray, colours: str, norm: Normalize) -> None:
+def _paint(run: StoredRun, axes: Axes, view: View, values: np.ndarray, colours: str, norm: Normalize) -> None:
     seen = run.mesh.within(view)
     parts = int(np.clip(np.sqrt(_TRIANGLES / max(len(seen.cells), 1)), 2, 6))
     points, triangles, fine = seen.subdivided(values, parts)
@@ -165,7 +167,7 @@ def _colour_bar(
     bar.ax.tick_params(width=0.5)
 
 
-def _floor(run: Run) -> float:
+def _floor(run: StoredRun) -> float:
     """Lower edge of pictures: some ground is shown below a bed."""
     _, _, y0, y1 = run.box
     return y0 - (0.04 * (y1 - y0) if run.scene.get("bed") else 0.0)
@@ -205,7 +207,7 @@ def _arrow_head(line: np.ndarray, size: float) -> np.ndarray | None:
     return line[middle] + np.array([1.2 * along, across - along, -across - along])
 
 
-def _along(run: Run, component: int, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _along(run: StoredRun, component: int, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """A component of the velocity at points, nudged inside where they lie on the box's walls."""
     x0, x1, y0, y1 = run.box
     x = np.clip(x, x0 + 1e-9 * (x1 - x0), x1 - 1e-9 * (x1 - x0))

@@ -17,7 +17,7 @@ from matplotlib.path import Path
 
 from ...geometry.placement import Placement
 from ...scene import Scene
-from ..record import Run
+from ..record import StoredRun
 from ..style import GRAIN, GROUND, INK, View
 from .cells import pyvista_off_screen
 from .streamlines import Sampled
@@ -43,7 +43,7 @@ _NEAR = 0.15  # of the grain's size: where its shape tells what is fluid
 
 
 @dataclass(frozen=True, eq=False)
-class Section:
+class VerticalSection:
     """Fields on a regular grid (rows, columns) over a part (left, right, lowest, highest) of a vertical plane."""
 
     view: View
@@ -69,7 +69,7 @@ class Section:
         return Sampled(origin, self.spacing, within)
 
 
-def level_of(run: Run) -> float:
+def level_of(run: StoredRun) -> float:
     """y of the plane that is shown: through the grain, or the middle."""
     low, high = run.fields.points[:, 1].min(), run.fields.points[:, 1].max()
     centre = run.value("grain", "computed_centre")
@@ -77,7 +77,7 @@ def level_of(run: Run) -> float:
     return float(np.clip(y, low, high))
 
 
-def views_of(run: Run) -> list[View]:
+def views_of(run: StoredRun) -> list[View]:
     """The whole plane and, with a grain, its surroundings."""
     (x0, _, z0), (x1, _, z1) = run.fields.points.min(axis=0), run.fields.points.max(axis=0)
     whole = (float(x0), float(x1), float(z0), float(z1))
@@ -89,7 +89,7 @@ def views_of(run: Run) -> list[View]:
     return [whole, (max(near[0], x0), min(near[1], x1), max(near[2], z0 - 0.1 * size), min(near[3], z1))]
 
 
-def section_of(run: Run, view: View, names: Sequence[str], columns: int = COLUMNS) -> Section:
+def section_of(run: StoredRun, view: View, names: Sequence[str], columns: int = COLUMNS) -> VerticalSection:
     """Fields by name on a grid over a part of the plane, `columns` points along its longer side."""
     pyvista = pyvista_off_screen()
     spacing = max(view[1] - view[0], view[3] - view[2]) / columns
@@ -115,12 +115,12 @@ def section_of(run: Run, view: View, names: Sequence[str], columns: int = COLUMN
     shape = across.shape
     values = {name: np.asarray(found[name]) for name in names}
     shaped = {name: field.reshape(*shape, *field.shape[1:]) for name, field in values.items()}
-    return Section(
+    return VerticalSection(
         view, x, z, inside.reshape(shape), shaped, boundary_lines(grid, level), grain_lines(run, level)
     )
 
 
-def draw_outlines(axes: Axes, section: Section, image: AxesImage) -> list[Artist]:
+def draw_outlines(axes: Axes, section: VerticalSection, image: AxesImage) -> list[Artist]:
     """Cut an image to the fluid, and draw lines around it, the ground outside, and the grain."""
     axes.set_facecolor(GROUND)
     codes = [Path(line, closed=True) for line in section.fluid]
@@ -151,7 +151,7 @@ def _polylines(lines: Any) -> list[np.ndarray]:
     return found
 
 
-def grain_lines(run: Run, level: float) -> tuple[np.ndarray, ...]:
+def grain_lines(run: StoredRun, level: float) -> tuple[np.ndarray, ...]:
     """Closed lines (n, 2) around the grain where it was computed: zeros of its own level in a plane of constant y."""
     centre = run.value("grain", "computed_centre")
     if centre is None:
@@ -170,7 +170,7 @@ def grain_lines(run: Run, level: float) -> tuple[np.ndarray, ...]:
     return tuple(np.asarray(line) for line in found)
 
 
-def _in_fluid(run: Run, points: np.ndarray, known: np.ndarray) -> np.ndarray:
+def _in_fluid(run: StoredRun, points: np.ndarray, known: np.ndarray) -> np.ndarray:
     """Which points (n, 3) lie in the fluid: those that VTK knows, near the grain those outside it and above the bed."""
     centre = run.value("grain", "computed_centre")
     if centre is None:
@@ -194,7 +194,7 @@ def straight(grid: Any, level: float) -> Any:
     return cut
 
 
-def tetrahedra(run: Run, view: View | None, names: Sequence[str]) -> Any:
+def tetrahedra(run: StoredRun, view: View | None, names: Sequence[str]) -> Any:
     """The tetrahedra of a run, or those in a view from the side, with fields by name."""
     pyvista = pyvista_off_screen()
     cells = run.fields.cells

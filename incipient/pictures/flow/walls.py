@@ -8,14 +8,14 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ...planning.wall_law import WallLaw
-from ..record import Run
+from ..record import StoredRun
 from ..style import FLOW, GROUND, INK, PUSH
 
 _COLOURS = (FLOW, PUSH, INK)
 _SIZE = (9.0, 5.5)  # inches
 
 
-def picture(run: Run) -> Figure:
+def picture(run: StoredRun) -> Figure:
     """y+ above, with the range in which the law of the wall holds, and below it the friction, which is signed."""
     figure = Figure(figsize=_SIZE, layout="constrained")
     figure.suptitle(run.headline)

@@ -26,7 +26,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from ...output.series_file import read_step
-from ..record import Run, read_scene
+from ..record import StoredRun, read_scene
 from ..style import GROUND, INK, View
 from .film_file import DOTS
 from .history import History, read_history
@@ -50,7 +50,7 @@ class Field:
     clipped: float
     symmetric: bool = False
 
-    def values(self, run: Run) -> np.ndarray:
+    def values(self, run: StoredRun) -> np.ndarray:
         """(nodes,) what is shown of it."""
         stored = "velocity" if self.name == "speed" else self.name
         return self.of({stored: run.field(stored)})
@@ -124,17 +124,17 @@ class Film(ABC):
         self.axes.set_title(f"{self.field.name.capitalize()}, t = {time:.{self._digits}f}", loc="left")
         self._drawn = self._shown(run, time)
 
-    def run(self, number: int) -> Run:
+    def run(self, number: int) -> StoredRun:
         """The step that a frame shows."""
         return self.stored(number)
 
-    def stored(self, number: int) -> Run:
+    def stored(self, number: int) -> StoredRun:
         """The step that a frame shows, as it was stored."""
         step = read_step(self.directory / "fields", int(self.indices[number]))
-        return Run(self.directory, {}, self.scene, step, None)
+        return StoredRun(self.directory, {}, self.scene, step, None)
 
     @abstractmethod
-    def _shown(self, run: Run, time: float) -> list[Artist]:
+    def _shown(self, run: StoredRun, time: float) -> list[Artist]:
         """Draw a step; what was drawn."""
 
     @abstractmethod

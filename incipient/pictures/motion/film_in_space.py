@@ -11,8 +11,8 @@ from matplotlib.image import AxesImage
 from ...errors import OutputError
 from ...geometry.placement import Placement
 from ...scene import Scene
-from ..flow.section import Section, draw_outlines, section_of, views_of
-from ..record import Run, parsed_json
+from ..flow.section import VerticalSection, draw_outlines, section_of, views_of
+from ..record import StoredRun, parsed_json
 from ..style import View
 from .film import ARROWS, Film
 
@@ -27,7 +27,7 @@ class FilmInSpace(Film):
     def _box(self) -> View:
         return views_of(self.run(0))[0]
 
-    def run(self, number: int) -> Run:
+    def run(self, number: int) -> StoredRun:
         """The step that a frame shows, with the grain where it is then."""
         run = self.stored(number)
         placement = self._placement(float(self.moments[number])) if run.scene.get("body") else None
@@ -46,7 +46,7 @@ class FilmInSpace(Film):
         except (OutputError, KeyError, TypeError):  # the run goes on
             return Scene(**self.scene).placement
 
-    def _shown(self, run: Run, time: float) -> list[Artist]:
+    def _shown(self, run: StoredRun, time: float) -> list[Artist]:
         names = {"velocity", "velocity" if self.field.name == "speed" else self.field.name}
         section = section_of(run, self.view, sorted(names), _POINTS)
         image = self._painted(section)
@@ -55,14 +55,14 @@ class FilmInSpace(Film):
             drawn.append(self._flow(section))
         return drawn
 
-    def _painted(self, section: Section) -> AxesImage:
+    def _painted(self, section: VerticalSection) -> AxesImage:
         values = self.field.of(section.fields)
         return self.axes.imshow(
             values, origin="lower", extent=section.view, cmap=self.colours,
             norm=self.norm, interpolation="bilinear", aspect="auto", zorder=1,
         )  # fmt: skip
 
-    def _flow(self, section: Section) -> Artist:
+    def _flow(self, section: VerticalSection) -> Artist:
         """The velocity within the plane on every so many points of the grid."""
         apart = max(1, max(section.inside.shape) // ARROWS)
         chosen = (slice(apart // 2, None, apart),) * 2

@@ -20,7 +20,7 @@ from ...errors import OutputError
 from ...scene import Scene
 from .. import style
 from ..flow.section import tetrahedra
-from ..record import Run, read
+from ..record import StoredRun, read
 from ..style import FLOW, GROUND
 from ..verdict.judged import judged
 from ..verdict.solid import Stage, bed_around, empty_stage, frame_of, within
@@ -70,7 +70,7 @@ class _Turntable:
 
     count = _FRAMES
 
-    def __init__(self, run: Run):
+    def __init__(self, run: StoredRun):
         self._run, self._scene = run, Scene(**run.scene)
         self._centre = np.array(run.value("grain", "computed_centre"), dtype=float)
         self._size = float(run.value("grain", "size"))

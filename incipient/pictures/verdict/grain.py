@@ -8,12 +8,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from ..flow.fields import draw_solids, draw_streamlines
-from ..record import Run
+from ..record import StoredRun
 from ..style import INK, PAPER, PULL, PUSH, View
 from .judged import Judged, judged
 from .plane import Marks, arrow, draw_case, draw_grain, draw_load, mark_contacts, show_place
 from .sheet import Group, explain, judge_rows, load_rows, sheet, write_numbers
-from .surface import Surface
+from .surface import GrainSurface
 
 _ARROWS = 64
 _LONGEST = 0.75  # arrow of a traction, in grain sizes
@@ -22,7 +22,7 @@ _UNIT = "[scene units]"
 _UNASKED = ("The forces on the grain; the scene asks for no verdict.", "")
 
 
-def traction(run: Run) -> Figure:
+def traction(run: StoredRun) -> Figure:
     """Arrows of the traction on the grain's surface, and its components around the grain."""
     surface = _surface(run)
     figure = Figure(figsize=(9.4, 4.7))
@@ -32,7 +32,7 @@ def traction(run: Run) -> Figure:
     return figure
 
 
-def verdict(run: Run) -> Figure:
+def verdict(run: StoredRun) -> Figure:
     """The grain on its bed with contacts, forces and couple; the verdict in words; the numbers behind it."""
     surface = _surface(run)
     stored = run.result.get("verdict")
@@ -51,25 +51,25 @@ def verdict(run: Run) -> Figure:
     return figure
 
 
-def _surface(run: Run) -> Surface:
+def _surface(run: StoredRun) -> GrainSurface:
     if run.surface is None:
         raise ValueError("a run without a grain has no picture of it")
-    return Surface.of(run.surface)
+    return GrainSurface.of(run.surface)
 
 
-def _outline(run: Run, surface: Surface) -> np.ndarray:
+def _outline(run: StoredRun, surface: GrainSurface) -> np.ndarray:
     """Points (n, 2) around the grain: those of its surface that the flow reaches, or all where contacts are closed."""
     return surface.points if run.touching_grain is None else run.touching_grain
 
 
-def _show_place(run: Run, axes: Axes, surface: Surface, above: float = 0.55) -> View:
+def _show_place(run: StoredRun, axes: Axes, surface: GrainSurface, above: float = 0.55) -> View:
     """Make the axes show the grain true to scale with the solids, more of the fluid than of the ground."""
     view = show_place(axes, surface.points, surface.size, above)
     draw_solids(run, axes, fluid_shown=False, grain_shown=False)
     return view
 
 
-def _show_arrows(run: Run, axes: Axes, surface: Surface) -> None:
+def _show_arrows(run: StoredRun, axes: Axes, surface: GrainSurface) -> None:
     """Pressing tractions end on the surface, pulling ones start there: all stand outside the grain."""
     view = _show_place(run, axes, surface, above=0.95)
     draw_grain(axes, _outline(run, surface))
@@ -100,7 +100,7 @@ def _explain_arrows(axes: Axes, view: View, unit: float, scale: float) -> None:
     axes.text(tip[0] + 0.02 * (x1 - x0), tip[1], f"{unit:g} scene units", va="center", bbox=PAPER)
 
 
-def _show_components(run: Run, axes: Axes, surface: Surface) -> None:
+def _show_components(run: StoredRun, axes: Axes, surface: GrainSurface) -> None:
     angles = surface.angles(_centre(run, surface))
     order = np.argsort(angles)
     # Where no flow reaches the grain the lines are broken: after the last point, before the first.
@@ -120,7 +120,7 @@ def _show_components(run: Run, axes: Axes, surface: Surface) -> None:
     axes.legend(loc="lower left", bbox_to_anchor=(0, 1), borderaxespad=0.2)
 
 
-def _centre(run: Run, surface: Surface) -> np.ndarray:
+def _centre(run: StoredRun, surface: GrainSurface) -> np.ndarray:
     centre = run.value("grain", "centre")
     return surface.points.mean(axis=0) if centre is None else np.array(centre[:2], dtype=float)
 
@@ -131,13 +131,13 @@ def _rounded(value: float) -> float:
     return float(power * max(digit for digit in (1, 2, 5) if digit * power <= value * (1 + 1e-12)))
 
 
-def _settled(run: Run) -> np.ndarray:
+def _settled(run: StoredRun) -> np.ndarray:
     """From where the flow was computed to where the grain touches, (2,)."""
     resting, computed = (run.value("grain", key) for key in ("centre", "computed_centre"))
     return np.zeros(2) if resting is None or computed is None else np.subtract(resting, computed)[:2]
 
 
-def _draw_unjudged(run: Run, axes: Axes, surface: Surface) -> Marks:
+def _draw_unjudged(run: StoredRun, axes: Axes, surface: GrainSurface) -> Marks:
     """The load, and the contacts if there are any."""
     forces = _acting(run)
     largest = max(float(np.linalg.norm(force)) for force in forces.values())
@@ -149,24 +149,24 @@ def _draw_unjudged(run: Run, axes: Axes, surface: Surface) -> Marks:
     return [(Line2D([], [], color=INK, ls="--", lw=1.1, marker="o"), "contact, with its normal")]
 
 
-def _acting(run: Run) -> dict[str, np.ndarray]:
+def _acting(run: StoredRun) -> dict[str, np.ndarray]:
     """Forces on a grain that is not judged; the flow's alone without gravity."""
     flow = run.vector("force", "flow")
     weight = run.vector("force", "weight") + run.vector("force", "buoyancy")
     return {"flow": flow, "weight": weight, "resultant": flow + weight} if weight.any() else {"flow": flow}
 
 
-def _couple(run: Run) -> np.ndarray:
+def _couple(run: StoredRun) -> np.ndarray:
     return np.array(run.value("couple", "flow", (0.0, 0.0, 0.0)), dtype=float)
 
 
-def _judged_numbers(run: Run, case: Judged | None) -> list[Group]:
+def _judged_numbers(run: StoredRun, case: Judged | None) -> list[Group]:
     if case is None:
         return [load_rows(_acting(run), _couple(run), _UNIT, planar=True)]
     return [load_rows(case.acting, case.load.flow_couple, _UNIT, planar=True), *judge_rows(case)]
 
 
-def _numbers(run: Run) -> list[Group]:
+def _numbers(run: StoredRun) -> list[Group]:
     """Force and couple of the flow, as far as the result and the scene hold them."""
     rows: Group = [("Flow", "", INK)]
     closed = bool(run.value("gap", "closed"))

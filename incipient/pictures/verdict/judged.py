@@ -18,7 +18,7 @@ _PAPER = "; by the paper's criteria"
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class DrawnMotion:
     """Incipient accelerations: of the centre of mass (3,), and angular (3,)."""
 
     acceleration: np.ndarray
@@ -48,7 +48,7 @@ class Judged:
     forces: np.ndarray
     states: tuple[str, ...]
     share: float
-    motion: Motion | None
+    motion: DrawnMotion | None
     mode: str
     safety_factor: float
     outcome: str
@@ -141,8 +141,8 @@ def _judged(verdict: dict[str, Any]) -> Judged:
     )
 
 
-def _motion(stored: dict[str, Any]) -> Motion:
-    return Motion(np.array(stored["acceleration"]), np.array(stored["angular_acceleration"]))
+def _motion(stored: dict[str, Any]) -> DrawnMotion:
+    return DrawnMotion(np.array(stored["acceleration"]), np.array(stored["angular_acceleration"]))
 
 
 def _forces(

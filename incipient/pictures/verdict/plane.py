@@ -14,7 +14,7 @@ from matplotlib.patheffects import Normal, Stroke
 
 from ...arrays import quarter_turned, spatial
 from ..style import FLOW, FORCES, GRAIN, GROUND, INK, MOTION, PAPER, REACTION, STATES, View
-from .judged import Judged, Motion
+from .judged import DrawnMotion, Judged
 
 # Lengths in grain sizes.
 _STRONGEST = 0.8  # arrow of the largest force
@@ -182,7 +182,9 @@ def _draw_patches(axes: Axes, case: Judged) -> None:
         axes.plot(*ends.T, color=INK, lw=5, alpha=0.35, solid_capstyle="butt", zorder=5.5)
 
 
-def _draw_motion(axes: Axes, motion: Motion, centre: np.ndarray, outline: np.ndarray, size: float) -> None:
+def _draw_motion(
+    axes: Axes, motion: DrawnMotion, centre: np.ndarray, outline: np.ndarray, size: float
+) -> None:
     """The grain a little later, dashed; the acceleration of its centre; the sense in which it turns."""
     arms = spatial(outline - centre)
     fastest = float(np.linalg.norm(motion.at(arms), axis=1).max()) or 1.0

@@ -14,7 +14,7 @@ import numpy as np
 from ...arrays import unit
 from ..flow.cells import pyvista_off_screen
 from ..style import FLOW, FORCES, GRAIN, GROUND, INK, MOTION, REACTION, STATES
-from .judged import Judged, Motion
+from .judged import DrawnMotion, Judged
 
 if TYPE_CHECKING:
     from ...geometry.space.terrain import Terrain
@@ -51,7 +51,7 @@ class Rendering:
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
+class CameraFrame:
     """Unit vectors of the view, its middle, and the size of the grain."""
 
     along: np.ndarray  # to the right
@@ -111,7 +111,7 @@ def within(surface: Any, centre: np.ndarray, reach: float) -> Any:
     return surface.clip_scalar(scalars="away", value=reach)
 
 
-def frame_of(case: Judged, points: np.ndarray) -> Frame:
+def frame_of(case: Judged, points: np.ndarray) -> CameraFrame:
     """The weight down and the flow to the right, about a grain with a surface through points (n, 3)."""
     weight, flow = case.load.weight, case.load.flow_force
     up = unit(-weight if weight.any() else -case.contacts.normals.sum(axis=0))
@@ -119,13 +119,13 @@ def frame_of(case: Judged, points: np.ndarray) -> Frame:
     level = flow - (flow @ up) * up
     if np.linalg.norm(level) <= 1e-9 * np.linalg.norm(flow):
         level = _across(up)
-    return Frame(unit(level), up, case.load.centre, float(np.ptp(points, axis=0).max()))
+    return CameraFrame(unit(level), up, case.load.centre, float(np.ptp(points, axis=0).max()))
 
 
 class Stage:
     """What is put before the camera; lengths are counted in grain sizes."""
 
-    def __init__(self, pyvista: Any, plotter: Any, frame: Frame):
+    def __init__(self, pyvista: Any, plotter: Any, frame: CameraFrame):
         self.pyvista, self.plotter, self.frame = pyvista, plotter, frame
 
     def grain(self, points: np.ndarray, triangles: np.ndarray) -> None:
@@ -177,7 +177,7 @@ class Stage:
             numbers.append(point + 0.13 * size * normal)
         return numbers
 
-    def motion(self, motion: Motion, points: np.ndarray, triangles: np.ndarray) -> None:
+    def motion(self, motion: DrawnMotion, points: np.ndarray, triangles: np.ndarray) -> None:
         """The grain a little later; the acceleration of its centre; the sense in which it turns."""
         frame = self.frame
         speeds = motion.at(points - frame.centre)

@@ -21,7 +21,7 @@ from ..flow.cells import COLOURS, framed, pyvista_off_screen, stage
 from ..flow.section import (
     BESIDE,
     TETRAHEDRON,
-    Section,
+    VerticalSection,
     draw_outlines,
     level_of,
     section_of,
@@ -29,7 +29,7 @@ from ..flow.section import (
     views_of,
 )
 from ..flow.streamlines import streamlines
-from ..record import Run
+from ..record import StoredRun
 from ..style import FLOW, FORCES, INK, PAPER, panels
 from .judged import Judged, judged
 from .plane import Marks, aside, label, marks_of
@@ -46,14 +46,14 @@ _UNASKED = ("The forces on the grain; the scene asks for no verdict.", "")
 QUADRATIC_TRIANGLE = 22  # VTK's number of the quadratic one
 
 
-def is_in_space(run: Run) -> bool:
+def is_in_space(run: StoredRun) -> bool:
     """Whether a run's fields are those of a scene in space."""
     return run.fields.cells.shape[1] == 10
 
 
-def makers(run: Run) -> dict[str, Callable[[Run], Figure]]:
+def makers(run: StoredRun) -> dict[str, Callable[[StoredRun], Figure]]:
     """What draws the pictures of a run in space, by the pictures' names."""
-    found: dict[str, Callable[[Run], Figure]] = {"flow": speed, "pressure": pressure}
+    found: dict[str, Callable[[StoredRun], Figure]] = {"flow": speed, "pressure": pressure}
     if run.setting("domain", "top") == "free-surface":
         found["elevation"] = elevation.picture
     if run.surface is not None:
@@ -68,23 +68,23 @@ def makers(run: Run) -> dict[str, Callable[[Run], Figure]]:
 # -- the flow in a vertical plane -------------------------------------------------------------------------
 
 
-def speed(run: Run) -> Figure:
+def speed(run: StoredRun) -> Figure:
     """Speed in colour in the vertical plane through the grain's centre, with streamlines in that plane."""
     return _sections(
         run, "speed", "viridis", lambda s: np.linalg.norm(s.fields["velocity"], axis=-1), _from_zero, True
     )
 
 
-def pressure(run: Run) -> Figure:
+def pressure(run: StoredRun) -> Figure:
     """Pressure in colour in the same plane; extremes exceed the colour bar."""
     return _sections(run, "pressure", "RdYlBu_r", lambda s: s.fields["pressure"], _without_extremes, False)
 
 
 def _sections(
-    run: Run,
+    run: StoredRun,
     name: str,
     colours: str,
-    values_of: Callable[[Section], np.ndarray],
+    values_of: Callable[[VerticalSection], np.ndarray],
     limits: Callable[[np.ndarray], Normalize],
     lines: bool,
 ) -> Figure:
@@ -121,7 +121,7 @@ def _without_extremes(seen: np.ndarray) -> Normalize:
 # -- mesh and traction ------------------------------------------------------------------------------------
 
 
-def mesh(run: Run) -> Figure:
+def mesh(run: StoredRun) -> Figure:
     """The cells that the vertical plane through the grain cuts, over the speed."""
     view = views_of(run)[-1]
     grid = tetrahedra(run, view, ["velocity"])
@@ -149,7 +149,7 @@ def mesh(run: Run) -> Figure:
     return framed(plotter, view, run.headline, what, fastest, "z")
 
 
-def traction(run: Run) -> Figure:
+def traction(run: StoredRun) -> Figure:
     """The size of the traction on the grain's surface in colour, seen from upstream and from downstream."""
     assert run.surface is not None
     points, cells, values = whole_surface(run)
@@ -170,7 +170,7 @@ def traction(run: Run) -> Figure:
     return figure
 
 
-def whole_surface(run: Run) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def whole_surface(run: StoredRun) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Nodes, quadratic triangles and traction of the grain's surface, half a grain with its mirror image."""
     assert run.surface is not None
     points, cells, values = run.surface.points, run.surface.cells, run.surface.fields["traction"]
@@ -221,7 +221,7 @@ def _shown_surface(
 # -- the judged grain -------------------------------------------------------------------------------------
 
 
-def verdict(run: Run) -> Figure:
+def verdict(run: StoredRun) -> Figure:
     """The grain on its bed with contacts, forces and couple; the verdict in words; the numbers behind it."""
     stored = run.result.get("verdict")
     if stored is None:
@@ -241,7 +241,7 @@ def verdict(run: Run) -> Figure:
     return figure
 
 
-def _acting(run: Run) -> dict[str, np.ndarray]:
+def _acting(run: StoredRun) -> dict[str, np.ndarray]:
     """Forces on a grain that is not judged; the flow's alone without gravity."""
     flow, weight = run.space("force", "flow"), run.space("force", "weight") + run.space("force", "buoyancy")
     return {"flow": flow, "weight": weight, "resultant": flow + weight} if weight.any() else {"flow": flow}

@@ -12,7 +12,7 @@ from ..flow.mesh import directed, enclosed_area
 
 
 @dataclass(frozen=True)
-class Surface:
+class GrainSurface:
     """Points, unit normals out of the grain and tractions, (n, 2) each, anticlockwise around the grain.
 
     is_closed: whether they go all round; else no flow reaches the grain between the last point and the first
@@ -24,7 +24,7 @@ class Surface:
     is_closed: bool = True
 
     @classmethod
-    def of(cls, step: StoredStep) -> Surface:
+    def of(cls, step: StoredStep) -> GrainSurface:
         """Put the edges of a surface series in order around the grain."""
         points = step.points[:, :2]
         edges = directed(step.cells)
