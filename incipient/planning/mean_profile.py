@@ -19,10 +19,8 @@ from typing import Any
 import numpy as np
 
 KAPPA, DAMPING = 0.41, 26.0
-SMOOTH, ROUGH = (
-    5.0,
-    70.0,
-)  # k below which a bed is hydraulically smooth, above which it is rough (Nikuradse 1933)
+# k below which a bed is hydraulically smooth, above which it is rough (Nikuradse 1933).
+SMOOTH, ROUGH = 5.0, 70.0
 LAYER = 10.0  # wall units, between the viscous sublayer and the logarithmic law
 NODES = 400
 

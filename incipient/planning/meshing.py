@@ -32,7 +32,10 @@ PROFILE_CELL = {2: 0.5, 3: 1.0, 4: 1.5}
 def lay_out(setup: Setup, plan: Plan, moved: Placement | None = None) -> Layout:
     """Place the grain, where the scene has it or where it has `moved`, and decide cell sizes. Not collective."""
     if setup.has_wall_layer and setup.walls.plane:
-        return _grid_layout(setup, plan, _channel(setup, plan))
+        from .wall_cells import channel_grid
+
+        grid = channel_grid(setup.walls, setup.geometry, setup.sides, plan.order, plan.mesh_size)
+        return _grid_layout(setup, plan, grid)
     if setup.scene.is_empty_box:
         return _grid_layout(setup, plan, _box(setup, plan.mesh_size * setup.far_cells.largest))
     if setup.scene.closes_contacts and moved is None:
@@ -151,13 +154,6 @@ def _along_bed(geometry: Geometry, order: int, stance: Stance, layered: bool) ->
     if stance.placement is not None and not layered:
         away = Away(point(stance.placement.centre), BED_GROWTH, BED_LARGEST * bed.feature)
     return [Near(BED_CELL[order] * bed.feature, GROWTH, boundary="bed", away=away)]
-
-
-def _channel(setup: Setup, plan: Plan) -> Grid | SolidGrid:
-    """The grid of a channel between the layers of its walls."""
-    from .wall_cells import channel_grid
-
-    return channel_grid(setup.walls, setup.geometry, setup.sides, plan.order, plan.mesh_size)
 
 
 def _box(setup: Setup, cell: float) -> Grid | BoxGrid:

@@ -6,9 +6,8 @@ from typing import Literal
 
 # What steady iterations may leave where nothing is known of the error: Newton's method then has left far less.
 STEADY = 1e-6
-BY_TWO_LEVELS = (
-    1e-5  # the same where each of Newton's corrections is a rough one, and loads err far more by the cells
-)
+# The same where each of Newton's corrections is a rough one, and loads err far more by the cells.
+BY_TWO_LEVELS = 1e-5
 
 
 def of_steady(asked: float | Literal["auto"], two_levels: bool = False) -> float:

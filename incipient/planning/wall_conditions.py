@@ -70,10 +70,8 @@ def entering(walls: LayeredWalls, asked: Turbulence) -> EnteringTurbulence:
 def section_of_mesh(walls: LayeredWalls) -> tuple[tuple[float, float], tuple[float, float]]:
     """From where to where the mesh's inflow extends in height and, between side walls, across; else from 0 to 1."""
     low, sides = walls.floor + walls.distance, walls.sides
-    return (low, walls.ceiling), (sides[0] + walls.distance, sides[1] - walls.distance) if sides else (
-        0.0,
-        1.0,
-    )
+    across = (sides[0] + walls.distance, sides[1] - walls.distance) if sides else (0.0, 1.0)
+    return (low, walls.ceiling), across
 
 
 def inflow_places(walls: LayeredWalls) -> tuple[np.ndarray, ...]:

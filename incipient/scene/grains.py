@@ -10,7 +10,7 @@ from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from ..geometry.placement import Placement
 from ..geometry.shape import Shape
-from .messages import Problem, refusal, shown
+from .messages import Problem, problem, refusal, shown
 from .section import NotNegative, Section, contradiction, require_formula
 
 # Keys that grains have in the plane and in space.
@@ -81,8 +81,7 @@ class BodySection(Section):
 
     @model_validator(mode="after")
     def _moves_consistently(self) -> BodySection:
-        found = [Problem((key,), why, remedy) for key, why, remedy in _unfit(self)]
-        if found:
+        if found := [*_missing(self), *_ignored(self), *_of_mass(self)]:
             raise refusal(type(self).__name__, found)
         return self
 
@@ -124,34 +123,27 @@ class BodySection(Section):
         raise NotImplementedError
 
 
-def _unfit(body: BodySection) -> Iterator[tuple[str, str, str]]:
-    """Keys of a grain that its motion needs and has not, or has and ignores: key, why, remedy."""
-    yield from _missing(body)
-    yield from _ignored(body)
-    yield from _of_mass(body)
-
-
-def _missing(body: BodySection) -> Iterator[tuple[str, str, str]]:
+def _missing(body: BodySection) -> Iterator[Problem]:
     if body.motion == "prescribed" and body.course is None:
-        yield "course", "is missing though the motion is prescribed", "add it, or hold the grain"
+        yield problem("course", "is missing though the motion is prescribed", "add it, or hold the grain")
     if body.motion != "fixed" and body.centre is None:
-        yield "x", "a moving grain starts away from the bed", "give centre instead of x"
+        yield problem("x", "a moving grain starts away from the bed", "give centre instead of x")
 
 
-def _ignored(body: BodySection) -> Iterator[tuple[str, str, str]]:
+def _ignored(body: BodySection) -> Iterator[Problem]:
     for key, motion in READ_ONLY_BY.items():
         if body.motion != motion and getattr(body, key) != type(body).model_fields[key].default:
             why = f'is read only with motion = "{motion}", but the motion is "{body.motion}"'
-            yield key, why, f'leave it out, or set motion = "{motion}"'
+            yield problem(key, why, f'leave it out, or set motion = "{motion}"')
 
 
-def _of_mass(body: BodySection) -> Iterator[tuple[str, str, str]]:
+def _of_mass(body: BodySection) -> Iterator[Problem]:
     if body.density is not None and body.mass is not None:
-        yield "mass", "is given beside density, from which it follows", "leave one of them out"
+        yield problem("mass", "is given beside density, from which it follows", "leave one of them out")
     if body.density is not None or body.mass is not None:
         return
     if body.motion == "free":
         why = "a free grain needs a mass and a moment of inertia, which may be zero"
-        yield "density", why, "give density, or mass and inertia"
+        yield problem("density", why, "give density, or mass and inertia")
     elif body.inertia is not None:
-        yield "inertia", "is given without a mass", "give density or mass as well, or leave it out"
+        yield problem("inertia", "is given without a mass", "give density or mass as well, or leave it out")

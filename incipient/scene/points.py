@@ -82,10 +82,7 @@ def with_file_read(
     """
     if not isinstance(data, dict):
         return data
-    given, from_file = (
-        key in data,
-        data.get("file") is not None,
-    )  # a scene dumped and read again names no file
+    given, from_file = key in data, data.get("file") is not None  # a scene that was dumped names no file
     if given == from_file:
         which = f"both file and {key} are" if given else f"neither file nor {key} is"
         raise about_file(section, f"{which} given", remedy)

@@ -17,7 +17,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from .messages import Problem, refusal
+from .messages import problem, refusal
 from .model import SceneSections
 from .section import Section
 from .units import Scales, Units, nominal_diameter
@@ -33,14 +33,14 @@ def scales_of(scene: SceneSections, units: Units) -> Scales:
         ValidationError: there is no grain, or the flow's speed is not given as the flow needs it.
     """
     if scene.body is None:
-        raise _refused("diameter", "is of the grain but there is none", "add a section [body]")
+        raise _refused("units.diameter", "is of the grain but there is none", "add a section [body]")
     kind, shear = scene.flow.kind, scene.flow.kind == "shear"
     needed, other = ("shear_rate", "velocity") if shear else ("velocity", "shear_rate")
     speed = getattr(units, needed)
     if speed is None:
-        raise _refused(needed, f'is missing, which the flow "{kind}" needs', "add it")
+        raise _refused(f"units.{needed}", f'is missing, which the flow "{kind}" needs', "add it")
     if getattr(units, other) is not None:
-        raise _refused(other, f'is not of the flow "{kind}"', f"give {needed} only")
+        raise _refused(f"units.{other}", f'is not of the flow "{kind}"', f"give {needed} only")
     length = units.diameter / nominal_diameter(scene.grain)
     stated = scene.flow.rate if scene.flow.kind == "shear" else scene.reference_velocity
     time = stated / speed if shear else length * stated / speed
@@ -61,25 +61,19 @@ def with_units(data: dict[str, Any], checked: Callable[[dict[str, Any]], SceneSe
     except ValidationError:  # which is reported when the whole scene is checked
         return _filled(data, _ANY)
     if _get(data.get("body"), "mass") is not None:
-        raise refusal(
-            "Scene", [Problem(("body", "mass"), "is given beside [units]", "leave one of them out")], True
-        )
+        raise _refused("body.mass", "is given beside [units]", "leave one of them out")
     scene = checked({**_filled(data, _ANY), "units": None})
-    scales = scales_of(scene, units)
+    scales, speed, length = scales_of(scene, units), scene.reference_velocity, scene.reference_length
     made = {
-        "reynolds": scene.reference_velocity
-        * scales.velocity
-        * scene.reference_length
-        * scales.length
-        / units.viscosity,
+        "reynolds": speed * scales.velocity * length * scales.length / units.viscosity,
         "acceleration": units.gravity * scales.time**2 / scales.length,
         "density": units.grain_density / units.fluid_density,
     }
     for section, key in _FILLED:
         given = _get(data.get(section), key)
         if isinstance(given, int | float) and abs(given / made[key] - 1.0) > _SAME:
-            why, remedy = f"is {given:g}, but [units] makes it {made[key]:g}", "leave it out"
-            raise refusal("Scene", [Problem((section, key), why, remedy)], between=True)
+            why = f"is {given:g}, but [units] makes it {made[key]:g}"
+            raise _refused(f"{section}.{key}", why, "leave it out")
     return _filled(data, made)
 
 
@@ -105,4 +99,4 @@ def _get(section: Any, key: str) -> Any:
 
 
 def _refused(key: str, why: str, remedy: str) -> ValidationError:
-    return refusal("Scene", [Problem(("units", key), why, remedy)], between=True)
+    return refusal("Scene", [problem(key, why, remedy)], between=True)
