@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ..mesh.domain import Domain
     from ..mesh.motion import MeshMotion
     from ..restart.checkpoint import Checkpoint
+    from ..results.elevations import Elevations
     from ..results.wall_report import WallReport
 
 Stage = Callable[[str], AbstractContextManager[Any]]
@@ -59,11 +60,13 @@ class RunPart:
 
     Attributes:
         effect: whose part it is.
+        elevations: of a free surface so far; None: there are none.
         probe: reads the traction on the grain where the part has a better one than the run; None: it has not.
     """
 
     effect: EffectName
     probe: TractionProbe | None = None
+    elevations: Elevations | None = None
 
     # -- solution ---------------------------------------------------------------------------------
 
@@ -114,6 +117,9 @@ class RunPart:
         """Functions that are part of the state of a steady flow."""
         return ()
 
+    def begin(self) -> None:
+        """Take note of the state before the first step, at the start or as a checkpoint has it."""
+
     def accept_step(self, step: TimeStep) -> None:
         """Take note of an accepted step."""
 
@@ -123,6 +129,10 @@ class RunPart:
         Raises:
             ConvergenceError: why it cannot, and a remedy.
         """
+
+    def change(self, depth: float) -> float:
+        """The change of the part's state in the last step over the depth of the flow."""
+        return 0.0
 
     # -- output -----------------------------------------------------------------------------------
 

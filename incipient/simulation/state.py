@@ -23,7 +23,6 @@ from .steadiness import Steadiness
 if TYPE_CHECKING:
     from ..contact import Contacts
     from ..coupled.tractions import TractionProbe
-    from ..effects.free_surface.part import MovingSurface
     from ..effects.moving_grain.part import MovingGrain
     from ..fluid import Fluid, Transient
     from ..mesh.domain import Domain
@@ -132,14 +131,9 @@ class Run:
         return cast("MovingGrain | None", self.part(EffectName.FREE_BODY))
 
     @property
-    def surface(self) -> MovingSurface | None:
-        """The free surface; None without one, and before the first step."""
-        return cast("MovingSurface | None", self.part(EffectName.FREE_SURFACE))
-
-    @property
     def elevations(self) -> Elevations | None:
         """Elevations of the free surface so far; None without one, and before the first step."""
-        return None if self.surface is None else self.surface.elevations
+        return next((part.elevations for part in self.parts if part.elevations is not None), None)
 
     def part(self, effect: EffectName) -> Any:
         """The part of an effect on the newest mesh, or None."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from ..results.steady import Steadied
 
 if TYPE_CHECKING:
-    from ..effects.free_surface.part import MovingSurface
+    from ..effects.run_part import RunPart
     from ..fluid import Fluid, TimeStep
 
 
@@ -18,8 +19,8 @@ class Steadiness:
 
     Args:
         fluid: on a mesh that stays, or moves with the surface alone.
-        surface: above it; None: there is none.
-        depth: to which the surface's elevations are compared.
+        parts: solved with the flow, such as a surface above it.
+        depth: to which elevations are compared.
         asked: relative change per unit of time at which the flow counts as steady.
 
     Attributes:
@@ -27,8 +28,8 @@ class Steadiness:
             the velocities, and that of the elevations over the depth, each in the root mean square over the nodes.
     """
 
-    def __init__(self, fluid: Fluid, surface: MovingSurface | None, depth: float, asked: float):
-        self._fluid, self._surface, self._depth, self._asked = fluid, surface, depth, asked
+    def __init__(self, fluid: Fluid, parts: Sequence[RunPart], depth: float, asked: float):
+        self._fluid, self._parts, self._depth, self._asked = fluid, parts, depth, asked
         self.change = np.inf
         self._before = fluid.state.x.array.copy()
 
@@ -43,8 +44,7 @@ class Steadiness:
         changed, whole = (self._fluid.squared_velocities(one) for one in (now - self._before, now))
         self._before = now.copy()
         relative = np.sqrt(changed / whole) if whole else 0.0
-        if self._surface is not None:
-            relative = max(relative, self._surface.part.risen() / self._depth)
+        relative = max([relative, *(part.change(self._depth) for part in self._parts)])
         self.change = float(relative / step.length)
         return {"change": self.change}
 

@@ -108,7 +108,7 @@ class TimeLoop:
         with stage if run.plan.has(EffectName.MOVING_MESH) else nullcontext():
             march, domain = March(run, self._checkpoint), run.domain
         if time.until_steady is not None:
-            run.watch(Steadiness(run.fluid, run.surface, run.scene.domain.height, time.until_steady))
+            run.watch(Steadiness(run.fluid, run.parts, run.scene.domain.height, time.until_steady))
         for step in self._timed(march.steps()):
             if run.domain is not domain:
                 domain = run.domain
@@ -125,7 +125,8 @@ class TimeLoop:
         """The steps, each counted and its time taken; from the first on, the run can be stopped between them."""
         run = self._run
         self._recorded, self._interruption.armed = run.fluid.time, True
-        self._read()
+        for part in run.parts:
+            part.begin()
         while not run.is_steady:
             with run.stage("flow"), run.corrections.begun():
                 step = next(steps, None)
@@ -136,18 +137,12 @@ class TimeLoop:
             yield step
         self._interruption.armed = False
 
-    def _read(self) -> None:
-        """Keep the elevations of a free surface as they are now."""
-        if self._run.surface is not None:
-            self._run.surface.read()
-
     def _record(self, step: TimeStep, row: dict[str, Any], last: bool, kept: bool = False) -> None:
         """Hand a step over to the recorder, with a checkpoint where one is due, and stop if that was asked for.
 
         `kept` asks for one of the last step: a run that has ended at contact may resume otherwise.
         """
         run = self._run
-        self._read()
         self._recorder.step(row)
         run.voice.advance(step.time, self._time.end)
         record_fields(self._recorder, run, step.number, last)

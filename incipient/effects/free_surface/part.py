@@ -170,13 +170,21 @@ class MovingSurface(RunPart):
         nearest = self.fluid.domain.comm.allreduce(float(distances.min(initial=np.inf)), op=MPI.MIN)
         return float(nearest - TOUCHING * grain.size)
 
-    def read(self) -> None:
+    def accept_step(self, step: TimeStep) -> None:
+        """Keep the elevations."""
+        self.begin()
+
+    def change(self, depth: float) -> float:
+        """How far the surface has moved in the last step, root mean square, over the depth."""
+        return self.part.risen() / depth
+
+    def begin(self) -> None:
         """Keep the elevations at the stations now, and the largest anywhere."""
         values = self._stations.values(self.part.elevation)
         self.readings.append(ElevationReading(self.fluid.time, values, self.part.largest()))
 
     @property
-    def elevations(self) -> Elevations | None:
+    def elevations(self) -> Elevations | None:  # type: ignore[override]
         """The elevations so far; None before the first step."""
         return Elevations.of(self.readings) if self.readings else None
 
