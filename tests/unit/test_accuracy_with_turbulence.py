@@ -63,6 +63,9 @@ def test_a_sweep_s_table_has_the_friction_and_whether_it_holds():
         (0.0495, 0.0505)
     )
     assert (told["friction_low"], told["friction_high"]) == pytest.approx((0.005 * 0.99**2, 0.005 * 1.01**2))
+    stored = {"turbulence": walls.to_dict(), "error_bars": bars}
+    (mean,) = (one for one in known.quantities() if one.key == "turbulence.shear_velocity")
+    assert mean.bar(stored) == pytest.approx((0.0499, 0.0501))
     row = {"status": "done", "task": "run", **found}
     assert in_words(row) == "C_f 0.005"
     assert in_words(row | {"applicable": False}) == "C_f 0.005, law of the wall NOT APPLICABLE"

@@ -37,13 +37,13 @@ def _of_friction(stored: Mapping[str, Any]) -> tuple[float, float] | None:
 
 # Per unknown of a flow in space by k and epsilon, and what solves them and the flow with them.
 BYTES = 2500.0
-# Name in the report of the walls, words, column, error bar.
+# Name in the report of the walls, words, column, key of the error, ends of the error bar.
 AT_WALLS = (
-    ("least", "least y+ of the walls", "y_plus_min", None),
-    ("largest", "largest y+ of the walls", "y_plus_max", None),
-    ("shear_velocity", "shear velocity u* along the walls, mean", "", None),
-    ("at_outflow", "shear velocity u* at the outflow", "bed_shear_velocity", _of_shear_velocity),
-    ("friction", "friction C_f at the outflow", "friction", _of_friction),
+    ("least", "least y+ of the walls", "y_plus_min", "", None),
+    ("largest", "largest y+ of the walls", "y_plus_max", "", None),
+    ("shear_velocity", "shear velocity u* along the walls, mean", "", "error_bars.shear_velocity.1", None),
+    ("at_outflow", "shear velocity u* at the outflow", "bed_shear_velocity", "", _of_shear_velocity),
+    ("friction", "friction C_f at the outflow", "friction", "", _of_friction),
 )
 
 
@@ -53,8 +53,8 @@ class TurbulenceEffect(Effect):
     name = EffectName.TURBULENCE
     quantities = (
         *(
-            OutputQuantity(f"turbulence.{key}", words, column=column, ends=ends, heading="at the walls")
-            for key, words, column, ends in AT_WALLS
+            OutputQuantity(f"turbulence.{key}", words, "", column, error, ends, "at the walls")
+            for key, words, column, error, ends in AT_WALLS
         ),
         OutputQuantity("turbulence.applicable", "the law of the wall holds", column="applicable"),
     )
