@@ -7,7 +7,7 @@ Fourier mode of the bed, inertia included.
 import numpy as np
 import pytest
 import tomli_w
-from incipient.pictures.flow.flow import elevation
+from incipient.pictures.flow.fields import elevation
 from numpy.polynomial import Chebyshev
 from scipy.interpolate import RectBivariateSpline
 
