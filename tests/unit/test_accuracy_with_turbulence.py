@@ -18,6 +18,7 @@ from incipient.cost.command import chosen, predicted_plan
 from incipient.cost.ladder import ladder
 from incipient.cost.measurement import Variant
 from incipient.cost.quantities import ComparedNumbers
+from incipient.effects import known
 from incipient.errors import ConvergenceError
 from incipient.planning.flow_setup import Setup
 from incipient.planning.order import order_of
