@@ -13,7 +13,7 @@ import numpy as np
 from ..arrays import Floats
 from ..errors import SceneError
 from .domain import Domain
-from .expression import Expression
+from .expression import Expression, expressions
 from .messages import Problem, split
 from .model import SceneSections, Time
 from .surface import Surface
@@ -47,9 +47,11 @@ def differences(scene: SceneSections) -> Iterator[str]:
         yield from _of_motion(scene.body, _times(time))
     if scene.bed_shape is not None and np.isfinite(scene.bed_shape.feature):
         yield from _of_bed(scene.bed_shape, domain)
-    if scene.flow.kind == "expression" and _differ(scene.flow.components, domain, time, MIRRORED):
-        yield "the flow is not its mirror image"
-    if surface is not None and any(_differ([text], domain, time) for text in _formulas(surface)):
+    if scene.flow.kind == "expression":
+        formulas = expressions(scene.flow.components, "flow.components")
+        if _differ(formulas, domain, time, MIRRORED):
+            yield "the flow is not its mirror image"
+    if surface is not None and any(_differ([formula], domain, time) for formula in _formulas(surface)):
         yield "the free surface is not its mirror image"
 
 
@@ -73,7 +75,7 @@ def _of_motion(body: Any, times: list[float]) -> Iterator[str]:
     velocity, spin = np.asarray(body.velocity), np.asarray(body.spin)
     if velocity[1] or spin[0] or spin[2]:
         yield "the grain's velocity and spin are not those of its mirror image"
-    across = [Expression(body.course[place]) for place in (1, 3, 5)] if body.course is not None else []
+    across = () if body.course is None else expressions(body.course, "body.course")[1::2]
     if any(formula(np.zeros((3, 1)), t)[0] for formula in across for t in times):
         yield "the grain's course is not that of its mirror image"
 
@@ -90,9 +92,10 @@ def _of_bed(bed: Any, domain: Domain) -> Iterator[str]:
         yield f"the bed is {off:.2g} off its mirror image in y = {domain.middle:g}"
 
 
-def _differ(texts: Sequence[str], domain: Domain, time: Time | None, mirror: Floats = UNCHANGED) -> bool:
+def _differ(
+    formulas: Sequence[Expression], domain: Domain, time: Time | None, mirror: Floats = UNCHANGED
+) -> bool:
     """Whether formulas are not those of the mirror image, whose values are `mirror` times theirs."""
-    formulas = [Expression(text) for text in texts]
     points = _within(domain)
     mirrored = points.copy()
     mirrored[1] = 2.0 * domain.middle - points[1]
@@ -103,8 +106,9 @@ def _differ(texts: Sequence[str], domain: Domain, time: Time | None, mirror: Flo
     return False
 
 
-def _formulas(surface: Surface) -> tuple[str, ...]:
-    return surface.elevation, surface.pressure, surface.inflow, surface.seepage
+def _formulas(surface: Surface) -> list[Expression]:
+    names = ("elevation", "pressure", "inflow", "seepage")
+    return [Expression(getattr(surface, name), f"surface.{name}") for name in names]
 
 
 def _times(time: Time | None) -> list[float]:

@@ -152,6 +152,18 @@ def test_a_scene_that_is_its_own_mirror_image_is_halved(changes, halved):
         assert "domain.symmetric: is true, but" in message(lambda: scene(**{**changes, "domain": asked}))
 
 
+def test_a_flow_without_a_value_is_refused_where_its_mirror_image_is_looked_at():
+    """With the key of the formula: at once where the scene is said to be symmetric, else when it is set up."""
+    changes = {
+        "flow": ExpressionFlow(components=("1/(x - 1.2)", "0", "0"))
+    }  # places are tenths of the length
+    why = 'flow.components[0]: "1/(x - 1.2)" is inf at x = 1.2, y = 0, z = 0, t = 0; give a formula'
+    assert message(lambda: Setup(scene(**changes)).symmetric).startswith(why)
+    asked = Domain(length=12, width=8, height=6, symmetric=True)
+    found = message(lambda: scene(**changes, domain=asked))
+    assert found.startswith(f"Scene: domain.symmetric: {why}")
+
+
 def test_the_plan_says_why_the_whole_is_computed():
     words = make_plan(scene(body=Sphere(diameter=1.0, x=5.0, y=3.0))).text()
     assert "the whole of it is computed: the grain's centroid is 1 beside the middle, y = 4" in words
