@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
@@ -13,18 +13,16 @@ import numpy as np
 import ufl
 from petsc4py import PETSc
 
-from .. import compat, forms
+from .. import compat
 from ..compat import petsc
 from ..errors import IncipientError
-from ..forms import energy_stable_rate, swept
 from ..mesh.domain import Domain
 from . import newton
 from .action import Action
 from .conditions import Condition
-from .constraints import Constraints
+from .flow_equations import FlowEquations
 from .model import FlowModel
 from .solvers import SOLVERS, Equations, LinearSolver, TwoLevel, UnsolvedError
-from .space import TaylorHood, cell_size, geometry_function, geometry_rows, set_geometry_function, taylor_hood
 
 # Corrections of a time step after which the kept factors are too old.
 PATIENCE = 8
@@ -32,7 +30,7 @@ PATIENCE = 8
 EXACT = 1e-9
 
 
-class Fluid:
+class Fluid(FlowEquations):
     """Incompressible flow on a domain in Taylor-Hood elements, scene units, fluid density one.
 
     Holds PETSc objects: use it as a context manager, or call `destroy`. Every method is collective.
@@ -54,19 +52,8 @@ class Fluid:
         reynolds: float,
         coarse: Fluid | None = None,
     ):
-        self.domain, self.model, self.conditions = domain, model, tuple(conditions)
-        mesh = domain.mesh
-        self.space: TaylorHood = taylor_hood(mesh, model.order)
-        kind = TwoLevel if coarse else SOLVERS[model.solver]
-        self.constraints = Constraints(domain, self.space, conditions, level=kind.regular)
-        self.state = dolfinx.fem.Function(self.space.mixed)
-        self.history = tuple(dolfinx.fem.Function(self.space.mixed) for _ in range(2 * model.unsteady))
-        self._reynolds, self._time = self.space.constant(reynolds), self.space.constant(0.0)
-        self.rate = tuple(self.space.constant(0.0) for _ in range(3))
-        self._extrapolation = tuple(self.space.constant(c) for c in (1.0, 0.0))
-        self._shifts = tuple(geometry_function(mesh) for _ in range(2 * model.moving_mesh))
-        self._rows = geometry_rows(self._shifts[0]) if self._shifts else None
-        self.surface, self.walls = self._surface_load(), self._wall_load()
+        level = (TwoLevel if coarse else SOLVERS[model.solver]).regular
+        super().__init__(domain, model, conditions, reynolds, level, coarse)
         w, q = ufl.TestFunctions(self.space.mixed)
         self._residual = compat.form(self.residual_form(w, q, upwind=not model.exact))
         self._jacobian = None if coarse else self._compiled_jacobian()
@@ -78,155 +65,11 @@ class Fluid:
             self._state_view = self.holding(compat.vec_view(self.state))
             self.solver: LinearSolver = self.holding(self._two_level(coarse) if coarse else self._one_level())
             on_failure.pop_all()
-        owned = self._state_view.getLocalSize()
-        self._owned_velocities = self.space.velocity_map[self.space.velocity_map < owned]
         self._lift, self._aged = True, True
         self._contraction = newton.Contraction()
         self.watch: Callable[[int, float], Any] = lambda iteration, size: None
         self.negligible = 0.0  # speed in the mean of a correction that counts as none
         self._direction: Any = None  # made when a response is first asked for
-        self._kept: dict[str, Any] = {}
-
-    def let_in(self, conditions: Sequence[Condition]) -> None:
-        """Prescribe other velocities from now on, by conditions of the same kinds on the same boundaries."""
-        self.conditions = tuple(conditions)
-        self.constraints.prescribe(conditions)
-        if self.coarse is not None:
-            self.coarse.let_in(conditions)
-
-    def _surface_load(self) -> Any:
-        """The load of the free surface; None without one."""
-        if self.constraints.surface is None:
-            return None
-        from .surface import SurfaceLoad
-
-        return SurfaceLoad(self.domain, self.space, self.constraints, self.rate[0])
-
-    def _wall_load(self) -> Any:
-        """The load of walls with a law of friction; None without."""
-        if not (walls := self.constraints.friction):
-            return None
-        from .friction import WallLoad
-
-        viscosities = 1 / self._reynolds, self.viscosity
-        return WallLoad(self.domain, self.space, walls, viscosities, self.model.shear_velocity)
-
-    def _one_level(self) -> LinearSolver:
-        """The solver that the model names, for a matrix that is held."""
-        self._matrix = self.holding(petsc.create_matrix(self._jacobian))
-        return SOLVERS[self.model.solver](self._matrix, self._equations())
-
-    def _two_level(self, coarse: Fluid) -> LinearSolver:
-        """The solver by the flow in elements of lower order. The action's quadrature is that of preconditioners."""
-        equations = self._equations()
-        measure = ufl.dx(domain=self.domain.mesh, metadata={"quadrature_degree": 2 * self.space.order})
-        action = Action(self.state, partial(self.residual_form, measure=measure), equations.owned_held())
-        return TwoLevel(self.holding(action).times, equations, (coarse.solver, coarse._equations()))
-
-    def residual_form(
-        self, w: Any, q: Any, cells: np.ndarray | None = None, measure: Any = None, upwind: bool = True
-    ) -> Any:
-        """The residual of the present state as a UFL form, tested with velocity w and pressure q.
-
-        Integrated over all cells, or over some of the local ones only, or by another measure; `upwind` or not.
-        """
-        v, p = ufl.split(self.state)
-        unknowns = forms.Unknowns(v, p, w, q, self.model.reference_map)
-        return forms.residual(unknowns, self._terms(v, upwind), measure or self.quadrature(cells))
-
-    def quadrature(self, cells: np.ndarray | None = None) -> Any:
-        """The measure of all cells, or of some of the local ones, for the terms of this flow. Collective."""
-        return self.space.quadrature(cells, self.model.polynomial and self.surface is None)
-
-    def kept(self, name: str, make: Callable[[], Any]) -> Any:
-        """What has been made under a name for this fluid: forms, whose analysis by UFL takes time. Collective."""
-        if name not in self._kept:
-            self._kept[name] = make()
-        return self._kept[name]
-
-    def _compiled_jacobian(self) -> Any:
-        whole = self.residual_form(*ufl.TestFunctions(self.space.mixed))
-        return compat.form(ufl.derivative(whole, self.state, ufl.TrialFunction(self.space.mixed)))
-
-    def _terms(self, v: Any, upwind: bool = True) -> Iterator[forms.FlowTerm]:
-        """The terms that the model calls for."""
-        model, viscosity = self.model, self.viscosity
-        force = None if model.body_force is None else model.body_force(self.place(), self._time)
-        rate, carrier = self._rate_of_change(v), self.carrier(v)
-        yield forms.Stress(viscosity)
-        if rate is not None:
-            yield forms.RateOfChange(rate)
-        if carrier is not None:
-            yield forms.Convection(carrier, self.constraints.crossed() if model.energy_stable else None)
-        if model.inertia and model.stabilisation:
-            yield forms.GradDiv(carrier, viscosity, cell_size(self.domain.mesh) / model.order)
-        if model.inertia and model.upwind and upwind:
-            yield forms.StreamlineUpwind(carrier, viscosity, self._upwind_size(), rate, force)
-        if force is not None:
-            yield forms.BodyForce(force)
-        if self.constraints.crossings:
-            yield forms.OpenBoundary(viscosity, self.domain.measure(*self.constraints.crossings))
-        if self.walls is not None:
-            yield forms.BoundaryLoad(partial(self.walls.integral, self.state, rate))
-        if (surface := self.surface) is not None:
-            yield forms.BoundaryLoad(lambda w, _: surface.integral(v, carrier, w))
-
-    def _equations(self) -> Equations:
-        """What the Jacobian is made of."""
-        model, held = self.model, self.constraints
-        rate = self.rate[0] if model.unsteady else None
-        carrier = self.carrier(ufl.split(self.state)[0])
-        return Equations(
-            *(self.space, held.dirichlet, held.open_pressures(), self.viscosity),
-            *(rate, carrier, model.reference_map, self._upwind_size(), self.surface),
-            varying=self.walls is not None,
-            level=held.walls_are_level,
-        )
-
-    def _upwind_size(self) -> Any:
-        return cell_size(self.domain.mesh) / (self.model.upwind_order or self.model.order)
-
-    def another_solver(self, matrix: Any) -> LinearSolver:
-        """A solver of the fluid's kind for the projection onto velocities free of divergence. Collective."""
-        one = self.space.constant(1.0)
-        free = self.constraints.open_pressures(self.constraints.surface)
-        projection = replace(
-            self._equations(), viscosity=None, rate=one, carrier=None, surface=None, open=free
-        )
-        return SOLVERS[self.model.solver](matrix, projection)
-
-    def _past(self) -> list[Any]:
-        """Velocities of the past states."""
-        return [ufl.split(h)[0] for h in self.history]
-
-    def _rate_of_change(self, v: Any) -> Any:
-        if not self.model.unsteady:
-            return None
-        velocities = [v, *self._past()]
-        if self.model.energy_stable:
-            return energy_stable_rate(self.rate, velocities, self._shifts)
-        return sum(a * u for a, u in zip(self.rate, velocities, strict=True))
-
-    def carrier(self, v: Any) -> Any:
-        """The velocity that convects, less the mesh's."""
-        model = self.model
-        carrier = None
-        if model.inertia and model.unsteady and model.convection == "extrapolated":
-            carrier = sum(e * u for e, u in zip(self._extrapolation, self._past(), strict=True))
-        elif model.inertia:
-            carrier = v
-        if not model.moving_mesh:
-            return carrier
-        # The rate of the mesh's places by the same backward difference, places past being x - shift; in the
-        # energy-stable form the volume swept at that rate.
-        moved = [swept(shift) if model.energy_stable else shift for shift in self._shifts]
-        of_mesh = sum(-a * shift for a, shift in zip(self.rate[1:], moved, strict=True))
-        return -of_mesh if carrier is None else carrier - of_mesh
-
-    def place(self) -> Any:
-        """UFL expression of the place x in space, X + d on a reference domain."""
-        x = ufl.SpatialCoordinate(self.domain.mesh)
-        return x if self.model.reference_map is None else x + self.model.reference_map.displacement
 
     def __enter__(self) -> Fluid:
         return self
@@ -246,81 +89,49 @@ class Fluid:
         self._held.append(made)
         return made
 
-    # -- parameters -----------------------------------------------------------------------------
-
-    @property
-    def reynolds(self) -> float:
-        """One over the viscosity of the molecules, in scene units; setting it recompiles nothing."""
-        return float(self._reynolds.value)
-
-    @reynolds.setter
-    def reynolds(self, value: float) -> None:
-        self._reynolds.value = value
-        if self.coarse is not None:
-            self.coarse.reynolds = value
-
-    @property
-    def viscosity(self) -> Any:
-        """The kinematic viscosity as a UFL expression."""
-        of_molecules = 1 / self._reynolds
-        return of_molecules if self.model.viscosity is None else self.model.viscosity(of_molecules)
-
-    @property
-    def time(self) -> float:
-        """Time of the state."""
-        return float(self._time.value)
-
-    @time.setter
-    def time(self, value: float) -> None:
-        self._time.value = value
-
-    def discretise_time(self, rate: Sequence[float], extrapolation: Sequence[float]) -> None:
-        """Set dv/dt = a0 v + a1 v(n) + a2 v(n-1) and the extrapolation e1 v(n) + e2 v(n-1); zeros: steady."""
-        for one, value in zip((*self.rate, *self._extrapolation), (*rate, *extrapolation), strict=True):
-            one.value = value
-
-    def mesh_moved(self, *past: np.ndarray) -> None:
-        """Tell that the mesh has been moved: `past` are its places (n, 3) at the last state and the one before.
-
-        Not collective; `compat.geometry_dofs` numbers the places. With one past state give it twice.
-        """
-        places = self.domain.mesh.geometry.x
-        for function, before in zip(self._shifts, past, strict=True):
-            set_geometry_function(function, places - before, self._rows)
-        self.constraints.boundary_points_moved()
-
     def at_order(self, order: int) -> Fluid:
         """A copy of this flow in elements of another order; the caller destroys it. Collective."""
         model = replace(self.model, order=order, solver="block" if self.coarse else self.model.solver)
         return Fluid(self.domain, model, self.conditions, self.reynolds)
 
-    def interpolate(self, other: Fluid) -> None:
-        """Take the state of a flow on the same mesh, of any order. Collective."""
-        parts = (
-            (self.velocity, other.velocity, self.space.velocity_map),
-            (self.pressure, other.pressure, self.space.pressure_map),
+    def _one_level(self) -> LinearSolver:
+        """The solver that the model names, for a matrix that is held."""
+        self._matrix = self.holding(petsc.create_matrix(self._jacobian))
+        return SOLVERS[self.model.solver](self._matrix, self._equations())
+
+    def _two_level(self, coarse: Fluid) -> LinearSolver:
+        """The solver by the flow in elements of lower order. The action's quadrature is that of preconditioners."""
+        equations = self._equations()
+        measure = ufl.dx(domain=self.domain.mesh, metadata={"quadrature_degree": 2 * self.space.order})
+        action = Action(self.state, partial(self.residual_form, measure=measure), equations.owned_held())
+        return TwoLevel(self.holding(action).times, equations, (coarse.solver, coarse._equations()))
+
+    def _compiled_jacobian(self) -> Any:
+        whole = self.residual_form(*ufl.TestFunctions(self.space.mixed))
+        return compat.form(ufl.derivative(whole, self.state, ufl.TrialFunction(self.space.mixed)))
+
+    def _equations(self) -> Equations:
+        """What the Jacobian is made of."""
+        model, held = self.model, self.constraints
+        rate = self.rate[0] if model.unsteady else None
+        carrier = self.carrier(ufl.split(self.state)[0])
+        return Equations(
+            *(self.space, held.dirichlet, held.open_pressures(), self.viscosity),
+            *(rate, carrier, model.reference_map, self._upwind_size(), self.surface),
+            varying=self.walls is not None,
+            level=held.walls_are_level,
         )
-        for mine, theirs, places in parts:
-            mine.interpolate(theirs)
-            self.state.x.array[places] = mine.x.array
-        self.state.x.scatter_forward()
+
+    def another_solver(self, matrix: Any) -> LinearSolver:
+        """A solver of the fluid's kind for the projection onto velocities free of divergence. Collective."""
+        one = self.space.constant(1.0)
+        free = self.constraints.open_pressures(self.constraints.surface)
+        projection = replace(
+            self._equations(), viscosity=None, rate=one, carrier=None, surface=None, open=free
+        )
+        return SOLVERS[self.model.solver](matrix, projection)
 
     # -- solution -------------------------------------------------------------------------------
-
-    @property
-    def velocity(self) -> Any:
-        """The velocity as a function of its own (a copy)."""
-        return self._part(self.space.velocity, self.space.velocity_map, "velocity")
-
-    @property
-    def pressure(self) -> Any:
-        """The pressure as a function of its own (a copy); without the hydrostatic part."""
-        return self._part(self.space.pressure, self.space.pressure_map, "pressure")
-
-    def _part(self, space: Any, places: np.ndarray, name: str) -> Any:
-        part = dolfinx.fem.Function(space, name=name)
-        part.x.array[:] = self.state.x.array[places]
-        return part
 
     def solve(
         self,
@@ -501,15 +312,6 @@ class Fluid:
         """A compiled linear form against every test function of the mixed space: (owned unknowns,)."""
         self._assemble_into(self._vector, form)
         return self._vector.array_r.copy()
-
-    def speed(self) -> float:
-        """Root mean square of the speed over the velocity nodes. Collective."""
-        return float(np.sqrt(self.squared_velocities(self.state.x.array) / self.space.velocity_nodes()))
-
-    def squared_velocities(self, values: np.ndarray) -> float:
-        """Sum over all ranks of the squares of the velocities in a state, or a change of it. Collective."""
-        mine = values[self._owned_velocities]
-        return float(self.domain.comm.allreduce(float(mine @ mine)))
 
     def _relative_size(self) -> float:
         parts = [values[self._owned_velocities] for values in (self._correction.array_r, self.state.x.array)]

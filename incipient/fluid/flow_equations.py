@@ -1,0 +1,251 @@
+"""The flow as equations: its unknowns, the parameters that a step sets, and its residual as a UFL form."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from typing import Any
+
+import dolfinx
+import numpy as np
+import ufl
+
+from .. import forms
+from ..forms import energy_stable_rate, swept
+from ..mesh.domain import Domain
+from .conditions import Condition
+from .constraints import Constraints
+from .model import FlowModel
+from .space import TaylorHood, cell_size, geometry_function, geometry_rows, set_geometry_function, taylor_hood
+
+
+class FlowEquations:
+    """Unknowns, parameters and residual of an incompressible flow in Taylor-Hood elements. Every method is collective.
+
+    Args:
+        domain: mesh and named boundaries.
+        model: the terms present.
+        conditions: boundary conditions; where boundaries meet the later one holds.
+        reynolds: one over the viscosity of the molecules, in scene units.
+        level: whether one pressure is held where no boundary gives it a level.
+        coarse: the same flow in elements of lower order, whose parameters are kept the same.
+
+    Attributes:
+        space: of velocity and pressure.
+        state: function of both; history: states of two steps before, without a rate of change none.
+        rate: coefficients of the backward difference.
+        surface, walls: loads of a free surface and of walls with friction; None without.
+    """
+
+    def __init__(
+        self,
+        domain: Domain,
+        model: FlowModel,
+        conditions: Sequence[Condition],
+        reynolds: float,
+        level: bool,
+        coarse: FlowEquations | None = None,
+    ):
+        self.domain, self.model, self.conditions = domain, model, tuple(conditions)
+        self._below = coarse
+        mesh = domain.mesh
+        self.space: TaylorHood = taylor_hood(mesh, model.order)
+        self.constraints = Constraints(domain, self.space, conditions, level=level)
+        self.state = dolfinx.fem.Function(self.space.mixed)
+        self.history = tuple(dolfinx.fem.Function(self.space.mixed) for _ in range(2 * model.unsteady))
+        self._reynolds, self._time = self.space.constant(reynolds), self.space.constant(0.0)
+        self.rate = tuple(self.space.constant(0.0) for _ in range(3))
+        self._extrapolation = tuple(self.space.constant(c) for c in (1.0, 0.0))
+        self._shifts = tuple(geometry_function(mesh) for _ in range(2 * model.moving_mesh))
+        self._rows = geometry_rows(self._shifts[0]) if self._shifts else None
+        self.surface, self.walls = self._surface_load(), self._wall_load()
+        dofs = self.space.mixed.dofmap
+        owned = dofs.index_map.size_local * dofs.index_map_bs
+        self._owned_velocities = self.space.velocity_map[self.space.velocity_map < owned]
+        self._kept: dict[str, Any] = {}
+
+    def let_in(self, conditions: Sequence[Condition]) -> None:
+        """Prescribe other velocities from now on, by conditions of the same kinds on the same boundaries."""
+        self.conditions = tuple(conditions)
+        self.constraints.prescribe(conditions)
+        if self._below is not None:
+            self._below.let_in(conditions)
+
+    def _surface_load(self) -> Any:
+        """The load of the free surface; None without one."""
+        if self.constraints.surface is None:
+            return None
+        from .surface import SurfaceLoad
+
+        return SurfaceLoad(self.domain, self.space, self.constraints, self.rate[0])
+
+    def _wall_load(self) -> Any:
+        """The load of walls with a law of friction; None without."""
+        if not (walls := self.constraints.friction):
+            return None
+        from .friction import WallLoad
+
+        viscosities = 1 / self._reynolds, self.viscosity
+        return WallLoad(self.domain, self.space, walls, viscosities, self.model.shear_velocity)
+
+    # -- the residual ---------------------------------------------------------------------------
+
+    def residual_form(
+        self, w: Any, q: Any, cells: np.ndarray | None = None, measure: Any = None, upwind: bool = True
+    ) -> Any:
+        """The residual of the present state as a UFL form, tested with velocity w and pressure q.
+
+        Integrated over all cells, or over some of the local ones only, or by another measure; `upwind` or not.
+        """
+        v, p = ufl.split(self.state)
+        unknowns = forms.Unknowns(v, p, w, q, self.model.reference_map)
+        return forms.residual(unknowns, self._terms(v, upwind), measure or self.quadrature(cells))
+
+    def quadrature(self, cells: np.ndarray | None = None) -> Any:
+        """The measure of all cells, or of some of the local ones, for the terms of this flow. Collective."""
+        return self.space.quadrature(cells, self.model.polynomial and self.surface is None)
+
+    def kept(self, name: str, make: Callable[[], Any]) -> Any:
+        """What has been made under a name for this fluid: forms, whose analysis by UFL takes time. Collective."""
+        if name not in self._kept:
+            self._kept[name] = make()
+        return self._kept[name]
+
+    def _terms(self, v: Any, upwind: bool = True) -> Iterator[forms.FlowTerm]:
+        """The terms that the model calls for."""
+        model, viscosity = self.model, self.viscosity
+        force = None if model.body_force is None else model.body_force(self.place(), self._time)
+        rate, carrier = self._rate_of_change(v), self.carrier(v)
+        yield forms.Stress(viscosity)
+        if rate is not None:
+            yield forms.RateOfChange(rate)
+        if carrier is not None:
+            yield forms.Convection(carrier, self.constraints.crossed() if model.energy_stable else None)
+        if model.inertia and model.stabilisation:
+            yield forms.GradDiv(carrier, viscosity, cell_size(self.domain.mesh) / model.order)
+        if model.inertia and model.upwind and upwind:
+            yield forms.StreamlineUpwind(carrier, viscosity, self._upwind_size(), rate, force)
+        if force is not None:
+            yield forms.BodyForce(force)
+        if self.constraints.crossings:
+            yield forms.OpenBoundary(viscosity, self.domain.measure(*self.constraints.crossings))
+        if self.walls is not None:
+            yield forms.BoundaryLoad(partial(self.walls.integral, self.state, rate))
+        if (surface := self.surface) is not None:
+            yield forms.BoundaryLoad(lambda w, _: surface.integral(v, carrier, w))
+
+    def _upwind_size(self) -> Any:
+        return cell_size(self.domain.mesh) / (self.model.upwind_order or self.model.order)
+
+    def _past(self) -> list[Any]:
+        """Velocities of the past states."""
+        return [ufl.split(h)[0] for h in self.history]
+
+    def _rate_of_change(self, v: Any) -> Any:
+        if not self.model.unsteady:
+            return None
+        velocities = [v, *self._past()]
+        if self.model.energy_stable:
+            return energy_stable_rate(self.rate, velocities, self._shifts)
+        return sum(a * u for a, u in zip(self.rate, velocities, strict=True))
+
+    def carrier(self, v: Any) -> Any:
+        """The velocity that convects, less the mesh's."""
+        model = self.model
+        carrier = None
+        if model.inertia and model.unsteady and model.convection == "extrapolated":
+            carrier = sum(e * u for e, u in zip(self._extrapolation, self._past(), strict=True))
+        elif model.inertia:
+            carrier = v
+        if not model.moving_mesh:
+            return carrier
+        # The rate of the mesh's places by the same backward difference, places past being x - shift; in the
+        # energy-stable form the volume swept at that rate.
+        moved = [swept(shift) if model.energy_stable else shift for shift in self._shifts]
+        of_mesh = sum(-a * shift for a, shift in zip(self.rate[1:], moved, strict=True))
+        return -of_mesh if carrier is None else carrier - of_mesh
+
+    def place(self) -> Any:
+        """UFL expression of the place x in space, X + d on a reference domain."""
+        x = ufl.SpatialCoordinate(self.domain.mesh)
+        return x if self.model.reference_map is None else x + self.model.reference_map.displacement
+
+    # -- parameters -----------------------------------------------------------------------------
+
+    @property
+    def reynolds(self) -> float:
+        """One over the viscosity of the molecules, in scene units; setting it recompiles nothing."""
+        return float(self._reynolds.value)
+
+    @reynolds.setter
+    def reynolds(self, value: float) -> None:
+        self._reynolds.value = value
+        if self._below is not None:
+            self._below.reynolds = value
+
+    @property
+    def viscosity(self) -> Any:
+        """The kinematic viscosity as a UFL expression."""
+        of_molecules = 1 / self._reynolds
+        return of_molecules if self.model.viscosity is None else self.model.viscosity(of_molecules)
+
+    @property
+    def time(self) -> float:
+        """Time of the state."""
+        return float(self._time.value)
+
+    @time.setter
+    def time(self, value: float) -> None:
+        self._time.value = value
+
+    def discretise_time(self, rate: Sequence[float], extrapolation: Sequence[float]) -> None:
+        """Set dv/dt = a0 v + a1 v(n) + a2 v(n-1) and the extrapolation e1 v(n) + e2 v(n-1); zeros: steady."""
+        for one, value in zip((*self.rate, *self._extrapolation), (*rate, *extrapolation), strict=True):
+            one.value = value
+
+    def mesh_moved(self, *past: np.ndarray) -> None:
+        """Tell that the mesh has been moved: `past` are its places (n, 3) at the last state and the one before.
+
+        Not collective; `compat.geometry_dofs` numbers the places. With one past state give it twice.
+        """
+        places = self.domain.mesh.geometry.x
+        for function, before in zip(self._shifts, past, strict=True):
+            set_geometry_function(function, places - before, self._rows)
+        self.constraints.boundary_points_moved()
+
+    # -- the state ------------------------------------------------------------------------------
+
+    @property
+    def velocity(self) -> Any:
+        """The velocity as a function of its own (a copy)."""
+        return self._part(self.space.velocity, self.space.velocity_map, "velocity")
+
+    @property
+    def pressure(self) -> Any:
+        """The pressure as a function of its own (a copy); without the hydrostatic part."""
+        return self._part(self.space.pressure, self.space.pressure_map, "pressure")
+
+    def _part(self, space: Any, places: np.ndarray, name: str) -> Any:
+        part = dolfinx.fem.Function(space, name=name)
+        part.x.array[:] = self.state.x.array[places]
+        return part
+
+    def interpolate(self, other: FlowEquations) -> None:
+        """Take the state of a flow on the same mesh, of any order. Collective."""
+        parts = (
+            (self.velocity, other.velocity, self.space.velocity_map),
+            (self.pressure, other.pressure, self.space.pressure_map),
+        )
+        for mine, theirs, places in parts:
+            mine.interpolate(theirs)
+            self.state.x.array[places] = mine.x.array
+        self.state.x.scatter_forward()
+
+    def speed(self) -> float:
+        """Root mean square of the speed over the velocity nodes. Collective."""
+        return float(np.sqrt(self.squared_velocities(self.state.x.array) / self.space.velocity_nodes()))
+
+    def squared_velocities(self, values: np.ndarray) -> float:
+        """Sum over all ranks of the squares of the velocities in a state, or a change of it. Collective."""
+        mine = values[self._owned_velocities]
+        return float(self.domain.comm.allreduce(float(mine @ mine)))
