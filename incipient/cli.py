@@ -69,69 +69,22 @@ def _parser() -> argparse.ArgumentParser:
 
 def _commands() -> dict[str, tuple[Command, str, Callable[[argparse.ArgumentParser], None]]]:
     """The commands by name: the function called, the purpose in words, the function that adds the options."""
-    return {
-        "run": (
-            _later("runs", "run"),
-            "simulate a scene and judge its grain (also under mpirun)",
-            options.options_of_run,
-        ),
-        "resume": (
-            _later("runs", "resume"),
-            "continue a run that was cut short (also under mpirun)",
-            options.options_of_resume,
-        ),
-        "threshold": (
-            _later("runs", "threshold"),
-            "find the flow at which the scene's grain first moves",
-            options.options_of_threshold,
-        ),
-        "plan": (
-            _later("costs", "plan"),
-            "say what would be computed and what not, and what it needs",
-            options.options_of_plan,
-        ),
-        "cost": (
-            _later("costs", "cost"),
-            "measure what accuracy costs: error against time, by runs finer and finer",
-            options.options_of_cost,
-        ),
-        "calibrate": (
-            _later("costs", "calibrate"),
-            "measure this machine, so that plan can predict times and errors",
-            options.no_options,
-        ),
-        "show": (
-            _later("showing", "show"),
-            "draw the pictures of a finished run, or animate its flow",
-            options.options_of_show,
-        ),
-        "report": (
-            _later("report", "report"),
-            "write one HTML page of results, to be read anywhere",
-            options.options_of_report,
-        ),
-        "sweep": (
-            _later("sweep", "sweep"),
-            "run, search the threshold of, or judge many cases, kept in one file",
-            options.options_of_sweep,
-        ),
-        "table": (
-            _later("tabulate", "table"),
-            "print what a sweep has found, a row a case",
-            options.options_of_table,
-        ),
-        "judge": (
-            _later("judge", "judge"),
-            "judge forces and contacts given in a case file, without a flow",
-            options.options_of_judge,
-        ),
-        "new": (_later("writing", "new"), "write a commented example scene", options.options_of_new),
-        "schema": (
-            _later("writing", "schema"),
-            "print the JSON schema of scenes, for editors",
-            options.no_options,
-        ),
-    }
+    rows = (
+        ("run", "runs", options.of_run, "simulate a scene and judge its grain (also under mpirun)"),
+        ("resume", "runs", options.of_resume, "continue a run that was cut short (also under mpirun)"),
+        ("threshold", "runs", options.of_threshold, "find the flow at which the scene's grain first moves"),
+        ("plan", "costs", options.of_plan, "say what would be computed and what not, and what it needs"),
+        ("cost", "costs", options.of_cost, "measure error against time by finer and finer runs"),
+        ("calibrate", "costs", options.no_options, "measure this machine, to predict times and errors"),
+        ("show", "showing", options.of_show, "draw the pictures of a finished run, or animate its flow"),
+        ("report", "report", options.of_report, "write one HTML page of results, to be read anywhere"),
+        ("sweep", "sweep", options.of_sweep, "run, search the threshold of, or judge many cases in one file"),
+        ("table", "tabulate", options.of_table, "print what a sweep has found, a row a case"),
+        ("judge", "judge", options.of_judge, "judge forces and contacts of a case file, without a flow"),
+        ("new", "writing", options.of_new, "write a commented example scene"),
+        ("schema", "writing", options.no_options, "print the JSON schema of scenes, for editors"),
+    )
+    return {name: (_later(module, name), text, add) for name, module, add, text in rows}
 
 
 def _later(module: str, name: str) -> Command:

@@ -50,7 +50,7 @@ def _scene(parser: argparse.ArgumentParser) -> None:
     overrides(parser, "fluid.reynolds=40")
 
 
-def options_of_run(parser: argparse.ArgumentParser) -> None:
+def of_run(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient run`."""
     _scene(parser)
     parser.add_argument(
@@ -63,13 +63,13 @@ def options_of_run(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def options_of_resume(parser: argparse.ArgumentParser) -> None:
+def of_resume(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient resume`."""
     parser.add_argument("directory", type=Path, help="directory of the run")
     overrides(parser, "time.end=20")
 
 
-def options_of_threshold(parser: argparse.ArgumentParser) -> None:
+def of_threshold(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient threshold`."""
     _scene(parser)
     parser.add_argument(
@@ -77,7 +77,7 @@ def options_of_threshold(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def options_of_plan(parser: argparse.ArgumentParser) -> None:
+def of_plan(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient plan`."""
     _scene(parser)
     parser.add_argument("--json", action="store_true", help="as JSON")
@@ -89,7 +89,7 @@ def options_of_plan(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def options_of_cost(parser: argparse.ArgumentParser) -> None:
+def of_cost(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient cost`."""
     _scene(parser)
     parser.add_argument(
@@ -111,7 +111,7 @@ def options_of_cost(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def options_of_show(parser: argparse.ArgumentParser) -> None:
+def of_show(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient show`."""
     parser.add_argument("directory", type=Path, help="directory of the results, or the file of a sweep")
     parser.add_argument("--quantity", metavar="COLUMN", help="of a sweep: what to draw (see incipient table)")
@@ -127,7 +127,7 @@ def options_of_show(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--field", choices=fields, help="what to animate (default: velocity)")
 
 
-def options_of_report(parser: argparse.ArgumentParser) -> None:
+def of_report(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient report`."""
     parser.add_argument("path", type=Path, help="directory of the results, or the file of a sweep")
     parser.add_argument(
@@ -135,7 +135,7 @@ def options_of_report(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def options_of_sweep(parser: argparse.ArgumentParser) -> None:
+def of_sweep(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient sweep`."""
     parser.add_argument(
         "scenes", type=Path, nargs="+", metavar="SCENE", help="scene files, or cases to judge (TOML)"
@@ -193,7 +193,7 @@ def _share(text: str) -> float:
         raise argparse.ArgumentTypeError(f"{text} is not a number; give 0.01, or put --refine last") from None
 
 
-def options_of_table(parser: argparse.ArgumentParser) -> None:
+def of_table(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient table`."""
     parser.add_argument("file", type=Path, help="file of a sweep")
     ways = parser.add_mutually_exclusive_group()
@@ -201,7 +201,7 @@ def options_of_table(parser: argparse.ArgumentParser) -> None:
     ways.add_argument("--parquet", type=named, metavar="FILE", help="write all columns there")
 
 
-def options_of_judge(parser: argparse.ArgumentParser) -> None:
+def of_judge(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient judge`."""
     parser.add_argument("case", type=Path, help="case file (TOML)")
     overrides(parser, "contacts.friction=0.4")
@@ -221,7 +221,7 @@ def options_of_judge(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def options_of_new(parser: argparse.ArgumentParser) -> None:
+def of_new(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient new`."""
     parser.add_argument("name", help="name of the scene; NAME.toml is written")
     parser.add_argument("--space", action="store_true", help="a scene in three dimensions")

@@ -22,7 +22,7 @@ def show(options: argparse.Namespace, comm: Comm) -> int:
         )
     if options.directory.is_file():
         return _show_sweep(options, comm)
-    _refuse_options_of_show(options)
+    _refuse_options_of_sweeps(options)
     require_left_by(options.directory, RECORDS, comm)
     if options.field is not None and not options.animate:
         raise SceneError("--field says what to animate; add --animate")
@@ -63,7 +63,7 @@ def _show_sweep(options: argparse.Namespace, comm: Comm) -> int:
     return 0
 
 
-def _refuse_options_of_show(options: argparse.Namespace) -> None:
+def _refuse_options_of_sweeps(options: argparse.Namespace) -> None:
     """Refuses what is for sweeps where none is shown."""
     for name in OF_SWEEPS:
         if getattr(options, name) is not None:
