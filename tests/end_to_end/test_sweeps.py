@@ -112,7 +112,7 @@ def test_thresholds_in_one_table_and_nothing_computed_twice(tmp_path: Path, capf
     order = ["sweep", str(scene), "--over", "units.shear_rate=100,200", "--do", "threshold", "--jobs", "1"]
     assert cli.main([*order, "--out", str(file), "--dry-run"]) == 0
     said = capfd.readouterr().out
-    assert "2: 0 known" in said and "MiB a case" in said and not file.exists()
+    assert "2: 0 already in" in said and "MiB a case" in said and not file.exists()
     assert cli.main([*order, "--out", str(file)]) == 0
     found = incipient.sweep.rows(file)
     assert [row["units.shear_rate"] for row in found] == [100.0, 200.0]
