@@ -185,13 +185,13 @@ def incipient_and_standard() -> set[str]:
 
 # What the house must not gain again: the bound of each measure is its value when it was last lowered.
 BOUNDS = {
-    "functions with a parameter scene": 269,
-    "imports within functions": 421,
-    "imports for type hints": 241,
-    "circles with type hints": 2,
-    "files in the largest circle with type hints": 4,
-    "files that name turbulence": 63,
-    "lines": 56585,
+    "functions with a parameter scene": 156,
+    "imports within functions": 238,
+    "imports for type hints": 109,
+    "circles with type hints": 1,
+    "files in the largest circle with type hints": 2,
+    "files that name turbulence": 43,
+    "lines": 56180,
 }
 
 NAMES_TURBULENCE = re.compile("turbulen|eddies", re.IGNORECASE)
