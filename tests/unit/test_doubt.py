@@ -96,7 +96,7 @@ def test_corrections_against_upwinding_that_do_not_settle_are_a_doubt() -> None:
 @pytest.mark.parametrize("doubt", ["", "for a reason"])
 def test_nothing_is_certain_in_doubt(doubt: str) -> None:
     scene = loads(commented(grain_on_bed()), overrides=["contact.friction=5", "body.density=9"])
-    run: Any = SimpleNamespace(scene=scene, contacts=find_contacts(scene), turbulence=None)
+    run: Any = SimpleNamespace(scene=scene, contacts=find_contacts(scene), wall_report=lambda: None)
     force = Forces(np.array([0.01, 0.0, 0.0]), ZERO, np.array([0.0, 1.0, 0.0]), np.array([0.0, -9.0, 0.0]))
     bars = with_safety(ErrorBars((term(doubt),)), run, force, Couples(np.array([0.0, 0, 1e-4]), ZERO, ZERO))
     assert bars.safety is not None
