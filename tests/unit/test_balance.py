@@ -6,7 +6,7 @@ import math
 
 import pytest
 from mpi4py import MPI
-from scipy.optimize import minimize
+from scipy.optimize import minimize_scalar
 
 from incipient.accuracy.coarse_runs import changed, comparisons
 from incipient.accuracy.discretisation import order_in_space
@@ -46,22 +46,16 @@ def tried(of_step: float, of_mesh: float, seconds: float = 1.0) -> Trial:
 
 
 def least_work(parts: Parts, asked: float, order: int, powers: Powers) -> float:
-    """By a general minimiser, in the logarithms of steps and cells relative to before."""
+    """By a general minimiser over the logarithm of the steps relative to before: cells take what they leave."""
     s = order_in_space(order)
 
-    def left(logs: list[float]) -> float:
-        """Of the accuracy."""
-        errors = parts.step * math.exp(powers.step * logs[0]) + parts.mesh * math.exp(s * logs[1])
-        return 1.0 - errors / asked
+    def work(log_of_steps: float) -> float:
+        left = asked - parts.step * math.exp(powers.step * log_of_steps)
+        log_of_cells = min(0.0, math.log(left / parts.mesh) / s) if parts.mesh else 0.0
+        return -log_of_steps - powers.work * log_of_cells
 
-    found = minimize(
-        lambda logs: -logs[0] - powers.work * logs[1],
-        [-2.0, -2.0],
-        method="SLSQP",
-        bounds=[(-12.0, 0.0), (-12.0, 0.0)],
-        constraints={"type": "ineq", "fun": left},
-        options={"ftol": 1e-12},
-    )
+    longest = min(0.0, math.log(asked / parts.step) / powers.step)
+    found = minimize_scalar(work, bounds=(-12.0, longest), method="bounded", options={"xatol": 1e-12})
     assert found.success
     return math.exp(found.fun)
 
