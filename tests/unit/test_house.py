@@ -14,6 +14,7 @@ import pytest
 import incipient
 
 PACKAGE = Path(incipient.__file__).parent
+LINKED = ("forms", "meshes")  # folders beside the package, linked into it
 # From the lowest floor up; rooms beside each other on one floor do not know each other either, but for the first.
 FLOORS = (
     (
@@ -70,7 +71,7 @@ def modules() -> dict[str, Path]:
         parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
         found[".".join(parts).removesuffix(".__init__")] = path
     # `rglob` does not follow the links to the folders beside the package.
-    for link in ("forms", "meshes"):
+    for link in LINKED:
         for path in sorted((PACKAGE / link).glob("*.py")):
             found[f"incipient.{link}.{path.stem}".removesuffix(".__init__")] = path
     return found
@@ -200,7 +201,9 @@ NAMES_TURBULENCE = re.compile("turbulen|eddies", re.IGNORECASE)
 @cache
 def measures() -> dict[str, int]:
     """What is bounded, as the code has it now, without the folders that are linked into the package."""
-    texts = [path.read_text() for path in sorted(PACKAGE.rglob("*.py"))]
+    # Installed from a wheel they are folders of the package.
+    own = [path for path in sorted(PACKAGE.rglob("*.py")) if path.relative_to(PACKAGE).parts[0] not in LINKED]
+    texts = [path.read_text() for path in own]
     nodes = [node for text in texts for node in ast.walk(ast.parse(text))]
     functions = [node for node in nodes if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)]
     hinting = [node for node in nodes if _is_for_hints(node)]
