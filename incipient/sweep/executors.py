@@ -68,7 +68,9 @@ class _Process:
         with suppress(BrokenPipeError):
             print(json.dumps([case.task, case.text]), file=self._popen.stdin, flush=True)
         self._ready = self._ready or answers.readline() == worker.READY
-        if (answer := answers.readline()).endswith("\n"):
+        # MPICH's mpirun writes of the end of a rank where the answer is expected.
+        answer = next((line for line in iter(answers.readline, "") if line.startswith("{")), "")
+        if answer.endswith("\n"):
             return CaseOutcome(**json.loads(answer))
         reason = self._epitaph()
         if not self._ready and self._popen.returncode >= 0:

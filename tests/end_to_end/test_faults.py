@@ -16,11 +16,13 @@ from typing import Any
 import numpy as np
 import pytest
 from environment import environment, finished
+from mpi4py import MPI
 from processes import VORTEX_STREET, result_of, settings
 from test_sweeps import COARSE, FRICTION, LONG, QUICK, child, gone, rows, wait_for, written
 
 import incipient.sweep
 from incipient.errors import OutputError
+from incipient.sweep.worker import READY
 
 TIMES = 20
 SAME = 1e-12
@@ -160,6 +162,8 @@ def test_a_full_disk_ends_a_sweep_in_one_line_and_keeps_what_there_is(tmp_path: 
     """A limit on the size of files stands for the disk; the file has room for some of the results."""
     scene, file = written(tmp_path, QUICK), tmp_path / "sweep.sqlite"
     order = ["sweep", scene, "--do", "judge", "--over", FRICTION.format(12), "--out", file, "--jobs", 1]
+    if "MPICH" in MPI.Get_library_version():
+        pytest.skip("the memory that MPICH's ranks share is a file, which the limit holds for, too")
     full = finished([sys.executable, "-c", FULL, *order], 120, env=environment(), cwd=tmp_path)
     assert full.returncode == 5 and full.stderr.count("incipient: ") == 1
     assert f"{file}: " in full.stderr and "free some space" in full.stderr and "Traceback" not in full.stderr
@@ -181,6 +185,18 @@ def test_processes_that_cannot_begin_end_the_sweep_and_fail_no_case(tmp_path: Pa
     ):
         incipient.sweep.run(scene, file, {"contacts.friction": [0.1, 0.2]}, do="judge", jobs=1)
     assert rows(file, "status, tries") == [("waiting", 0)] * 2
+
+
+def test_what_mpirun_says_of_the_end_of_a_rank_is_no_answer(tmp_path: Path, monkeypatch: Any) -> None:
+    """MPICH's writes a banner to the output of the rank that has ended, for which a script stands here."""
+    scene, file, ended = written(tmp_path, QUICK), tmp_path / "sweep.sqlite", tmp_path / "python"
+    banner = "= BAD TERMINATION OF ONE OF YOUR APPLICATION PROCESSES"
+    ended.write_text(f"#!/bin/sh\nprintf '{READY.strip()}\\n'\nread case\nprintf '\\n{banner}\\n'\nexit 9\n")
+    ended.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(ended))
+    progress = incipient.sweep.run(scene, file, {"contacts.friction": [0.1]}, do="judge", jobs=1)
+    assert (progress.failed, progress.done) == (1, 0)
+    assert rows(file, "reason") == [("its process ended with code 9",)]
 
 
 def test_a_sweep_asked_to_end_does_so_orderly(tmp_path: Path, started: Any) -> None:

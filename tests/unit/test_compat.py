@@ -245,8 +245,8 @@ def test_a_mesh_made_of_another_ones_cells_is_that_mesh(degree: int) -> None:
 LOGGING = """
 import logging, sys
 logging.basicConfig(level=logging.INFO, stream=sys.stdout)
+from mpi4py import MPI  # first: of PyPI's packages it finds the library
 import dolfinx, ufl
-from mpi4py import MPI
 from incipient import compat
 mesh = dolfinx.mesh.create_unit_square(MPI.COMM_SELF, 1, 1)
 u = dolfinx.fem.Function(compat.space(mesh, ("Lagrange", 1)))
