@@ -342,7 +342,3 @@ class MeanLoad:
     def accept(self, end_load: ArrayLike, dt: float) -> MeanLoad:
         """The mean load for the next step, after a step of length dt with a load (n,) at its end."""
         return replace(self, previous=self.mean(end_load, dt), last_step=dt)
-
-    def restarted(self) -> MeanLoad:
-        """A mean load of this order without a past: the next step is a BDF1 step."""
-        return MeanLoad(self.order)

@@ -411,7 +411,7 @@ def test_mean_load() -> None:
     np.testing.assert_array_equal(last.accept([3.9], 0.1).previous, mean.previous)  # going back: a value
     first = MeanLoad(order=1).accept([1.0], 0.1)
     np.testing.assert_array_equal(first.mean([5.0], 0.1), [5.0])
-    assert mean.restarted().coefficients(0.3) == (1.0, -1.0, 0.0)
+    assert MeanLoad().coefficients(0.3) == (1.0, -1.0, 0.0)
     np.testing.assert_allclose(mean.added(np.eye(2), 0.3), 0.3 / mean.coefficients(0.3)[0] * np.eye(2))
 
 
