@@ -38,6 +38,7 @@ BALANCED = 1e-9  # unbalanced force and couple at rest, of weight and weight tim
 PROBE = 1e-3  # displacement by which stability is tried
 PUSHES = (0.003, 0.01, 0.03, 0.1)  # displacements by which an unstable equilibrium is left
 PROMISING = 0.05  # pull, in weights, from which on Newton's method is tried
+STALLED = 0.99  # part of the error from which on a step of that method counts as one that did not reduce it
 USED = 1e-9  # share of the weight from which on a contact takes part in carrying it
 SOFTEST = 1e-4  # second derivative of the height, per grain size, that still counts as level
 
@@ -335,7 +336,7 @@ class _Descent:
             size = float(np.abs(error).max())
             if size < 1e-15 or (size > 0.5 * last and size < 1e-12):
                 return placement
-            rises += size > last
+            rises += size > STALLED * last
             if size > 2.0 * last or size > 2.0 * PROMISING or rises > 2:
                 return placement if size < BALANCED else None
             last = size
