@@ -25,6 +25,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
 
 # Error of loads over what their elements change in those of order two on the same mesh (docs/space.md).
 LEFT = 0.35
-POCKET = "pocket"
+POCKET, INTERACTION = "pocket", "interaction"
 LAW = "law of the wall, which is not applicable here"
 OF_MODEL = "turbulence model at grains, which no finer mesh reduces (docs/large_grains.md)"
 
@@ -80,7 +81,8 @@ def error_terms(
         found.add("discretisation", partial(by_coarser_runs, scene, computed, of_mesh=known))
     for name, reason in not_there(scene).items():
         found.leave_out(name, reason)
-    for name, estimate in of_the_model(scene, speed).items():
+    at_hand = None if force is None else _computed(run, force, couple)
+    for name, estimate in of_the_model(scene, speed, at_hand).items():
         found.add(name, estimate)
     if run.probe is not None and run.probe.enclosed is not None and len(run.contacts or ()) > 1:
         found.add(POCKET, lambda _: _of_pocket(run, speed))
@@ -88,16 +90,21 @@ def error_terms(
         found.add(GROUND, partial(of_level_ground, wider, _computed(run, force, couple)))
     if run.contacts is not None and force is not None and couple is not None and is_scanned(scene):
         found.add(SCAN, lambda _: of_scans(scene, force, couple))
-    return found.bars()
+    bars = found.bars()
+    if at_hand is not None and (between := of_interaction(bars, at_hand)) is not None:
+        bars = replace(bars, terms=(*bars.terms, between))
+    return bars
 
 
 def with_safety(bars: ErrorBars, run: Run, force: Forces | None, couple: Couples | None) -> ErrorBars:
     """The bars with the safety factor's, where there is a verdict and at least one term. Collective.
 
-    Nothing is certain of a grain in turbulent flow: another program with the same model finds other loads.
+    It is that of the corrected loads. Nothing is certain of a grain in turbulent flow: another program with the same
+    model finds other loads.
     """
     if run.contacts is None or force is None or couple is None or not bars.terms:
         return bars
+    force, couple = corrected(bars, force, couple)
     errors = {term.name: np.concatenate([term.force, term.couple]) for term in bars.terms}
     from .safetybar import bar_of_scene  # which loads linear programs, slowly
 
@@ -109,6 +116,14 @@ def with_safety(bars: ErrorBars, run: Run, force: Forces | None, couple: Couples
     if bar is not None and (doubtful := bars.doubtful or (SCAN if SCAN in bars.failed else "")):
         bar = replace(bar, certain=False, decisive=doubtful)
     return replace(bars, safety=bar and replace(bar, unknown=unknown))
+
+
+def corrected(bars: ErrorBars, force: Forces, couple: Couples) -> tuple[Forces, Couples]:
+    """Forces and couples as computed with the corrections of the bars; the same without one. Not collective."""
+    change = bars.correction
+    if change is None:
+        return force, couple
+    return force.corrected(change.force), couple.corrected(change.couple)
 
 
 def _computed(run: Run, force: Forces | None, couple: Couples | None) -> Loads:
@@ -186,6 +201,29 @@ class _Found:
     def bars(self) -> ErrorBars:
         """All that has been found. Not collective."""
         return ErrorBars(tuple(self._terms), self._left_out, self._failed)
+
+
+def of_interaction(bars: ErrorBars, computed: Loads) -> Term | None:
+    """What corrections may change in each other, which are made one by one: each as much as the other does the load.
+
+    None where fewer than two are made.
+    """
+    changes = [term.correction for term in bars.terms if term.correction is not None]
+    if len(changes) < 2:
+        return None
+    errors = []
+    for name in ("force", "couple"):
+        found = [getattr(one, name) for one in changes]
+        size = float(np.linalg.norm(getattr(computed, name))) or np.inf
+        shares = [min(float(np.linalg.norm(one)) / size, 1.0) for one in found]
+        pairs = combinations(zip(found, shares, strict=True), 2)
+        errors.append(sum(np.maximum(np.abs(a) * of_b, np.abs(b) * of_a) for (a, of_a), (b, of_b) in pairs))
+    return Term(
+        INTERACTION,
+        errors[0],
+        errors[1],
+        "each correction changed by as much as another one changes the load",
+    )
 
 
 def coarse_scenes(scene: Scene) -> list[Scene]:

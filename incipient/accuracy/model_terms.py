@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 
+from ..arrays import Floats
+from ..errors import IncipientError
 from ..planning.flow_setup import Setup
 from ..planning.meshed_bed import resolved_bed
 from ..results.errorbars import Loads, Term
@@ -18,10 +22,15 @@ from .kept_runs import Solve
 
 DECAY = 2.0  # the influence of sides is taken to fall off like their distance to this power
 DECAY_OVER_FORMS = 1.5  # there, with a base flow that suits them: 1.6 to 1.8 were measured (docs/accuracy.md)
+SLOWEST_DECAY = (
+    0.75  # part of that power that is believed where loads fall off more slowly (make calibration)
+)
 # How much larger the bed's part meshed as it is becomes, and the decay of what the rest changes (docs/space.md).
 WIDER, DECAY_OF_GROUND = 1.5, 1.0
 LARGER, SMALLER = (1.0, 2.0, 4.0), (0.25, 0.5, 1.0)  # gaps of three runs, relative to the scene's
 CLOSED_WIDER = 4.0  # how much wider the space next to contacts is that is closed in a coarse run
+# Weights of the values with one, two and four times a gap in that of a parabola through them without one.
+PARABOLA = (8 / 3, -2.0, 1 / 3)
 ORDERS = (0.3, 2.0)  # between which the order in the gap is believed
 TOO_LITTLE = 1e-6  # of the largest of three loads: changes that tell no order
 SAME_DATUM = 1e-6  # of the height of the forms
@@ -31,10 +40,11 @@ MOVES = "does not apply: the grain moves, and contact.gap says where it stops"
 REPELLED = "not estimated: the grain moves, and what keeps it away from walls is a model of its own"
 
 
-def of_gap(scene: Scene, solve: Solve) -> Term:
+def of_gap(scene: Scene, solve: Solve, computed: Loads | None = None) -> Term:
     """What closing the gap between grain and bed would change, from coarse runs with larger gaps.
 
-    If the gap is already wide, the runs have smaller gaps, because larger ones are not allowed.
+    If the gap is already wide, the runs have smaller gaps, because larger ones are not allowed. Force and couple are
+    corrected by the change that a parabola through the three gives; a power of the gap is the other way to estimate it.
     """
     contact = scene.contact or Contact(friction=0.0)  # friction plays no part in the flow
     if scene.closes_contacts:
@@ -43,13 +53,29 @@ def of_gap(scene: Scene, solve: Solve) -> Term:
     sections = [{**contact.model_dump(), "gap": k * contact.gap} for k in (SMALLER if wide else LARGER)]
     loads = [solve(coarse(scene, contact=section)) for section in sections]
     values = [np.concatenate([one.force, one.couple]) for one in loads]
-    errors = np.array([_to_zero(*three) for three in zip(*values, strict=True)])
-    if wide:  # found is the error with the smallest gap, to which the way there from the scene's is added
-        errors += np.abs(values[2] - values[0])
+    # With smaller gaps, found is the change from the smallest one: the way there from the scene's is added.
+    here, way = (2, values[0] - values[2]) if wide else (0, np.zeros(6))
+    by_power = np.array([_to_zero(*three) for three in zip(*values, strict=True)])
     told = "1/4, 1/2 and 1" if wide else "1, 2 and 4"
     how = f"coarse runs with {told} times the gap, extrapolated to none"
     near, far = (float(np.linalg.norm(loads[i + 1].force - loads[i].force)) for i in (0, 1))
-    return Term("gap", errors[:3], errors[3:], how, power=_order_in_gap(near, far))
+    errors = np.abs(by_power) + np.abs(way)
+    term = Term("gap", errors[:3], errors[3:], how, power=_order_in_gap(near, far))
+    if not is_corrected(scene):
+        return term
+    by_parabola = np.asarray(PARABOLA) @ values - values[0]
+    left = np.abs(by_parabola - by_power) + _noise(loads[here], computed)
+    return term.corrected(by_parabola + way, left)
+
+
+def _noise(coarse: Loads, computed: Loads | None) -> Floats:
+    """(6,) what coarse runs on meshes of their own differ by for that alone: at least one of them is off so far.
+
+    On one mesh, moved, all have its errors alike.
+    """
+    if coarse.moved or computed is None:
+        return np.zeros(6)
+    return np.abs(np.concatenate([coarse.force - computed.force, coarse.couple - computed.couple]))
 
 
 def _of_closing(scene: Scene, contact: Contact, solve: Solve) -> Term:
@@ -67,11 +93,11 @@ def _of_closing(scene: Scene, contact: Contact, solve: Solve) -> Term:
 
 
 def _to_zero(at_one: float, at_two: float, at_four: float) -> float:
-    """|value without gap - value at the gap|, for a value that goes as a power of the gap."""
+    """Value without gap - value at the gap, for a value that goes as a power of the gap."""
     near, far = at_two - at_one, at_four - at_two
     if abs(near) <= TOO_LITTLE * max(abs(at_one), abs(at_two), abs(at_four)):
-        return abs(near)
-    return abs(near) / (2.0 ** _order_in_gap(near, far) - 1.0)
+        return -near
+    return -near / (2.0 ** _order_in_gap(near, far) - 1.0)
 
 
 def _order_in_gap(near: float, far: float) -> float:
@@ -99,15 +125,57 @@ def has_no_far_sides(scene: Scene) -> str:
     return ""
 
 
-def of_domain(scene: Scene, solve: Solve, decay: float | None = None) -> Term:
+def of_domain(scene: Scene, solve: Solve, decay: float | None = None, computed: Loads | None = None) -> Term:
     """What sides that stand for an endless flow change, from a coarse run with all of them farther away.
 
-    Their influence falls off like their distance to the power `decay`; None: as `decay_of` the scene says.
+    Their influence falls off like their distance to the power `decay`; None: as `decay_of` the scene says. Force and
+    couple of a grain that is held are corrected, with sides farther away still: these are the other way to estimate it.
     """
     decay = decay_of(scene) if decay is None else decay
     how = f"a coarse run with sides {FARTHER:g} times as far, decay with distance to the power {decay:.2g}"
     share = 1.0 / (1.0 - FARTHER**-decay)
-    return Term.of_difference("domain", solve(coarse(farther(scene))), solve(coarse(scene)), share, how)
+    here, far = solve(coarse(scene)), solve(coarse(farther(scene)))
+    term = Term.of_difference("domain", far, here, share, how)
+    if not (is_corrected(scene) and len(here.force)):
+        return term
+    try:
+        farthest = solve(coarse(farther(scene, FARTHER**2)))
+    except IncipientError as error:
+        return replace(term, how=f"{how}; not corrected, sides {FARTHER**2:.3g} times as far: {error}")
+    values = [np.concatenate([one.force, one.couple]) for one in (here, far, farthest)]
+    change, left = _to_endless(values, decay)
+    times = f"{FARTHER:g} and {FARTHER**2:.3g} times as far"
+    how = f"coarse runs with sides {times}, decay with distance to the power {decay:.2g} or slower"
+    return replace(term, how=how).corrected(change, left + _noise(here, computed))
+
+
+def _to_endless(values: list[Floats], decay: float) -> tuple[Floats, Floats]:
+    """The change of loads (6,) to endless sides, from those with three distances, and how far that may be off.
+
+    The power of the decay is that seen in the forces, between a part of the expected one and that. Doubt is what the
+    expected power would give, what the two nearer distances give, and what sides change in their own influence: as much
+    as in the load.
+    """
+    near, far = (float(np.linalg.norm((two - one)[:3])) for one, two in pairwise(values))
+    seen = math.log(near / far) / math.log(FARTHER) if near and far else decay
+    powers = (min(max(seen, SLOWEST_DECAY * decay), decay), decay)
+    by_seen, by_decay = (1.0 / (1.0 - FARTHER**-power) for power in powers)
+    change = values[1] + by_seen * (values[2] - values[1]) - values[0]
+    others = (
+        values[1] + by_decay * (values[2] - values[1]) - values[0],
+        by_seen * (values[1] - values[0]),
+    )
+    share = np.linalg.norm(change[:3]) / max(float(np.linalg.norm(values[0][:3])), 1e-300)
+    return change, np.max([np.abs(one - change) for one in others], axis=0) + share * np.abs(change)
+
+
+def is_corrected(scene: Scene) -> bool:
+    """Whether loads are corrected by what is known of their errors: of a grain that is held. Not collective.
+
+    In turbulent flow, and below a free surface, estimates have not shown what they are worth.
+    """
+    held = scene.body is not None and not scene.body.moves
+    return scene.numerics.correction and held and not (scene.has_wall_layer or scene.has_surface)
 
 
 def decay_of(scene: Scene) -> float:
@@ -167,13 +235,18 @@ def on_more_bed(scene: Scene) -> Scene | None:
     return changed(scene, numerics={"meshed_bed": WIDER * scene.numerics.meshed_bed, "error_bars": False})
 
 
-def of_the_model(scene: Scene, speed: float = 1.0) -> dict[str, Callable[[Solve], Term]]:
-    """How the terms of the model are estimated that a scene has, by name; its flow may be faster. Not collective."""
+def of_the_model(
+    scene: Scene, speed: float = 1.0, computed: Loads | None = None
+) -> dict[str, Callable[[Solve], Term]]:
+    """How the terms of the model are estimated that a scene has, by name; its flow may be faster. Not collective.
+
+    `computed` are the loads of the run itself, which tell how far coarse runs are off.
+    """
     found: dict[str, Callable[[Solve], Term]] = {}
     if not no_gap(scene):
-        found["gap"] = partial(of_gap, scene)
+        found["gap"] = partial(of_gap, scene, computed=computed)
     if not has_no_far_sides(scene):
-        found["domain"] = partial(of_domain, _adapted(scene, speed))
+        found["domain"] = partial(of_domain, _adapted(scene, speed), computed=computed)
     if (other := with_other_datum(scene, speed)) is not None:
         found["datum"] = partial(of_datum, scene, other)
     return found

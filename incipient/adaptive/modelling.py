@@ -47,6 +47,7 @@ class Suited:
 
     terms: their errors, as they are now; `error` is their sum, relative, infinite where they are not known
     unmet: why they are not small enough, or nothing; errors: what each term comes to by name, relative
+    plain: the same without corrections
     """
 
     scene: Scene
@@ -54,6 +55,7 @@ class Suited:
     error: float = np.inf
     unmet: str = ""
     errors: dict[str, float] = field(default_factory=dict)
+    plain: dict[str, float] = field(default_factory=dict)
 
     def changes(self, asked: Scene) -> tuple[str, ...]:
         """Differences from the scene that was requested, in words."""
@@ -102,8 +104,11 @@ def _looked_at(scene: Scene, goal: Quantity, solve: Solve, decay: float | None =
         estimates["domain"] = partial(of_domain, scene, decay=decay)
     terms = tuple(estimate(solve) for estimate in estimates.values())
     found = _computed(scene, solve(coarse(scene)))
-    errors = {term.name: relative(goal, found, term) or 0.0 for term in terms}
-    return Suited(scene, terms, sum(errors.values()), errors=errors)
+    errors, plain = (
+        {term.name: relative(goal, found, term) or 0.0 for term in which}
+        for which in (terms, [term.uncorrected for term in terms])
+    )
+    return Suited(scene, terms, sum(errors.values()), errors=errors, plain=plain)
 
 
 def _hardly_falls(before: Suited, found: Suited) -> bool:
@@ -112,9 +117,9 @@ def _hardly_falls(before: Suited, found: Suited) -> bool:
     The gap's power is measured anew with each gap, so that it needs no such question.
     """
     larger = found.scene.domain.length / before.scene.domain.length
-    if larger <= 1.0 or "domain" not in before.errors or found.errors["domain"] <= 0.0:
+    if larger <= 1.0 or "domain" not in before.plain or found.errors["domain"] <= 0.0:
         return False
-    return found.errors["domain"] > before.errors["domain"] * larger ** (-0.5 * DECAY)
+    return found.plain["domain"] > before.plain["domain"] * larger ** (-0.5 * DECAY)
 
 
 def _ended(before: Suited, found: Suited, goal: Quantity, solve: Solve) -> Suited:

@@ -8,7 +8,7 @@ the path of the load S goes as a power -p of the factor nearby, so that the crit
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,7 @@ Range = tuple[float, float]
 ADDED = "absolute errors of that multiple, added in full: "
 OWN_MESH = "own mesh"  # what a mesh made for the law of the wall of the critical flow itself changes
 DIFFERENCE = 1e-4  # of the load, for derivatives of the safety factor
+NEARBY = (0.02, 0.1, 0.3)  # how far from the computed critical flow the corrected one is looked for, relative
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,25 @@ def critical_bars(found: Found, loads: ErrorBars) -> CriticalBars:
         low, high = low + below - found.factor, high + above - found.factor
     terms = {name: max(found.factor - a, b - found.factor) for name, (a, b) in ranges.items()}
     return CriticalBars(found.factor, max(low, 0.0), high, terms, loads)
+
+
+def corrected(found: Found, loads: ErrorBars) -> tuple[Found, ErrorBars]:
+    """The critical flow of the load corrected by its errors there, and the error bars of that. Not collective.
+
+    Near it the correction is taken to grow with the factor. If the corrected load has no critical flow nearby, both are
+    as without corrections.
+    """
+    change = loads.correction
+    if change is None:
+        return found, loads
+    shift = np.concatenate([change.force, change.couple]) / found.factor
+    path = replace(found.path, loads=found.path.loads + shift)
+    for width in NEARBY:
+        low, high = found.factor / (1.0 + width), found.factor * (1.0 + width)
+        if path.judged(low).value > 1.0 and (factor := path.loss(low, high)) is not None:
+            held_to = factor if found.held_to == found.factor else found.held_to
+            return replace(found, factor=factor, path=path, held_to=held_to), loads
+    return found, replace(loads, terms=tuple(term.uncorrected for term in loads.terms))
 
 
 def factor_range(found: Found, errors: Errors, ratio: float = 1.0) -> Range:

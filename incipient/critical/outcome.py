@@ -24,6 +24,7 @@ class Threshold:
 
     factor:          critical speed over that of the scene; 0: any flow moves it, or its weight alone does;
                      inf: none that was seen moves it
+    computed:        the same for the load as computed, where `factor` is that for the corrected one; else None
     held_to:         factor up to which the grain is held; inf: it always is
     reason:          why the search ended without a critical flow, or without one solved near it
     shields:         Shields number tau_b / ((rho_s - rho_f) g d), tau_b of the undisturbed flow at its datum
@@ -65,6 +66,7 @@ class Threshold:
     adaptation: Adaptation | None = None
     si: dict[str, Any] | None = None
     stress_power: float = 1.0
+    computed: float | None = None
 
     @property
     def is_critical(self) -> bool:
@@ -90,7 +92,7 @@ class Threshold:
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain data for threshold.json."""
         names = (
-            *("held_to", "reason", "size", "nominal", "shields_nominal", "notes"),
+            *("computed", "held_to", "reason", "size", "nominal", "shields_nominal", "notes"),
             *("errors", "mode", "verdict", "unsolved", "cost", "si"),
         )
         return {
@@ -134,6 +136,8 @@ class Threshold:
 
     def _critical_lines(self) -> list[str]:
         shown = {name: with_error(getattr(self, name), error) for name, error in self.errors.items()}
+        if self.computed not in (None, self.factor):
+            shown["factor"] += f" (computed {self.computed:.4g})"
         return [
             f"threshold           {shown['factor']} times the flow of the scene; "
             f"then the grain begins {self.mode}",

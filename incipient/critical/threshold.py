@@ -33,7 +33,7 @@ from ..simulation.beside import Beside
 from ..simulation.build import prepared
 from ..simulation.simulate import loads_of
 from ..simulation.state import Run
-from .bars import critical_bars
+from .bars import corrected, critical_bars
 from .meshes import CriticalRefinement, on_its_own_mesh
 from .outcome import Threshold
 from .search import CriticalSearch, Found
@@ -171,12 +171,13 @@ def _with_bars(threshold: Threshold, run: Run, search: CriticalSearch, found: Fo
             # The flow solved nearest may be far away where the load is in proportion.
             force = replace(force, flow=found.load.flow_force)
             couple = replace(couple, flow=found.load.flow_couple)
-            bars = critical_bars(
-                found, error_terms(run, force, couple, Beside(run, loads_of, found.factor), found.factor)
-            )
+            terms = error_terms(run, force, couple, Beside(run, loads_of, found.factor), found.factor)
+            found, terms = corrected(found, terms)
+            bars = critical_bars(found, terms)
         except IncipientError as error:
             return replace(threshold, without_bars=f"not computed: {error}", cost=cost(run))
-    return replace(threshold, bars=bars, cost=cost(run))
+    plain, adaptation = threshold.factor, threshold.adaptation
+    return replace(_threshold(run, found), computed=plain, adaptation=adaptation, bars=bars)
 
 
 def _notes(run: Run, found: Found, threshold: Threshold) -> tuple[str, ...]:

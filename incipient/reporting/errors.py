@@ -26,6 +26,7 @@ REMEDIES = {
     "datum": 'flow.datum = "auto", where it is not; a larger domain, slowly',
     "scan": "a finer scan of grain or bed",
     "level ground": "a larger numerics.meshed_bed",
+    "interaction": "a smaller contact.gap, larger domain.length and domain.height",
     "search": "nothing: steady flows near the threshold were not found",
 }
 BOTH = 'numerics.accuracy_includes = "all" changes gap and domain until their errors are small, too.'
@@ -115,9 +116,19 @@ def _row(term: dict[str, Any], name: str, whole: float, told: list[_Column]) -> 
         name,
         *("" if term[column.key] is None else column.cell(term[column.key]) for column in told),
         "–" if math.isnan(share) else f"{100 * share:.0f} %",
-        term["how"],
+        term["how"] + _corrected(term),
         REMEDIES.get(name.removeprefix("· "), ""),
     )
+
+
+def _corrected(term: dict[str, Any]) -> str:
+    """What the loads are corrected by for a term, in words; nothing where they are not."""
+    found = term.get("correction")
+    if found is None:
+        return ""
+    shares = ((name, _norm(found[name])) for name in ("force", "couple"))
+    said = " and ".join(f"the {name} by {size:.2g}" for name, size in shares if size)
+    return f"; it corrects {said}, and this is what remains"
 
 
 def _vector(errors: list[float | None], planar: bool, couple: bool = False) -> Cell:

@@ -31,6 +31,7 @@ CAPTIONS = {
 }
 FORCES = (
     ("flow", "the flow, without buoyancy"),
+    ("computed", "the same as computed, without corrections"),
     ("surface_integral", "the same as an integral over the surface, a check"),
     ("buoyancy", "buoyancy"),
     ("weight", "weight"),
@@ -120,12 +121,19 @@ def _forces(stored: dict[str, Any], planar: bool) -> Any:
         return words("There is no grain.")
     rows: list[tuple[Cell, ...]] = []
     for key, name in FORCES:
-        if key == "repulsion" and not any(force[key]):
+        if _left_out(key, force):
             continue
         values = components(force[key], planar)
         errors = None if key != "flow" or bars is None else bars["force"]
         rows.append((name, *(_erring(value, errors and errors[at]) for at, value in enumerate(values))))
     return table(("force [scene units]", "x", "y", "z")[: 3 if planar else 4], rows)
+
+
+def _left_out(key: str, loads: dict[str, Any]) -> bool:
+    """Whether a row of loads says nothing: no repulsion, or no correction."""
+    if key == "computed":
+        return loads.get(key) in (None, loads["flow"])
+    return key not in loads or (key == "repulsion" and not any(loads[key]))
 
 
 def _erring(value: float, error: float | None) -> Cell:
@@ -139,7 +147,7 @@ def _couples(stored: dict[str, Any], planar: bool) -> Any:
     axes = (2,) if planar else (0, 1, 2)
     rows: list[tuple[Cell, ...]] = []
     for key, name in FORCES:
-        if key not in couple or (key == "repulsion" and not any(couple[key])):
+        if _left_out(key, couple):
             continue
         errors = None if key != "flow" or bars is None else bars["couple"]
         rows.append((name, *(_erring(couple[key][at], errors and errors[at]) for at in axes)))

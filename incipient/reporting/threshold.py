@@ -18,6 +18,7 @@ from .view import of_scene
 
 NAMES = {
     "factor": "critical flow over that of the scene",
+    "computed": "the same for the load without corrections",
     "shields": "critical Shields number",
     "shields_nominal": "the same with the nominal diameter",
     "reynolds": "critical Reynolds number of the scene",
@@ -63,7 +64,7 @@ def _numbers(stored: dict[str, Any]) -> list[tuple[Cell, ...]]:
     return [
         (name, stored[key] if errors.get(key) is None else Erring(stored[key], errors[key]))
         for key, name in NAMES.items()
-        if key in stored
+        if stored.get(key) is not None
     ]
 
 

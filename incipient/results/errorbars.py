@@ -30,6 +30,7 @@ class Loads:
     elevations:    of a free surface
     shear:         (2,) u* at the outflow and its mean along walls with a wall-function layer, without a grain
     centreline:    (3,) extreme velocities on the centrelines of a lid-driven box without a grain
+    moved:         whether they were computed on the mesh of another run, moved
     """
 
     force: Floats
@@ -38,6 +39,7 @@ class Loads:
     elevations: Elevations | None = None
     shear: Floats | None = None
     centreline: Floats | None = None
+    moved: bool = False
 
     @classmethod
     def at_the_end(
@@ -49,16 +51,24 @@ class Loads:
         walls: WallReport | None = None,
     ) -> Loads:
         """The loads of the flow, with what else there is; without a grain none, but u* at walls."""
-        of_force, of_couple = (NO_GRAIN if one is None else one.flow for one in (force, couple))
+        of_force, of_couple = (NO_GRAIN if one is None else one.plain for one in (force, couple))
         shear = None if walls is None or force is not None else walls.shear_velocities
         return cls(of_force, of_couple, place, elevations, shear)
+
+
+@dataclass(frozen=True)
+class Correction:
+    """What is added to the computed force and couple (3,) for errors whose sign is known."""
+
+    force: Floats
+    couple: Floats
 
 
 @dataclass(frozen=True)
 class Term:
     """One source of error: absolute errors of force and couple (3,), of what else there is, and how they were found.
 
-    force, couple: (0,) without a grain
+    force, couple: what a correction leaves of them, if there is one; (0,) without a grain
     place:     of place and turn of a moving grain (3,), in space (6,), the turn in radians, in space about x, y and z
     elevation: (stations,) of a free surface, the largest ones within the run
     level:     (stations,) of these at the end
@@ -69,6 +79,7 @@ class Term:
     ratio:     factor by which the safety factor may be larger or smaller at the same load, for another reason
     modes:     what the grain does where it is
     doubt:     why the errors may be more than twice as large; nothing where they are not known to be
+    correction: of force and couple for this error; None where they are not corrected
     """
 
     name: str
@@ -85,6 +96,37 @@ class Term:
     ratio: float = 1.0
     modes: tuple[str, ...] = ()
     doubt: str = ""
+    correction: Correction | None = None
+
+    def corrected(self, change: Floats, left: Floats) -> Term:
+        """The term with a correction of the force, of the couple, or of both: of what has shown that it is worth it.
+
+        Args:
+            change: (6,) what is to be added to force and couple, estimated in one way.
+            left: (6,) what it differs by from the change estimated in another way: the error that remains. No
+                component is taken to be better known, relative to its change, than the vector that it belongs to.
+        """
+        found, errors = np.zeros(6), np.concatenate([self.force, self.couple])
+        for part in (slice(3), slice(3, 6)):
+            size, doubt = (float(np.linalg.norm(one[part])) for one in (change, left))
+            if doubt < size:
+                found[part] = change[part]
+                errors[part] = np.maximum(np.abs(left[part]), doubt / size * np.abs(change[part]))
+            else:
+                errors[part] = np.maximum(errors[part], np.abs(left[part]))
+        if not found.any():
+            return replace(self, force=errors[:3], couple=errors[3:])
+        correction = Correction(found[:3], found[3:])
+        return replace(self, force=errors[:3], couple=errors[3:], correction=correction)
+
+    @property
+    def uncorrected(self) -> Term:
+        """The term without its correction: the errors that it has estimated."""
+        if self.correction is None:
+            return self
+        pairs = (self.correction.force, self.force), (self.correction.couple, self.couple)
+        force, couple = (np.maximum(np.abs(change), left) for change, left in pairs)
+        return replace(self, force=force, couple=couple, correction=None)
 
     @classmethod
     def of_parts(cls, name: str, parts: tuple[Term, ...], how: str) -> Term:
@@ -141,6 +183,15 @@ class ErrorBars:
     left_out: dict[str, str] = field(default_factory=dict)
     failed: dict[str, str] = field(default_factory=dict)
     safety: SafetyBar | None = None
+
+    @property
+    def correction(self) -> Correction | None:
+        """What is added to the computed force and couple (3,); None where no term is corrected."""
+        found = [term.correction for term in self.terms if term.correction is not None]
+        if not found:
+            return None
+        force, couple = (np.sum([getattr(one, of) for one in found], axis=0) for of in ("force", "couple"))
+        return Correction(force, couple)
 
     @property
     def force(self) -> Floats:

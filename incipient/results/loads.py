@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -11,11 +11,12 @@ import numpy as np
 class Forces:
     """Forces on the grain (3,), scene units with fluid density one.
 
-    flow:             force of the flow, by the residual method; without buoyancy
-    surface_integral: force of the flow by integrating sigma n over the surface (cross-check)
+    flow:             force of the flow, without buoyancy: as computed, corrected where its errors are known
+    surface_integral: computed force of the flow by integrating sigma n over the surface (cross-check)
     buoyancy:         force of the hydrostatic pressure, exact
     weight:           weight of the grain
     repulsion:        from what a grain that is repelled has come close to; zero for others
+    computed:         force of the flow by the residual method, without corrections; None: `flow` is not corrected
     """
 
     flow: np.ndarray
@@ -23,6 +24,16 @@ class Forces:
     buoyancy: np.ndarray
     weight: np.ndarray
     repulsion: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    computed: np.ndarray | None = None
+
+    @property
+    def plain(self) -> np.ndarray:
+        """The force of the flow as computed (3,)."""
+        return self.flow if self.computed is None else self.computed
+
+    def corrected(self, change: np.ndarray) -> Forces:
+        """These forces with a change (3,) added to the computed force of the flow."""
+        return replace(self, flow=self.plain + change, computed=self.plain)
 
     @property
     def total(self) -> np.ndarray:
@@ -38,6 +49,16 @@ class Couples:
     surface_integral: np.ndarray
     about: np.ndarray
     repulsion: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    computed: np.ndarray | None = None
+
+    @property
+    def plain(self) -> np.ndarray:
+        """The couple of the flow as computed (3,)."""
+        return self.flow if self.computed is None else self.computed
+
+    def corrected(self, change: np.ndarray) -> Couples:
+        """These couples with a change (3,) added to the computed couple of the flow."""
+        return replace(self, flow=self.plain + change, computed=self.plain)
 
 
 @dataclass(frozen=True)

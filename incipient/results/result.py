@@ -177,8 +177,9 @@ class Result:
         for name in ("force", "couple", "coefficients", "gap", "steady"):
             part = getattr(self, name)
             stored[name] = None if part is None else asdict(part)
-        if self.force is not None:
-            stored["force"]["total"] = self.force.total
+        if self.force is not None and self.couple is not None:
+            stored["force"] |= {"total": self.force.total, "computed": self.force.plain}
+            stored["couple"]["computed"] = self.couple.plain
         stored["error_bars"] = None if self.error_bars is None else self.error_bars.to_dict()
         stored["adaptation"] = None if self.adaptation is None else self.adaptation.to_dict()
         stored["turbulence"] = None if self.turbulence is None else self.turbulence.to_dict()
@@ -198,6 +199,7 @@ def _lines(result: Result) -> list[str]:
     if result.force is not None and result.couple is not None:
         flow = loads_words(result.force.flow, result.couple.flow, gdim)
         lines.append(f"force of the flow   {flow} about the centre of mass")
+        lines += _computed(result)
         if result.force.repulsion.any():
             repulsion = loads_words(result.force.repulsion, result.couple.repulsion, gdim)
             lines.append(f"force of repulsion  {repulsion}")
@@ -237,6 +239,20 @@ def _lines(result: Result) -> list[str]:
     for omission in result.omitted:
         lines += omission.lines()
     return lines + cost_lines(result.cost.get("effects", {}))
+
+
+def _computed(result: Result) -> list[str]:
+    """The loads as computed, and what they are corrected for."""
+    force, couple, bars = result.force, result.couple, result.error_bars
+    if force is None or couple is None or bars is None or bars.correction is None:
+        return []
+    for_each = [
+        f"{term.name} {loads_words(term.correction.force, term.correction.couple, result.gdim, '+.2g')}"
+        for term in bars.terms
+        if term.correction is not None
+    ]
+    plain = loads_words(force.plain, couple.plain, result.gdim)
+    return [f"{'':<20}computed {plain}", *(f"{'':<20}corrected for {one}" for one in for_each)]
 
 
 def _within(result: Result) -> str:

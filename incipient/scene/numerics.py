@@ -61,6 +61,11 @@ class Numerics(Section):
         description="Estimate errors of force, couple, safety factor, elevations and, with turbulence, u*; takes about "
         "as long as the run",
     )
+    correction: bool = Field(
+        True,
+        description="Correct force and couple on a grain by those of their estimated errors that have a sign; the "
+        "error bars are of what remains",
+    )
     accuracy: Accuracy | None = Field(
         None,
         description='Relative error wanted, or "verdict": until that is decided; mesh and order are then chosen',

@@ -119,17 +119,20 @@ def has_error_bars(scene: Scene) -> bool:
     return scene.numerics.error_bars and (of or (scene.has_centrelines and scene.time is None))
 
 
-def with_estimates(run: Run, result: Result, solve: Callable[[Scene], Loads]) -> Result:
-    """A complete result with its error bars, and with what the effects left out would have changed.
+def with_estimates(run: Run, result: Result, solve: Callable[[Scene], Loads], follows: bool = True) -> Result:
+    """A complete result, corrected where errors have a sign, with its error bars and what left-out effects change.
 
-    `solve` runs the scenes of coarse runs.
+    `solve` runs the scenes of coarse runs. With `follows` a grain that the load moves is followed to where it rests.
 
     Where one of them fails the result says why; nothing is raised.
     """
     bars, why = _error_bars(run, result, solve)
+    result = _corrected(run, result, bars)
+    if follows:
+        result = with_rests(run, result)
     return replace(
         result,
-        error_bars=bars,
+        error_bars=_with_rocking(run, result, bars),
         without_error_bars=why,
         omitted=_omissions(run, result),
         cost=cost(run),
@@ -144,20 +147,40 @@ def _error_bars(run: Run, result: Result, solve: Callable[[Scene], Loads]) -> tu
 
     with run.stage("error bars"):
         try:
-            bars = error_bars(run, result.force, result.couple, solve)
+            return error_bars(run, result.force, result.couple, solve), ""
         except IncipientError as error:
             return None, f"not computed: {error}"
+
+
+def _corrected(run: Run, result: Result, bars: ErrorBars | None) -> Result:
+    """The result with its loads corrected, and what follows from them. Collective."""
+    if bars is None or bars.correction is None or result.force is None or result.couple is None:
+        return result
+    from ..accuracy.errorbars import corrected
+
+    force, couple = corrected(bars, result.force, result.couple)
+    return replace(
+        result,
+        force=force,
+        couple=couple,
+        coefficients=coefficients(run, force, couple),
+        si=in_si(run.scene, 1.0, force.flow, couple.flow),
+        verdict=judged(run, force, couple),
+    )
+
+
+def _with_rocking(run: Run, result: Result, bars: ErrorBars | None) -> ErrorBars | None:
+    """The error bars of a grain that may rock to another rest, where it does. Not collective."""
     rocking = (result.verdict or {}).get("rocking")
-    if rocking is None or bars.safety is None:
-        return bars, ""
+    if bars is None or rocking is None or bars.safety is None:
+        return bars
     from ..evaluation.contact_verdict import bar_with_rocking
 
     assert result.verdict is not None and result.force is not None and run.scene.grain is not None
     apart = np.linalg.norm(bars.force) + np.linalg.norm(bars.couple) / run.scene.grain.size
     share = float(apart / np.linalg.norm(result.force.flow))
     mode, drift = result.verdict["mode"], rocking["drift"]
-    safety = bar_with_rocking(bars.safety, rocking["critical"], mode, share, drift)
-    return replace(bars, safety=safety), ""
+    return replace(bars, safety=bar_with_rocking(bars.safety, rocking["critical"], mode, share, drift))
 
 
 def _omissions(run: Run, result: Result) -> tuple[Omission, ...]:

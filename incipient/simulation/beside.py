@@ -124,7 +124,7 @@ class Beside:
             places[:] = before
         # The fluid's unit of speed is its own; what is left of the way to `speed` is short, or in Stokes flow.
         unit = self._speed * run.fluid.reynolds / run.plan.reynolds
-        return Loads(unit * found.force, unit * found.couple)
+        return Loads(unit * found.force, unit * found.couple, moved=True)
 
     def _solve(self, fluid: Fluid) -> None:
         """From a flow that is near. Collective. Raises ConvergenceError."""

@@ -18,7 +18,7 @@ from ..progress import Silent
 from ..results.errorbars import Loads
 from ..results.result import Result
 from ..scene import Scene
-from .assemble import outcome, with_estimates, with_rests
+from .assemble import outcome, with_estimates
 from .beside import Beside
 from .build import prepared
 from .recorder import Recorder, Unrecorded, record_fields
@@ -72,10 +72,10 @@ def finished(run: Run, recorder: Recorder, follows: bool = True) -> Result:
     Raises:
         Interrupted: meanwhile; where the result without them is kept.
     """
-    result = with_rests(run, outcome(run)) if follows else outcome(run)
+    result = outcome(run)
     estimated = run.scene.numerics.error_bars
     with told_where_kept(recorder.provisional(result), run.comm) if estimated else nullcontext():
-        result = with_estimates(run, result, Beside(run, loads_of))
+        result = with_estimates(run, result, Beside(run, loads_of), follows)
     recorder.finish(result)
     return result
 
