@@ -35,9 +35,17 @@ from ..results.errorbars import ErrorBars, Loads, Term, centreline_velocities
 from ..results.loads import Couples, Forces
 from ..scene import Scene
 from .coarse_runs import coarse, is_coarse
-from .discretisation import OF_MESH, by_coarser_mesh, by_coarser_runs, by_dual, on_centrelines
+from .discretisation import (
+    COARSER_CELLS,
+    OF_MESH,
+    by_both,
+    by_coarser_mesh,
+    by_coarser_runs,
+    by_dual,
+    on_centrelines,
+)
 from .kept_runs import KeptRuns, Solve
-from .model_terms import GROUND, MODEL, not_there, of_level_ground, of_the_model, on_more_bed
+from .model_terms import GROUND, MODEL, is_corrected, not_there, of_level_ground, of_the_model, on_more_bed
 from .scans import SCAN, is_scanned, of_scans
 
 if TYPE_CHECKING:
@@ -45,25 +53,36 @@ if TYPE_CHECKING:
 
 # Error of loads over what their elements change in those of order two on the same mesh (docs/space.md).
 LEFT = 0.35
+SMALL = 1e-3  # of the force: an error of the discretisation that is not worth another run
 POCKET, INTERACTION = "pocket", "interaction"
 LAW = "law of the wall, which is not applicable here"
 OF_MODEL = "turbulence model at grains, which no finer mesh reduces (docs/large_grains.md)"
 
 
-def error_bars(run: Run, force: Forces | None, couple: Couples | None, solve: Solve) -> ErrorBars:
+def error_bars(
+    run: Run, force: Forces | None, couple: Couples | None, solve: Solve, improve: Solve | None = None
+) -> ErrorBars:
     """The error bars of a finished run with a grain or a free surface. Collective.
 
     Coarse runs of their own are made where needed; where one fails the term is left out, and the reason said. What
     `run.accounts.known` holds is not computed again, and what is found is added to it. `solve` runs the scene of a
     coarse run for its loads.
     """
-    return with_safety(error_terms(run, force, couple, solve), run, force, couple)
+    return with_safety(error_terms(run, force, couple, solve, improve=improve), run, force, couple)
 
 
 def error_terms(
-    run: Run, force: Forces | None, couple: Couples | None, solve: Solve, speed: float = 1.0
+    run: Run,
+    force: Forces | None,
+    couple: Couples | None,
+    solve: Solve,
+    speed: float = 1.0,
+    improve: Solve | None = None,
 ) -> ErrorBars:
-    """Error bars but for what they mean for the verdict; a steady flow may be `speed` times the scene's. Collective."""
+    """Error bars but for what they mean for the verdict; a steady flow may be `speed` times the scene's. Collective.
+
+    `improve` gives loads on coarser cells less their estimated errors; without it the discretisation is not corrected.
+    """
     scene, found = run.scene, _Found(run, solve)
     if scene.has_wall_layer and scene.time is None:
         computed = _computed(run, force, couple)
@@ -73,7 +92,7 @@ def error_terms(
     elif scene.time is None and scene.has_centrelines:
         found.add("discretisation", partial(on_centrelines, scene, _computed(run, force, couple)))
     elif scene.time is None:
-        of_mesh = _dual if run.fluid.coarse is None else _by_surplus
+        of_mesh = partial(_dual, improve=improve) if run.fluid.coarse is None else _by_surplus
         found.add("discretisation", lambda _: of_mesh(run, speed))
     else:
         computed = _computed(run, force, couple)
@@ -139,14 +158,33 @@ def _computed(run: Run, force: Forces | None, couple: Couples | None) -> Loads:
     return replace(Loads.at_the_end(force, couple, place, run.elevations, walls), centreline=lines)
 
 
-def _dual(run: Run, speed: float) -> Term:
+def _dual(run: Run, speed: float, improve: Solve | None) -> Term:
+    """By the dual-weighted residual; corrected by it where that is worth a run on other cells, which is made."""
     from .dual import GoalErrors  # not above: a plan asks for the coarse runs, without finite elements
 
     placement = run.layout.placement
     assert placement is not None
     with GoalErrors(run.fluid, "body", placement.centre) as goals:
         # The fluid's unit of speed is its own; what is left of the way to `speed` is short, or in Stokes flow.
-        return by_dual(goals, goals.allowance * speed * run.fluid.reynolds / run.plan.reynolds)
+        unit = goals.allowance * speed * run.fluid.reynolds / run.plan.reynolds
+        term = by_dual(goals, unit)
+    small = np.linalg.norm(term.force) < SMALL * unit * np.linalg.norm(goals.computed.force)
+    chosen = run.scene.numerics.accuracy is not None  # cells, for an error that has been reached
+    if (
+        improve is None
+        or small
+        or chosen
+        or term.doubt
+        or run.accounts.spent()
+        or not is_corrected(run.scene)
+    ):
+        return term
+    try:
+        return by_both(term, goals, unit, improve(run.scene))
+    except IncipientError as error:
+        return replace(
+            term, how=f"{term.how}; not corrected, cells {COARSER_CELLS:g} times as large: {error}"
+        )
 
 
 def _by_surplus(run: Run, speed: float) -> Term:

@@ -5,11 +5,6 @@ Nothing here solves: what a run to an accuracy will come to is predicted with it
 
 from __future__ import annotations
 
-from dataclasses import replace
-
-from ..meshes import SizeField
-from ..planning.layout import Layout
-
 ORDERS = (2, 3, 4)
 UNKNOWNS = {  # per vertex of a large mesh, by the dimension and the order
     2: {2: 9, 3: 22, 4: 41},
@@ -19,7 +14,6 @@ GAIN = 0.1  # what one order more is expected to leave of the error on the same 
 COARSEST = 4.0  # the first mesh: its cells relative to those by default
 AIM = 0.6  # of the accuracy, so that the mesh expected to reach it does
 MOST_MESHES = 12
-STEEPEST = 0.35  # growth of sizes with distance
 
 
 def cheapest_order(order: int, excess: float, gdim: int = 2) -> int:
@@ -43,9 +37,3 @@ def next_order(order: int, excess: float, gdim: int = 2) -> tuple[int, float]:
     """
     higher = cheapest_order(order, excess / AIM, gdim)
     return higher, excess / AIM * GAIN ** (higher - order)
-
-
-def coarse_sizes(factor: float, field: SizeField | None, layout: Layout) -> Layout:
-    """Default cell sizes times `factor`, except in gaps and where `field` prescribes sizes."""
-    sizes = layout.sizes.coarsened(factor, STEEPEST)
-    return replace(layout, sizes=replace(sizes, field=field))

@@ -22,6 +22,7 @@ from ..accuracy.errorbars import error_bars
 from ..accuracy.model_terms import has_no_far_sides
 from ..errors import ConvergenceError, MeshError
 from ..interrupt import told_where_kept
+from ..planning.layout import coarse_sizes
 from ..planning.order import order_of
 from ..results.adaptation import Trial
 from ..results.errorbars import ErrorBars
@@ -34,7 +35,7 @@ from ..simulation.simulate import finished, hand_over, loads_of
 from ..simulation.state import Run
 from ..simulation.steady import loads_at
 from .modelling import SMALLEST_GAP
-from .orders import COARSEST, MOST_MESHES, UNKNOWNS, cheapest_order, coarse_sizes, next_order
+from .orders import COARSEST, MOST_MESHES, UNKNOWNS, cheapest_order, next_order
 from .search import AccuracySearch, Attempt, SearchRecorder
 from .sizing import Shares, gathered, resized
 

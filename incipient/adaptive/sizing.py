@@ -19,7 +19,7 @@ from .. import compat
 from ..arrays import Floats, Integers
 from ..meshes import SizeField
 from ..parallel import Comm
-from .orders import STEEPEST
+from ..planning.layout import STEEPEST
 
 # The size of a cell relative to before: shares say nothing about much smaller ones.
 SMALLEST, LARGEST = 0.2, 2.0

@@ -17,10 +17,11 @@ from ..accuracy.coarse_runs import COARSER_MESH, changed, comparisons, on_coarse
 from ..accuracy.discretisation import shares
 from ..accuracy.errorbars import coarse_scenes
 from ..adaptive import balance
-from ..adaptive.orders import COARSEST, MOST_MESHES, UNKNOWNS, coarse_sizes, next_order
+from ..adaptive.orders import COARSEST, MOST_MESHES, UNKNOWNS, next_order
 from ..effects.plan import plan_of
 from ..planning import expense, meshing
 from ..planning.flow_setup import Setup
+from ..planning.layout import coarse_sizes
 from ..planning.order import order_of
 from ..planning.plan import Estimate
 from ..results.adaptation import Trial

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +32,7 @@ from ..scene.units import nominal_diameter
 from ..simulation.assemble import TO_COME, cost
 from ..simulation.beside import Beside
 from ..simulation.build import prepared
-from ..simulation.simulate import loads_of
+from ..simulation.simulate import improved_loads, loads_of
 from ..simulation.state import Run
 from .bars import corrected, critical_bars
 from .meshes import CriticalRefinement, on_its_own_mesh
@@ -171,7 +172,9 @@ def _with_bars(threshold: Threshold, run: Run, search: CriticalSearch, found: Fo
             # The flow solved nearest may be far away where the load is in proportion.
             force = replace(force, flow=found.load.flow_force)
             couple = replace(couple, flow=found.load.flow_couple)
-            terms = error_terms(run, force, couple, Beside(run, loads_of, found.factor), found.factor)
+            solve = Beside(run, loads_of, found.factor)
+            improve = partial(improved_loads, comm=run.comm, speed=found.factor)
+            terms = error_terms(run, force, couple, solve, found.factor, improve)
             found, terms = corrected(found, terms)
             bars = critical_bars(found, terms)
         except IncipientError as error:

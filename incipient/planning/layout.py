@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from ..geometry.placement import Placement
 from ..geometry.plane.closing import Closing
 from ..geometry.space.terrain import SmoothTerrain
 from ..installed import required
-from ..meshes import BoxGrid, Grid, Region, Sizes, SolidGrid, SolidRegion
+from ..meshes import BoxGrid, Grid, Region, SizeField, Sizes, SolidGrid, SolidRegion
 from ..meshes.expected import expected_cells
 from .scene_geometry import Place
 
@@ -24,6 +24,7 @@ MANY_CELLS = {2: 20_000, 3: 50_000}
 STEEP = (
     2.5  # slope of a bed in space: one of 1.9 is meshed in seconds, of one of 5.7 triangles cross for minutes
 )
+STEEPEST = 0.35  # growth of coarse cells with distance
 
 
 @dataclass(frozen=True)
@@ -102,3 +103,8 @@ def _round_up(number: float) -> int:
     """A little more than a number, in two digits."""
     digits = 10 ** max(int(math.log10(max(number, 1.0))) - 1, 0)
     return (int(number / digits) + 1) * digits
+
+
+def coarse_sizes(factor: float, field: SizeField | None, layout: Layout) -> Layout:
+    """Default cell sizes times `factor`, except in gaps and where `field` prescribes sizes."""
+    return replace(layout, sizes=replace(layout.sizes.coarsened(factor, STEEPEST), field=field))

@@ -119,14 +119,21 @@ def has_error_bars(scene: Scene) -> bool:
     return scene.numerics.error_bars and (of or (scene.has_centrelines and scene.time is None))
 
 
-def with_estimates(run: Run, result: Result, solve: Callable[[Scene], Loads], follows: bool = True) -> Result:
+def with_estimates(
+    run: Run,
+    result: Result,
+    solve: Callable[[Scene], Loads],
+    improve: Callable[[Scene], Loads],
+    follows: bool = True,
+) -> Result:
     """A complete result, corrected where errors have a sign, with its error bars and what left-out effects change.
 
-    `solve` runs the scenes of coarse runs. With `follows` a grain that the load moves is followed to where it rests.
+    `solve` runs the scenes of coarse runs, `improve` gives improved loads on coarser cells. With `follows` a grain that
+    the load moves is followed to where it rests.
 
     Where one of them fails the result says why; nothing is raised.
     """
-    bars, why = _error_bars(run, result, solve)
+    bars, why = _error_bars(run, result, solve, improve)
     result = _corrected(run, result, bars)
     if follows:
         result = with_rests(run, result)
@@ -139,7 +146,9 @@ def with_estimates(run: Run, result: Result, solve: Callable[[Scene], Loads], fo
     )
 
 
-def _error_bars(run: Run, result: Result, solve: Callable[[Scene], Loads]) -> tuple[ErrorBars | None, str]:
+def _error_bars(
+    run: Run, result: Result, solve: Callable[[Scene], Loads], improve: Callable[[Scene], Loads]
+) -> tuple[ErrorBars | None, str]:
     """The error bars, or why there are none; neither where none are wanted."""
     if not has_error_bars(run.scene):
         return None, ""
@@ -147,7 +156,7 @@ def _error_bars(run: Run, result: Result, solve: Callable[[Scene], Loads]) -> tu
 
     with run.stage("error bars"):
         try:
-            return error_bars(run, result.force, result.couple, solve), ""
+            return error_bars(run, result.force, result.couple, solve, improve), ""
         except IncipientError as error:
             return None, f"not computed: {error}"
 

@@ -8,12 +8,14 @@ a voice; this module writes nothing. The state of a run is in `state`, what make
 from __future__ import annotations
 
 from contextlib import nullcontext, suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import IncipientError, Interrupted, OutputError
 from ..interrupt import Interruption, told_where_kept
 from ..parallel import Comm
+from ..planning.layout import coarse_sizes
 from ..progress import Silent
 from ..results.errorbars import Loads
 from ..results.result import Result
@@ -75,7 +77,8 @@ def finished(run: Run, recorder: Recorder, follows: bool = True) -> Result:
     result = outcome(run)
     estimated = run.scene.numerics.error_bars
     with told_where_kept(recorder.provisional(result), run.comm) if estimated else nullcontext():
-        result = with_estimates(run, result, Beside(run, loads_of), follows)
+        improve = partial(improved_loads, comm=run.comm)
+        result = with_estimates(run, result, Beside(run, loads_of), improve, follows)
     recorder.finish(result)
     return result
 
@@ -87,6 +90,21 @@ def loads_of(scene: Scene, comm: Comm, speed: float = 1.0) -> Loads:
     with prepared(scene, comm, speed=speed) as run:
         force, couple = loads_at(run, speed)
         return Loads(force.flow, couple.flow)
+
+
+def improved_loads(scene: Scene, comm: Comm, speed: float = 1.0) -> Loads:
+    """Force and couple of a steady flow on coarser cells, less their estimated errors. Collective."""
+    from ..accuracy.discretisation import COARSER_CELLS, loads_improved
+    from ..accuracy.dual import GoalErrors
+
+    sizing = partial(coarse_sizes, COARSER_CELLS, None)
+    with prepared(scene, comm, sizing=sizing, speed=speed) as run:
+        loads_at(run, speed)
+        assert run.layout.placement is not None
+        with GoalErrors(run.fluid, "body", run.layout.placement.centre) as goals:
+            if goals.is_upwinded:
+                goals.correct_again()
+            return loads_improved(goals, goals.allowance * speed * run.fluid.reynolds / run.plan.reynolds)
 
 
 def _solve(run: Run, recorder: Recorder, interruption: Interruption, checkpoint: Checkpoint | None) -> None:

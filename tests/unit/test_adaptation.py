@@ -9,13 +9,14 @@ from mpi4py import MPI
 from incipient.accuracy.coarse_runs import changed
 from incipient.accuracy.goal import Goal
 from incipient.adaptive.modelling import SMALLEST_GAP
-from incipient.adaptive.orders import STEEPEST, cheapest_order
+from incipient.adaptive.orders import cheapest_order
 from incipient.adaptive.refinement import Refinement, with_less_of
 from incipient.adaptive.sizing import LARGEST, SMALLEST, Shares, resized
 from incipient.errors import SceneError
 from incipient.geometry.plane.curves import Line
 from incipient.meshes import Near, Region, SizeField, Sizes
 from incipient.meshes.model import region_model
+from incipient.planning.layout import STEEPEST
 from incipient.progress import Silent
 from incipient.results.adaptation import Adaptation, Trial
 from incipient.results.loads import Couples, Forces

@@ -1,0 +1,216 @@
+"""How good corrected loads and their error bars are: scenes beside runs with a tenth of their errors.
+
+The true loads of a scene are those of a run with an eighth of its gap, a domain four times as large and smaller cells,
+corrected itself. An error bar is right where the corrected load is within it; it is useful where it is much smaller
+than the bar of the load as computed.
+
+Cost:    an hour; the scenes in the plane alone two minutes.
+Run:     python benchmarks/calibration.py [a part of the scenes' names]
+Results: the table in docs/accuracy.md, if all scenes are run
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+import incipient
+from incipient.accuracy.coarse_runs import changed, farther
+from incipient.accuracy.model_terms import has_no_far_sides, no_gap
+from incipient.errors import IncipientError
+from incipient.results.errorbars import ErrorBars
+from incipient.results.result import Result
+from incipient.scene import Scene, loads
+
+PAGE = Path(__file__).parent.parent / "docs" / "accuracy.md"
+BEGIN, END = "<!-- calibration: begin -->", "<!-- calibration: end -->"
+CLOSER, LARGER = 0.125, 4.0  # gap and domain of the true loads, over those of the scene
+SMALLEST_GAP = 1e-4
+CELLS = {2: 0.7, 3: 0.6}  # numerics.mesh_size of the true loads, over that of the scene, by the dimension
+HEAD = "| scene | error as computed | its bar | error corrected | its bar | error over bar |\n| --- | --: | --: | --: | --: | --: |"
+
+PLANE = """
+[domain]
+length = 24.0
+height = 20.0
+[fluid]
+reynolds = 20.0
+scale = "grain"
+[flow]
+kind = "shear"
+[body]
+shape = "disc"
+diameter = 1.0
+x = 12.0
+density = 2.65
+[gravity]
+acceleration = 20.0
+[bed]
+kind = "flat"
+[contact]
+friction = 0.5
+"""
+SPACE = (
+    PLANE.replace("24.0", "24.0\nwidth = 16.0")
+    .replace("disc", "sphere")
+    .replace("20.0\n[fluid]", "12.0\n[fluid]")
+)
+IN_STREAM = ("bed=null", "contact=null", "gravity=null", "body.x=null", "flow.kind='uniform'")
+HALF_DISCS = (
+    "bed={kind='half-discs', radius=0.5, spacing=1.2, offset=1.0}",
+    "body.settle=true",
+    "body.x=11.6",
+)
+SPHERES = ("bed={kind='spheres', radius=0.5, spacing=1.0}", "body.settle=true", "contact.gap=0.02")
+
+# What each scene has other than a disc, or a sphere, on a flat bed in shear flow at Re 20.
+SCENES: dict[str, tuple[str, ...]] = {
+    "disc": (),
+    "disc, Stokes flow": ("fluid.inertia=false",),
+    "disc, Re 60": ("fluid.reynolds=60",),
+    "disc, Re 100": ("fluid.reynolds=100",),
+    "disc, domain 12 x 6": ("domain.length=12", "domain.height=6", "body.x=5"),
+    "disc, gap 0.002": ("contact.gap=0.002",),
+    "disc, gap 0.03": ("contact.gap=0.03",),
+    "disc, large cells": ("numerics.mesh_size=3",),
+    "disc, order 2": ("numerics.order=2",),
+    "disc in a channel": ("flow={kind='poiseuille', velocity=1.0}", "domain.height=4"),
+    "disc in an open channel": ("flow={kind='open-channel', velocity=1.0}", "domain.height=4"),
+    "disc in uniform flow": (*IN_STREAM, "body.centre=[9.0, 10.0]"),
+    "disc in uniform flow, 8 x 4": (
+        *IN_STREAM,
+        "domain.length=8",
+        "domain.height=4",
+        "body.centre=[3.0, 2.0]",
+    ),
+    "disc in uniform flow, Re 40": (*IN_STREAM, "body.centre=[9.0, 10.0]", "fluid.reynolds=40"),
+    "ellipse": ("body={shape='ellipse', semi_axes=[0.7, 0.4], x=12.0, density=2.65}",),
+    "ellipse, Stokes flow": (
+        "body={shape='ellipse', semi_axes=[0.7, 0.4], x=12.0, density=2.65}",
+        "fluid.inertia=false",
+    ),
+    "square": ("body={shape='rectangle', width=0.8, height=0.8, x=12.0, density=2.65}",),
+    "disc on a slope": ("bed={kind='inclined', slope=0.1}",),
+    "disc in a pocket": HALF_DISCS,
+    "disc in a pocket, Stokes flow": (*HALF_DISCS, "fluid.inertia=false"),
+    "disc in a pocket, Re 60": (*HALF_DISCS, "fluid.reynolds=60"),
+    "disc in a trough": ("bed={kind='sinusoidal', amplitude=0.1, wavelength=2.0}", "body.settle=true"),
+    "disc, started at once, t = 4": ("time={end=4.0, step=0.1, start='stokes'}",),
+    "disc, pulsating, t = 3": (
+        "time={end=3.0, step=0.1}",
+        "flow.kind='shear'",
+        "flow.rate='1 + 0.3*sin(2*t)'",
+    ),
+    "sphere, Stokes flow": ("fluid.inertia=false",),
+    "sphere": (),
+    "sphere, Re 100": ("fluid.reynolds=100",),
+    "sphere, large cells": ("numerics.mesh_size=2", "fluid.inertia=false"),
+    "sphere in uniform flow, Re 20": (*IN_STREAM, "body.centre=[9.0, 8.0, 6.0]"),
+    "sphere in uniform flow, Re 100": (*IN_STREAM, "body.centre=[9.0, 8.0, 6.0]", "fluid.reynolds=100"),
+    "ellipsoid": ("body={shape='ellipsoid', semi_axes=[0.6, 0.5, 0.4], x=12.0, density=2.65}",),
+    "sphere in a pocket": (*SPHERES, "fluid.inertia=false"),
+    "sphere in a channel": ("flow={kind='poiseuille', velocity=1.0}", "domain.height=3"),
+}
+
+
+def scene_of(name: str) -> Scene:
+    """The scene of a name."""
+    space = name.startswith(("sphere", "ellipsoid"))
+    return loads(SPACE if space else PLANE, overrides=(*SCENES[name], "output.fields=false"), name=name)
+
+
+def nearly_true(scene: Scene) -> Scene:
+    """The scene with its errors much smaller, as far as it has them."""
+    numerics = {"mesh_size": CELLS[scene.gdim] * min(scene.numerics.mesh_size, 1.0)}
+    if scene.gdim == 2:
+        numerics["order"] = 3
+    found = changed(scene, numerics=numerics)
+    if not no_gap(scene) and scene.contact is not None:
+        found = changed(found, contact={"gap": max(CLOSER * scene.contact.gap, SMALLEST_GAP)})
+    if not has_no_far_sides(scene):
+        found = farther(found, LARGER if scene.gdim == 2 else 0.5 * LARGER)
+    if scene.time is not None:
+        found = changed(found, time={"step": 0.5 * scene.time.step})
+    return found
+
+
+@dataclass(frozen=True)
+class Row:
+    """Relative errors of the force, or of the couple over force times size, and their bars."""
+
+    name: str
+    computed: float
+    computed_bar: float
+    corrected: float
+    corrected_bar: float
+    apart: float
+
+    @property
+    def within(self) -> bool:
+        """Whether the corrected load is as near to the true one as its bar says, component by component."""
+        return self.apart <= 1.0
+
+    def text(self) -> str:
+        """A row of the table."""
+        errors = (self.computed, self.computed_bar, self.corrected, self.corrected_bar)
+        return f"| {self.name} | {' | '.join(f'{100 * one:.2g}%' for one in errors)} | {self.apart:.2f} |"
+
+
+def rows_of(name: str) -> Iterator[Row]:
+    """The rows of a scene: of its force."""
+    scene = scene_of(name)
+    found, true = (incipient.run(one, comm=MPI.COMM_SELF) for one in (scene, nearly_true(scene)))
+    bars, better = _bars(found), _bars(true)
+    assert found.force is not None and true.force is not None
+    size = float(np.linalg.norm(true.force.flow))
+    plain = sum(term.uncorrected.force for term in bars.terms if term.name != "interaction")
+    error = np.abs(found.force.flow - true.force.flow)
+    apart = np.max(error / np.maximum(bars.force + better.force, 1e-9 * size))
+    of_plain = np.linalg.norm(found.force.plain - true.force.flow)
+    lengths = (of_plain, np.linalg.norm(plain), np.linalg.norm(error), np.linalg.norm(bars.force))
+    yield Row(name, *(float(one) / size for one in lengths), float(apart))
+
+
+def _bars(result: Result) -> ErrorBars:
+    assert result.error_bars is not None
+    if result.error_bars.failed:
+        print(f"  not computed: {result.error_bars.failed}")
+    return result.error_bars
+
+
+def table(rows: list[Row]) -> str:
+    """The table of all scenes, and what it comes to."""
+    ratio = float(np.median([row.corrected_bar / row.computed_bar for row in rows]))
+    within = sum(row.within for row in rows)
+    summary = (
+        f"{within} of {len(rows)} corrected forces are within their bars (and those of the true forces); "
+        f"the bars are {ratio:.2f} times those without corrections in the median."
+    )
+    return "\n".join([HEAD, *(row.text() for row in rows), "", summary])
+
+
+def main(wanted: list[str]) -> int:
+    """Run the scenes, and renew the page if these are all of them."""
+    names, rows = [name for name in SCENES if all(one in name for one in wanted)], []
+    for name in names:
+        try:
+            for row in rows_of(name):
+                rows.append(row)
+                print(row.text(), flush=True)
+        except IncipientError as error:
+            print(f"{name}: {error}", flush=True)
+    print(found := table(rows))
+    if not wanted and MPI.COMM_WORLD.rank == 0:
+        before, after = PAGE.read_text().split(BEGIN)[0], PAGE.read_text().split(END)[1]
+        PAGE.write_text(f"{before}{BEGIN}\n{found}\n{END}{after}")
+    return 0 if all(row.within for row in rows) else 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))
