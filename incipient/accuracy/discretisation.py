@@ -42,7 +42,6 @@ SETTLED = 0.5
 # Of runs with wall layers on coarser meshes: the order at which their errors are taken to fall at least, and at most.
 # Those of u* over forms of a bed scatter rather than fall (docs/turbulence.md).
 SLOWEST, FASTEST, SCATTERING = 1.0, 2.0, 0.0
-COARSER_CELLS = 1.5  # how much larger the cells are on which loads are improved for comparison
 OF_DRIVEN_BOXES = 2.0  # the order of velocities in a driven box (docs/space.md)
 NOT_COARSER = (
     "coarser meshes have as few rows or columns of cells: use numerics.mesh_size = {finer:g} or less"
@@ -68,19 +67,13 @@ def by_dual(goals: GoalErrors, unit: float) -> Term:
 
 def by_both(term: Term, goals: GoalErrors, unit: float, beside: Loads) -> Term:
     """The term with loads corrected by its estimates, as far as those improved on other cells agree. Not collective."""
-    here = loads_improved(goals, unit)
+    here = goals.loads(unit / goals.allowance)
     apart = (
         goals.allowance * np.abs(a - b) for a, b in ((here.force, beside.force), (here.couple, beside.couple))
     )
     change = -unit / goals.allowance * np.concatenate([goals.force, goals.couple])
     found = term.corrected(change, np.concatenate(list(apart)))
-    return replace(found, how=f"{term.how}, on cells {COARSER_CELLS:g} times as large as well")
-
-
-def loads_improved(goals: GoalErrors, unit: float) -> Loads:
-    """Force and couple with the estimated errors taken away, in a unit that has their allowance. Not collective."""
-    own = unit / goals.allowance
-    return Loads(own * goals.improved.force, own * goals.improved.couple)
+    return replace(found, how=f"{term.how}, on larger cells as well")
 
 
 def by_coarser_mesh(scene: Scene, computed: Loads, solve: Solve) -> Term:

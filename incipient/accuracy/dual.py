@@ -30,10 +30,12 @@ from ..fluid import Fluid
 from ..fluid.raised import enriched
 from ..fluid.solvers.two_level import ROUGH
 from ..fluid.space import boundary_blocks
+from ..results.errorbars import Loads
 
 # Error over estimate in space, the largest of a component that was measured (docs/space.md): cells are larger there
 # than in the plane, and one order more, or upwinding, leaves more that is not seen.
 UNSEEN = 1.6
+COARSER_CELLS = 1.5  # how much larger the cells are on which loads are improved for comparison
 
 
 class GoalErrors:
@@ -80,6 +82,10 @@ class GoalErrors:
     def couple(self) -> Floats:
         """(3,) computed couple less that of the finer elements."""
         return self.computed.couple - self.improved.couple
+
+    def loads(self, unit: float) -> Loads:
+        """Force and couple with the estimated errors taken away, in a unit of the fluid's loads."""
+        return Loads(unit * self.improved.force, unit * self.improved.couple)
 
     @property
     def is_upwinded(self) -> bool:

@@ -36,7 +36,6 @@ from ..results.loads import Couples, Forces
 from ..scene import Scene
 from .coarse_runs import coarse, is_coarse
 from .discretisation import (
-    COARSER_CELLS,
     OF_MESH,
     by_both,
     by_coarser_mesh,
@@ -123,7 +122,7 @@ def with_safety(bars: ErrorBars, run: Run, force: Forces | None, couple: Couples
     """
     if run.contacts is None or force is None or couple is None or not bars.terms:
         return bars
-    force, couple = corrected(bars, force, couple)
+    force, couple = bars.corrected(force, couple)
     errors = {term.name: np.concatenate([term.force, term.couple]) for term in bars.terms}
     from .safetybar import bar_of_scene  # which loads linear programs, slowly
 
@@ -135,14 +134,6 @@ def with_safety(bars: ErrorBars, run: Run, force: Forces | None, couple: Couples
     if bar is not None and (doubtful := bars.doubtful or (SCAN if SCAN in bars.failed else "")):
         bar = replace(bar, certain=False, decisive=doubtful)
     return replace(bars, safety=bar and replace(bar, unknown=unknown))
-
-
-def corrected(bars: ErrorBars, force: Forces, couple: Couples) -> tuple[Forces, Couples]:
-    """Forces and couples as computed with the corrections of the bars; the same without one. Not collective."""
-    change = bars.correction
-    if change is None:
-        return force, couple
-    return force.corrected(change.force), couple.corrected(change.couple)
 
 
 def _computed(run: Run, force: Forces | None, couple: Couples | None) -> Loads:
@@ -182,9 +173,7 @@ def _dual(run: Run, speed: float, improve: Solve | None) -> Term:
     try:
         return by_both(term, goals, unit, improve(run.scene))
     except IncipientError as error:
-        return replace(
-            term, how=f"{term.how}; not corrected, cells {COARSER_CELLS:g} times as large: {error}"
-        )
+        return replace(term, how=f"{term.how}; not corrected, larger cells: {error}")
 
 
 def _by_surplus(run: Run, speed: float) -> Term:

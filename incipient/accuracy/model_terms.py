@@ -128,10 +128,10 @@ def has_no_far_sides(scene: Scene) -> str:
 def of_domain(scene: Scene, solve: Solve, decay: float | None = None, computed: Loads | None = None) -> Term:
     """What sides that stand for an endless flow change, from a coarse run with all of them farther away.
 
-    Their influence falls off like their distance to the power `decay`; None: as `decay_of` the scene says. Force and
+    Their influence falls off like their distance to the power `decay`; None: 2, over a bed with forms 1.5. Force and
     couple of a grain that is held are corrected, with sides farther away still: these are the other way to estimate it.
     """
-    decay = decay_of(scene) if decay is None else decay
+    decay = (DECAY_OVER_FORMS if Setup(scene).base_flow.over_forms else DECAY) if decay is None else decay
     how = f"a coarse run with sides {FARTHER:g} times as far, decay with distance to the power {decay:.2g}"
     share = 1.0 / (1.0 - FARTHER**-decay)
     here, far = solve(coarse(scene)), solve(coarse(farther(scene)))
@@ -178,11 +178,6 @@ def is_corrected(scene: Scene) -> bool:
     return scene.numerics.correction and held and not (scene.has_wall_layer or scene.has_surface)
 
 
-def decay_of(scene: Scene) -> float:
-    """The power of their distance with which the influence of far sides falls off. Not collective."""
-    return DECAY_OVER_FORMS if Setup(scene).base_flow.over_forms else DECAY
-
-
 def of_datum(scene: Scene, other: Scene, solve: Solve) -> Term:
     """What a stream that starts where it does changes, from a coarse run of a scene in which it starts elsewhere."""
     height = Setup(other).base_flow.datum - other.domain.bottom
@@ -206,13 +201,6 @@ def with_other_datum(scene: Scene, speed: float = 1.0) -> Scene | None:
     if abs(other - datum) < SAME_DATUM * (crest - bottom):
         return None
     return changed(scene, flow={"datum": other - bottom})
-
-
-def _adapted(scene: Scene, speed: float) -> Scene:
-    """The scene with a stream that suits its bed: far sides otherwise tell of how slowly one that does not adapts."""
-    if getattr(scene.flow, "datum", "auto") in ("auto", "effective"):
-        return scene
-    return with_other_datum(scene, speed) or scene
 
 
 def of_level_ground(wider: Scene, computed: Loads, solve: Solve) -> Term:
@@ -243,11 +231,14 @@ def of_the_model(
     `computed` are the loads of the run itself, which tell how far coarse runs are off.
     """
     found: dict[str, Callable[[Solve], Term]] = {}
+    other = with_other_datum(scene, speed)
     if not no_gap(scene):
         found["gap"] = partial(of_gap, scene, computed=computed)
     if not has_no_far_sides(scene):
-        found["domain"] = partial(of_domain, _adapted(scene, speed), computed=computed)
-    if (other := with_other_datum(scene, speed)) is not None:
+        # Far sides otherwise tell of how slowly a stream adapts that does not suit its bed.
+        suits = getattr(scene.flow, "datum", "auto") in ("auto", "effective")
+        found["domain"] = partial(of_domain, scene if suits else other or scene, computed=computed)
+    if other is not None:
         found["datum"] = partial(of_datum, scene, other)
     return found
 

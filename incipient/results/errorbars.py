@@ -193,6 +193,13 @@ class ErrorBars:
         force, couple = (np.sum([getattr(one, of) for one in found], axis=0) for of in ("force", "couple"))
         return Correction(force, couple)
 
+    def corrected(self, force: Forces, couple: Couples) -> tuple[Forces, Couples]:
+        """Forces and couples with the corrections added; as they are without one."""
+        change = self.correction
+        if change is None:
+            return force, couple
+        return force.corrected(change.force), couple.corrected(change.couple)
+
     @property
     def force(self) -> Floats:
         """(3,) absolute error of the force, (0,) without a grain."""

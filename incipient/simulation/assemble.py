@@ -134,12 +134,12 @@ def with_estimates(
     Where one of them fails the result says why; nothing is raised.
     """
     bars, why = _error_bars(run, result, solve, improve)
-    result = _corrected(run, result, bars)
+    found = _corrected(run, result, bars)
     if follows:
-        result = with_rests(run, result)
+        found = with_rests(run, found)
     return replace(
-        result,
-        error_bars=_with_rocking(run, result, bars),
+        found,
+        error_bars=_with_rocking(run, found, bars),
         without_error_bars=why,
         omitted=_omissions(run, result),
         cost=cost(run),
@@ -165,9 +165,7 @@ def _corrected(run: Run, result: Result, bars: ErrorBars | None) -> Result:
     """The result with its loads corrected, and what follows from them. Collective."""
     if bars is None or bars.correction is None or result.force is None or result.couple is None:
         return result
-    from ..accuracy.errorbars import corrected
-
-    force, couple = corrected(bars, result.force, result.couple)
+    force, couple = bars.corrected(result.force, result.couple)
     return replace(
         result,
         force=force,

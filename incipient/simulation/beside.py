@@ -22,7 +22,6 @@ from .state import Run
 
 if TYPE_CHECKING:
     from ..fluid import Fluid
-    from ..mesh.stretching import KeptBox
 
 # To what error the flows are solved: their differences are percents of the loads.
 TOLERANCE = 1e-5
@@ -136,10 +135,14 @@ class Beside:
 
 def _in_domain(run: Run, scene: Scene) -> Floats | None:
     """(n, 3) the mesh's nodes in the domain of a scene; None where the bed there is another one."""
-    from ..mesh.stretching import stretched
+    from ..mesh.stretching import KeptBox, stretched
+
+    def box(domain: Any) -> KeptBox:
+        sides = np.array([(domain.left, domain.right), domain.across, (domain.bottom, domain.ceiling)])
+        return KeptBox(sides[:, 0], sides[:, 1])
 
     x, region, placement = run.domain.mesh.geometry.x, run.layout.shape, run.layout.placement
-    old, new = (_box(one.domain) for one in (run.scene, scene))
+    old, new = (box(one.domain) for one in (run.scene, scene))
     if np.array_equal(old.low, new.low) and np.array_equal(old.high, new.high):
         return np.array(x)
     assert placement is not None
@@ -152,10 +155,3 @@ def _in_domain(run: Run, scene: Scene) -> Floats | None:
     if resolved is not None:
         kept[:2] = np.maximum(kept[:2], resolved.radius + resolved.passage)
     return stretched(np.array(x), np.asarray(placement.centre), kept, old, new)
-
-
-def _box(domain: Any) -> KeptBox:
-    from ..mesh.stretching import KeptBox
-
-    sides = np.array([(domain.left, domain.right), domain.across, (domain.bottom, domain.ceiling)])
-    return KeptBox(sides[:, 0], sides[:, 1])

@@ -94,8 +94,7 @@ def loads_of(scene: Scene, comm: Comm, speed: float = 1.0) -> Loads:
 
 def improved_loads(scene: Scene, comm: Comm, speed: float = 1.0) -> Loads:
     """Force and couple of a steady flow on coarser cells, less their estimated errors. Collective."""
-    from ..accuracy.discretisation import COARSER_CELLS, loads_improved
-    from ..accuracy.dual import GoalErrors
+    from ..accuracy.dual import COARSER_CELLS, GoalErrors
 
     sizing = partial(coarse_sizes, COARSER_CELLS, None)
     with prepared(scene, comm, sizing=sizing, speed=speed) as run:
@@ -104,7 +103,7 @@ def improved_loads(scene: Scene, comm: Comm, speed: float = 1.0) -> Loads:
         with GoalErrors(run.fluid, "body", run.layout.placement.centre) as goals:
             if goals.is_upwinded:
                 goals.correct_again()
-            return loads_improved(goals, goals.allowance * speed * run.fluid.reynolds / run.plan.reynolds)
+            return goals.loads(speed * run.fluid.reynolds / run.plan.reynolds)
 
 
 def _solve(run: Run, recorder: Recorder, interruption: Interruption, checkpoint: Checkpoint | None) -> None:

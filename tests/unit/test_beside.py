@@ -42,11 +42,11 @@ def never(scene: Scene, comm: MPI.Comm, speed: float) -> Loads:
 def test_the_mesh_of_a_run_serves_for_other_gaps_and_domains() -> None:
     """With four times the gap the exact loads, to what cells of this size err by with any gap (1.1%, docs/space.md)."""
     scene = on_plane()
-    one, two, four, farther = coarse_scenes(scene)
+    one, two, four, farther, farthest = coarse_scenes(scene)
     with prepared(scene, MPI.COMM_SELF) as run:
         solve_steadily(run, run.fluid)
         before, own = run.domain.mesh.geometry.x.copy(), run.probe.resultant()
-        found = [Beside(run, never)(each) for each in (one, two, four, farther)]
+        found = [Beside(run, never)(each) for each in (one, two, four, farther, farthest)]
         assert np.array_equal(run.domain.mesh.geometry.x, before)
         faster = Beside(run, never, speed=3.0)(one)
         assert np.array_equal(run.probe.resultant().force, own.force)
@@ -60,6 +60,7 @@ def test_the_mesh_of_a_run_serves_for_other_gaps_and_domains() -> None:
     )  # the shear is faster where the centre is higher
     # Sides closer to the sphere hold the fluid back: the force falls as they go, by less than a percent there.
     assert 0.99 * own.force[0] < found[3].force[0] < own.force[0]
+    assert 0.99 * own.force[0] < found[4].force[0] < own.force[0]
 
 
 def test_a_bed_with_forms_up_to_the_sides_is_meshed_anew() -> None:
@@ -81,7 +82,7 @@ def test_a_bed_with_forms_up_to_the_sides_is_meshed_anew() -> None:
         beside = Beside(run, noted, speed=2.0)
         for each in coarse_scenes(scene):
             beside(each)
-    assert asked == [2.0] * 4
+    assert asked == [2.0] * 5
 
 
 def test_points_are_stretched_away_from_the_middle_only() -> None:
