@@ -14,21 +14,17 @@ HEAD = """# Speed and accuracy
 
 `make bench` writes this page from `benchmarks/results.json`, which has all runs. Do not edit it by hand.
 `.venv/bin/python benchmarks/run.py --only cylinder` makes one part (also {names});
-`--repeat N` measures N rounds; `--report` writes this page without measuring. What accuracy costs, scene by scene:
-[cost.md](cost.md).
+`--repeat N` measures N rounds; `--report` writes this page without measuring. What accuracy costs: [cost.md](cost.md).
 
-**Method.** Whole processes on one core with one thread: imports, meshing and written files included, forms compiled
-by a warm-up round. Programs that are compared run alternately; tables have the median of the rounds, without runs of
-other programs that another of the same program beats in time and error. *Processor* is user and system time, *memory*
-peak resident size.
+**Method.** Whole processes on one core, with imports, meshing and written files; forms are compiled before. Programs
+run alternately; tables have the median of the rounds, without runs that another of the same program beats in time and
+error. *Processor* is user and system time, *memory* peak resident size.
 
 **Machine.** {processor}, {cores} cores, {memory_gib} GiB, {system}; {versions}.
-{load}
 
-**Other programs** are scripts in `benchmarks/programs/`, as a user of the library would write them, not the best that
-these libraries can do. *Plain dolfinx* assembles and factorises in every Newton iteration. *NGSolve* (from PyPI) uses
-static condensation and its fastest direct solver. None estimates its error, so *incipient* runs without error bars
-beside them; the grain on a bed has error bars.
+**Other programs** are scripts in `benchmarks/programs/`, as a user of the library would write them. *Plain dolfinx*
+assembles and factorises in every Newton iteration. *NGSolve* (from PyPI) uses static condensation and its fastest
+direct solver. None estimates its error, so *incipient* runs without error bars beside them.
 """
 
 
@@ -45,9 +41,7 @@ def write(results: dict[str, Any]) -> None:
 def _head(results: dict[str, Any]) -> str:
     names = ", ".join(f"`{name}`" for name in cases.ALL if name != "cylinder")
     versions = ", ".join(f"{name} {version}" for name, version in results["versions"].items())
-    loads = [part["load_before"] for part in results["sessions"].values()]
-    load = f"Load of the machine before the parts began: {min(loads):g} to {max(loads):g}."
-    return HEAD.format(names=names, versions=versions, load=load, **results["machine"])
+    return HEAD.format(names=names, versions=versions, **results["machine"])
 
 
 def _shortcomings(measured: dict[str, Any]) -> str:

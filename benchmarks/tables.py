@@ -54,10 +54,10 @@ def cheapest(rows: Iterable[Row], reaches: Callable[[Row], bool]) -> dict[str, R
     return best
 
 
-def efficient(rows: Iterable[Row], error: Callable[[Row], float], own: str) -> list[Row]:
-    """All runs of one's own program; of others those that no run of the same program beats in time and error."""
+def efficient(rows: Iterable[Row], error: Callable[[Row], float]) -> list[Row]:
+    """Runs that no run of the same program beats in time and error."""
     able = [row for row in rows if "error" not in row]
-    return [row for row in able if row["family"] == own or not any(_beats(one, row, error) for one in able)]
+    return [row for row in able if not any(_beats(one, row, error) for one in able)]
 
 
 def _beats(one: Row, row: Row, error: Callable[[Row], float]) -> bool:
@@ -66,13 +66,13 @@ def _beats(one: Row, row: Row, error: Callable[[Row], float]) -> bool:
 
 
 def race(best: dict[str, Row], own: str, goal: str) -> str:
-    """Who reaches the goal in what wall time, with ratios of wall and processor time to our own program."""
+    """Who reaches the goal in what wall time, that of others relative to our own program's."""
     if own not in best:
         return f"incipient did not reach {goal}."
     ours = best[own]
-    first = f"{own} {seconds(ours['wall'])} s ({ours['name']})"
+    first = f"{own} {seconds(ours['wall'])} s"
     others = [
-        f"{family} x {row['wall'] / ours['wall']:.2f} ({row['name']}; processor time x {row['cpu'] / ours['cpu']:.2f})"
+        f"{family} x {row['wall'] / ours['wall']:.2f}"
         for family, row in sorted(best.items(), key=lambda one: one[1]["wall"])
         if family != own
     ]

@@ -36,7 +36,6 @@ def describe(data: dict[str, Any]) -> str:
     times = ", ".join(f"{WORK[name]} {data['milliseconds'][name]:.2f} ms" for name in GOALS)
     return f"""{head}
 
-Processor time each, for {data["cases"]} random grains on {data["contacts"]} contacts in space, one after the other
-on one core (`tests/stability/random_contacts.py`): {times}. A motion includes the search for other motions
-that the laws allow, more than two fifths of its time.
+Processor time for each of {data["cases"]} random grains on {data["contacts"]} contacts in space
+(`tests/stability/random_contacts.py`): {times}. A motion includes the search for other motions that the laws allow.
 """

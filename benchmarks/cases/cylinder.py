@@ -7,7 +7,7 @@ from typing import Any
 import callers
 from measure import Session
 from references import CYLINDER, errors
-from tables import Row, cheapest, efficient, expense, failures, race, small, table
+from tables import Row, cheapest, efficient, failures, race, seconds, small, table
 
 TARGET = {"drag": 1e-6, "lift": 1e-3}
 SIZES = {2: (1.0, 0.5, 0.35), 3: (1.5, 1.0, 0.5), 4: (2.0, 1.5, 1.0, 0.75, 0.5)}
@@ -65,16 +65,20 @@ def describe(data: dict[str, Any]) -> str:
         "error of C_D",
         "error of C_L",
         "processor [s]",
-        "memory [MiB]",
     ]
     cells = [
-        [f"{r['family']}: {r['name']}", str(r["unknowns"]), *map(small, r["errors"].values()), *expense(r)]
-        for r in efficient(rows, worst, callers.INCIPIENT)
+        [
+            f"{r['family']}: {r['name']}",
+            str(r["unknowns"]),
+            *map(small, r["errors"].values()),
+            seconds(r["cpu"]),
+        ]
+        for r in efficient(rows, worst)
     ]
     return f"""## Cylinder in a channel, Re = 20 (DFG 2D-1)
 
-Relative errors of the coefficients against C_D = {CYLINDER["drag"]}, C_L = {CYLINDER["lift"]}
-(Schäfer & Turek 1996, digits of Nabh 1998). All programs compute the force from the residual.
+Errors relative to C_D = {CYLINDER["drag"]}, C_L = {CYLINDER["lift"]} (Schäfer & Turek 1996, digits of Nabh
+1998). All programs compute the force from the residual.
 
 {table(heads, cells)}
 

@@ -45,26 +45,18 @@ def fine(rows: list[Row]) -> Row | None:
 
 def describe(data: dict[str, Any]) -> str:
     """The section of the page."""
-    heads = ["", "unknowns", "steps", "wall [s]", "flow", "tractions", *OWN, "share of the last two"]
+    heads = ["unknowns", "wall [s]", "flow", *OWN, "share of the last two"]
     rows = [_cells(row) for row in data["rows"] if "error" not in row]
     return f"""## A free body
 
-The first 60 steps of the pebble in the pothole (`demos/scenes/{SCENE}.toml`), by the stages of `cost.wall_time` in
-result.json (seconds of the last round; no remeshing). *Interface*: the body's equation of motion, and the derivative of
-the flow by its three motions:
+The first 60 steps of the pebble in the pothole (`demos/scenes/{SCENE}.toml`), without remeshing, in seconds of
+`cost.wall_time` in result.json. *Interface*: the body's equation of motion, and the derivative of the flow by its three
+motions:
 
 {table(heads, rows)}"""
 
 
 def _cells(row: Row) -> list[str]:
     stages = row["stages"]
-    parts = [seconds(stages[name]) for name in ("flow", "tractions", *OWN)]
-    steps = str(row["iterations"]["steps"])
-    return [
-        row["name"],
-        str(row["unknowns"]),
-        steps,
-        seconds(row["wall"]),
-        *parts,
-        f"{100 * share(row):.0f}%",
-    ]
+    parts = [seconds(stages[name]) for name in ("flow", *OWN)]
+    return [str(row["unknowns"]), seconds(row["wall"]), *parts, f"{100 * share(row):.0f}%"]

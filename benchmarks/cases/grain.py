@@ -57,11 +57,8 @@ def describe(data: dict[str, Any]) -> str:
     """The section of the page."""
     runs = [[row["name"], seconds(row["wall"]), *expense(row)] for row in data["runs"]]
     fine = data["refined"][-1]
-    refined = [
-        [r["name"], str(r["unknowns"]), *_loads(r), small(_distance(r, fine))] for r in data["refined"][:-1]
-    ]
-    refined.append([f"{fine['name']} (finest)", str(fine["unknowns"]), *_loads(fine), ""])
-    gaps = [[r["name"], str(r["gap"]["cells"]), *_loads(r)] for r in data["gaps"]]
+    refined = [f"{r['name']}: {small(_distance(r, fine))}" for r in data["refined"][:-1]]
+    gaps = [[r["name"], *_loads(r)] for r in data["gaps"][::2]]
     limit = [f"{v:.5f}" for v in limits(data["gaps"])]
     return f"""## A grain on a bed: the main job
 
@@ -69,14 +66,12 @@ def describe(data: dict[str, Any]) -> str:
 
 {table(["", "wall [s]", "processor [s]", "memory [MiB]"], runs)}
 
-Force and couple (torque) in scene units. Error: largest difference from the finest mesh in force or couple, over the
-force:
+Largest difference in force or couple (torque) from the finest mesh ({fine["name"]}), over the force:
+{"; ".join(refined)}.
 
-{table(["", "unknowns", "F_x", "F_y", "couple", "error"], refined)}
+Loads for gaps in grain sizes (P3-P2, mesh_size = 0.5), extrapolated linearly from the two smallest ones:
 
-The gap in grain sizes (P3-P2, mesh_size = 0.5), extrapolated linearly from the two smallest ones:
-
-{table(["gap", "cells across", "F_x", "F_y", "couple"], [*gaps, ["0 (extrapolated)", "", *limit]])}
+{table(["gap", "F_x", "F_y", "couple"], [*gaps, ["0 (extrapolated)", *limit]])}
 
 {_verdict_on_gap(data["gaps"])}"""
 

@@ -82,8 +82,7 @@ def describe(data: dict[str, Any]) -> str:
     found = data["fit"]
     return f"""## Memory predicted and used
 
-`incipient plan` predicts base + c n log2 n for n unknowns. With the error bars of steady flow the unknowns of the dual
-solution, of one order more, come on top. In {len(sizes)} runs of `cylinder`, `cavity` and `grain_on_bed` with
-{min(sizes)} to {max(sizes)} unknowns, orders 2 to 4, with and without error bars, it is
-{min(off):+.0f}% to {max(off):+.0f}% off the peak of the whole process. Best fit without error bars: a base of
+`incipient plan` predicts base + c n log2 n for n unknowns, those of a dual solution included. In {len(sizes)} runs of
+`cylinder`, `cavity` and `grain_on_bed` ({min(sizes)} to {max(sizes)} unknowns, orders 2 to 4, with and without error
+bars) it is {min(off):+.0f}% to {max(off):+.0f}% off the measured peak. Best fit without error bars: a base of
 {found["base_mib"]:.0f} MiB and c = {found["bytes"]:.0f} bytes."""

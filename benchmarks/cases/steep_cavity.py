@@ -89,24 +89,16 @@ def describe(data: dict[str, Any]) -> str:
     ]
     fine = data["fine"]
     cost.append([f"{fine['name']} (taken as exact)", str(fine["unknowns"]), "", *expense(fine)])
-    extrema = [
-        [key, *(f"{e['value']:.5f} at {e['position']:.4f}" for e in found.values())]
-        for key, found in data["extrema"].items()
-    ]
     return f"""## Driven cavity up to Re = 4000, from rest
 
 ![Velocity on the centrelines of the driven cavity](figures/cavity.png)
 
 The paper's Fig. 2. Lines: `demos/scenes/cavity.toml` (P4-P3, mesh_size = 1); markers: Ghia, Ghia & Shin (1982),
-`benchmarks/reference/cavity_ghia_1982.csv`, known misprints corrected or left out. Largest deviations from their
-table (about three digits):
+`benchmarks/reference/cavity_ghia_1982.csv`, without known misprints. Largest deviations from their table, which has
+about three digits:
 
 {table(["Re", "u on x = 0.5", "v on y = 0.5"], deviations)}
 
-Extrema on the centrelines (lid speed 1):
-
-{table(["Re", *next(iter(data["extrema"].values()))], extrema)}
-
-Cost, and error of the three extrema against the finest run, at Re = {HARDEST}:
+Largest error of the three extrema against the finest run:
 
 {table(heads, cost)}"""

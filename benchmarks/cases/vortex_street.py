@@ -11,7 +11,7 @@ import callers
 import history
 from measure import Program, Session
 from references import PULSATING, VORTEX_STREET
-from tables import Row, expense, failures, seconds, table
+from tables import Row, failures, seconds, table
 
 DIAMETER, MEAN_VELOCITY = 0.1, 1.0
 LATE = 2.0  # the last so much time is taken for periodic
@@ -133,29 +133,27 @@ def _describe_periodic(row: Row, refined: list[Row], others: list[Row]) -> str:
     ]
     return f"""![Drag and lift of the cylinder](figures/vortex_street.png)
 
-`demos/scenes/vortex_street.toml`, from rest; maxima over the last {LATE:g} time units ({row["periods"]} periods of the
-lift, over which its amplitude changes by {row["growth"]:.1e}).
+`demos/scenes/vortex_street.toml`, from rest; maxima over the last {LATE:g} time units, {row["periods"]} periods of the
+lift.
 
 {table(["", *NAMES.values(), "processor [s]"], [published, *cells])}
 
 {_beside([row, *others])}
 
-{_remark([r for r in refined if "error" not in r])}
-
-{_cost(row)}"""
+{_remark([r for r in refined if "error" not in r])}"""
 
 
 def _beside(rows: list[Row]) -> str:
     """All programs in one table, with the largest of their errors."""
     ran = [row for row in rows if "error" not in row]
     cells = [
-        [f"{r['family']}: {r['name']}", str(r["unknowns"]), *_errors(r["found"]), *expense(r)] for r in ran
+        [f"{r['family']}: {r['name']}", str(r["unknowns"]), *_errors(r["found"]), seconds(r["cpu"])]
+        for r in ran
     ]
-    heads = ["program", "unknowns", *NAMES.values(), "processor [s]", "memory [MiB]"]
+    heads = ["program", "unknowns", *NAMES.values(), "processor [s]"]
     limits = ", ".join(f"{NAMES[key]} = {value:g}" for key, value in LIMIT.items())
-    return f"""Relative differences from {limits}, the limit of incipient's cells and steps. *Splitting* solves
-velocity, pressure and a projection one after another; *explicit convection* is of first order in time and needs short
-steps, but one factorisation for all.
+    return f"""Differences relative to {limits}, the limit of incipient's cells and steps. *Splitting* solves velocity,
+pressure and a projection in turn; *explicit convection* is of first order in time and factorises once.
 
 {table(heads, cells)}
 
