@@ -47,10 +47,10 @@ BOTELLA_PEYRET = (-0.3885698, 0.3769447, -0.5270771)
 
 def bodies() -> Iterator[Row]:
     """Density ratios from none to a million; no inertia; no mass but inertia."""
-    for mass, moment in ((0, 0), (1e-6, 1e-6), (1e-3, 1e-3), (1, 1), (1e3, 1e3), (1e6, 1e6), (1, 0), (0, 1)):
+    for mass, moment in ((0, 0), (1e-3, 1e-3), (1, 1), (1e6, 1e6), (1, 0), (0, 1)):
         with in_cavity(mass, moment) as found:
             told = ride(found, 0.05, 8)
-        case = f"disc, mass {mass:g}, inertia {moment:g} times the fluid's"
+        case = f"mass {mass:g} and inertia {moment:g} times the fluid's"
         yield case, f"speed {told.speed:.3g}, corrections {told.corrections}", told.ended
 
 
@@ -58,15 +58,17 @@ def steady_cavities() -> Iterator[Row]:
     """Coarse cells, plain and stabilised."""
     cases = [(1e3, 8), (1e3, 16), (1e3, 24), (1e3, 32), (1e4, 16), (1e4, 32), (1e4, 48)]
     for reynolds, n in cases:
-        for stabilised in (False, True):
-            found = steady_cavity(reynolds, n, stabilisation=stabilised)
-            exact = BOTELLA_PEYRET if reynolds == 1e3 else FINEST_CAVITY
-            error = np.abs(np.array(found.extrema) / exact - 1).max()
-            case = f"cavity, Re {reynolds:g}, {n} cells a side, {'stabilised' if stabilised else 'plain'}"
-            if found.share < 1.0:
-                yield case, f"no solution beyond Re {found.share * reynolds:.4g}", "stops by name"
-            else:
-                yield case, f"error of the extrema {100 * error:.2g}%", f"{found.corrections} corrections"
+        plain, stabilised = (_steady_cavity(reynolds, n, kind) for kind in (False, True))
+        yield f"Re {reynolds:g}, {n} cells a side", f"plain {plain}", f"stabilised {stabilised}"
+
+
+def _steady_cavity(reynolds: float, n: int, stabilised: bool) -> str:
+    found = steady_cavity(reynolds, n, stabilisation=stabilised)
+    if found.share < 1.0:
+        return f"stops by name: no solution beyond Re {found.share * reynolds:.4g}"
+    exact = BOTELLA_PEYRET if reynolds == 1e3 else FINEST_CAVITY
+    error = np.abs(np.array(found.extrema) / exact - 1).max()
+    return f"{100 * error:.2g}%, {found.corrections} corrections"
 
 
 def impulsive_cavities() -> Iterator[Row]:
@@ -74,7 +76,7 @@ def impulsive_cavities() -> Iterator[Row]:
     kinds = {
         "plain": FlowModel(unsteady=True),
         "stabilised": FlowModel(unsteady=True, stabilisation=True),
-        "stabilised, energy-stable, extrapolated": FlowModel(
+        "stabilised, energy-stable and extrapolated": FlowModel(
             unsteady=True, convection="extrapolated", energy_stable=True, stabilisation=True
         ),
     }
@@ -83,31 +85,31 @@ def impulsive_cavities() -> Iterator[Row]:
             if name == "plain" and courant > 1.0:
                 continue  # minutes of ever shorter steps until it stops by name
             speed, ended = set_off(1e4, 12, courant / 12, 10, model)
-            yield f"lid set off at Re 10,000, CFL {courant:g}, {name}", f"largest speed {speed:.3g}", ended
+            yield f"{name}, CFL {courant:g}", f"largest speed {speed:.3g}", ended
 
 
 def near_contact() -> Iterator[Row]:
     """Lubrication, against the exact solution."""
+    gaps = (1e-1, 1e-2, 1e-3, 1e-4)
     for motion in MOTIONS:
-        for gap in (1e-1, 1e-2, 1e-3, 1e-4):
-            found, exact = wall_force(motion, gap), exact_wall_force(motion, gap)
-            case = f"cylinder {motion}, gap {gap:g}"
-            yield case, f"{found:.5g}, exact {exact:.5g}", f"error {100 * (found / exact - 1):.2g}%"
+        errors = [wall_force(motion, gap) / exact_wall_force(motion, gap) - 1 for gap in gaps]
+        found = "; ".join(f"{100 * error:.2g}%" for error in errors)
+        yield f"cylinder {motion}, gap {'; '.join(f'{gap:g}' for gap in gaps)}", f"error {found}", "completed"
 
 
 def long_steps() -> Iterator[Row]:
     """A massless disc in steps from tiny to huge; cells of 0.08."""
-    for courant in (0.01, 1.0, 10.0, 100.0, 1000.0):
+    for courant in (0.01, 1.0, 100.0, 1000.0):
         with in_cavity(0.0) as found:
             told = ride(found, 0.08 * courant, 3)
         yield f"massless disc, CFL {courant:g}", f"largest speed {told.speed:.3g}", told.ended
 
 
 def stiff_couples() -> Iterator[Row]:
-    for stiffness in (1.0, 1e3, 1e6, 1e9):
+    for stiffness in (1.0, 1e9):
         told = sprung(stiffness, 0.05)
         found = f"angle {told.readings[-1, 5]:.4g}, corrections {told.corrections}"
-        yield f"torsional spring {stiffness:g}, no inertia", found, told.ended
+        yield f"stiffness {stiffness:g}", found, told.ended
 
 
 def new_meshes() -> Iterator[Row]:
@@ -132,7 +134,7 @@ def bad_meshes() -> Iterator[Row]:
             solve_steady(fluid, 1e-8, first_share=0.2)
             error = np.abs(np.array(extrema(fluid)) / exact - 1).max()
         yield (
-            f"cavity, Re 1000, cells thrown by {throw:g} of what folds them",
+            f"cells thrown by {throw:g} of what folds them",
             f"error {100 * error:.2g}%",
             "completed",
         )
@@ -156,7 +158,7 @@ def moved_meshes() -> Iterator[Row]:
         )
         kinetic, _ = energies(1e6, model, 1, 0.1, 100)
         factor = (kinetic[1:] / kinetic[:-1]).max()
-        case = f"mesh thrown in each of 100 steps, energy-stable{', stabilised' if stabilised else ''}"
+        case = f"energy-stable form{', stabilised' if stabilised else ''}"
         yield case, f"largest factor of a step {factor:.4f}", "energy never grows" if factor <= 1 else "grows"
 
 
