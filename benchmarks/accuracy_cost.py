@@ -23,7 +23,7 @@ ROOT = Path(__file__).resolve().parents[1]
 STUDIES, PAGE = ROOT / "results" / "cost", ROOT / "docs" / "cost.md"
 FIGURES = PAGE.parent / "figures"
 # Beginnings of parts of a study that are only in its own cost.md: all runs, laws by quantity, a summary of a table.
-LEFT_OUT = ("| run ", "error = C", "| quantity ", "**1%")
+LEFT_OUT = ("| run ", "error = C", "| quantity ", "**1%", "**Solver options**")
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,7 @@ def _brief(part: str) -> str:
     if part.startswith(LEFT_OUT):
         return ""
     if part.startswith("| accuracy "):
-        return _columns(part, (0, 1, 3))  # without wall times
+        return _without_repeats(_columns(part, (0, 1, 3)))  # without wall times
     if part.startswith("| solver option "):
         rows = (row.strip("| ").split(" | ") for row in part.splitlines()[2:])
         return f"Time at equal errors: {', '.join(f'*{cells[0]}* {cells[1]}' for cells in rows)}."
@@ -141,9 +141,6 @@ def _brief(part: str) -> str:
         said, _, good = part.removeprefix("The error is ").partition("). ")[0].partition(" (")
         said = said.replace("largest of the relative errors", "largest relative error").removeprefix("the ")
         return f"Error: {said} ({good.rpartition('itself ')[2]})."
-    if part.startswith("**Solver options**"):
-        cheaper = part.rpartition(". ")[2].partition(": ")[2]
-        return f"Cheaper than the scene's own options: {cheaper}" if cheaper else ""
     return part
 
 
@@ -151,6 +148,15 @@ def _columns(table: str, kept: tuple[int, ...]) -> str:
     """Keeps some columns of a table."""
     rows = (row.strip("| ").split(" | ") for row in table.splitlines())
     return "\n".join(f"| {' | '.join(cells[k] for k in kept)} |" for cells in rows)
+
+
+def _without_repeats(table: str) -> str:
+    """Of rows that differ in the accuracy alone the last: what reaches it reaches those before."""
+    rows = table.splitlines()
+    ends = [row.split(" | ", 1)[1] for row in rows]
+    return "\n".join(
+        row for row, end, following in zip(rows, ends, [*ends[1:], ""], strict=True) if end != following
+    )
 
 
 def _head() -> str:
@@ -168,32 +174,30 @@ Machine: {about["processor"]}, {about["cores"]} cores, {about["memory_gib"]} GiB
 
 ## The tables
 
-- **Runs.** A study is a ladder of runs: orders of the velocity, cell sizes, time steps, solver options. Each is a
-  process of its own, without error bars, with forms compiled before; of runs made twice (below 5 s) the quicker counts.
+- **Runs.** A study is a ladder of runs: orders, cell sizes, time steps, solver options. Each is a process of its own,
+  without error bars, with forms compiled before.
 - **Front.** The runs whose error is smaller, by a tenth at least, than that of all that take less processor time.
-- **Law.** \\(E = C (t - t_0)^{{-p}}\\), with t in seconds of processor time, is fitted to the front. The start
-  \\(t_0\\) does not depend on the number of unknowns (libraries, mesh generator, forms). "About": beyond the runs.
+- **Law.** \\(E = C (t - t_0)^{{-p}}\\), t in seconds of processor time, is fitted to the front. The start \\(t_0\\) is
+  that of libraries, mesh generator and forms. "About": beyond the runs.
 - **Reference.** The finest run, extrapolated where possible. Couple means torque.
 
 ## Solver options
 
-They change the algebra, the linearisation, the stabilisation or the time scheme, on the same cells and steps. The usual
-ones (steady: {_usual(solvers.USUAL_STEADY)}; in time:
-{_usual(solvers.USUAL_IN_TIME)}) are tried on the three coarsest variants of the middle order, unless
-the scene has them. `--solvers WAY ...` tries the given ones on all variants, `--solvers own` none. Words are joined by
-"+", such as `extrapolated+bdf1`:
+The usual ones (steady: {_usual(solvers.USUAL_STEADY)}; in time:
+{_usual(solvers.USUAL_IN_TIME)}) are tried on the three coarsest variants of the middle order.
+`--solvers WAY ...` tries the given ones on all variants, `--solvers own` none. Words are joined by "+", such as
+`extrapolated+bdf1`:
 
 {_ways()}
 
-*Time at equal errors* is the time (without start) for the error of the scene's own options, over the time of those
-(geometric mean over three variants). An option is *cheaper* if it takes less by a tenth, and less on every variant;
-`incipient plan` then says so. What such studies recommend for all scenes becomes the default.
+*Time at equal errors* is the time, without the start, for the error of the scene's own options, over the time of those.
+An option that takes less by a tenth, and less on every variant, is named by `incipient plan`. One that is best for all
+scenes becomes the default.
 
 ## Time and error before a run
 
-`incipient plan SCENE` predicts time, memory and error by two laws fitted to a study, for n unknowns, m time steps and
-cells h: \\(t = t_0 + f + n^p (a + c m)\\) for the processor time, \\(E = C h^q + D \\Delta t^r\\) for the error of each
-order.
+`incipient plan SCENE` predicts processor time and, for each order, the error by laws fitted to a study, for n unknowns,
+m time steps and cells h: \\(t = t_0 + f + n^p (a + c m)\\), \\(E = C h^q + D \\Delta t^r\\).
 
 | laws | processor time right to a factor of |
 | :-- | --: |
@@ -202,8 +206,7 @@ order.
 | of another machine, shipped with the program | {prediction.ELSEWHERE:g} |
 
 The laws of every study are kept as this machine's calibration (`$XDG_CACHE_HOME/incipient/calibration.json`).
-`plan --study DIRECTORY` takes those of one study. The dual solution of the error bars counts as a run with its
-unknowns, a coarse run as one whose mesh is made.
+`plan --study DIRECTORY` takes those of one study. Dual solutions and coarse runs of the error bars count as runs.
 """
 
 
