@@ -190,43 +190,34 @@ def table(rows: list[Row]) -> str:
         "rests on",
         "angle of repose",
         "Shields number",
-        *TERMS,
         "drag",
-        "mode",
     )
     rows = [row for row in rows if not row["reynolds"]]
     lines = ["| " + " | ".join(head) + " |", "| " + " | ".join("---" for _ in head) + " |"]
     for row in rows:
-        number, errors = _with_errors(row)
         begins = [row["arrangement"], f"{row['spacing']:g}", f"{row['size']:g}", f"{row['contacts']:g}"]
-        cells = [*begins, f"{row['angle']:.2f}°", number, *errors, f"{row['drag']:.2f}", row["mode"]]
+        cells = [*begins, f"{row['angle']:.2f}°", _with_error(row), f"{row['drag']:.2f}"]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
 
 def table_with_inertia(rows: list[Row]) -> str:
     """Rows of one bead at several Reynolds numbers for the page."""
-    head = ("G d²/ν", "Shields number", *TERMS, "drag", "lift", "couple", "mode")
+    head = ("G d²/ν", "Shields number", "drag", "lift", "couple")
     lines = ["| " + " | ".join(head) + " |", "| " + " | ".join("---" for _ in head) + " |"]
     for row in rows:
         if row["reynolds"]:
-            number, errors = _with_errors(row)
             loads = [f"{row[name]:.2f}" for name in ("drag", "lift", "couple")]
-            lines.append(
-                "| " + " | ".join([f"{row['reynolds']:.3g}", number, *errors, *loads, row["mode"]]) + " |"
-            )
+            lines.append("| " + " | ".join([f"{row['reynolds']:.3g}", _with_error(row), *loads]) + " |")
     return "\n".join(lines)
 
 
-def _with_errors(row: Row) -> tuple[str, list[str]]:
-    """The Shields number with its error, and the terms of it in per cent."""
+def _with_error(row: Row) -> str:
+    """The Shields number with its error."""
     if not np.isfinite(row["error"]):
-        return f"{row['shields']:.4f}", ["-" for _ in TERMS]
-    errors = [
-        f"{100.0 * row[name] / row['shields']:.1f}%" if np.isfinite(row[name]) else "-" for name in TERMS
-    ]
+        return f"{row['shields']:.4f}"
     error = ceil(1e4 * row["error"]) / 1e4  # never less than it is
-    return f"{row['shields']:.4f} ± {error:.4f}", errors
+    return f"{row['shields']:.4f} ± {error:.4f}"
 
 
 def main() -> None:
