@@ -114,18 +114,18 @@ def extrapolated(values: list[float]) -> tuple[float, float]:
 def table(found: list[Found]) -> str:
     """The table of the page."""
     lines = [
-        "| program | cells | unknowns | reattaches at | of the measured 6.26 | y+ | iterations | time |",
-        "| --- | --- | --- | --- | --- | --- | --- | --- |",
+        "| program | unknowns | reattaches at | of the measured 6.26 | time |",
+        "| --- | --- | --- | --- | --- |",
     ]
     for program in dict.fromkeys(one.program for one in found):
         mine = [one for one in found if one.program == program]
         lines += [
-            f"| {program} | {one.cells} | {one.unknowns} | {one.reattachment:.3f} | {_short(one.reattachment)} | "
-            f"{one.y_plus[0]:.3g} to {one.y_plus[1]:.3g} | {one.iterations} | {one.seconds:.1f} s |"
+            f"| {program} | {one.unknowns} | {one.reattachment:.3f} | {_short(one.reattachment)} | "
+            f"{one.seconds:.1f} s |"
             for one in mine
         ]
         limit, away = extrapolated([one.reattachment for one in mine])
-        lines.append(f"| {program}, extrapolated | | | {limit:.2f} +- {away:.2f} | {_short(limit)} | | | |")
+        lines.append(f"| {program}, extrapolated | | {limit:.2f} +- {away:.2f} | {_short(limit)} | |")
     return "\n".join(lines)
 
 
