@@ -5,7 +5,7 @@ change, and at last the grain is let go, with a mesh that follows it.
 
 Cost:    about a minute.
 Run:     python benchmarks/effects.py [--report]
-Results: benchmarks/effects.json, docs/figures/effects.png, the tables in docs/effects.md; --report only rewrites these
+Results: benchmarks/effects.json, docs/figures/effects.png, the table in docs/effects.md; --report only rewrites these
 """
 
 import argparse
@@ -87,8 +87,8 @@ def run_of(scene: dict[str, Any], *more: str) -> Run:
 # -- the page ----------------------------------------------------------------------------------------
 
 
-def tables(runs: dict[str, Run]) -> str:
-    """What each step changes, and what each effect costs, as Markdown."""
+def table(runs: dict[str, Run]) -> str:
+    """What each step changes, as Markdown."""
     rows = [
         "| effects | largest drag | at t | largest lift | verdict | what was left out would change | time |",
         "| --- | --- | --- | --- | --- | --- | --- |",
@@ -100,21 +100,6 @@ def tables(runs: dict[str, Run]) -> str:
             f"| {name} | {force[k, 0]:.2f} | {run['time'][k]:.1f} | {force[:, 1].max():.2f} | {verdict(run)} "
             f"| {left_out(run)} | {run['seconds']:.1f} s |"
         )
-    names = [
-        "flow",
-        "inertia",
-        "unsteadiness",
-        "moving mesh",
-        "free body",
-        "traction",
-        "contact",
-        "estimates",
-    ]
-    rows += ["", f"| time [s] | {' | '.join(names)} |", f"| --- |{' --- |' * len(names)}"]
-    for name, run in runs.items():
-        seconds = [run["effects"].get(effect, {}).get("wall_time") for effect in names]
-        cells = ["" if s is None else f"{s:.2f}" for s in seconds]
-        rows.append(f"| {name} | {' | '.join(cells)} |")
     return "\n".join(rows)
 
 
@@ -167,10 +152,10 @@ def draw(runs: dict[str, Run]) -> None:
 
 
 def report(runs: dict[str, Run]) -> None:
-    """Rewrite the tables in the page, and the figure."""
+    """Rewrite the table in the page, and the figure."""
     before, _, rest = PAGE.read_text().partition(BEGIN)
     _, _, after = rest.partition(END)
-    PAGE.write_text(f"{before}{BEGIN}\n{tables(runs)}\n{END}{after}")
+    PAGE.write_text(f"{before}{BEGIN}\n{table(runs)}\n{END}{after}")
     draw(runs)
 
 
