@@ -67,6 +67,9 @@ bench: setup ## speed and accuracy beside other programs
 cost: setup ## what accuracy costs, on the demos: docs/cost.md
 	$(PYTHON) benchmarks/accuracy_cost.py
 
+calibration: setup ## corrected forces and their error bars beside runs with much smaller errors: docs/accuracy.md
+	$(PYTHON) benchmarks/calibration.py $(ARGS)
+
 effects: setup ## one scene with its effects switched on one after another: docs/effects.md
 	$(PYTHON) benchmarks/effects.py
 
