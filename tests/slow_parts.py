@@ -71,6 +71,7 @@ PARTS = {
         "end_to_end/test_pebble.py",
         "end_to_end/test_runs_in_space.py",
         "end_to_end/test_settling_sphere.py",
+        "unit/test_beside.py",
         "unit/test_coupling_space.py",
         "unit/test_meshing_in_space.py",
         "unit/test_scene_in_space.py",

@@ -116,6 +116,8 @@ class Beside:
                         Fluid(run.domain, model, conditions(Setup(scene)), fluid.reynolds)
                     )
                     other.interpolate(fluid)
+                    if fluid.space.order == ORDER:
+                        self._follow(fluid, other, scene)
                     self._solve(other)
                     fluid = other
                 found = TractionProbe(fluid, "body", moved.centre.tolist()).resultant()
@@ -124,6 +126,14 @@ class Beside:
         # The fluid's unit of speed is its own; what is left of the way to `speed` is short, or in Stokes flow.
         unit = self._speed * run.fluid.reynolds / run.plan.reynolds
         return Loads(unit * found.force, unit * found.couple, moved=True)
+
+    def _follow(self, fluid: Fluid, other: Fluid, scene: Scene) -> None:
+        """Add to the velocity of the run's flow what the base flow differs by between old places and new ones."""
+        points = [one.constraints.points for one in (fluid, other)]
+        flows = self._run.setup.base_flow, Setup(scene).base_flow
+        here, there = (flow.velocity(x.T, 0.0).T for flow, x in zip(flows, points, strict=True))
+        places = other.space.velocity_map.reshape(-1, other.space.gdim)
+        other.state.x.array[places] += (there - here)[:, : other.space.gdim]
 
     def _solve(self, fluid: Fluid) -> None:
         """From a flow that is near. Collective. Raises ConvergenceError."""

@@ -9,7 +9,7 @@ from petsc4py import PETSc
 
 from ...errors import ConvergenceError
 from .diagonal import DiagonalBlocks
-from .direct import NOT_FINITE
+from .direct import NOT_FINITE, Direct, fits
 from .equations import Equations
 from .multigrid import Components
 from .options import defaults
@@ -20,7 +20,7 @@ from .statistics import LinearStatistics
 PREFIX = "fluid_"
 # Steady; in time, where a shorter step does more than further iterations; and with a varying viscosity, where a
 # larger one does.
-MOST_ITERATIONS, MOST_IN_TIME, MOST_IF_VARYING = 400, 200, 150
+MOST_ITERATIONS, MOST_IN_TIME, MOST_IF_VARYING = 250, 200, 150
 RESTART = 100
 # A preconditioner is made anew when it needs this many times the iterations that it needed when it was new.
 AGED = 1.5
@@ -42,8 +42,9 @@ class Block:
     (`multigrid`) and an approximate Schur complement S (`schur`); for A^T the same with F^T. The operators are those
     of the state when last prepared, and serve until they need half as many iterations again as when they were new.
     Where conditions hold the equations are those of the identity, solved beforehand. In closed domains the constant
-    pressures are taken out of right-hand side and solution. In time the blocks leave convection out, and the residual
-    is that of the preconditioned system: of corrections as rough as serve there it tells more. PETSc options with the
+    pressures are taken out of right-hand side and solution. A steady laminar flow that GMRES does not solve is solved
+    by LU factors from then on, if the memory suffices. In time the blocks leave convection out, and the residual is
+    that of the preconditioned system: of corrections as rough as serve there it tells more. PETSc options with the
     prefix ``fluid_`` are for GMRES, those with ``fluid_velocity_`` and ``fluid_pressure_`` for the blocks. See
     `LinearSolver`.
     """
@@ -56,6 +57,8 @@ class Block:
         self._preconditioner = _Triangle(matrix, equations)
         # Of the matrix when last prepared (-1: never), and the iterations a decade of the residual needed then.
         self._state, self._usual = -1, np.inf
+        self._direct: Direct | None = None
+        self._may_factorise = equations.rate is None and not (equations.closed or equations.varying)
         self._null_space = _constant_pressures(matrix, equations) if equations.closed else None
         self._rough, self._most = ROUGH, MOST_ITERATIONS
         if equations.rate is not None:
@@ -81,6 +84,9 @@ class Block:
 
     def prepare(self) -> None:
         """Take the operators of the preconditioner from the state as it is now. Collective."""
+        if self._direct is not None:
+            self._direct.prepare()
+            return
         self._preconditioner.assemble()
         self.statistics.factorisations += 1
         self._state, self._usual = self.matrix.stateGet(), np.inf
@@ -100,6 +106,13 @@ class Block:
         self._solve(b, x, self._rough, transposed=False)
 
     def _solve(self, b: Any, x: Any, rtol: float, transposed: bool) -> None:
+        if self._direct is None:
+            self._by_blocks(b, x, rtol, transposed)
+        if self._direct is not None:
+            (self._direct.solve_transposed if transposed else self._direct.solve)(b, x, rtol)
+
+    def _by_blocks(self, b: Any, x: Any, rtol: float, transposed: bool) -> None:
+        """Solve by GMRES; where it does not converge make the direct solver that is to do it. Collective."""
         if self._state < 0:
             self.prepare()
         iterations = self._iterate(b, x, rtol, transposed)
@@ -107,7 +120,12 @@ class Block:
             self.prepare()
             iterations = self._iterate(b, x, rtol, transposed)
         if iterations is None:
-            raise self._why_not_solved(b)
+            why = self._why_not_solved(b)
+            if not (isinstance(why, UnsolvedError) and self._may_factorise and fits(self.matrix)):
+                raise why
+            self._direct = Direct(self.matrix)
+            self._direct.statistics = self.statistics
+            return
         self.statistics.solves += 1
         self.statistics.krylov_iterations += iterations
         needed = iterations / -np.log10(rtol)
@@ -153,12 +171,14 @@ class Block:
         reason, count = self._solver.getConvergedReason(), self._solver.getIterationNumber()
         return UnsolvedError(
             f"the linear system of the flow was not solved in {count} iterations (PETSc's reason {reason}): use a "
-            "smaller fluid.reynolds, a smaller numerics.mesh_size or, with [time], a smaller time.step"
+            "smaller numerics.mesh_size, more memory for an LU factorisation or, with [time], a smaller time.step"
         )
 
     def destroy(self) -> None:
         """Free PETSc's memory."""
         self._solver.destroy()  # and the preconditioner with it
+        if self._direct is not None:
+            self._direct.destroy()
         if self._null_space is not None:
             self._null_space.destroy()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import Any, ClassVar
 
 import numpy as np
@@ -17,12 +18,20 @@ from .statistics import LinearStatistics
 # chooses; of scenes in metres for microns, whose viscosity is 1e-12 beside gradients of 1e-6, it then finds no pivots.
 ATTEMPTS = ((200, 77), (800, 8))
 
+LU_BYTES = 440.0  # of factors in space over n^(4/3): 1.9 GB at 95,000 unknowns of order two (docs/scaling.md)
 WIDEST = 1e12  # factor between numbers of a matrix beyond which it is not the memory that does not suffice
 SINGULAR = (-6, -10)  # MUMPS's errors for matrices that are singular in structure or in numbers
 NOT_FINITE = (
     "the linear system of the flow is not finite, its numbers have overflowed: use a smaller fluid.reynolds or, with "
     "[time], a smaller time.step"
 )
+
+
+def fits(matrix: Any) -> bool:
+    """Whether LU factors of a flow's matrix in space fit into half of the memory that is free. Collective."""
+    free = float(os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    least = matrix.comm.tompi4py().allreduce(free, MPI.MIN)
+    return bool(LU_BYTES * matrix.getSize()[0] ** (4.0 / 3.0) < 0.5 * least)
 
 
 class Direct:
