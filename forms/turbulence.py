@@ -22,7 +22,6 @@ from .terms import streamline_time
 # Largest production of k over its dissipation (Menter 1994, AIAA J. 32, 1598: 20 in omega's terms; 10 since 2003): near
 # a stagnation point the model makes far too much. In homogeneous shear it is 2.1, in a channel 1.
 MOST_PRODUCED = 10.0
-SLOWEST = 1e-12  # speed at which friction still has a derivative
 
 # Steps in time for which upwinding acts at most. With 4 and 16 one of a thousand random steps fails, without a bound
 # six of a thousand random states have no step; 64 and 200 have neither (tests/unit/test_turbulence*.py, slow).
@@ -123,23 +122,3 @@ def at_wall(logarithms: Any, test: Any, distance: Any, viscosity: Any, closure: 
 def shear_velocity(logarithms: Any, closure: Closure) -> Any:
     """C_mu^(1/4) sqrt(k): u* of a logarithmic layer that has this k."""
     return closure.c_mu**0.25 * ufl.exp(logarithms[0] / 2)
-
-
-def speed(v: Any) -> Any:
-    """|v|, with a derivative where the fluid is at rest."""
-    return ufl.sqrt(ufl.inner(v, v) + SLOWEST**2)
-
-
-def friction(v: Any, w: Any, drag: Any) -> Any:
-    """c v . w: the shear stress of a wall that resists with c times the velocity along it."""
-    return drag * ufl.inner(v, w)
-
-
-def layer(p: Any, rate: Any, w: Any, distance: Any) -> Any:
-    """y (dv/dt + grad p) . w: the layer between the boundary and a wall y beyond speeds up with it, and is pushed.
-
-    The layer is taken to speed up as its edge does, so that where pressure alone moves the fluid nothing is exerted.
-    `rate` stands for dv/dt; None in a steady flow.
-    """
-    pushed = ufl.grad(p) if rate is None else ufl.grad(p) + rate
-    return distance * ufl.inner(pushed, w)

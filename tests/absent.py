@@ -38,6 +38,7 @@ OF_FREE_SURFACE = (
 )
 OF_TURBULENCE = (
     "forms.turbulence",
+    "forms.wall_friction",
     "fluid.friction",
     "effects.turbulence.along_walls",
     "effects.turbulence.fields",

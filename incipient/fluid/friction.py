@@ -1,4 +1,4 @@
-"""What walls that resist a turbulent flow exert on it; imported only where there are any."""
+"""What walls exert on a flow that feels them by a law of the wall; imported only where there are any."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from petsc4py import PETSc
 from ..arrays import cross, quarter_turned
 from ..forms.kinematics import rigid_velocity
 from ..forms.terms import impermeable
-from ..forms.turbulence import friction, layer, speed
+from ..forms.wall_friction import friction, layer, speed
 from ..mesh.domain import Domain
 from .conditions import Friction
 from .space import TaylorHood, cell_size
@@ -51,8 +51,8 @@ class WallLoad:
     """The load of walls on the flow. Making it is collective.
 
     Args:
-        viscosity: of the molecules, and with the eddies, UFL.
-        shear_velocity: that the turbulence stands for (`forms.turbulence.shear_velocity`), UFL.
+        viscosity: of the molecules, and the whole, which may vary, UFL.
+        shear_velocity: by which the walls resist besides the speed along them (`FlowModel.shear_velocity`), UFL.
     """
 
     def __init__(
