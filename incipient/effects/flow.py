@@ -42,10 +42,10 @@ class FlowEffect(Effect):
         """The force by which the fluctuations of a turbulent base flow keep its mean profile."""
         if setup.scene.flow.kind != "log-law":
             return model
-        from ..planning.mean_force import force_of_turbulence
+        from ..planning.mean_force import sustaining_force
 
         base_flow = setup.base_flow
-        force = force_of_turbulence(base_flow.mean_profile, base_flow.datum, base_flow.up)
+        force = sustaining_force(base_flow.mean_profile, base_flow.datum, base_flow.up)
         return replace(model, body_force=force)
 
     def warnings(self, setup: Setup) -> Iterator[str]:

@@ -26,7 +26,7 @@ def draw(directory: Path, announce: Callable[[Path], object] = lambda path: None
     """Draw all pictures that the results in a directory allow, as PNG files beside them. Not collective.
 
     A run (result.json): always flow, pressure, vorticity and mesh; with a grain the traction on it and the verdict,
-    with one that moves its trajectory and the verdict if there is any; with turbulence y+ and friction along the walls;
+    with one that moves its trajectory and the verdict if there is any; with wall functions y+ and friction along walls;
     for a box in which nothing moves the velocity profiles on both centrelines. A threshold (threshold.json), a judged
     case (judgement.json), a judged series (series.json), a study of what accuracy costs (cost.json): one picture each.
 
@@ -115,7 +115,7 @@ def _draw_run(directory: Path, drawing: _DrawnPictures) -> None:
 
 def _makers(run: StoredRun) -> dict[str, Maker]:
     """What draws the pictures of a run's last fields, by the pictures' names."""
-    from .flow import cells, fields
+    from .flow import cells, fields, walls
     from .verdict import grain
 
     makers: dict[str, Maker] = {"flow": fields.speed, "pressure": fields.pressure}
@@ -125,9 +125,7 @@ def _makers(run: StoredRun) -> dict[str, Maker]:
     # A grain under way rests on nothing; where it has met the bed there is a verdict.
     if run.surface is not None and not (run.moves and run.result.get("verdict") is None):
         makers["verdict"] = grain.verdict
-    if (run.result.get("turbulence") or {}).get("along"):
-        from .flow import walls
-
+    if walls.has_walls(run):
         makers["walls"] = walls.picture
     if run.setting("domain", "kind") == "box" and not run.moves:
         makers["profiles"] = fields.profiles

@@ -1,4 +1,4 @@
-"""The force that stands for the turbulence which keeps the mean profile of a log-law flow (see `mean_profile`)."""
+"""The force that keeps a given mean profile against its viscous stress (see `mean_profile`)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..compat import PETSc
 from .mean_profile import MeanProfile, gradient
 
 
-def force_of_turbulence(profile: MeanProfile, datum: float, up: int) -> Any:
+def sustaining_force(profile: MeanProfile, datum: float, up: int) -> Any:
     """A force per unit mass for `FlowModel.body_force`, function of place and time, that keeps the profile.
 
     datum: height at which it starts, in the coordinate numbered `up`
@@ -23,7 +23,7 @@ def force_of_turbulence(profile: MeanProfile, datum: float, up: int) -> Any:
 
 
 def _force(profile: MeanProfile, height: Any) -> Any:
-    """-nu d2u/dy2 at a height above the datum as a UFL expression: what the turbulence brings down.
+    """-nu d2u/dy2 at a height above the datum as a UFL expression: what the viscous stress does not bring down.
 
     By it and the viscosity the profile is the exact flow; below the datum it is zero. Its numbers are constants,
     which recompile nothing. Not collective.

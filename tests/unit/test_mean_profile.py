@@ -10,7 +10,7 @@ from scenes import message, scene
 from incipient import make_plan
 from incipient.evaluation.si_units import in_si
 from incipient.planning.flow_setup import Setup
-from incipient.planning.mean_force import force_of_turbulence
+from incipient.planning.mean_force import sustaining_force
 from incipient.planning.mean_profile import KAPPA, MeanProfile
 from incipient.planning.meshing import lay_out
 from incipient.planning.numbers import numbers_of
@@ -93,7 +93,7 @@ def test_the_force_brings_down_what_the_bed_takes_more_than_viscosity_does():
         dolfinx.mesh.CellType.quadrilateral,
     )
     measure = ufl.dx(domain=mesh, metadata={"quadrature_degree": 8})
-    force = force_of_turbulence(Setup(found).base_flow.mean_profile, Setup(found).base_flow.datum, found.up)(
+    force = sustaining_force(Setup(found).base_flow.mean_profile, Setup(found).base_flow.datum, found.up)(
         ufl.SpatialCoordinate(mesh), None
     )
     whole = dolfinx.fem.assemble_scalar(compat.form(force[0] * measure))

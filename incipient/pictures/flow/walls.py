@@ -1,4 +1,4 @@
-"""y+ and friction along the walls of a turbulent flow."""
+"""y+ and friction along the walls of a turbulent flow, as they stand in its result."""
 
 from __future__ import annotations
 
@@ -13,6 +13,11 @@ from ..style import FLOW, GROUND, INK, PUSH
 
 _COLOURS = (FLOW, PUSH, INK)
 _SIZE = (9.0, 5.5)  # inches
+
+
+def has_walls(run: StoredRun) -> bool:
+    """Whether a run's result has numbers along its walls."""
+    return bool((run.result.get("turbulence") or {}).get("along"))
 
 
 def picture(run: StoredRun) -> Figure:
