@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..planning.effects import Decision, EffectName
 from ..planning.flow_setup import Setup
+from ..planning.linear import Method
 from ..planning.numbers import Numbers
 from ..planning.plan import Plan
 from ..results.left_out import Omission
@@ -54,6 +55,10 @@ class Effect:
         `unsteady` tells a flow in time from the steady one that it may start from.
         """
         return model
+
+    def linear_method(self, setup: Setup, unsteady: bool) -> Method | None:
+        """The method for the linear systems of a flow with the effect; None: the one without it. Not collective."""
+        return None
 
     def warnings(self, setup: Setup) -> Iterator[str]:
         """What in the scene makes the result less sure where the effect is present, in words. Not collective.

@@ -8,7 +8,10 @@ from .flow_setup import Setup
 from .stabilisation import largest_peclet, upwinds
 
 LOWEST_ORDER = 2
-FEW_CELLS = 5000  # up to which steady turbulent flow in space is solved by LU factorisation (docs/scaling.md)
+FEW_CELLS = (
+    5000  # in space, up to which an LU factorisation is faster than blocks with upwinding (docs/scaling.md)
+)
+DEAR = "an LU factorisation in space would take much time and memory"
 
 # Peclet number |c| h/(2 k nu) of the largest cells up to which the block preconditioner converges without upwinding
 # (docs/scaling.md).
@@ -44,24 +47,17 @@ def method_of(setup: Setup, slow: bool, unsteady: bool) -> Method:
             "two-level",
             "order 2 by a block preconditioner, then the higher order without a matrix: Stokes flow needs no more",
         )
-    dear = "an LU factorisation in space would take much time and memory"
     if slow:
-        return Method("block", f"{dear}; Stokes flow needs none")
-    if unsteady and scene.has_wall_layer:
-        return Method(
-            "direct", "iterative solvers are not validated for unsteady turbulent flow; needs much memory"
-        )
+        return Method("block", f"{DEAR}; Stokes flow needs none")
     if unsteady:
-        return Method("block", f"{dear}; time steps need none")
+        return Method("block", f"{DEAR}; time steps need none")
     if scene.is_empty_box:
         why = "the block preconditioner does not converge in a closed box"
         return Method("direct", f"{why}; an LU factorisation takes much time and memory")
-    if upwinds(setup) and scene.has_wall_layer:
-        return Method("block", f"{dear}; on {FEW_CELLS} cells or less it is faster, and used")
     if upwinds(setup):
-        return Method("block", f"{dear}; with upwinding none is needed")
+        return Method("block", f"{DEAR}; with upwinding none is needed")
     if scene.time is None and largest_peclet(setup) <= RESOLVED:
-        return Method("block", f"{dear}; the cells resolve the flow's convection")
+        return Method("block", f"{DEAR}; the cells resolve the flow's convection")
     return Method(
         "direct", "the flow is not upwinded; an LU factorisation in space takes much time and memory"
     )

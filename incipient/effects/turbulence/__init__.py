@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 from ...errors import SceneError
 from ...planning.effects import Decision, EffectName
 from ...planning.flow_setup import Setup
+from ...planning.linear import DEAR, FEW_CELLS, Method
 from ...planning.numbers import Numbers
+from ...planning.stabilisation import upwinds
 from ...results.left_out import Omission
 from ...results.quantity import OutputQuantity, at
 from ..effect import Effect, Solved
@@ -74,6 +76,15 @@ class TurbulenceEffect(Effect):
         elif found := transition(setup, numbers):
             reason += f"; {found.text()}; {REMEDY}"
         return Decision(self.name, False, reason, off)
+
+    def linear_method(self, setup: Setup, unsteady: bool) -> Method | None:
+        """In space: LU factorisation in time, and with upwinding on few cells."""
+        if setup.scene.gdim == 3 and unsteady:
+            why = "iterative solvers are not validated for unsteady turbulent flow; needs much memory"
+            return Method("direct", why)
+        if upwinds(setup):
+            return Method("block", f"{DEAR}; on {FEW_CELLS} cells or less it is faster, and used")
+        return None
 
     def warnings(self, setup: Setup) -> Iterator[str]:
         """Walls, beds and grains for which the law of the wall is doubtful; those for which it does not hold raise."""
