@@ -16,8 +16,10 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from ..effects.known import EFFECTS
 from ..errors import OutputError
 from ..files import reported, write_json
+from ..planning.flow_setup import Setup
 from ..scene import Scene
 from .laws import ErrorLaw, TimeLaw
 
@@ -25,7 +27,7 @@ SCHEMA_VERSION = 2
 NAME, SHIPPED = "calibration.json", Path(__file__).with_name("shipped.json")
 STUDY = "cost.json"
 STEADY, UNSTEADY, MOVING = "steady", "unsteady", "moving"
-IN_SPACE, WITH_TURBULENCE = " in space", " with turbulence"
+IN_SPACE = " in space"
 
 
 @dataclass(frozen=True)
@@ -151,8 +153,9 @@ def digest(scene: Scene) -> str:
 
 
 def kind(scene: Scene) -> str:
-    """Kind of a scene: steady, unsteady or with a moving mesh, in the plane or in space, with turbulence or not."""
-    more = ("" if scene.gdim == 2 else IN_SPACE) + (WITH_TURBULENCE if scene.has_wall_layer else "")
+    """Kind of a scene: steady, unsteady or with a moving mesh, in the plane or in space, with what effects add."""
+    of_effects = "".join(effect.kind_of_cost(Setup(scene)) for effect in EFFECTS)
+    more = ("" if scene.gdim == 2 else IN_SPACE) + of_effects
     if scene.time is None:
         return STEADY + more
     moving = scene.has_surface or scene.moves

@@ -84,6 +84,10 @@ class Effect:
         """MiB that the effect adds to a flow with so many unknowns. Not collective."""
         return 0.0
 
+    def kind_of_cost(self, setup: Setup) -> str:
+        """What the effect adds to the name of a kind of scenes that have laws of cost of their own. Not collective."""
+        return ""
+
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
         """What the effect, which the plan has decided to leave out, would have changed. Collective."""
         return iter(())

@@ -114,6 +114,10 @@ class TurbulenceEffect(Effect):
             return 0.0
         return BYTES * unknowns / 2**20
 
+    def kind_of_cost(self, setup: Setup) -> str:
+        """Wall layers, k and epsilon have laws of their own."""
+        return " with turbulence" if setup.has_wall_layer else ""
+
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
         """That fluctuations of a mean profile are not there, or that a laminar flow may be turbulent."""
         numbers, scene = solved.run.plan.numbers, solved.run.scene
