@@ -17,6 +17,8 @@ import numpy as np
 
 from ..contact import Load
 from ..contact.equilibrium import SafetyStatus, safety_factor
+from ..effects.effect import SlowestFlow
+from ..effects.known import EFFECTS
 from ..errors import ConvergenceError
 from ..evaluation.contact_verdict import followed, load_of
 from ..parallel import collectively
@@ -53,7 +55,7 @@ class SolvedFlow:
 
 @dataclass(frozen=True, eq=False)
 class OwnMesh:
-    """The critical turbulent flow on a mesh made for that flow itself.
+    """The critical flow on a mesh made for that flow itself.
 
     change:        (6,) of force and couple there, without sign
     safety_factor: there; one if the meshes agree
@@ -74,7 +76,7 @@ class Found:
     path:     the load as the flow grows
     trials:   flows solved, in that order; unsolved: factors at which no steady flow was found
     reason:   why the search ended without a critical flow
-    own_mesh: with turbulence what a mesh made for the critical flow itself says of it
+    own_mesh: with wall functions what a mesh made for the critical flow itself says of it
     """
 
     factor: float
@@ -122,8 +124,9 @@ class CriticalSearch:
 
     def from_rest(self) -> Found:
         """Search from rest upwards."""
-        if self.run.setup.has_wall_layer:
-            return self._from_slowest()
+        bounds = (effect.slowest_flow(self.run.setup) for effect in EFFECTS)
+        if bound := max(filter(None, bounds), key=lambda one: one.factor, default=None):
+            return self._from_slowest(bound)
         inertia = self.run.plan.has(EffectName.INERTIA)
         slow = CREEPING / self._reynolds if inertia else 1.0
         self._solve(slow)
@@ -175,18 +178,15 @@ class CriticalSearch:
             self.run.voice.say(f"flow x {factor:.6g}: rocks, safety factor {found.critical:.6g}")
         return found
 
-    def _from_slowest(self) -> Found:
-        """Search from the slowest flow upwards in which the law of the wall is for the grain: none below is known."""
-        from ..effects.turbulence.limits import slowest
-
-        slow = slowest(self.run.setup)
-        self._solve(slow)
+    def _from_slowest(self, bound: SlowestFlow) -> Found:
+        """Search from the slowest flow upwards that can be simulated: none below is known."""
+        self._solve(bound.factor)
         if self.trials[0].safety_factor < 1.0:
             raise ConvergenceError(
-                f"the grain moves in the slowest flow that the law of the wall is for, {slow:.3g} times the scene's: "
-                'use a heavier grain, or flow.kind = "log-law" without turbulence'
+                f"the grain moves in the slowest flow {bound.why}, {bound.factor:.3g} times the scene's: use a heavier "
+                f"grain, or {bound.remedy}"
             )
-        return self._upwards(slow)
+        return self._upwards(bound.factor)
 
     def near(self, before: Found) -> Found:
         """Search near the critical flow of another mesh, from whose load that of this mesh will differ little."""

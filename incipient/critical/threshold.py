@@ -18,13 +18,13 @@ from ..accuracy.errorbars import error_terms
 from ..arrays import spatial
 from ..contact import Contacts, Load
 from ..contact.verdict import Verdict, judge
-from ..effects.turbulence.transition import transition
+from ..effects.known import EFFECTS
 from ..errors import IncipientError, SceneError
 from ..evaluation.contact_verdict import mass_and_inertia
 from ..evaluation.si_units import in_si
 from ..interrupt import told_where_kept
 from ..parallel import Comm
-from ..planning.numbers import numbers_of
+from ..planning.flow_setup import Setup
 from ..progress import Silent
 from ..results.adaptation import Adaptation
 from ..scene import Scene
@@ -50,12 +50,10 @@ OTHERWISE = (
 SHIELDS = "tau_b/((rho_s - rho_f) g d), d = {size:g}: the largest diameter of the grain; "
 NOMINAL = "{shields:.4g} with its nominal diameter {size:.4g}, that of the {what}"
 ROUND = "the nominal one is the same"
-TURBULENT = "in the mean of a turbulent flow over one grain{plane}, tau_b by the law of the wall; gusts move it sooner"
 ROCKED = (
     "before it leaves it rocks, {way}; by the load of the flow past its first pose, off by about {drift:.0%}"
 )
 OF_ROCKING = "not computed: the grain rocks before it leaves, under a load that is that of the flow past its first pose"
-LAMINAR = "in laminar {flow} over one grain{plane}: not a point of Shields' curve, which is of turbulent flow"
 
 
 def find_threshold(
@@ -124,14 +122,11 @@ def _require(scene: Scene) -> None:
             scene.flow.kind != "log-law",
             "a profile that keeps its shape as the flow grows, unlike a log-law; sweep fluid.reynolds instead",
         ),
-        (
-            scene.numerics.accuracy is None or not scene.has_wall_layer,
-            "numerics.accuracy left out with turbulence; its error bars tell how accurate it is",
-        ),
     )
-    for met, need in needs:
-        if not met:
-            raise SceneError(f"a threshold needs {need}")
+    lacking = [need for met, need in needs if not met]
+    setup = Setup(scene)
+    for need in lacking or (need for effect in EFFECTS for need in effect.threshold_needs(setup)):
+        raise SceneError(f"a threshold needs {need}")
 
 
 def _threshold(run: Run, found: Found) -> Threshold:
@@ -184,13 +179,9 @@ def _with_bars(threshold: Threshold, run: Run, search: CriticalSearch, found: Fo
 
 
 def _notes(run: Run, found: Found, threshold: Threshold) -> tuple[str, ...]:
-    """What the Shields number is, and whether the flow can be laminar there. Not collective."""
-    scene, setup = run.scene, run.setup
-    plane = " in the plane" if scene.gdim == 2 else ""
-    about = TURBULENT if scene.has_wall_layer else LAMINAR
-    notes = [_shields_note(threshold, scene.gdim), about.format(flow=f"{scene.flow.kind} flow", plane=plane)]
-    if turbulent := transition(setup, numbers_of(setup), found.factor):
-        notes.append(turbulent.text(" at the threshold"))
+    """What the Shields number is, and what effects say of the flow there. Not collective."""
+    of_effects = [note for effect in EFFECTS for note in effect.threshold_notes(run.setup, found.factor)]
+    notes = [_shields_note(threshold, run.scene.gdim), *of_effects]
     if found.rocking is not None:
         rocking, last = found.rocking, found.rocking.rests[-1]
         notes.append(ROCKED.format(way=rocking.way(last), drift=rocking.drift(last)))

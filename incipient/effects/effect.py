@@ -32,6 +32,18 @@ class Solved:
     verdict: dict[str, Any] | None
 
 
+@dataclass(frozen=True)
+class SlowestFlow:
+    """The slowest flow in which an effect can be simulated in a scene.
+
+    factor: of the scene's flow; why: what makes it the slowest, after its name; remedy: where a slower one is needed
+    """
+
+    factor: float
+    why: str
+    remedy: str
+
+
 class Effect:
     """One physical effect. The methods here are those of an effect that needs nothing of what they are asked for.
 
@@ -71,6 +83,18 @@ class Effect:
     def as_fast(self, setup: Setup, speed: float) -> Setup:
         """The setup that a mesh is made for if the flow is faster by a factor. Not collective."""
         return setup
+
+    def slowest_flow(self, setup: Setup) -> SlowestFlow | None:
+        """The slowest flow in which the effect, if it is present, can be simulated; None: any. Not collective."""
+        return None
+
+    def threshold_needs(self, setup: Setup) -> Iterator[str]:
+        """What the scene lacks for its critical flow to be sought with the effect, in words. Not collective."""
+        return iter(())
+
+    def threshold_notes(self, setup: Setup, factor: float) -> Iterator[str]:
+        """What is to be known of the critical flow, so many times the scene's, in words. Not collective."""
+        return iter(())
 
     def part_at_start(self, setup: Setup, domain: Domain, stage: Stage) -> RunPart | None:
         """Unknowns that a steady flow, too, is solved together with, before its fluid is made. Collective."""

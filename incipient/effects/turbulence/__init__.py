@@ -9,11 +9,11 @@ from ...errors import SceneError
 from ...planning.effects import Decision, EffectName
 from ...planning.flow_setup import Setup
 from ...planning.linear import DEAR, FEW_CELLS, Method
-from ...planning.numbers import Numbers
+from ...planning.numbers import Numbers, numbers_of
 from ...planning.stabilisation import upwinds
 from ...results.left_out import Omission
 from ...results.quantity import OutputQuantity, at
-from ..effect import Effect, Solved
+from ..effect import Effect, SlowestFlow, Solved
 from ..run_part import Stage
 from .transition import REMEDY, transition, turbulent_from
 
@@ -39,6 +39,9 @@ def _of_friction(stored: Mapping[str, Any]) -> tuple[float, float] | None:
 
 # Per unknown of a flow in space by k and epsilon, and what solves them and the flow with them.
 BYTES = 2500.0
+# What a threshold is of, beside its Shields number.
+TURBULENT = "in the mean of a turbulent flow over one grain{plane}, tau_b by the law of the wall; gusts move it sooner"
+LAMINAR = "in laminar {flow} over one grain{plane}: not a point of Shields' curve, which is of turbulent flow"
 # Name in the report of the walls, words, column, key of the error, ends of the error bar.
 AT_WALLS = (
     ("least", "least y+ of the walls", "y_plus_min", "", None),
@@ -99,6 +102,28 @@ class TurbulenceEffect(Effect):
     def as_fast(self, setup: Setup, speed: float) -> Setup:
         """The setup of a flow as fast, whose law of the wall has another distance."""
         return setup.faster(speed) if setup.scene.has_wall_layer and speed != 1.0 else setup
+
+    def slowest_flow(self, setup: Setup) -> SlowestFlow | None:
+        """The slowest flow in which the law of the wall is for grain and depth."""
+        if not setup.has_wall_layer:
+            return None
+        from .limits import slowest
+
+        remedy = 'flow.kind = "log-law" without turbulence'
+        return SlowestFlow(slowest(setup), "that the law of the wall is for", remedy)
+
+    def threshold_needs(self, setup: Setup) -> Iterator[str]:
+        """No accuracy: the mesh is made for the flow's speed."""
+        if setup.has_wall_layer and setup.scene.numerics.accuracy is not None:
+            yield "numerics.accuracy left out with turbulence; its error bars tell how accurate it is"
+
+    def threshold_notes(self, setup: Setup, factor: float) -> Iterator[str]:
+        """Of what flow it is the threshold, and whether that can be laminar."""
+        plane = " in the plane" if setup.geometry.gdim == 2 else ""
+        about = TURBULENT if setup.has_wall_layer else LAMINAR
+        yield about.format(flow=f"{setup.scene.flow.kind} flow", plane=plane)
+        if found := transition(setup, numbers_of(setup), factor):
+            yield found.text(" at the threshold")
 
     def part_at_start(self, setup: Setup, domain: Domain, stage: Stage) -> TurbulentFlow | None:
         """k and epsilon."""
