@@ -14,6 +14,7 @@ from .clearance import Surroundings, surroundings_of
 from .order import VelocityOrder, order_of
 from .scene_geometry import Geometry
 from .sides import SideNames, side_names
+from .wall_law import WallLaw
 
 if TYPE_CHECKING:
     from .wall_layer import LayeredWalls
@@ -111,7 +112,9 @@ class Setup:
         """Walls with their layer, whether the flow has one or not."""
         from .wall_layer import walls_of
 
-        return walls_of(self.turbulence, self.geometry, self.base_flow, self.sides)
+        asked = self.turbulence
+        law = WallLaw(asked.roughness)
+        return walls_of(law, asked.wall_distance, self.geometry, self.base_flow, self.sides)
 
     @cached_property
     def ceiling(self) -> float:

@@ -1,4 +1,4 @@
-"""The wall-function layer of a turbulent flow: where walls are, and how far from them the mesh ends."""
+"""The wall-function layer of a flow: where walls are, and how far from them the mesh ends."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..scene import Turbulence
 from .base_flow import BaseFlow
 from .meshed_bed import resolved_bed
 from .scene_geometry import Geometry
@@ -17,7 +16,7 @@ from .wall_law import LEAST, SAMPLES, WallLaw
 
 @dataclass(frozen=True)
 class LayeredWalls:
-    """The walls of a turbulent flow, as estimated before it is computed.
+    """The walls that a flow feels by a law of the wall, as estimated before it is computed.
 
     depth:          over which a wall is felt: that of an open channel, half of that between two walls
     distance:       of the mesh's boundary from the wall
@@ -75,8 +74,10 @@ class LayeredWalls:
         )
 
 
-def walls_of(asked: Turbulence, geometry: Geometry, base_flow: BaseFlow, names: SideNames) -> LayeredWalls:
-    """Where walls are and how far from them the mesh ends. Not collective.
+def walls_of(
+    law: WallLaw, distance: float | None, geometry: Geometry, base_flow: BaseFlow, names: SideNames
+) -> LayeredWalls:
+    """Where walls are and how far from them the mesh ends: at a distance, None: where the law suits. Not collective.
 
     u* is that of the logarithmic law, whose mean over the depth h is u+(h) - 1/kappa; of a duct h is the area of its
     section over the length of its walls in it (Keulegan 1938, J. Res. Natl. Bur. Stand. 21, 707). Beds that are not
@@ -86,7 +87,7 @@ def walls_of(asked: Turbulence, geometry: Geometry, base_flow: BaseFlow, names: 
     plane = geometry.grain is None and (bed is None or not np.isfinite(bed.feature))
     number, top = 1 if open_above else 2, domain.ceiling
     ground = domain.bottom if bed is None else height_at_inflow(geometry, base_flow.datum)
-    law, depth, viscosity = WallLaw(asked.roughness), (top - ground) / number, base_flow.viscosity
+    depth, viscosity = (top - ground) / number, base_flow.viscosity
     sides = domain.across if geometry.walled else ()
     width = sides[1] - sides[0] if sides else math.inf
     hydraulic = depth / (1.0 + 2.0 * depth / width)
@@ -94,7 +95,7 @@ def walls_of(asked: Turbulence, geometry: Geometry, base_flow: BaseFlow, names: 
     for _ in range(50):
         mean = float(law.velocity(shear_velocity, viscosity, hydraulic)) - 1.0 / law.kappa
         shear_velocity = base_flow.reference / max(mean, LEAST)
-    distance = asked.wall_distance or law.suitable(shear_velocity, viscosity)
+    distance = distance or law.suitable(shear_velocity, viscosity)
     floor, beyond = (ground, 0.0) if plane else (ground - distance, distance)
     return LayeredWalls(
         law=law,
