@@ -27,7 +27,6 @@ STORE, PAGE, FIGURES = (
 )
 CASES = (1, 2, 3, 4)
 STEPS, SIZES = (0.05, 0.025, 0.0125, 0.00625), (1.4, 1.0, 0.7)
-PANELS = {1: "top left", 2: "top right", 3: "bottom left", 4: "bottom right"}
 SAMPLES = 181  # places kept of a path
 BEGIN, END = "<!-- pothole: begin -->", "<!-- pothole: end -->"
 COLOURS = ("#2166ac", "#b2182b", "#1b7837", "#e08214")
@@ -159,36 +158,34 @@ def _head(*heads: str) -> list[str]:
 
 
 def _ends(store: dict[str, Run]) -> str:
-    lines = _head("case", "t", "x", "y", "angle [rad]", "order in the step")
+    lines = _head("panel", "x", "y", "angle [rad]", "order in the step")
     for case in CASES:
-        found, time = extrapolated(store, case), store[Job(case).name]["ended"]["time"]
+        found = extrapolated(store, case)
         cells = [
             f"{v:.{d}f} ± {e:.{d}f}" for v, e, d in zip(found.values, found.error, (3, 3, 4), strict=True)
         ]
-        lines.append(_row(f"{case}, {PANELS[case]}", f"{time:g}", *cells, f"{found.order:.2f}"))
+        lines.append(_row(case, *cells, f"{found.order:.2f}"))
     return "\n".join(lines)
 
 
 def _refinement(store: dict[str, Run]) -> str:
-    lines = _head("case", "step", "mesh_size", "unknowns", "meshes", "x", "y", "angle")
-    for case in CASES:
-        refined = [Job(case, step=step) for step in STEPS]
-        refined += [Job(case, step=STEPS[0], mesh_size=size) for size in SIZES if size != 1.0]
-        for job in refined:
-            run, (x, y, angle) = store[job.name], end(store, job)
-            told = (run["unknowns"], run["meshes"], f"{x:.4f}", f"{y:.4f}", f"{angle:.5f}")
-            lines.append(_row(case, f"{job.step:g}", f"{job.mesh_size:g}", *told))
+    """The runs behind the first path."""
+    lines = _head("step", "mesh_size", "unknowns", "x", "y", "angle")
+    refined = [Job(1, step=step) for step in STEPS]
+    refined += [Job(1, step=STEPS[0], mesh_size=size) for size in SIZES if size != 1.0]
+    for job in refined:
+        x, y, angle = end(store, job)
+        reported = (store[job.name]["unknowns"], f"{x:.4f}", f"{y:.4f}", f"{angle:.5f}")
+        lines.append(_row(f"{job.step:g}", f"{job.mesh_size:g}", *reported))
     return "\n".join(lines)
 
 
 def _others(store: dict[str, Run]) -> str:
-    lines = _head("case", "reading", "shape", "mass", "moment", "x", "y", "angle", "distance from printed")
+    lines = _head("panel", "reading", "shape", "x", "y", "angle", "distance from printed")
     for job in others():
-        run, base = store[job.name], end(store, Job(job.case))
-        x, y, angle = end(store, job)
+        base, (x, y, angle) = end(store, Job(job.case)), end(store, job)
         away = "-" if job.reading == "grain" else f"{np.hypot(x - base[0], y - base[1]):.2f}"
-        numbers = (f"{run['mass']:g}", f"{run['inertia']:.4g}", f"{x:.2f}", f"{y:.2f}", f"{angle:.2f}")
-        lines.append(_row(job.case, job.reading, job.shape, *numbers, away))
+        lines.append(_row(job.case, job.reading, job.shape, f"{x:.2f}", f"{y:.2f}", f"{angle:.2f}", away))
     return "\n".join(lines)
 
 
