@@ -17,8 +17,7 @@ HEAD = """# Speed and accuracy
 `--repeat N` measures N rounds; `--report` writes this page without measuring. What accuracy costs: [cost.md](cost.md).
 
 **Method.** Whole processes on one core, with imports, meshing and written files; forms are compiled before. Programs
-run alternately; tables have the median of the rounds, without runs that another of the same program beats in time and
-error. *Processor* is user and system time, *memory* peak resident size.
+run alternately; tables have the median of the rounds. *Processor* is user and system time, *memory* peak resident size.
 
 **Machine.** {processor}, {cores} cores, {memory_gib} GiB, {system}; {versions}.
 

@@ -50,7 +50,7 @@ def bodies() -> Iterator[Row]:
     for mass, moment in ((0, 0), (1e-3, 1e-3), (1, 1), (1e6, 1e6), (1, 0), (0, 1)):
         with in_cavity(mass, moment) as found:
             told = ride(found, 0.05, 8)
-        case = f"mass {mass:g} and inertia {moment:g} times the fluid's"
+        case = f"mass {mass:g}, inertia {moment:g}"
         yield case, f"speed {told.speed:.3g}, corrections {told.corrections}", told.ended
 
 
@@ -134,7 +134,7 @@ def bad_meshes() -> Iterator[Row]:
             solve_steady(fluid, 1e-8, first_share=0.2)
             error = np.abs(np.array(extrema(fluid)) / exact - 1).max()
         yield (
-            f"cells thrown by {throw:g} of what folds them",
+            f"cells thrown by {throw:g}",
             f"error {100 * error:.2g}%",
             "completed",
         )

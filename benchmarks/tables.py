@@ -52,28 +52,3 @@ def cheapest(rows: Iterable[Row], reaches: Callable[[Row], bool]) -> dict[str, R
         if known is None or row["wall"] < known["wall"]:
             best[row["family"]] = row
     return best
-
-
-def efficient(rows: Iterable[Row], error: Callable[[Row], float]) -> list[Row]:
-    """Runs that no run of the same program beats in time and error."""
-    able = [row for row in rows if "error" not in row]
-    return [row for row in able if not any(_beats(one, row, error) for one in able)]
-
-
-def _beats(one: Row, row: Row, error: Callable[[Row], float]) -> bool:
-    same = one["family"] == row["family"]
-    return same and one["cpu"] < row["cpu"] and error(one) < error(row)
-
-
-def race(best: dict[str, Row], own: str, goal: str) -> str:
-    """Who reaches the goal in what wall time, that of others relative to our own program's."""
-    if own not in best:
-        return f"incipient did not reach {goal}."
-    ours = best[own]
-    first = f"{own} {seconds(ours['wall'])} s"
-    others = [
-        f"{family} x {row['wall'] / ours['wall']:.2f}"
-        for family, row in sorted(best.items(), key=lambda one: one[1]["wall"])
-        if family != own
-    ]
-    return f"Wall time to reach {goal}: {', '.join([first, *others])}."

@@ -7,7 +7,7 @@ from typing import Any
 
 import callers
 from measure import Session
-from tables import Row, expense, small, table
+from tables import Row, seconds, small, table
 
 REYNOLDS = (100, 400, 1000, 3200, 4000)
 HARDEST, FINE = 4000, 0.5
@@ -75,20 +75,12 @@ def describe(data: dict[str, Any]) -> str:
         for key, found in data["deviations"].items()
         if found
     ]
-    heads = [
-        f"Re = {HARDEST}, P4-P3",
-        "unknowns",
-        "largest error",
-        "processor [s]",
-        "memory [MiB]",
-    ]
     cost = [
-        [r["name"], str(r["unknowns"]), small(max(r["errors"].values())), *expense(r)]
+        f"{small(max(r['errors'].values()))} with {r['name']} ({r['unknowns']} unknowns, {seconds(r['cpu'])} s)"
         for r in data["rows"]
         if "error" not in r
     ]
     fine = data["fine"]
-    cost.append([f"{fine['name']} (taken as exact)", str(fine["unknowns"]), "", *expense(fine)])
     return f"""## Driven cavity up to Re = 4000, from rest
 
 ![Velocity on the centrelines of the driven cavity](figures/cavity.png)
@@ -99,6 +91,5 @@ about three digits:
 
 {table(["Re", "u on x = 0.5", "v on y = 0.5"], deviations)}
 
-Largest error of the three extrema against the finest run:
-
-{table(heads, cost)}"""
+At Re = {HARDEST} the largest error of the three extrema against {fine["name"]} ({fine["unknowns"]} unknowns,
+{seconds(fine["cpu"])} s of processor time) is {" and ".join(cost)}."""

@@ -155,7 +155,8 @@ def rows(directory: Path) -> Iterator[tuple[str, str, str]]:
     """Case, what was found, outcome: of all cases."""
     for name, case in CASES.items():
         told = resumed(name, directory / str(len(name)))
-        found = f"stops: {told.stopped}; kept t = {told.kept:.4g}, resumed with {', '.join(case.remedy)}"
+        stopped = told.stopped.partition(": ")[0]  # without the remedy
+        found = f"stops: {stopped}; kept t = {told.kept:.4g}, resumed with {', '.join(case.remedy)}"
         of = "velocity" if case.scene == FASTER else "place"
         yield (
             name,
