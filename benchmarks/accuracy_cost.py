@@ -133,7 +133,7 @@ def _brief(part: str) -> str:
     if part.startswith(LEFT_OUT):
         return ""
     if part.startswith("| accuracy "):
-        return _without_repeats(_columns(part, (0, 1, 3)))  # without wall times
+        return _listed(part)
     if part.startswith("| solver option "):
         rows = (row.strip("| ").split(" | ") for row in part.splitlines()[2:])
         return f"Time at equal errors: {', '.join(f'*{cells[0]}* {cells[1]}' for cells in rows)}."
@@ -144,18 +144,14 @@ def _brief(part: str) -> str:
     return part
 
 
-def _columns(table: str, kept: tuple[int, ...]) -> str:
-    """Keeps some columns of a table."""
-    rows = (row.strip("| ").split(" | ") for row in table.splitlines())
-    return "\n".join(f"| {' | '.join(cells[k] for k in kept)} |" for cells in rows)
-
-
-def _without_repeats(table: str) -> str:
-    """Of rows that differ in the accuracy alone the last: what reaches it reaches those before."""
-    rows = table.splitlines()
-    ends = [row.split(" | ", 1)[1] for row in rows]
+def _listed(table: str) -> str:
+    """Accuracy, processor time and run of each row as a list; of rows that differ in the accuracy alone the last."""
+    rows = [row.strip("| ").split(" | ") for row in table.splitlines()[2:]]
+    ends = [(cells[1], cells[-1]) for cells in rows]
     return "\n".join(
-        row for row, end, following in zip(rows, ends, [*ends[1:], ""], strict=True) if end != following
+        f"- {cells[0]}: {time} {run}" if time.startswith("x ") else f"- {cells[0]}: {time} ({run})"
+        for cells, (time, run), following in zip(rows, ends, [*ends[1:], None], strict=True)
+        if (time, run) != following
     )
 
 
@@ -172,14 +168,13 @@ make cost                  # writes this page by `benchmarks/accuracy_cost.py`: 
 
 Machine: {about["processor"]}, {about["cores"]} cores, {about["memory_gib"]} GiB, {about["system"]}; {versions}.
 
-## The tables
+## Studies
 
-- **Runs.** A study is a ladder of runs: orders, cell sizes, time steps, solver options. Each is a process of its own,
-  without error bars, with forms compiled before.
-- **Front.** The runs whose error is smaller, by a tenth at least, than that of all that take less processor time.
-- **Law.** \\(E = C (t - t_0)^{{-p}}\\), t in seconds of processor time, is fitted to the front. The start \\(t_0\\) is
-  that of libraries, mesh generator and forms. "About": beyond the runs.
-- **Reference.** The finest run, extrapolated where possible. Couple means torque.
+A study is a ladder of runs: orders, cell sizes, time steps, solver options. Each is a process of its own, without error
+bars, with forms compiled before. Errors are against the finest run, extrapolated where possible. The list of a scene
+below has for each accuracy the processor time and the cheapest run that reached it. The law
+\\(E = C (t - t_0)^{{-p}}\\), fitted to the best runs, gives what further digits cost, and times beyond the runs
+("about"). The start \\(t_0\\) is that of libraries, mesh generator and forms.
 
 ## Solver options
 
