@@ -194,11 +194,9 @@ scenes becomes the default.
 `incipient plan SCENE` predicts processor time and, for each order, the error by laws fitted to a study, for n unknowns,
 m time steps and cells h: \\(t = t_0 + f + n^p (a + c m)\\), \\(E = C h^q + D \\Delta t^r\\).
 
-| laws | processor time right to a factor of |
-| :-- | --: |
-| of a study of the same scene | {prediction.OWN:g} |
-| the mean of studies of this kind (steady, in time, with a moving grain, turbulent) | {prediction.FOREIGN:g} |
-| of another machine, shipped with the program | {prediction.ELSEWHERE:g} |
+Processor time is right to a factor of {prediction.OWN:g} by a study of the same scene, {prediction.FOREIGN:g} by the
+mean of studies of this kind (steady, in time, with a moving grain, turbulent), {prediction.ELSEWHERE:g} by those of
+another machine, shipped with the program.
 
 The laws of every study are kept as this machine's calibration (`$XDG_CACHE_HOME/incipient/calibration.json`).
 `plan --study DIRECTORY` takes those of one study. Dual solutions and coarse runs of the error bars count as runs.
@@ -210,9 +208,8 @@ def _usual(words: tuple[str, ...]) -> str:
 
 
 def _ways() -> str:
-    """The words for solver options, one a row."""
-    rows = [f"| {word} | {solver.said} | {_set_by(solver)} |" for word, solver in solvers.WORDS.items()]
-    return "\n".join(["| word | solver option | set by |", "| :-- | :-- | :-- |", *rows])
+    """The words for solver options, with what they are and what sets them."""
+    return "\n".join(f"- {word}: {one.said} ({_set_by(one)})" for word, one in solvers.WORDS.items())
 
 
 def _set_by(solver: solvers.Solver) -> str:
