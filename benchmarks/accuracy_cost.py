@@ -36,17 +36,14 @@ class Scene:
 
 
 SCENES = (
-    Scene("cavity", said="The errors are those of the extreme velocities on the centrelines."),
-    Scene("cylinder", said="Lift is 1/500 of drag here: as part of the force it counts little."),
+    Scene("cavity"),
+    Scene("cylinder"),
     Scene(
         "vortex_street",
         ("--orders", "2", "3", "--steps", "4", "2", "1"),
         "Largest and least force and couple over the last quarter of the time, five periods of the street.",
     ),
-    Scene(
-        "grain_on_bed",
-        said="A disc on a flat bed rolls in any flow, so that there is no safety factor to err in.",
-    ),
+    Scene("grain_on_bed"),
     Scene(
         "pothole_4",
         (
@@ -123,7 +120,7 @@ def _section(scene: Scene) -> str:
     shutil.copyfile(source / "cost.png", figure)
     title, *parts = (source / "cost.md").read_text().split("\n\n")
     options = " ".join(("", *scene.options))
-    made = f"`incipient cost demos/scenes/{scene.name}.toml{options}`. {scene.said}"
+    made = f"`incipient cost demos/scenes/{scene.name}.toml{options}`. {scene.said}".rstrip()
     text = "\n\n".join([f"#{title}", made, *filter(None, map(_brief, parts))])
     return text.replace("(cost.png)", f"(figures/{figure.name})").rstrip() + "\n"
 

@@ -187,7 +187,6 @@ def table(rows: list[Row]) -> str:
         "substrate",
         "spacing",
         "size",
-        "rests on",
         "angle of repose",
         "Shields number",
         "drag",
@@ -195,7 +194,7 @@ def table(rows: list[Row]) -> str:
     rows = [row for row in rows if not row["reynolds"]]
     lines = ["| " + " | ".join(head) + " |", "| " + " | ".join("---" for _ in head) + " |"]
     for row in rows:
-        begins = [row["arrangement"], f"{row['spacing']:g}", f"{row['size']:g}", f"{row['contacts']:g}"]
+        begins = [row["arrangement"], f"{row['spacing']:g}", f"{row['size']:g}"]
         cells = [*begins, f"{row['angle']:.2f}°", _with_error(row), f"{row['drag']:.2f}"]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
