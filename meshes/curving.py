@@ -2,68 +2,35 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
 from incipient.arrays import Floats, Integers
 from incipient.geometry.space.remeshing import ExactSurface
-from incipient.interrupt import handlers_kept
 
-with handlers_kept():  # at its import gmsh takes interrupts for itself
-    import gmsh
+from .tetrahedra import EDGES, SIDES, Tetrahedra
 
-# Of tetrahedra of order two gmsh has the corners first, then the middles of these edges; of triangles likewise.
-EDGES = ((0, 1), (1, 2), (2, 0), (3, 0), (2, 3), (1, 3))
-SIDES = ((0, 1), (1, 2), (2, 0))
 LEAST = 0.1  # of a straight cell's volume: the least that the curved one's map may have anywhere
 FARTHEST = 0.3  # of its edge's length: a node that moves farther has found another part of the surface
 ON_PLANE = 1e-12  # of a region's height
-TRIANGLE, QUADRATIC_TRIANGLE, TETRAHEDRON, QUADRATIC_TETRAHEDRON = 2, 9, 4, 11  # gmsh's kinds of cells
-
-
-@dataclass(frozen=True, eq=False)
-class Nodes:
-    """The nodes of the mesh that gmsh holds: their tags (n,) and places (n, 3); rows found by `row` of a tag."""
-
-    tags: Integers
-    places: Floats
-    row: Integers
-
-    @classmethod
-    def read(cls) -> Nodes:
-        """The nodes as they are."""
-        tags, places, _ = gmsh.model.mesh.getNodes()
-        tags = tags.astype(np.int64)
-        row = np.full(int(tags.max()) + 1, -1)
-        row[tags] = np.arange(len(tags))
-        return cls(tags, np.reshape(places, (-1, 3)).copy(), row)
-
-    def cells(self, kind: int, entity: int = -1, per_cell: int = 0) -> Integers:
-        """The rows (m, nodes) of the cells of a kind, of all entities or of one."""
-        _, members = gmsh.model.mesh.getElementsByType(kind, entity)
-        return np.asarray(self.row[members.astype(np.int64)].reshape(-1, per_cell))
 
 
 def curved(
-    surfaces: dict[int, ExactSurface], walls: tuple[tuple[int, float], ...], order: int
-) -> tuple[Nodes, int]:
-    """The nodes where they belong, and how many edges stay straight because cells beside them would fold.
+    made: Tetrahedra, surfaces: dict[str, ExactSurface], walls: tuple[tuple[int, float], ...]
+) -> tuple[Tetrahedra, int]:
+    """The cells with their points where they belong, and how many edges stay straight because cells would fold.
 
-    surfaces: what the triangles of gmsh's entities approximate
-    walls:    axis and place of the plane sides, on which nodes stay
+    surfaces: what the named triangles of the boundary approximate
+    walls:    axis and place of the plane sides, on which points stay
     """
-    nodes = Nodes.read()
-    cells = nodes.cells(*((QUADRATIC_TETRAHEDRON, -1, 10) if order == 2 else (TETRAHEDRON, -1, 4)))
-    places = nodes.places
-    straight = places.copy()
-    kind, size = (QUADRATIC_TRIANGLE, 6) if order == 2 else (TRIANGLE, 3)
+    straight, places, quadratic = made.points, made.points.copy(), made.cells.shape[1] > 4
     moved = np.empty(0, dtype=int)
-    for entity, exact in surfaces.items():
-        triangles = nodes.cells(kind, entity, size)
+    for name, exact in surfaces.items():
+        triangles = made.sides[name]
         corners = np.unique(triangles[:, :3])
         places[corners] = exact.project(places[corners], _held(places[corners], walls))
-        if order == 1:
+        if not quadratic:
             continue
         ends, middles = _edges(triangles)
         centres = places[ends].mean(axis=1)
@@ -72,11 +39,12 @@ def curved(
         near = np.linalg.norm(target - centres, axis=1) <= FARTHEST * length
         places[middles[near]] = target[near]
         moved = np.union1d(moved, middles[near])
-    if order == 1:
-        return nodes, 0
+    curved_cells = replace(made, points=places)
+    if not quadratic:
+        return curved_cells, 0
     # Corners may have moved by a rounding: middles that are not curved lie between them.
-    _put_between(places, cells, np.setdiff1d(np.unique(cells[:, 4:]), moved))
-    return nodes, _unfold(places, cells, moved)
+    _put_between(places, made.cells, np.setdiff1d(np.unique(made.cells[:, 4:]), moved))
+    return curved_cells, _unfold(places, made.cells, moved)
 
 
 def _held(x: Floats, walls: tuple[tuple[int, float], ...]) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from .region import Sizes
 from .shell import Shell, Walls, closed_shell
 from .solid_region import SolidFrame, SolidRegion
 from .solid_sizes import Boxes, SizeMap, boxes
+from .tetrahedra import Tetrahedra
 
 with handlers_kept():  # at its import gmsh takes interrupts for itself
     import gmsh
@@ -45,8 +47,9 @@ def solid_model(region: SolidRegion, sizes: Sizes, order: int) -> Iterator[Any]:
             size, bed, bodies = outline.triangulated(size)
             _set_background(boxes(size, float(bed.points[:, 2].min())))
             shell = closed_shell(_walls(region, frame), bed, bodies)
-            tags = _mesh(shell)
-            _put_in_place(region, frame, outline, tags, order)
+            made = _in_place(region, frame, outline, _mesh(shell).of_order(order))
+            gmsh.clear()
+            made.put()
         yield model
 
 
@@ -117,8 +120,8 @@ def _set_background(cubes: Boxes) -> None:
         set_option(f"Mesh.MeshSize{option}", f"Mesh.CharacteristicLength{option}", 0)
 
 
-def _mesh(shell: Shell) -> dict[str, int]:
-    """Fill a shell with tetrahedra and name its parts; the entities of these."""
+def _mesh(shell: Shell) -> Tetrahedra:
+    """Fill a shell with straight tetrahedra."""
     tags = {}
     numbers = np.arange(1, len(shell.points) + 1)
     for number, name in enumerate(shell.triangles, start=1):
@@ -129,31 +132,21 @@ def _mesh(shell: Shell) -> dict[str, int]:
         gmsh.model.mesh.addElementsByType(tags[name], 2, [], (triangles + 1).ravel().tolist())
     gmsh.model.mesh.reclassifyNodes()
     loop = gmsh.model.geo.addSurfaceLoop(list(tags.values()))
-    volume = gmsh.model.geo.addVolume([loop])
+    gmsh.model.geo.addVolume([loop])
     gmsh.model.geo.synchronize()
-    gmsh.model.addPhysicalGroup(3, [volume], 1)
-    gmsh.model.setPhysicalName(3, 1, "fluid")
-    for name, tag in tags.items():
-        gmsh.model.addPhysicalGroup(2, [tag], tag)
-        gmsh.model.setPhysicalName(2, tag, name)
     gmsh.option.setNumber("General.AbortOnError", 1)
     said = len(gmsh.logger.get())
     gmsh.model.mesh.generate(3)
     require_no_complaint(said, 3)
-    return tags
+    return Tetrahedra.read(tags)
 
 
-def _put_in_place(
-    region: SolidRegion, frame: SolidFrame, outline: Outline, tags: dict[str, int], order: int
-) -> None:
-    """Take the nodes to the exact surfaces and into the scene."""
-    gmsh.model.mesh.setOrder(order)
+def _in_place(region: SolidRegion, frame: SolidFrame, outline: Outline, made: Tetrahedra) -> Tetrahedra:
+    """The cells with their points on the exact surfaces, in the scene."""
     walls = _walls(region, frame)
     planes = tuple((axis, float(end[axis])) for axis in (0, 1) for end in (walls.low, walls.high))
-    named: dict[str, ExactSurface] = {region.names[5]: outline.ground, **outline.bodies}
-    nodes, straight = curved({tags[name]: exact for name, exact in named.items()}, planes, order)
+    found, straight = curved(made, {region.names[5]: outline.ground, **outline.bodies}, planes)
     gmsh.logger.write(
         f"cells would fold over: {straight} edges are straight", "warning" if straight else "info"
     )
-    for tag, node in zip(nodes.tags.tolist(), frame.scene(nodes.places).tolist(), strict=True):
-        gmsh.model.mesh.setNode(tag, node, [])
+    return replace(found, points=frame.scene(found.points))

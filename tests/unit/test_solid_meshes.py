@@ -42,7 +42,9 @@ from incipient.geometry import (
 from incipient.mesh.domain import build
 from incipient.meshes import Near, PlacedSolid, Sizes, SolidRegion
 from incipient.meshes.expected import expected_cells
+from incipient.meshes.model import session
 from incipient.meshes.solid_model import solid_model
+from incipient.meshes.tetrahedra import Tetrahedra
 from incipient.planning.expense import euler_number
 
 NAMES = {"inflow", "outflow", "right", "left", "top", "bed", "body"}
@@ -59,6 +61,30 @@ def test_volumes_and_areas_converge(order: int, rate: float) -> None:
     orders = np.log2(np.abs(errors[0]) / np.abs(errors[1]))
     assert (orders > rate - 0.5).all(), orders
     assert np.abs(errors[1]).max() < {1: 0.06, 2: 6e-4}[order]
+
+
+def test_cells_of_order_two_are_those_that_gmsh_makes() -> None:
+    """The straight cells of a box, with the middles of their edges by gmsh itself."""
+    with session() as model:
+        model.occ.addBox(0.0, 0.0, 0.0, 1.0, 0.7, 0.4)
+        model.occ.synchronize()
+        model.mesh.generate(3)
+        entities = {str(tag): tag for _, tag in model.getEntities(2)}
+        made = Tetrahedra.read(entities).of_order(2)
+        model.mesh.setOrder(2)
+        assert made.points[made.cells] == pytest.approx(cells(model), abs=1e-12)  # gmsh's along its lines
+        for name, tag in entities.items():
+            found = places(model)[model.mesh.getElements(2, tag)[2][0].astype(int)].reshape(-1, 6, 3)
+            assert made.points[made.sides[name]] == pytest.approx(found, abs=1e-12)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_a_mesh_has_no_points_but_those_of_its_cells(order: int) -> None:
+    """Edges of the shell, drawn for the walls' triangles, leave none."""
+    region, _ = grain_above(Sphere(1.0), gap=0.5, half=1.5)
+    with solid_model(region, Sizes(1.0, (Near(0.3, 0.4, boundary="body"),)), order) as model:
+        members = model.mesh.getElements(3)[2][0]
+        assert sorted(model.mesh.getNodes()[0].tolist()) == np.unique(members).tolist()
 
 
 @pytest.mark.parametrize(
