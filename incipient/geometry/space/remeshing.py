@@ -15,7 +15,7 @@ import numpy as np
 from incipient.arrays import Floats, unit
 from incipient.geometry.space.nearest import Triangles
 from incipient.geometry.space.surfaces import Surface, vector_areas
-from incipient.geometry.space.topology import Topology, lowest_around
+from incipient.geometry.space.topology import Topology, lowest_around, summed
 
 GRID = 2.0**-32  # in the unit of the points: what is computed is rounded to its multiples
 LONG, SHORT = 1.37, 0.74  # in units of the wanted size: edges that are split, and that are collapsed
@@ -58,17 +58,22 @@ class ExactSurface(ABC):
 
 @dataclass(frozen=True, eq=False)
 class SurfaceMesh:
-    """Points (n, 3), triangles (m, 3), coordinates held (n, 3), points that stay (n,), and edges that are kept (k, 2).
+    """Points (n, 3), triangles with their edges, coordinates held (n, 3), points that stay (n,), sharp edges (k, 2).
 
-    Kept edges are sharp ones; the surface's own edge is always kept. `sizes` (n,) are the lengths wanted at the points.
+    Sharp edges are kept, and the surface's own edge always is. `sizes` (n,) are the lengths wanted at the points.
     """
 
     points: Floats
     sizes: Floats
-    triangles: np.ndarray
+    topology: Topology
     held: np.ndarray
     fixed: np.ndarray
     sharp: np.ndarray
+
+    @property
+    def triangles(self) -> np.ndarray:
+        """The points (m, 3) of each triangle."""
+        return self.topology.triangles
 
     @property
     def normals(self) -> Floats:
@@ -137,7 +142,7 @@ def _begun(draft: Draft, size: SizeOf) -> tuple[SurfaceMesh, Triangles | None]:
         fixed |= (meeting == 2) & _turning(surface.points, kept, count)
     curves = Triangles(surface.points[kept[:, [0, 1, 1]]]) if draft.sharp and len(kept) else None
     sizes = np.ones(count)
-    return SurfaceMesh(surface.points, sizes, surface.triangles, draft.held, fixed, sharp), curves
+    return SurfaceMesh(surface.points, sizes, topology, draft.held, fixed, sharp), curves
 
 
 def _bent(draft: Draft, topology: Topology, size: SizeOf) -> np.ndarray:
@@ -158,26 +163,23 @@ def _bent(draft: Draft, topology: Topology, size: SizeOf) -> np.ndarray:
 def _turning(points: Floats, kept: np.ndarray, count: int) -> np.ndarray:
     """Where (count,) two kept edges meet at an angle."""
     along = unit(points[kept[:, 1]] - points[kept[:, 0]])
-    total = np.zeros((count, 3))
-    np.add.at(total, kept[:, 0], along)
-    np.add.at(total, kept[:, 1], -along)
+    total = summed(kept.T.ravel(), np.vstack([along, -along]), count)
     # Opposite directions add up to nothing: |sum| = 2 sin(turn/2).
     return np.asarray(np.linalg.norm(total, axis=1) > 2.0 * np.sin(0.5 * TURN))
 
 
-def _kept(mesh: SurfaceMesh, topology: Topology) -> np.ndarray:
+def _kept(mesh: SurfaceMesh) -> np.ndarray:
     """Which edges (k,) are sharp or the surface's own."""
-    kept = topology.open.copy()
+    kept = mesh.topology.open.copy()
     if len(mesh.sharp):
-        kept[topology.number(mesh.sharp)] = True
+        kept[mesh.topology.number(mesh.sharp)] = True
     return kept
 
 
 def _on_curves(mesh: SurfaceMesh) -> np.ndarray:
     """Which points (n,) lie on kept edges."""
-    topology = Topology(mesh.triangles)
     on_it = np.zeros(len(mesh.points), dtype=bool)
-    on_it[topology.edges[_kept(mesh, topology)].ravel()] = True
+    on_it[mesh.topology.edges[_kept(mesh)].ravel()] = True
     return on_it
 
 
@@ -189,8 +191,8 @@ def _lengths(mesh: SurfaceMesh, edges: np.ndarray) -> Floats:
 
 def _split(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
     """Edges that are too long get a point in their middle; triangles are cut at such points."""
-    topology = Topology(mesh.triangles)
-    edges, kept = topology.edges, _kept(mesh, topology)
+    topology = mesh.topology
+    edges, kept = topology.edges, _kept(mesh)
     long = _lengths(mesh, edges) > LONG
     if not long.any():
         return mesh
@@ -212,7 +214,7 @@ def _split(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
     return SurfaceMesh(
         points,
         np.concatenate([mesh.sizes, task.size(places)]),
-        _divided(points, mesh.triangles, middle[topology.of_sides]),
+        Topology(_divided(points, mesh.triangles, middle[topology.of_sides])),
         np.vstack([mesh.held, held]),
         np.concatenate([mesh.fixed, np.zeros(added, dtype=bool)]),
         sharp,
@@ -253,57 +255,55 @@ def _turned(
 def _collapsed(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
     """Edges that are too short become points, as long as no triangle turns over and none grows too long."""
     for _ in range(6):
-        topology = Topology(mesh.triangles)
-        edges, kept = topology.edges, _kept(mesh, topology)
-        lengths = _lengths(mesh, edges)
-        candidate = (lengths < SHORT) & _collapsible(mesh, topology, kept)
-        if not candidate.any():
+        lengths = _lengths(mesh, mesh.topology.edges)
+        short = np.flatnonzero(lengths < SHORT)
+        if not len(short):
             return mesh
-        after, done = _collapse_some(task, mesh, topology, kept, lengths, candidate)
-        mesh = after
+        kept = _kept(mesh)
+        candidates = short[_collapsible(mesh, short, kept)]
+        if not len(candidates):
+            return mesh
+        mesh, done = _collapse_some(task, mesh, kept, candidates, lengths[candidates])
         if not done:
             return mesh
     return mesh
 
 
-def _collapsible(mesh: SurfaceMesh, topology: Topology, kept: np.ndarray) -> np.ndarray:
-    """Which edges (k,) may vanish without changing what the surface, its sharp edges and its own edge are."""
-    edges, count = topology.edges, len(mesh.points)
-    on_curve = np.zeros(count, dtype=bool)
-    on_curve[edges[kept].ravel()] = True
-    a, b = edges.T
+def _collapsible(mesh: SurfaceMesh, which: np.ndarray, kept: np.ndarray) -> np.ndarray:
+    """Which of some edges (k,) may vanish without changing what the surface, its sharp edges and its own edge are."""
+    edges, count = mesh.topology.edges, len(mesh.points)
+    on_curve = _on_curves(mesh)
+    a, b = edges[which].T
     allowed = ~(mesh.fixed[a] & mesh.fixed[b])
-    allowed &= kept | ~(on_curve[a] & on_curve[b])
-    return allowed & (_common(edges, count) == np.where(topology.open, 1, 2))
+    allowed &= kept[which] | ~(on_curve[a] & on_curve[b])
+    return allowed & (_common(edges, which, count) == np.where(mesh.topology.open[which], 1, 2))
 
 
-def _common(edges: np.ndarray, count: int) -> np.ndarray:
-    """How many points are neighbours of both ends of each edge, (k,)."""
+def _common(edges: np.ndarray, which: np.ndarray, count: int) -> np.ndarray:
+    """How many points are neighbours of both ends of each of some edges, (k,)."""
     from scipy.sparse import coo_matrix
 
     both = np.vstack([edges, edges[:, ::-1]])
     adjacency = coo_matrix((np.ones(len(both)), (both[:, 0], both[:, 1])), shape=(count, count)).tocsr()
-    return np.asarray(adjacency[edges[:, 0]].multiply(adjacency[edges[:, 1]]).sum(axis=1)).ravel()
+    a, b = edges[which].T
+    return np.asarray(adjacency[a].multiply(adjacency[b]).sum(axis=1)).ravel()
 
 
 def _collapse_some(
-    task: Remesher,
-    mesh: SurfaceMesh,
-    topology: Topology,
-    kept: np.ndarray,
-    lengths: Floats,
-    candidate: np.ndarray,
+    task: Remesher, mesh: SurfaceMesh, kept: np.ndarray, candidates: np.ndarray, lengths: Floats
 ) -> tuple[SurfaceMesh, bool]:
-    """The shortest of the candidates around collapsed; whether any was."""
-    edges, count = topology.edges, len(mesh.points)
-    rank = np.full(len(edges), np.inf)
-    rank[candidate] = np.argsort(np.argsort(lengths[candidate], kind="stable"), kind="stable")
+    """Those of the candidates (k,), which have lengths (k,), collapsed that are shortest around; whether any was."""
+    edges, count = mesh.topology.edges, len(mesh.points)
+    rank = np.empty(len(candidates))
+    rank[np.argsort(lengths, kind="stable")] = np.arange(len(candidates))
     # No two whose ends are neighbours: then no triangle is touched by both.
-    own = lowest_around(rank, edges, count)
+    own = lowest_around(rank, edges[candidates], count)
     around = own.copy()
     for end in (0, 1):
-        np.minimum.at(around, edges[:, end], own[edges[:, 1 - end]])
-    chosen = candidate & (rank <= around[edges].min(axis=1))
+        lowest = own[edges[:, 1 - end]]
+        beside = np.isfinite(lowest)
+        np.minimum.at(around, edges[beside, end], lowest[beside])
+    chosen = candidates[rank <= around[edges[candidates]].min(axis=1)]
     a, b = edges[chosen].T
     on_curve = np.zeros(count, dtype=bool)
     on_curve[edges[kept].ravel()] = True
@@ -336,8 +336,7 @@ def _spoilt(mesh: SurfaceMesh, stays: np.ndarray, goes: np.ndarray, target: Floa
     touched = owner[mesh.triangles]
     of = touched.max(axis=1)
     around = of >= 0
-    facing = np.zeros((len(stays), 3))
-    np.add.at(facing, of[around], mesh.normals[around])
+    facing = summed(of[around], vector_areas(mesh.points[mesh.triangles[around]]), len(stays))
     remains = around & ((touched >= 0).sum(axis=1) == 1)
     triangles, of = mesh.triangles[remains], of[remains]
     corners, was = moved[triangles], mesh.points[triangles]
@@ -371,7 +370,7 @@ def _renumbered(mesh: SurfaceMesh, number: np.ndarray) -> SurfaceMesh:
     return SurfaceMesh(
         mesh.points[used],
         mesh.sizes[used],
-        place[triangles],
+        Topology(place[triangles]),
         mesh.held[used],
         mesh.fixed[used],
         place[sharp].reshape(-1, 2),
@@ -380,67 +379,74 @@ def _renumbered(mesh: SurfaceMesh, number: np.ndarray) -> SurfaceMesh:
 
 def _swapped(mesh: SurfaceMesh) -> SurfaceMesh:
     """Edges turned within the two triangles beside them where that makes these rounder."""
-    topology = Topology(mesh.triangles)
-    free = np.flatnonzero(~_kept(mesh, topology))
+    topology = mesh.topology
+    free = np.flatnonzero(~_kept(mesh))
     if not len(free):
         return mesh
     (a, b), (c, d) = topology.edges[free].T, topology.opposite[free].T
-    first, second = topology.beside[free].T
-    # Seen from outside the first triangle has its edge from a to b or from b to a.
-    ordered = (mesh.triangles[first] == a[:, None]) & (
-        np.roll(mesh.triangles[first], -1, axis=1) == b[:, None]
-    )
-    a, b = np.where(ordered.any(axis=1), a, b), np.where(ordered.any(axis=1), b, a)
-    now = np.minimum(_roundness(mesh.points, a, b, c), _roundness(mesh.points, b, a, d))
+    own = _roundness(mesh.points, *mesh.triangles.T)
+    now = own[topology.beside[free]].min(axis=1)
     then = np.minimum(_roundness(mesh.points, a, d, c), _roundness(mesh.points, d, b, c))
     gain = np.round(then - now, 6)
-    old = unit(mesh.normals[first] + mesh.normals[second])
+    rounder = np.flatnonzero(gain > 1e-3)
+    free, now, gain = free[rounder], now[rounder], gain[rounder]
+    a, b, c, d = (ends[rounder] for ends in (a, b, c, d))
+    first, second = topology.beside[free].T
+    # Seen from outside the first triangle has its edge from a to b or from b to a.
+    corners = mesh.triangles[first]
+    ordered = ((corners == a[:, None]) & (np.roll(corners, -1, axis=1) == b[:, None])).any(axis=1)
+    a, b = np.where(ordered, a, b), np.where(ordered, b, a)
+    old = unit(vector_areas(mesh.points[corners]) + vector_areas(mesh.points[mesh.triangles[second]]))
     new = [unit(vector_areas(mesh.points[np.column_stack(t)])) for t in ((a, d, c), (d, b, c))]
-    level = np.minimum(*((old * n).sum(axis=1) for n in new)) > 0.7
-    level |= (np.minimum(*((old * n).sum(axis=1) for n in new)) > 0.0) & (now < 0.1)
-    wanted = (gain > 1e-3) & level & (topology.number(np.column_stack([c, d])) < 0)
-    rank = np.full(len(free), np.inf)
-    rank[wanted] = np.argsort(np.argsort(-gain[wanted], kind="stable"), kind="stable")
-    best = np.full(len(mesh.triangles), np.inf)
-    for beside in (first, second):
-        np.minimum.at(best, beside, rank)
-    chosen = wanted & (rank <= best[first]) & (rank <= best[second])
+    least = np.minimum(*((old * n).sum(axis=1) for n in new))
+    level = (least > 0.7) | (least > 0.0) & (now < 0.1)
+    wanted = np.flatnonzero(level & (topology.number(np.column_stack([c, d])) < 0))
+    if not len(wanted):
+        return mesh
+    first, second, gain = first[wanted], second[wanted], gain[wanted]
+    a, b, c, d = (ends[wanted] for ends in (a, b, c, d))
+    rank = np.empty(len(wanted))
+    rank[np.argsort(-gain, kind="stable")] = np.arange(len(wanted))
+    best = lowest_around(rank, np.column_stack([first, second]), len(mesh.triangles))
+    chosen = np.flatnonzero((rank <= best[first]) & (rank <= best[second]))
     # Two swaps at one point could both make the same edge.
     pair = np.sort(np.column_stack([c, d]), axis=1)
     _, once = np.unique(pair[chosen], axis=0, return_index=True)
-    chosen = np.flatnonzero(chosen)[once]
+    chosen = chosen[once]
     triangles = mesh.triangles.copy()
     triangles[first[chosen]] = np.column_stack([a, d, c])[chosen]
     triangles[second[chosen]] = np.column_stack([d, b, c])[chosen]
-    return replace(mesh, triangles=triangles)
+    return replace(mesh, topology=Topology(triangles))
 
 
 def _roundness(points: Floats, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> Floats:
     """The least angle's sine, nearly: area over the product of the two longest sides; 0 for needles and caps."""
-    corners = points[np.column_stack([a, b, c])]
-    lengths = np.sort(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2), axis=1)
-    area = np.linalg.norm(vector_areas(corners), axis=1)
-    return np.asarray(2.0 * area / np.maximum(lengths[:, 1] * lengths[:, 2], 1e-300))
+    # Components first: sums over three neighbouring numbers take several times as long.
+    places = np.ascontiguousarray(points.T)
+    p, q, r = (places[:, corner] for corner in (a, b, c))
+    u, v, w = q - p, r - p, r - q
+    uu, vv, ww = ((side * side).sum(axis=0) for side in (u, v, w))
+    twice = u[[1, 2, 0]] * v[[2, 0, 1]] - u[[2, 0, 1]] * v[[1, 2, 0]]
+    longest = np.maximum(np.maximum(uu * vv, vv * ww), ww * uu)
+    return np.asarray(np.sqrt((twice * twice).sum(axis=0) / np.maximum(longest, 1e-300)))
 
 
 def _smoothed(task: Remesher, mesh: SurfaceMesh) -> SurfaceMesh:
     """Points moved along the surface towards the middle of what is around them, finer parts weighing more."""
-    topology = Topology(mesh.triangles)
-    kept, count = _kept(mesh, topology), len(mesh.points)
+    kept, count = _kept(mesh), len(mesh.points)
     corners = mesh.points[mesh.triangles]
     middle = corners.mean(axis=1)
     areas = mesh.normals
     weight = np.linalg.norm(areas, axis=1) / mesh.sizes[mesh.triangles].mean(axis=1) ** 3
-    total, pull, normal = np.zeros(count), np.zeros((count, 3)), np.zeros((count, 3))
-    for k in range(3):
-        np.add.at(total, mesh.triangles[:, k], weight)
-        np.add.at(pull, mesh.triangles[:, k], weight[:, None] * middle)
-        np.add.at(normal, mesh.triangles[:, k], areas)
+    of = mesh.triangles.T.ravel()
+    total = summed(of, np.tile(weight, 3), count)
+    pull = summed(of, np.tile(weight[:, None] * middle, (3, 1)), count)
+    normal = summed(of, np.tile(areas, (3, 1)), count)
     move = pull / np.maximum(total, 1e-300)[:, None] - mesh.points
     normal = unit(normal)
     move -= (move * normal).sum(axis=1)[:, None] * normal
     on_curve = np.zeros(count, dtype=bool)
-    lines = topology.edges[kept]
+    lines = mesh.topology.edges[kept]
     on_curve[lines.ravel()] = True
     if len(lines):
         move[on_curve] = _along_curves(mesh, lines)[on_curve]
@@ -458,10 +464,9 @@ def _along_curves(mesh: SurfaceMesh, lines: np.ndarray) -> Floats:
     ends = mesh.points[lines]
     length = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
     weight = length / mesh.sizes[lines].mean(axis=1) ** 2
-    total, pull = np.zeros(len(mesh.points)), np.zeros((len(mesh.points), 3))
-    for k in (0, 1):
-        np.add.at(total, lines[:, k], weight)
-        np.add.at(pull, lines[:, k], weight[:, None] * ends.mean(axis=1))
+    count, of = len(mesh.points), lines.T.ravel()
+    total = summed(of, np.tile(weight, 2), count)
+    pull = summed(of, np.tile(weight[:, None] * ends.mean(axis=1), (2, 1)), count)
     return pull / np.maximum(total, 1e-300)[:, None] - mesh.points
 
 

@@ -7,7 +7,6 @@ from functools import cached_property
 import numpy as np
 
 from incipient.arrays import Floats
-from incipient.geometry.space.surfaces import sides
 
 
 class Topology:
@@ -18,14 +17,19 @@ class Topology:
 
     def __init__(self, triangles: np.ndarray):
         self.triangles = triangles
-        directed = np.sort(sides(triangles), axis=1)
+        following = triangles[:, [1, 2, 0]]
         width = int(triangles.max(initial=0)) + 1
-        keys, inverse = np.unique(
-            directed[:, 0].astype(np.int64) * width + directed[:, 1], return_inverse=True
-        )
-        self.edges = np.column_stack([keys // width, keys % width])
+        keys = (
+            np.minimum(triangles, following).astype(np.int64) * width + np.maximum(triangles, following)
+        ).T.ravel()
+        order = np.argsort(keys, kind="stable")
+        keys = keys[order]
+        new = np.concatenate([[True], keys[1:] != keys[:-1]])[: len(keys)]
+        inverse = np.empty(len(keys), dtype=np.int64)
+        inverse[order] = np.cumsum(new) - 1
+        self._keys, self._width, self._order, self._first = keys[new], width, order, np.flatnonzero(new)
+        self.edges = np.column_stack([self._keys // width, self._keys % width])
         self.of_sides = inverse.reshape(3, -1).T
-        self._keys, self._width = keys, width
 
     def number(self, pairs: np.ndarray) -> np.ndarray:
         """Which edge joins each of the pairs (n, 2) of points, -1 if none does."""
@@ -37,13 +41,11 @@ class Topology:
     @cached_property
     def beside(self) -> np.ndarray:
         """The two triangles (k, 2) at each edge; the second is -1 on the surface's own edge."""
-        flat = self.of_sides.T.ravel()
-        triangle = np.tile(np.arange(len(self.triangles)), 3)
-        order = np.argsort(flat, kind="stable")
-        first = np.searchsorted(flat[order], np.arange(len(self.edges)))
-        count = np.bincount(flat, minlength=len(self.edges))
-        second = np.where(count > 1, triangle[order[np.minimum(first + 1, len(order) - 1)]], -1)
-        return np.column_stack([triangle[order[first]], second])
+        triangle = self._order % max(len(self.triangles), 1)
+        last = np.concatenate([self._first[1:], [len(triangle)]])[: len(self._first)]
+        following = np.minimum(self._first + 1, len(triangle) - 1)
+        second = np.where(last - self._first > 1, triangle[following], -1)
+        return np.column_stack([triangle[self._first], second])
 
     @cached_property
     def open(self) -> np.ndarray:
@@ -63,3 +65,10 @@ def lowest_around(values: Floats, edges: np.ndarray, count: int) -> Floats:
     for end in (0, 1):
         np.minimum.at(least, edges[:, end], values)
     return least
+
+
+def summed(of: np.ndarray, values: Floats, count: int) -> Floats:
+    """The sums (count,) or (count, d) of values (k,) or (k, d), each added to its own in their order."""
+    if values.ndim == 1:
+        return np.asarray(np.bincount(of, values, count), dtype=np.float64)
+    return np.column_stack([np.bincount(of, column, count) for column in values.T])
