@@ -62,33 +62,35 @@ def solve_steady(
     Raises:
         ConvergenceError: the fluid then holds the last converged state, at the Reynolds number it belongs to.
     """
+    climb = partial(
+        approach,
+        max_iterations=max_iterations,
+        first_share=first_share,
+        watch=watch,
+        reached=reached,
+        smallest_step=smallest_step,
+    )
     if fluid.space.order == LOWEST_ORDER or (fluid.model.linear and fluid.coarse is None):
-        return approach(fluid, tolerance, max_iterations, first_share, watch, reached, smallest_step)
+        return climb(fluid, tolerance)
     if reached < NEAR or fluid.coarse is not None:
-        return _from_order_two(fluid, tolerance, max_iterations, first_share, watch, reached, smallest_step)
+        return _from_order_two(fluid, tolerance, climb)
     before, target = fluid.state.x.array.copy(), fluid.reynolds
     try:
-        return approach(fluid, tolerance, max_iterations, first_share, watch, reached, smallest_step)
+        return climb(fluid, tolerance)
     except ConvergenceError:
         fluid.state.x.array[:], fluid.reynolds = before, target
-        return _from_order_two(fluid, tolerance, max_iterations, first_share, watch, reached, smallest_step)
+        return _from_order_two(fluid, tolerance, climb)
 
 
 def _from_order_two(
-    fluid: Fluid,
-    tolerance: float,
-    max_iterations: int,
-    first_share: float,
-    watch: Watch,
-    reached: float,
-    smallest_step: float,
+    fluid: Fluid, tolerance: float, climb: Callable[..., tuple[Step, ...]]
 ) -> tuple[Step, ...]:
-    """Solve as `solve_steady` does, elements of higher order from the solution in those of order two. Collective."""
+    """Elements of higher order from the solution in those of order two; `climb` is `approach`. Collective."""
     before = fluid.state.x.array.copy()
     on_the_way = TOLERANCE_ON_THE_WAY if fluid.coarse is None else TOLERANCE_BELOW
     with lowered(fluid) as coarse:
         try:
-            steps = approach(coarse, on_the_way, max_iterations, first_share, watch, reached, smallest_step)
+            steps = climb(coarse, on_the_way)
         except ConvergenceError:
             if fluid.coarse is not None:
                 fluid.interpolate(coarse)
@@ -96,9 +98,9 @@ def _from_order_two(
                 raise
             # Too coarse a mesh for low order may still do for the order asked for.
             fluid.state.x.array[:] = before
-            return approach(fluid, tolerance, max_iterations, first_share, watch, reached, smallest_step)
+            return climb(fluid, tolerance)
         fluid.interpolate(coarse)
-    return (*steps, *approach(fluid, tolerance, max_iterations, 1.0, watch))
+    return (*steps, *climb(fluid, tolerance, first_share=1.0, reached=0.0, smallest_step=SMALLEST_STEP))
 
 
 def approach(
@@ -140,25 +142,18 @@ def approach(
             path.accept(share)
             if last:
                 return tuple(steps)
-            reached, stride = share, stride * _growth(report)
+            # Steps grow more where Newton's method found its way quickly.
+            growth = float(np.clip(3.0 * 4 / max(report.iterations, 1), 1.5, 4.0))
+            reached, stride = share, stride * growth
         else:
             path.restore()
             stride = 0.5 * (share - reached)
             if stride < smallest_step:
-                raise ConvergenceError(_explanation(reached))
+                raise ConvergenceError(
+                    f"no steady flow found beyond {100 * reached:.3g}% of the Reynolds number: it may be unsteady "
+                    "(add a [time] section) or need a finer mesh (smaller numerics.mesh_size)"
+                )
         share = min(1.0, reached + stride)
-
-
-def _growth(report: NewtonReport) -> float:
-    """Steps grow more where Newton's method found its way quickly."""
-    return float(np.clip(3.0 * 4 / max(report.iterations, 1), 1.5, 4.0))
-
-
-def _explanation(reached: float) -> str:
-    return (
-        f"no steady flow found beyond {100 * reached:.3g}% of the Reynolds number: it may be unsteady "
-        "(add a [time] section) or need a finer mesh (smaller numerics.mesh_size)"
-    )
 
 
 class _Path:

@@ -55,6 +55,7 @@ class SolidSection(BodySection):
 
     gdim: ClassVar[int] = 3
     gdims: ClassVar[tuple[int, ...]] = (3,)
+    shape_key: ClassVar[str] = "shape"  # the key that gives the shape
 
     x: float | None = Field(
         None, description="Rests on the bed at this distance along [length]; give x or centre", examples=[4.0]
@@ -105,13 +106,8 @@ class SolidSection(BodySection):
 
     @model_validator(mode="after")
     def _is_a_solid(self) -> SolidSection:
-        self.require(self._shape_key, self.grain)
+        self.require(self.shape_key, self.grain)
         return self
-
-    @property
-    def _shape_key(self) -> str:
-        """The key that gives the shape."""
-        return "shape"
 
     @property
     def aside(self) -> float | None:
@@ -188,13 +184,10 @@ class Superquadric(SolidSection):
 class Box(SolidSection):
     """A box, its edges rounded or not."""
 
+    shape_key: ClassVar[str] = "edge_radius"
     shape: Literal["box"] = Field("box", description="Shape of the grain")
     sides: PositiveTriple = Field(description="Sides along x, y and z without orientation [length]")
     edge_radius: NotNegative = Field(0.0, description="Radius of the rounded edges and corners [length]")
-
-    @property
-    def _shape_key(self) -> str:
-        return "edge_radius"
 
     def new_grain(self) -> geometry.Solid:
         """The grain's shape in its body frame, lengths in scene units."""
@@ -204,14 +197,11 @@ class Box(SolidSection):
 class Polyhedron(SolidSection):
     """A convex polyhedron."""
 
+    shape_key: ClassVar[str] = "vertices"
     shape: Literal["polyhedron"] = Field("polyhedron", description="Shape of the grain")
     vertices: Annotated[tuple[Triple, ...], Field(strict=False, min_length=4)] = Field(
         description="Vertices, four or more, in any order, relative to any point [length]"
     )
-
-    @property
-    def _shape_key(self) -> str:
-        return "vertices"
 
     def new_grain(self) -> geometry.Solid:
         """The grain's shape in its body frame, lengths in scene units."""
@@ -223,14 +213,11 @@ class Polyhedron(SolidSection):
 class Spheres(SolidSection):
     """Spheres that overlap and move as one."""
 
+    shape_key: ClassVar[str] = "spheres"
     shape: Literal["spheres"] = Field("spheres", description="Shape of the grain")
     spheres: Annotated[tuple[Ball, ...], Field(strict=False, min_length=1)] = Field(
         description="x, y, z and radius of each sphere, relative to any point [length]"
     )
-
-    @property
-    def _shape_key(self) -> str:
-        return "spheres"
 
     def new_grain(self) -> geometry.Solid:
         """The grain's shape in its body frame, lengths in scene units."""
@@ -242,6 +229,7 @@ class Spheres(SolidSection):
 class Mesh(SolidSection):
     """A grain bounded by triangles, such as a scanned pebble, from an STL, PLY or OBJ file."""
 
+    shape_key: ClassVar[str] = "triangles"
     shape: Literal["mesh"] = Field("mesh", description="Shape of the grain")
     file: str | None = file_key("STL, PLY or OBJ file,", "its triangles", "pebble.stl")
     size: Positive | None = Field(
@@ -275,10 +263,6 @@ class Mesh(SolidSection):
         return with_file_read(
             "Mesh", "vertices", data, info, surface, "give the name of an STL, PLY or OBJ file"
         )
-
-    @property
-    def _shape_key(self) -> str:
-        return "triangles"
 
     def new_grain(self) -> geometry.Solid:
         """The grain's shape in its body frame, lengths in scene units."""

@@ -18,12 +18,8 @@ from incipient.geometry.shape import require_positive
 class Bed(ABC):
     """A rigid surface y = b(x) below the fluid, for all x."""
 
+    gdim = 2  # dimension of the space it lies in
     origin_y: float
-
-    @property
-    def gdim(self) -> int:
-        """Dimension of the space the bed lies in."""
-        return 2
 
     @property
     @abstractmethod
@@ -56,9 +52,9 @@ class Bed(ABC):
     def slopes(self, x: ArrayLike) -> tuple[Floats, Floats]:
         """db/dx just left and just right of the abscissae (n,); they differ at corners; may be infinite."""
 
-    @abstractmethod
     def corners(self, x0: float, x1: float) -> Floats:
-        """Abscissae in [x0, x1] at which the bed has a corner, ascending."""
+        """Abscissae in [x0, x1] at which the bed has a corner, ascending; by default none."""
+        return np.empty(0)
 
     @abstractmethod
     def nearest(self, points: Floats) -> Floats:
@@ -104,12 +100,8 @@ class Bed(ABC):
 class Flat(Bed):
     """The plane y = origin_y; an inclined bed is this one with gravity turned."""
 
+    feature = np.inf
     origin_y: float = 0.0
-
-    @property
-    def feature(self) -> float:
-        """Infinity: nothing on a plane is small."""
-        return float("inf")
 
     @property
     def crest(self) -> float:
@@ -124,10 +116,6 @@ class Flat(Bed):
         """Zero slopes on both sides."""
         zero = np.zeros(abscissae(x).shape)
         return zero, zero
-
-    def corners(self, x0: float, x1: float) -> Floats:
-        """No abscissae: this bed has no corners."""
-        return np.empty(0)
 
     def nearest(self, points: Floats) -> Floats:
         """The point straight below."""
@@ -190,10 +178,6 @@ class Sinusoidal(Bed):
         k = self._wavenumber
         slope = k * self.amplitude * np.cos(k * abscissae(x) + self.phase)
         return slope, slope
-
-    def corners(self, x0: float, x1: float) -> Floats:
-        """No abscissae: this bed has no corners."""
-        return np.empty(0)
 
     def nearest(self, points: Floats) -> Floats:
         """The nearest point, within half a wavelength of each abscissa because the bed is periodic."""

@@ -132,6 +132,7 @@ class Triangulated(FlatSided):
     is not closed (with the number of open edges), encloses no volume, or is in several parts.
     """
 
+    sharp = True
     vertices: Floats
     triangles: np.ndarray
     name: str = "the surface"
@@ -168,11 +169,6 @@ class Triangulated(FlatSided):
         solid = cls(surface.points, surface.triangles, str(path))
         require_plain(surface, str(path))
         return solid
-
-    @property
-    def sharp(self) -> bool:
-        """True: its triangles meet in edges."""
-        return True
 
     @property
     def _surface(self) -> Surface:

@@ -24,12 +24,8 @@ MOST_ACROSS = 1000  # points of the rule for means along each side
 class Terrain(ABC):
     """A rigid surface z = b(x, y) below the fluid."""
 
+    gdim = 3  # dimension of the space it lies in
     origin_z: float
-
-    @property
-    def gdim(self) -> int:
-        """Dimension of the space the bed lies in."""
-        return 3
 
     @property
     @abstractmethod
@@ -122,17 +118,13 @@ def _rule(x: Sides, y: Sides, feature: float) -> Floats:
 class Plane(Terrain):
     """z = origin_z + slope[0] x + slope[1] y; the slopes are tangents of angles."""
 
+    feature = np.inf
     slope: tuple[float, float] = (0.0, 0.0)
     origin_z: float = 0.0
 
     def __post_init__(self) -> None:
         if not np.isfinite([*self.slope, self.origin_z]).all():
             raise SceneError(f"the plane's slope {self.slope} is not finite; give finite numbers")
-
-    @property
-    def feature(self) -> float:
-        """Infinity: nothing on a plane is small."""
-        return float("inf")
 
     @property
     def crest(self) -> float:
@@ -358,6 +350,7 @@ class Relief(SmoothTerrain):
     (first ones with an error of about 1e-12, second ones of 1e-8 of the heights).
     """
 
+    crest = np.inf  # not known of a function
     function: Callable[[Floats], Floats]
     feature_length: float
     origin_z: float = 0.0
@@ -374,11 +367,6 @@ class Relief(SmoothTerrain):
     def feature(self) -> float:
         """`feature_length`."""
         return self.feature_length
-
-    @property
-    def crest(self) -> float:
-        """Not known of a function."""
-        return float("inf")
 
     def crest_level(self, x: Sides, y: Sides) -> float:
         """The highest of a rule of points as fine as the feature asks for."""
