@@ -95,7 +95,8 @@ def solve(
     error = np.inf
     for iteration in range(max_iterations):
         rtol = (_rough_inner_tolerance if iterative else _inner_tolerance)(sizes, tolerance)
-        sizes.append(system.correction(rtol=rtol, fresh=_slow(sizes)))
+        slow = bool(sizes) and sizes[-1] > 0.05  # the state changes so much that old factors would not help
+        sizes.append(system.correction(rtol=rtol, fresh=slow))
         watch(iteration, sizes[-1])
         if not np.isfinite(sizes[-1]) or _growing(sizes):
             return NewtonReport(False, tuple(sizes), np.inf)
@@ -171,11 +172,6 @@ def _rough_inner_tolerance(sizes: list[float], tolerance: float) -> float:
     gain = (sizes[-1] / sizes[-2]) ** 2
     enough = 0.1 * tolerance / (gain * sizes[-1])
     return float(np.clip(max(0.9 * gain, enough), max(1e-12, 0.01 * tolerance), ROUGHEST))
-
-
-def _slow(sizes: list[float]) -> bool:
-    """Whether the state still changes so much that old factors would not help."""
-    return bool(sizes) and sizes[-1] > 0.05
 
 
 def _growing(sizes: list[float]) -> bool:

@@ -28,7 +28,6 @@ def part(record: Path) -> PagePart:
         title=stored["title"] or "A case",
         statements=statements(case, stored["verdict"]),
         certainty="" if chances is None else sentence(chances["sentence"]),
-        notes=(),
         sections=(
             *section("Picture", drawn),
             *(() if surface is None else of_case(case, *surface)),
@@ -37,7 +36,6 @@ def part(record: Path) -> PagePart:
             *of_judges(stored["verdict"], case),
             *_probabilities(chances),
         ),
-        versions="",
         scene=tomli_w.dumps(stored["case"]) if stored.get("case") else "",
     )
 
@@ -74,12 +72,9 @@ def part_of_series(record: Path) -> PagePart:
         kind="Judged series",
         title="A series of loads",
         statements=(f"The grain is set in motion {len(events)} times, {100 * moving:.3g} % of the time.",),
-        certainty="",
-        notes=(),
         sections=(
             *section("Series", table(("", "value"), numbers), drawn),
             *section("Shares of time", table(("mode", "share"), list(shares.items()))),
             *section(listed, table(("begins at", "lasts", "mode", "impulse", "least safety factor"), rows)),
         ),
-        versions="",
     )

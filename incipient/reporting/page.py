@@ -70,7 +70,9 @@ class Settings:
     @property
     def compact(self) -> str:
         """The same settings with short lists on one line each."""
-        return re.sub(r"\[\s+([^][]{1,80}?),?\s+\]", _on_one_line, self.text)
+        return re.sub(
+            r"\[\s+([^][]{1,80}?),?\s+\]", lambda found: f"[{' '.join(found[1].split())}]", self.text
+        )
 
 
 @dataclass(frozen=True)
@@ -132,10 +134,10 @@ class PagePart:
     kind: str
     title: str
     statements: tuple[str, ...]
-    certainty: str
-    notes: tuple[str, ...]
     sections: tuple[PageSection, ...]
-    versions: str
+    certainty: str = ""
+    notes: tuple[str, ...] = ()
+    versions: str = ""
     scene: str = ""
 
 
@@ -187,10 +189,6 @@ def look(value: Cell) -> str:
     if isinstance(value, str | bool):
         return "long" if isinstance(value, str) and len(value) > LONG else ""
     return "number"
-
-
-def _on_one_line(found: re.Match[str]) -> str:
-    return f"[{' '.join(found[1].split())}]"
 
 
 def cell(value: Cell) -> Markup:

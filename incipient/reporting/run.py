@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -107,26 +108,27 @@ def _notes(stored: dict[str, Any]) -> tuple[str, ...]:
 
 def _loads(stored: dict[str, Any], planar: bool) -> tuple[PageSection, ...]:
     """Forces, couples, coefficients, gap and extremes."""
+    axes = range(2 if planar else 3)
     return section(
         "Forces and couples on the grain",
-        _forces(stored, planar),
-        _couples(stored, planar),
+        _acting("force", stored, axes, "force [scene units]") or words("There is no grain."),
+        _acting("couple", stored, (2,) if planar else axes, "couple about the centre of mass"),
         table(("other numbers", ""), _others(stored, planar)),
     )
 
 
-def _forces(stored: dict[str, Any], planar: bool) -> Any:
-    force, bars = stored["force"], stored["error_bars"]
-    if force is None:
-        return words("There is no grain.")
+def _acting(kind: str, stored: dict[str, Any], axes: Sequence[int], head: str) -> Any:
+    """The table of forces or of couples by their components along axes; None without a grain."""
+    found, bars = stored[kind], stored["error_bars"]
+    if found is None:
+        return None
     rows: list[tuple[Cell, ...]] = []
     for key, name in FORCES:
-        if _left_out(key, force):
-            continue
-        values = components(force[key], planar)
-        errors = None if key != "flow" or bars is None else bars["force"]
-        rows.append((name, *(_erring(value, errors and errors[at]) for at, value in enumerate(values))))
-    return table(("force [scene units]", "x", "y", "z")[: 3 if planar else 4], rows)
+        if not _left_out(key, found):
+            errors = bars[kind] if key == "flow" and bars is not None else None
+            values = ((found[key][at], errors and errors[at]) for at in axes)
+            rows.append((name, *(one if error is None else Erring(one, error) for one, error in values)))
+    return table((head, *("xyz"[at] for at in axes)), rows)
 
 
 def _left_out(key: str, loads: dict[str, Any]) -> bool:
@@ -134,25 +136,6 @@ def _left_out(key: str, loads: dict[str, Any]) -> bool:
     if key == "computed":
         return loads.get(key) in (None, loads["flow"])
     return key not in loads or (key == "repulsion" and not any(loads[key]))
-
-
-def _erring(value: float, error: float | None) -> Cell:
-    return value if error is None else Erring(value, error)
-
-
-def _couples(stored: dict[str, Any], planar: bool) -> Any:
-    couple, bars = stored["couple"], stored["error_bars"]
-    if couple is None:
-        return None
-    axes = (2,) if planar else (0, 1, 2)
-    rows: list[tuple[Cell, ...]] = []
-    for key, name in FORCES:
-        if _left_out(key, couple):
-            continue
-        errors = None if key != "flow" or bars is None else bars["couple"]
-        rows.append((name, *(_erring(couple[key][at], errors and errors[at]) for at in axes)))
-    head = ("couple about the centre of mass", *("xyz"[at] for at in axes))
-    return table(head, rows)
 
 
 def _others(stored: dict[str, Any], planar: bool) -> list[tuple[Cell, ...]]:

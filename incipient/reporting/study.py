@@ -42,12 +42,9 @@ def part(record: Path) -> PagePart:
         kind="What accuracy costs",
         title=stored["title"] or "What accuracy costs",
         statements=(f"{stored['words'][0].upper()}{stored['words'][1:]}.",),
-        certainty="",
-        notes=(),
         sections=(
             *section("Picture", drawn),
             *section(f"Reference: {reference['run']}", table(("", "value", "uncertainty"), values)),
             *section("Runs", table(heads, runs)),
         ),
-        versions="",
     )

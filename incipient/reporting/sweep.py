@@ -67,7 +67,6 @@ def part(file: Path) -> PagePart:
             + (f", {len(damaged)} damaged" if damaged else "")
             + (f", {rest} not computed yet." if rest else "."),
         ),
-        certainty="",
         notes=(f"Pictures that are missing here: {drawn.complaint}.",) if drawn.complaint else (),
         sections=(
             *section("Curves", *(Picture(path, _caption(path, file)) for path in drawn.paths)),

@@ -32,16 +32,13 @@ def part(record: Path) -> PagePart:
     scene = load(record.parent / "scene.toml")
     case = judged(with_motion(stored, scene), record)
     bars = stored["error_bars"]
+    trials = [(one["factor"], one["safety_factor"]) for one in stored["trials"]]
     drawn = Picture(picture, "The grain as it begins to move") if picture.is_file() else None
     return PagePart(
         kind="Critical flow",
         title=scene.title,
-        statements=(
-            critical_sentence(stored),
-            *(f"{note}." for note in stored["notes"]),
-        ),
+        statements=(critical_sentence(stored), *(f"{note}." for note in stored["notes"])),
         certainty=_certainty(stored),
-        notes=(),
         sections=(
             *section("Critical numbers", table(("", "value"), _numbers(stored)), drawn),
             *of_si(stored.get("si")),
@@ -51,7 +48,7 @@ def part(record: Path) -> PagePart:
             *of_judges(stored["verdict"], case),
             *_of_factor(bars),
             *of_errors(None if bars is None else bars["load"], scene.gdim == 2),
-            *section("Flows solved", table(("times the scene's", "safety factor"), _trials(stored))),
+            *section("Flows solved", table(("times the scene's", "safety factor"), trials)),
             *of_adaptation(stored["adaptation"]),
             *of_cost(stored["cost"]),
         ),
@@ -66,10 +63,6 @@ def _numbers(stored: dict[str, Any]) -> list[tuple[Cell, ...]]:
         for key, name in NAMES.items()
         if stored.get(key) is not None
     ]
-
-
-def _trials(stored: dict[str, Any]) -> list[tuple[Cell, ...]]:
-    return [(one["factor"], one["safety_factor"]) for one in stored["trials"]]
 
 
 def _certainty(stored: dict[str, Any]) -> str:

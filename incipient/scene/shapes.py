@@ -24,12 +24,8 @@ Numbers = Annotated[tuple[float, ...], Field(strict=False)]
 Course = Annotated[tuple[str, str, str], Field(strict=False)]
 
 
-def _three(value: Any) -> Any:
-    """Refuse what is not three numbers by what they would mean."""
-    return three(value, "[x, y, radius]")
-
-
-Circle = Annotated[tuple[float, float, Positive], Field(strict=False), BeforeValidator(_three)]
+_THREE = BeforeValidator(lambda value: three(value, "[x, y, radius]"))
+Circle = Annotated[tuple[float, float, Positive], Field(strict=False), _THREE]
 
 
 class GrainSection(BodySection):

@@ -177,17 +177,14 @@ class _Held:
         worst = load
         for corner in box.corners(load):
             acting = wrenches(corner, self.grasp.reach)
-            if common is None or self._held_at(acting, common):
+            # Held at two factors, a load is held between them.
+            if common is None or all(self._held_at(acting, factor) for factor in common):
                 continue
             found = balanced_interval(self.carried, acting, self.weight_held)
             common, worst = _common(common, None if found is None else found[0]), corner
         return common, worst
 
-    def _held_at(self, acting: Wrenches, factors: Interval) -> bool:
-        """Whether a load is held at two factors, and therefore between them."""
-        return all(self._held_at_one(acting, factor) for factor in factors)
-
-    def _held_at_one(self, acting: Wrenches, factor: float) -> bool:
+    def _held_at(self, acting: Wrenches, factor: float) -> bool:
         if factor == 0.0 or acting.flow_size == 0.0:
             return self.weight_held
         return self.carried.holds(acting.flow if math.isinf(factor) else acting.at(factor)[0])

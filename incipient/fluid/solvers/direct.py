@@ -141,7 +141,10 @@ class Direct:
         self._aged, self._factored = True, -1
         for following in (*ATTEMPTS[1:], ATTEMPTS[0]):
             self._set_up()
-            error = self._factor_error() if self._mumps else 0
+            factors = self._solver.getPC()
+            # MUMPS's INFOG(1) is negative when the factorisation failed.
+            mumps = factors.getFactorSolverType() == "mumps"
+            error = factors.getFactorMatrix().getMumpsInfog(1) if mumps else 0
             if error >= 0:
                 self._factored = self.matrix.stateGet()
                 return
@@ -157,14 +160,6 @@ class Direct:
         # PETSc else makes new factors by itself when the matrix has changed.
         self._solver.getPC().setReusePreconditioner(True)
         self.statistics.factorisations += 1
-
-    @property
-    def _mumps(self) -> bool:
-        return self._solver.getPC().getFactorSolverType() == "mumps"
-
-    def _factor_error(self) -> int:
-        """MUMPS's INFOG(1): negative when the factorisation failed."""
-        return self._solver.getPC().getFactorMatrix().getMumpsInfog(1)
 
     def _why_not_factorised(self, error: int) -> str:
         """What MUMPS says: not finite, singular, or short of memory. Collective."""

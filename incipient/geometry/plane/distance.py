@@ -117,7 +117,7 @@ def _sectioned(is_left: Callable[[Floats], np.ndarray], low: float, high: float)
     after_start, before_end = is_left(np.array([np.nextafter(low, high), np.nextafter(high, low)]))
     if not after_start:
         return start
-    if before_end and _all_left(is_left, low, high):
+    if before_end and is_left(np.linspace(low, high, SECTIONS + 1)[1:-1]).all():
         return end
     for _ in range(SECTIONINGS):
         s = np.linspace(low, high, SECTIONS + 1)
@@ -127,11 +127,6 @@ def _sectioned(is_left: Callable[[Floats], np.ndarray], low: float, high: float)
     if low == start:
         return start
     return end if high == end else 0.5 * (low + high)
-
-
-def _all_left(is_left: Callable[[Floats], np.ndarray], low: float, high: float) -> bool:
-    """Whether no sample between the ends lies right of the minimum."""
-    return bool(is_left(np.linspace(low, high, SECTIONS + 1)[1:-1]).all())
 
 
 def _slopes(curve: Curve, s: Floats, bed: Bed) -> Floats:

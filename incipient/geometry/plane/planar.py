@@ -161,7 +161,8 @@ class PlanarProximity:
             normals = [(point - foot) / gap]
         else:
             left, right = (side[0] for side in self.bed.side_normals(foot[:1]))
-            normals = [left, right] if _is_valley(left, right) else [self.bed.normal(foot[:1])[0]]
+            steepens = planar_cross(left, right) > 1e-9  # in a valley
+            normals = [left, right] if steepens else [self.bed.normal(foot[:1])[0]]
         return [_Row(gap, point, normal, *approach.place) for normal in normals]
 
     def _joints(self, outline: Outline, within: float) -> list[_Row]:
@@ -198,11 +199,6 @@ class PlanarProximity:
             (int(i), _Row(float(g), points[i], n, int(curves[i]), None)) for i, g, n in rows if g <= within
         ]
         return [row for _, row in sorted(found, key=lambda pair: pair[0])]
-
-
-def _is_valley(left: Floats, right: Floats) -> bool:
-    """Whether the bed steepens, seen by the normals left and right of a corner."""
-    return bool(planar_cross(left, right) > 1e-9)
 
 
 def _seen_from(piece: Curve, points: Floats) -> tuple[Floats, Floats, Floats, np.ndarray]:

@@ -339,9 +339,9 @@ class SpatialProximity:
         keep = np.ones(len(minima), dtype=bool)
         for k in range(len(self.cores)):
             mine = np.flatnonzero(minima.origin[:, 0] == k)
-            keep[mine] = self._is_least(
-                k, minima.anchors[mine], minima.normals[mine] @ placement.rotation, slack
-            )
+            # The distance grows from there into all triangles that meet there; normals are those in the body.
+            anchors, normals = minima.anchors[mine], minima.normals[mine] @ placement.rotation
+            keep[mine] = _grows(self.cores[k].search, anchors, normals, slack)
         if len(self.cores) > 1:
             keep &= self.grain.level(placement.to_body(minima.points)) >= -1e-9 * self.size
         if corners:
@@ -357,10 +357,6 @@ class SpatialProximity:
             rise = ((corners[:, 1] - corners[:, 0]) * minima.normals[mine]).sum(axis=1)
             found[mine] = np.abs(rise) <= 1e-6 * self.size
         return found
-
-    def _is_least(self, k: int, anchors: Floats, normals: Floats, slack: float) -> np.ndarray:
-        """Whether the distance grows from anchors (m, 3) into all triangles that meet there, normals in the body."""
-        return _grows(self.cores[k].search, anchors, normals, slack)
 
     def lowered(self, placement: Placement) -> Placement:
         """The placement, lowered (or raised) vertically until the grain touches the bed, to round-off."""

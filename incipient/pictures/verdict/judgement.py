@@ -59,8 +59,10 @@ def _figure(stored: dict[str, Any], case: Judged, shaped: Case | None) -> Figure
     more = [case.sentences[1]] + ([] if chances is None else [sentence(chances["sentence"])])
     subject = (stored.get("title") or "A case") + ("" if shaped else _SKETCHED)
     figure, axes = sheet(case.sentences[0], " ".join(more), subject)
-    show = _show_plane if case.planar else _show_space
-    explain(axes, show(axes, case, shaped))
+    if case.planar:
+        explain(axes, _show_plane(axes, case, shaped))
+    else:
+        explain(axes, show_judged(axes, case, *surface_of_case(case, shaped)))
     load_there = load_rows(case.acting, case.load.flow_couple, _UNIT, case.planar)
     write_numbers(axes, [load_there, *judge_rows(case), *_probability_rows(chances)])
     return figure
@@ -97,10 +99,6 @@ def _outline(case: Judged, shaped: Case | None) -> Outline:
 
 
 # -- in space ----------------------------------------------------------------------------------------------
-
-
-def _show_space(axes: Axes, case: Judged, shaped: Case | None) -> Marks:
-    return show_judged(axes, case, *surface_of_case(case, shaped))
 
 
 def surface_of_case(case: Judged, shaped: Case | None, coarser: int = 1) -> Solid:
