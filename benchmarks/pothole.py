@@ -27,6 +27,7 @@ STORE, PAGE, FIGURES = (
 )
 CASES = (1, 2, 3, 4)
 STEPS, SIZES = (0.05, 0.025, 0.0125, 0.00625), (1.4, 1.0, 0.7)
+NEAR_THE_FIRST = ((2, "neutral"), (3, "neutral"))  # readings that have no row of their own
 SAMPLES = 181  # places kept of a path
 BEGIN, END = "<!-- pothole: begin -->", "<!-- pothole: end -->"
 COLOURS = ("#2166ac", "#b2182b", "#1b7837", "#e08214")
@@ -146,7 +147,7 @@ def extrapolated(store: dict[str, Run], case: int) -> End:
 
 def tables(store: dict[str, Run]) -> str:
     """The tables, in Markdown."""
-    return "\n\n".join([_ends(store), _refinement(store), _others(store)])
+    return "\n\n".join([_ends(store), _others(store)])
 
 
 def _row(*cells: object) -> str:
@@ -168,21 +169,9 @@ def _ends(store: dict[str, Run]) -> str:
     return "\n".join(lines)
 
 
-def _refinement(store: dict[str, Run]) -> str:
-    """The runs behind the first path."""
-    lines = _head("step", "mesh_size", "unknowns", "x", "y", "angle")
-    refined = [Job(1, step=step) for step in STEPS]
-    refined += [Job(1, step=STEPS[0], mesh_size=size) for size in SIZES if size != 1.0]
-    for job in refined:
-        x, y, angle = end(store, job)
-        reported = (store[job.name]["unknowns"], f"{x:.4f}", f"{y:.4f}", f"{angle:.5f}")
-        lines.append(_row(f"{job.step:g}", f"{job.mesh_size:g}", *reported))
-    return "\n".join(lines)
-
-
 def _others(store: dict[str, Run]) -> str:
     lines = _head("panel", "reading", "shape", "x", "y", "angle", "distance from printed")
-    for job in others():
+    for job in (job for job in others() if (job.case, job.reading) not in NEAR_THE_FIRST):
         base, (x, y, angle) = end(store, Job(job.case)), end(store, job)
         away = "-" if job.reading == "grain" else f"{np.hypot(x - base[0], y - base[1]):.2f}"
         lines.append(_row(job.case, job.reading, job.shape, f"{x:.2f}", f"{y:.2f}", f"{angle:.2f}", away))
