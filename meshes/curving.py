@@ -43,7 +43,10 @@ def curved(
     if not quadratic:
         return curved_cells, 0
     # Corners may have moved by a rounding: middles that are not curved lie between them.
-    _put_between(places, made.cells, np.setdiff1d(np.unique(made.cells[:, 4:]), moved))
+    between = np.zeros(len(places), dtype=bool)
+    between[made.cells[:, 4:]] = True
+    between[moved] = False
+    _put_between(places, made.cells, np.flatnonzero(between))
     return curved_cells, _unfold(places, made.cells, moved)
 
 
@@ -96,11 +99,22 @@ def least_stretch(nodes: Floats) -> Floats:
         np.array([[i, j, k, 3 - i - j - k] for i in range(4) for j in range(4 - i) for k in range(4 - i - j)])
         / 3.0
     )
-    slopes = np.stack([_slopes(point) for point in lattice])
-    rates = np.einsum("pke,mkd->mpde", slopes, nodes)
-    corners = nodes[:, 1:4] - nodes[:, :1]
-    values = np.linalg.det(rates) / np.linalg.det(corners)[:, None]
-    return np.asarray((values @ np.linalg.inv(_bernstein(lattice)).T).min(axis=1))
+    slopes = np.stack([_slopes(point).T for point in lattice])
+    # Components first, cells last: one product of matrices, and determinants of whole rows of numbers.
+    rates = slopes.reshape(-1, 10) @ nodes.transpose(1, 2, 0).reshape(10, -1)
+    a, b, c = rates.reshape(len(lattice), 3, 3, -1).transpose(1, 2, 0, 3)
+    straight = np.linalg.det(nodes[:, 1:4] - nodes[:, :1])
+    values = _determinant(a, b, c) / straight
+    return np.asarray((np.linalg.inv(_bernstein(lattice)) @ values).min(axis=0))
+
+
+def _determinant(a: Floats, b: Floats, c: Floats) -> Floats:
+    """The determinants (...) of matrices with rows a, b, c (3, ...)."""
+    return np.asarray(
+        a[0] * (b[1] * c[2] - b[2] * c[1])
+        + a[1] * (b[2] * c[0] - b[0] * c[2])
+        + a[2] * (b[0] * c[1] - b[1] * c[0])
+    )
 
 
 def _slopes(barycentric: Floats) -> Floats:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from tetrahedra import (
+    EDGES,
     KEAST,
     area,
     cells,
@@ -41,6 +42,7 @@ from incipient.geometry import (
 )
 from incipient.mesh.domain import build
 from incipient.meshes import Near, PlacedSolid, Sizes, SolidRegion
+from incipient.meshes.curving import least_stretch
 from incipient.meshes.expected import expected_cells
 from incipient.meshes.model import session
 from incipient.meshes.solid_model import solid_model
@@ -76,6 +78,22 @@ def test_cells_of_order_two_are_those_that_gmsh_makes() -> None:
         for name, tag in entities.items():
             found = places(model)[model.mesh.getElements(2, tag)[2][0].astype(int)].reshape(-1, 6, 3)
             assert made.points[made.sides[name]] == pytest.approx(found, abs=1e-12)
+
+
+def test_no_curved_cell_is_taken_for_rounder_than_it_is() -> None:
+    """Bounds of determinants against samples all over cells with their middles moved at random."""
+    random = np.random.default_rng(1)
+    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.1, 0.0], [0.2, 0.9, 0.0], [0.1, 0.3, 0.8]])
+    nodes = np.vstack([corners, [0.5 * (corners[a] + corners[b]) for a, b in EDGES]])
+    moved = np.tile(nodes, (50, 1, 1))
+    moved[:, 4:] += random.uniform(-0.1, 0.1, (50, 6, 3))
+    sampled = stretches(moved, random.dirichlet(np.ones(4), 2000)).min(axis=1) / np.linalg.det(
+        corners[1:] - corners[0]
+    )
+    bound = least_stretch(moved)
+    assert least_stretch(nodes[None]) == pytest.approx(1.0, abs=1e-12)
+    assert (bound <= sampled + 1e-12).all()
+    assert np.corrcoef(bound, sampled)[0, 1] > 0.9
 
 
 @pytest.mark.parametrize("order", [1, 2])

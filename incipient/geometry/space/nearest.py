@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -111,10 +112,8 @@ def _tree(points: Floats) -> "cKDTree":
 def _matches(tree: "cKDTree", points: Floats, within: Floats) -> tuple[np.ndarray, np.ndarray]:
     """Rows of points (n, d) and indices of a tree's points (k,) each that are within distances (n,)."""
     found = tree.query_ball_point(points, within)
-    counts = [len(one) for one in found]
-    indices = (
-        np.concatenate([np.asarray(one, dtype=int) for one in found]) if len(found) else np.empty(0, int)
-    )
+    counts = np.fromiter(map(len, found), int, len(found))
+    indices = np.fromiter(chain.from_iterable(found), int, counts.sum())
     return np.repeat(np.arange(len(points)), counts), indices
 
 
