@@ -10,6 +10,7 @@ import pytest
 from incipient.geometry.space.coarser import coarser_surface
 from incipient.geometry.space.surfaces import Surface, box, grid, sphere, vector_areas
 from incipient.geometry.space.topology import Topology, summed
+from incipient.meshes.exact import on_level
 
 BRICK = box(np.array([1.0, 0.8, 0.5]), 0.07)
 
@@ -66,3 +67,19 @@ def test_surfaces_anew_are_what_they_were(
     made = coarser_surface(surface, factor)
     assert (len(made.points), len(made.triangles)) == (points, triangles)
     assert np.linalg.norm(vector_areas(made.corners), axis=1).sum() == pytest.approx(area, rel=1e-11)
+
+
+def test_points_come_onto_a_level_where_held_coordinates_stay() -> None:
+    """Onto the unit sphere, quadratically, by two questions a step; the level's slope is taken by differences."""
+    x = np.array([[1.1, 0.2, 0.0], [0.0, -0.9, 0.3], [0.4, 0.5, 0.8]])
+    held = np.array([[False] * 3, [False] * 3, [False, True, False]])
+    asked = []
+
+    def level(points: np.ndarray) -> np.ndarray:
+        asked.append(len(points))
+        return np.linalg.norm(points, axis=1) - 1.0
+
+    found = on_level(level, x, held, 1.0)
+    assert np.linalg.norm(found, axis=1) == pytest.approx(np.ones(3), abs=1e-12)
+    assert found[2, 1] == x[2, 1]
+    assert len(asked) <= 2 * 5 + 1 and asked[1] == 6 * asked[0]

@@ -283,7 +283,10 @@ def _common(edges: np.ndarray, which: np.ndarray, count: int) -> np.ndarray:
     """How many points are neighbours of both ends of each of some edges, (k,)."""
     from scipy.sparse import coo_matrix
 
-    both = np.vstack([edges, edges[:, ::-1]])
+    at_ends = np.zeros(count, dtype=bool)
+    at_ends[edges[which]] = True
+    near = edges[at_ends[edges].any(axis=1)]
+    both = np.vstack([near, near[:, ::-1]])
     adjacency = coo_matrix((np.ones(len(both)), (both[:, 0], both[:, 1])), shape=(count, count)).tocsr()
     a, b = edges[which].T
     return np.asarray(adjacency[a].multiply(adjacency[b]).sum(axis=1)).ravel()
@@ -364,9 +367,9 @@ def _renumbered(mesh: SurfaceMesh, number: np.ndarray) -> SurfaceMesh:
     a, b, c = triangles.T
     triangles = triangles[(a != b) & (b != c) & (c != a)]
     sharp = sharp[sharp[:, 0] != sharp[:, 1]]
-    used = np.unique(triangles)
-    place = np.full(len(mesh.points), -1)
-    place[used] = np.arange(len(used))
+    used = np.zeros(len(mesh.points), dtype=bool)
+    used[triangles] = True
+    place = np.cumsum(used) - 1
     return SurfaceMesh(
         mesh.points[used],
         mesh.sizes[used],
