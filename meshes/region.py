@@ -89,9 +89,15 @@ class Near:
     most: float = float("inf")
 
     def scaled(self, factor: float) -> Near:
-        """The size times a factor; the largest one away, which the boundary's shape bears, does not grow."""
-        away = self.away and replace(self.away, largest=self.away.largest * min(factor, 1.0))
-        return replace(self, size=self._times(factor), away=away)
+        """The size times a factor; the largest one away, which the boundary's shape bears, does not grow.
+
+        Finer cells grow more slowly with the distance, so that all become smaller by the factor.
+        """
+        less = min(factor, 1.0)
+        away = self.away and replace(
+            self.away, growth=less * self.away.growth, largest=less * self.away.largest
+        )
+        return replace(self, size=self._times(factor), growth=less * self.growth, away=away)
 
     def coarsened(self, factor: float, growth: float) -> Near:
         """The size times a factor unless it is needed, growing with distance at least as given."""

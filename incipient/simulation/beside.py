@@ -22,6 +22,7 @@ from .state import Run
 
 if TYPE_CHECKING:
     from ..fluid import Fluid
+    from ..planning.base_flow import BaseFlow
 
 # To what error the flows are solved: their differences are percents of the loads.
 TOLERANCE = 1e-5
@@ -117,7 +118,7 @@ class Beside:
                     )
                     other.interpolate(fluid)
                     if fluid.space.order == ORDER:
-                        self._follow(fluid, other, scene)
+                        self._follow(fluid, other, Setup(scene).base_flow)
                     self._solve(other)
                     fluid = other
                 found = TractionProbe(fluid, "body", moved.centre.tolist()).resultant()
@@ -127,10 +128,10 @@ class Beside:
         unit = self._speed * run.fluid.reynolds / run.plan.reynolds
         return Loads(unit * found.force, unit * found.couple, moved=True)
 
-    def _follow(self, fluid: Fluid, other: Fluid, scene: Scene) -> None:
+    def _follow(self, fluid: Fluid, other: Fluid, base_flow: BaseFlow) -> None:
         """Add to the velocity of the run's flow what the base flow differs by between old places and new ones."""
         points = [one.constraints.points for one in (fluid, other)]
-        flows = self._run.setup.base_flow, Setup(scene).base_flow
+        flows = self._run.setup.base_flow, base_flow
         here, there = (flow.velocity(x.T, 0.0).T for flow, x in zip(flows, points, strict=True))
         places = other.space.velocity_map.reshape(-1, other.space.gdim)
         other.state.x.array[places] += (there - here)[:, : other.space.gdim]

@@ -133,14 +133,14 @@ def test_one_factor_scales_all_sizes() -> None:
             lengths = edge_lengths(model)
             counts.append(len(lengths))
             smallest.append(lengths.min())
-    # 3.09 and 3.48 times as many: cells grow from the disc to the far sides, and coarse meshes are mostly that.
-    assert np.array(counts[1:]) / counts[:-1] == pytest.approx([4.0, 4.0], rel=0.25)
-    assert np.array(smallest[1:]) / smallest[:-1] == pytest.approx([0.5, 0.5], rel=0.1)
+    assert np.array(counts[1:]) / counts[:-1] == pytest.approx([4.0, 4.0], rel=0.15)  # 3.5 and 3.8
+    # The least of all edges scatters: 0.55 and 0.45 times as long.
+    assert np.array(smallest[1:]) / smallest[:-1] == pytest.approx([0.5, 0.5], rel=0.15)
 
 
 def test_scaled_sizes() -> None:
     sizes = Sizes(1.0, (Near(0.1, 0.2, points=((0.0, 0.0),)), Near(0.3, 0.5, boundary="bed"))).scaled(0.5)
-    assert sizes == Sizes(0.5, (Near(0.05, 0.2, points=((0.0, 0.0),)), Near(0.15, 0.5, boundary="bed")))
+    assert sizes == Sizes(0.5, (Near(0.05, 0.1, points=((0.0, 0.0),)), Near(0.15, 0.25, boundary="bed")))
 
 
 def test_cells_along_a_bed_are_larger_far_away() -> None:
@@ -151,7 +151,7 @@ def test_cells_along_a_bed_are_larger_far_away() -> None:
         with region_model(Region(FLOOR, 1.0), Sizes(0.5, (near,)).scaled(factor), 1) as model:
             places = np.sort(on_boundary(model, "bed")[:, 0])
         middles, lengths = 0.5 * (places[1:] + places[:-1]), np.diff(places)
-        wanted = np.clip(growth * middles, factor * size, factor * largest)
+        wanted = factor * np.clip(growth * middles, size, largest)
         assert lengths == pytest.approx(wanted, rel=0.1)
 
 
