@@ -6,7 +6,7 @@ from typing import Any
 
 import callers
 from measure import Session
-from tables import Row, seconds, table
+from tables import Row, seconds
 
 SCENE = "pothole_1"
 SIZES = (1.0, 0.3)
@@ -45,18 +45,17 @@ def fine(rows: list[Row]) -> Row | None:
 
 def describe(data: dict[str, Any]) -> str:
     """The section of the page."""
-    heads = ["unknowns", "wall [s]", "flow", *OWN, "share of the last two"]
-    rows = [_cells(row) for row in data["rows"] if "error" not in row]
+    rows = "\n".join(_row(row) for row in data["rows"] if "error" not in row)
     return f"""## A free body
 
 The first 60 steps of the pebble in the pothole (`demos/scenes/{SCENE}.toml`), without remeshing, in seconds of
 `cost.wall_time` in result.json. *Interface*: the body's equation of motion, and the derivative of the flow by its three
 motions:
 
-{table(heads, rows)}"""
+{rows}"""
 
 
-def _cells(row: Row) -> list[str]:
-    stages = row["stages"]
-    parts = [seconds(stages[name]) for name in ("flow", *OWN)]
-    return [str(row["unknowns"]), seconds(row["wall"]), *parts, f"{100 * share(row):.0f}%"]
+def _row(row: Row) -> str:
+    parts = ", ".join(f"{name} {seconds(row['stages'][name])} s" for name in ("flow", *OWN))
+    last = f"{100 * share(row):.0f}% for the last two"
+    return f"- {row['unknowns']} unknowns: {seconds(row['wall'])} s, of which {parts}; {last}"

@@ -6,7 +6,7 @@ from typing import Any
 
 import callers
 from measure import Session
-from tables import Row, expense, seconds, small, table
+from tables import Row, mebibytes, seconds, small, table
 
 ORDERS, SIZES = (2, 3, 4), (1.0, 0.5)
 FINEST = (4, 0.3)
@@ -55,19 +55,26 @@ def _kept(row: Row) -> Row:
 
 def describe(data: dict[str, Any]) -> str:
     """The section of the page."""
-    runs = [[row["name"], seconds(row["wall"]), *expense(row)] for row in data["runs"]]
-    fine = data["refined"][-1]
-    refined = [f"{r['name']}: {small(_distance(r, fine))}" for r in data["refined"][:-1]]
+    runs = [
+        f"- {row['name']}: {seconds(row['wall'])} s, {seconds(row['cpu'])} s, {mebibytes(row['peak_mib'])} MiB"
+        for row in data["runs"]
+        if "error" not in row
+    ]
+    listed, fine = "\n".join(runs), data["refined"][-1]
+    refined = [
+        f"{small(_distance(r, fine))} in {r['name'].split(',')[0]}"
+        for r in data["refined"][: -1 : len(SIZES)]
+    ]
     gaps = [[r["name"], *_loads(r)] for r in data["gaps"][::2]]
     limit = [f"{v:.5f}" for v in limits(data["gaps"])]
     return f"""## A grain on a bed: the main job
 
-`incipient run demos/scenes/{SCENE}.toml`:
+`incipient run demos/scenes/{SCENE}.toml` with wall time, processor time and memory:
 
-{table(["", "wall [s]", "processor [s]", "memory [MiB]"], runs)}
+{listed}
 
-Largest difference in force or couple (torque) from the finest mesh ({fine["name"]}), over the force:
-{"; ".join(refined)}.
+With mesh_size = {SIZES[0]:g} force and couple (torque) differ from those of the finest mesh ({fine["name"]}), over the
+force, by {", ".join(refined)}.
 
 Loads for gaps in grain sizes (P3-P2, mesh_size = 0.5), extrapolated linearly from the two smallest ones:
 
