@@ -68,7 +68,7 @@ def _steady_cavity(reynolds: float, n: int, stabilised: bool) -> str:
         return f"stops by name: no solution beyond Re {found.share * reynolds:.4g}"
     exact = BOTELLA_PEYRET if reynolds == 1e3 else FINEST_CAVITY
     error = np.abs(np.array(found.extrema) / exact - 1).max()
-    return f"{100 * error:.2g}%, {found.corrections} corrections"
+    return f"{100 * error:.2g}%"
 
 
 def impulsive_cavities() -> Iterator[Row]:

@@ -27,7 +27,7 @@ BEGIN, END = "<!-- hump: begin -->", "<!-- hump: end -->"
 REYNOLDS, HEIGHT, UPSTREAM, DOWNSTREAM = 936000.0, 0.90905, -2.14, 3.0  # over the chord
 INCH = 25.4 / 420.0
 RUNS = ((0.002, 1.41), (0.001, 2.0), (0.001, 1.41))  # distance of the law, mesh_size
-STATIONS = (0.03, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+STATIONS = (0.1, 0.3, 0.5, 0.6, 0.7, 0.8, 0.9)
 
 
 def rows(name: str) -> np.ndarray:

@@ -55,7 +55,7 @@ class Waves:
     def row(self) -> str:
         """A row of the table."""
         name = self.program if self.converged else f"{self.program}, not converged"
-        return f"| {name} | {self.cells} | {self.friction:.5f} | {self.backward:.0%} |"
+        return f"| {name} | {self.friction:.5f} | {self.backward:.0%} |"
 
 
 def scene() -> Any:
@@ -135,7 +135,7 @@ def _layers(wall: np.ndarray, ceiling: float) -> tuple[np.ndarray, list[np.ndarr
 
 def table(found: list[Waves]) -> str:
     """The table of the page."""
-    head = ["| program | cells | mean friction | backward flow |", "| --- | --- | --- | --- |"]
+    head = ["| program | mean friction | backward flow |", "| --- | --- | --- |"]
     return "\n".join([*head, *(one.row() for one in found)])
 
 

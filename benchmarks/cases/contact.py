@@ -36,6 +36,5 @@ def describe(data: dict[str, Any]) -> str:
     times = ", ".join(f"{WORK[name]} {data['milliseconds'][name]:.2f} ms" for name in GOALS)
     return f"""{head}
 
-Processor time for each of {data["cases"]} random grains on {data["contacts"]} contacts in space
-(`tests/stability/random_contacts.py`): {times}. A motion includes the search for other motions that the laws allow.
+Processor time for each of {data["cases"]} random grains (`tests/stability/random_contacts.py`): {times}.
 """
