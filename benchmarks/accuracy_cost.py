@@ -154,7 +154,7 @@ def _listed(table: str) -> str:
 
 def _head() -> str:
     about = machine.describe()
-    versions = ", ".join(f"{name} {version}" for name, version in machine.versions().items())
+    own = machine.versions()["incipient"]
     return f"""# Cost of accuracy
 
 ```sh
@@ -163,7 +163,7 @@ incipient calibrate        # one or two minutes: `incipient plan` then predicts 
 make cost                  # writes this page by `benchmarks/accuracy_cost.py`: do not edit it by hand
 ```
 
-Machine: {about["processor"]}, {about["cores"]} cores, {about["memory_gib"]} GiB, {about["system"]}; {versions}.
+Machine: {about["processor"]}, {about["cores"]} cores, {about["memory_gib"]} GiB, {about["system"]}; incipient {own}.
 
 ## Studies
 
