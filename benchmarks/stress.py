@@ -99,7 +99,7 @@ def near_contact() -> Iterator[Row]:
 
 def long_steps() -> Iterator[Row]:
     """A massless disc in steps from tiny to huge; cells of 0.08."""
-    for courant in (0.01, 1.0, 100.0, 1000.0):
+    for courant in (0.01, 1.0, 1000.0):
         with in_cavity(0.0) as found:
             told = ride(found, 0.08 * courant, 3)
         yield f"massless disc, CFL {courant:g}", f"largest speed {told.speed:.3g}", told.ended
