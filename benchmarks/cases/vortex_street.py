@@ -141,7 +141,7 @@ lift.
 
 *Splitting* solves velocity, pressure and a projection in turn; *explicit convection* is of first order in time and
 factorises once. The goal above is relative to {limits}, the limit of incipient's cells and
-steps. {_remark([r for r in refined if "error" not in r])}
+steps.
 
 {failures([row, *others])}"""
 
@@ -149,13 +149,6 @@ steps. {_remark([r for r in refined if "error" not in r])}
 def worst(row: Row) -> float:
     """The largest relative error of the three numbers."""
     return max(abs(row["found"][key] / value - 1) for key, value in LIMIT.items())
-
-
-def _remark(refined: list[Row]) -> str:
-    """What the finest run says about the interval of the lift."""
-    if not refined or refined[-1]["found"]["lift"] >= VORTEX_STREET["lift"][0]:
-        return "The finest run of incipient is the most accurate."
-    return "As cells and steps shrink, C_L,max goes to a value a little below the interval of 1996."
 
 
 def _describe_pulsating(row: Row) -> str:
