@@ -183,8 +183,7 @@ The usual ones (steady: {_usual(solvers.USUAL_STEADY)}; in time:
 {_ways()}
 
 *Time at equal errors* is the time, without the start, for the error of the scene's own options, over the time of those.
-An option that takes less by a tenth, and less on every variant, is named by `incipient plan`. One that is best for all
-scenes becomes the default.
+An option that takes less by a tenth, and less on every variant, is named by `incipient plan`.
 
 ## Time and error before a run
 

@@ -47,7 +47,7 @@ BOTELLA_PEYRET = (-0.3885698, 0.3769447, -0.5270771)
 
 def bodies() -> Iterator[Row]:
     """Density ratios from none to a million; no inertia; no mass but inertia."""
-    for mass, moment in ((0, 0), (1e-3, 1e-3), (1, 1), (1e6, 1e6), (1, 0), (0, 1)):
+    for mass, moment in ((0, 0), (1, 1), (1e6, 1e6), (1, 0), (0, 1)):
         with in_cavity(mass, moment) as found:
             told = ride(found, 0.05, 8)
         case = f"mass {mass:g}, inertia {moment:g}"
