@@ -151,19 +151,10 @@ def _compiled(compiled_by: Any, signature: str, comm: MPI.Comm, make: Callable[[
         return form_cache.compiled(root, name, comm, lambda folder: make({keyword: {"cache_dir": folder}}))
 
 
-def model_to_mesh(model: Any, comm: MPI.Comm, gdim: int) -> tuple[Any, Any, Any]:
-    """Mesh, cell tags and facet tags of the gmsh model on rank 0, cells ghosted across shared facets. Collective."""
-    if hasattr(dolfinx.io, "gmsh"):
-        from dolfinx.io.gmsh import model_to_mesh as convert
-    else:
-        from dolfinx.io.gmshio import model_to_mesh as convert
-    options = {"partitioner": partitioner()} if "partitioner" in inspect.signature(convert).parameters else {}
-    converted = convert(model, comm, 0, gdim=gdim, **options)
-    facets = converted[2]
-    if facets is None:  # newer versions, where no facet has a name
-        nothing = np.empty(0, np.int32)
-        facets = dolfinx.mesh.meshtags(converted[0], gdim - 1, nothing, nothing)
-    return converted[0], converted[1], facets
+def gmsh_order(gdim: int, nodes: int) -> np.ndarray:
+    """The order (nodes,) in which the library wants gmsh's nodes of a triangle or tetrahedron."""
+    cell = {2: dolfinx.mesh.CellType.triangle, 3: dolfinx.mesh.CellType.tetrahedron}[gdim]
+    return np.asarray(dolfinx.cpp.io.perm_gmsh(cell, nodes), dtype=np.int64)
 
 
 def partitioner() -> Any:

@@ -15,6 +15,7 @@ from .. import compat
 from ..errors import MeshError
 from ..meshes.solid_region import SYMMETRY
 from ..parallel import collectively
+from .named_facets import named_facets
 
 
 @dataclass(frozen=True)
@@ -62,11 +63,43 @@ def build(comm: MPI.Comm, drawing: Callable[[], AbstractContextManager[Any]], gd
         MeshError: on all ranks, when the geometry cannot be meshed or part of the boundary has no name.
     """
     with _Drawn(comm, drawing) as model:
-        mesh, _, facets = compat.model_to_mesh(model, comm, gdim)
+        mesh, facets = mesh_of(model, comm, gdim)
         names = comm.bcast(_group_names(model, gdim - 1) if comm.rank == 0 else None, root=0)
     domain = Domain(mesh, facets, names)
     _check_boundary(domain)
     return domain
+
+
+def mesh_of(model: Any, comm: MPI.Comm, gdim: int) -> tuple[Any, Any]:
+    """The mesh of the gmsh model on rank 0, and the tags of its facets by physical groups. Collective."""
+    empty = np.empty((0, gdim))
+    nodes, cells, order = _cells_of(model, gdim) if comm.rank == 0 else (empty, empty, 0)
+    known = (order, cells.shape[1], *_facets_of(model, gdim)) if comm.rank == 0 else None
+    order, per_cell, corners, tags = comm.bcast(known, root=0)
+    cells = cells.astype(np.int64).reshape(-1, per_cell)
+    mesh = compat.create_mesh(comm, cells[:, compat.gmsh_order(gdim, per_cell)], nodes, order)
+    return mesh, named_facets(mesh, corners, tags)
+
+
+def _cells_of(model: Any, gdim: int) -> tuple[np.ndarray, np.ndarray, int]:
+    """The nodes (n, gdim) of a gmsh model, its cells (m, nodes per cell) and their order."""
+    tags, places, _ = model.mesh.getNodes()
+    nodes = np.reshape(places, (-1, 3))[np.argsort(tags), :gdim]
+    (kind,), _, (members,) = model.mesh.getElements(gdim)
+    _, _, order, per_cell, _, _ = model.mesh.getElementProperties(kind)
+    return nodes.copy(), members.reshape(-1, per_cell).astype(np.int64) - 1, order
+
+
+def _facets_of(model: Any, gdim: int) -> tuple[np.ndarray, np.ndarray]:
+    """The corners (k, gdim) of the facets in physical groups of a gmsh model, and the groups' tags (k,)."""
+    corners, tags = [np.empty((0, gdim), dtype=np.int64)], [np.empty(0, dtype=np.int64)]
+    for _, tag in model.getPhysicalGroups(gdim - 1):
+        for entity in model.getEntitiesForPhysicalGroup(gdim - 1, tag):
+            for kind, _, members in zip(*model.mesh.getElements(gdim - 1, entity), strict=True):
+                per_facet = model.mesh.getElementProperties(kind)[3]
+                corners.append(members.reshape(-1, per_facet)[:, :gdim].astype(np.int64) - 1)
+                tags.append(np.full(len(corners[-1]), tag))
+    return np.concatenate(corners), np.concatenate(tags)
 
 
 class _Drawn:

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import dolfinx
 import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
@@ -21,6 +20,7 @@ from ..arrays import Floats, Integers
 from ..errors import OutputError
 from ..fluid import Fluid
 from ..mesh.domain import Domain
+from ..mesh.named_facets import cell_facets, named_facets
 from ..parallel import collectively
 from ..tables.rows import Numbered, Rows, compact, exchanged
 from .checkpoint import StoredFlow, StoredMesh, StoredValues
@@ -87,22 +87,11 @@ def _owned(space: Any, values: np.ndarray) -> Rows:
 
 def _tagged(domain: Domain, owned: int) -> tuple[NDArray[np.int32], Integers]:
     """Geometry rows (n, gdim) of the corners of named facets of owned cells, and the facets' tags (n,)."""
-    facets, corners = _cell_facets(domain.mesh, owned)
-    tag_of = dict(zip(domain.facets.indices.tolist(), domain.facets.values.tolist(), strict=True))
-    tags = np.array([tag_of.get(facet, -1) for facet in facets.tolist()], dtype=np.int64)
+    facets, corners = cell_facets(domain.mesh, owned)
+    tag_of = np.full(int(max(facets.max(initial=0), domain.facets.indices.max(initial=0))) + 1, -1)
+    tag_of[domain.facets.indices] = domain.facets.values
+    tags = tag_of[facets]
     return corners[tags >= 0], tags[tags >= 0]
-
-
-def _cell_facets(mesh: Any, cells: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """The facets (n,) of the first local cells, cell by cell, and the geometry rows (n, gdim) of their corners."""
-    dimension = mesh.topology.dim
-    mesh.topology.create_connectivity(dimension, dimension - 1)
-    links = mesh.topology.connectivity(dimension, dimension - 1)
-    facets = np.array([links.links(cell) for cell in range(cells)], dtype=np.int32).ravel()
-    # A simplex's facet is numbered as the corner that it lacks.
-    lacking = [[k for k in range(dimension + 1) if k != corner] for corner in range(dimension + 1)]
-    corners = compat.geometry_dofs(mesh)[:cells][:, lacking].reshape(-1, dimension)
-    return facets, corners
 
 
 def _joined(comm: MPI.Comm, rows: np.ndarray) -> np.ndarray:
@@ -121,23 +110,14 @@ def spread_mesh(comm: MPI.Comm, stored: StoredMesh) -> Domain:
     """
     gdim = stored.nodes.shape[1]
     mesh = compat.create_mesh(comm, stored.cells.values, stored.nodes.values, stored.degree)
-    topology, cells = mesh.topology, mesh.topology.index_map(gdim)
-    facets, corners = _cell_facets(mesh, cells.size_local + cells.num_ghosts)
-    known = {
-        tuple(row): tag for row, tag in zip(_ascending(stored.facets), stored.tags.tolist(), strict=True)
-    }
-    tags = {
-        f: known.get(tuple(row), -1)
-        for f, row in zip(facets.tolist(), _ascending(_given(mesh)[corners]), strict=True)
-    }
-    named = np.array(sorted(f for f, tag in tags.items() if tag >= 0), dtype=np.int32)
-    values = np.array([tags[f] for f in named.tolist()], dtype=np.int32)
-    found = comm.allreduce(int(np.sum(named < topology.index_map(gdim - 1).size_local)))
-    if found != len(known):
+    facets = named_facets(mesh, stored.facets, stored.tags)
+    owned = mesh.topology.index_map(gdim - 1).size_local
+    known, found = len(stored.tags), comm.allreduce(int(np.sum(facets.indices < owned)))
+    if found != known:
         raise OutputError(
-            f"{len(known)} boundary facets are stored, {found} of them are facets of the stored mesh"
+            f"{known} boundary facets are stored, {found} of them are facets of the stored mesh"
         )
-    return Domain(mesh, dolfinx.mesh.meshtags(mesh, gdim - 1, named, values), dict(stored.names))
+    return Domain(mesh, facets, dict(stored.names))
 
 
 def spread_nodes(mesh: Any, stored: Rows) -> Floats:

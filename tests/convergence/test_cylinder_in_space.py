@@ -14,7 +14,7 @@ from mpi4py import MPI
 from incipient import compat
 from incipient.coupled.tractions import TractionProbe
 from incipient.fluid import FlowModel, Fluid, Open, Prescribed, Slip, no_slip
-from incipient.mesh.domain import Domain
+from incipient.mesh.domain import Domain, mesh_of
 
 # isort: split
 import dolfinx
@@ -58,7 +58,7 @@ def upper_quarter(size: float) -> Iterator[Any]:
 def mirrored_channel(size: float) -> Domain:
     """Half of the channel: the cells above the axis and their mirror image, which is flatter far from the cylinder."""
     with upper_quarter(size) as model:
-        above, _, _ = compat.model_to_mesh(model, MPI.COMM_SELF, 3)
+        above, _ = mesh_of(model, MPI.COMM_SELF, 3)
     nodes, cells = above.geometry.x, compat.geometry_dofs(above)
     depth = nodes[:, 2]
     flatter = np.minimum(depth, MIRRORED) + np.maximum(depth - MIRRORED, 0) * (BELOW - MIRRORED) / (

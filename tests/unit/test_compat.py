@@ -13,6 +13,7 @@ from domains import curved_box, square_in_box, unit_box
 from mpi4py import MPI
 
 from incipient import compat
+from incipient.mesh.domain import mesh_of
 from incipient.meshes import Grid
 from incipient.meshes.model import grid_model
 
@@ -67,13 +68,16 @@ def test_form(compiler: Any) -> None:
     assert dolfinx.fem.assemble_scalar(form) == pytest.approx(0.5)
 
 
-def test_model_to_mesh() -> None:
-    with grid_model(Grid((0.0, 0.0), 1.0, 1.0, 3, 2), 1) as model:
-        mesh, cells, facets = compat.model_to_mesh(model, COMM, 2)
-    assert mesh.topology.index_map(2).size_global == 12
-    assert mesh.geometry.dim == 2
-    assert len(cells.indices) == 12
-    assert sorted(facets.values) == [1] * 3 + [2] * 2 + [3] * 3 + [4] * 2
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_gmsh_order(order: int) -> None:
+    """Nodes of a triangle in the library's order: those of the reference cell, whichever the version."""
+    with grid_model(Grid((0.0, 0.0), 1.0, 1.0, 1, 1), order) as model:
+        kind = model.mesh.getElements(2)[0][0]
+        _, _, _, nodes, local, _ = model.mesh.getElementProperties(kind)
+        mesh, _ = mesh_of(model, COMM, 2)
+    assert np.reshape(local, (nodes, 2))[compat.gmsh_order(2, nodes)] == pytest.approx(
+        compat.reference_nodes(mesh), abs=1e-12
+    )
 
 
 GHOSTS = """

@@ -21,7 +21,7 @@ from incipient.errors import OutputError
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.curves import Line
 from incipient.geometry.plane.grain import Ellipse
-from incipient.mesh.domain import build
+from incipient.mesh.domain import build, mesh_of
 from incipient.mesh.motion import MeshMotion, RigidDisplacement
 from incipient.meshes import Near, Region, Sizes
 from incipient.meshes.model import region_model
@@ -55,7 +55,7 @@ def holed_square(order, size):
         gmsh.option.setNumber("Mesh.MeshSizeMax", size)
         gmsh.model.mesh.generate(2)
         gmsh.model.mesh.setOrder(order)
-    mesh, _, facets = compat.model_to_mesh(gmsh.model, MPI.COMM_WORLD, 2)
+    mesh, facets = mesh_of(gmsh.model, MPI.COMM_WORLD, 2)
     gmsh.finalize()
     return mesh, facets.find(7)
 
