@@ -1,8 +1,8 @@
 """How good corrected loads and their error bars are: scenes beside runs with a tenth of their errors.
 
-The true loads of a scene are those of a run with an eighth of its gap, a domain four times as large (in space 1.5 times) and smaller cells,
-corrected itself. An error bar is right where the corrected load is within it; it is useful where it is much smaller
-than the bar of the load as computed.
+The true loads of a scene are those of a run with an eighth of its gap, a domain four times as large (in space 1.5
+times) and smaller cells, corrected itself. An error bar is right where the corrected load is within it; it is useful
+where it is much smaller than the bar of the load as computed.
 
 Cost:    an hour; the scenes in the plane alone two minutes.
 Run:     python benchmarks/calibration.py [a part of the scenes' names]
@@ -162,9 +162,13 @@ class Row:
 
 
 def row_of(name: str) -> Row:
-    """The row of a scene: of its force."""
+    """The row of a scene."""
     scene = scene_of(name)
-    found, true = (incipient.run(one, comm=MPI.COMM_SELF) for one in (scene, nearly_true(scene)))
+    return compared(name, *(incipient.run(one, comm=MPI.COMM_SELF) for one in (scene, nearly_true(scene))))
+
+
+def compared(name: str, found: Result, true: Result) -> Row:
+    """The force of a run beside the nearly true one."""
     bars, better = _bars(found), _bars(true)
     assert found.force is not None and true.force is not None
     size = float(np.linalg.norm(true.force.flow))
