@@ -99,14 +99,13 @@ def _draw_run(directory: Path, drawing: _DrawnPictures) -> None:
     from ..files import reported
     from . import style
     from .record import read
-    from .verdict import space
 
     run = read(directory)
     if run.moves:
         from .motion import trajectory
 
         drawing.add(directory / "history.csv", partial(trajectory.draw, title=run.headline))
-    for name, make in (space.makers(run) if space.is_in_space(run) else _makers(run)).items():
+    for name, make in _makers(run).items():
         path = directory / f"{name}.png"
         with drawing.attempt(path), style.applied(), reported(path):
             make(run).savefig(path, dpi=style.DOTS_PER_INCH, pil_kwargs={"compress_level": 3})
@@ -115,19 +114,23 @@ def _draw_run(directory: Path, drawing: _DrawnPictures) -> None:
 
 def _makers(run: StoredRun) -> dict[str, Maker]:
     """What draws the pictures of a run's last fields, by the pictures' names."""
-    from .flow import cells, fields, walls
-    from .verdict import grain
+    from .flow import cells, elevation, fields, walls
+    from .verdict import grain, space
 
-    makers: dict[str, Maker] = {"flow": fields.speed, "pressure": fields.pressure}
-    makers["vorticity"] = fields.vorticity
+    flow, verdict, mesh = (space, space, space.mesh) if run.in_space else (fields, grain, cells.picture)
+    makers: dict[str, Maker] = {"flow": flow.speed, "pressure": flow.pressure}
+    if not run.in_space:
+        makers["vorticity"] = fields.vorticity
+    elif run.setting("domain", "top") == "free-surface":
+        makers["elevation"] = elevation.picture
     if run.surface is not None:
-        makers["traction"] = grain.traction
+        makers["traction"] = verdict.traction
     # A grain under way rests on nothing; where it has met the bed there is a verdict.
     if run.surface is not None and not (run.moves and run.result.get("verdict") is None):
-        makers["verdict"] = grain.verdict
+        makers["verdict"] = verdict.verdict
     if walls.has_walls(run):
         makers["walls"] = walls.picture
-    if run.setting("domain", "kind") == "box" and not run.moves:
+    if run.setting("domain", "kind") == "box" and not (run.in_space or run.moves):
         makers["profiles"] = fields.profiles
-    makers["mesh"] = cells.picture
+    makers["mesh"] = mesh
     return makers

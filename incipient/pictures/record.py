@@ -76,13 +76,22 @@ class StoredRun:
         value = (self.result.get(section) or {}).get(key)
         return otherwise if value is None else value
 
-    def vector(self, section: str, key: str) -> np.ndarray:
-        """The first two components of a vector of the result; zero if it is absent."""
-        return np.array(self.value(section, key, (0.0, 0.0)), dtype=float)[:2]
-
     def space(self, section: str, key: str) -> np.ndarray:
         """A vector of the result, (3,); zero if it is absent."""
         return np.array(self.value(section, key, (0.0, 0.0, 0.0)), dtype=float)
+
+    def acting(self) -> dict[str, np.ndarray]:
+        """Forces (3,) by name on a grain that is not judged; the flow's alone without gravity."""
+        flow = self.space("force", "flow")
+        weight = self.space("force", "weight") + self.space("force", "buoyancy")
+        return (
+            {"flow": flow, "weight": weight, "resultant": flow + weight} if weight.any() else {"flow": flow}
+        )
+
+    @property
+    def in_space(self) -> bool:
+        """Whether its fields are those of a scene in space, on tetrahedra."""
+        return self.fields.cells.shape[1] == 10
 
     @property
     def middle(self) -> float:

@@ -93,7 +93,7 @@ def _view(run: StoredRun) -> style.View:
     x0, x1, y0, y1 = run.box
     if run.surface is None:
         return run.box
-    size, centre = run.value("grain", "size", 1.0), run.vector("grain", "centre")
+    size, centre = run.value("grain", "size", 1.0), run.space("grain", "centre")[:2]
     x0, x1 = max(x0, centre[0] - 2 * size), min(x1, centre[0] + 2 * size)
     return x0, x1, max(y0, centre[1] - size), min(y1, centre[1] + size)
 

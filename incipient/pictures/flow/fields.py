@@ -27,13 +27,13 @@ _CLIPPED_VORTICITY = 6.0  # per cent of the nodes: it is greatest in thin layers
 def speed(run: StoredRun) -> Figure:
     """Speed in colour, streamlines with the direction of flow."""
     values = np.linalg.norm(run.field("velocity"), axis=1)
-    return _picture(run, values, "speed", "viridis", _from_zero, partial(draw_streamlines, run))
+    return _picture(run, values, "speed", "viridis", from_zero, partial(draw_streamlines, run))
 
 
 def pressure(run: StoredRun) -> Figure:
     """Pressure in colour with isobars; extremes at corners and in gaps exceed the colour bar."""
     isobars = partial(_draw_isobars, run)
-    return _picture(run, run.field("pressure"), "pressure", "RdYlBu_r", _without_extremes, isobars)
+    return _picture(run, run.field("pressure"), "pressure", "RdYlBu_r", without_extremes, isobars)
 
 
 def vorticity(run: StoredRun) -> Figure:
@@ -102,7 +102,7 @@ def draw_streamlines(
 
 def _draw_isobars(run: StoredRun, axes: Axes, view: View) -> None:
     values, seen = run.field("pressure"), run.mesh.within(view)
-    levels = np.linspace(*_range(_without_extremes(values[np.unique(seen.cells)])), 19)[1:-1]
+    levels = np.linspace(*_range(without_extremes(values[np.unique(seen.cells)])), 19)[1:-1]
     triangulation = triangles_of(seen.points, seen.quarters)
     axes.tricontour(
         triangulation, values, levels=levels, colors=INK, linewidths=0.35, linestyles="solid", alpha=0.6
@@ -173,11 +173,13 @@ def _floor(run: StoredRun) -> float:
     return y0 - (0.04 * (y1 - y0) if run.scene.get("bed") else 0.0)
 
 
-def _from_zero(seen: np.ndarray) -> Normalize:
-    return Normalize(0.0, seen.max() or 1.0)
+def from_zero(seen: np.ndarray) -> Normalize:
+    """Limits of the colours of values that are not negative."""
+    return Normalize(0.0, float(seen.max(initial=0.0)) or 1.0)
 
 
-def _without_extremes(seen: np.ndarray) -> Normalize:
+def without_extremes(seen: np.ndarray) -> Normalize:
+    """Limits of the colours of values whose extremes exceed the colour bar."""
     return Normalize(*_spread(*np.percentile(seen, (_CLIPPED, 100 - _CLIPPED))))
 
 

@@ -7,18 +7,17 @@ from __future__ import annotations
 
 import math
 import textwrap
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm
 from matplotlib.figure import Figure
@@ -28,11 +27,8 @@ from matplotlib.ticker import MaxNLocator
 from ...output.series_file import read_step
 from ..record import StoredRun, read_scene
 from ..style import GROUND, INK, View
-from .film_file import DOTS
+from .film_file import DOTS, Frames
 from .history import History, read_history
-
-if TYPE_CHECKING:
-    from PIL.Image import Image
 
 ARROWS, _SLOWEST = 24, 0.01  # along the longer side; of the fastest: where there is none
 _SAMPLES = 2000  # nodes of each frame that colours are chosen by
@@ -87,12 +83,12 @@ FIELDS = {
 }
 
 
-class Film(ABC):
+class Film(Frames):
     """A figure that shows one step after the other; subclasses say which part of the run, and paint it."""
 
     def __init__(self, directory: Path, field: Field, indices: np.ndarray, moments: np.ndarray):
         self.directory, self.field, self.indices, self.moments = directory, field, indices, moments
-        self.scene = read_scene(directory)
+        self.scene, self.count = read_scene(directory), len(indices)
         self.levels = field.levels(np.concatenate([self._sampled(k) for k in range(len(indices))]))
         self._digits = max(0, 1 - math.floor(math.log10(np.diff(moments).max())))
         bands = len(self.levels) - 1 + {"max": 1, "both": 2}[field.beyond]
@@ -100,21 +96,7 @@ class Film(ABC):
         self.norm = BoundaryNorm(self.levels, bands, extend=field.beyond)
         self.view = self._whole()
         self.figure, self.axes = self._laid_out()
-        self._canvas = FigureCanvasAgg(self.figure)
         self._drawn: list[Artist] = []
-
-    @property
-    def count(self) -> int:
-        """The number of frames."""
-        return len(self.indices)
-
-    def frame(self, number: int) -> Image:
-        """A frame as an RGB picture."""
-        from PIL import Image
-
-        self.show(number)
-        self._canvas.draw()
-        return Image.fromarray(np.asarray(self._canvas.buffer_rgba())[:, :, :3])
 
     def show(self, number: int) -> None:
         """Draw a frame in place of the one before."""

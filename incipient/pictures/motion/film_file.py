@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import subprocess
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.animation import FFMpegWriter
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from ...errors import OutputError
@@ -22,20 +25,27 @@ DOTS = 100  # per inch
 _PALETTE, _AS_GOOD_AS_WHITE = 128, 247  # colours of a GIF; least part of red, green and blue
 
 
-class Frames(Protocol):
+class Frames(ABC):
     """A figure that shows one of `count` frames after the other."""
 
     figure: Figure
+    count: int
 
-    @property
-    def count(self) -> int:
-        """The number of frames."""
-
+    @abstractmethod
     def show(self, number: int) -> None:
         """Draw a frame in place of the one before."""
 
     def frame(self, number: int) -> Image:
         """A frame as an RGB picture."""
+        from PIL import Image
+
+        self.show(number)
+        self._canvas.draw()
+        return Image.fromarray(np.asarray(self._canvas.buffer_rgba())[:, :, :3])
+
+    @cached_property
+    def _canvas(self) -> FigureCanvasAgg:
+        return FigureCanvasAgg(self.figure)
 
 
 def write(film: Frames, path: Path, rate: int) -> None:

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 from pathlib import Path
 from textwrap import shorten, wrap
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
@@ -24,12 +23,9 @@ from ..record import StoredRun, read
 from ..style import FLOW, GROUND
 from ..verdict.judged import judged
 from ..verdict.solid import Stage, bed_around, empty_stage, frame_of, within
-from ..verdict.space import QUADRATIC_TRIANGLE, is_in_space, surface_of, whole_surface
+from ..verdict.space import QUADRATIC_TRIANGLE, surface_of, whole_surface
 from . import film_file
-from .film_file import DOTS
-
-if TYPE_CHECKING:
-    from PIL.Image import Image
+from .film_file import DOTS, Frames
 
 _FRAMES, _RATE = 60, 12  # and per second
 _PIXELS = (620, 520)
@@ -56,7 +52,7 @@ def turn(directory: Path, target: Path | None = None) -> Path:
     path = target or directory / "turntable.gif"
     film_file.check(path)
     run = read(directory)
-    if not is_in_space(run) or run.surface is None:
+    if not run.in_space or run.surface is None:
         raise OutputError(
             f"{directory}: a turntable shows a grain in space; this run has none: use --animate"
         )
@@ -65,7 +61,7 @@ def turn(directory: Path, target: Path | None = None) -> Path:
     return path
 
 
-class _Turntable:
+class _Turntable(Frames):
     """A figure with the rendering from one side after the other, and the colours of the traction."""
 
     count = _FRAMES
@@ -80,15 +76,6 @@ class _Turntable:
         self._pyvista, self._plotter = empty_stage(_PIXELS)
         self._fill()
         self.figure = self._laid_out()
-        self._canvas = FigureCanvasAgg(self.figure)
-
-    def frame(self, number: int) -> Image:
-        """A frame as an RGB picture."""
-        from PIL import Image
-
-        self.show(number)
-        self._canvas.draw()
-        return Image.fromarray(np.asarray(self._canvas.buffer_rgba())[:, :, :3])
 
     def show(self, number: int) -> None:
         """Look from another side."""

@@ -35,9 +35,7 @@ def traction(run: StoredRun) -> Figure:
 def verdict(run: StoredRun) -> Figure:
     """The grain on its bed with contacts, forces and couple; the verdict in words; the numbers behind it."""
     surface = _surface(run)
-    stored = run.result.get("verdict")
-    case = None if stored is None else judged(stored, run.directory / "result.json")
-    figure, axes = sheet(*(_UNASKED if case is None else case.sentences), run.headline)
+    figure, axes, case = sheet_of(run)
     view = _show_place(run, axes, surface)
     draw_streamlines(run, axes, view, color="#9db8cf", alpha=0.55)
     # The flow was computed with a gap; the grain is judged where it touches, and shown there.
@@ -47,8 +45,15 @@ def verdict(run: StoredRun) -> Figure:
         _draw_unjudged(run, axes, surface) if case is None else draw_case(axes, case, outline, surface.size)
     )
     explain(axes, marks)
-    write_numbers(axes, [*_judged_numbers(run, case), *_numbers(run)])
+    write_numbers(axes, [*judged_numbers(run, case, planar=True), *_numbers(run)])
     return figure
+
+
+def sheet_of(run: StoredRun) -> tuple[Figure, Axes, Judged | None]:
+    """The sheet of a run's verdict with its sentences, where the grain is drawn, and what was judged."""
+    stored = run.result.get("verdict")
+    case = None if stored is None else judged(stored, run.directory / "result.json")
+    return *sheet(*(_UNASKED if case is None else case.sentences), run.headline), case
 
 
 def _surface(run: StoredRun) -> GrainSurface:
@@ -139,9 +144,9 @@ def _settled(run: StoredRun) -> np.ndarray:
 
 def _draw_unjudged(run: StoredRun, axes: Axes, surface: GrainSurface) -> Marks:
     """The load, and the contacts if there are any."""
-    forces = _acting(run)
+    forces = run.acting()
     largest = max(float(np.linalg.norm(force)) for force in forces.values())
-    draw_load(axes, _centre(run, surface), surface.size, forces, _couple(run), largest)
+    draw_load(axes, _centre(run, surface), surface.size, forces, run.space("couple", "flow"), largest)
     if not run.contacts:
         return []
     points, normals = (np.array(column) for column in zip(*run.contacts, strict=True))
@@ -149,21 +154,11 @@ def _draw_unjudged(run: StoredRun, axes: Axes, surface: GrainSurface) -> Marks:
     return [(Line2D([], [], color=INK, ls="--", lw=1.1, marker="o"), "contact, with its normal")]
 
 
-def _acting(run: StoredRun) -> dict[str, np.ndarray]:
-    """Forces on a grain that is not judged; the flow's alone without gravity."""
-    flow = run.vector("force", "flow")
-    weight = run.vector("force", "weight") + run.vector("force", "buoyancy")
-    return {"flow": flow, "weight": weight, "resultant": flow + weight} if weight.any() else {"flow": flow}
-
-
-def _couple(run: StoredRun) -> np.ndarray:
-    return np.array(run.value("couple", "flow", (0.0, 0.0, 0.0)), dtype=float)
-
-
-def _judged_numbers(run: StoredRun, case: Judged | None) -> list[Group]:
+def judged_numbers(run: StoredRun, case: Judged | None, planar: bool) -> list[Group]:
+    """The load in numbers and, of a judged grain, what the judges say."""
     if case is None:
-        return [load_rows(_acting(run), _couple(run), _UNIT, planar=True)]
-    return [load_rows(case.acting, case.load.flow_couple, _UNIT, planar=True), *judge_rows(case)]
+        return [load_rows(run.acting(), run.space("couple", "flow"), _UNIT, planar)]
+    return [load_rows(case.acting, case.load.flow_couple, _UNIT, planar), *judge_rows(case)]
 
 
 def _numbers(run: StoredRun) -> list[Group]:

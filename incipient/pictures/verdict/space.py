@@ -16,8 +16,8 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from ...scene import Scene
-from ..flow import elevation
 from ..flow.cells import COLOURS, framed, pyvista_off_screen, stage
+from ..flow.fields import from_zero, without_extremes
 from ..flow.section import (
     BESIDE,
     TETRAHEDRON,
@@ -31,38 +31,17 @@ from ..flow.section import (
 from ..flow.streamlines import streamlines
 from ..record import StoredRun
 from ..style import FLOW, FORCES, INK, PAPER, panels
-from .judged import Judged, judged
+from .grain import judged_numbers, sheet_of
+from .judged import Judged
 from .plane import Marks, aside, label, marks_of
-from .sheet import Group, explain, judge_rows, load_rows, sheet, write_numbers
+from .sheet import explain, write_numbers
 from .solid import Rendering, rendered
 
 if TYPE_CHECKING:
     from ...geometry.space.terrain import Terrain
 
 SPACING = 0.04  # of the triangles of a grain's surface, in grain sizes
-_CLIPPED = 0.5  # per cent of the points, at either end, whose pressure exceeds the colour bar
-_UNIT = "[scene units]"
-_UNASKED = ("The forces on the grain; the scene asks for no verdict.", "")
 QUADRATIC_TRIANGLE = 22  # VTK's number of the quadratic one
-
-
-def is_in_space(run: StoredRun) -> bool:
-    """Whether a run's fields are those of a scene in space."""
-    return run.fields.cells.shape[1] == 10
-
-
-def makers(run: StoredRun) -> dict[str, Callable[[StoredRun], Figure]]:
-    """What draws the pictures of a run in space, by the pictures' names."""
-    found: dict[str, Callable[[StoredRun], Figure]] = {"flow": speed, "pressure": pressure}
-    if run.setting("domain", "top") == "free-surface":
-        found["elevation"] = elevation.picture
-    if run.surface is not None:
-        found["traction"] = traction
-    # A grain under way rests on nothing; where it has met the bed there is a verdict.
-    if run.surface is not None and not (run.moves and run.result.get("verdict") is None):
-        found["verdict"] = verdict
-    found["mesh"] = mesh
-    return found
 
 
 # -- the flow in a vertical plane -------------------------------------------------------------------------
@@ -71,13 +50,13 @@ def makers(run: StoredRun) -> dict[str, Callable[[StoredRun], Figure]]:
 def speed(run: StoredRun) -> Figure:
     """Speed in colour in the vertical plane through the grain's centre, with streamlines in that plane."""
     return _sections(
-        run, "speed", "viridis", lambda s: np.linalg.norm(s.fields["velocity"], axis=-1), _from_zero, True
+        run, "speed", "viridis", lambda s: np.linalg.norm(s.fields["velocity"], axis=-1), from_zero, True
     )
 
 
 def pressure(run: StoredRun) -> Figure:
     """Pressure in colour in the same plane; extremes exceed the colour bar."""
-    return _sections(run, "pressure", "RdYlBu_r", lambda s: s.fields["pressure"], _without_extremes, False)
+    return _sections(run, "pressure", "RdYlBu_r", lambda s: s.fields["pressure"], without_extremes, False)
 
 
 def _sections(
@@ -107,15 +86,6 @@ def _sections(
         axes.set_title(f"{name.capitalize()} at y = {level_of(run):.4g}, {what}")
         figure.colorbar(ScalarMappable(norm, colours), cax=bar).set_label(f"{name} [scene units]")
     return figure
-
-
-def _from_zero(seen: np.ndarray) -> Normalize:
-    return Normalize(0.0, float(seen.max(initial=0.0)) or 1.0)
-
-
-def _without_extremes(seen: np.ndarray) -> Normalize:
-    low, high = np.percentile(seen, (_CLIPPED, 100 - _CLIPPED))
-    return Normalize(low, high) if high > low else Normalize(low - 0.5, high + 0.5)
 
 
 # -- mesh and traction ------------------------------------------------------------------------------------
@@ -223,28 +193,14 @@ def _shown_surface(
 
 def verdict(run: StoredRun) -> Figure:
     """The grain on its bed with contacts, forces and couple; the verdict in words; the numbers behind it."""
-    stored = run.result.get("verdict")
-    if stored is None:
-        figure, axes = sheet(*_UNASKED, run.headline)
+    figure, axes, case = sheet_of(run)
+    if case is None:
         axes.set_axis_off()
-        write_numbers(axes, [load_rows(_acting(run), run.space("couple", "flow"), _UNIT, planar=False)])
-        return figure
-    case = judged(stored, run.directory / "result.json")
-    figure, axes = sheet(*case.sentences, run.headline)
-    scene = Scene(**run.scene)
-    explain(axes, show_judged(axes, case, *surface_of(scene), scene.bed_shape))
-    groups: list[Group] = [
-        load_rows(case.acting, case.load.flow_couple, _UNIT, planar=False),
-        *judge_rows(case),
-    ]
-    write_numbers(axes, groups)
+    else:
+        scene = Scene(**run.scene)
+        explain(axes, show_judged(axes, case, *surface_of(scene), scene.bed_shape))
+    write_numbers(axes, judged_numbers(run, case, planar=False))
     return figure
-
-
-def _acting(run: StoredRun) -> dict[str, np.ndarray]:
-    """Forces on a grain that is not judged; the flow's alone without gravity."""
-    flow, weight = run.space("force", "flow"), run.space("force", "weight") + run.space("force", "buoyancy")
-    return {"flow": flow, "weight": weight, "resultant": flow + weight} if weight.any() else {"flow": flow}
 
 
 def surface_of(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
