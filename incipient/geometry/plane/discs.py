@@ -7,15 +7,13 @@ from itertools import pairwise
 from math import pi
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from incipient.arrays import Floats, Point, rows, unit
+from incipient.arrays import Floats, Point
 from incipient.errors import SceneError
 from incipient.geometry import moments
+from incipient.geometry.balls import Balls, checked_balls, require_exposed
 from incipient.geometry.plane.curves import Arc, Curve
 from incipient.geometry.plane.grain import Grain
-
-OVERLAP = 1e-6  # of the smaller radius: discs that overlap by less do not hang together
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +69,7 @@ def _gaps(covered: list[tuple[float, float]] | None) -> list[tuple[float, float]
 
 
 @dataclass(frozen=True, init=False)
-class Discs(Grain):
+class Discs(Balls, Grain):
     """Discs that hang together without enclosing a hole; they are shifted to the centroid of their union.
 
     Raises SceneError if the numbers are no discs, if a disc lies within others or touches none.
@@ -100,28 +98,9 @@ class Discs(Grain):
         return moments.sector_sum(centres[arcs.owner], radii[arcs.owner], arcs.start, arcs.end)
 
     @property
-    def size(self) -> float:
-        """The largest distance of two centres and their radii, or diameter."""
-        return extent_of_balls(np.array(self.centres), np.array(self.radii))
-
-    @property
-    def volume(self) -> float:
-        """The area, by Green's theorem along the arcs."""
-        return self._moments.volume
-
-    @property
     def polar_moment(self) -> float:
         """The moment about the centroid, by Green's theorem along the arcs."""
         return float(np.trace(self._moments.about_centroid()))
-
-    def level(self, x: ArrayLike) -> Floats:
-        """The signed distance from the nearest disc at points (n, 2): outside the distance from the grain."""
-        away = np.linalg.norm(rows(x)[:, None] - np.array(self.centres), axis=2)
-        return np.asarray((away - np.array(self.radii)).min(axis=1))
-
-    def normal(self, x: ArrayLike) -> Floats:
-        """The normals (n, 2) of the disc nearest to each of the points (n, 2), in a corner the bisector."""
-        return normal_of_balls(rows(x), np.array(self.centres), np.array(self.radii), self.size)
 
     def outline(self) -> tuple[Curve, ...]:
         """Arcs of at most a quarter turn, joined in exact corners."""
@@ -142,52 +121,6 @@ class Discs(Grain):
             middle = (float(centres[owner, 0]), float(centres[owner, 1]))
             curves += [Arc(a, middle, b) for a, b in pairwise(stations)]
         return tuple(curves)
-
-
-def checked_balls(centres: ArrayLike, radii: ArrayLike, dimension: int) -> tuple[Floats, Floats]:
-    """Centres (n, dimension) and radii (n,) as tables, checked to be discs or spheres that hang together."""
-    points, sizes = np.array(centres, dtype=float), np.array(radii, dtype=float)
-    if points.ndim != 2 or points.shape[1] != dimension or not len(points) or sizes.shape != (len(points),):
-        raise SceneError(
-            f"give one centre of {dimension} coordinates and one radius for each ball of a union"
-        )
-    if not (np.isfinite(points).all() and np.isfinite(sizes).all() and (sizes > 0.0).all()):
-        raise SceneError("a union needs finite centres and positive radii; change them")
-    apart = np.linalg.norm(points[:, None] - points, axis=2)
-    slack = OVERLAP * np.minimum.outer(sizes, sizes)
-    linked = apart < np.add.outer(sizes, sizes) - slack
-    reached = linked[0]
-    for _ in sizes:
-        reached = linked[reached].any(axis=0)
-    if not reached.all():
-        raise SceneError(
-            f"number {int(np.argmin(reached))} of the union does not overlap the others; move it closer"
-        )
-    return points, sizes
-
-
-def require_exposed(owners: np.ndarray, count: int, kind: str) -> None:
-    """Refuse discs or spheres that do not show."""
-    hidden = np.setdiff1d(np.arange(count), owners)
-    if len(hidden):
-        raise SceneError(f"{kind} {hidden[0]} of the union lies within the others; leave it out")
-
-
-def extent_of_balls(centres: Floats, radii: Floats) -> float:
-    """The largest diameter of a union of balls."""
-    apart = np.linalg.norm(centres[:, None] - centres, axis=2)
-    return float((apart + np.add.outer(radii, radii)).max())
-
-
-def normal_of_balls(x: Floats, centres: Floats, radii: Floats, size: float) -> Floats:
-    """Unit normals of the ball nearest to each of the points (n, d); of equally near ones the bisector."""
-    away = x[:, None] - centres
-    length = np.linalg.norm(away, axis=2)
-    outward = away / np.maximum(length, 1e-300)[..., None]
-    distance = length - radii
-    nearest = distance <= distance.min(axis=1, keepdims=True) + 1e-12 * size
-    total = (outward * nearest[..., None]).sum(axis=1)
-    return unit(total)
 
 
 def _on_circle(centres: Floats, radii: Floats, owner: int, angle: float) -> Point:

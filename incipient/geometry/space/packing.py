@@ -1,7 +1,6 @@
 """Beds of spheres in layers, in order or disorder: an endless array whose every sphere follows from where it is."""
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -10,15 +9,14 @@ from numpy.typing import ArrayLike
 from incipient.arrays import Floats, rows
 from incipient.errors import SceneError
 from incipient.geometry.shape import require_positive
-from incipient.geometry.space.pieces import HalfSpacesAndBalls, Pieces
-from incipient.geometry.space.terrain import Terrain
+from incipient.geometry.space.terrain import BallLattice
 
 LOWEST = 0.5  # of the radius, by which a sphere in disorder may lie lower
 AROUND = 2  # places of the lattice on either side at which a sphere above a point may belong
 
 
 @dataclass(frozen=True)
-class Packing(Terrain):
+class Packing(BallLattice):
     """Spheres of one size in layers; the centres of the lowest lie on the plane z = origin_z, into which they sink.
 
     arrangement "square" and "triangular": as `Hemispheres`, every further layer in the pockets of that below it.
@@ -44,11 +42,6 @@ class Packing(Terrain):
             raise SceneError("spheres so far apart carry no further layer; reduce spacing or give layers = 1")
 
     @property
-    def feature(self) -> float:
-        """The radius, or half the spacing where that is smaller."""
-        return min(self.radius, 0.5 * self.spacing)
-
-    @property
     def crest(self) -> float:
         """The top of the uppermost spheres, in disorder of one that is not lowered."""
         return self.origin_z + (self.layers - 1) * self._rise + self.radius
@@ -67,13 +60,6 @@ class Packing(Terrain):
     def _rise(self) -> float:
         """The height of a layer above that below it; 0 for a single one."""
         return float(np.sqrt(self._rise_squared)) if self.layers > 1 else 0.0
-
-    @cached_property
-    def _lattice(self) -> Floats:
-        """The two steps from one centre to its neighbours, in rows."""
-        steps = np.eye(2) if self.arrangement == "square" else np.array([[1.0, 0.0], [0.5, np.sqrt(0.75)]])
-        c, s = np.cos(self.angle), np.sin(self.angle)
-        return np.asarray(self.spacing * steps @ np.array([[c, s], [-s, c]]))
 
     def _at(self, places: np.ndarray, layer: int) -> Floats:
         """The centres (n, 3) of the spheres of a layer at whole places (n, 2) of the lattice."""
@@ -134,9 +120,3 @@ class Packing(Terrain):
         with np.errstate(divide="ignore", invalid="ignore"):
             slope = -beside / np.sqrt(self.radius**2 - (beside**2).sum(axis=1, keepdims=True))
         return np.asarray(np.where(on_base, 0.0, slope))
-
-    def pieces(self, middle: ArrayLike, reach: float) -> Pieces:
-        """The half-space below the base plane, and the balls."""
-        centres = self.centres(middle, reach + self.radius)
-        base, up = np.array([[0.0, 0.0, self.origin_z]]), np.array([[0.0, 0.0, 1.0]])
-        return HalfSpacesAndBalls(base, up, centres, np.full(len(centres), self.radius))

@@ -6,18 +6,12 @@ from functools import cached_property
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from incipient.arrays import Floats, cross, rows
+from incipient.arrays import Floats, cross
 from incipient.geometry import moments
+from incipient.geometry.balls import Balls, checked_balls, require_exposed
 from incipient.geometry.moments import Moments
-from incipient.geometry.plane.discs import (
-    checked_balls,
-    exposed_arcs,
-    extent_of_balls,
-    normal_of_balls,
-    require_exposed,
-)
+from incipient.geometry.plane.discs import exposed_arcs
 from incipient.geometry.space import surfaces
 from incipient.geometry.space.solid import Core, Solid
 from incipient.geometry.space.surfaces import Surface
@@ -27,7 +21,7 @@ Triple = tuple[float, float, float]
 
 
 @dataclass(frozen=True, init=False)
-class Spheres(Solid):
+class Spheres(Balls, Solid):
     """Spheres that hang together; they are shifted to the centroid of their union.
 
     Raises SceneError if the numbers are no spheres, or if a sphere touches no other or lies within another.
@@ -49,16 +43,6 @@ class Spheres(Solid):
         return _union(np.array(self.centres), np.array(self.radii))
 
     @property
-    def size(self) -> float:
-        """The largest distance of two centres and their radii, or diameter."""
-        return extent_of_balls(np.array(self.centres), np.array(self.radii))
-
-    @property
-    def volume(self) -> float:
-        """The volume by plane sections, relative error about 1e-9."""
-        return self._moments.volume
-
-    @property
     def inertia(self) -> Floats:
         """The inertia (3, 3) about the centroid at unit density by plane sections, relative error about 1e-9."""
         return moments.inertia_of(self._moments.about_centroid())
@@ -68,15 +52,6 @@ class Spheres(Solid):
         """The centres."""
         point = np.zeros((1, 3), dtype=int)
         return tuple(Core(np.array([c]), point, r) for c, r in zip(self.centres, self.radii, strict=True))
-
-    def level(self, x: ArrayLike) -> Floats:
-        """The signed distance from the nearest sphere at points (n, 3): outside that from the grain."""
-        away = np.linalg.norm(rows(x)[:, None] - np.array(self.centres), axis=2)
-        return np.asarray((away - np.array(self.radii)).min(axis=1))
-
-    def normal(self, x: ArrayLike) -> Floats:
-        """The normals (n, 3) of the sphere nearest to each of the points (n, 3), in creases the bisector."""
-        return normal_of_balls(rows(x), np.array(self.centres), np.array(self.radii), self.size)
 
     def surface(self, spacing: float) -> Surface:
         """The spheres' triangles as far as they show; triangles that cross a crease are left whole."""

@@ -6,6 +6,7 @@ Every bed takes `origin_z`, the height of its base plane in the scene. Lengths a
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -152,8 +153,39 @@ def _with_balls(origin_z: float, normal: Floats, centres: Floats, radii: Floats)
     return HalfSpacesAndBalls(np.array([[0.0, 0.0, origin_z]]), normal, centres, radii)
 
 
+class BallLattice(Terrain):
+    """Balls of one size on a regular array in or above a plane."""
+
+    radius: float
+    spacing: float
+    arrangement: str
+    angle: float
+
+    @property
+    def feature(self) -> float:
+        """The radius, or half the spacing where that is smaller."""
+        return min(self.radius, 0.5 * self.spacing)
+
+    @cached_property
+    def _lattice(self) -> Floats:
+        """The two steps from one centre to its neighbours, in rows."""
+        steps = np.eye(2) if self.arrangement == "square" else np.array([[1.0, 0.0], [0.5, np.sqrt(0.75)]])
+        c, s = np.cos(self.angle), np.sin(self.angle)
+        return np.asarray(self.spacing * steps @ np.array([[c, s], [-s, c]]))
+
+    @abstractmethod
+    def centres(self, middle: ArrayLike, reach: float) -> Floats:
+        """All centres (k, 3) within a horizontal distance of a point (2,)."""
+
+    def pieces(self, middle: ArrayLike, reach: float) -> Pieces:
+        """The half-space below the base plane, and the balls."""
+        centres = self.centres(middle, reach + self.radius)
+        up = np.array([[0.0, 0.0, 1.0]])
+        return _with_balls(self.origin_z, up, centres, np.full(len(centres), self.radius))
+
+
 @dataclass(frozen=True)
-class Hemispheres(Terrain):
+class Hemispheres(BallLattice):
     """Half-balls centred on the plane z = origin_z in a regular array, one of them at `offset`.
 
     arrangement "square": centres `spacing` apart along x and y; "triangular": rows along x, each shifted by
@@ -175,21 +207,9 @@ class Hemispheres(Terrain):
             raise SceneError(f'arrangement "{self.arrangement}" is not known; use "square" or "triangular"')
 
     @property
-    def feature(self) -> float:
-        """The radius, or half the spacing where that is smaller."""
-        return min(self.radius, 0.5 * self.spacing)
-
-    @property
     def crest(self) -> float:
         """The top of the half-balls."""
         return self.origin_z + self.radius
-
-    @property
-    def _lattice(self) -> Floats:
-        """The two steps from one centre to its neighbours, in rows."""
-        steps = np.eye(2) if self.arrangement == "square" else np.array([[1.0, 0.0], [0.5, np.sqrt(0.75)]])
-        c, s = np.cos(self.angle), np.sin(self.angle)
-        return np.asarray(self.spacing * steps @ np.array([[c, s], [-s, c]]))
 
     def centres(self, middle: ArrayLike, reach: float) -> Floats:
         """All centres (k, 3) within a horizontal distance of a point (2,)."""
@@ -222,12 +242,6 @@ class Hemispheres(Terrain):
         below = self.radius**2 - (away**2).sum(axis=1, keepdims=True)
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(below >= 0.0, -away / np.sqrt(np.maximum(below, 0.0)), 0.0)
-
-    def pieces(self, middle: ArrayLike, reach: float) -> Pieces:
-        """The half-space below the base plane, and the balls."""
-        centres = self.centres(middle, reach + self.radius)
-        up = np.array([[0.0, 0.0, 1.0]])
-        return _with_balls(self.origin_z, up, centres, np.full(len(centres), self.radius))
 
 
 class SmoothTerrain(Terrain):
