@@ -44,6 +44,19 @@ class SlowestFlow:
     remedy: str
 
 
+@dataclass(frozen=True)
+class Findings:
+    """What a run says of an effect on a page: a title, a sentence, and a table under a heading.
+
+    The table has the quantities with that heading, then rows of words and value.
+    """
+
+    title: str
+    sentence: str
+    heading: str
+    rows: tuple[tuple[str, Any], ...]
+
+
 class Effect:
     """One physical effect. The methods here are those of an effect that needs nothing of what they are asked for.
 
@@ -107,6 +120,10 @@ class Effect:
     def memory(self, setup: Setup, unknowns: int) -> float:
         """MiB that the effect adds to a flow with so many unknowns. Not collective."""
         return 0.0
+
+    def findings(self, stored: dict[str, Any]) -> Findings | None:
+        """What a result.json says of the effect beside its quantities; None: nothing. Not collective."""
+        return None
 
     def kind_of_cost(self, setup: Setup) -> str:
         """What the effect adds to the name of a kind of scenes that have laws of cost of their own. Not collective."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,6 @@ from ..effects import known
 from ..output.earlier import DRAWN
 from ..pictures.record import parsed_json
 from ..pictures.verdict.judged import Judged, judged, sentence
-from ..results.wall_report import longest
 from .errors import certainty, of_errors
 from .expense import of_adaptation, of_cost, of_omissions, of_plan, versions
 from .page import Bounded, Cell, Erring, PagePart, PageSection, Picture, section, table, words
@@ -54,7 +53,7 @@ def part(record: Path) -> PagePart:
         *_loads(stored, planar),
         *of_si(stored.get("si")),
         *_surface(stored),
-        *_turbulence(stored),
+        *_findings(stored),
         *told,
         *_path(stored),
         *of_errors(stored["error_bars"], planar),
@@ -177,23 +176,11 @@ def _surface(stored: dict[str, Any]) -> tuple[PageSection, ...]:
     return section("The free surface", table(head, rows), words(entering))
 
 
-def _turbulence(stored: dict[str, Any]) -> tuple[PageSection, ...]:
-    """What the model of turbulence has found at the walls."""
-    if (found := stored.get("turbulence")) is None:
-        return ()
-    holds = (
-        "The law of the wall holds" if found["applicable"] else "Warning: the law of the wall does NOT hold"
-    )
-    # Results of earlier versions have no remedy.
-    remedy = found.get("remedy", f"give turbulence.wall_distance = {found['suitable_distance']:.3g}")
-    advice = "" if found["applicable"] else f"; {remedy}"
-    rows = _quantities("at the walls", stored)
-    if not found["plane"]:
-        rows.append(("share of the walls at which the law does not hold", found["outside"]))
-    told, others = longest(found["backward"])
-    rows += [("next to the bed the flow runs upstream from x, to x", tuple(one)) for one in told]
-    rows += [("shorter places where it does", others)] if others else []
-    return section("Turbulence", words(f"{holds}{advice}."), table(("at the walls", ""), rows))
+def _findings(stored: dict[str, Any]) -> Iterator[PageSection]:
+    """What effects have found."""
+    for found in filter(None, (effect.findings(stored) for effect in known.EFFECTS)):
+        rows = [*_quantities(found.heading, stored), *found.rows]
+        yield from section(found.title, words(found.sentence), table((found.heading, ""), rows))
 
 
 def _path(stored: dict[str, Any]) -> tuple[PageSection, ...]:

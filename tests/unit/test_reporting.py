@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import incipient
+from incipient.effects.turbulence import TurbulenceEffect
 from incipient.evaluation.si_units import in_si
 from incipient.reporting.page import Bounded, Cell, Erring, PageTable, Settings, cell, look
 from incipient.reporting.units import of_si
@@ -65,3 +66,18 @@ def test_numbers_in_si_units() -> None:
     assert told["shear velocity"] == (pytest.approx(5e-6**0.5), "m/s")
     assert told["one unit of time of the scene"] == (pytest.approx(0.2), "s")
     assert of_si(None) == ()
+
+
+def test_walls_where_their_law_does_not_hold_are_reported_with_the_remedy() -> None:
+    stored = {
+        "applicable": False,
+        "suitable_distance": 0.1,
+        "plane": False,
+        "outside": 0.25,
+        "backward": [[1.0, 2.0]],
+    }
+    assert TurbulenceEffect().findings({}) is None
+    found = TurbulenceEffect().findings({"turbulence": stored})
+    assert found is not None
+    assert found.sentence.endswith("does NOT hold; give turbulence.wall_distance = 0.1.")
+    assert [value for _, value in found.rows] == [0.25, (1.0, 2.0)]

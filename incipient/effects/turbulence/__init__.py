@@ -13,7 +13,7 @@ from ...planning.numbers import Numbers, numbers_of
 from ...planning.stabilisation import upwinds
 from ...results.left_out import Omission
 from ...results.quantity import OutputQuantity, at
-from ..effect import Effect, SlowestFlow, Solved
+from ..effect import Effect, Findings, SlowestFlow, Solved
 from ..run_part import Stage
 from .transition import REMEDY, transition, turbulent_from
 
@@ -138,6 +138,24 @@ class TurbulenceEffect(Effect):
         if setup.scene.gdim == 2 or not setup.scene.has_wall_layer:
             return 0.0
         return BYTES * unknowns / 2**20
+
+    def findings(self, stored: dict[str, Any]) -> Findings | None:
+        """Whether the law of the wall holds, and where the flow next to the bed runs upstream."""
+        if (found := stored.get("turbulence")) is None:
+            return None
+        from ...results.wall_report import longest
+
+        # Results of earlier versions have no remedy.
+        remedy = found.get("remedy", f"give turbulence.wall_distance = {found['suitable_distance']:.3g}")
+        doubt = f"Warning: the law of the wall does NOT hold; {remedy}."
+        told, others = longest(found["backward"])
+        upstream = "next to the bed the flow runs upstream from x, to x"
+        rows: list[tuple[str, Any]] = [(upstream, tuple(one)) for one in told]
+        if not found["plane"]:
+            rows.insert(0, ("share of the walls at which the law does not hold", found["outside"]))
+        rows += [("shorter places where it does", others)] if others else []
+        sentence = "The law of the wall holds." if found["applicable"] else doubt
+        return Findings("Turbulence", sentence, "at the walls", tuple(rows))
 
     def kind_of_cost(self, setup: Setup) -> str:
         """Wall layers, k and epsilon have laws of their own."""
