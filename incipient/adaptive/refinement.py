@@ -16,16 +16,16 @@ from typing import Any, cast
 import numpy as np
 
 from ..accuracy.coarse_runs import changed, farther
-from ..accuracy.discretisation import by_dual
+from ..accuracy.discretisation import by_both, by_dual
 from ..accuracy.dual import GoalErrors
 from ..accuracy.errorbars import error_bars
-from ..accuracy.model_terms import has_no_far_sides
+from ..accuracy.model_terms import has_no_far_sides, is_corrected
 from ..errors import ConvergenceError, MeshError
 from ..interrupt import told_where_kept
 from ..planning.layout import coarse_sizes
 from ..planning.order import order_of
 from ..results.adaptation import Trial
-from ..results.errorbars import ErrorBars
+from ..results.errorbars import ErrorBars, Loads
 from ..results.loads import Couples, Forces
 from ..results.result import Result
 from ..scene import Scene
@@ -53,6 +53,7 @@ class Refinement(AccuracySearch):
     """Search for the mesh of steady flow: cells by the error that each vertex contributes."""
 
     _failures = 0
+    _improved: tuple[float, Loads] | None = None  # speed and improved loads of the mesh before
 
     def _first(self, factor: float = COARSEST) -> Attempt:
         sizing = partial(coarse_sizes, factor, None)
@@ -109,7 +110,12 @@ class Refinement(AccuracySearch):
             # Loads over those of the fluid, which has a speed of its own; both are near, or it is Stokes flow.
             unit = goals.allowance * self.speed * run.fluid.reynolds / run.plan.reynolds
             parts = [goals.shares(unit * goal) for goal in self.goal.goals(force, couple)]
-            self.known.terms["discretisation"] = term = by_dual(goals, unit)
+            term = by_dual(goals, unit)
+            corrects = self.numerics.error_bars and is_corrected(run.scene)
+            if corrects and self._improved is not None and self._improved[0] == self.speed:
+                term = by_both(term, goals, unit, self._improved[1])
+            self._improved = self.speed, goals.loads(unit / goals.allowance)
+            self.known.terms["discretisation"] = term
             error = self.goal.error(force, couple, term.force, term.couple)
             return error, gathered(run.domain.mesh, parts)
 

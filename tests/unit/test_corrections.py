@@ -213,3 +213,16 @@ def test_the_threshold_is_of_the_corrected_load() -> None:
     assert found.bars.error < 0.04 and found.computed < 2.88
     assert abs(found.factor - 2.943) < found.bars.error + 0.02
     assert f"(computed {found.computed:.4g})" in found.text()
+
+
+@pytest.mark.slow
+def test_the_search_for_an_accuracy_stops_on_the_bar_of_the_corrected_load() -> None:
+    """The load is right to what is told, corrected where improved loads on the last two meshes agree well enough."""
+    scene = changed(grain_on_bed(), numerics={"accuracy": 3e-5}, output={"fields": False})
+    found = incipient.run(scene, comm=MPI.COMM_SELF)
+    assert found.adaptation is not None and found.adaptation.met and found.error_bars is not None
+    (term,) = (one for one in found.error_bars.terms if one.name == "discretisation")
+    assert found.force is not None
+    on_mesh = np.array([1.3548632, 0.7185489])  # order 4, mesh_size 0.5, improved by its own estimate
+    change = 0.0 if term.correction is None else term.correction.force[:2]
+    assert np.linalg.norm(found.force.plain[:2] + change - on_mesh) < np.linalg.norm(term.force) + 2e-6
