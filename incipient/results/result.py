@@ -247,7 +247,7 @@ def _computed(result: Result) -> list[str]:
     if force is None or couple is None or bars is None or bars.correction is None:
         return []
     for_each = [
-        f"{term.name} {loads_words(term.correction.force, term.correction.couple, result.gdim, '+.2g')}"
+        f"{term.name} {loads_words(term.correction.force + 0.0, term.correction.couple + 0.0, result.gdim, '+.2g')}"
         for term in bars.terms
         if term.correction is not None
     ]
