@@ -96,7 +96,6 @@ class _DrawnPictures:
 
 
 def _draw_run(directory: Path, drawing: _DrawnPictures) -> None:
-    from ..files import reported
     from . import style
     from .record import read
 
@@ -107,8 +106,8 @@ def _draw_run(directory: Path, drawing: _DrawnPictures) -> None:
         drawing.add(directory / "history.csv", partial(trajectory.draw, title=run.headline))
     for name, make in _makers(run).items():
         path = directory / f"{name}.png"
-        with drawing.attempt(path), style.applied(), reported(path):
-            make(run).savefig(path, dpi=style.DOTS_PER_INCH, pil_kwargs={"compress_level": 3})
+        with drawing.attempt(path), style.applied():
+            style.save(make(run), path)
             drawing.done(path)
 
 

@@ -5,11 +5,14 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+
+from ..files import reported
 
 DOTS_PER_INCH = 180
 INK = "#22252a"
@@ -65,6 +68,16 @@ def applied() -> Iterator[None]:
     """Draw in this style inside the block."""
     with rc_context(_SETTINGS):
         yield
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a picture.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    with reported(path):
+        figure.savefig(path, dpi=DOTS_PER_INCH, pil_kwargs={"compress_level": 3})
 
 
 def panels(views: list[View], title: str) -> tuple[Figure, list[tuple[Axes, Axes]]]:

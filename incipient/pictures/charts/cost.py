@@ -18,7 +18,6 @@ from matplotlib.ticker import MaxNLocator, NullLocator
 
 from ...cost.frontier import WORTH, CostLaw, front, percent
 from ...errors import OutputError
-from ...files import reported
 from .. import style
 from ..record import parsed_json
 from ..style import INK
@@ -51,8 +50,7 @@ def draw(directory: Path) -> list[Path]:
             figure = _figure(stored)
         except (KeyError, TypeError, ValueError) as error:
             raise OutputError(f"{source}: cannot be understood ({error}); make the study again") from error
-        with reported(path):
-            figure.savefig(path, dpi=style.DOTS_PER_INCH, pil_kwargs={"compress_level": 3})
+        style.save(figure, path)
     return [path]
 
 

@@ -19,7 +19,6 @@ from matplotlib.figure import Figure
 
 from ...arrays import Floats
 from ...errors import OutputError, SceneError
-from ...files import reported
 from ...results.quantity import HIGH, LOW
 from ...sweep.store import Store
 from ...sweep.table import columns, rows
@@ -83,8 +82,7 @@ def draw(
 
 def _saved(figure: Figure, file: Path, name: str, announce: Callable[[Path], object]) -> Path:
     path = file.with_name(f"{file.stem}_{name}.png")
-    with reported(path):
-        figure.savefig(path, dpi=style.DOTS_PER_INCH, pil_kwargs={"compress_level": 3})
+    style.save(figure, path)
     announce(path)
     return path
 

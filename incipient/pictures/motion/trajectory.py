@@ -25,7 +25,6 @@ from matplotlib.patches import Polygon
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from ...errors import OutputError
-from ...files import reported
 from ...geometry.placement import Placement
 from ...scene import Scene, load
 from .. import style
@@ -66,9 +65,8 @@ def draw(directory: Path, title: str = "") -> list[Path]:
     if scene.grain is None or scene.placement is None:
         raise OutputError(f"{directory / 'scene.toml'}: has no grain; run the scene again")
     history = read_history(directory / "history.csv").started(scene.placement)
-    with style.applied(), reported(path):
-        made = figure(scene, history, title or scene.title)
-        made.savefig(path, dpi=style.DOTS_PER_INCH, pil_kwargs={"compress_level": 3})
+    with style.applied():
+        style.save(figure(scene, history, title or scene.title), path)
     return [path]
 
 

@@ -15,6 +15,11 @@ from ...errors import ConvergenceError, OutputError, SceneError
 _NO_FORCE = 1e-8  # of the largest contact force
 _ON_EDGE = 1e-6  # of the force along the surface that friction allows
 _PAPER = "; by the paper's criteria"
+# How a case is drawn, in the plane and in space; lengths in grain sizes.
+STRONGEST = 0.8  # arrow of the largest force
+SHORTEST_CONE, BEYOND = 0.34, 1.15  # a cone reaches this far, or beyond its force by this factor
+MOVED = 0.09  # how far the grain is shown to have moved
+SMALL = 0.03  # forces below it, relative to the largest, are left to the numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +94,11 @@ class Judged:
         if not weight.any():
             return {"flow": flow}
         return {"flow": flow, "weight": weight, "resultant": self.load.force}
+
+    @property
+    def largest(self) -> float:
+        """The largest of all forces, to which arrows are scaled; one without any."""
+        return max(float(np.linalg.norm(force)) for force in (*self.forces, *self.acting.values())) or 1.0
 
     @property
     def occasion(self) -> str:

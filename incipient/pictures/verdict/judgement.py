@@ -10,7 +10,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ...errors import OutputError, SceneError
-from ...files import reported
 from ...simulation.judge_case import Case
 from .. import style
 from ..record import parsed_json
@@ -39,8 +38,7 @@ def draw(directory: Path) -> list[Path]:
         raise OutputError(f"{source}: holds no verdict; judge the case again")
     with style.applied():
         figure = _figure(stored, judged(stored["verdict"], source), shaped_case(stored, source))
-        with reported(path):
-            figure.savefig(path, dpi=style.DOTS_PER_INCH, pil_kwargs={"compress_level": 3})
+        style.save(figure, path)
     return [path]
 
 

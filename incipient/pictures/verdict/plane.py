@@ -14,17 +14,13 @@ from matplotlib.patheffects import Normal, Stroke
 
 from ...arrays import quarter_turned, spatial
 from ..style import FLOW, FORCES, GRAIN, GROUND, INK, MOTION, PAPER, REACTION, STATES, View
-from .judged import DrawnMotion, Judged
+from .judged import BEYOND, MOVED, SHORTEST_CONE, SMALL, STRONGEST, DrawnMotion, Judged
 
 # Lengths in grain sizes.
-_STRONGEST = 0.8  # arrow of the largest force
-_SHORTEST_CONE, _BEYOND = 0.34, 1.15  # a cone reaches this far, or beyond its force by this factor
 _NORMAL = 0.24  # dashed normal into the bed
-_MOVED = 0.09  # how far the grain is shown to have moved
 _ACCELERATION, _COUPLE = 0.42, 0.2  # arrow of the acceleration, radius of the couple's arc
 _ARC = 36.0  # half of an arc that shows the sense of turning, degrees
 _STRIP = (0.26, 0.055)  # half a strip of bed at a contact, and its thickness
-_SMALL = 0.03  # forces below it, relative to the largest, are left to the numbers
 
 Marks = list[tuple[Artist, str]]
 
@@ -71,14 +67,13 @@ def draw_strips(axes: Axes, case: Judged, size: float) -> None:
 
 def draw_case(axes: Axes, case: Judged, outline: np.ndarray, size: float) -> Marks:
     """Everything but grain and bed; returns the marks to be explained."""
-    largest = max(float(np.linalg.norm(f)) for f in (*case.forces, *case.acting.values()))
-    scale = _STRONGEST * size / (largest or 1.0)
+    scale = STRONGEST * size / case.largest
     _draw_cones(axes, case, scale, size)
     _draw_contacts(axes, case, size)
     centre = case.load.centre[:2]
     if case.motion is not None:
         _draw_motion(axes, case.motion, centre, outline, size)
-    draw_load(axes, centre, size, case.acting, case.load.flow_couple, largest)
+    draw_load(axes, centre, size, case.acting, case.load.flow_couple, case.largest)
     return marks_of(case)
 
 
@@ -92,10 +87,10 @@ def draw_load(
 ) -> None:
     """Forces from the centre, to one scale, and an arc in the sense of the couple about it."""
     _draw_couple(axes, centre, size, forces, float(couple[2]))
-    visible = {k: f[:2] for k, f in forces.items() if largest and np.linalg.norm(f) > _SMALL * largest}
+    visible = {k: f[:2] for k, f in forces.items() if largest and np.linalg.norm(f) > SMALL * largest}
     for name, force in visible.items():
         colour, along = FORCES[name], force / np.linalg.norm(force)
-        tip = centre + _STRONGEST * size * force / largest
+        tip = centre + STRONGEST * size * force / largest
         arrow(axes, centre, tip, colour, 2.2 if name == "resultant" else 1.8)
         others = [other for key, other in visible.items() if key != name]
         label(axes, tip + 0.05 * size * along, along + aside(along, others), name, colour)
@@ -157,7 +152,7 @@ def _draw_cones(axes: Axes, case: Judged, scale: float, size: float) -> None:
     opening = np.degrees(case.cone_angle)
     for point, normal, force, state in _rows(case):
         colour = STATES[state][0]
-        reach = max(_SHORTEST_CONE * size, _BEYOND * scale * float(np.linalg.norm(force)))
+        reach = max(SHORTEST_CONE * size, BEYOND * scale * float(np.linalg.norm(force)))
         middle = np.degrees(np.arctan2(*-normal[::-1]))
         ends = middle - opening, middle + opening
         axes.add_artist(Wedge(tuple(point), reach, *ends, facecolor=colour, alpha=0.17, lw=0, zorder=5))
@@ -188,7 +183,7 @@ def _draw_motion(
     """The grain a little later, dashed; the acceleration of its centre; the sense in which it turns."""
     arms = spatial(outline - centre)
     fastest = float(np.linalg.norm(motion.at(arms), axis=1).max()) or 1.0
-    later = outline + _MOVED * size / fastest * motion.at(arms)[:, :2]
+    later = outline + MOVED * size / fastest * motion.at(arms)[:, :2]
     axes.add_artist(Polygon(later, fill=False, edgecolor=MOTION, lw=1.1, ls=(0, (4, 2.5)), zorder=4.5))
     speed = float(np.linalg.norm(motion.acceleration))
     if speed > 1e-6 * fastest:

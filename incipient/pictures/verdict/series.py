@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 
 from ...arrays import Floats
 from ...errors import OutputError
-from ...files import reported
 from ...simulation.judge_series import SAMPLES, SUMMARY
 from .. import style
 from ..record import parsed_json
@@ -42,8 +41,7 @@ def draw(directory: Path) -> list[Path]:
         below.barh(list(shares), list(shares.values()), color=style.FLOW, height=0.6)
         below.set(xlabel="share of the time", xlim=(0.0, 1.0))
         below.invert_yaxis()
-        with reported(path):
-            figure.savefig(path, dpi=style.DOTS_PER_INCH, pil_kwargs={"compress_level": 3})
+        style.save(figure, path)
     return [path]
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from ...arrays import unit
 from ..flow.cells import pyvista_off_screen
 from ..style import FLOW, FORCES, GRAIN, GROUND, INK, MOTION, REACTION, STATES
-from .judged import DrawnMotion, Judged
+from .judged import BEYOND, MOVED, SHORTEST_CONE, SMALL, STRONGEST, DrawnMotion, Judged
 
 if TYPE_CHECKING:
     from ...geometry.space.terrain import Terrain
@@ -22,16 +22,13 @@ if TYPE_CHECKING:
 PIXELS = (1590, 1320)
 _TURNED, _RAISED = 24.0, 17.0  # of the view: from across the flow, and above the horizontal; degrees
 # Lengths in grain sizes.
-_STRONGEST = 0.8  # arrow of the largest force
-_SHORTEST_CONE, _BEYOND = 0.34, 1.15  # a cone reaches this far, or beyond its force by this factor
 _THIN, _THICK = 0.012, 0.022  # radii of arrows
 _PATCH = (0.2, 0.035)  # radius and thickness of a piece of bed
 _PLATE = 1.25  # by how much a piece of bed under a patch is larger than it
 _RING = (0.055, 0.008)
-_MOVED, _ACCELERATION, _COUPLE = 0.09, 0.5, 0.25
+_ACCELERATION, _COUPLE = 0.5, 0.25
 _BED = (0.95, 0.01)  # how far the bed is shown, and the spacing of its points
 _SHARP = 35.0  # degrees between the sides of an edge that is shown
-_SMALL = 0.03  # forces below it, relative to the largest, are not shown
 _ARC = 40.0  # half of an arc that shows the sense of turning, degrees
 
 
@@ -139,11 +136,11 @@ class Stage:
 
     def load(self, case: Judged) -> dict[str, np.ndarray]:
         """Forces and couple at the centre; returns the tips of the forces."""
-        frame, largest = self.frame, _largest(case)
+        frame, largest = self.frame, case.largest
         tips = {}
         for name, force in case.acting.items():
-            if np.linalg.norm(force) > _SMALL * largest:
-                tip = _STRONGEST * frame.size / largest * force
+            if np.linalg.norm(force) > SMALL * largest:
+                tip = STRONGEST * frame.size / largest * force
                 self._arrow(frame.centre, tip, FORCES[name], _THIN)
                 tips[name] = frame.centre + tip
         dot = self.pyvista.Sphere(radius=0.022 * frame.size, center=frame.centre)
@@ -159,7 +156,7 @@ class Stage:
 
     def contacts(self, case: Judged, pieces: bool = True) -> list[np.ndarray]:
         """Pieces of bed, cones and the forces in them; where the contacts' numbers belong."""
-        size, scale, numbers = self.frame.size, _STRONGEST * self.frame.size / _largest(case), []
+        size, scale, numbers = self.frame.size, STRONGEST * self.frame.size / case.largest, []
         for group in case.patches if pieces else ():
             self._plate(case.contacts.points[group], case.contacts.normals[group[0]])
         for index, (point, normal) in enumerate(
@@ -168,7 +165,7 @@ class Stage:
             colour, force = STATES[case.states[index]][0], scale * case.forces[index]
             if pieces and not any(index in group for group in case.patches):
                 self._piece(point, normal)
-            reach = max(_SHORTEST_CONE * size, _BEYOND * float(np.linalg.norm(force)))
+            reach = max(SHORTEST_CONE * size, BEYOND * float(np.linalg.norm(force)))
             self._cone(point, normal, case.cone_angle, reach, colour)
             if np.linalg.norm(force) > 1e-6 * size:
                 self._arrow(point, force, colour, 1.3 * _THIN)
@@ -183,7 +180,7 @@ class Stage:
         speeds = motion.at(points - frame.centre)
         fastest = float(np.linalg.norm(speeds, axis=1).max()) or 1.0
         if len(triangles):
-            later = self._surface(points + _MOVED * frame.size / fastest * speeds, triangles)
+            later = self._surface(points + MOVED * frame.size / fastest * speeds, triangles)
             self._show(later, MOTION, opacity=0.08, culling="back")
             self.plotter.add_silhouette(later, color=MOTION, line_width=2.0)
         if np.linalg.norm(motion.acceleration) > 1e-6 * fastest:
@@ -306,10 +303,6 @@ class Stage:
         circle = point + radius * (np.cos(angles) * first + np.sin(angles) * np.cross(normal, first))
         tube = self.pyvista.Spline(circle, 144).tube(radius=thickness, n_sides=20)
         self._show(tube, REACTION)
-
-
-def _largest(case: Judged) -> float:
-    return max(float(np.linalg.norm(f)) for f in (*case.forces, *case.acting.values())) or 1.0
 
 
 def _across(direction: np.ndarray) -> np.ndarray:

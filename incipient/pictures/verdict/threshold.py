@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullLocator
 
 from ...contact import Contacts, Load, equilibrium
 from ...critical.outcome import with_error
 from ...errors import ConvergenceError, OutputError
 from ...evaluation.contact_verdict import mass_and_inertia
-from ...files import reported
 from ...scene import Scene, load
 from .. import style
 from ..record import parsed_json
@@ -53,8 +53,7 @@ def draw(directory: Path) -> list[Path]:
     scene = _scene(directory / "scene.toml")
     with style.applied():
         figure = _figure(stored, scene, source)
-        with reported(path):
-            figure.savefig(path, dpi=style.DOTS_PER_INCH, pil_kwargs={"compress_level": 3})
+        style.save(figure, path)
     return [path]
 
 
@@ -201,13 +200,7 @@ def _label_round_numbers(axis: Any, values: np.ndarray) -> None:
     ticks = [d * p for p in powers for d in digits if low <= d * p <= high]
     axis.set_view_interval(low, high, ignore=True)
     axis.set_ticks(ticks, [f"{tick:g}" for tick in ticks])
-    axis.set_minor_locator(_nothing())
-
-
-def _nothing() -> Any:
-    from matplotlib.ticker import NullLocator
-
-    return NullLocator()
+    axis.set_minor_locator(NullLocator())
 
 
 def _counted(count: int) -> str:
