@@ -16,8 +16,13 @@ AIM = 0.6  # of the accuracy, so that the mesh expected to reach it does
 MOST_MESHES = 12
 
 
-def cheapest_order(order: int, excess: float, gdim: int = 2) -> int:
-    """The order, not below the given one, that is expected to need the fewest unknowns.
+def highest_order(gdim: int, inertia: bool) -> int:
+    """The highest order that is tried: in space with inertia two, which the block preconditioner is made for."""
+    return 2 if gdim == 3 and inertia else ORDERS[-1]
+
+
+def cheapest_order(order: int, excess: float, gdim: int = 2, highest: int = ORDERS[-1]) -> int:
+    """The order, not below the given one, nor else above the highest, that is expected to need the fewest unknowns.
 
     excess: the error in elements of the given order over the accuracy asked for. One order more on the same mesh is
     expected to leave a tenth; what is then too much needs (error / accuracy)^(d/2k) times the unknowns in d dimensions.
@@ -27,13 +32,13 @@ def cheapest_order(order: int, excess: float, gdim: int = 2) -> int:
         """Unknowns expected with elements of order k, relative."""
         return UNKNOWNS[gdim][k] * max(1.0, excess * GAIN ** (k - order)) ** (0.5 * gdim / k)
 
-    return min((k for k in ORDERS if k >= order), key=unknowns)
+    return min((k for k in ORDERS if order <= k <= max(order, highest)), key=unknowns)
 
 
-def next_order(order: int, excess: float, gdim: int = 2) -> tuple[int, float]:
+def next_order(order: int, excess: float, gdim: int = 2, highest: int = ORDERS[-1]) -> tuple[int, float]:
     """The order of the next mesh, and what its elements would leave on this one over the error aimed at.
 
     excess: the error on this mesh, in elements of `order`, over the accuracy asked for
     """
-    higher = cheapest_order(order, excess / AIM, gdim)
+    higher = cheapest_order(order, excess / AIM, gdim, highest)
     return higher, excess / AIM * GAIN ** (higher - order)

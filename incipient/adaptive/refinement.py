@@ -35,7 +35,7 @@ from ..simulation.simulate import finished, hand_over, loads_of
 from ..simulation.state import Run
 from ..simulation.steady import loads_at
 from .modelling import SMALLEST_GAP
-from .orders import COARSEST, MOST_MESHES, UNKNOWNS, cheapest_order, next_order
+from .orders import COARSEST, MOST_MESHES, UNKNOWNS, cheapest_order, highest_order, next_order
 from .search import AccuracySearch, Attempt, SearchRecorder
 from .sizing import Shares, gathered, resized
 
@@ -153,12 +153,18 @@ class Refinement(AccuracySearch):
             return None
         if np.isinf(error):  # the safety factor may be infinite: how much finer is enough is not known
             return self._for_verdict(attempt, error, shares)
-        higher, left = next_order(order_of(attempt.scene).number, error / self.asked, self.scene.gdim)
+        orders = self.scene.gdim, self._highest
+        higher, left = next_order(order_of(attempt.scene).number, error / self.asked, *orders)
         return self._finer(attempt, higher, 1.0 / left, shares, error)
+
+    @property
+    def _highest(self) -> int:
+        return highest_order(self.scene.gdim, self.scene.fluid.inertia)
 
     def _for_verdict(self, attempt: Attempt, error: float, shares: Shares) -> Attempt:
         """A mesh on which the error is expected to be `FOR_VERDICT` times that on this one."""
-        order = cheapest_order(order_of(attempt.scene).number, 1.0 / FOR_VERDICT, self.scene.gdim)
+        before, orders = order_of(attempt.scene).number, (self.scene.gdim, self._highest)
+        order = cheapest_order(before, 1.0 / FOR_VERDICT, *orders)
         return self._finer(attempt, order, FOR_VERDICT, shares, error)
 
     def _finer(self, attempt: Attempt, order: int, relative: float, shares: Shares, error: float) -> Attempt:

@@ -17,7 +17,7 @@ from ..accuracy.coarse_runs import COARSER_MESH, changed, comparisons, on_coarse
 from ..accuracy.discretisation import shares
 from ..accuracy.errorbars import coarse_scenes
 from ..adaptive import balance
-from ..adaptive.orders import COARSEST, MOST_MESHES, UNKNOWNS, next_order
+from ..adaptive.orders import COARSEST, MOST_MESHES, UNKNOWNS, highest_order, next_order
 from ..effects.plan import plan_of
 from ..planning import expense, meshing
 from ..planning.flow_setup import Setup
@@ -322,7 +322,7 @@ def _refined(first: _Run, excess: float) -> list[_Run]:
     if excess <= 1.0:
         return [first]
     before, gdim = order_of(first.scene).number, first.scene.gdim
-    order, left = next_order(before, excess, gdim)
+    order, left = next_order(before, excess, gdim, highest_order(gdim, first.scene.fluid.inertia))
     per_vertex, more = UNKNOWNS[gdim], max(1.0, left) ** (0.5 * gdim / order)
     unknowns = first.unknowns * per_vertex[order] / per_vertex[before] * more
     return [first, _Run(changed(first.scene, numerics={"order": order}), round(unknowns))]

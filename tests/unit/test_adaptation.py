@@ -9,7 +9,7 @@ from mpi4py import MPI
 from incipient.accuracy.coarse_runs import changed
 from incipient.accuracy.goal import Goal
 from incipient.adaptive.modelling import SMALLEST_GAP
-from incipient.adaptive.orders import cheapest_order
+from incipient.adaptive.orders import cheapest_order, highest_order, next_order
 from incipient.adaptive.refinement import Refinement, with_less_of
 from incipient.adaptive.sizing import LARGEST, SMALLEST, Shares, resized
 from incipient.errors import SceneError
@@ -98,6 +98,11 @@ def test_what_a_geometry_needs_is_not_coarsened() -> None:
 )
 def test_order_with_the_fewest_unknowns(order: int, excess: float, cheapest: int) -> None:
     assert cheapest_order(order, excess) == cheapest
+
+
+def test_no_order_is_tried_in_space_with_inertia_that_the_solver_does_not_serve() -> None:
+    assert (highest_order(3, True), highest_order(3, False), highest_order(2, True)) == (2, 4, 4)
+    assert [next_order(order, 1e3, 3, 2)[0] for order in (2, 3)] == [2, 3]
 
 
 def test_a_smaller_gap_or_a_larger_domain() -> None:
