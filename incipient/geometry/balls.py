@@ -1,13 +1,10 @@
 """Unions of balls: what those of discs in the plane and of spheres in space have in common."""
 
-from abc import abstractmethod
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from incipient.arrays import Floats, rows, unit
 from incipient.errors import SceneError
-from incipient.geometry.moments import Moments
 from incipient.geometry.shape import Shape
 
 OVERLAP = 1e-6  # of the smaller radius: balls that overlap by less do not hang together
@@ -20,21 +17,11 @@ class Balls(Shape):
     radii: tuple[float, ...]
 
     @property
-    @abstractmethod
-    def _moments(self) -> Moments:
-        """Volume, centroid and second moments of the union."""
-
-    @property
     def size(self) -> float:
         """The largest distance of two centres and their radii, or diameter."""
         centres, radii = np.array(self.centres), np.array(self.radii)
         apart = np.linalg.norm(centres[:, None] - centres, axis=2)
         return float((apart + np.add.outer(radii, radii)).max())
-
-    @property
-    def volume(self) -> float:
-        """The area in the plane, by Green's theorem; the volume in space, relative error about 1e-9."""
-        return self._moments.volume
 
     def level(self, x: ArrayLike) -> Floats:
         """The signed distance from the nearest ball at points (n, gdim): outside the distance from the grain."""

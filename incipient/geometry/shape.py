@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from incipient.arrays import Floats
 from incipient.errors import SceneError
+from incipient.geometry.moments import Moments, inertia_of
 
 
 class Shape(ABC):
@@ -25,14 +26,19 @@ class Shape(ABC):
         """The largest diameter."""
 
     @property
-    @abstractmethod
-    def volume(self) -> float:
-        """The volume; in the plane the area, which is the volume per unit depth."""
+    def _moments(self) -> Moments:
+        """Integrals over the grain in its body frame, of grains whose volume and inertia follow from these."""
+        raise NotImplementedError
 
     @property
-    @abstractmethod
+    def volume(self) -> float:
+        """The volume; in the plane the area, which is the volume per unit depth."""
+        return self._moments.volume
+
+    @property
     def inertia(self) -> Floats:
         """The inertia (3, 3) about the centroid for unit density: in the plane only the 33 component."""
+        return inertia_of(self._moments.about_centroid())
 
     @abstractmethod
     def level(self, x: ArrayLike) -> Floats:

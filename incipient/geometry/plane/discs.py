@@ -94,13 +94,9 @@ class Discs(Balls, Grain):
 
     @cached_property
     def _moments(self) -> moments.Moments:
+        """By Green's theorem along the arcs."""
         arcs, centres, radii = self._arcs, np.array(self.centres), np.array(self.radii)
         return moments.sector_sum(centres[arcs.owner], radii[arcs.owner], arcs.start, arcs.end)
-
-    @property
-    def polar_moment(self) -> float:
-        """The moment about the centroid, by Green's theorem along the arcs."""
-        return float(np.trace(self._moments.about_centroid()))
 
     def outline(self) -> tuple[Curve, ...]:
         """Arcs of at most a quarter turn, joined in exact corners."""

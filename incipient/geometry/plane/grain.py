@@ -26,9 +26,9 @@ class Grain(Shape):
     gdim = 2
 
     @property
-    @abstractmethod
     def polar_moment(self) -> float:
         """The integral of |x|^2 over the grain, its moment of inertia about the centroid for density one."""
+        return float(np.trace(self._moments.about_centroid()))
 
     @property
     def inertia(self) -> Floats:

@@ -185,6 +185,7 @@ class Star(Smooth):
 
     @cached_property
     def _moments(self) -> moments.Moments:
+        """By integrals of powers of r over the angle."""
         weights, directions = moments.circle_rule(RADII)
         radii = self.radius(2.0 * pi * np.arange(RADII) / RADII)
         return moments.star_shape(weights, directions, np.asarray(radii, dtype=float))
@@ -208,16 +209,6 @@ class Star(Smooth):
             pair, step = pairs[best], step if best != 4 else 0.5 * step
         first, second = self.trace(pair)[0]
         return float(np.linalg.norm(first - second))
-
-    @property
-    def volume(self) -> float:
-        """Half the integral of r^2 over the angle."""
-        return self._moments.volume
-
-    @property
-    def polar_moment(self) -> float:
-        """A quarter of the integral of r^4 over the angle, shifted to the centroid."""
-        return float(np.trace(self._moments.about_centroid()))
 
     def slope(self, angle: Floats) -> Floats:
         """dr/d(angle) at angles (n,)."""

@@ -1,6 +1,5 @@
 """Grains in space with flat faces: boxes with rounded edges, convex polyhedra, surfaces read from files."""
 
-from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -23,15 +22,6 @@ from incipient.geometry.space.triangle_files import triangles_in
 
 class FlatSided(Solid):
     """A grain whose moments about its centroid are the sum of those of its parts."""
-
-    @property
-    @abstractmethod
-    def _moments(self) -> moments.Moments: ...
-
-    @property
-    def volume(self) -> float:
-        """The volume, by the grain's parts."""
-        return self._moments.volume
 
     @property
     def inertia(self) -> Floats:

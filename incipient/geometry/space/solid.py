@@ -241,6 +241,7 @@ class StarSolid(Solid):
 
     @cached_property
     def _moments(self) -> moments.Moments:
+        """By integrals of powers of r over all directions."""
         weights, directions = moments.sphere_rule(LATITUDES)
         return moments.star_shape(weights, directions, np.asarray(self.radius(directions), dtype=float))
 
@@ -264,16 +265,6 @@ class StarSolid(Solid):
             i, j = np.unravel_index(np.argmax(apart), apart.shape)
             ends, step = np.array([tries[0][i], tries[1][j]]), step if i + j > 0 else 0.5 * step
         return float(apart.max())
-
-    @property
-    def volume(self) -> float:
-        """A third of the integral of r^3 over all directions."""
-        return self._moments.volume
-
-    @property
-    def inertia(self) -> Floats:
-        """The inertia (3, 3) about the centroid at unit density, from the integral of r^5 over all directions."""
-        return moments.inertia_of(self._moments.about_centroid())
 
     def _point(self, directions: Floats) -> Floats:
         """Points of the surface (n, 3) in unit directions from the pole."""
