@@ -16,6 +16,8 @@ PARTS = {
         "end_to_end/test_cost_command.py",
         "end_to_end/test_critical_flow.py",
         "end_to_end/test_physics.py",
+        "unit/test_calibration.py",
+        "unit/test_corrections.py",
         "unit/test_doubt.py",
         "unit/test_dual.py",
         "unit/test_errorbars.py",

@@ -187,12 +187,12 @@ def incipient_and_standard() -> set[str]:
 # What the house must not gain again: the bound of each measure is its value when it was last lowered.
 BOUNDS = {
     "functions with a parameter scene": 156,
-    "imports within functions": 235,
-    "imports for type hints": 109,
+    "imports within functions": 232,
+    "imports for type hints": 107,
     "circles with type hints": 1,
     "files in the largest circle with type hints": 2,
-    "files that name turbulence": 35,
-    "lines": 56591,
+    "files that name turbulence": 34,
+    "lines": 56506,
 }
 
 NAMES_TURBULENCE = re.compile("turbulen|eddies", re.IGNORECASE)
