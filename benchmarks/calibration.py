@@ -70,7 +70,7 @@ HALF_DISCS = (
 )
 # Of order two, and half of it is computed: its nearly true loads else take 20 GB.
 SPHERES = (
-    "bed={kind='spheres', radius=0.5, spacing=1.0, offset=[12.0, 8.5]}",
+    "bed={kind='spheres', arrangement='square', radius=0.5, spacing=1.0, offset=[12.0, 8.5]}",
     "body.settle=true",
     "body.x=12.5",
     "contact.gap=0.02",

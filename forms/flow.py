@@ -111,19 +111,26 @@ class GradDiv(FlowTerm):
 
 @dataclass(frozen=True)
 class StreamlineUpwind(FlowTerm):
-    """`terms.streamline_upwind` of the inviscid residual; rate and body force are None where there are none."""
+    """`terms.streamline_upwind` of the residual of momentum; rate and body force are None where there are none.
+
+    along:   velocity along which it acts
+    viscous: whether the residual has its viscous part, for which the viscosity is constant
+    """
 
     carrier: Any
+    along: Any
     viscosity: Any
     cell_size: Any
+    viscous: bool = True
     rate: Any = None
     body_force: Any = None
 
     def in_cells(self, of: Unknowns) -> Any:
         """J delta r . (c . grad w)."""
         x = of.reference_map
-        strong = terms.inviscid_momentum(of.v, of.p, self.carrier, self.rate, self.body_force, x)
-        return terms.streamline_upwind(strong, self.carrier, of.w, self.viscosity, self.cell_size, x)
+        viscosity = self.viscosity if self.viscous else None
+        strong = terms.momentum(of.v, of.p, self.carrier, viscosity, self.rate, self.body_force, x)
+        return terms.streamline_upwind(strong, self.along, of.w, self.viscosity, self.cell_size, x)
 
 
 @dataclass(frozen=True)

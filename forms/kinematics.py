@@ -46,6 +46,12 @@ def divergence(v: Any, reference_map: ReferenceMap | None) -> Any:
     return ufl.div(v) if reference_map is None else ufl.tr(gradient(v, reference_map))
 
 
+def laplacian(v: Any, reference_map: ReferenceMap | None) -> Any:
+    """Spatial Laplacian of each component of v."""
+    i, j = ufl.indices(2)
+    return ufl.as_vector(gradient(gradient(v, reference_map), reference_map)[i, j, j], i)
+
+
 def rate_of_strain(v: Any, reference_map: ReferenceMap | None) -> Any:
     """D = sym(grad(v) F^-1)."""
     return ufl.sym(gradient(v, reference_map))

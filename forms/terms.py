@@ -11,7 +11,15 @@ from typing import Any
 
 import ufl
 
-from .kinematics import ReferenceMap, divergence, gradient, rate_of_strain, surface_vector, weighted
+from .kinematics import (
+    ReferenceMap,
+    divergence,
+    gradient,
+    laplacian,
+    rate_of_strain,
+    surface_vector,
+    weighted,
+)
 
 # Reynolds number of a cell, per order, up to which it resolves the flow without help: P0 of `grad_div`.
 RESOLVED = 10.0
@@ -71,9 +79,9 @@ def streamline_upwind(
 ) -> Any:
     """J delta r . (c . grad w): the residual r of momentum tested along the streams as well (SUPG).
 
-    `strong` is r, less its viscous part, which where delta is not zero is small. It vanishes for the exact inviscid
-    flow, so that the term is consistent there; with r = c . grad v it is not negative. delta is `streamline_time`
-    with the `size` of cells over the order. Source: Brooks & Hughes (1982), Comput. Methods Appl. Mech. Engrg. 32, 199.
+    `strong` is r, which vanishes for the exact flow: the term is consistent where it has its viscous part. With
+    r = c . grad v it is not negative. delta is `streamline_time` with the `size` of cells over the order. Source:
+    Brooks & Hughes (1982), Comput. Methods Appl. Mech. Engrg. 32, 199.
     """
     if reference_map is not None:
         carrier = carrier - reference_map.velocity
@@ -82,13 +90,24 @@ def streamline_upwind(
     return weighted(streamline_time(carrier, viscosity, size) * ufl.inner(strong, along), reference_map)
 
 
-def inviscid_momentum(
-    v: Any, p: Any, carrier: Any, rate: Any, force: Any, reference_map: ReferenceMap | None = None
+def momentum(
+    v: Any,
+    p: Any,
+    carrier: Any,
+    viscosity: Any,
+    rate: Any,
+    force: Any,
+    reference_map: ReferenceMap | None = None,
 ) -> Any:
-    """dv/dt + c . grad v + grad p - b, the residual of momentum without viscosity; rate and force may be None."""
+    """dv/dt + c . grad v + grad p - nu div grad v - b, the residual of momentum.
+
+    nu is constant; viscosity, rate and force may be None: without that term.
+    """
     if reference_map is not None:
         carrier = carrier - reference_map.velocity
     strong = ufl.dot(gradient(v, reference_map), carrier) + gradient(p, reference_map)
+    if viscosity is not None:
+        strong -= viscosity * laplacian(v, reference_map)
     if rate is not None:
         strong += rate
     return strong if force is None else strong - force

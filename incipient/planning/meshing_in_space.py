@@ -12,6 +12,7 @@ from ..meshes.solid_region import SYMMETRY
 from .cells import FEWEST, layer_ends
 from .flow_setup import Setup
 from .meshed_bed import resolved_bed
+from .numbers import speed_past_grain
 from .scene_geometry import Geometry, Stance, point
 from .sides import SideNames
 
@@ -20,6 +21,9 @@ GRAIN_CELL = {2: 0.15, 3: 0.22, 4: 0.3}  # of the grain's size, at its surface
 BED_CELL = {2: 0.35, 3: 0.5, 4: 0.7}  # of the bed's smallest feature
 GAP_CELL = {2: 0.8, 3: 1.5, 4: 1.8}  # of the gap between grain and bed, and of narrow passages
 EDGE_CELL = 0.5  # of the grain's cells, at sharp edges
+# The boundary layer of a held grain thins as Re^-1/2: from this Reynolds number on cells at the grain do, to this part.
+LAYERED, THINNEST = 50.0, 0.2
+WAKE_CELL, WAKE = 0.25, 3.0  # of the grain's size: cells behind a held grain with such a layer, and how far
 GROWTH, GAP_GROWTH = 0.3, 0.22  # of cell sizes with distance
 BED_GROWTH = 0.15  # along a bed away from the grain, see `meshing`
 GRID_GRADING = 0.2  # of the cells of an empty box, at walls over those in the middle
@@ -59,7 +63,10 @@ def region(setup: Setup, placement: Placement | None) -> SolidRegion:
 
 def sizes(setup: Setup, order: int, stance: Stance) -> Sizes:
     """Cell sizes for mesh_size = 1."""
-    near = [*_along_grain(setup.geometry, order, stance), *_along_bed(setup.geometry, order, stance)]
+    layer = _boundary_layer(setup)
+    near = [*_along_grain(setup.geometry, order, stance, layer), *_along_bed(setup.geometry, order, stance)]
+    if layer < 1.0:
+        near.extend(_in_wake(setup))
     if setup.has_wall_layer:
         from .wall_cells import cells
 
@@ -67,12 +74,35 @@ def sizes(setup: Setup, order: int, stance: Stance) -> Sizes:
     return Sizes(setup.far_cells.largest_in_space(order), tuple(near), gap_part=GAP_CELL[order])
 
 
-def _along_grain(geometry: Geometry, order: int, stance: Stance) -> list[Near]:
-    """Cells at the grain, and in a narrow gap between it and what is next to it."""
+def _boundary_layer(setup: Setup) -> float:
+    """By what factor the boundary layer of a held grain makes the cells at it smaller."""
+    geometry, base_flow = setup.geometry, setup.base_flow
+    if geometry.grain is None or geometry.moves or base_flow.creeping or setup.has_wall_layer:
+        return 1.0
+    reynolds = speed_past_grain(setup) * geometry.grain.size / base_flow.viscosity
+    return float(np.clip((LAYERED / max(reynolds, LAYERED)) ** 0.5, THINNEST, 1.0))
+
+
+def _in_wake(setup: Setup) -> list[Near]:
+    """Cells behind the grain, where the base flow carries its wake."""
+    grain, placement = setup.geometry.grain, setup.geometry.placement
+    assert grain is not None and placement is not None
+    centre = np.array(placement.centre)
+    velocity = setup.base_flow.velocity(centre[:, None], 0.0)[:, 0]
+    speed = float(np.linalg.norm(velocity))
+    if speed == 0.0:
+        return []
+    steps = np.arange(0.5, WAKE, 0.5 * WAKE_CELL)
+    points = centre + grain.size * steps[:, None] * velocity / speed
+    return [Near(WAKE_CELL * grain.size, GROWTH, points=tuple(point(one) for one in points))]
+
+
+def _along_grain(geometry: Geometry, order: int, stance: Stance, layer: float) -> list[Near]:
+    """Cells at the grain, finer by `layer`, and in a narrow gap between it and what is next to it."""
     grain = geometry.grain
     if grain is None:
         return []
-    size = GRAIN_CELL[order] * grain.size
+    size = layer * GRAIN_CELL[order] * grain.size
     edged = isinstance(grain, Box) and grain.edge_radius == 0.0
     near = [Near(EDGE_CELL * size if edged else size, GROWTH, boundary="body")]
     if stance.gap < 4.0 * size and stance.gap_ends is not None:

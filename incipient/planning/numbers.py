@@ -66,7 +66,7 @@ def numbers_of(setup: Setup) -> Numbers:
     reynolds = strouhal = ratio = stokes = froude = of_shear = None
     velocity, period = base_flow.mean_speed, time_of_change(base_flow, scene.time)
     if grain is not None:
-        speed = max(_speed_past_grain(setup), _own_speed(setup))
+        speed = max(speed_past_grain(setup), _own_speed(setup))
         reynolds, ratio = speed * grain.size / viscosity, scene.density
         stokes = None if ratio is None else ratio * reynolds / 18.0
         if base_flow.flow.kind == "log-law":
@@ -87,7 +87,7 @@ def _times(time: Time | None, samples: int) -> np.ndarray:
     return np.linspace(0.0, time.end, samples) if time else np.zeros(1)
 
 
-def _speed_past_grain(setup: Setup) -> float:
+def speed_past_grain(setup: Setup) -> float:
     """The largest speed of the base flow over the grain's height."""
     grain, placement, base_flow = setup.geometry.grain, setup.geometry.placement, setup.base_flow
     assert grain is not None and placement is not None
