@@ -11,7 +11,7 @@ UNKNOWNS = {  # per vertex of a large mesh, by the dimension and the order
     3: {2: 25, 3: 89, 4: 219},
 }
 GAIN = 0.1  # what one order more is expected to leave of the error on the same mesh
-COARSEST = 4.0  # the first mesh: its cells relative to those by default
+COARSEST, COARSEST_UPWINDED = 4.0, 2.0  # the first mesh: its cells relative to those by default
 AIM = 0.6  # of the accuracy, so that the mesh expected to reach it does
 MOST_MESHES = 12
 
@@ -19,6 +19,11 @@ MOST_MESHES = 12
 def highest_order(gdim: int, inertia: bool) -> int:
     """The highest order that is tried: in space with inertia two, which the block preconditioner is made for."""
     return 2 if gdim == 3 and inertia else ORDERS[-1]
+
+
+def coarsest(gdim: int, inertia: bool) -> float:
+    """Cells of the first mesh relative to those by default: where they are upwinded larger ones tell too little."""
+    return COARSEST_UPWINDED if gdim == 3 and inertia else COARSEST
 
 
 def cheapest_order(order: int, excess: float, gdim: int = 2, highest: int = ORDERS[-1]) -> int:

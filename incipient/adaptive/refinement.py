@@ -35,7 +35,7 @@ from ..simulation.simulate import finished, hand_over, loads_of
 from ..simulation.state import Run
 from ..simulation.steady import loads_at
 from .modelling import SMALLEST_GAP
-from .orders import COARSEST, MOST_MESHES, UNKNOWNS, cheapest_order, highest_order, next_order
+from .orders import COARSEST, MOST_MESHES, UNKNOWNS, cheapest_order, coarsest, highest_order, next_order
 from .search import AccuracySearch, Attempt, SearchRecorder
 from .sizing import Shares, gathered, resized
 
@@ -55,7 +55,8 @@ class Refinement(AccuracySearch):
     _failures = 0
     _improved: tuple[float, Loads] | None = None  # speed and improved loads of the mesh before
 
-    def _first(self, factor: float = COARSEST) -> Attempt:
+    def _first(self, part: float = 1.0) -> Attempt:
+        factor = part * coarsest(self.scene.gdim, self.scene.fluid.inertia)
         sizing = partial(coarse_sizes, factor, None)
         return Attempt(self._set_up(self.scene, order_of(self.scene).number), sizing)
 
@@ -68,7 +69,7 @@ class Refinement(AccuracySearch):
             return self._repeated(self._best)
         if self._failures == MOST_FAILURES:
             raise error
-        return self._first(COARSEST * 0.5**self._failures)
+        return self._first(0.5**self._failures)
 
     def _set_up(self, scene: Scene, order: int) -> Scene:
         asked = self.numerics.accuracy
@@ -103,13 +104,12 @@ class Refinement(AccuracySearch):
 
     def _estimated(
         self, run: Run, force: Forces | None, couple: Couples | None
-    ) -> tuple[float | None, Shares]:
-        """The error of the quantity, None where this mesh gives none, and the vertices' shares. Collective."""
+    ) -> tuple[float | None, Shares | None]:
+        """The error of the quantity, None where this mesh gives none, and the shares for the next one. Collective."""
         assert run.layout.placement is not None and force is not None and couple is not None
         with GoalErrors(run.fluid, "body", run.layout.placement.centre) as goals:
             # Loads over those of the fluid, which has a speed of its own; both are near, or it is Stokes flow.
             unit = goals.allowance * self.speed * run.fluid.reynolds / run.plan.reynolds
-            parts = [goals.shares(unit * goal) for goal in self.goal.goals(force, couple)]
             term = by_dual(goals, unit)
             corrects = self.numerics.error_bars and is_corrected(run.scene)
             if corrects and self._improved is not None and self._improved[0] == self.speed:
@@ -117,6 +117,9 @@ class Refinement(AccuracySearch):
             self._improved = self.speed, goals.loads(unit / goals.allowance)
             self.known.terms["discretisation"] = term
             error = self.goal.error(force, couple, term.force, term.couple)
+            if self.numerics.accuracy != "verdict" and error <= self.asked:
+                return error, None  # there is no next mesh
+            parts = [goals.shares(unit * goal) for goal in self.goal.goals(force, couple)]
             return error, gathered(run.domain.mesh, parts)
 
     def _solved(self, run: Run) -> tuple[Forces | None, Couples | None]:
@@ -145,12 +148,13 @@ class Refinement(AccuracySearch):
 
     # -- what next ------------------------------------------------------------------------------
 
-    def _next_mesh(self, attempt: Attempt, error: float | None, shares: Shares) -> Attempt | None:
+    def _next_mesh(self, attempt: Attempt, error: float | None, shares: Shares | None) -> Attempt | None:
         """The next mesh, or nothing once the accuracy is reached or cannot be."""
         assert error is not None
         if error <= self.asked:
             self.conclude(error, self.known.terms["discretisation"].doubt)
             return None
+        assert shares is not None
         if np.isinf(error):  # the safety factor may be infinite: how much finer is enough is not known
             return self._for_verdict(attempt, error, shares)
         orders = self.scene.gdim, self._highest
@@ -189,7 +193,9 @@ class Refinement(AccuracySearch):
             self.reason = f"not reached with {MOST_MESHES} meshes"
         return None if self.reason else attempt
 
-    def _to_decide(self, attempt: Attempt, error: float, bars: ErrorBars, shares: Shares) -> Attempt | None:
+    def _to_decide(
+        self, attempt: Attempt, error: float, bars: ErrorBars, shares: Shares | None
+    ) -> Attempt | None:
         """The next mesh, gap or domain, or nothing once the verdict is decided or cannot be."""
         bar = bars.safety
         assert bar is not None
@@ -202,6 +208,7 @@ class Refinement(AccuracySearch):
             return None
         decisive = bar.decisive
         if decisive == "discretisation" and error > CRITICAL:
+            assert shares is not None
             finer = self._for_verdict(attempt, error, shares)
             return replace(finer, note=", ".join(filter(None, (finer.note, "for the verdict"))))
         other = with_less_of(decisive, attempt.scene)

@@ -39,9 +39,9 @@ class UniformRefinement(Refinement):
         super().__init__(*arguments)
         self._seen: list[tuple[Scene, Loads]] = []  # on meshes one after the other, the present one last
 
-    def _first(self, factor: float = COARSEST) -> Attempt:
+    def _first(self, part: float = 1.0) -> Attempt:
         self._seen = []
-        return self._on(self.scene, min(factor * self.numerics.mesh_size, LARGEST))
+        return self._on(self.scene, min(part * COARSEST * self.numerics.mesh_size, LARGEST))
 
     def _on(self, scene: Scene, mesh_size: float, expected: float = 0.0) -> Attempt:
         """An attempt with a `numerics.mesh_size`."""

@@ -17,7 +17,7 @@ from ..accuracy.coarse_runs import COARSER_MESH, changed, comparisons, on_coarse
 from ..accuracy.discretisation import shares
 from ..accuracy.errorbars import coarse_scenes
 from ..adaptive import balance
-from ..adaptive.orders import COARSEST, MOST_MESHES, UNKNOWNS, highest_order, next_order
+from ..adaptive.orders import COARSEST, MOST_MESHES, UNKNOWNS, coarsest, highest_order, next_order
 from ..effects.plan import plan_of
 from ..planning import expense, meshing
 from ..planning.flow_setup import Setup
@@ -261,7 +261,8 @@ def first_mesh(scene: Scene) -> Estimate:
     setup = Setup(scene if steady else balance.first(scene))
     plan = plan_of(setup)
     layout = meshing.lay_out(setup, plan)
-    sized = coarse_sizes(COARSEST, None, layout) if steady else layout
+    factor = coarsest(scene.gdim, scene.fluid.inertia)
+    sized = coarse_sizes(factor, None, layout) if steady else layout
     return expense.count(sized, plan.order, steady, plan.solver.name)
 
 
@@ -282,7 +283,8 @@ def _search(known: KnownLaws, unknowns: int) -> tuple[list[_Run], LastMesh] | st
         return f"there is no law of errors for the load on a grain that moves; {LIMIT}"
     if time is not None and time.tolerance is not None:
         return f"there is no law of errors for steps that adapt; {LIMIT}"
-    first = balance.first(scene) if time else _sized(scene, COARSEST)
+    factor = COARSEST if scene.has_wall_layer else coarsest(scene.gdim, scene.fluid.inertia)
+    first = balance.first(scene) if time else _sized(scene, factor)
     error = known.errors(first).get(scene.accuracy_of)
     if error is None:
         return f"no error of the {scene.accuracy_of} is known for scenes of this kind; run `incipient cost SCENE`"

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Floats
+from ..meshes.solid_region import SYMMETRY
 from .domain import Domain
 from .motion import MeshMotion, Potentials
 
@@ -46,10 +47,13 @@ def stretched(x: Floats, centre: Floats, kept: Floats, old: KeptBox, new: KeptBo
 
 
 class Lifting:
-    """Moves the nodes with a body, less the farther from it, and not at all on other boundaries. Collective."""
+    """Moves the nodes with a body, less the farther from it, and not at all on other boundaries. Collective.
+
+    Those on the plane of symmetry move along it.
+    """
 
     def __init__(self, domain: Domain, boundary: str):
-        self._weights = Potentials(domain).weights(boundary, rigid=1.0)[:, None]
+        self._weights = Potentials(domain).weights(boundary, (SYMMETRY,), rigid=1.0)[:, None]
 
     def at(self, shift: Floats) -> Floats:
         """(n, 3) displacements of the mesh's nodes when the body is shifted by (3,). Not collective."""

@@ -11,7 +11,8 @@ from mpi4py import MPI
 from scenes import sphere_on_plane
 
 from incipient.accuracy.errorbars import coarse_scenes
-from incipient.mesh.stretching import KeptBox, stretched
+from incipient.mesh.motion import MeshMotion
+from incipient.mesh.stretching import KeptBox, Lifting, stretched
 from incipient.results.errorbars import Loads
 from incipient.scene import Contact, Domain, Fluid, Gravity, Numerics, Scene, Sphere, SphereBed
 from incipient.simulation.beside import Beside
@@ -61,6 +62,22 @@ def test_the_mesh_of_a_run_serves_for_other_gaps_and_domains() -> None:
     # Sides closer to the sphere hold the fluid back: the force falls as they go, by less than a percent there.
     assert 0.99 * own.force[0] < found[3].force[0] < own.force[0]
     assert 0.99 * own.force[0] < found[4].force[0] < own.force[0]
+
+
+def test_half_a_sphere_is_lifted_with_the_plane_of_symmetry() -> None:
+    """Cells above and below it, some of them small, keep their shape: no nodes stay behind on the plane.
+
+    Lifted by a gap l cells that fill the gap become l/gap as high, which leaves 3 l^(2/3)/(2 + l^2) of their quality.
+    """
+    scene = on_plane(
+        domain=Domain(length=6.0, width=6.0, height=3.0, symmetric=True),
+        body=Sphere(diameter=1.0, x=3.0, density=2.65),
+        numerics=Numerics(order=2, mesh_size=0.5),
+    )
+    with prepared(scene, MPI.COMM_SELF) as run:
+        places, motion = run.domain.mesh.geometry.x, MeshMotion(run.domain)
+        lifted = places + Lifting(run.domain, "body").at(np.array([0.0, 0.0, 3.0 * scene.contact_gap]))
+        assert motion.quality(lifted).relative > 0.5 * (3.0 * 4.0 ** (2 / 3) / (2.0 + 4.0**2))
 
 
 @pytest.mark.slow
