@@ -9,7 +9,10 @@ import sys
 from pathlib import Path
 
 from ..errors import IncipientError
-from . import draw
+from .charts.sweep import draw as draw_sweep
+from .directory_pictures import draw
+from .motion.animation import animate
+from .motion.turntable import turn
 
 parser = argparse.ArgumentParser()
 parser.add_argument("directory", type=Path)
@@ -22,16 +25,10 @@ for name in ("--quantity", "--against", "--by"):
 options = parser.parse_args()
 try:
     if options.animate:
-        from .motion.animation import animate
-
         print(animate(options.directory, options.out, options.field))
     elif options.turntable:
-        from .motion.turntable import turn
-
         print(turn(options.directory, options.out))
     elif options.directory.is_file():
-        from .charts.sweep import draw as draw_sweep
-
         chosen = (options.quantity, options.against, options.by)
         draw_sweep(options.directory, lambda path: print(path, flush=True), *chosen)
     else:

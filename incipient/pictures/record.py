@@ -13,8 +13,10 @@ import numpy as np
 
 from ..errors import OutputError
 from ..output.series_file import StoredStep, read_step
+from ..scene import Scene
 from .flow.mesh import QuadraticMesh
 from .flow.streamlines import Sampled, sample
+from .verdict.outlines import grain_outline
 
 
 @dataclass(frozen=True)
@@ -46,9 +48,6 @@ class StoredRun:
         """
         if not self.value("gap", "closed"):
             return None
-        from ..scene import Scene
-        from .verdict.outlines import grain_outline
-
         scene = Scene(**self.scene)
         return grain_outline(scene.grain, scene.placement)
 

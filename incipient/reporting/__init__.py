@@ -12,6 +12,9 @@ from pathlib import Path
 
 from ..errors import OutputError, SceneError
 from ..files import write_text_atomically
+from ..pictures.apart import draw_apart
+from . import judgement, run, study, sweep, threshold
+from .citation import closing
 from .page import Page, PagePart, html
 
 # What commands leave in a directory, with pictures that are always drawn of it.
@@ -59,13 +62,9 @@ def of_directory(directory: Path) -> Page:
         raise SceneError(
             f"{directory}: {why}; give the directory that a run was written to, or a sweep's file"
         )
-    from .citation import closing
-
     parts = [_part(record) for record in records]  # what is damaged is found before anything is drawn
     complaint = ""
     if not all(_newer(directory / name, record) for record in records for name in RECORDS[record.name]):
-        from ..pictures.apart import draw_apart
-
         complaint = draw_apart(directory).complaint
         parts = [_part(record) for record in records]
     if complaint:
@@ -80,10 +79,7 @@ def of_sweep(file: Path) -> Page:
     Raises:
         OutputError: it is not the file of a sweep.
     """
-    from .citation import closing
-    from .sweep import part
-
-    made = part(file)
+    made = sweep.part(file)
     return Page(made.title, (made,), closing(None, [made]))
 
 
@@ -93,8 +89,6 @@ def _newer(picture: Path, record: Path) -> bool:
 
 def _part(record: Path) -> PagePart:
     """What the page says of a record."""
-    from . import judgement, run, study, threshold
-
     makers: dict[str, Callable[[Path], PagePart]] = {
         "result.json": run.part,
         "threshold.json": threshold.part,

@@ -14,7 +14,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
+from PIL import Image
 
 WIDEST, QUALITY = 1400, 88  # of a picture on the page: pixels; of its compression, per cent
 LONG = 30  # letters: a text that needs a wide column
@@ -86,8 +88,6 @@ class Picture:
     @property
     def uri(self) -> str:
         """The picture itself, as WebP, made smaller where it is very wide."""
-        from PIL import Image
-
         stream = io.BytesIO()
         with Image.open(self.path) as image:
             shown = image.convert("RGB")
@@ -152,8 +152,6 @@ class Page:
 
 def html(page: Page) -> str:
     """The page as one HTML document."""
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
     environment = Environment(
         loader=FileSystemLoader(TEMPLATES),
         autoescape=True,

@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
+from matplotlib.colors import to_hex
 
 from ..arrays import Floats
 from ..errors import OutputError
@@ -120,9 +122,6 @@ def _add_plain(model: Model, points: Floats, triangles: np.ndarray) -> None:
 
 def _add_traction(model: Model, points: Floats, cells: np.ndarray, tractions: Floats) -> float:
     """Add the grain's surface, quadratic cells (m, 6), in the colours of the traction; the size of the last colour."""
-    from matplotlib import colormaps
-    from matplotlib.colors import to_hex
-
     corners = [(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)] if len(cells) < FEW else [(0, 1, 2)]
     triangles = np.vstack([cells[:, list(three)] for three in corners])
     sizes = np.linalg.norm(tractions, axis=1)

@@ -14,8 +14,8 @@ from incipient.contact.verdict import judge
 from incipient.errors import OutputError
 from incipient.files import plain, write_json
 from incipient.geometry.touching import touching
-from incipient.pictures import draw
 from incipient.pictures.apart import draw_apart
+from incipient.pictures.directory_pictures import draw
 from incipient.pictures.style import STATES
 from incipient.pictures.verdict import judgement, threshold
 from incipient.pictures.verdict.judged import judged

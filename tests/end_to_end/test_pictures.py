@@ -19,8 +19,9 @@ from incipient.contact.verdict import judge
 from incipient.errors import OutputError
 from incipient.files import plain
 from incipient.output.series_file import SeriesFile
-from incipient.pictures import draw, style
+from incipient.pictures import style
 from incipient.pictures.apart import draw_apart
+from incipient.pictures.directory_pictures import draw
 from incipient.pictures.flow import fields as flow
 from incipient.pictures.flow.mesh import QuadraticMesh, enclosed_area
 from incipient.pictures.flow.streamlines import Sampled, sample, streamlines
@@ -192,7 +193,8 @@ def test_an_incomplete_verdict_is_named(grain_run, missing):
 
 def test_all_pictures_of_a_grain_without_a_screen_or_a_warning(grain_run):
     environment = {key: value for key, value in os.environ.items() if "DISPLAY" not in key}
-    program = f"from pathlib import Path; from incipient.pictures import draw; draw(Path({str(grain_run)!r}))"
+    imports = "from pathlib import Path; from incipient.pictures.directory_pictures import draw"
+    program = f"{imports}; draw(Path({str(grain_run)!r}))"
     # Debian's matplotlib beside the one in .venv makes that one warn of it.
     warnings = ("-W", "error", "-W", "ignore:Unable to import Axes3D")
     process = subprocess.run(

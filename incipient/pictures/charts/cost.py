@@ -6,6 +6,7 @@ Colours and marks tell orders apart; runs solved in another way than the scene's
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Callable, Sequence
 from itertools import cycle
 from pathlib import Path
@@ -71,8 +72,6 @@ def _figure(stored: dict[str, Any]) -> Figure:
 
 
 def _wrapped(words: str) -> str:
-    import textwrap
-
     return "\n".join(textwrap.wrap(f"{words[0].upper()}{words[1:]}", 118))
 
 

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.tri import Triangulation
 
 from ...arrays import Floats
 from ...errors import OutputError, SceneError
@@ -228,8 +229,6 @@ def _map(found: Rows, across: str, up: str, file: Path) -> Figure:
 
 def _colour(figure: Figure, axes: Axes, x: Floats, y: Floats, shown: Rows, value: str) -> None:
     """The values between the cases, interpolated on triangles on the scales of the axes."""
-    from matplotlib.tri import Triangulation
-
     values = np.array([float(row.get(value, math.nan)) for row in shown])
     good = np.isfinite(values) & (values > 0.0)
     if good.sum() < 3 or np.ptp(x[good]) == 0.0 or np.ptp(y[good]) == 0.0:

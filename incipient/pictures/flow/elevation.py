@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from scipy.spatial import KDTree
 
 from ...scene import Scene
 from ..record import StoredRun
@@ -52,10 +53,8 @@ def surface_of(run: StoredRun) -> tuple[np.ndarray, np.ndarray]:
     normal *= -np.sign(np.sum(normal * (inner - a), axis=1))[:, None]
     up = normal[:, 2] > _UPWARD * np.linalg.norm(normal, axis=1)
     if run.surface is not None:
-        from scipy.spatial import cKDTree
-
         reach = 1e-6 * float(np.ptp(run.surface.points, axis=0).max())
-        away = cKDTree(run.surface.points).query(points)[0][corners[outside]]
+        away = KDTree(run.surface.points).query(points)[0][corners[outside]]
         up &= away.max(axis=1) > reach
     chosen = outside[up]
     nodes = np.column_stack([corners[chosen], cells[chosen[:, None] // 4, _MIDDLES[chosen % 4]]])

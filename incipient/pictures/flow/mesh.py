@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
+from matplotlib.tri import Triangulation
 
 _EDGES = ((0, 1, 3), (1, 2, 4), (2, 0, 5))  # start, end, mid-side node
 _QUARTERS = ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))
@@ -71,10 +71,8 @@ class QuadraticMesh:
         return edges[first[count == 1]]
 
 
-def triangles_of(points: np.ndarray, triangles: np.ndarray) -> Any:
+def triangles_of(points: np.ndarray, triangles: np.ndarray) -> Triangulation:
     """matplotlib's triangulation of points (n, 2) and linear triangles (m, 3)."""
-    from matplotlib.tri import Triangulation
-
     return Triangulation(points[:, 0], points[:, 1], triangles)
 
 

@@ -9,11 +9,13 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from contourpy import contour_generator
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.image import AxesImage
 from matplotlib.patches import PathPatch, Polygon
 from matplotlib.path import Path
+from scipy.spatial import KDTree
 
 from ...geometry.placement import Placement
 from ...scene import Scene
@@ -106,10 +108,8 @@ def section_of(run: StoredRun, view: View, names: Sequence[str], columns: int = 
     known = np.asarray(found["vtkValidPointMask"], dtype=bool)
     inside = _in_fluid(run, points, known)
     if known.any():
-        from scipy.spatial import cKDTree
-
         missing = np.flatnonzero(~known)
-        _, nearest = cKDTree(points[known]).query(points[missing])
+        _, nearest = KDTree(points[known]).query(points[missing])
         for name in names:
             found[name][missing] = found[name][known][nearest]
     shape = across.shape
@@ -156,8 +156,6 @@ def grain_lines(run: StoredRun, level: float) -> tuple[np.ndarray, ...]:
     centre = run.value("grain", "computed_centre")
     if centre is None:
         return ()
-    from contourpy import contour_generator
-
     grain, placement = (
         Scene(**run.scene).grain,
         Placement(centre, quaternion=tuple(run.value("grain", "quaternion"))),

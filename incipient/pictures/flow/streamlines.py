@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from math import hypot
 
 import numpy as np
+from matplotlib.tri import LinearTriInterpolator
 
 from ...arrays import quarter_turned, unit
 from .mesh import QuadraticMesh, triangles_of
@@ -39,8 +40,6 @@ class Sampled:
 
 def sample(mesh: QuadraticMesh, velocity: np.ndarray, view: tuple[float, float, float, float]) -> Sampled:
     """Nodal velocity (nodes, 2) on a grid over a rectangle (left, right, bottom, top)."""
-    from matplotlib.tri import LinearTriInterpolator
-
     x0, x1, y0, y1 = view
     spacing = max(x1 - x0, y1 - y0) / _CELLS_ACROSS
     # Half a spacing inside: on the boundary itself, round-off would decide whether a point is in the fluid.

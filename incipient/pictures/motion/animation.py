@@ -11,6 +11,8 @@ from ...output.series_file import read_step, times
 from .. import style
 from . import film_file
 from .film import FIELDS, Field, Film
+from .film_in_plane import FilmInPlane
+from .film_in_space import FilmInSpace
 
 _MOST_FRAMES = 200
 _SECONDS, _RATES = 8.0, (4, 20)  # about how long it takes, and frames per second
@@ -42,11 +44,7 @@ def animate(directory: Path, target: Path | None = None, field: str = "velocity"
 def _film(directory: Path, field: Field, indices: np.ndarray, moments: np.ndarray) -> Film:
     """What shows the steps of a run, by the dimension of its cells."""
     if read_step(directory / "fields", int(indices[0])).cells.shape[1] == _TETRAHEDRON:
-        from .film_in_space import FilmInSpace
-
         return FilmInSpace(directory, field, indices, moments)
-    from .film_in_plane import FilmInPlane
-
     return FilmInPlane(directory, field, indices, moments)
 
 

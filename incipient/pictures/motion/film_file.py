@@ -8,18 +8,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.animation import FFMpegWriter
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from PIL import Image
 
 from ...errors import OutputError
 from ...files import reported
-
-if TYPE_CHECKING:
-    from PIL.Image import Image
 
 DOTS = 100  # per inch
 _PALETTE, _AS_GOOD_AS_WHITE = 128, 247  # colours of a GIF; least part of red, green and blue
@@ -35,10 +32,8 @@ class Frames(ABC):
     def show(self, number: int) -> None:
         """Draw a frame in place of the one before."""
 
-    def frame(self, number: int) -> Image:
+    def frame(self, number: int) -> Image.Image:
         """A frame as an RGB picture."""
-        from PIL import Image
-
         self.show(number)
         self._canvas.draw()
         return Image.fromarray(np.asarray(self._canvas.buffer_rgba())[:, :, :3])
@@ -82,8 +77,6 @@ def _finished(path: Path) -> Iterator[Path]:
 
 def _write_gif(film: Frames, path: Path, rate: int) -> None:
     """All frames with one palette, chosen from some of them, and without dithering: smaller, and calm."""
-    from PIL import Image
-
     count = film.count
     chosen = [film.frame(k) for k in sorted({0, count // 3, 2 * count // 3, count - 1})]
     palette = Image.fromarray(np.vstack([np.asarray(image) for image in chosen])).quantize(_PALETTE)

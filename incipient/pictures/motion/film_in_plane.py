@@ -7,6 +7,7 @@ from matplotlib.artist import Artist
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from matplotlib.path import Path as Outline
+from scipy.spatial import KDTree
 
 from ..flow.mesh import curve, triangles_of
 from ..record import StoredRun
@@ -56,8 +57,6 @@ class FilmInPlane(Film):
 
     def _flow(self, run: StoredRun) -> Artist:
         """The velocity on a regular grid, from the three nearest nodes."""
-        from scipy.spatial import KDTree
-
         x0, x1, y0, y1 = run.box
         spacing = max(x1 - x0, y1 - y0) / ARROWS
         grid = np.meshgrid(np.arange(x0 + spacing / 2, x1, spacing), np.arange(y0 + spacing / 2, y1, spacing))

@@ -7,14 +7,11 @@ from collections.abc import Container
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...errors import OutputError
-
-if TYPE_CHECKING:
-    from ...geometry.placement import Placement
+from ...geometry.placement import Placement
 
 # Columns of place and orientation, and of their rates, in the plane and in space.
 PLACE = {2: ("x", "y", "angle"), 3: ("x", "y", "z", *(f"quaternion_{part}" for part in "wxyz"))}
@@ -59,8 +56,6 @@ class History:
 
     def at(self, time: float) -> Placement:
         """Where the grain is at a time, between rows on the straight line from one to the next."""
-        from ...geometry.placement import Placement
-
         place = [float(np.interp(time, self.times, self.columns[name])) for name in PLACE[self.gdim]]
         if self.gdim == 2:
             return Placement((place[0], place[1]), place[2])

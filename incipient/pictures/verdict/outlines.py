@@ -6,7 +6,9 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+from scipy.spatial import ConvexHull, QhullError
 
+from ...geometry.space.surfaces import sphere
 from .judged import Judged
 
 _PIECES = 48  # straight pieces a curve is shown with
@@ -24,8 +26,6 @@ def grain_outline(grain: Any, placement: Any) -> Outline:
 
 def grain_silhouette(grain: Any, placement: Any) -> Outline:
     """Points (n, 2) around a grain in space at its place as seen from the side: the convex hull of its shadow."""
-    from scipy.spatial import ConvexHull
-
     seen = placement.to_scene(grain.surface(_SHADOW * grain.size).points)[:, [0, 2]]
     return np.asarray(seen[ConvexHull(seen).vertices])
 
@@ -47,8 +47,6 @@ def sketched_outline(case: Judged) -> Outline:
     if radius is not None:
         angles = np.linspace(0.0, 2.0 * np.pi, 181)[:-1]
         return centre + radius * np.column_stack([np.cos(angles), np.sin(angles)])
-    from scipy.spatial import ConvexHull, QhullError
-
     points = mirrored(case)[:, :2]
     try:
         return points[ConvexHull(points).vertices]
@@ -62,10 +60,6 @@ def sketched_solid(case: Judged, coarser: int = 1) -> Solid:
     The polyhedron is the convex hull of the contacts and their mirror images in the centre of mass; where it
     has no volume there are only its points, without triangles. A sphere's triangles may be coarser than usual.
     """
-    from scipy.spatial import ConvexHull, QhullError
-
-    from ...geometry.space.surfaces import sphere
-
     radius = round_radius(case)
     if radius is not None:
         ball = sphere(_FINE // coarser)

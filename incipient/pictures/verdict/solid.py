@@ -7,17 +7,15 @@ at the places that the rendering tells.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ...arrays import unit
+from ...geometry.space.terrain import Terrain
 from ..flow.cells import pyvista_off_screen
 from ..style import FLOW, FORCES, GRAIN, GROUND, INK, MOTION, REACTION, STATES
 from .judged import BEYOND, MOVED, SHORTEST_CONE, SMALL, STRONGEST, DrawnMotion, Judged
-
-if TYPE_CHECKING:
-    from ...geometry.space.terrain import Terrain
 
 PIXELS = (1590, 1320)
 _TURNED, _RAISED = 24.0, 17.0  # of the view: from across the flow, and above the horizontal; degrees

@@ -6,7 +6,6 @@ The fields of a run stand on quadratic tetrahedra, which VTK cuts and samples; m
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,6 +14,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
+from ...geometry.space.terrain import Terrain
 from ...scene import Scene
 from ..flow.cells import COLOURS, framed, pyvista_off_screen, stage
 from ..flow.fields import from_zero, without_extremes
@@ -36,9 +36,6 @@ from .judged import Judged
 from .plane import Marks, aside, label, marks_of
 from .sheet import explain, write_numbers
 from .solid import Rendering, rendered
-
-if TYPE_CHECKING:
-    from ...geometry.space.terrain import Terrain
 
 SPACING = 0.04  # of the triangles of a grain's surface, in grain sizes
 QUADRATIC_TRIANGLE = 22  # VTK's number of the quadratic one

@@ -1,0 +1,112 @@
+"""All pictures that the results in a directory allow."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from ..errors import IncipientError, OutputError
+from . import style
+from .charts import cost
+from .flow import cells, elevation, fields, walls
+from .motion import trajectory
+from .record import StoredRun, read
+from .verdict import grain, judgement, series, space, threshold
+
+Maker = Callable[[StoredRun], Figure]
+# Files of results other than a run's, and what draws their pictures.
+_OTHERS = {"threshold.json": threshold, "cost.json": cost, "series.json": series, "judgement.json": judgement}
+
+
+def draw(directory: Path, announce: Callable[[Path], object] = lambda path: None) -> list[Path]:
+    """Draw all pictures that the results in a directory allow, as PNG files beside them. Not collective.
+
+    A run (result.json): always flow, pressure, vorticity and mesh; with a grain the traction on it and the verdict,
+    with one that moves its trajectory and the verdict if there is any; with wall functions y+ and friction along walls;
+    for a box in which nothing moves the velocity profiles on both centrelines. A threshold (threshold.json), a judged
+    case (judgement.json), a judged series (series.json), a study of what accuracy costs (cost.json): one picture each.
+
+    Args:
+        announce: called with the path of every picture as soon as it is there.
+
+    Raises:
+        OutputError: when there is no result, when one is incomplete or damaged, or a picture could not be drawn or
+            written; all others have been drawn then.
+    """
+    drawing = _DrawnPictures(announce)
+    others = [source for name in _OTHERS if (source := directory / name).exists()]
+    if (directory / "result.json").exists() or not others:
+        with drawing.attempt(directory / "result.json"):
+            _draw_run(directory, drawing)
+    for source in others:
+        drawing.add(source, _OTHERS[source.name].draw)
+    if drawing.failures:
+        raise OutputError("; ".join(drawing.failures))
+    return drawing.written
+
+
+class _DrawnPictures:
+    """Pictures drawn one after the other; one that fails does not keep the others from being drawn."""
+
+    def __init__(self, announce: Callable[[Path], object]):
+        self._announce = announce
+        self.written: list[Path] = []
+        self.failures: list[str] = []
+
+    @contextmanager
+    def attempt(self, path: Path) -> Iterator[None]:
+        """Note what goes wrong in the block, which draws from or into a file."""
+        try:
+            yield
+        except IncipientError as error:
+            self.failures.append(str(error))
+        except Exception as error:
+            why = " ".join(f"{type(error).__name__}: {error}".split())
+            self.failures.append(f"{path}: cannot be drawn: {why}")
+
+    def done(self, path: Path) -> None:
+        """A picture is there."""
+        self.written.append(path)
+        self._announce(path)
+
+    def add(self, source: Path, make: Callable[[Path], list[Path]]) -> None:
+        """Draw what a file of the results allows."""
+        with self.attempt(source):
+            for path in make(source.parent):
+                self.done(path)
+
+
+def _draw_run(directory: Path, drawing: _DrawnPictures) -> None:
+    run = read(directory)
+    if run.moves:
+        drawing.add(directory / "history.csv", partial(trajectory.draw, title=run.headline))
+    for name, make in _makers(run).items():
+        path = directory / f"{name}.png"
+        with drawing.attempt(path), style.applied():
+            style.save(make(run), path)
+            drawing.done(path)
+
+
+def _makers(run: StoredRun) -> dict[str, Maker]:
+    """What draws the pictures of a run's last fields, by the pictures' names."""
+    flow, verdict, mesh = (space, space, space.mesh) if run.in_space else (fields, grain, cells.picture)
+    makers: dict[str, Maker] = {"flow": flow.speed, "pressure": flow.pressure}
+    if not run.in_space:
+        makers["vorticity"] = fields.vorticity
+    elif run.setting("domain", "top") == "free-surface":
+        makers["elevation"] = elevation.picture
+    if run.surface is not None:
+        makers["traction"] = verdict.traction
+    # A grain under way rests on nothing; where it has met the bed there is a verdict.
+    if run.surface is not None and not (run.moves and run.result.get("verdict") is None):
+        makers["verdict"] = verdict.verdict
+    if walls.has_walls(run):
+        makers["walls"] = walls.picture
+    if run.setting("domain", "kind") == "box" and not (run.in_space or run.moves):
+        makers["profiles"] = fields.profiles
+    makers["mesh"] = mesh
+    return makers
