@@ -14,10 +14,11 @@ from matplotlib.colors import to_hex
 
 from ..arrays import Floats
 from ..errors import OutputError
+from ..geometry.space.terrain import Terrain
 from ..pictures.record import read
 from ..pictures.style import FLOW, FORCES, GRAIN, GROUND, STATES
 from ..pictures.verdict.judged import Judged
-from ..pictures.verdict.space import SPACING, whole_surface
+from ..pictures.verdict.space import placed_surface, whole_surface
 from ..scene import Scene
 from .page import PageSection, Turned, section
 
@@ -82,8 +83,9 @@ def of_run(directory: Path, stored: dict[str, Any], case: Judged | None) -> tupl
     if run is None or run.surface is None:
         return of_scene(scene, case)
     points, cells, tractions = whole_surface(run)
-    model = Model(run.space("grain", "computed_centre"), float(stored["grain"]["size"]))
-    _add_bed(model, scene, run.space("grain", "computed_centre"), float(stored["grain"]["size"]))
+    centre, size = run.space("grain", "computed_centre"), float(stored["grain"]["size"])
+    model = Model(centre, size)
+    _add_bed(model, scene.bed_shape, centre, size)
     most = _add_traction(model, points, cells, tractions)
     shown = f"The grain's colour is the size of the traction, dark: none, bright: {most:.3g} scene units or more. "
     return _section(model, case, shown)
@@ -94,11 +96,10 @@ def of_scene(scene: Scene, case: Judged | None) -> tuple[PageSection, ...]:
     grain, placement = scene.grain, scene.placement
     if scene.gdim == 2 or grain is None or placement is None:
         return ()
-    surface = grain.surface(COARSER * SPACING * grain.size)
-    points, centre = placement.to_scene(surface.points), np.array(placement.centre)
+    centre = np.array(placement.centre)
     model = Model(centre, grain.size)
-    _add_bed(model, scene, centre, grain.size)
-    _add_plain(model, points, surface.triangles)
+    _add_bed(model, scene.bed_shape, centre, grain.size)
+    _add_plain(model, *placed_surface(grain, placement, COARSER))
     return _section(model, case, "")
 
 
@@ -133,9 +134,8 @@ def _add_traction(model: Model, points: Floats, cells: np.ndarray, tractions: Fl
     return most
 
 
-def _add_bed(model: Model, scene: Scene, centre: Floats, size: float) -> None:
+def _add_bed(model: Model, bed: Terrain | None, centre: Floats, size: float) -> None:
     """Add the bed around the grain, cut off in a circle."""
-    bed = scene.bed_shape
     if bed is None:
         return
     steps = REACH * size * np.linspace(-1.0, 1.0, SIDE + 1)

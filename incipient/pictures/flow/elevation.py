@@ -7,7 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.spatial import KDTree
 
-from ...scene import Scene
+from ...geometry.space.terrain import Terrain
+from ...scene import Domain, Scene
 from ..record import StoredRun
 from ..style import INK, panels
 
@@ -32,7 +33,7 @@ def picture(run: StoredRun) -> Figure:
     largest = max(float(np.abs(elevation).max()), 1e-300)
     levels = np.linspace(-largest, largest, _LEVELS + 1)
     drawn = axes.tricontourf(points[:, 0], points[:, 1], triangles, elevation, levels=levels, cmap="RdBu_r")
-    forms = _show_bed(scene, axes)
+    forms = _show_bed(domain, scene.bed_shape, axes)
     axes.set_title("The free surface from above" + ("; lines: heights of the bed" if forms else ""))
     figure.colorbar(drawn, cax=bar).set_label("elevation [scene units]")
     return figure
@@ -70,9 +71,8 @@ def _whole(run: StoredRun, points: np.ndarray, triangles: np.ndarray) -> tuple[n
     return np.vstack([points, other]), np.vstack([triangles, triangles + len(points)])
 
 
-def _show_bed(scene: Scene, axes: Axes) -> bool:
+def _show_bed(domain: Domain, bed: Terrain | None, axes: Axes) -> bool:
     """Show lines of equal height of a bed that has forms; whether it has."""
-    bed, domain = scene.bed_shape, scene.domain
     if bed is None or not np.isfinite(bed.feature):
         return False
     x, y = (np.linspace(*sides, _PLACES) for sides in ((domain.left, domain.right), domain.across))

@@ -26,7 +26,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from ...errors import OutputError
 from ...geometry.placement import Placement
-from ...scene import Scene, load
+from ...scene import Domain, Scene, load
 from .. import style
 from ..style import GRAIN, INK, View
 from ..verdict.outlines import grain_outline, grain_silhouette
@@ -83,7 +83,12 @@ class _Look:
 
 def figure(scene: Scene, history: History, title: str) -> Figure:
     """The path in the domain, enlarged if it is short, beside or above six quantities against time."""
-    views = _views(scene, history)
+    grain, start, bed = scene.grain, scene.placement, scene.bed_shape
+    assert grain is not None and start is not None
+    ground = None if bed is None else _ground(scene.domain, bed, start)
+    above = scene.domain.kind == "box" or scene.top == "wall"
+    walls = above, above or scene.flow.kind == "open-channel"
+    views = _views(scene.domain, ground, grain.size, history)
     made, maps, bar, panels = _laid_out(views)
     width, height = made.get_size_inches()
     heading = textwrap.wrap(title, int(width * 11))[:2]
@@ -93,10 +98,10 @@ def figure(scene: Scene, history: History, title: str) -> Figure:
     for axes, view, name in zip(maps, views, names, strict=True):
         upwards = f"{'xyz'[scene.up]} [scene units]"
         axes.set(xlim=view[:2], ylim=view[2:], xlabel="x [scene units]", ylabel=upwards, title=name)
-        _draw_domain(axes, scene)
-        marks = _draw_path(axes, scene, history, norm)
+        _draw_domain(axes, scene.domain, walls, ground)
+        marks = _draw_path(axes, grain, history, norm)
     made.colorbar(ScalarMappable(norm, _COLOURS), cax=bar).set_label("time [scene units]")
-    new = _draw_quantities(panels, scene, history)
+    new = _draw_quantities(panels, _quantities(history, grain.size, scene.reference_velocity), history)
     handles, labels = zip(*marks, *new, strict=True)
     made.legend(
         handles, labels, loc="lower left", ncols=5, fontsize=8, borderpad=0, borderaxespad=0,
@@ -114,14 +119,12 @@ def _span(history: History) -> tuple[float, float]:
     return first, last if last > first else first + 1.0
 
 
-def _views(scene: Scene, history: History) -> list[View]:
-    """The domain and, if the grain stays in a small part of it, that part."""
-    domain, grain = scene.domain, scene.grain
-    assert grain is not None
+def _views(domain: Domain, ground: np.ndarray | None, size: float, history: History) -> list[View]:
+    """The domain and, if a grain of a size stays in a small part of it, that part."""
     pad = 0.015 * max(domain.length, domain.height)
-    floor = domain.bottom if scene.bed is None else _bed(scene)[:, 1].min()
+    floor = domain.bottom if ground is None else ground[:, 1].min()
     whole = (domain.left - pad, domain.right + pad, float(floor) - pad, domain.ceiling + pad)
-    low, high = history.centres.min(axis=0) - 0.7 * grain.size, history.centres.max(axis=0) + 0.7 * grain.size
+    low, high = history.centres.min(axis=0) - 0.7 * size, history.centres.max(axis=0) + 0.7 * size
     across, up = high - low
     if max(across / domain.length, up / domain.height) >= _NEAR:
         return [whole]
@@ -187,51 +190,44 @@ def _put(made: Figure, place: Place) -> Axes:
 # -- the path ----------------------------------------------------------------------------------------------
 
 
-def _draw_domain(axes: Axes, scene: Scene) -> None:
-    """Walls as full lines, where fluid or stream comes and goes as broken ones, the bed with its ground."""
-    domain, bed = scene.domain, scene.bed_shape
+def _draw_domain(axes: Axes, domain: Domain, walls: tuple[bool, bool], ground: np.ndarray | None) -> None:
+    """Walls, which may be above and below, as full lines, open sides as broken ones, the bed with its ground."""
     left, right, low, high = domain.left, domain.right, domain.bottom, domain.ceiling
     closed = domain.kind == "box"
-    on_top = closed or scene.top == "wall"
     sides = [
         ((left, left), (low, high), closed),
         ((right, right), (low, high), closed),
-        ((left, right), (high, high), on_top),
+        ((left, right), (high, high), walls[0]),
     ]
-    if bed is None:
-        sides.append(((left, right), (low, low), on_top or scene.flow.kind == "open-channel"))
+    if ground is None:
+        sides.append(((left, right), (low, low), walls[1]))
     else:
-        draw_bed(axes, _bed(scene))
+        draw_bed(axes, ground)
     for x, y, wall in sides:
         line = Line2D(x, y, color=INK, lw=1.4) if wall else Line2D(x, y, color=INK, lw=0.7, ls=(0, (4, 3)))
         line.set_zorder(3)
         axes.add_artist(line)
 
 
-def _bed(scene: Scene) -> np.ndarray:
+def _ground(domain: Domain, bed: Any, start: Placement) -> np.ndarray:
     """Points (n, 2) along the bed from left to right, in space below where the grain starts."""
-    domain, bed = scene.domain, scene.bed_shape
-    assert bed is not None
-    if scene.gdim == 3:
-        assert scene.placement is not None
+    if domain.gdim == 3:
         x = np.linspace(domain.left, domain.right, _BED_PIECES)
-        return np.column_stack(
-            [x, bed.height(np.column_stack([x, np.full_like(x, scene.placement.centre[1])]))]
-        )
+        return np.column_stack([x, bed.height(np.column_stack([x, np.full_like(x, start.centre[1])]))])
     curves = bed.curves(domain.left, domain.right)
     counts = [max(8, int(_BED_PIECES * curve.length / domain.length)) for curve in curves]
     return np.vstack([curve.point(np.linspace(0.0, 1.0, n)) for curve, n in zip(curves, counts, strict=True)])
 
 
-def _draw_path(axes: Axes, scene: Scene, history: History, norm: Normalize) -> list[Mark]:
+def _draw_path(axes: Axes, grain: Any, history: History, norm: Normalize) -> list[Mark]:
     """The centre's path and the grain at several moments, in the colour of their time; what the marks mean."""
     colour = ScalarMappable(norm, _COLOURS).to_rgba
-    first, *between, last = _moments(scene, history)
+    first, *between, last = _moments(grain.size, history)
     for time in between:
-        _draw_grain(axes, scene, history.at(time), _Look(colour(np.array(time)), 0.8, 4.0))
-    end = _draw_grain(axes, scene, history.at(last), _Look(INK, 1.7, 4.5, face=GRAIN))
+        _draw_grain(axes, grain, history.at(time), _Look(colour(np.array(time)), 0.8, 4.0))
+    end = _draw_grain(axes, grain, history.at(last), _Look(INK, 1.7, 4.5, face=GRAIN))
     # Above the end and broken: both may be in one place.
-    start = _draw_grain(axes, scene, history.at(first), _Look(INK, 1.3, 5.0, dashes=(0.0, (3.0, 1.5))))
+    start = _draw_grain(axes, grain, history.at(first), _Look(INK, 1.3, 5.0, dashes=(0.0, (3.0, 1.5))))
     axes.add_collection(_path(history, norm), autolim=False)
     middle = colour(np.array((history.times[0] + history.times[-1]) / 2))
     axis = Line2D([], [], color=INK, lw=1.2, marker="o", markevery=[0], ms=3)
@@ -254,23 +250,22 @@ def _path(history: History, norm: Normalize) -> LineCollection:
     return path
 
 
-def _moments(scene: Scene, history: History) -> list[float]:
+def _moments(size: float, history: History) -> list[float]:
     """First and last time and, of evenly spaced ones between, those at which the grain is clear of other places."""
-    assert scene.grain is not None
     first, last = float(history.times[0]), float(history.times[-1])
     kept = [first, last]
     for time in np.linspace(first, last, _MOMENTS)[1:-1]:
         here = np.array(history.at(time).centre)
         distances = [np.linalg.norm(here - np.array(history.at(other).centre)) for other in kept]
-        if min(distances) > _APART * scene.grain.size:
+        if min(distances) > _APART * size:
             kept.append(float(time))
     return sorted(kept)
 
 
-def _draw_grain(axes: Axes, scene: Scene, placement: Placement, look: _Look) -> Artist:
+def _draw_grain(axes: Axes, grain: Any, placement: Placement, look: _Look) -> Artist:
     """The outline, the centre, and a spoke along the grain's first axis."""
-    in_space = scene.gdim == 3
-    outline = (grain_silhouette if in_space else grain_outline)(scene.grain, placement)
+    in_space = placement.gdim == 3
+    outline = (grain_silhouette if in_space else grain_outline)(grain, placement)
     body = Polygon(
         outline,
         joinstyle="round",
@@ -282,7 +277,7 @@ def _draw_grain(axes: Axes, scene: Scene, placement: Placement, look: _Look) -> 
     )
     axes.add_artist(body)
     width = 0.75 * look.width
-    x, y = (_axis_seen(scene.grain, placement) if in_space else spoke(outline, placement)).T
+    x, y = (_axis_seen(grain, placement) if in_space else spoke(outline, placement)).T
     line = Line2D(x, y, color=look.edge, lw=width, marker="o", markevery=[0], ms=2.5 * width)
     line.set_zorder(look.order)
     axes.add_artist(line)
@@ -305,11 +300,11 @@ def _axis_seen(grain: Any, placement: Placement) -> np.ndarray:
 # -- against time ------------------------------------------------------------------------------------------
 
 
-def _draw_quantities(panels: Sequence[Axes], scene: Scene, history: History) -> list[Mark]:
+def _draw_quantities(panels: Sequence[Axes], shown: Sequence[Shown], history: History) -> list[Mark]:
     """Place and rates; what the mark of a new mesh means, if there is one."""
     made = history.remeshings
     new = []
-    for k, (axes, (title, values, least)) in enumerate(zip(panels, _quantities(scene, history), strict=True)):
+    for k, (axes, (title, values, least)) in enumerate(zip(panels, shown, strict=True)):
         new = [axes.axvline(time, color="#9a9a9a", lw=0.6, ls=":") for time in made]
         axes.plot(history.times, values, color=style.FLOW if k < 3 else style.MOTION, lw=1.2)
         axes.set_title(title, fontsize=8.5)
@@ -329,11 +324,9 @@ def _draw_quantities(panels: Sequence[Axes], scene: Scene, history: History) -> 
     return [(mark, "new mesh") for mark in new[:1]]
 
 
-def _quantities(scene: Scene, history: History) -> list[Shown]:
-    """Title, values and smallest range of axes: what is smaller is as good as constant."""
-    assert scene.grain is not None
-    size, velocity = scene.grain.size, scene.reference_velocity
-    if scene.gdim == 3:
+def _quantities(history: History, size: float, velocity: float) -> list[Shown]:
+    """Title, values and smallest range of axes, by a grain's size and a velocity: less is as good as constant."""
+    if history.gdim == 3:
         places = [(f"{axis} [scene units]", history[axis], 1e-3 * size) for axis in "xyz"]
         about = [f"spin about {axis} [radians per unit of time]" for axis in "xyz"]
         spins = [history[name] for name in RATES[3][3:]]

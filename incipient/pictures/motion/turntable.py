@@ -23,7 +23,7 @@ from ..record import StoredRun, read
 from ..style import FLOW, GROUND
 from ..verdict.judged import judged
 from ..verdict.solid import Stage, bed_around, empty_stage, frame_of, within
-from ..verdict.space import QUADRATIC_TRIANGLE, surface_of, whole_surface
+from ..verdict.space import QUADRATIC_TRIANGLE, placed_surface, whole_surface
 from . import film_file
 from .film_file import DOTS, Frames
 
@@ -115,7 +115,7 @@ class _Turntable(Frames):
         verdict = self._run.result.get("verdict")
         if verdict is not None:
             case = judged(verdict, self._run.directory / "result.json")
-            points, _ = surface_of(self._scene)
+            points, _ = placed_surface(self._scene.grain, self._scene.placement)
             Stage(self._pyvista, self._plotter, frame_of(case, points)).contacts(case)
 
     def _show_grain(self) -> None:

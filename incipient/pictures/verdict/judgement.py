@@ -18,7 +18,7 @@ from .judged import Judged, judged, sentence
 from .outlines import Outline, Solid, grain_outline, sketched_outline, sketched_solid
 from .plane import Marks, draw_case, draw_grain, draw_strips, show_place
 from .sheet import Group, explain, judge_rows, load_rows, sheet, write_numbers
-from .space import SPACING, show_judged
+from .space import placed_surface, show_judged
 
 _UNIT = "[units of the case]"
 _SKETCHED = "; the grain is sketched"
@@ -103,6 +103,4 @@ def surface_of_case(case: Judged, shaped: Case | None, coarser: int = 1) -> Soli
     """The grain's surface at its place, points (n, 3) and triangles (m, 3), coarser than usual by a factor."""
     if shaped is None or shaped.body is None:
         return sketched_solid(case, coarser)
-    grain: Any = shaped.body.grain()
-    surface = grain.surface(coarser * SPACING * grain.size)
-    return shaped.placement.to_scene(surface.points), surface.triangles
+    return placed_surface(shaped.body.grain(), shaped.placement, coarser)

@@ -6,6 +6,7 @@ The fields of a run stand on quadratic tetrahedra, which VTK cuts and samples; m
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -33,6 +34,7 @@ from ..record import StoredRun
 from ..style import FLOW, FORCES, INK, PAPER, panels
 from .grain import judged_numbers, sheet_of
 from .judged import Judged
+from .outlines import Solid
 from .plane import Marks, aside, label, marks_of
 from .sheet import explain, write_numbers
 from .solid import Rendering, rendered
@@ -195,16 +197,14 @@ def verdict(run: StoredRun) -> Figure:
         axes.set_axis_off()
     else:
         scene = Scene(**run.scene)
-        explain(axes, show_judged(axes, case, *surface_of(scene), scene.bed_shape))
+        explain(axes, show_judged(axes, case, *placed_surface(scene.grain, scene.placement), scene.bed_shape))
     write_numbers(axes, judged_numbers(run, case, planar=False))
     return figure
 
 
-def surface_of(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """The surface of a scene's grain where it rests: points (n, 3) and triangles (m, 3)."""
-    grain, placement = scene.grain, scene.placement
-    assert grain is not None and placement is not None
-    surface = grain.surface(SPACING * grain.size)
+def placed_surface(grain: Any, placement: Any, coarser: int = 1) -> Solid:
+    """A grain's surface at its place: points (n, 3) and triangles (m, 3), coarser than usual by a factor."""
+    surface = grain.surface(coarser * SPACING * grain.size)
     return placement.to_scene(surface.points), surface.triangles
 
 

@@ -34,7 +34,7 @@ from .sheet import (
     sheet,
     write_numbers,
 )
-from .space import show_judged, surface_of
+from .space import placed_surface, show_judged
 
 _BEYOND = 1e-4  # how much more than the critical load shows the motion
 _SLOWEST = 1e-3  # of the fastest flow, shown
@@ -71,7 +71,7 @@ def _figure(stored: dict[str, Any], scene: Scene, source: Path) -> Figure:
         case = judged(with_motion(stored, scene), source)
         up = {2: _UP_IN_PLANE, 3: UP}[scene.gdim]
         figure, axes = sheet(critical_sentence(stored), case.sentences[1], scene.title, up)
-        explain(axes, _draw_place(axes, case, scene))
+        explain(axes, _draw_place(axes, case, scene.grain, scene.placement, scene.bed_shape))
         load_there = load_rows(case.acting, case.load.flow_couple, _UNIT, planar=scene.gdim == 2)
         if stored["factor"]:
             _show_trials(panel(axes, _PANEL), stored)
@@ -86,14 +86,13 @@ def _figure(stored: dict[str, Any], scene: Scene, source: Path) -> Figure:
     return figure
 
 
-def _draw_place(axes: Axes, case: Judged, scene: Scene) -> Marks:
-    if scene.gdim == 3:
-        return show_judged(axes, case, *surface_of(scene), scene.bed_shape)
-    grain, placement = scene.grain, scene.placement
-    assert grain is not None and placement is not None
+def _draw_place(axes: Axes, case: Judged, grain: Any, placement: Any, bed: Any) -> Marks:
+    """The grain on its bed with what is judged; what the marks mean."""
+    if placement.gdim == 3:
+        return show_judged(axes, case, *placed_surface(grain, placement), bed)
     outline = grain_outline(grain, placement)
     x0, x1, _, _ = show_place(axes, outline, grain.size)
-    draw_bed(axes, bed_line(scene.bed_shape, x0, x1))
+    draw_bed(axes, bed_line(bed, x0, x1))
     draw_grain(axes, outline)
     return draw_case(axes, case, outline, grain.size)
 
@@ -103,28 +102,26 @@ def with_motion(stored: dict[str, Any], scene: Scene) -> dict[str, Any]:
     verdict = stored["verdict"]
     if not stored["factor"]:
         return verdict
-    motion = _onset(stored, scene)
+    assert scene.body is not None
+    inert = mass_and_inertia(scene.body, scene.placement)
+    friction = scene.contact.friction if scene.contact else 0.0
+    motion = None if inert is None else _onset(stored, friction, *inert)
     if motion is None:
         return verdict
     exact = {**verdict["judges"]["equilibrium"], "motion": motion, "mode": stored["mode"]}
     return {**verdict, "judges": {**verdict["judges"], "equilibrium": exact}}
 
 
-def _onset(stored: dict[str, Any], scene: Scene) -> dict[str, Any] | None:
+def _onset(
+    stored: dict[str, Any], friction: float, mass: float, inertia: np.ndarray
+) -> dict[str, Any] | None:
     """The incipient motion where the flow is a little stronger than critical."""
-    assert scene.body is not None
     acting, at = stored["load"], stored["contacts"]
     force, couple = ((1.0 + _BEYOND) * np.array(acting[name]) for name in ("flow_force", "flow_couple"))
     stronger = Load(force, couple, np.array(acting["weight"]), np.array(acting["centre"]))
     contacts = Contacts(at["points"], at["normals"], at["areas"])
-    friction, inert = (
-        scene.contact.friction if scene.contact else 0.0,
-        mass_and_inertia(scene.body, scene.placement),
-    )
-    if inert is None:
-        return None
     try:
-        return equilibrium.incipient_motion(stronger, contacts, friction, *inert).to_dict()
+        return equilibrium.incipient_motion(stronger, contacts, friction, mass, inertia).to_dict()
     except ConvergenceError:
         return None
 
