@@ -8,6 +8,8 @@ from ..planning.effects import percent
 from ..results.left_out import Omission
 from .page import Cell, PageSection, section, table, words
 
+TRIED = ("cells", "unknowns", "estimate", "step", "seconds", "note")  # of each mesh, after its order
+
 
 def of_plan(plan: dict[str, Any]) -> tuple[PageSection, ...]:
     """Which effects were simulated and which not, and how finely."""
@@ -54,16 +56,7 @@ def of_adaptation(stored: dict[str, Any] | None) -> tuple[PageSection, ...]:
     reached = "unknown" if stored["reached"] is None else f"{stored['reached']:.1e}"
     said = f"Error of the {stored['of']}: {reached}; asked for {stored['asked']}: {stored['reason']}."
     rows: list[tuple[Cell, ...]] = [
-        (
-            f"P{one['order']}",
-            one["cells"],
-            one["unknowns"],
-            one["estimate"],
-            one["step"],
-            one["seconds"],
-            one["note"],
-        )
-        for one in stored["trials"]
+        (f"P{one['order']}", *(one[key] for key in TRIED)) for one in stored["trials"]
     ]
     head = ("order", "cells", "unknowns", "error", "step", "seconds", "")
     more = (*stored.get("changes", ()), *stored.get("beside", ()))

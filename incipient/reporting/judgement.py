@@ -10,7 +10,7 @@ import tomli_w
 from ..pictures.record import parsed_json
 from ..pictures.verdict.judged import judged, sentence
 from ..pictures.verdict.judgement import shaped_case, surface_of_case
-from .page import Cell, PagePart, PageSection, Picture, section, table
+from .page import Cell, PagePart, PageSection, picture_beside, section, table
 from .verdict import of_contacts, of_judges, of_load, statements
 from .view import COARSER, of_case
 
@@ -19,9 +19,8 @@ MOST_EVENTS = 50  # of a series, listed
 
 def part(record: Path) -> PagePart:
     """What a page says of a judgement.json."""
-    stored, picture = parsed_json(record), record.with_suffix(".png")
+    stored = parsed_json(record)
     case, chances = judged(stored["verdict"], record), stored["probabilities"]
-    drawn = Picture(picture, "The load, and the forces at the contacts") if picture.is_file() else None
     surface = None if case.planar else surface_of_case(case, shaped_case(stored, record), COARSER)
     return PagePart(
         kind="Judged case",
@@ -29,7 +28,7 @@ def part(record: Path) -> PagePart:
         statements=statements(case, stored["verdict"]),
         certainty="" if chances is None else sentence(chances["sentence"]),
         sections=(
-            *section("Picture", drawn),
+            *section("Picture", picture_beside(record, "The load, and the forces at the contacts")),
             *(() if surface is None else of_case(case, *surface)),
             *of_load(case),
             *of_contacts(case),
@@ -52,7 +51,7 @@ def _probabilities(chances: dict[str, Any] | None) -> tuple[PageSection, ...]:
 
 def part_of_series(record: Path) -> PagePart:
     """What a page says of a series.json."""
-    stored, picture = parsed_json(record), record.with_suffix(".png")
+    stored = parsed_json(record)
     shares, events = stored["shares"], stored["events"]
     longest = sorted(events, key=lambda event: -event["length"])[:MOST_EVENTS]
     rows: list[tuple[Cell, ...]] = [
@@ -66,14 +65,15 @@ def part_of_series(record: Path) -> PagePart:
         ("events", len(events)),
     ]
     moving = sum(share for mode, share in shares.items() if mode != "rest")
-    drawn = Picture(picture, "The safety factor in time") if picture.is_file() else None
     listed = "Events" if len(events) <= MOST_EVENTS else f"The {MOST_EVENTS} longest of {len(events)} events"
     return PagePart(
         kind="Judged series",
         title="A series of loads",
         statements=(f"The grain is set in motion {len(events)} times, {100 * moving:.3g} % of the time.",),
         sections=(
-            *section("Series", table(("", "value"), numbers), drawn),
+            *section(
+                "Series", table(("", "value"), numbers), picture_beside(record, "The safety factor in time")
+            ),
             *section("Shares of time", table(("mode", "share"), list(shares.items()))),
             *section(listed, table(("begins at", "lasts", "mode", "impulse", "least safety factor"), rows)),
         ),

@@ -171,6 +171,12 @@ def section(title: str, *blocks: Block | None) -> tuple[PageSection, ...]:
     return (PageSection(title, there),) if there else ()
 
 
+def picture_beside(record: Path, caption: str) -> Picture | None:
+    """The picture of a file of results, under its name, if it is there."""
+    path = record.with_suffix(".png")
+    return Picture(path, caption) if path.is_file() else None
+
+
 def table(head: Sequence[str], rows: Sequence[Sequence[Cell]]) -> PageTable | None:
     """A table, if it has rows."""
     return PageTable(tuple(head), tuple(tuple(row) for row in rows)) if rows else None

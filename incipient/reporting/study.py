@@ -5,46 +5,36 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..pictures.record import parsed_json
-from .page import Cell, PagePart, Picture, section, table
+from .page import Cell, PagePart, picture_beside, section, table
+
+COLUMNS = {
+    "name": "run",
+    "error": "relative error",
+    "cpu": "processor [s]",
+    "wall": "wall time [s]",
+    "unknowns": "unknowns",
+    "peak_mib": "memory [MiB]",
+}
 
 
 def part(record: Path) -> PagePart:
     """What a page says of a cost.json."""
-    stored, picture = parsed_json(record), record.with_suffix(".png")
+    stored = parsed_json(record)
     reference = stored["reference"]
     values: list[tuple[Cell, ...]] = [
         (name.replace("_", " "), value, reference["uncertainty"].get(name))
         for name, value in reference["values"].items()
     ]
     runs: list[tuple[Cell, ...]] = [
-        (
-            one["name"],
-            one["error"],
-            one["cpu"],
-            one["wall"],
-            one["unknowns"],
-            one["peak_mib"],
-            bool(one["on_front"]),
-        )
-        for one in stored["runs"]
+        (*(one[key] for key in COLUMNS), bool(one["on_front"])) for one in stored["runs"]
     ]
-    heads = (
-        "run",
-        "relative error",
-        "processor [s]",
-        "wall time [s]",
-        "unknowns",
-        "memory [MiB]",
-        "none better",
-    )
-    drawn = Picture(picture, "Error against time") if picture.is_file() else None
     return PagePart(
         kind="What accuracy costs",
         title=stored["title"] or "What accuracy costs",
         statements=(f"{stored['words'][0].upper()}{stored['words'][1:]}.",),
         sections=(
-            *section("Picture", drawn),
+            *section("Picture", picture_beside(record, "Error against time")),
             *section(f"Reference: {reference['run']}", table(("", "value", "uncertainty"), values)),
-            *section("Runs", table(heads, runs)),
+            *section("Runs", table((*COLUMNS.values(), "none better"), runs)),
         ),
     )

@@ -11,7 +11,7 @@ from ..pictures.verdict.threshold import critical_sentence, with_motion
 from ..scene import load
 from .errors import REMEDIES, of_errors
 from .expense import of_adaptation, of_cost, versions
-from .page import Cell, Erring, PagePart, PageSection, Picture, section, table, words
+from .page import Cell, Erring, PagePart, PageSection, picture_beside, section, table, words
 from .units import of_si
 from .verdict import of_contacts, of_judges, of_load
 from .view import of_scene
@@ -28,12 +28,12 @@ NAMES = {
 
 def part(record: Path) -> PagePart:
     """What a page says of a threshold.json."""
-    stored, picture = parsed_json(record), record.with_suffix(".png")
+    stored = parsed_json(record)
     scene = load(record.parent / "scene.toml")
     case = judged(with_motion(stored, scene), record)
     bars = stored["error_bars"]
     trials = [(one["factor"], one["safety_factor"]) for one in stored["trials"]]
-    drawn = Picture(picture, "The grain as it begins to move") if picture.is_file() else None
+    drawn = picture_beside(record, "The grain as it begins to move")
     return PagePart(
         kind="Critical flow",
         title=scene.title,

@@ -15,21 +15,20 @@ from matplotlib.colors import to_hex
 from ..arrays import Floats
 from ..errors import OutputError
 from ..geometry.space.terrain import Terrain
+from ..pictures.flow.mesh import QUARTERS
 from ..pictures.record import read
 from ..pictures.style import FLOW, FORCES, GRAIN, GROUND, STATES
-from ..pictures.verdict.judged import Judged
-from ..pictures.verdict.space import placed_surface, whole_surface
+from ..pictures.verdict.judged import SMALL, STRONGEST, Judged
+from ..pictures.verdict.space import last_colour, placed_surface, whole_surface
 from ..scene import Scene
 from .page import PageSection, Turned, section
 
 REACH = 1.45  # of the bed that is shown, and SEEN half the height of the picture, in grain sizes
 SEEN, SIDE = 1.15, 48  # SIDE: squares along the bed that is shown
 TURNED, RAISED = -1.15, 0.42  # of the view at first, radians: azimuth, above the horizontal
-STRONGEST, SMALL = 0.8, 0.03  # arrow of the largest force; of it, what is not shown
 COARSER = 3  # than in pictures are the triangles of a grain's surface
 FEW = 1500  # quadratic triangles: fewer are cut into four
 SHADES = 24  # of the traction's size
-LARGEST = 98.0  # per cent of the nodes have a smaller traction than that which has the last colour
 HOW = "Drag to turn it, or use the arrow keys; + and - change its size."
 
 
@@ -123,10 +122,9 @@ def _add_plain(model: Model, points: Floats, triangles: np.ndarray) -> None:
 
 def _add_traction(model: Model, points: Floats, cells: np.ndarray, tractions: Floats) -> float:
     """Add the grain's surface, quadratic cells (m, 6), in the colours of the traction; the size of the last colour."""
-    corners = [(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)] if len(cells) < FEW else [(0, 1, 2)]
-    triangles = np.vstack([cells[:, list(three)] for three in corners])
+    triangles = cells[:, QUARTERS if len(cells) < FEW else [(0, 1, 2)]].reshape(-1, 3)
     sizes = np.linalg.norm(tractions, axis=1)
-    most = float(np.percentile(sizes, LARGEST)) or 1.0
+    most = last_colour(sizes)
     shades = np.minimum(sizes[triangles].mean(axis=1) / most * SHADES, SHADES - 1).astype(int)
     palette = [to_hex(colormaps["magma"](0.12 + 0.85 * number / (SHADES - 1))) for number in range(SHADES)]
     used, numbers = np.unique(triangles, return_inverse=True)
@@ -153,7 +151,7 @@ def _add_bed(model: Model, bed: Terrain | None, centre: Floats, size: float) -> 
 
 def _add_forces(model: Model, case: Judged) -> None:
     """Add the load at the grain's centre and the forces at its contacts."""
-    largest = max(float(np.linalg.norm(one)) for one in (*case.forces, *case.acting.values())) or 1.0
+    largest = case.largest
     for name, force in case.acting.items():
         if np.linalg.norm(force) > SMALL * largest:
             model.arrow(case.load.centre, STRONGEST / largest * force, FORCES.get(name, FLOW), name)

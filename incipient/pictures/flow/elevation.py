@@ -11,12 +11,12 @@ from ...geometry.space.terrain import Terrain
 from ...scene import Domain, Scene
 from ..record import StoredRun
 from ..style import INK, panels
+from .mesh import QUARTERS
 
 _FACES = np.array([(0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3)])  # corners of a tetrahedron's faces
 _MIDDLES = np.array(
     [(4, 5, 6), (4, 8, 7), (6, 9, 7), (5, 9, 8)]
 )  # nodes on the sides of the same faces, in order
-_PARTS = np.array([(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)])  # straight triangles of a quadratic one
 _UPWARD = 0.1  # least rise of a normal that points up
 _LEVELS = 24  # colours
 _LINES, _PLACES = 7, 201  # lines of equal height of the bed; places in each direction at which that is known
@@ -60,7 +60,7 @@ def surface_of(run: StoredRun) -> tuple[np.ndarray, np.ndarray]:
     chosen = outside[up]
     nodes = np.column_stack([corners[chosen], cells[chosen[:, None] // 4, _MIDDLES[chosen % 4]]])
     used, places = np.unique(nodes, return_inverse=True)
-    return points[used], places.reshape(-1, 6)[:, _PARTS].reshape(-1, 3)
+    return points[used], places.reshape(-1, 6)[:, QUARTERS].reshape(-1, 3)
 
 
 def _whole(run: StoredRun, points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.tri import Triangulation
 
 _EDGES = ((0, 1, 3), (1, 2, 4), (2, 0, 5))  # start, end, mid-side node
-_QUARTERS = ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))
+QUARTERS = ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))  # straight triangles of a quadratic one
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class QuadraticMesh:
     @cached_property
     def quarters(self) -> np.ndarray:
         """(4 cells, 3) linear triangles on the nodes themselves."""
-        return self.cells[:, _QUARTERS].reshape(-1, 3)
+        return self.cells[:, QUARTERS].reshape(-1, 3)
 
     @cached_property
     def loops(self) -> list[np.ndarray]:

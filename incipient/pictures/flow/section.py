@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -137,18 +136,7 @@ def boundary_lines(grid: Any, level: float) -> tuple[np.ndarray, ...]:
     cut = grid.extract_cells(np.flatnonzero((y.min(axis=1) <= level) & (y.max(axis=1) >= level)))
     surface = cut.extract_surface(nonlinear_subdivision=SUBDIVIDED, algorithm="dataset_surface").triangulate()
     lines = surface.slice(normal="y", origin=(0.0, level, 0.0)).strip(join=True)
-    ends = np.cumsum([0, *(len(line) for line in _polylines(lines))])
-    points = np.concatenate([lines.points[line] for line in _polylines(lines)] or [np.empty((0, 3))])
-    return tuple(points[start:end][:, [0, 2]] for start, end in pairwise(ends))
-
-
-def _polylines(lines: Any) -> list[np.ndarray]:
-    """Numbers of the points along each line of a VTK data set."""
-    found, rest = [], lines.lines
-    while len(rest):
-        found.append(rest[1 : rest[0] + 1])
-        rest = rest[rest[0] + 1 :]
-    return found
+    return tuple(line.points[:, [0, 2]] for line in lines.cell)
 
 
 def grain_lines(run: StoredRun, level: float) -> tuple[np.ndarray, ...]:

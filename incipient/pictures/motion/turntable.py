@@ -23,7 +23,7 @@ from ..record import StoredRun, read
 from ..style import FLOW, GROUND
 from ..verdict.judged import judged
 from ..verdict.solid import Stage, bed_around, empty_stage, frame_of, within
-from ..verdict.space import QUADRATIC_TRIANGLE, placed_surface, whole_surface
+from ..verdict.space import QUADRATIC_TRIANGLE, last_colour, placed_surface, whole_surface
 from . import film_file
 from .film_file import DOTS, Frames
 
@@ -40,7 +40,6 @@ _STEP = 0.025  # between the points of the bed
 _BESIDE, _ABOVE = 0.7, 0.7  # where streamlines come from, relative to the grain's centre
 _LINES, _TUBE = (7, 5), 0.007  # across and upwards; radius
 _THROUGH = {"grain": 0.5, "bed": 0.6}  # opacities: contacts are seen through both
-_LARGEST = 98.0  # per cent of the nodes have a smaller traction than that which has the last colour
 
 
 def turn(directory: Path, target: Path | None = None) -> Path:
@@ -71,8 +70,7 @@ class _Turntable(Frames):
         self._centre = np.array(run.value("grain", "computed_centre"), dtype=float)
         self._size = float(run.value("grain", "size"))
         self._points, self._cells, self._traction = whole_surface(run)
-        sizes = np.linalg.norm(self._traction, axis=1)
-        self._norm = Normalize(0.0, float(np.percentile(sizes, _LARGEST)) or 1.0)
+        self._norm = Normalize(0.0, last_colour(np.linalg.norm(self._traction, axis=1)))
         self._pyvista, self._plotter = empty_stage(_PIXELS)
         self._fill()
         self.figure = self._laid_out()

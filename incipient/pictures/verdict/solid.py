@@ -234,12 +234,11 @@ class Stage:
         length, along = float(np.linalg.norm(vector)), unit(vector)
         radius = min(radius * self.frame.size, length / 9.0)
         head = min(7.0 * radius, 0.8 * length)
-        shaft = self.pyvista.Cylinder(
-            center=tail + 0.5 * (length - head) * along, direction=along, radius=radius, height=length - head,
-            resolution=32,
+        drawn = self.pyvista.Arrow(
+            start=tail, direction=along, scale=length, tip_length=head / length, tip_radius=2.6 * radius / length,
+            tip_resolution=48, shaft_radius=radius / length, shaft_resolution=32,
         )  # fmt: skip
-        self._head(tail + length * along, along, head, 2.6 * radius, colour)
-        self._show(shaft, colour)
+        self._show(drawn, colour)
 
     def _head(self, tip: np.ndarray, along: np.ndarray, length: float, radius: float, colour: str) -> None:
         cone = self.pyvista.Cone(

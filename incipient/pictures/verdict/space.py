@@ -41,6 +41,9 @@ from .solid import Rendering, rendered
 
 SPACING = 0.04  # of the triangles of a grain's surface, in grain sizes
 QUADRATIC_TRIANGLE = 22  # VTK's number of the quadratic one
+_LARGEST = (
+    98.0  # per cent of the nodes have a smaller traction than that of the last colour: it is large in gaps
+)
 
 
 # -- the flow in a vertical plane -------------------------------------------------------------------------
@@ -123,8 +126,7 @@ def traction(run: StoredRun) -> Figure:
     assert run.surface is not None
     points, cells, values = whole_surface(run)
     size = np.linalg.norm(values, axis=1)
-    # In a gap pressures are many times as large as elsewhere.
-    norm = Normalize(0.0, float(np.percentile(size, 98.0)) or 1.0)
+    norm = Normalize(0.0, last_colour(size))
     figure = Figure(figsize=(9.4, 4.7))
     figure.text(0.05, 0.965, f"{run.title}: traction of the fluid on the grain", fontsize=11, va="top")
     for left, along, words in ((0.02, -1.0, "from upstream"), (0.45, 1.0, "from downstream")):
@@ -137,6 +139,11 @@ def traction(run: StoredRun) -> Figure:
     )
     bar.set_label("size of the traction [scene units]")
     return figure
+
+
+def last_colour(sizes: np.ndarray) -> float:
+    """The size of the traction that has the last colour, by the sizes (n,) at the nodes."""
+    return float(np.percentile(sizes, _LARGEST)) or 1.0
 
 
 def whole_surface(run: StoredRun) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
