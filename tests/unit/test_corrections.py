@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from math import pi
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +21,11 @@ from incipient.accuracy.model_terms import is_corrected, of_domain, of_gap
 from incipient.critical.threshold import find_threshold
 from incipient.errors import ConvergenceError
 from incipient.results.errorbars import Correction, ErrorBars, Loads, Term
-from incipient.scene import Scene, loads
+from incipient.scene import Scene, load, loads
 from incipient.scene.example import grain_in_pocket, grain_on_bed
 
 NONE = np.zeros(3)
+SCENES = Path(__file__).parents[2] / "demos" / "scenes"
 POCKET = """
 [domain]
 length = 16.0
@@ -226,3 +228,20 @@ def test_the_search_for_an_accuracy_stops_on_the_bar_of_the_corrected_load() -> 
     on_mesh = np.array([1.3548632, 0.7185489])  # order 4, mesh_size 0.5, improved by its own estimate
     change = 0.0 if term.correction is None else term.correction.force[:2]
     assert np.linalg.norm(found.force.plain[:2] + change - on_mesh) < np.linalg.norm(term.force) + 2e-6
+
+
+@pytest.mark.slow
+def test_a_sphere_that_touches_a_plane() -> None:
+    """Corrected for gap and domain the loads are those of contact.
+
+    1.7009 times 6 pi mu a G h and 0.944 times 4 pi mu a^3 G (O'Neill 1968, Chem. Eng. Sci. 23, 1293).
+    """
+    scene = load(SCENES / "sphere_on_plane.toml", ["output.fields=false"])
+    found = incipient.run(scene, comm=MPI.COMM_SELF)
+    assert found.force is not None and found.couple is not None and found.error_bars is not None
+    force, couple = 6.0 * pi * scene.viscosity * 0.5 * 0.5, 4.0 * pi * scene.viscosity * 0.5**3
+    assert abs(found.force.flow[0] - 1.7009 * force) < min(
+        found.error_bars.force[0], 0.001 * found.force.flow[0]
+    )
+    assert abs(found.couple.flow[1] - 0.944 * couple) < min(found.error_bars.couple[1], 0.001 * couple)
+    assert found.force.plain[0] > 1.01 * found.force.flow[0]  # with the gap of 1%
