@@ -68,7 +68,8 @@ def by_dual(goals: GoalErrors, unit: float) -> Term:
 def by_both(term: Term, goals: GoalErrors, unit: float, beside: Loads) -> Term:
     """The term with loads corrected by its estimates, as far as those improved on other cells agree. Not collective.
 
-    Where these are farther from each other than the load may be off by its estimate nothing is corrected.
+    Where these are farther from each other than the load may be off by an estimate with an allowance nothing is
+    corrected.
     """
     here = goals.loads(unit / goals.allowance)
     apart = (
@@ -76,7 +77,7 @@ def by_both(term: Term, goals: GoalErrors, unit: float, beside: Loads) -> Term:
     )
     change = -unit / goals.allowance * np.concatenate([goals.force, goals.couple])
     found = term.corrected(change, np.concatenate(list(apart)))
-    if np.linalg.norm(found.force) > np.linalg.norm(term.force):
+    if goals.allowance > 1.0 and np.linalg.norm(found.force) > np.linalg.norm(term.force):
         return term
     return replace(found, how=f"{term.how}, on larger cells as well")
 

@@ -121,7 +121,7 @@ class TwoLevel:
                 return found
         raise ConvergenceError(
             f"the correction in elements of a higher order was not found in {step + 1} iterations: "
-            "use a smaller fluid.reynolds or a smaller numerics.mesh_size"
+            "use a smaller numerics.mesh_size, or numerics.error_bars = false"
         )
 
     def _smoothed(self, residual: np.ndarray, transposed: bool) -> np.ndarray:
