@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from ..planning.boundary_layer import is_convected
 from ..planning.effects import SHARE, Decision, EffectName, accuracy_asked, percent
 from ..planning.flow_setup import Setup
 from ..planning.numbers import Numbers
@@ -74,7 +75,8 @@ class InertiaEffect(Effect):
         start = plan.has(EffectName.UNSTEADINESS) and not unsteady
         upwind = plan.stabilisation.upwind or (start and plan.solver.name == "block")
         stabilised = plan.stabilisation.present and not upwind
-        return replace(model, inertia=True, stabilisation=stabilised, upwind=upwind)
+        convected = unsteady and plan.numbers is not None and is_convected(setup, plan.numbers.grain_reynolds)
+        return replace(model, inertia=True, stabilisation=stabilised, upwind=upwind, convected=convected)
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
         """Convection weighted with the dual solutions; without error bars Oseen's term."""

@@ -120,6 +120,7 @@ class Fluid(FlowEquations):
             *(rate, carrier, model.reference_map, self._upwind_size(), self.surface),
             varying=self.walls is not None,
             level=held.walls_are_level,
+            convected=model.convected,
         )
 
     def another_solver(self, matrix: Any) -> LinearSolver:

@@ -9,20 +9,17 @@ from ..geometry.space.polyhedra import Box
 from ..geometry.space.terrain import Plane, Terrain
 from ..meshes import Away, BoxGrid, Near, PlacedSolid, Sizes, SolidRegion
 from ..meshes.solid_region import SYMMETRY
+from .boundary_layer import GRAIN_CELL, thinner
 from .cells import FEWEST, layer_ends
 from .flow_setup import Setup
 from .meshed_bed import resolved_bed
-from .numbers import speed_past_grain
 from .scene_geometry import Geometry, Stance, point
 from .sides import SideNames
 
 # Cell sizes for mesh_size = 1 by order of the velocity (docs/space.md).
-GRAIN_CELL = {2: 0.15, 3: 0.22, 4: 0.3}  # of the grain's size, at its surface
 BED_CELL = {2: 0.35, 3: 0.5, 4: 0.7}  # of the bed's smallest feature
 GAP_CELL = {2: 0.8, 3: 1.5, 4: 1.8}  # of the gap between grain and bed, and of narrow passages
 EDGE_CELL = 0.5  # of the grain's cells, at sharp edges
-# The boundary layer of a held grain thins as Re^-1/2: from this Reynolds number on cells at the grain do, to this part.
-LAYERED, THINNEST = 50.0, 0.2
 WAKE_CELL, WAKE = 0.25, 3.0  # of the grain's size: cells behind a held grain with such a layer, and how far
 GROWTH, GAP_GROWTH = 0.3, 0.22  # of cell sizes with distance
 BED_GROWTH = 0.15  # along a bed away from the grain, see `meshing`
@@ -63,7 +60,7 @@ def region(setup: Setup, placement: Placement | None) -> SolidRegion:
 
 def sizes(setup: Setup, order: int, stance: Stance) -> Sizes:
     """Cell sizes for mesh_size = 1."""
-    layer = _boundary_layer(setup)
+    layer = thinner(setup)
     near = [*_along_grain(setup.geometry, order, stance, layer), *_along_bed(setup.geometry, order, stance)]
     if layer < 1.0:
         near.extend(_in_wake(setup))
@@ -72,15 +69,6 @@ def sizes(setup: Setup, order: int, stance: Stance) -> Sizes:
 
         near.extend(cells(setup.walls, setup.geometry, order, setup.geometry.placement))
     return Sizes(setup.far_cells.largest_in_space(order), tuple(near), gap_part=GAP_CELL[order])
-
-
-def _boundary_layer(setup: Setup) -> float:
-    """By what factor the boundary layer of a held grain makes the cells at it smaller."""
-    geometry, base_flow = setup.geometry, setup.base_flow
-    if geometry.grain is None or geometry.moves or base_flow.creeping or setup.has_wall_layer:
-        return 1.0
-    reynolds = speed_past_grain(setup) * geometry.grain.size / base_flow.viscosity
-    return float(np.clip((LAYERED / max(reynolds, LAYERED)) ** 0.5, THINNEST, 1.0))
 
 
 def _in_wake(setup: Setup) -> list[Near]:

@@ -30,6 +30,7 @@ class Equations:
     surface:       what a free surface adds; None: there is none
     varying:       whether the viscosity varies in space, and walls resist the flow along them by a law
     level:         whether all these walls are, as in channels whose cells are much longer than high
+    convected:     whether blocks of preconditioners hold convection in time, too
     """
 
     space: TaylorHood
@@ -43,6 +44,7 @@ class Equations:
     surface: SurfaceLoad | None = None
     varying: bool = False
     level: bool = False
+    convected: bool = False
 
     def held(self) -> np.ndarray:
         """(local unknowns of the mixed space,) whether a condition holds there."""
@@ -60,10 +62,10 @@ class Equations:
     def block_carrier(self) -> Any:
         """The velocity that convects in operators that stand for blocks of the Jacobian in preconditioners.
 
-        None in time: in steps short enough to be accurate the rate outweighs convection, and operators without it are
+        None in time unless `convected`: where the rate or viscosity outweighs convection, operators without it are
         symmetric, are smoothed in half the time and serve while steps have the same length (docs/scaling.md).
         """
-        return self.carrier if self.rate is None else None
+        return self.carrier if self.rate is None or self.convected else None
 
     @property
     def closed(self) -> bool:
