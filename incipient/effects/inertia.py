@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..planning.boundary_layer import is_convected
 from ..planning.effects import SHARE, Decision, EffectName, accuracy_asked, percent
@@ -21,7 +21,6 @@ from ..planning.plan import Plan
 from ..results.left_out import Omission
 from ..results.quantity import OutputQuantity
 from .effect import Effect, Solved
-from .missing_term import weighted
 from .run_part import Solving
 
 if TYPE_CHECKING:
@@ -87,7 +86,10 @@ class InertiaEffect(Effect):
             how = "by Oseen's term, at most"
             yield Omission(self.name, decision.expected, how, False, remedy)
             return
-        yield weighted(solved, self.name, _convection, remedy)
+        from ..forms.terms import convection
+        from .missing_term import weighted
+
+        yield weighted(solved, self.name, lambda v, w: convection(v, v, w), remedy)
 
 
 def expected(kind: str, numbers: Numbers) -> float:
@@ -100,9 +102,3 @@ def expected(kind: str, numbers: Numbers) -> float:
     elif kind != "still":
         found.append(OSEEN * numbers.flow_reynolds)
     return min(max(found), 1.0)
-
-
-def _convection(v: Any, w: Any) -> Any:
-    from ..forms.terms import convection
-
-    return convection(v, v, w)

@@ -10,16 +10,21 @@ not by how much.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import ufl
 
+from .. import compat
 from ..arrays import Floats
+from ..body.state import turned
+from ..compat import PETSc, petsc
+from ..coupled.tractions import shares_of_the_whole
+from ..fluid import Fluid
+from ..fluid.flow import EXACT
+from ..fluid.space import boundary_blocks
 from ..results.left_out import Omission
 from .effect import Solved
-
-if TYPE_CHECKING:
-    from ..fluid import Fluid
 
 Term = Callable[[Any, Any], Any]  # velocity and its test function to the integrand, both UFL
 
@@ -66,8 +71,6 @@ def change_of_loads(fluid: Fluid, term: Term, boundary: str, about: Sequence[flo
         term: the integrand, on the left-hand side of the momentum equation.
         about: point (gdim,) that the couple refers to.
     """
-    from ..coupled.tractions import shares_of_the_whole
-
     tested, gdim = _tested(fluid, term), fluid.space.gdim
     shares = shares_of_the_whole(fluid.domain)
     size, owned, mine = len(shares), len(tested), np.zeros(len(shares))
@@ -84,9 +87,6 @@ def change_of_loads(fluid: Fluid, term: Term, boundary: str, about: Sequence[flo
 
 def change_of_velocity(fluid: Fluid, term: Term) -> float:
     """The mean change of the velocity by a missing term, relative to it, to first order. Collective."""
-    from .. import compat
-    from ..fluid.flow import EXACT
-
     matrix = fluid.solver.matrix
     right, change = matrix.createVecLeft(), matrix.createVecRight()
     right.setArray(_tested(fluid, term))
@@ -101,11 +101,6 @@ def change_of_velocity(fluid: Fluid, term: Term) -> float:
 
 def _tested(fluid: Fluid, term: Term) -> Floats:
     """(owned unknowns,) the term at the fluid's state against every test function."""
-    import ufl
-
-    from .. import compat
-    from ..compat import PETSc, petsc
-
     v, _ = ufl.split(fluid.state)
     w, _ = ufl.TestFunctions(fluid.space.mixed)
     vector = petsc.assemble_vector(compat.form(term(v, w) * fluid.space.quadrature()))
@@ -117,9 +112,6 @@ def _tested(fluid: Fluid, term: Term) -> Floats:
 
 def _rigid_motion(fluid: Fluid, boundary: str, about: Sequence[float], goal: Floats) -> Floats:
     """(local unknowns,) a rigid motion (3 or 6,) of the boundary about a point, zero elsewhere."""
-    from ..body.state import turned
-    from ..fluid.space import boundary_blocks
-
     space, gdim = fluid.space, fluid.space.gdim
     blocks = boundary_blocks(space.velocity, fluid.domain.facets_of(boundary))
     arms = fluid.constraints.points[blocks, :gdim] - np.asarray(about, dtype=float)

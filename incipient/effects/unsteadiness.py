@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..planning.effects import SHARE, Decision, EffectName, accuracy_asked, percent
 from ..planning.flow_setup import Setup
@@ -19,7 +19,6 @@ from ..planning.numbers import Numbers, time_of_change, wall_distance
 from ..planning.plan import Plan
 from ..results.left_out import Omission
 from .effect import Effect, Solved
-from .missing_term import weighted
 
 if TYPE_CHECKING:
     from ..fluid import FlowModel
@@ -78,10 +77,13 @@ class UnsteadinessEffect(Effect):
             how = "history force, pressure gradient and added mass, leading terms"
             yield Omission(self.name, decision.expected, how, False, remedy)
             return
+        from ..forms.terms import inertia
+        from .missing_term import weighted
+
         before, rate, fluid = transient.past[0], run.fluid.velocity, run.fluid
         values, length = fluid.state.x.array - before.state, fluid.time - before.time
         rate.x.array[:] = values[fluid.space.velocity_map] / length
-        yield weighted(solved, self.name, lambda v, w: _inertia(rate, w), remedy)
+        yield weighted(solved, self.name, lambda v, w: inertia(rate, w), remedy)
 
 
 def shedding(setup: Setup, numbers: Numbers) -> str:
@@ -102,9 +104,3 @@ def expected(setup: Setup) -> float | None:
         return None
     diffusion = (0.5 * grain.size) ** 2 / (base_flow.viscosity * period)
     return min(math.sqrt(diffusion) + diffusion / 3.0, 1.0)
-
-
-def _inertia(rate: Any, w: Any) -> Any:
-    from ..forms.terms import inertia
-
-    return inertia(rate, w)

@@ -11,12 +11,14 @@ import numpy as np
 
 from ..effects import known
 from ..errors import ConvergenceError, IncipientError, Interrupted, OutputError
+from ..fluid import Fluid
 from ..interrupt import Interruption
 from ..planning.conditions import conditions
 from ..planning.effects import EffectName
 from ..results.loads import named, named_couple
 from .build import flow_model
 from .loads import coefficients, judged, loads
+from .march import March
 from .recorder import Recorder, record_fields
 from .state import Run
 from .steadiness import Steadiness
@@ -78,8 +80,6 @@ class TimeLoop:
 
     def _start_from(self, inertia: bool) -> None:
         """A steady flow around the grain, which is held, as the state of fluid and parts."""
-        from ..fluid import Fluid
-
         run = self._run
         model = flow_model(run.setup, run.plan, unsteady=False, inertia=inertia)
         held = conditions(run.setup, held=True, lid=True)
@@ -101,8 +101,6 @@ class TimeLoop:
 
     def _march(self) -> None:
         """March to the end, or until a moving grain has met something."""
-        from .march import March
-
         run, time = self._run, self._time
         stage = run.stage("mesh motion" if run.scene.moves else "free surface")
         with stage if run.plan.has(EffectName.MOVING_MESH) else nullcontext():
