@@ -16,7 +16,8 @@ from incipient.body.rigidbody import RigidBody
 from incipient.body.state import BodyState, Freedom, Inertia
 from incipient.coupled.coupling import Coupling
 from incipient.coupled.rigid import RigidPart
-from incipient.fluid import Carried, Condition, FlowModel, Fluid, TimeStep, Transient
+from incipient.fluid import Carried, Condition, FlowModel, Fluid
+from incipient.fluid.transient import TimeStep, Transient
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.curves import Line
 from incipient.geometry.plane.grain import Disc, Grain

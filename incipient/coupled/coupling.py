@@ -41,7 +41,7 @@ class InterfaceReport(NewtonReport):
 
 
 class Coupling:
-    """Parts in a fluid whose mesh follows them all (see `fluid.Interface`). Every method is collective.
+    """Parts in a fluid whose mesh follows them all (see `fluid.transient.Interface`). Every method is collective.
 
     Args:
         fluid: with `FlowModel.moving_mesh`.

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from ..coupled.coupling import Coupling
     from ..coupled.part import Part
     from ..coupled.tractions import TractionProbe
-    from ..fluid import FlowModel, Fluid, TimeStep, Transient
-    from ..fluid.transient import Interface
+    from ..fluid import FlowModel, Fluid
+    from ..fluid.transient import Interface, TimeStep, Transient
     from ..mesh.domain import Domain
     from ..mesh.motion import MeshMotion
     from ..restart.checkpoint import Checkpoint

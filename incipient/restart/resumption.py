@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from mpi4py import MPI
 
-from ..fluid import Transient
-from ..fluid.transient import Past
+from ..fluid.transient import Past, Transient
 from ..mesh.domain import Domain
 from .checkpoint import Checkpoint
 from .redistribution import spread_flow, spread_mesh, spread_nodes

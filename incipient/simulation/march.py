@@ -10,9 +10,10 @@ import numpy as np
 from ..effects import known
 from ..effects.run_part import RunPart
 from ..errors import IncipientError
-from ..fluid import Fluid, QuasiSteady, TimeStep, Transient
+from ..fluid import Fluid
+from ..fluid.quasisteady import QuasiSteady
 from ..fluid.tolerance import of_steps
-from ..fluid.transient import Interface, Past
+from ..fluid.transient import Interface, Past, TimeStep, Transient
 from ..mesh import domain
 from ..planning import meshing
 from ..planning.effects import EffectName

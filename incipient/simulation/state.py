@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from ..contact import Contacts
     from ..coupled.tractions import TractionProbe
     from ..effects.moving_grain.part import MovingGrain
-    from ..fluid import Fluid, Transient
+    from ..fluid import Fluid
+    from ..fluid.transient import Transient
     from ..mesh.domain import Domain
     from ..results.wall_report import WallReport
     from .march import March

@@ -11,7 +11,8 @@ from ..results.steady import Steadied
 
 if TYPE_CHECKING:
     from ..effects.run_part import RunPart
-    from ..fluid import Fluid, TimeStep
+    from ..fluid import Fluid
+    from ..fluid.transient import TimeStep
 
 
 class Steadiness:

@@ -25,7 +25,7 @@ from .steadiness import Steadiness
 from .steady import solve_steadily, solve_with_parts
 
 if TYPE_CHECKING:
-    from ..fluid import TimeStep
+    from ..fluid.transient import TimeStep
     from ..restart.checkpoint import Checkpoint
 
 

@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 from floating import Floating, Floats, box_around, floating
 
-from incipient.fluid import Condition, Prescribed, TimeStep, no_slip
-from incipient.fluid.transient import backward_difference
+from incipient.fluid import Condition, Prescribed, no_slip
+from incipient.fluid.transient import TimeStep, backward_difference
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.grain import Disc, Ellipse, Grain
 

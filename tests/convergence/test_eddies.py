@@ -19,7 +19,8 @@ from manufactured import Components, Flow, errors, fluid_of, interpolated, order
 from incipient import compat
 from incipient.effects.turbulence.fields import KEpsilon, TurbulenceConditions
 from incipient.effects.turbulence.iteration import InTime, solve_steadily
-from incipient.fluid import FlowModel, Fluid, Transient
+from incipient.fluid import FlowModel, Fluid
+from incipient.fluid.transient import Transient
 from incipient.mesh.domain import Domain
 
 CONSTANTS = (0.09, 1.44, 1.92, 1.0, 1.3)

@@ -15,7 +15,8 @@ from domains import curved_box, unit_box
 from manufactured import Errors, Flow, Motion, errors, fluid_of, orders, start_from
 from moving import Steps
 
-from incipient.fluid import FlowModel, Transient, solve_steady
+from incipient.fluid import FlowModel, solve_steady
+from incipient.fluid.transient import Transient
 
 REYNOLDS = 10.0
 SLACK = {2: 0.15, 3: 0.25}

@@ -19,9 +19,9 @@ from manufactured import Flow, Motion, errors, fluid_of, orders, start_from
 from moving import Steps
 
 from incipient import forms
-from incipient.fluid import FlowModel, Fluid, Transient
+from incipient.fluid import FlowModel, Fluid
 from incipient.fluid.tolerance import ShareOfError
-from incipient.fluid.transient import backward_difference
+from incipient.fluid.transient import Transient, backward_difference
 
 REYNOLDS, END = 10.0, 1.0
 

@@ -10,7 +10,7 @@ from mpi4py import MPI
 
 import incipient
 from incipient import compat
-from incipient.fluid import Transient
+from incipient.fluid.transient import Transient
 from incipient.pictures import record
 from incipient.planning.cells import CLOSED
 from incipient.scene import (

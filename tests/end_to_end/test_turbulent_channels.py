@@ -12,7 +12,7 @@ from one_dimensional import developed_channel, law_of_the_wall
 from scipy.integrate import simpson
 
 import incipient
-from incipient.fluid import Transient
+from incipient.fluid.transient import Transient
 from incipient.pictures.flow.walls import picture
 from incipient.pictures.record import read
 from incipient.scene import (

@@ -16,7 +16,8 @@ from mpi4py import MPI
 from incipient.coupled.coupling import Coupling, InterfaceReport
 from incipient.coupled.tractions import TractionProbe
 from incipient.errors import ConvergenceError, IncipientError
-from incipient.fluid import FlowModel, Fluid, Prescribed, Transient, no_slip, solve_steady
+from incipient.fluid import FlowModel, Fluid, Prescribed, no_slip, solve_steady
+from incipient.fluid.transient import Transient
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.curves import Line
 from incipient.geometry.plane.grain import Disc

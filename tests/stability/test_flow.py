@@ -15,7 +15,8 @@ from energy import swirl
 
 from incipient import compat
 from incipient.errors import ConvergenceError
-from incipient.fluid import FlowModel, Fluid, Prescribed, Transient, no_slip, solve_steady
+from incipient.fluid import FlowModel, Fluid, Prescribed, no_slip, solve_steady
+from incipient.fluid.transient import Transient
 
 SIDES = ("left", "right", "bottom", "top")
 STEPS = [1e-4, 1e-2, 1.0, 1e2, 1e4]

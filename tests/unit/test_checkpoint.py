@@ -18,7 +18,8 @@ from mpi4py import MPI
 
 from incipient.errors import OutputError, SceneError
 from incipient.files import cut
-from incipient.fluid import FlowModel, Fluid, Prescribed, Transient
+from incipient.fluid import FlowModel, Fluid, Prescribed
+from incipient.fluid.transient import Transient
 from incipient.interrupt import SAME_WISH, Interruption
 from incipient.mesh.domain import Domain
 from incipient.output.directory import CHECKPOINT

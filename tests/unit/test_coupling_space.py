@@ -11,7 +11,8 @@ from incipient.body.state import BodyState, Inertia
 from incipient.coupled.coupling import Coupling
 from incipient.coupled.rigid import RigidPart
 from incipient.errors import ConvergenceError
-from incipient.fluid import Carried, FlowModel, Fluid, Prescribed, Transient
+from incipient.fluid import Carried, FlowModel, Fluid, Prescribed
+from incipient.fluid.transient import Transient
 from incipient.geometry.placement import Placement
 from incipient.mesh.motion import MeshMotion, RigidDisplacement
 

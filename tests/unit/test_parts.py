@@ -12,7 +12,8 @@ from incipient.body.rigidbody import RigidBody
 from incipient.body.state import BodyState, Freedom, Inertia
 from incipient.coupled.coupling import Coupling
 from incipient.coupled.rigid import RigidPart
-from incipient.fluid import Carried, FlowModel, Fluid, Transient
+from incipient.fluid import Carried, FlowModel, Fluid
+from incipient.fluid.transient import Transient
 from incipient.geometry.placement import Placement
 from incipient.mesh.domain import Domain
 from incipient.mesh.motion import MeshMotion, RigidDisplacement

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from domains import unit_box
 
-from incipient.fluid import FlowModel, Fluid, Prescribed, Transient
+from incipient.fluid import FlowModel, Fluid, Prescribed
 from incipient.fluid.tolerance import LEAST, ShareOfError, of_steps
+from incipient.fluid.transient import Transient
 from incipient.planning.tolerance import STEADY, of_steady
 
 

@@ -9,9 +9,9 @@ import pytest
 from domains import unit_box
 
 from incipient.errors import ConvergenceError
-from incipient.fluid import FlowModel, Fluid, Prescribed, Transient
+from incipient.fluid import FlowModel, Fluid, Prescribed
 from incipient.fluid.newton import NewtonReport
-from incipient.fluid.transient import backward_difference
+from incipient.fluid.transient import Transient, backward_difference
 
 
 def steady_stream(x: np.ndarray, t: float) -> np.ndarray:

@@ -17,8 +17,9 @@ from incipient.coupled.coupling import Coupling
 from incipient.coupled.rigid import RigidPart
 from incipient.effects.turbulence.fields import KEpsilon, TurbulenceConditions
 from incipient.effects.turbulence.iteration import InTime
-from incipient.fluid import FlowModel, Fluid, Prescribed, Transient
+from incipient.fluid import FlowModel, Fluid, Prescribed
 from incipient.fluid.conditions import Friction
+from incipient.fluid.transient import Transient
 from incipient.geometry.placement import Placement
 from incipient.geometry.plane.grain import Disc
 from incipient.mesh.motion import MeshMotion, RigidDisplacement

@@ -14,7 +14,8 @@ from ...coupled.coupling import Coupling
 from ...coupled.energy import EnergyBudget
 from ...coupled.surface import SurfacePart
 from ...errors import ConvergenceError, MeshError
-from ...fluid import Fluid, TimeStep, Transient
+from ...fluid import Fluid
+from ...fluid.transient import TimeStep, Transient
 from ...geometry.placement import Placement
 from ...mesh.domain import Domain
 from ...mesh.elevation import RisingDisplacement

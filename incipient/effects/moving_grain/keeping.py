@@ -11,7 +11,7 @@ from ...body.state import BodyState
 from ...coupled.coupling import Coupling
 from ...coupled.remeshing import Remeshing
 from ...coupled.rigid import End, RigidPart
-from ...fluid import Transient
+from ...fluid.transient import Transient
 from ...restart.checkpoint import Checkpoint, StoredBody
 from ...restart.redistribution import numbered_nodes, spread_nodes
 

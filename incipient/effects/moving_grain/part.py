@@ -14,7 +14,8 @@ from ...coupled.energy import EnergyBudget
 from ...coupled.remeshing import Remeshing
 from ...coupled.rigid import RigidPart
 from ...coupled.tractions import TractionProbe
-from ...fluid import Fluid, TimeStep, Transient
+from ...fluid import Fluid
+from ...fluid.transient import TimeStep, Transient
 from ...geometry.placement import Placement
 from ...geometry.plane.grain import Disc
 from ...geometry.space.solid import Sphere

@@ -11,8 +11,8 @@ import numpy as np
 import ufl
 
 from ... import compat
-from ...fluid import FlowModel, Fluid, TimeStep, Transient
-from ...fluid.transient import Interface
+from ...fluid import FlowModel, Fluid
+from ...fluid.transient import Interface, TimeStep, Transient
 from ...forms import turbulence as forms
 from ...mesh.domain import Domain
 from ...mesh.transfer import Transfer
