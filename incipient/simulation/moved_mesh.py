@@ -1,0 +1,132 @@
+"""The mesh of a steady run in space, moved to other gaps and domains, and the flow there in elements of order two."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..accuracy.errorbars import coarse_scenes
+from ..arrays import Floats
+from ..coupled.tractions import TractionProbe
+from ..errors import ConvergenceError
+from ..fluid import Fluid
+from ..geometry.rest import lifted
+from ..geometry.space.terrain import Plane
+from ..mesh.motion import MeshMotion
+from ..mesh.stretching import KeptBox, Lifting, serves, stretched
+from ..planning.conditions import conditions
+from ..planning.flow_setup import Setup
+from ..results.errorbars import Loads
+from .state import Run
+
+# To what error the flows are solved: their differences are percents of the loads.
+TOLERANCE = 1e-5
+ORDER = 2  # of their elements
+KEPT = 2.0  # distance from the grain's centre, in grain sizes, within which a larger domain leaves the mesh as it is
+
+
+def moved_meshes(run: Run) -> dict[str, MovedMesh]:
+    """The mesh moved to every scene of a coarse run, by its JSON; none if it does not serve for one. Collective."""
+    assert run.layout.placement is not None
+    motion, lifting = MeshMotion(run.domain), Lifting(run.domain, "body")
+    found: dict[str, MovedMesh] = {}
+    for scene in coarse_scenes(run.scene):
+        if scene.numerics.meshed_bed != run.scene.numerics.meshed_bed:
+            continue  # another bed
+        setup = Setup(scene)
+        centre, places = _centre(run, setup), _in_domain(run, setup)
+        if places is None:
+            return {}
+        places = places + lifting.at(centre - np.asarray(run.layout.placement.centre))
+        if not serves(motion, places):
+            return {}
+        found[scene.model_dump_json()] = MovedMesh(run, setup, places, centre)
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class MovedMesh:
+    """Where the nodes of a run's mesh (n, 3) and the grain's centre (3,) are in a scene that differs a little."""
+
+    run: Run
+    setup: Setup
+    places: Floats
+    centre: Floats
+
+    def loads(self, speed: float) -> Loads:
+        """Force and couple there, of a flow `speed` times the scene's. Collective.
+
+        Raises:
+            ConvergenceError: the flow was not found.
+        """
+        run, places = self.run, self.run.domain.mesh.geometry.x
+        before, fluid = places.copy(), run.fluid.coarse or run.fluid
+        places[:] = self.places
+        try:
+            with ExitStack() as stack:
+                if fluid.space.order != ORDER or not np.array_equal(places, before):
+                    model = replace(fluid.model, order=ORDER)
+                    other = stack.enter_context(
+                        Fluid(run.domain, model, conditions(self.setup), fluid.reynolds)
+                    )
+                    other.interpolate(fluid)
+                    if fluid.space.order == ORDER:
+                        self._follow(fluid, other)
+                    self._solve(other)
+                    fluid = other
+                found = TractionProbe(fluid, "body", self.centre.tolist()).resultant()
+        finally:
+            places[:] = before
+        # The fluid's unit of speed is its own; what is left of the way to `speed` is short, or in Stokes flow.
+        unit = speed * run.fluid.reynolds / run.plan.reynolds
+        return Loads(unit * found.force, unit * found.couple, moved=True)
+
+    def _follow(self, fluid: Fluid, other: Fluid) -> None:
+        """Add to the velocity of the run's flow what the base flow differs by between old places and new ones."""
+        points = [one.constraints.points for one in (fluid, other)]
+        flows = self.run.setup.base_flow, self.setup.base_flow
+        here, there = (flow.velocity(x.T, 0.0).T for flow, x in zip(flows, points, strict=True))
+        places = other.space.velocity_map.reshape(-1, other.space.gdim)
+        other.state.x.array[places] += (there - here)[:, : other.space.gdim]
+
+    def _solve(self, fluid: Fluid) -> None:
+        """From a flow that is near. Collective. Raises ConvergenceError."""
+        with self.run.stage("flow"):
+            report = fluid.solve(TOLERANCE, self.run.scene.numerics.max_iterations)
+        if not report.converged:
+            raise ConvergenceError("the flow on the moved mesh did not converge from the solution of the run")
+
+
+def _centre(run: Run, setup: Setup) -> Floats:
+    """Where the grain's centre is with the gap of another setup."""
+    layout, geometry = run.layout, setup.geometry
+    assert layout.placement is not None and layout.resting is not None and geometry.grain is not None
+    if geometry.bed is None or not geometry.rests:
+        return np.asarray(layout.placement.centre)
+    return np.asarray(lifted(geometry.grain, layout.resting, geometry.bed, geometry.gap).centre)
+
+
+def _in_domain(run: Run, setup: Setup) -> Floats | None:
+    """(n, 3) the mesh's nodes in the domain of another setup; None where the bed there is another one."""
+
+    def box(domain: Any) -> KeptBox:
+        sides = np.array([(domain.left, domain.right), domain.across, (domain.bottom, domain.ceiling)])
+        return KeptBox(sides[:, 0], sides[:, 1])
+
+    x, region, placement = run.domain.mesh.geometry.x, run.layout.shape, run.layout.placement
+    old, new = (box(one.geometry.domain) for one in (run.setup, setup))
+    if np.array_equal(old.low, new.low) and np.array_equal(old.high, new.high):
+        return np.array(x)
+    assert placement is not None
+    bed, resolved = run.scene.bed_shape, getattr(region, "resolved", None)
+    if setup.base_flow.datum != run.setup.base_flow.datum:
+        return None
+    if resolved is None and not (bed is None or (isinstance(bed, Plane) and not any(bed.slope))):
+        return None
+    kept = np.full(3, KEPT * run.scene.grain.size)
+    if resolved is not None:
+        kept[:2] = np.maximum(kept[:2], resolved.radius + resolved.passage)
+    return stretched(np.array(x), np.asarray(placement.centre), kept, old, new)
