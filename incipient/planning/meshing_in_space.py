@@ -20,7 +20,8 @@ from .sides import SideNames
 BED_CELL = {2: 0.35, 3: 0.5, 4: 0.7}  # of the bed's smallest feature
 GAP_CELL = {2: 0.8, 3: 1.5, 4: 1.8}  # of the gap between grain and bed, and of narrow passages
 EDGE_CELL = 0.5  # of the grain's cells, at sharp edges
-WAKE_CELL, WAKE = 0.25, 3.0  # of the grain's size: cells behind a held grain with such a layer, and how far
+# Of the grain's size: cells behind a held grain with such a layer, how far from its centre, and how far in time.
+WAKE_CELL, WAKE, WAKE_IN_TIME = 0.25, 3.0, 6.0
 GROWTH, GAP_GROWTH = 0.3, 0.22  # of cell sizes with distance
 BED_GROWTH = 0.15  # along a bed away from the grain, see `meshing`
 GRID_GRADING = 0.2  # of the cells of an empty box, at walls over those in the middle
@@ -80,7 +81,8 @@ def _in_wake(setup: Setup) -> list[Near]:
     speed = float(np.linalg.norm(velocity))
     if speed == 0.0:
         return []
-    steps = np.arange(0.5, WAKE, 0.5 * WAKE_CELL)
+    reach = WAKE if setup.scene.time is None else WAKE_IN_TIME
+    steps = np.arange(0.5, reach, 0.5 * WAKE_CELL)
     points = centre + grain.size * steps[:, None] * velocity / speed
     return [Near(WAKE_CELL * grain.size, GROWTH, points=tuple(point(one) for one in points))]
 
