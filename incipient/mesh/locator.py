@@ -124,18 +124,14 @@ class Locator:
         low, high = _box(points)
         reach = self._radii[:, None] * (1 - 10 * INSIDE)
         near = np.flatnonzero(((self._middles + reach >= low) & (self._middles - reach <= high)).all(axis=1))
-        from scipy.spatial import cKDTree  # which takes time to import, and most runs sample nothing
-
-        held = cKDTree(points).query_ball_point(self._middles[near], reach[near, 0], return_sorted=False)
+        held = _tree(points).query_ball_point(self._middles[near], reach[near, 0], return_sorted=False)
         counts = np.fromiter(map(len, held), np.int64, len(near))
         rows = np.fromiter(chain.from_iterable(held), np.int64, int(counts.sum()))
         return rows, np.repeat(near, counts)
 
     @cached_property
     def _tree(self) -> Any:
-        from scipy.spatial import cKDTree
-
-        return cKDTree(self._middles)
+        return _tree(self._middles)
 
     def _nearest(self, points: Floats) -> Places:
         count = min(NEAR, len(self._nodes))
@@ -272,3 +268,9 @@ def _box(points: Floats) -> Floats:
 def _nowhere(count: int, gdim: int) -> Places:
     far = np.full(count, np.inf)
     return Places(np.full(count, -1), np.zeros((count, gdim)), far, far.copy())
+
+
+def _tree(points: Floats) -> Any:
+    from scipy.spatial import cKDTree  # which takes time to import, and most runs sample nothing
+
+    return cKDTree(points)

@@ -8,11 +8,12 @@ import numpy as np
 
 from ..arrays import Floats
 from ..body.rigidbody import RigidBody
-from ..body.state import BodyState, Freedom, Inertia
+from ..body.state import BodyState, Freedom, Inertia, rigid_velocity
 from ..geometry.placement import Placement
 from ..scene import Body
 from ..scene.expression import expressions
 from ..scene.mass import inertia_tensor, mass
+from .base_flow import Velocity
 
 DEGREES = {2: ("x", "y", "angle"), 3: ("x", "y", "z", "rx", "ry", "rz")}
 # What a grain in half of a symmetric scene cannot do: its mirror image would move otherwise.
@@ -33,6 +34,12 @@ def initial_state(body: Body, placement: Placement, symmetric: bool = False) -> 
     """Place and velocities of a moving grain at time zero, when it is placed."""
     velocities = np.concatenate([np.atleast_1d(body.velocity), np.atleast_1d(body.spin)])
     return rigid_body(body, symmetric).consistent(BodyState.at(placement, velocities))
+
+
+def velocity_at_first(body: Body, placement: Placement, symmetric: bool = False) -> Velocity:
+    """Velocity of the surface of a moving grain at time zero, at places (gdim, n)."""
+    state = initial_state(body, placement, symmetric)
+    return lambda x, t: rigid_velocity(state, x[: body.gdim].T).T
 
 
 def _inertia(body: Body) -> Inertia:

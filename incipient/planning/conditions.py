@@ -71,23 +71,16 @@ def conditions(setup: Setup, held: bool = False, lid: bool = False, speed: float
     if geometry.symmetric:
         free.append(Slip(SYMMETRY, axis=1))
     if geometry.moves and held:
-        free.append(Prescribed("body", _velocity_at_first(setup)))
+        from .body import velocity_at_first
+
+        assert scene.body is not None and geometry.placement is not None
+        first = velocity_at_first(scene.body, geometry.placement, geometry.symmetric)
+        free.append(Prescribed("body", first))
     elif geometry.moves:
         free.append(Carried("body"))
     elif geometry.grain is not None:
         walls.append("body")
     return [*free, *(Prescribed(*one) for one in moving), *seeping, *(no_slip(name) for name in walls)]
-
-
-def _velocity_at_first(setup: Setup) -> Velocity:
-    """Velocity of the surface of a moving grain at time zero."""
-    from ..body.state import rigid_velocity
-    from .body import initial_state
-
-    geometry, body = setup.geometry, setup.scene.body
-    assert body is not None and geometry.placement is not None
-    state = initial_state(body, geometry.placement, geometry.symmetric)
-    return lambda x, t: rigid_velocity(state, x[: geometry.gdim].T).T
 
 
 def _is_wall(setup: Setup) -> bool:

@@ -58,24 +58,18 @@ class Layout:
             MissingError: gmsh, or a library that it needs, is not installed.
         """
         self._require_few_cells()
-        if isinstance(self.shape, SolidRegion):
-            with required():
-                from ..meshes.solid_model import solid_model
-
-            return solid_model(self.shape, self.sizes, self.geometry_order)
-        if isinstance(self.shape, BoxGrid):
-            with required():
-                from ..meshes.box import box_model
-
-            return box_model(self.shape, self.geometry_order)
         with required():
-            from ..meshes.model import grid_model, region_model, solid_grid_model
+            from ..meshes import box, model, solid_model
 
+        if isinstance(self.shape, SolidRegion):
+            return solid_model.solid_model(self.shape, self.sizes, self.geometry_order)
+        if isinstance(self.shape, BoxGrid):
+            return box.box_model(self.shape, self.geometry_order)
         if isinstance(self.shape, SolidGrid):
-            return solid_grid_model(self.shape, self.geometry_order)
+            return model.solid_grid_model(self.shape, self.geometry_order)
         if isinstance(self.shape, Grid):
-            return grid_model(self.shape, self.geometry_order)
-        return region_model(self.shape, self.sizes, self.geometry_order)
+            return model.grid_model(self.shape, self.geometry_order)
+        return model.region_model(self.shape, self.sizes, self.geometry_order)
 
     def _require_few_cells(self) -> None:
         """Refuse a mesh that would take hours and all memory before it is begun."""

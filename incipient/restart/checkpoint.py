@@ -196,13 +196,11 @@ def _made(path: Path, checkpoint: Checkpoint, checksums: dict[str, str]) -> dict
 
     HDF5 that runs out of space takes the program with it: whether there is enough is asked beforehand, and it is kept.
     """
-    import h5py
-
     with path.open("wb") as file:
         os.posix_fallocate(
             file.fileno(), 0, METADATA_BYTES + sum(_size(one) for _, one in _members(checkpoint))
         )
-    with h5py.File(path, "w", locking=False) as file:
+    with _hdf5(path, "w") as file:
         places = _put(file, checkpoint)
         file.attrs.update({"format": FORMAT, "digest": _digest(file, checksums), "version": VERSION})
         file.attrs["program"] = f"incipient {metadata.version('incipient')}"
@@ -230,13 +228,17 @@ def read(path: Path, comm: Comm) -> Checkpoint:
     return found
 
 
+def _hdf5(path: Path, mode: str) -> Any:
+    import h5py
+
+    return h5py.File(path, mode, locking=False)
+
+
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
     """The file, to be read."""
-    import h5py
-
     try:
-        with h5py.File(path, "r", locking=False) as file:
+        with _hdf5(path, "r") as file:
             yield file
     except (OSError, KeyError, RuntimeError, ValueError, TypeError) as error:
         raise OutputError(f"{path}: cannot be read: {cause_of(error)}; {ANEW}") from error

@@ -18,7 +18,6 @@ from ..errors import IncipientError
 from ..evaluation.si_units import in_si
 from ..parallel import collectively
 from ..planning.effects import EffectName
-from ..planning.layout import Layout
 from ..results.errorbars import ErrorBars, Loads
 from ..results.left_out import Omission
 from ..results.loads import Gap
@@ -31,7 +30,6 @@ from .state import Run
 
 if TYPE_CHECKING:
     from ..contact import Contacts
-    from ..mesh.domain import Domain
 
 # What a result says of error bars that are still to come; a run that is stopped leaves it so.
 TO_COME = "not computed: the run has not finished, or was stopped before"
@@ -42,7 +40,7 @@ NO_MORE = (
 
 def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
     """What the flow at hand says, without what has to be estimated: see `with_estimates`."""
-    from ..mesh.sampling import centrelines
+    from ..mesh.sampling import cells_between, centrelines
 
     scene, grain = run.scene, run.grain
     reported = {name: value for part in run.parts for name, value in part.reported().items()}
@@ -60,7 +58,10 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
                 landed = landing(run.setup, grain.state, grain.clearance(), force, couple)
                 contacts, verdict = landed.contacts, landed.verdict
                 reported["trajectory"]["ended"]["without_verdict"] = landed.why_not
-        gap = None if grain is not None else _gap_of(run.layout, run.domain)
+        gap, layout = None, run.layout
+        if grain is None and layout.gap_ends is not None:
+            cells = cells_between(run.domain.mesh, *layout.gap_ends)
+            gap = Gap(layout.gap, cells, layout.closing is not None)
         lines = centrelines(scene, run.fluid)
         measured = _measured(run)
     return Result(
@@ -257,16 +258,6 @@ def _grain(run: Run) -> dict[str, Any] | None:
         "size": grain.size,
         "volume": grain.volume,
     }
-
-
-def _gap_of(layout: Layout, domain: Domain) -> Gap | None:
-    """The gap of a layout on its mesh, None where grain and bed do not come near. Collective."""
-    from ..mesh.sampling import cells_between
-
-    if layout.gap_ends is None:
-        return None
-    cells = cells_between(domain.mesh, *layout.gap_ends)
-    return Gap(layout.gap, cells, layout.closing is not None)
 
 
 def _cost_of_effects(run: Run) -> dict[str, dict[str, Any]]:

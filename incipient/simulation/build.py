@@ -157,14 +157,11 @@ def probe_of(fluid: Fluid, layout: Layout) -> TractionProbe | None:
     """What reads the traction on the grain laid out; None without one. Collective."""
     if layout.placement is None:
         return None
-    from ..coupled.tractions import TractionProbe
+    from ..coupled import enclosed, tractions
 
-    if layout.closing is None:
-        return TractionProbe(fluid, "body", layout.placement.centre)
-    from ..coupled.enclosed import EnclosedPressure
-
-    enclosed = EnclosedPressure(fluid, layout.closing, CLOSED)
-    return TractionProbe(fluid, "body", layout.placement.centre, enclosed)
+    closing = layout.closing
+    pressure = None if closing is None else enclosed.EnclosedPressure(fluid, closing, CLOSED)
+    return tractions.TractionProbe(fluid, "body", layout.placement.centre, pressure)
 
 
 def _domain_kept(checkpoint: Checkpoint | None, comm: Comm) -> Domain | None:

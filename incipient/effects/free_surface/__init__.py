@@ -6,8 +6,6 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from ...planning.effects import Decision, EffectName, percent
 from ...planning.expense import memory_of_surface
 from ...planning.flow_setup import Setup
@@ -16,7 +14,7 @@ from ...planning.open_channel import froude, near_critical, wave_of
 from ...results.left_out import Omission
 from ...scene.open_channel import STREAMS
 from ..effect import Effect, Solved
-from ..run_part import Solving, Stage
+from ..run_part import Stage
 
 if TYPE_CHECKING:
     from ...restart.checkpoint import Checkpoint
@@ -72,7 +70,9 @@ class FreeSurfaceEffect(Effect):
         if decision.expected is None:
             return
         scene = solved.run.scene
-        rise = _rise_under_lid(solved.run) / Setup(scene).base_flow.depth
+        from .lid import rise_under_lid
+
+        rise = rise_under_lid(solved.run) / Setup(scene).base_flow.depth
         may_be = scene.domain.kind == "box" or scene.flow.kind in STREAMS
         remedy = 'domain.top = "free-surface"' if may_be and not scene.has_wall_layer else "a deeper channel"
         if rise > 1.0:
@@ -98,22 +98,3 @@ def _ends(setup: Setup) -> str:
     if wave is not None:
         told += f"; a wave {2 * math.pi / wave.number:.3g} long comes in"
     return told + (f"; waves die out over the last {asked.sponge:g}" if asked.sponge else "")
-
-
-def _rise_under_lid(run: Solving) -> float:
-    """The largest size of the pressure's head at the nodes under the lid; zero at the outflow, or in the mean."""
-    from mpi4py import MPI
-
-    from ...fluid.space import boundary_blocks
-
-    scene, fluid, comm = run.scene, run.fluid, run.comm
-    space, gravity = fluid.space.pressure, scene.gravity_vector
-    nodes = boundary_blocks(space, fluid.domain.facets_of(Setup(scene).sides.top))
-    own = nodes[nodes < space.dofmap.index_map.size_local]
-    away = space.tabulate_dof_coordinates()[own, 0] - scene.domain.right
-    # The hydrostatic part that the pressure does not have changes along a lid that is inclined.
-    heads = (fluid.pressure.x.array[own] + gravity[0] * away) / abs(gravity[scene.up])
-    if fluid.constraints.closed:
-        total, count = comm.allreduce(np.array([heads.sum(), len(heads)]))
-        heads -= total / max(count, 1)
-    return float(comm.allreduce(float(np.abs(heads).max(initial=0.0)), op=MPI.MAX))
