@@ -88,17 +88,6 @@ class RigidBody:
             )
         self.body_force = np.zeros(self.gdim) if body_force is None else body_force
 
-    def advance(
-        self,
-        state: BodyState,
-        dt: float,
-        load_mean: ArrayLike,
-        added: ArrayLike | None = None,
-        guess: ArrayLike | None = None,
-    ) -> BodyState:
-        """The state after a step of length dt. Arguments and errors as of `motion`."""
-        return self.motion(state, dt, load_mean, added, guess).end
-
     def motion(
         self,
         state: BodyState,

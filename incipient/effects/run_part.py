@@ -95,13 +95,13 @@ class RunPart:
     def carry_over(self, before: Self) -> None:
         """Take the state over from the part on the mesh before; both meshes are where they are now."""
 
-    def drawn_scene(self, scene: Scene, placement: Placement) -> Scene:
-        """The scene for which a new mesh is made around a grain, given how the parts before would have it.
+    def drawn_height(self, height: float, placement: Placement) -> float:
+        """Height of the domain for which a new mesh is made around a grain, given what the parts before would have.
 
         Raises:
             MeshError: there cannot be one.
         """
-        return scene
+        return height
 
     def solve(self, run: Solving, factor: float = 1.0, onwards: bool = False) -> bool:
         """Find the steady flow together with the part's unknowns; False: the flow does not depend on them.

@@ -160,12 +160,6 @@ def _fetched(comm: MPI.Comm, places: Rows, values: Rows, points: Floats) -> Floa
     return np.asarray(Numbered(comm, _matched(comm, places, points), places.total).fetched(values))
 
 
-def _ascending(array: np.ndarray) -> list[list[int]]:
-    """Rows with ascending entries."""
-    rows: list[list[int]] = np.sort(array, axis=1).tolist()
-    return rows
-
-
 def _matched(comm: MPI.Comm, stored: Rows, points: Floats) -> Integers:
     """For each point (n, 3) the number of the stored one (rows of three) at the same place. Collective.
 

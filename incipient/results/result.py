@@ -233,7 +233,7 @@ def _lines(result: Result) -> list[str]:
         if "note" in result.verdict:
             lines.append(f"{'':<20}{result.verdict['note']}")
         elif result.verdict["safety_status"] in ("UNHELD", "HELD_BY_FLOW"):
-            lines.append(f"{'':<20}{_without_rest(result.scene)}")
+            lines.append(f"{'':<20}{_without_rest((result.scene.get('body') or {}).get('settle'))}")
     if result.error_bars is not None and result.error_bars.safety is not None:
         lines.append(f"{'':<20}{result.error_bars.safety.sentence()}")
     for omission in result.omitted:
@@ -261,9 +261,9 @@ def _within(result: Result) -> str:
     return "" if error is None else f", within {float(error.max()):.1e},"
 
 
-def _without_rest(scene: dict[str, Any]) -> str:
+def _without_rest(settled: Any) -> str:
     """What to do about a grain that its weight alone moves."""
-    if (scene.get("body") or {}).get("settle"):
+    if settled:
         return "it settled on a rougher bed or another slope: see contact.friction and bed.slope"
     return "with body.settle = true it first rolls and tips to a place where it rests"
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any
 
-from . import effects_checks, places, surface_checks, turbulence_checks
+from . import effects_checks, surface_checks, turbulence_checks
 from .domain import Domain
 from .effects import Effects
 from .expression import Expression
@@ -27,12 +27,8 @@ _TOPS_OF_FLOWS = {
 }
 
 
-def contradictions(scene: SceneSections) -> list[Problem]:
-    """All contradictions between sections; those of places and extents only when there are no others."""
-    return [*_between_sections(scene)] or places.misplaced(scene)
-
-
-def _between_sections(scene: SceneSections) -> Iterator[Problem]:
+def contradictions(scene: SceneSections) -> Iterator[Problem]:
+    """All contradictions between sections but for those of places and extents."""
     body, bed, flow, domain, numerics = scene.body, scene.bed, scene.flow, scene.domain, scene.numerics
     time, moves = scene.time, scene.moves
     without_scale = scene.fluid.scale == "grain" and body is None

@@ -10,6 +10,7 @@ from pydantic import ValidationInfo, model_validator
 from .checks import contradictions
 from .messages import refusal
 from .model import SceneSections
+from .places import misplaced
 from .scaling import scales_of, with_units
 from .units import Scales
 
@@ -30,7 +31,7 @@ class Scene(SceneSections):
 
     @model_validator(mode="after")
     def _free_of_contradictions(self) -> Scene:
-        found = contradictions(self)
+        found = [*contradictions(self)] or misplaced(self)
         if found:
             raise refusal("Scene", found, between=True)
         return self

@@ -37,12 +37,13 @@ def misplaced(scene: SceneSections) -> list[Problem]:
             or [*_bed_extent(bed, shape, domain)]
             or [*_datum_of_the_bed(getattr(scene.flow, "datum", "auto"), shape, domain)]
         )
-    return (
+    found = (
         found
         or (scene.has_surface and [*surface_checks.misplaced(scene.surface or Surface(), domain, shape)])
         or [*_body_place(scene)]
-        or [*symmetry.contradictory(scene)]
     )
+    is_mirrored = domain.gdim == 3 and domain.symmetric is True
+    return [*symmetry.contradictory(symmetry.differences(scene))] if is_mirrored and not found else found
 
 
 def _resolution(domain: Domain, grain: Any, finest: float) -> Iterator[Problem]:

@@ -26,13 +26,11 @@ MIRRORED = np.array([1.0, -1.0, 1.0])
 UNCHANGED = np.ones(1)
 
 
-def contradictory(scene: SceneSections) -> Iterator[Problem]:
-    """Why a scene that is said to be its own mirror image is not."""
-    if scene.gdim == 2 or scene.domain.symmetric is not True:
-        return
+def contradictory(found: Iterator[str]) -> Iterator[Problem]:
+    """Why a scene that is said to be its own mirror image is not, given its differences from that."""
     key = ("domain", "symmetric")
     try:
-        for why in differences(scene):
+        for why in found:
             yield Problem(key, f"is true, but {why}", "make the scene symmetric, or give false")
     except SceneError as error:  # of a formula without a value
         yield Problem(key, *split(str(error)))

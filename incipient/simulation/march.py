@@ -138,10 +138,11 @@ class March:
 
         run, transient = self._run, self.transient
         with run.accounts.ledger.stage("remeshing"):
-            old, drawn, scene = run.fluid, grain.drawn(), run.scene
+            old, drawn, scene, height = run.fluid, grain.drawn(), run.scene, run.scene.domain.height
             for part in run.parts:
-                scene = part.drawn_scene(scene, drawn)
-            laid_out = meshing.lay_out(Setup(scene), run.plan, drawn)
+                height = part.drawn_height(height, drawn)
+            higher = {"domain": scene.domain.model_copy(update={"height": height})}
+            laid_out = meshing.lay_out(Setup(scene.model_copy(update=higher)), run.plan, drawn)
             made = domain.build(run.comm, laid_out.gmsh_model, run.scene.gdim)
             parts, model = [part.on(made) for part in run.parts], old.model
             for part in parts:

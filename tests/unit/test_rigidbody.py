@@ -34,8 +34,8 @@ def spinning(spin) -> BodyState:
 
 def converged(body: RigidBody, state: BodyState, dt: float, load, added) -> BodyState:
     """The step with its own result as the guess: where a coupling with a constant load converges to."""
-    guess = body.advance(state, dt, load).velocities
-    return body.advance(state, dt, load, added, guess)
+    guess = body.motion(state, dt, load).end.velocities
+    return body.motion(state, dt, load, added, guess).end
 
 
 def rates(errors) -> np.ndarray:
@@ -123,7 +123,7 @@ def test_projectile(steps: int) -> None:
     body = RigidBody(planar(3.0, 0.5), body_force=[0.0, -9.81])
     state = BodyState.at(Placement((1.0, 2.0)), [3.0, 4.0, 20.0])
     for _ in range(steps):
-        state = body.advance(state, 2.0 / steps, np.zeros(3))
+        state = body.motion(state, 2.0 / steps, np.zeros(3)).end
     np.testing.assert_allclose(state.packed(), [7, 10 - 2 * 9.81, 40, 3, 4 - 2 * 9.81, 20], rtol=1e-13)
     assert state.time == pytest.approx(2.0, rel=1e-15)
 
@@ -144,8 +144,10 @@ def test_first_iterate_solves_the_linearised_balance() -> None:
     """(M + A) (U - U(n)) = dt F + A (U* - U(n)), by hand."""
     mass, added = np.diag([2.0, 2.0, 0.5]), np.array([[3.0, 1.0, 0.2], [1.0, 2.0, 0.1], [0.2, 0.1, 0.7]])
     start, guess, load = np.array([1.0, 0.0, 2.0]), np.array([1.5, 0.3, 1.0]), np.array([4.0, 3.0, 1.5])
-    end = RigidBody(planar(2.0, 0.5)).advance(
-        BodyState.at(Placement((0.0, 0.0)), start), 0.1, load, added, guess
+    end = (
+        RigidBody(planar(2.0, 0.5))
+        .motion(BodyState.at(Placement((0.0, 0.0)), start), 0.1, load, added, guess)
+        .end
     )
     exact = start + np.linalg.solve(mass + added, 0.1 * load + added @ (guess - start))
     np.testing.assert_allclose(end.velocities, exact, rtol=1e-13)
@@ -154,7 +156,7 @@ def test_first_iterate_solves_the_linearised_balance() -> None:
 def test_body_force_that_varies() -> None:
     """Gravity cos t: the velocity gains sin t, the place 1 - cos t, to the integrator's tolerance."""
     body = RigidBody(planar(2.0, 1.0), body_force=lambda t: np.array([np.cos(t), 0.0]))
-    end = body.advance(body.advance(at_rest(2), 0.4, np.zeros(3)), 0.6, np.zeros(3))
+    end = body.motion(body.motion(at_rest(2), 0.4, np.zeros(3)).end, 0.6, np.zeros(3)).end
     np.testing.assert_allclose([end.velocity[0], end.place[0]], [np.sin(1.0), 1 - np.cos(1.0)], rtol=1e-10)
 
 
@@ -162,10 +164,10 @@ def test_prescribed_motion() -> None:
     """Place and angle follow the imposed velocities whatever the load, without inertia, too."""
     freedom = Freedom.none(2, lambda t: [np.cos(t), t, -1.0])
     for inertia in (planar(1.0, 1.0), planar(0.0, 0.0)):
-        end = RigidBody(inertia, freedom).advance(at_rest(2), 1.5, [7.0, -3.0, 2.0])
+        end = RigidBody(inertia, freedom).motion(at_rest(2), 1.5, [7.0, -3.0, 2.0]).end
         exact = [np.sin(1.5), 1.5**2 / 2, -1.5, np.cos(1.5), 1.5, -1.0]
         np.testing.assert_allclose(end.packed(), exact, rtol=1e-10)
-    still = RigidBody(planar(1.0, 1.0), Freedom.none(2)).advance(at_rest(2), 1.5, [7.0, -3.0, 2.0])
+    still = RigidBody(planar(1.0, 1.0), Freedom.none(2)).motion(at_rest(2), 1.5, [7.0, -3.0, 2.0]).end
     np.testing.assert_array_equal(still.packed(), np.zeros(6))
 
 
@@ -173,7 +175,7 @@ def test_locked_degrees() -> None:
     """A bead on a rod: only x is free; the angle follows what is imposed."""
     freedom = Freedom((True, False, False), lambda t: [99.0, 0.0, 2.0])
     body = RigidBody(planar(2.0, 1.0), freedom, [0.0, -9.81])
-    end = body.advance(at_rest(2), 0.5, [4.0, 1.0, 5.0], np.ones((3, 3)), [1.0, 9.0, 9.0])
+    end = body.motion(at_rest(2), 0.5, [4.0, 1.0, 5.0], np.ones((3, 3)), [1.0, 9.0, 9.0]).end
     np.testing.assert_allclose(end.velocities, [1.0, 0.0, 2.0], rtol=1e-12)  # 4 / 2 x 0.5: the guess is right
     np.testing.assert_allclose([*end.place, *end.orientation], [0.25, 0.0, 1.0], rtol=1e-12)
 
@@ -225,7 +227,7 @@ def test_free_asymmetric_top(spin) -> None:
     energy, momentum = body.kinetic_energy(state), body.angular_momentum(state)
     second, worst = [], np.zeros(4)
     for k in range(1, steps + 1):
-        state = body.advance(state, times[k] - times[k - 1], np.zeros(6))
+        state = body.motion(state, times[k] - times[k - 1], np.zeros(6)).end
         seen = state.rotation().T @ state.spin
         second.append(seen[1])
         errors = (
@@ -269,7 +271,7 @@ def test_principal_axes_off_the_frame() -> None:
         (Inertia(2.0, TOP.moments, turn), (ASKEW[0], -ASKEW[1], -ASKEW[2], -ASKEW[3])),
     ):
         state = BodyState.at(Placement((0.0,) * 3, 0.0, orientation), [0, 0, 0, 1.0, 0.4, -0.7])
-        ends.append(RigidBody(inertia).advance(state, 0.5, [0, 0, 0, 0.5, -1.0, 0.8]))
+        ends.append(RigidBody(inertia).motion(state, 0.5, [0, 0, 0, 0.5, -1.0, 0.8]).end)
     np.testing.assert_allclose(ends[0].spin, ends[1].spin, rtol=1e-10)
     np.testing.assert_allclose(ends[0].rotation() @ np.eye(3), ends[1].rotation() @ turn, atol=1e-10)
 
@@ -280,7 +282,7 @@ def test_partly_locked_in_space() -> None:
     state = body.consistent(spinning([1.0, 0.4, -0.7]))
     energy, momentum = body.kinetic_energy(state), body.angular_momentum(state)
     for _ in range(10):
-        state = body.advance(state, 0.3, np.zeros(6))
+        state = body.motion(state, 0.3, np.zeros(6)).end
         assert state.spin[0] == 0.0
         np.testing.assert_allclose(body.angular_momentum(state)[1:], momentum[1:], rtol=1e-8)
         assert body.kinetic_energy(state) == pytest.approx(energy, rel=1e-8)
@@ -306,7 +308,7 @@ def march(body, state, steps, dt, load, resistance, tolerance=1e-12, most=20):
         guess, t = state.velocities, state.time + length
         for _ in range(most):
             force = mean.mean(load(t, guess), length)
-            end = body.advance(state, length, force, mean.added(resistance, length), guess)
+            end = body.motion(state, length, force, mean.added(resistance, length), guess).end
             change, guess = np.abs(end.velocities - guess).max(), end.velocities
             if change <= tolerance * max(np.abs(guess).max(), np.abs(state.velocities).max()):
                 break
@@ -420,23 +422,23 @@ def test_mean_load() -> None:
 
 def test_nothing_resists() -> None:
     with pytest.raises(SceneError, match="velocity along x"):
-        RigidBody(planar(0.0, 1.0)).advance(at_rest(2), 0.1, np.zeros(3))
+        RigidBody(planar(0.0, 1.0)).motion(at_rest(2), 0.1, np.zeros(3))
     with pytest.raises(SceneError, match="spin"):
-        RigidBody(planar(1.0, 0.0)).advance(at_rest(2), 0.1, np.zeros(3), np.diag([1.0, 1.0, 0.0]))
+        RigidBody(planar(1.0, 0.0)).motion(at_rest(2), 0.1, np.zeros(3), np.diag([1.0, 1.0, 0.0]))
     needle = RigidBody(Inertia(1.0, np.array([0.0, 1.0, 1.0])))
     with pytest.raises(SceneError, match="spin"):
-        needle.advance(spinning([0.0, 0.1, 0.0]), 0.1, np.zeros(6))
-    RigidBody(planar(0.0, 1.0), Freedom((False, False, True))).advance(at_rest(2), 0.1, np.zeros(3))
+        needle.motion(spinning([0.0, 0.1, 0.0]), 0.1, np.zeros(6))
+    RigidBody(planar(0.0, 1.0), Freedom((False, False, True))).motion(at_rest(2), 0.1, np.zeros(3))
 
 
 def test_named_errors() -> None:
     body = RigidBody(planar(1.0, 1.0))
     with pytest.raises(ConvergenceError, match="not finite"):
-        body.advance(at_rest(2), 0.1, [np.nan, 0.0, 0.0])
+        body.motion(at_rest(2), 0.1, [np.nan, 0.0, 0.0])
     with pytest.raises(ValueError, match="positive"):
-        body.advance(at_rest(2), 0.0, np.zeros(3))
+        body.motion(at_rest(2), 0.0, np.zeros(3))
     with pytest.raises(ValueError, match=r"\(3,\)"):
-        body.advance(at_rest(2), 0.1, np.zeros(6))
+        body.motion(at_rest(2), 0.1, np.zeros(6))
     with pytest.raises(SceneError, match="dimension"):
         RigidBody(planar(1.0, 1.0), Freedom.whole(3))
     with pytest.raises(SceneError, match="degrees"):
@@ -447,8 +449,8 @@ def test_corrections_run_out(monkeypatch) -> None:
     """A body that turns several times in a step still converges; were it not to, it would say so."""
     body, wild = RigidBody(TOP, tolerances=Tolerances(1e-6, 1e-8)), spinning([30.0, 20.0, 10.0])
     args = (0.2, np.ones(6), 10.0 * np.diag(np.arange(1.0, 7.0)), np.ones(6))
-    gained = body.angular_momentum(body.advance(wild, *args)) - body.angular_momentum(wild)
+    gained = body.angular_momentum(body.motion(wild, *args).end) - body.angular_momentum(wild)
     assert np.linalg.norm(gained) > 1.0
     monkeypatch.setattr("incipient.body.rigidbody.MOST_CORRECTIONS", 2)
     with pytest.raises(ConvergenceError, match="turns too far"):
-        body.advance(wild, *args)
+        body.motion(wild, *args)

@@ -26,7 +26,6 @@ from ...planning.effects import EffectName
 from ...planning.flow_setup import Setup
 from ...planning.surface import OUTLINE, depths, stays_below
 from ...results.elevations import ElevationReading, Elevations
-from ...scene import Scene
 from ...scene.surface import stations_of
 from ..run_part import RunPart, Stage
 
@@ -122,8 +121,8 @@ class MovingSurface(RunPart):
         if why:
             raise ConvergenceError(f"at t = {step.time:.6g} {why}")
 
-    def drawn_scene(self, scene: Scene, placement: Placement) -> Scene:
-        """The scene as a new mesh around a grain is drawn for it.
+    def drawn_height(self, height: float, placement: Placement) -> float:
+        """Height of the domain for which a new mesh is made around a grain.
 
         Its top is the still level, or where the grain comes near to that the mean height of the surface above it.
 
@@ -144,10 +143,7 @@ class MovingSurface(RunPart):
                 "the grain has risen to the free surface, where the domain cannot be remeshed: end before it does, or "
                 "use a heavier grain or deeper water"
             )
-        if raised == 0.0:
-            return scene
-        higher = domain.model_copy(update={"height": domain.height + raised})
-        return scene.model_copy(update={"domain": higher})
+        return height + raised
 
     def _mean_above(self, placement: Placement, size: float) -> float:
         """The mean elevation of the surface's nodes within half of a grain's size of its centre along the level."""

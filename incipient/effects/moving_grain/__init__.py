@@ -36,16 +36,15 @@ class FreeBodyEffect(Effect):
 
     def part_in_time(self, setup: Setup, stage: Stage, kept: Checkpoint | None) -> MovingGrain | None:
         """A grain that moves, freely or not."""
-        scene = setup.scene
-        if not scene.moves:
+        if not setup.scene.moves:
             return None
         from .part import MovingGrain
 
         if kept is None:
-            return MovingGrain(scene, stage)
+            return MovingGrain(setup, stage)
         from .keeping import state_of_mesh
 
-        return MovingGrain(scene, stage, state_of_mesh(kept))
+        return MovingGrain(setup, stage, state_of_mesh(kept))
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
         """A grain that is held in time though it would have begun to move."""

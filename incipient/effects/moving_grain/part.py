@@ -26,7 +26,6 @@ from ...planning.clearance import Clearance
 from ...planning.effects import EffectName
 from ...planning.flow_setup import Setup
 from ...results.loads import apart, named, named_couple
-from ...scene import Scene
 from ..run_part import RunPart, Stage
 
 if TYPE_CHECKING:
@@ -56,13 +55,13 @@ class MovingGrain(RunPart):
     part: RigidPart
 
     def __init__(
-        self, scene: Scene, stage: Stage, state: BodyState | None = None, made_for: Placement | None = None
+        self, setup: Setup, stage: Stage, state: BodyState | None = None, made_for: Placement | None = None
     ):
-        self.scene, self._stage = scene, stage
+        scene = setup.scene
+        self.setup, self.scene, self._stage = setup, scene, stage
         assert scene.body is not None and scene.time is not None
         assert scene.grain is not None and scene.placement is not None
         self.grain, self.time = scene.grain, scene.time
-        setup = Setup(scene)
         self.surroundings, self._halved = setup.surroundings, setup.symmetric
         self._is_free, self._is_repelled = scene.body.motion == "free", scene.body.on_contact == "repel"
         self.body = rigid_body(scene.body, self._halved)
@@ -116,7 +115,7 @@ class MovingGrain(RunPart):
 
     def on(self, domain: Domain) -> MovingGrain:
         """The grain as it is on a mesh that was made for `drawn`."""
-        return MovingGrain(self.scene, self._stage, self.state, self.drawn())
+        return MovingGrain(self.setup, self._stage, self.state, self.drawn())
 
     def last_step(self) -> float | None:
         """The length of the last step; None before the first."""
