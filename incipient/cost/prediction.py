@@ -27,7 +27,6 @@ from ..planning.plan import Estimate
 from ..results.adaptation import Trial
 from ..scene import Scene
 from ..scene.numerics import OF_SURFACE, OF_WALLS
-from ..simulation.assemble import has_error_bars
 from ..simulation.build import estimate
 from . import calibration
 from .calibration import Findings
@@ -221,7 +220,7 @@ def predict(known: KnownLaws, first: Estimate) -> Prediction | str:
         if isinstance(found, str):
             return f"  final mesh, time and memory: not known: {found}"
         path, last = found
-    end, bars = path[-1], has_error_bars(scene)
+    end, bars = path[-1], scene.has_error_bars
     wanted = coarse_scenes(end.scene) if bars else []
     beside: list[_Run] = []
     if last and scene.time is not None:

@@ -181,6 +181,12 @@ class SceneSections(Section):
         return self.flow.kind == "lid" and self.body is None
 
     @property
+    def has_error_bars(self) -> bool:
+        """Whether the result is to have error bars: where they are asked for and there is something to have them."""
+        of = self.body is not None or self.has_surface or self.has_wall_layer
+        return self.numerics.error_bars and (of or (self.has_centrelines and self.time is None))
+
+    @property
     def top(self) -> Top:
         """The upper boundary: what the scene says, or for "auto" what suits the flow."""
         return _TOPS[self.flow.kind] if self.domain.top == "auto" else self.domain.top

@@ -81,7 +81,7 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
         cost=cost(run),
         status=status,
         error=error,
-        without_error_bars=TO_COME if status == "complete" and has_error_bars(scene) else "",
+        without_error_bars=TO_COME if status == "complete" and scene.has_error_bars else "",
         **reported,
         velocity=run.fluid.velocity,
         pressure=run.fluid.pressure,
@@ -112,12 +112,6 @@ def with_rests(run: Run, result: Result) -> Result:
         if rocking is None or rocking.critical <= first * (1.0 + NO_MORE):
             return result
         return replace(result, verdict=with_rocking(result.verdict, rocking), cost=cost(run))
-
-
-def has_error_bars(scene: Scene) -> bool:
-    """Whether the result of a scene is to have error bars. Not collective."""
-    of = scene.body is not None or scene.has_surface or scene.has_wall_layer
-    return scene.numerics.error_bars and (of or (scene.has_centrelines and scene.time is None))
 
 
 def with_estimates(
@@ -151,7 +145,7 @@ def _error_bars(
     run: Run, result: Result, solve: Callable[[Scene], Loads], improve: Callable[[Scene], Loads]
 ) -> tuple[ErrorBars | None, str]:
     """The error bars, or why there are none; neither where none are wanted."""
-    if not has_error_bars(run.scene):
+    if not run.scene.has_error_bars:
         return None, ""
     from ..accuracy.errorbars import error_bars
 
