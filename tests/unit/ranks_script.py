@@ -23,11 +23,11 @@ from incipient.fluid import (
     Open,
     Prescribed,
     Slip,
-    Transient,
     no_slip,
     solve_steady,
 )
 from incipient.fluid.tolerance import ShareOfError
+from incipient.fluid.transient import Transient
 from incipient.fluid.vorticity import vorticity
 from incipient.geometry.placement import Placement, rotation_by
 from incipient.mesh.domain import Domain

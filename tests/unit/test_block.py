@@ -20,13 +20,13 @@ from incipient.fluid import (
     Open,
     Prescribed,
     Slip,
-    Transient,
     no_slip,
     solve_steady,
 )
 from incipient.fluid.conditions import Friction
 from incipient.fluid.projection import restore_incompressibility
 from incipient.fluid.space import boundary_blocks
+from incipient.fluid.transient import Transient
 from incipient.mesh.domain import Domain
 
 RTOL = 1e-10
