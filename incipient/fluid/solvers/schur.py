@@ -169,11 +169,10 @@ class LeastSquaresCommutator:
     """
 
     def __init__(self, equations: Equations, split: Split, velocity: VelocityBlock):
-        self._split, self._velocity, self._closed = split, velocity, equations.closed
+        self._split, self._velocity, self._poisson = split, velocity, _ScaledPoisson(equations.closed)
         self._divergence: Any = None
         self._gradient: Any = None
         self._scale = np.empty(0)
-        self._poisson: dict[bool, _Poisson] = {}  # of L, and when first asked for of its transpose
         self._vectors: tuple[Any, ...] = ()
 
     def assemble(self) -> None:
@@ -182,25 +181,12 @@ class LeastSquaresCommutator:
         self._gradient = self._split.gradient(self._gradient)
         self._vectors = self._vectors or self._divergence.createVecs()
         self._scale = 1.0 / np.abs(self._velocity.diagonal()[self._split.velocities])
-        scale, scaled = self._vectors[0], self._gradient.copy()
-        scale.setArray(self._scale)
-        scaled.diagonalScale(L=scale)
-        self._forget()
-        self._poisson[False] = self._prepared(self._divergence.matMult(scaled))
-        scaled.destroy()
-
-    def _prepared(self, matrix: Any) -> _Poisson:
-        made = _Poisson(matrix, self._closed)
-        made.prepare()
-        return made
+        self._poisson.renew(self._divergence, self._gradient, self._scale)
 
     def solve(self, right: np.ndarray, transposed: bool) -> np.ndarray:
         """(owned pressures,) approximately S^-1, or S^-T, times the right-hand side. Collective."""
-        if transposed not in self._poisson:
-            self._poisson[True] = self._prepared(self._poisson[False].matrix.transpose(PETSc.Mat()))
-        poisson, order = self._poisson[transposed], self._split.order
-        velocity, pressure = self._vectors
-        pressure.setArray(poisson.solve(right[order]))
+        order, (velocity, pressure) = self._split.order, self._vectors
+        pressure.setArray(self._poisson.solve(right[order], transposed))
         if transposed:
             self._divergence.multTranspose(pressure, velocity)
         else:
@@ -214,18 +200,12 @@ class LeastSquaresCommutator:
         else:
             self._divergence.mult(velocity, pressure)
         found = np.empty_like(right)
-        found[order] = poisson.solve(pressure.array_r)
+        found[order] = self._poisson.solve(pressure.array_r, transposed)
         return found
-
-    def _forget(self) -> None:
-        for poisson in self._poisson.values():
-            poisson.destroy()
-        self._poisson = {}
 
     def destroy(self) -> None:
         """Free PETSc's memory."""
-        self._forget()
-        for held in (self._divergence, self._gradient, *self._vectors):
+        for held in (self._poisson, self._divergence, self._gradient, *self._vectors):
             if held is not None:
                 held.destroy()
 
@@ -241,7 +221,8 @@ class ConvectedPressure:
     """
 
     def __init__(self, equations: Equations, split: Split):
-        space, self._split, self._closed = equations.space, split, equations.closed
+        space, self._split = equations.space, split
+        self._poisson = _ScaledPoisson(equations.closed, STRETCHED)
         self._mass, self._diffused = ScaledMass(replace(equations, viscosity=1.0)), ScaledMass(equations)
         p, q = ufl.TrialFunction(space.pressure), ufl.TestFunction(space.pressure)
         mesh, (scalar, self._rows) = space.mixed.mesh, component_rows(space)
@@ -253,7 +234,6 @@ class ConvectedPressure:
         self._convection = petsc.create_matrix(self._carried)
         self._vectors = self._convection.createVecs()
         self._blocks: list[Any] = [None, None]  # B and G
-        self._poisson: dict[bool, _Poisson] = {}
 
     def assemble(self) -> None:
         """Take the flow of the state, and B and G of the matrix, as they are. Collective."""
@@ -266,14 +246,7 @@ class ConvectedPressure:
             self._split.divergence(self._blocks[0]),
             self._split.gradient(self._blocks[1]),
         ]
-        scale, scaled = divergence.createVecRight(), gradient.copy()
-        scale.setArray(1.0 / self._sizes())
-        scaled.diagonalScale(L=scale)
-        self._forget()
-        self._poisson[False] = _Poisson(divergence.matMult(scaled), self._closed, STRETCHED)
-        self._poisson[False].prepare()
-        scale.destroy()
-        scaled.destroy()
+        self._poisson.renew(divergence, gradient, 1.0 / self._sizes())
 
     def _sizes(self) -> np.ndarray:
         """(owned velocities, as in the blocks,) the diagonal D."""
@@ -287,34 +260,58 @@ class ConvectedPressure:
 
     def solve(self, right: np.ndarray, transposed: bool) -> np.ndarray:
         """(owned pressures,) approximately S^-1, or S^-T, times the right-hand side. Collective."""
-        if transposed not in self._poisson:
-            matrix = self._poisson[False].matrix.transpose(PETSc.Mat())
-            self._poisson[True] = _Poisson(matrix, self._closed, STRETCHED)
-            self._poisson[True].prepare()
-        poisson, order = self._poisson[transposed], self._split.order
-        before, after = self._vectors
+        order, (before, after) = self._split.order, self._vectors
         found, diffused = np.empty_like(right), self._diffused.solve(right, transposed).copy()
         if transposed:
-            found[order] = poisson.solve(right[order])
+            found[order] = self._poisson.solve(right[order], transposed)
             before.setArray(found)
             self._convection.multTranspose(before, after)
             return diffused + self._mass.solve(after.array_r, transposed)
         before.setArray(self._mass.solve(right, transposed))
         self._convection.mult(before, after)
-        found[order] = poisson.solve(after.array_r[order])
+        found[order] = self._poisson.solve(after.array_r[order], transposed)
         return diffused + found
-
-    def _forget(self) -> None:
-        for poisson in self._poisson.values():
-            poisson.destroy()
-        self._poisson = {}
 
     def destroy(self) -> None:
         """Free PETSc's memory."""
-        self._forget()
-        for held in (self._mass, self._diffused, self._convection, *self._blocks, *self._vectors):
+        parts = (self._poisson, self._mass, self._diffused, self._convection)
+        for held in (*parts, *self._blocks, *self._vectors):
             if held is not None:
                 held.destroy()
+
+
+class _ScaledPoisson:
+    """Multigrid for L = B D^-1 G, and when first asked for it for the transpose. Every method is collective."""
+
+    def __init__(self, closed: bool, options: Mapping[str, Any] | None = None):
+        self._closed, self._options = closed, options
+        self._cycles: dict[bool, _Poisson] = {}
+
+    def renew(self, divergence: Any, gradient: Any, scale: np.ndarray) -> None:
+        """Take L anew from B, G and the diagonal of D^-1 (owned velocities,)."""
+        diagonal, scaled = divergence.createVecRight(), gradient.copy()
+        diagonal.setArray(scale)
+        scaled.diagonalScale(L=diagonal)
+        self.destroy()
+        self._prepare(divergence.matMult(scaled), transposed=False)
+        diagonal.destroy()
+        scaled.destroy()
+
+    def solve(self, right: np.ndarray, transposed: bool) -> np.ndarray:
+        """Approximately L^-1, or L^-T, times the right-hand side."""
+        if transposed not in self._cycles:
+            self._prepare(self._cycles[False].matrix.transpose(PETSc.Mat()), transposed)
+        return self._cycles[transposed].solve(right)
+
+    def _prepare(self, matrix: Any, transposed: bool) -> None:
+        self._cycles[transposed] = _Poisson(matrix, self._closed, self._options)
+        self._cycles[transposed].prepare()
+
+    def destroy(self) -> None:
+        """Free PETSc's memory."""
+        for cycle in self._cycles.values():
+            cycle.destroy()
+        self._cycles = {}
 
 
 class _Poisson:
