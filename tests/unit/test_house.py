@@ -186,13 +186,13 @@ def incipient_and_standard() -> set[str]:
 
 # What the house must not gain again: the bound of each measure is its value when it was last lowered.
 BOUNDS = {
-    "functions with a parameter scene": 156,
-    "imports within functions": 232,
-    "imports for type hints": 107,
+    "functions with a parameter scene": 133,
+    "imports within functions": 172,
+    "imports for type hints": 98,
     "circles with type hints": 1,
     "files in the largest circle with type hints": 2,
     "files that name turbulence": 34,
-    "lines": 56506,
+    "lines": 56500,
 }
 
 NAMES_TURBULENCE = re.compile("turbulen|eddies", re.IGNORECASE)
