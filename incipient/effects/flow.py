@@ -45,7 +45,7 @@ class FlowEffect(Effect):
         from ..planning.mean_force import sustaining_force
 
         base_flow = setup.base_flow
-        force = sustaining_force(base_flow.mean_profile, base_flow.datum, base_flow.up)
+        force = sustaining_force(base_flow.mean_profile, base_flow.datum, base_flow.domain.up)
         return replace(model, body_force=force)
 
     def warnings(self, setup: Setup) -> Iterator[str]:

@@ -45,16 +45,6 @@ class BaseFlow:
     speed: float = 1.0
 
     @property
-    def gdim(self) -> int:
-        """Dimension of space."""
-        return len(self.domain.extents)
-
-    @property
-    def up(self) -> int:
-        """Number of the coordinate in which heights are counted."""
-        return self.gdim - 1
-
-    @property
     def over_forms(self) -> bool:
         """Whether it is of known shear at the bed and passes several forms in the plane that repeat."""
         return repeats(self.flow, self.domain, self.bed)
@@ -80,7 +70,7 @@ class BaseFlow:
         if self.effective:
             return domain.bottom + self.effective_height.height
         level = getattr(self.flow, "datum", "crest")
-        within: tuple[Any, ...] = domain.spans if self.gdim == 3 else domain.spans[0]
+        within: tuple[Any, ...] = domain.spans if self.domain.gdim == 3 else domain.spans[0]
         if level in ("auto", "crest"):
             return float(bed.crest_level(*within))
         return float(bed.mean(*within)) if level == "mean" else domain.bottom + float(level)
@@ -109,7 +99,7 @@ class BaseFlow:
         bed, datum = self.bed, self.datum
         if bed is None:
             return self.velocity
-        if self.gdim == 2:
+        if self.domain.gdim == 2:
             return self._from(max(datum, float(bed.height([self.domain.left])[0])))
         return self._from(lambda x: np.maximum(datum, bed.height(x[:2].T)))
 
@@ -124,8 +114,8 @@ class BaseFlow:
     def column(self, place: Sequence[float], heights: np.ndarray) -> np.ndarray:
         """Points (3, n) of given heights above or below a place (gdim,). Not collective."""
         points = np.zeros((3, len(heights)))
-        points[: self.up] = np.array(place[: self.up])[:, None]
-        points[self.up] = heights
+        points[: self.domain.up] = np.array(place[: self.domain.up])[:, None]
+        points[self.domain.up] = heights
         return points
 
     def bed_stress(self) -> float:
@@ -147,7 +137,7 @@ class BaseFlow:
         """The flow at rest below `foot`, which is the datum or higher, or a function of places (3, n)."""
         if isinstance(self.flow, ExpressionFlow):
             return self._formulas
-        profile, datum, up = self._profile, self.datum, self.up
+        profile, datum, up = self._profile, self.datum, self.domain.up
 
         def velocity(x: np.ndarray, t: float) -> np.ndarray:
             """Velocities (gdim, n) at places (3, n), along the first axis; they do not depend on the time."""

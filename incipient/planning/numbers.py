@@ -91,7 +91,7 @@ def speed_past_grain(setup: Setup) -> float:
     """The largest speed of the base flow over the grain's height."""
     grain, placement, base_flow = setup.geometry.grain, setup.geometry.placement, setup.base_flow
     assert grain is not None and placement is not None
-    heights = placement.centre[base_flow.up] + 0.5 * grain.size * np.linspace(-1.0, 1.0, SAMPLES)
+    heights = placement.centre[base_flow.domain.up] + 0.5 * grain.size * np.linspace(-1.0, 1.0, SAMPLES)
     points = base_flow.column(placement.centre, heights)
     return max(float(np.abs(base_flow.velocity(points, t)).max()) for t in _times(setup.scene.time, SAMPLES))
 

@@ -30,7 +30,7 @@ def wave_of(setup: Setup) -> StokesWave | None:
         return None
     from .waves import HIGHEST, stokes_wave
 
-    gravity = float(abs(setup.scene.gravity_vector[base_flow.up]))
+    gravity = float(abs(setup.scene.gravity_vector[base_flow.domain.up]))
 
     def speed(y: Floats) -> Floats:
         places = base_flow.column(base_flow.domain.entrance, base_flow.datum + y)
@@ -48,7 +48,7 @@ def wave_of(setup: Setup) -> StokesWave | None:
 def froude(setup: Setup) -> float:
     """V/sqrt(g H) of the base flow, g across the bed and H from the datum to the still level; zero at rest."""
     base_flow = setup.base_flow
-    gravity = float(abs(setup.scene.gravity_vector[base_flow.up]))
+    gravity = float(abs(setup.scene.gravity_vector[base_flow.domain.up]))
     if base_flow.flow.kind == "still" or gravity == 0.0:
         return 0.0
     return base_flow.reference / math.sqrt(gravity * base_flow.depth)

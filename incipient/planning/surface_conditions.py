@@ -81,7 +81,7 @@ def _with_wave(base_flow: BaseFlow, wave: StokesWave) -> Profile:
 
     It is counted by the area as the mesh was made.
     """
-    stream, datum, up = base_flow.entering, base_flow.datum, base_flow.up
+    stream, datum, up = base_flow.entering, base_flow.datum, base_flow.domain.up
 
     def along(x: Floats, t: float) -> Floats:
         deeper, places = 1.0 + wave.elevation(np.zeros(1), t)[0] / wave.depth, x.copy()
@@ -93,7 +93,7 @@ def _with_wave(base_flow: BaseFlow, wave: StokesWave) -> Profile:
 
 
 def _coming_in(base_flow: BaseFlow, wave: StokesWave) -> IncomingWave:
-    stream, left, datum, up = base_flow.velocity, base_flow.domain.left, base_flow.datum, base_flow.up
+    stream, left, datum, up = base_flow.velocity, base_flow.domain.left, base_flow.datum, base_flow.domain.up
 
     def velocity(x: Floats, t: float) -> Floats:
         found = stream(x, t)

@@ -80,6 +80,11 @@ class Domain(Section):
         return 2 if self.width is None else 3
 
     @property
+    def up(self) -> int:
+        """Number of the coordinate in which heights are counted, the last one."""
+        return self.gdim - 1
+
+    @property
     def spans(self) -> tuple[tuple[float, float], ...]:
         """The least and the largest coordinate along the flow, in space also across it."""
         along = (self.left, self.right)
