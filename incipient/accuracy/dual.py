@@ -19,6 +19,7 @@ from typing import Any
 import dolfinx
 import numpy as np
 import ufl
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from .. import compat
@@ -35,6 +36,9 @@ from ..results.errorbars import Loads
 # Error over estimate in space, the largest of a component that was measured (docs/space.md): cells are larger there
 # than in the plane, and one order more, or upwinding, leaves more that is not seen.
 UNSEEN = 1.6
+LEAST_COUPLE = (
+    0.1  # of what the force at the boundary would turn by: smaller changes of a couple do not count
+)
 COARSER_CELLS = 1.5  # how much larger the cells are on which loads are improved for comparison
 
 
@@ -96,18 +100,27 @@ class GoalErrors:
         """Make one more correction; how much of all that is corrected by now it was, the more of force and couple.
 
         The residual is that without upwinding, the Jacobian that with it: a correction leaves some of what upwinding
-        changes, and the next one tells how much. `force` and `couple` then are those of both.
+        changes, and the next one tells how much. `force` and `couple` then are those of both. A couple that hardly
+        changes, against the force at the boundary's largest distance, tells nothing.
         """
         before = self.improved
         self.finer.correct()
         self.improved = TractionProbe(self.finer, self._boundary, self._about.tolist()).resultant()
-        pairs = (
-            (before.force - self.improved.force, self.force),
-            (before.couple - self.improved.couple, self.couple),
+        last, both = (float(np.linalg.norm(one)) for one in (before.force - self.improved.force, self.force))
+        turned_last, turned_both = (
+            float(np.linalg.norm(one)) for one in (before.couple - self.improved.couple, self.couple)
         )
-        return max(
-            float(np.linalg.norm(change)) / max(float(np.linalg.norm(all_)), 1e-300) for change, all_ in pairs
-        )
+        least = max(LEAST_COUPLE * both * self._reach, 1e-300)
+        return max(last / max(both, 1e-300), turned_last / max(turned_both, least))
+
+    @property
+    def _reach(self) -> float:
+        """The largest distance of the boundary from what couples refer to. Collective."""
+        space = self.finer.space
+        blocks = boundary_blocks(space.velocity, self.fluid.domain.facets_of(self._boundary))
+        arms = self.finer.constraints.points[blocks, : space.gdim] - self._about
+        mine = float(np.linalg.norm(arms, axis=1).max(initial=0.0))
+        return float(self.fluid.domain.comm.allreduce(mine, op=MPI.MAX))
 
     def shares(self, goal: Floats) -> Floats:
         """What each local vertex of the mesh contributes to the error of a goal: (vertices, ghosts included).
