@@ -48,6 +48,11 @@ def pressure_mass(p: Any, q: Any, viscosity: Any, reference_map: ReferenceMap | 
     return weighted(p * q / viscosity, reference_map)
 
 
+def upwinded_viscosity(viscosity: Any, carrier: Any, size: Any, share: float) -> Any:
+    """nu + share tau |c|^2: the viscosity and a share of what `terms.streamline_upwind` adds along the carrier c."""
+    return viscosity + share * streamline_time(carrier, viscosity, size) * ufl.dot(carrier, carrier)
+
+
 def pressure_laplacian(p: Any, q: Any, reference_map: ReferenceMap | None = None) -> Any:
     """grad p . grad q: the Schur complement of flow dominated by its inertia (Cahouet & Chabard 1988)."""
     return weighted(ufl.inner(gradient(p, reference_map), gradient(q, reference_map)), reference_map)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...forms import ReferenceMap
-from ..space import TaylorHood
+from ..space import TaylorHood, cell_size
 
 if TYPE_CHECKING:
     from ..surface import SurfaceLoad
@@ -66,6 +66,11 @@ class Equations:
         symmetric, are smoothed in half the time and serve while steps have the same length (docs/scaling.md).
         """
         return self.carrier if self.rate is None or self.convected else None
+
+    @property
+    def upwind_size(self) -> Any:
+        """Size of cells over the order of the elements that upwinding is that of."""
+        return cell_size(self.space.mixed.mesh) / self.space.order if self.size is None else self.size
 
     @property
     def closed(self) -> bool:

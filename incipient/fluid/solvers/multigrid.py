@@ -13,7 +13,7 @@ from petsc4py import PETSc
 from ... import compat
 from ...compat import petsc
 from ...forms import preconditioning
-from ..space import TaylorHood, cell_size
+from ..space import TaylorHood
 from .equations import Equations
 from .options import defaults
 
@@ -81,14 +81,13 @@ class Levels:
 
     def _form(self, space: Any, equations: Equations) -> Any:
         mesh, order = space.mesh, equations.space.order
-        size = cell_size(mesh) / order if equations.size is None else equations.size
         u, w = ufl.TrialFunction(space), ufl.TestFunction(space)
         integrand = preconditioning.component(
             *(u, w),
             equations.viscosity,
             equations.rate,
             equations.block_carrier,
-            size if self.upwind else None,
+            equations.upwind_size if self.upwind else None,
             equations.reference_map,
         )
         found = integrand * ufl.dx(domain=mesh, metadata={"quadrature_degree": 2 * order})
