@@ -14,8 +14,8 @@ from .waves import LONGER_STEP
 # Coarse runs for the terms of the model: order, mesh_size at least; in time, how much longer the steps are, of which
 # so many stay if the scene has as many, and how much larger the error of each may be where they adapt, up to a bound.
 MODEL_ORDER, MODEL_MESH = 2, 1.4
-# Where gap and domain are chosen to an accuracy below this the coarse runs are in elements of this order.
-FINE_BELOW, FINE_ORDER = 0.003, 3
+# Where gap and domain are chosen to an accuracy below this, coarse runs in the plane are in elements of this order.
+FINE_BELOW, FINE_ORDER = 0.005, 3
 MODEL_MESH_IN_TIME, MODEL_STEP, FEWEST_STEPS = 2.0, 4.0, 8
 MODEL_STEP_OF_WAVES = 2.0  # which longer steps damp
 MODEL_TOLERANCE, LARGEST_TOLERANCE = 8.0, 0.1
@@ -102,7 +102,7 @@ def farther(scene: Scene, factor: float = FARTHER) -> Scene:
 def coarse(scene: Scene, **sections: dict[str, Any]) -> Scene:
     """The scene as it is run for a term of the model."""
     accuracy = scene.numerics.accuracy if scene.numerics.accuracy_includes == "all" else None
-    fine = isinstance(accuracy, float) and accuracy < FINE_BELOW
+    fine = scene.gdim == 2 and isinstance(accuracy, float) and accuracy < FINE_BELOW
     order = FINE_ORDER if fine else MODEL_ORDER
     numerics: dict[str, Any] = {"order": order, "geometry_order": None, "error_bars": False}
     if scene.time is None:

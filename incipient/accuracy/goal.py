@@ -146,7 +146,7 @@ class Goal:
 
     def _slope(self, force: Forces, couple: Couples) -> Floats:
         """Derivatives of log(safety factor) along force and couple, (3,) in the plane and (6,) in space."""
-        load, scene = load_of(self.scene, force, couple), self.scene
+        load, scene = load_of(self.scene.placement, force, couple), self.scene
         assert self.contacts is not None and scene.contact is not None and scene.grain is not None
         step = DIFFERENCE * float(np.linalg.norm(force.flow))
         steps = np.array([step] * scene.gdim + [step * scene.grain.size] * (2 * scene.gdim - 3))

@@ -80,6 +80,8 @@ def suited(scene: Scene, asked: float, goal: Quantity, solve: Solve, report: Cal
             errors = found.errors
             if _hardly_falls(before, found):
                 return _ended(before, found, goal, solve)
+            if _is_noise(before, found):
+                return replace(before, unmet="the error of the gap does not fall as the gap closes")
             if found.error <= SHARE * asked:
                 return found
             parts = [f"error of the {name} {error:.1e}" for name, error in errors.items()]
@@ -120,6 +122,16 @@ def _hardly_falls(before: Suited, found: Suited) -> bool:
     if larger <= 1.0 or "domain" not in before.plain or found.errors["domain"] <= 0.0:
         return False
     return found.plain["domain"] > before.plain["domain"] * larger ** (-0.5 * DECAY)
+
+
+def _is_noise(before: Suited, found: Suited) -> bool:
+    """Whether a smaller gap in the same domain has no less of an error: that of the coarse runs' meshes is left."""
+    gaps = [one.errors.get("gap", 0.0) for one in (before, found)]
+    return (
+        found.scene.domain == before.scene.domain
+        and found.scene is not before.scene
+        and gaps[1] >= gaps[0] > 0.0
+    )
 
 
 def _ended(before: Suited, found: Suited, goal: Quantity, solve: Solve) -> Suited:

@@ -27,6 +27,7 @@ from ..results.adaptation import Adaptation, Trial
 from ..results.result import Result
 from ..results.timing import peak_memory_mib
 from ..scene import Scene
+from ..simulation.beside import InTurn
 from ..simulation.recorder import Recorder
 from ..simulation.simulate import loads_of
 from ..simulation.state import Accounts
@@ -157,8 +158,9 @@ class AccuracySearch(ABC):
         asked = self.numerics.accuracy
         if self.numerics.accuracy_includes == "discretisation" or not isinstance(asked, float | int):
             return
-        with self.ledger.stage("error bars"):
-            self.suited = suited(self.scene, asked, self.goal, self.kept_runs(), self.voice.say)
+        with self.ledger.stage("error bars"), InTurn(self.comm, loads_of) as solve:
+            runs = KeptRuns(self.known.loads, self.spent, solve)
+            self.suited = suited(self.scene, asked, self.goal, runs, self.voice.say)
         self.scene = self.suited.scene
         self.keep_model_terms()
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..parallel import Comm
 from ..results.errorbars import Loads
 from ..scene import Scene
+from .build import prepared
 from .state import Run
+from .steady import loads_at
 
 if TYPE_CHECKING:
     from .moved_mesh import MovedMesh
@@ -30,6 +33,10 @@ class Beside:
     def __init__(self, run: Run, by_itself: Callable[[Scene, Comm, float], Loads], speed: float = 1.0):
         self._run, self._by_itself, self._speed = run, by_itself, speed
 
+    def serves(self, key: str) -> bool:
+        """Whether the run's mesh, moved, serves for a scene, given by its JSON. Collective."""
+        return key in self._meshes
+
     def __call__(self, scene: Scene) -> Loads:
         """Force and couple in a scene. Collective."""
         moved = self._meshes.get(scene.model_dump_json())
@@ -47,3 +54,36 @@ class Beside:
         from .moved_mesh import moved_meshes
 
         return moved_meshes(run)
+
+
+class InTurn:
+    """Loads of coarse runs of one scene after the other, without a run beside them; a context, callable. Collective.
+
+    In steady flow in space the first of those that differ by gap or domain alone has a mesh, which moves for the rest.
+
+    Args:
+        comm: of all runs.
+        by_itself: runs a scene on a mesh of its own, at a speed.
+    """
+
+    def __init__(self, comm: Comm, by_itself: Callable[[Scene, Comm, float], Loads]):
+        self._comm, self._by_itself = comm, by_itself
+        self._open = ExitStack()
+        self._beside: Beside | None = None
+
+    def __enter__(self) -> InTurn:
+        return self
+
+    def __exit__(self, *exception: Any) -> None:
+        self._open.close()
+
+    def __call__(self, scene: Scene) -> Loads:
+        """Force and couple in a scene. Collective."""
+        if scene.gdim != 3 or scene.time is not None or scene.has_wall_layer or scene.body is None:
+            return self._by_itself(scene, self._comm, 1.0)
+        if self._beside is None or not self._beside.serves(scene.model_dump_json()):
+            self._open.close()
+            run = self._open.enter_context(prepared(scene, self._comm))
+            loads_at(run, 1.0)
+            self._beside = Beside(run, self._by_itself)
+        return self._beside(scene)

@@ -163,7 +163,7 @@ def test_slope_of_the_safety_factor() -> None:
     goal, (force, couple) = Goal.of(scene), loaded(1.0, -0.1)
     (slope,) = goal.goals(force, couple)
     factors = [
-        judged(load_of(scene, *loads_), goal.contacts, 0.5).safety.value
+        judged(load_of(scene.placement, *loads_), goal.contacts, 0.5).safety.value
         for loads_ in (loaded(0.99, -0.1), loaded(1.01, -0.1))
     ]
     assert np.log(factors[1] / factors[0]) == pytest.approx(0.02 * slope[0], rel=1e-2)

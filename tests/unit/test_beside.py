@@ -10,12 +10,13 @@ import pytest
 from mpi4py import MPI
 from scenes import sphere_on_plane
 
+from incipient.accuracy.coarse_runs import coarse
 from incipient.accuracy.errorbars import coarse_scenes
 from incipient.mesh.motion import MeshMotion
 from incipient.mesh.stretching import KeptBox, Lifting, stretched
 from incipient.results.errorbars import Loads
 from incipient.scene import Contact, Domain, Fluid, Gravity, Numerics, Scene, Sphere, SphereBed
-from incipient.simulation.beside import Beside
+from incipient.simulation.beside import Beside, InTurn
 from incipient.simulation.build import prepared
 from incipient.simulation.steady import solve_steadily
 
@@ -136,3 +137,17 @@ def test_points_are_stretched_away_from_the_middle_only() -> None:
     assert np.array_equal(moved[near], line[near]) and np.array_equal(moved[:, 2], line[:, 2])
     assert stretched(line, centre, np.full(3, 9.0), old, new) is None
     assert stretched(line, centre, kept, new, KeptBox(old.low, np.array([8.0, 8.0, 6.0]))) is None
+
+
+def test_coarse_runs_in_turn_have_the_mesh_of_the_first() -> None:
+    """Without a run beside them: the first is run, its mesh serves the others; another scene begins anew."""
+    scenes = coarse_scenes(coarse(on_plane()))
+    with InTurn(MPI.COMM_SELF, never) as solve:
+        found = [solve(each) for each in scenes[:2]]
+        other = solve(coarse(on_plane(domain=Domain(length=60.0, width=60.0, height=30.0))))
+    assert all(one.moved for one in (*found, other))
+    with prepared(scenes[0], MPI.COMM_SELF) as run:
+        solve_steadily(run, run.fluid)
+        beside = [Beside(run, never)(each) for each in scenes[:2]]
+    for one, another in zip(found, beside, strict=True):
+        assert one.force == pytest.approx(another.force, rel=1e-4)

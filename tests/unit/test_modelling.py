@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,11 +11,11 @@ import pytest
 from mpi4py import MPI
 
 import incipient
-from incipient.accuracy.coarse_runs import changed, coarse
+from incipient.accuracy.coarse_runs import changed, coarse, farther
 from incipient.accuracy.goal import Goal
 from incipient.accuracy.kept_runs import KeptRuns, Solve
 from incipient.accuracy.model_terms import of_domain, of_gap
-from incipient.adaptive.modelling import SMALLEST_GAP, Suited, remedies, suited
+from incipient.adaptive.modelling import SMALLEST_GAP, Suited, _is_noise, remedies, suited
 from incipient.adaptive.refinement import Refinement
 from incipient.critical.meshes import CriticalRefinement
 from incipient.errors import ConvergenceError, SceneError
@@ -296,3 +297,17 @@ def test_all_errors_of_flow_in_time() -> None:
         changed(still, domain=middle, numerics={"error_bars": False, "mesh_size": 1.0}), MPI.COMM_SELF
     )
     assert result.force is not None and relative(result.force.flow, true.force) < 0.05
+
+
+def test_a_gap_is_not_closed_where_its_error_is_that_of_coarse_meshes() -> None:
+    """A smaller gap whose error is no smaller is given up for the one before, and the search says so."""
+    wide = loads(POCKET)
+    narrow = changed(wide, contact={"gap": 0.001})
+    before, found = (
+        Suited(scene, errors={"gap": error, "domain": 1e-4})
+        for scene, error in ((wide, 2e-3), (narrow, 2.5e-3))
+    )
+    assert _is_noise(before, found)
+    assert not _is_noise(before, replace(found, errors={"gap": 1e-3}))
+    assert not _is_noise(before, replace(found, scene=farther(narrow)))
+    assert not _is_noise(Suited(wide), found)
