@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 
 from incipient.arrays import Floats
-from incipient.geometry.space.cloud import NearestOf
 from incipient.geometry.space.halving import halved
 from incipient.geometry.space.marching import in_blocks, level_surface
+from incipient.geometry.space.nearest import NearestOf
 from incipient.geometry.space.pieces import HalfSpacesAndBalls
 from incipient.geometry.space.polyhedra import Triangulated
 from incipient.geometry.space.remeshing import GRID, Draft, ExactSurface

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from incipient.errors import MeshError
-from incipient.geometry.space.crossings import crossed
 from incipient.geometry.space.remeshing import ExactSurface, remeshed, without_area
+from incipient.geometry.space.repair import crossed
 from incipient.geometry.space.surfaces import Surface, joined
 from incipient.interrupt import handlers_kept
 

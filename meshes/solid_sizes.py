@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from incipient.arrays import Floats
-from incipient.geometry.space.cloud import Cloud, NearestOf
 from incipient.geometry.space.marching import in_blocks
+from incipient.geometry.space.nearest import Cloud, NearestOf
 from incipient.geometry.space.surfaces import Surface
 
 from .exact import Body, Ground

@@ -3,21 +3,19 @@
 import numpy as np
 import pytest
 import trimesh
+from free_shapes import Relief, StarSolid
 from hypothesis import strategies as st
 
 from incipient.geometry import (
     Box,
-    EggCrate,
     Ellipsoid,
     HeightMap,
     Hemispheres,
     Plane,
     Polyhedron,
-    Relief,
     Ridges,
     Sphere,
     Spheres,
-    StarSolid,
     Superquadric,
     Triangulated,
 )
@@ -50,7 +48,6 @@ TERRAINS = {
     "square half-balls": Hemispheres(0.4, 1.0, "square", (0.1, 0.2), 0.3),
     "triangular overlapping half-balls": Hemispheres(0.5, 0.8, "triangular"),
     "ridges": Ridges(0.1, 1.0, 0.4, 0.2),
-    "egg crate": EggCrate(0.2, (1.0, 1.2), (0.3, 0.0), 0.1),
     "callable": Relief(lambda x: 0.2 * np.sin(3.0 * x[:, 0]) * np.cos(2.0 * x[:, 1]), 0.5),
     "height map": HeightMap(0.2 * np.sin(3.0 * X) * np.cos(2.0 * Y), (0.1, 0.1), (-4.0, -4.0, 0.0)),
 }

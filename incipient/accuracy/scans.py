@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import ConvergenceError, SceneError
+from ..geometry.coarser import coarser_heights, coarser_outline, coarser_surface
 from ..geometry.space.surfaces import Surface
 from ..results.errorbars import Term
 from ..results.loads import Couples, Forces
@@ -66,7 +67,9 @@ def _judged(scene: Scene, force: Forces, couple: Couples) -> Exact:
 
     assert scene.contact is not None and scene.body is not None
     inert = mass_and_inertia(scene.body, scene.placement)
-    return judged(load_of(scene, force, couple), find_contacts(scene), scene.contact.friction, inert)
+    return judged(
+        load_of(scene.placement, force, couple), find_contacts(scene), scene.contact.friction, inert
+    )
 
 
 def coarser_copy(scene: Scene, copy: int) -> Scene:
@@ -95,11 +98,7 @@ def _coarser_body(scene: Scene, copy: int) -> dict[str, Any]:
     """The keys that a coarser copy of the grain changes."""
     body: Any = scene.body
     if body.shape == "polygon":
-        from ..geometry.plane.coarser import coarser_outline
-
         return {"vertices": coarser_outline(np.array(body.vertices), copy, closed=True).tolist()}
-    from ..geometry.space.coarser import coarser_surface
-
     found = coarser_surface(Surface(scene.grain.vertices, scene.grain.triangles), COARSER[copy])
     return {"vertices": found.points.tolist(), "triangles": found.triangles.tolist(), "size": None}
 
@@ -108,11 +107,7 @@ def _coarser_bed(scene: Scene, copy: int) -> dict[str, Any]:
     """The keys that a coarser copy of the bed changes."""
     bed: Any = scene.bed
     if bed.kind == "polyline":
-        from ..geometry.plane.coarser import coarser_outline
-
         return {"points": coarser_outline(np.array(bed.points), copy, closed=False).tolist()}
-    from ..geometry.space.coarser import coarser_heights
-
     return {"heights": coarser_heights(np.array(bed.heights), copy).tolist()}
 
 

@@ -13,9 +13,9 @@ from incipient.geometry.settle import Settled, SettlingOutcome, settle
 from incipient.geometry.space.cylinder import Cylinder
 from incipient.geometry.space.heightmap import HeightMap
 from incipient.geometry.space.polyhedra import Box, Polyhedron, Triangulated
-from incipient.geometry.space.solid import Ellipsoid, Solid, Sphere, StarSolid, Superquadric
+from incipient.geometry.space.solid import Ellipsoid, Solid, Sphere, Superquadric
 from incipient.geometry.space.spheres import Spheres
-from incipient.geometry.space.terrain import EggCrate, Hemispheres, Plane, Relief, Ridges, Terrain
+from incipient.geometry.space.terrain import Hemispheres, Plane, Ridges, Terrain
 
 __all__ = [
     "Arc",
@@ -25,7 +25,6 @@ __all__ = [
     "Cylinder",
     "Disc",
     "Discs",
-    "EggCrate",
     "Ellipse",
     "Ellipsoid",
     "Flat",
@@ -41,7 +40,6 @@ __all__ = [
     "Polyhedron",
     "Polyline",
     "Rectangle",
-    "Relief",
     "Ridges",
     "Settled",
     "SettlingOutcome",
@@ -51,7 +49,6 @@ __all__ = [
     "Spheres",
     "Spline",
     "Star",
-    "StarSolid",
     "Superellipse",
     "Superquadric",
     "Terrain",

@@ -134,12 +134,3 @@ def circle_rule(count: int) -> tuple[Floats, Floats]:
     """Weights (n,) and unit directions (n, 2) of the trapezoidal rule on the circle."""
     angle = 2.0 * np.pi * np.arange(count) / count
     return np.full(count, 2.0 * np.pi / count), np.column_stack([np.cos(angle), np.sin(angle)])
-
-
-def sphere_rule(count: int) -> tuple[Floats, Floats]:
-    """Weights (n,) and unit directions (n, 3): `count` Gauss points in latitude, twice as many in longitude."""
-    z, latitude = np.polynomial.legendre.leggauss(count)
-    weights, circle = circle_rule(2 * count)
-    ring = np.sqrt(1.0 - z**2)[:, None, None] * circle
-    height = np.broadcast_to(z[:, None, None], (count, 2 * count, 1))
-    return np.outer(latitude, weights).ravel(), np.concatenate([ring, height], axis=2).reshape(-1, 3)

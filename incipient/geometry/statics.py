@@ -62,11 +62,9 @@ def balance(rows: Floats, load: Floats) -> tuple[Floats, Floats]:
 
     The unbalanced part is also the direction in which the load moves the grain: it enters no contact.
     """
-    from scipy.optimize import nnls
-
     if len(rows) == 0:
         return load, np.empty(0)
-    factors, _ = nnls(rows.T, -load, maxiter=50 * max(rows.shape))
+    factors = _least_squares(rows.T, -load)
     return load + factors @ rows, factors
 
 
@@ -76,17 +74,23 @@ def nearest_motion(rows: Floats, least: Floats, wish: Floats) -> Floats:
     Least distance programming (Lawson and Hanson 1974, chapter 23); `least` is at most zero, so that no
     motion at all is allowed.
     """
-    from scipy.optimize import nnls
-
     if len(rows) == 0:
         return wish
     levels = least - rows @ wish
     system = np.vstack([rows.T, levels])
     target = np.zeros(len(system))
     target[-1] = 1.0
-    factors, _ = nnls(system, target, maxiter=50 * max(system.shape))
+    factors = _least_squares(system, target)
     residual = system @ factors - target
     return np.asarray(wish - residual[:-1] / min(residual[-1], -1e-300))
+
+
+def _least_squares(system: Floats, target: Floats) -> Floats:
+    """The factors (m,), none below zero, by which columns of a system (n, m) come closest to a target (n,)."""
+    from scipy.optimize import nnls
+
+    factors, _ = nnls(system, target, maxiter=50 * max(system.shape))
+    return np.asarray(factors)
 
 
 def free_motions(rows: Floats) -> Floats:

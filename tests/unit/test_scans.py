@@ -17,8 +17,7 @@ from incipient.accuracy.safetybar import bar_of_safety
 from incipient.accuracy.scans import coarser_copy, is_scanned, of_scans
 from incipient.contact import Contacts, Load
 from incipient.critical.bars import factor_range
-from incipient.geometry.plane.coarser import coarser_outline
-from incipient.geometry.space.coarser import coarser_heights, coarser_surface
+from incipient.geometry.coarser import coarser_heights, coarser_outline, coarser_surface
 from incipient.geometry.space.surfaces import Surface
 from incipient.results.errorbars import Term
 from incipient.results.loads import Couples, Forces
@@ -83,7 +82,7 @@ def test_the_term_covers_what_finer_scans_change(tmp_path: Path, facets: int, tu
 
     scene = pebble(tmp_path, facets, turn)
     term = of_scans(scene, *load_on())
-    value = judged(load_of(scene, *load_on()), find_contacts(scene), 0.7).safety.value
+    value = judged(load_of(scene.placement, *load_on()), find_contacts(scene), 0.7).safety.value
     error = max(value / LIMIT, LIMIT / value) - 1.0
     assert error > 0.05
     assert error < term.ratio - 1.0 < 4.0 * error

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
+from free_shapes import StarSolid
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from solids_and_terrains import POINTS, SOLIDS, TORUS, solids, vectors
@@ -15,7 +16,6 @@ from incipient.geometry import (
     Polyhedron,
     Sphere,
     Spheres,
-    StarSolid,
     Superquadric,
     Triangulated,
 )
@@ -273,8 +273,6 @@ class TestBadSolids:
             (lambda: Polyhedron([(0, 0, 0), (1, 0, 0), (0, 1, 0)]), "four or more"),
             (lambda: Polyhedron([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)]), "no volume"),
             (lambda: Polyhedron([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, np.inf)]), "finite"),
-            (lambda: StarSolid(lambda d: d[:, 0]), "keep it positive"),
-            (lambda: StarSolid(lambda d: 1.0), "one finite number"),
             (lambda: Spheres([(0, 0, 0), (3, 0, 0)], [1, 1]), "does not overlap"),
             (lambda: Spheres([(0, 0, 0), (0.1, 0, 0)], [1, 0.2]), "sphere 1 .* lies within"),
         ],

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from incipient.geometry.space.coarser import coarser_surface
+from incipient.geometry.coarser import coarser_surface
 from incipient.geometry.space.surfaces import Surface, box, grid, sphere, vector_areas
 from incipient.geometry.space.topology import Topology, summed
 from incipient.meshes.exact import on_level

@@ -1,4 +1,4 @@
-"""Nearest points on triangles in space, by trees of their centroids: quick for very many triangles, too."""
+"""Nearest points on triangles in space, by trees of their centroids or points: quick for very many, too."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from incipient.arrays import Floats, planar_cross, unit
+from incipient.geometry.space.surfaces import Surface
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 BLOCK = 1_000_000  # pairs of points and triangles that are looked at together
 RAY = unit(np.array([0.36419, 0.27183, 0.89124]))  # no direction in which grains have faces and edges
 ROUND_OFF = 1e-9  # of the largest triangle: added to how far a point may be
+CLOSE = 2.0  # spacings of the triangles: farther away the nearest vertex alone tells the distance
 CLEAR = 1e-9  # how far a ray must pass an edge to be counted: an area, in squares of the triangles' size
 
 
@@ -153,3 +155,48 @@ def _solid_angles(x: Floats, corners: Floats) -> Floats:
     volume = (a * np.cross(b, c)).sum(-1)
     other = la * lb * lc + (a * b).sum(-1) * lc + (b * c).sum(-1) * la + (c * a).sum(-1) * lb
     return np.asarray((2.0 * np.arctan2(volume, other)).sum(axis=1) / (4.0 * np.pi))
+
+
+class NearestOf:
+    """Which of some points (m, 3) is nearest."""
+
+    def __init__(self, points: Floats):
+        self.tree = _tree(points)
+
+    def __call__(self, x: Floats) -> tuple[Floats, np.ndarray]:
+        """The distances (n,) of points (n, 3) from the nearest one, and its numbers (n,)."""
+        distance, number = self.tree.query(x)
+        return distance, number
+
+    def distances(self, x: Floats, count: int) -> Floats:
+        """The distances (count, n) of points (n, 3) from the `count` nearest ones, infinite where there are fewer."""
+        return np.asarray(self.tree.query(x, [*range(1, 1 + count)])[0].T)
+
+    def most_within(self, reach: float) -> int:
+        """How many of the points lie within a distance of any one of them, itself included; at least 1."""
+        if not self.tree.n:
+            return 1
+        return int(self.tree.query_ball_point(self.tree.data, reach, return_length=True).max())
+
+
+class Cloud:
+    """Triangles whose distance from points is told: that of the triangles around the nearest of their points."""
+
+    def __init__(self, surface: Surface):
+        self.corners, self.spacing = surface.corners, surface.spacing
+        self.vertices = NearestOf(surface.points)
+        flat = surface.triangles.ravel()
+        order = np.argsort(flat, kind="stable")
+        count = np.bincount(flat, minlength=len(surface.points))
+        place = np.arange(len(flat)) - np.repeat(np.cumsum(count) - count, count)
+        self.around = np.zeros((len(count), max(int(count.max(initial=0)), 1)), dtype=int)
+        self.around += order[np.minimum(np.cumsum(count) - count, len(order) - 1)][:, None] // 3
+        self.around[flat[order], place] = order // 3
+
+    def distance(self, x: Floats) -> Floats:
+        """The distances (n,) of points (n, 3)."""
+        distance, nearest = self.vertices(x)
+        near = np.flatnonzero(distance < CLOSE * self.spacing)
+        feet = nearest_on_triangles(x[near, None], self.corners[self.around[nearest[near]]])
+        distance[near] = np.minimum(distance[near], np.linalg.norm(feet - x[near, None], axis=2).min(axis=1))
+        return distance

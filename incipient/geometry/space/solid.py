@@ -1,4 +1,4 @@
-"""Rigid grains in space: what all can do, and the smooth ones: sphere, ellipsoid, superquadric, star.
+"""Rigid grains in space: what all can do, and the smooth ones: sphere, ellipsoid, superquadric.
 
 All grains live in their body frame: the origin is the centroid, the centre of mass of a uniform grain.
 Lengths are scene units.
@@ -21,8 +21,6 @@ from incipient.geometry.shape import Shape, require_positive
 from incipient.geometry.space import surfaces
 from incipient.geometry.space.nearest import Triangles
 from incipient.geometry.space.surfaces import Surface
-
-LATITUDES = 48  # of the rule for the integrals of stars: spectral accuracy
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,91 +216,6 @@ class Sphere(Solid):
     def surface(self, spacing: float) -> Surface:
         """A divided icosahedron."""
         return triangulated(lambda d: 0.5 * self.diameter * d, self.diameter, spacing)
-
-
-@dataclass(frozen=True)
-class StarSolid(Solid):
-    """A star-shaped grain: distance `radius(direction)` from a pole, smooth and positive.
-
-    `radius` takes unit vectors (n, 3) and returns lengths (n,); its derivatives are differences. The body
-    frame is shifted to the centroid.
-    """
-
-    radius: Callable[[Floats], Floats]
-
-    def __post_init__(self) -> None:
-        directions = surfaces.sphere(12).points
-        r = np.asarray(self.radius(directions), dtype=float)
-        if r.shape != (len(directions),) or not np.isfinite(r).all():
-            raise SceneError("the radius of the star is not one finite number for each direction; change it")
-        if r.min() <= 0.0:
-            worst = np.round(directions[np.argmin(r)], 2).tolist()
-            raise SceneError(f"the radius of the star is {r.min():.3g} towards {worst}; keep it positive")
-
-    @cached_property
-    def _moments(self) -> moments.Moments:
-        """By integrals of powers of r over all directions."""
-        weights, directions = moments.sphere_rule(LATITUDES)
-        return moments.star_shape(weights, directions, np.asarray(self.radius(directions), dtype=float))
-
-    @cached_property
-    def pole(self) -> Floats:
-        """Where the radius is measured from, in the body frame (3,)."""
-        return -self._moments.centroid
-
-    @cached_property
-    def size(self) -> float:
-        """The largest distance of two points of the surface, by sampling and refinement."""
-        directions = surfaces.sphere(12).points
-        points = self._point(directions)
-        apart = np.linalg.norm(points[:, None] - points, axis=2)
-        ends = directions[list(np.unravel_index(np.argmax(apart), apart.shape))]
-        step, around = 0.1, surfaces.sphere(2).points
-        while step > 1e-9:
-            tries = [unit(end + step * np.vstack([np.zeros(3), around])) for end in ends]
-            first, second = (self._point(directions) for directions in tries)
-            apart = np.linalg.norm(first[:, None] - second, axis=2)
-            i, j = np.unravel_index(np.argmax(apart), apart.shape)
-            ends, step = np.array([tries[0][i], tries[1][j]]), step if i + j > 0 else 0.5 * step
-        return float(apart.max())
-
-    def _point(self, directions: Floats) -> Floats:
-        """Points of the surface (n, 3) in unit directions from the pole."""
-        return self.pole + np.asarray(self.radius(directions), dtype=float)[:, None] * directions
-
-    def level(self, x: ArrayLike) -> Floats:
-        """The distance from the pole less the radius in that direction, at points (n, 3)."""
-        away = rows(x) - self.pole
-        return np.asarray(np.linalg.norm(away, axis=1) - self.radius(unit(away)))
-
-    def normal(self, x: ArrayLike) -> Floats:
-        """Outward unit normals (n, 3) of the level function at points (n, 3)."""
-        away = rows(x) - self.pole
-        length = np.maximum(np.linalg.norm(away, axis=1), 1e-300)
-        outward = unit(away)
-        gradient = outward.copy()
-        for tangent in frame_of(outward):
-            gradient -= tangent * (self._rate(outward, tangent) / length)[:, None]
-        return unit(gradient)
-
-    def _rate(self, outward: Floats, tangent: Floats) -> Floats:
-        """The derivative of the radius (n,) as the direction turns towards a unit tangent."""
-        h = 1e-3
-
-        def difference(angle: float) -> Floats:
-            """The difference of the radii (n,) at this angle on either side."""
-            ahead, aside = np.cos(angle) * outward, np.sin(angle) * tangent
-            return np.asarray(self.radius(ahead + aside)) - np.asarray(self.radius(ahead - aside))
-
-        return np.asarray((8.0 * difference(h) - difference(2.0 * h)) / (12.0 * h))
-
-    def project(self, x: ArrayLike) -> Floats:
-        """The points (n, 3) of the surface on the rays from the pole through points (n, 3)."""
-        return self._point(unit(rows(x) - self.pole))
-
-    def surface(self, spacing: float) -> Surface:
-        """A sphere's triangles, carried along rays onto the surface."""
-        return triangulated(self._point, self.size, spacing)
 
 
 def frame_of(normals: Floats) -> tuple[Floats, Floats]:

@@ -4,7 +4,6 @@ Every bed takes `origin_z`, the height of its base plane in the scene. Lengths a
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -261,51 +260,8 @@ class SmoothTerrain(Terrain):
         return Graph(self.height, self.gradient, self.hessian, self.feature)
 
 
-class _Waves(SmoothTerrain):
-    """A sum of plane sinusoids, `waves` being rows of amplitude, wave vector (2) and phase."""
-
-    origin_z: float
-
-    @property
-    @abstractmethod
-    def waves(self) -> Floats:
-        """Rows of amplitude, wave vector (2), phase."""
-
-    @property
-    def feature(self) -> float:
-        """Half the shortest wavelength, or the radius of curvature at a crest where that is smaller."""
-        numbers = np.linalg.norm(self.waves[:, 1:3], axis=1)
-        curvature = float((self.waves[:, 0] * numbers**2).max())
-        return min(float(np.pi / numbers.max()), 1.0 / curvature if curvature > 0.0 else np.inf)
-
-    @property
-    def crest(self) -> float:
-        """Where all waves are at their crests."""
-        return float(self.origin_z + np.abs(self.waves[:, 0]).sum())
-
-    def mean(self, x: Sides, y: Sides) -> float:
-        """`origin_z`, the mean over a wavelength."""
-        return self.origin_z
-
-    def height(self, x: ArrayLike) -> Floats:
-        """b at points (n, 2), (n,)."""
-        waves = self.waves
-        return np.asarray(self.origin_z + np.sin(rows(x) @ waves[:, 1:3].T + waves[:, 3]) @ waves[:, 0])
-
-    def gradient(self, x: ArrayLike) -> Floats:
-        """The derivatives (n, 2)."""
-        waves = self.waves
-        return np.asarray(np.cos(rows(x) @ waves[:, 1:3].T + waves[:, 3]) @ (waves[:, :1] * waves[:, 1:3]))
-
-    def hessian(self, x: ArrayLike) -> Floats:
-        """The second derivatives (n, 2, 2)."""
-        waves = self.waves
-        sines = -waves[:, 0] * np.sin(rows(x) @ waves[:, 1:3].T + waves[:, 3])
-        return np.einsum("nk,ki,kj->nij", sines, waves[:, 1:3], waves[:, 1:3])
-
-
 @dataclass(frozen=True)
-class Ridges(_Waves):
+class Ridges(SmoothTerrain):
     """z = origin_z + amplitude sin(2 pi (x cos(angle) + y sin(angle)) / wavelength + phase)."""
 
     amplitude: float
@@ -316,7 +272,10 @@ class Ridges(_Waves):
 
     def __post_init__(self) -> None:
         require_positive("wavelength", self.wavelength)
-        _require_amplitude(self.amplitude)
+        if not (np.isfinite(self.amplitude) and self.amplitude >= 0.0):
+            raise SceneError(
+                f"amplitude {self.amplitude} is not a length; give a number that is not negative"
+            )
 
     @property
     def steepest(self) -> float:
@@ -324,91 +283,40 @@ class Ridges(_Waves):
         return 2.0 * np.pi * self.amplitude / self.wavelength
 
     @property
-    def waves(self) -> Floats:
-        """One wave."""
+    def _wave(self) -> Floats:
+        """The wave vector (1, 2)."""
         k = 2.0 * np.pi / self.wavelength
-        return np.array([[self.amplitude, k * np.cos(self.angle), k * np.sin(self.angle), self.phase]])
-
-
-@dataclass(frozen=True)
-class EggCrate(_Waves):
-    """z = origin_z + amplitude/2 (sin(2 pi x / wavelengths[0] + phases[0]) + the same of y)."""
-
-    amplitude: float
-    wavelengths: tuple[float, float]
-    phases: tuple[float, float] = (0.0, 0.0)
-    origin_z: float = 0.0
-
-    def __post_init__(self) -> None:
-        require_positive("wavelength", *self.wavelengths)
-        _require_amplitude(self.amplitude)
-
-    @property
-    def waves(self) -> Floats:
-        """One wave along each direction."""
-        kx, ky = 2.0 * np.pi / np.asarray(self.wavelengths)
-        half = 0.5 * self.amplitude
-        return np.array([[half, kx, 0.0, self.phases[0]], [half, 0.0, ky, self.phases[1]]])
-
-
-def _require_amplitude(value: float) -> None:
-    if not (np.isfinite(value) and value >= 0.0):
-        raise SceneError(f"amplitude {value} is not a length; give a number that is not negative")
-
-
-@dataclass(frozen=True)
-class Relief(SmoothTerrain):
-    """z = origin_z + function(x) for any smooth function of points (n, 2) that returns heights (n,).
-
-    `feature` is the smallest horizontal length of its shape; derivatives are differences over parts of it
-    (first ones with an error of about 1e-12, second ones of 1e-8 of the heights).
-    """
-
-    crest = np.inf  # not known of a function
-    function: Callable[[Floats], Floats]
-    feature_length: float
-    origin_z: float = 0.0
-    within: Extent = ((-np.inf, np.inf), (-np.inf, np.inf))
-
-    def __post_init__(self) -> None:
-        require_positive("feature_length", self.feature_length)
-        x = np.array([[np.clip(0.0, *side) for side in self.within]])
-        value = np.asarray(self.function(np.repeat(x, 2, axis=0)), dtype=float)
-        if value.shape != (2,) or not np.isfinite(value).all():
-            raise SceneError("the bed's function does not return one finite height for each point; change it")
+        return np.array([[k * np.cos(self.angle), k * np.sin(self.angle)]])
 
     @property
     def feature(self) -> float:
-        """`feature_length`."""
-        return self.feature_length
-
-    def crest_level(self, x: Sides, y: Sides) -> float:
-        """The highest of a rule of points as fine as the feature asks for."""
-        return float(self.height(_rule(x, y, self.feature)).max())
+        """Half the wavelength, or the radius of curvature at a crest where that is smaller."""
+        number = float(np.linalg.norm(self._wave, axis=1)[0])
+        curvature = self.amplitude * (number * number)
+        return min(np.pi / number, 1.0 / curvature if curvature > 0.0 else np.inf)
 
     @property
-    def extent(self) -> Extent:
-        """`within`."""
-        return self.within
+    def crest(self) -> float:
+        """The height of the crests."""
+        return self.origin_z + self.amplitude
+
+    def mean(self, x: Sides, y: Sides) -> float:
+        """`origin_z`, the mean over a wavelength."""
+        return self.origin_z
 
     def height(self, x: ArrayLike) -> Floats:
         """b at points (n, 2), (n,)."""
-        return np.asarray(self.origin_z + np.asarray(self.function(rows(x)), dtype=float))
+        return np.asarray(self.origin_z + self.amplitude * np.sin(self._phases(x))[:, 0])
 
     def gradient(self, x: ArrayLike) -> Floats:
-        """Central differences of fourth order, (n, 2)."""
-        h = 1e-3 * self.feature_length
-        return np.column_stack([_fourth_order(self.height, rows(x), h * e) / h for e in np.eye(2)])
+        """The derivatives (n, 2)."""
+        return np.asarray(np.cos(self._phases(x)) * (self.amplitude * self._wave))
 
     def hessian(self, x: ArrayLike) -> Floats:
-        """Central differences of the first derivatives, (n, 2, 2)."""
-        h = 1e-3 * self.feature_length
-        second = np.stack([_fourth_order(self.gradient, rows(x), h * e) / h for e in np.eye(2)], axis=2)
-        return np.asarray(0.5 * (second + np.swapaxes(second, 1, 2)))
+        """The second derivatives (n, 2, 2)."""
+        sines = -self.amplitude * np.sin(self._phases(x))
+        return np.einsum("nk,ki,kj->nij", sines, self._wave, self._wave)
 
-
-def _fourth_order(function: Callable[[Floats], Floats], x: Floats, step: Floats) -> Floats:
-    """The change of a function per step, by differences of fourth order."""
-    near = function(x + step) - function(x - step)
-    far = function(x + 2.0 * step) - function(x - 2.0 * step)
-    return np.asarray((8.0 * near - far) / 12.0)
+    def _phases(self, x: ArrayLike) -> Floats:
+        """The arguments (n, 1) of the sine at points (n, 2)."""
+        return np.asarray(rows(x) @ self._wave.T + self.phase)

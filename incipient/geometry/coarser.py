@@ -1,4 +1,4 @@
-"""Coarser copies of surfaces of triangles and of heights on a raster: what scans of less resolution would be."""
+"""Coarser copies of outlines, of surfaces of triangles and of heights on a raster: scans of less resolution."""
 
 from __future__ import annotations
 
@@ -6,13 +6,27 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from incipient.arrays import Floats
+from incipient.arrays import Floats, planar_cross, unit
 from incipient.geometry.space.heightmap import HeightMap
 from incipient.geometry.space.nearest import Triangles
 from incipient.geometry.space.remeshing import Draft, ExactSurface, remeshed
 from incipient.geometry.space.surfaces import Surface
 
+SHARP = np.radians(35.0)  # turn of an outline at a corner that is its shape, not its resolution
+EVERY = ((2, 0), (2, 1), (3, 0))  # of how many points one is kept, and the first one, copy by copy
 AROUND = 8  # points whose edges are averaged for the length of edges at a place
+
+
+def coarser_outline(points: Floats, copy: int, closed: bool) -> Floats:
+    """Every second or third of points (n, 2) of an outline, sharp corners and ends kept; `copy` is 0, 1 or 2."""
+    every, first = EVERY[copy % len(EVERY)]
+    kept = np.arange(len(points)) % every == first
+    before, after = points - np.roll(points, 1, axis=0), np.roll(points, -1, axis=0) - points
+    along, onwards = unit(before), unit(after)
+    kept |= np.abs(np.arctan2(planar_cross(along, onwards), (along * onwards).sum(axis=1))) > SHARP
+    if not closed:
+        kept[[0, -1]] = True
+    return points[kept]
 
 
 @dataclass(frozen=True, eq=False)
