@@ -61,8 +61,13 @@ class UnsteadinessEffect(Effect):
         """The rate of change at fixed places of the mesh, and the form of convection in time."""
         if not unsteady:
             return model
-        stable = setup.scene.numerics.form == "energy-stable"
-        return replace(model, unsteady=True, convection=plan.convection, energy_stable=stable)
+        stable, base_flow = setup.scene.numerics.form == "energy-stable", setup.base_flow
+        model = replace(model, unsteady=True, convection=plan.convection, energy_stable=stable)
+        if base_flow.gust is None:
+            return model
+        from ..planning.driving_force import driven
+
+        return replace(model, driven=driven(base_flow, setup.geometry.grain))
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
         """A risk of vortices that are shed; the rate of quasi-steady flow weighted with the dual solutions."""

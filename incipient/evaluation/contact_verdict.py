@@ -10,7 +10,6 @@ from ..arrays import spatial
 from ..contact import Contacts, Load
 from ..contact.exact.judge import MassAndInertia
 from ..contact.exact.rocking import Rocking, follow
-from ..contact.verdict import judge as judge_load
 from ..geometry.placement import Placement
 from ..planning.flow_setup import Setup
 from ..results.loads import Couples, Forces
@@ -31,21 +30,13 @@ def find_contacts(scene: Scene) -> Contacts:
     return Setup(scene).geometry.contacts
 
 
-def load_of(scene: Scene, force: Forces, couple: Couples) -> Load:
+def load_of(placement: Placement | None, force: Forces, couple: Couples) -> Load:
     """The load on the contacts: the flow's force and couple, and the submerged weight at the centre of mass.
 
-    The centre is that of the resting grain: contacts are where it touches, not where the gap has lifted it.
+    The placement is that of the grain where it touches the bed, not where the gap has lifted it.
     """
-    assert scene.placement is not None
-    return Load(force.flow, couple.flow, force.weight + force.buoyancy, spatial(scene.placement.centre))
-
-
-def judge(scene: Scene, contacts: Contacts, force: Forces, couple: Couples) -> dict[str, Any] | None:
-    """The verdict of both judges with every quantity behind it, or None where there is nothing to judge."""
-    if scene.contact is None or scene.body is None or scene.mass is None:
-        return None
-    inert = mass_and_inertia(scene.body, scene.placement)
-    return judge_load(load_of(scene, force, couple), contacts, scene.contact.friction, inert).to_dict()
+    assert placement is not None
+    return Load(force.flow, couple.flow, force.weight + force.buoyancy, spatial(placement.centre))
 
 
 def mass_and_inertia(body: Body, placement: Placement | None = None) -> MassAndInertia | None:

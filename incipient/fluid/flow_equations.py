@@ -11,7 +11,9 @@ import numpy as np
 import ufl
 
 from .. import forms
+from ..arrays import Floats
 from ..forms import energy_stable_rate, swept
+from ..geometry.placement import Placement
 from ..mesh.domain import Domain
 from .conditions import Condition
 from .constraints import Constraints
@@ -55,6 +57,7 @@ class FlowEquations:
         self.history = tuple(dolfinx.fem.Function(self.space.mixed) for _ in range(2 * model.unsteady))
         self._reynolds, self._time = self.space.constant(reynolds), self.space.constant(0.0)
         self.rate = tuple(self.space.constant(0.0) for _ in range(3))
+        self._acceleration = self.space.constant(0.0)
         self._extrapolation = tuple(self.space.constant(c) for c in (1.0, 0.0))
         self._shifts = tuple(geometry_function(mesh) for _ in range(2 * model.moving_mesh))
         self._rows = geometry_rows(self._shifts[0]) if self._shifts else None
@@ -114,7 +117,7 @@ class FlowEquations:
     def _terms(self, v: Any, upwind: bool = True) -> Iterator[forms.FlowTerm]:
         """The terms that the model calls for."""
         model, viscosity = self.model, self.viscosity
-        force = None if model.body_force is None else model.body_force(self.place(), self._time)
+        force = self._body_force()
         rate, carrier = self._rate_of_change(v), self.carrier(v)
         yield forms.Stress(viscosity)
         if rate is not None:
@@ -136,6 +139,15 @@ class FlowEquations:
             yield forms.BoundaryLoad(partial(self.walls.integral, self.state, rate))
         if (surface := self.surface) is not None:
             yield forms.BoundaryLoad(lambda w, _: surface.integral(v, carrier, w))
+
+    def _body_force(self) -> Any:
+        """The force per unit mass; None without one."""
+        model = self.model
+        force = None if model.body_force is None else model.body_force(self.place(), self._time)
+        if model.driven is None or not model.unsteady:
+            return force
+        driving = self._acceleration * model.driven.velocity(self.place())
+        return driving if force is None else force + driving
 
     def _frozen_velocity(self) -> Any:
         """The velocity as data, which no derivative sees."""
@@ -209,6 +221,27 @@ class FlowEquations:
         """Set dv/dt = a0 v + a1 v(n) + a2 v(n-1) and the extrapolation e1 v(n) + e2 v(n-1); zeros: steady."""
         for one, value in zip((*self.rate, *self._extrapolation), (*rate, *extrapolation), strict=True):
             one.value = value
+
+    @property
+    def acceleration(self) -> float:
+        """The rate of change of the factor of a base flow that changes in time [1/time]."""
+        return float(self._acceleration.value)
+
+    def load_on_displaced(self, placement: Placement) -> Floats:
+        """(2, 3) force and couple of a base flow that changes on the fluid that a grain displaces. Not collective."""
+        driven = self.model.driven
+        if driven is None or driven.displaced is None:
+            return np.zeros((2, 3))
+        return self.acceleration * driven.displaced(placement)
+
+    def drive(self, *times: float) -> None:
+        """Let the base flow change as its factor does between the time at hand and those of past states.
+
+        By the backward difference of the flow, so that its own rate of change is the same.
+        """
+        if (driven := self.model.driven) is not None:
+            pairs = zip(self.rate, times, strict=True)
+            self._acceleration.value = sum(float(a.value) * driven.factor(t) for a, t in pairs)
 
     def mesh_moved(self, *past: np.ndarray) -> None:
         """Tell that the mesh has been moved: `past` are its places (n, 3) at the last state and the one before.

@@ -6,7 +6,24 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from ..arrays import Floats
 from ..forms import ReferenceMap
+from ..geometry.placement import Placement
+
+
+@dataclass(frozen=True)
+class Driven:
+    """A base flow that a factor of the time multiplies, by a force per unit mass: its rate of change.
+
+    velocity:  function of the place (UFL) giving the base flow at factor one
+    factor:    function of the time
+    displaced: function of a grain's placement giving the load (2, 3), force and couple about its centroid, on the
+               fluid that it displaces while the factor rises by one in unit time; None without a grain
+    """
+
+    velocity: Callable[[Any], Any]
+    factor: Callable[[float], float]
+    displaced: Callable[[Placement], Floats] | None = None
 
 
 @dataclass(frozen=True)
@@ -19,6 +36,7 @@ class FlowModel:
     convection:    "implicit" (Newton), or "extrapolated" (linear, Childs & Reddy's 2 v(n) - v(n-1))
     body_force:    function of the place and the time (UFL) giving a force per unit mass, or None; gravity
                    is not among them, since a potential force only shifts the pressure
+    driven:        a base flow that changes in time, and the force by which it does; None: there is none
     reference_map: map of a deforming reference domain, or None where nothing moves
     moving_mesh:   whether the mesh itself is moved between steps (`Fluid.mesh_moved`), straight cells staying
                    straight; the map then is None
@@ -38,6 +56,7 @@ class FlowModel:
     unsteady: bool = False
     convection: str = "implicit"
     body_force: Callable[[Any, Any], Any] | None = None
+    driven: Driven | None = None
     reference_map: ReferenceMap | None = None
     moving_mesh: bool = False
     energy_stable: bool = False
@@ -59,4 +78,5 @@ class FlowModel:
     def polynomial(self) -> bool:
         """Whether what is integrated is a polynomial on cells that are straight, and stay so where the mesh moves."""
         stay = self.reference_map is None and not (self.moving_mesh and self.energy_stable)
-        return stay and not self.stabilisation and self.body_force is None and self.viscosity is None
+        forced = self.body_force is not None or self.driven is not None
+        return stay and not self.stabilisation and not forced and self.viscosity is None

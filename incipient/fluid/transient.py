@@ -271,6 +271,7 @@ class Transient:
         for function, before in zip(fluid.history, [*past[:2], past[-1]], strict=False):
             function.x.array[:] = before.state
         fluid.time = past[0].time + length
+        fluid.drive(fluid.time, past[0].time, past[min(1, len(past) - 1)].time)
         if second:
             known = [one.state for one in past]
             fluid.state.x.array[:] = extrapolated([one.time for one in past], known, fluid.time)

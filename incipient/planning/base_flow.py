@@ -12,6 +12,7 @@ import numpy as np
 
 from ..scene import Domain, ExpressionFlow, LogLaw, Shear
 from ..scene.expression import expressions
+from ..scene.gust import Gust
 from .duct import duct_speed
 from .effective_height import EffectiveHeight, effective_height, repeats
 from .mean_profile import MeanProfile
@@ -20,6 +21,7 @@ Velocity = Callable[[np.ndarray, float], np.ndarray]
 Profile = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 SAMPLES = 1000  # of heights for a mean
+ROUND_OFF = 1e-9  # of the depth: how far below its datum a flow may be asked for
 STEEPER = 3.0  # than the profile is its rise from a bed that is above the datum at the inflow
 
 
@@ -86,6 +88,15 @@ class BaseFlow:
         assert isinstance(self.flow, LogLaw)
         return MeanProfile(self.flow.shear_velocity, self.viscosity, self.flow.roughness, self.depth)
 
+    @property
+    def gust(self) -> Gust | None:
+        """What multiplies the flow in time; None: nothing does."""
+        return getattr(self.flow, "gust", None)
+
+    def factor(self, t: float) -> float:
+        """What the flow is multiplied by at a time."""
+        return 1.0 if self.gust is None else self.gust.factor(t)
+
     def velocity(self, x: np.ndarray, t: float) -> np.ndarray:
         """Velocities (gdim, n) at places (3, n). Not collective."""
         return self._from(self.datum)(x, t)
@@ -140,10 +151,10 @@ class BaseFlow:
         profile, datum, up = self._profile, self.datum, self.domain.up
 
         def velocity(x: np.ndarray, t: float) -> np.ndarray:
-            """Velocities (gdim, n) at places (3, n), along the first axis; they do not depend on the time."""
+            """Velocities (gdim, n) at places (3, n), along the first axis."""
             lowest = foot(x) if callable(foot) else foot
             speed = np.minimum(profile(x[up] - datum, x[1]), STEEPER * profile(x[up] - lowest, x[1]))
-            return np.vstack([speed, *np.zeros((up, len(speed)))])
+            return np.vstack([self.factor(t) * speed, *np.zeros((up, len(speed)))])
 
         return velocity
 
@@ -156,24 +167,27 @@ class BaseFlow:
     def _profile(self) -> Profile:
         """Speed against height above the datum, and y where sides are walls; none below the datum."""
         flow, depth = self.flow, self.depth
-        if isinstance(flow, Shear):
-            return lambda z, y: flow.rate * np.clip(z, 0.0, depth)
         if isinstance(flow, LogLaw):
             law = self.mean_profile
             return lambda z, y: law.speed(np.clip(z, 0.0, depth))
-        mean = flow.velocity
         if self.walled and flow.kind in ("poiseuille", "open-channel"):
-            return self._in_duct(mean, depth if flow.kind == "poiseuille" else 2.0 * depth)
-        profiles: dict[str, Callable[[np.ndarray], np.ndarray]] = {
-            "poiseuille": lambda z: 6 * mean * z * (depth - z) / depth**2,
-            "open-channel": lambda z: 1.5 * mean * z * (2 * depth - z) / depth**2,
-            "uniform": lambda z: np.full_like(z, mean),
-            "lid": lambda z: np.full_like(z, mean),
-            "still": lambda z: np.zeros_like(z),
-        }
-        speed = profiles[flow.kind]
+            return self._in_duct(flow.velocity, depth if flow.kind == "poiseuille" else 2.0 * depth)
         # A uniform flow begins at the datum itself, found to round-off.
-        return lambda z, y: np.where(z < -1e-9 * depth, 0.0, speed(np.clip(z, 0.0, depth)))
+        return lambda z, y: np.where(z < -ROUND_OFF * depth, 0.0, self.speed_at(np.clip(z, 0.0, depth)))
+
+    def speed_at(self, z: Any) -> Any:
+        """Speed at heights above the datum, numbers or a UFL expression; of flows with such a formula."""
+        flow, depth = self.flow, self.depth
+        if isinstance(flow, Shear):
+            return flow.rate * z
+        mean = {"still": 0.0}.get(flow.kind, flow.velocity)
+        if flow.kind == "poiseuille":
+            return 6 * mean * z * (depth - z) / depth**2
+        return 1.5 * mean * z * (2 * depth - z) / depth**2 if flow.kind == "open-channel" else mean + 0.0 * z
+
+    def profile(self, x: np.ndarray) -> np.ndarray:
+        """Speed (n,) at places (gdim or more, n) without a gust."""
+        return self._profile(x[self.domain.up] - self.datum, x[1])
 
     def _in_duct(self, mean: float, depth: float) -> Profile:
         """The profile between walls: that of a duct of a depth, of which an open channel is the lower half."""

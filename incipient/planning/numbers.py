@@ -83,8 +83,12 @@ def numbers_of(setup: Setup) -> Numbers:
     return Numbers(reynolds, flow, _bed_reynolds(base_flow), reach, strouhal, ratio, stokes, froude, of_shear)
 
 
-def _times(time: Time | None, samples: int) -> np.ndarray:
-    return np.linspace(0.0, time.end, samples) if time else np.zeros(1)
+def _times(base_flow: BaseFlow, time: Time | None, samples: int) -> np.ndarray:
+    """Times at which a flow that changes is looked at, those of a gust among them."""
+    if time is None:
+        return np.zeros(1)
+    knots = np.empty(0) if base_flow.gust is None else base_flow.gust.knots()
+    return np.union1d(np.linspace(0.0, time.end, samples), knots[knots <= time.end])
 
 
 def speed_past_grain(setup: Setup) -> float:
@@ -93,7 +97,10 @@ def speed_past_grain(setup: Setup) -> float:
     assert grain is not None and placement is not None
     heights = placement.centre[base_flow.domain.up] + 0.5 * grain.size * np.linspace(-1.0, 1.0, SAMPLES)
     points = base_flow.column(placement.centre, heights)
-    return max(float(np.abs(base_flow.velocity(points, t)).max()) for t in _times(setup.scene.time, SAMPLES))
+    return max(
+        float(np.abs(base_flow.velocity(points, t)).max())
+        for t in _times(base_flow, setup.scene.time, SAMPLES)
+    )
 
 
 def _own_speed(setup: Setup) -> float:
@@ -105,7 +112,7 @@ def _own_speed(setup: Setup) -> float:
     if body.course is not None:
         course = expressions(body.course, "body.course")
         origin = np.zeros((3, 1))
-        times = _times(scene.time, SAMPLES)
+        times = _times(setup.base_flow, scene.time, SAMPLES)
         velocities = np.abs([[float(one(origin, float(t))[0]) for one in course] for t in times])
         turning = 3 if scene.gdim == 3 else 1
         weights = np.concatenate([np.ones(scene.gdim), np.full(turning, 0.5 * size)])
@@ -157,9 +164,10 @@ def wall_distance(setup: Setup) -> float:
 def time_of_change(base_flow: BaseFlow, time: Time | None) -> float | None:
     """Largest speed of the base flow over its largest rate of change; None where it does not change."""
     flow, domain = base_flow.flow, base_flow.domain
-    if time is None or flow.kind != "expression" or not flow.unsteady:
+    changes = base_flow.gust is not None or (flow.kind == "expression" and flow.unsteady)
+    if time is None or not changes:
         return None
-    times = _times(time, 4 * SAMPLES)
+    times = _times(base_flow, time, 4 * SAMPLES)
     points = base_flow.column(domain.entrance, np.linspace(domain.bottom, domain.ceiling, SAMPLES))
     speeds = np.array([base_flow.velocity(points, t) for t in times])
     rate = float(np.abs(np.gradient(speeds, times, axis=0)).max())

@@ -60,6 +60,12 @@ class Plan:
         """This plan with its expense counted."""
         return replace(self, estimate=estimate)
 
+    @property
+    def counted(self) -> Estimate:
+        """The expense of a plan of which it has been counted."""
+        assert self.estimate is not None
+        return self.estimate
+
     def to_dict(self) -> dict[str, Any]:
         """Plain data for result.json."""
         return asdict(self)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any
 
-from . import effects_checks, surface_checks, turbulence_checks
+from . import contact_checks, effects_checks, gust_checks, surface_checks, turbulence_checks
 from .domain import Domain
 from .effects import Effects
 from .expression import Expression
@@ -56,8 +56,11 @@ def contradictions(scene: SceneSections) -> Iterator[Problem]:
     yield from _ignored(numerics, moves, scene.has_surface, time)
     yield from _budgets(numerics) if numerics.accuracy is None else _accuracy(scene)
     yield from effects_checks.contradictory(scene)
+    yield from contact_checks.contradictory(body, scene.contact, time, bed)
+    yield from contact_checks.excluded(body, scene.effects.contact, numerics.coupling)
     yield from surface_checks.contradictory(scene)
     yield from turbulence_checks.contradictory(scene)
+    yield from gust_checks.contradictory(flow, time, scene.has_surface, scene.sides)
     if bed is not None and bed.kind == "polyline" and body is not None:
         yield from _steps(bed.points)
 
@@ -156,6 +159,7 @@ def _never_steady(
         ),
         (flow.kind == "still", "a flow but the fluid is still", "use another flow.kind"),
         (unsteady, "a steady flow but flow.components depend on t", "leave t out"),
+        (getattr(flow, "gust", None) is not None, "a steady flow but flow.gust changes it", "leave that out"),
         (surface.wave is not None, "a steady flow but surface.wave lets waves in", "leave that out"),
         *(
             (

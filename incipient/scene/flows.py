@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, field_validator
 
 from .expression import Expression
+from .gust import Gust
 from .messages import counted, shown
 from .section import NotNegative, Positive, Section, contradiction, is_number, require_formula
 
@@ -43,28 +44,38 @@ class Profile(Section):
         raise contradiction(f"is {shown(value)}", f"use {_LEVELS} or a height above the bed's base line")
 
 
-class Shear(Profile):
+class Driven(Profile):
+    """A stream of a given profile that a gust may multiply."""
+
+    gust: Gust | None = Field(
+        None,
+        description="A factor that multiplies the flow in time",
+        examples=[{"start": 1.0, "duration": 0.5, "strength": 2.0}],
+    )
+
+
+class Shear(Driven):
     """Linear shear, u = rate (y - y of the datum); in space with z in place of y."""
 
     kind: Literal["shear"] = Field("shear", description="Kind of flow")
     rate: Positive = Field(1.0, description="Shear rate [1/time]; V = rate L")
 
 
-class Poiseuille(Profile):
+class Poiseuille(Driven):
     """Parabolic flow between two walls."""
 
     kind: Literal["poiseuille"] = Field("poiseuille", description="Kind of flow")
     velocity: Positive = Field(1.0, description="Mean velocity V [length/time]")
 
 
-class OpenChannel(Profile):
+class OpenChannel(Driven):
     """Half a parabola, without shear on top."""
 
     kind: Literal["open-channel"] = Field("open-channel", description="Kind of flow")
     velocity: Positive = Field(1.0, description="Mean velocity V [length/time]")
 
 
-class Uniform(Profile):
+class Uniform(Driven):
     """A uniform stream above the datum."""
 
     kind: Literal["uniform"] = Field("uniform", description="Kind of flow")

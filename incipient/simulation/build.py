@@ -140,8 +140,7 @@ def estimate(scene: Scene) -> Plan:
     )
     counted = counted.with_more(sum(effect.memory(setup, counted.unknowns) for effect in known.EFFECTS))
     if scene.gdim == 3 and scene.has_surface and scene.numerics.error_bars:
-        other = estimate(comparisons(scene)[1]).estimate
-        assert other is not None
+        other = estimate(comparisons(scene)[1]).counted
         counted = counted.with_more(other.memory_mib - memory_of_libraries())
     return plan.with_estimate(counted)
 

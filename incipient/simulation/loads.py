@@ -20,8 +20,11 @@ def loads(run: Run, surface: bool, speed: float = 1.0) -> tuple[Forces, Couples]
     flow = probe.resultant()
     check = probe.surface_resultant() if surface else flow
     (buoyancy, weight), unit = weights(scene), speed**2
-    force = Forces(unit * flow.force, unit * check.force, buoyancy, weight)
-    couple = Couples(unit * flow.couple, unit * check.couple, flow.about)
+    placement = scene.placement if run.grain is None else run.grain.state.placement
+    assert placement is not None
+    more = run.fluid.load_on_displaced(placement)
+    force = Forces(unit * (flow.force + more[0]), unit * (check.force + more[0]), buoyancy, weight)
+    couple = Couples(unit * (flow.couple + more[1]), unit * (check.couple + more[1]), flow.about)
     if run.grain is None:
         return force, couple
     pushed, twisted = apart(run.grain.repulsion())
@@ -49,12 +52,15 @@ def coefficients(run: Run, force: Forces, couple: Couples) -> Coefficients:
 
 def judged(run: Run, force: Forces, couple: Couples) -> dict[str, Any] | None:
     """The verdict of both judges in plain data, None where there is nothing to judge. Not collective."""
-    if run.contacts is None:
+    scene = run.scene
+    if run.contacts is None or scene.contact is None or scene.body is None or scene.mass is None:
         return None
     with run.accounts.ledger.stage("contact"):
-        from ..evaluation.contact_verdict import judge
+        from ..contact.verdict import judge
+        from ..evaluation.contact_verdict import load_of, mass_and_inertia
 
-        verdict = judge(run.scene, run.contacts, force, couple)
-    if verdict is not None and run.scene.time is not None:
+        load, inert = load_of(scene.placement, force, couple), mass_and_inertia(scene.body, scene.placement)
+        verdict = judge(load, run.contacts, scene.contact.friction, inert).to_dict()
+    if scene.time is not None:
         verdict["first_motion"] = run.first_motion
     return verdict

@@ -100,7 +100,7 @@ class TimeLoop:
                 part.start(steady)
 
     def _march(self) -> None:
-        """March to the end, or until a moving grain has met something."""
+        """March to the end, or until a moving grain has done what ends the run."""
         run, time = self._run, self._time
         stage = run.stage("mesh motion" if run.scene.moves else "free surface")
         with stage if run.plan.has(EffectName.MOVING_MESH) else nullcontext():
@@ -112,8 +112,8 @@ class TimeLoop:
                 domain = run.domain
                 self._recorder.remeshed(domain)
             row, over = self._row(step), step.time >= time.end * (1 - 1e-9)
-            last = over or run.is_steady or march.met
-            self._record(step, row, last, kept=march.met and not over)
+            last = over or run.is_steady or march.over
+            self._record(step, row, last, kept=march.over and not over)
             if not last:
                 march.check(step)
 
@@ -159,6 +159,8 @@ class TimeLoop:
         assert run.march is not None
         row: dict[str, Any] = {"time": step.time, "step": step.length, "newton": step.report.iterations}
         row["error"] = np.nan if step.error is None else step.error
+        if (base_flow := run.setup.base_flow).gust is not None:
+            row["gust"] = base_flow.factor(step.time)
         for part in run.parts:
             row |= part.columns(step, run.march.coupling)
         if run.steadiness is not None:

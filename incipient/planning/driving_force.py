@@ -1,0 +1,69 @@
+"""What a base flow that a gust multiplies exerts: on the fluid, whose velocity it changes, and on the fluid displaced.
+
+The base flow u = f(t) U(z) has the rate of change f' U, which pressure and stress of the flow around bring about. The
+force f' U per unit mass stands for them: without a grain the flow is f U exactly, whatever the size of the domain. It
+acts on the volume of a grain, too: the force of the undisturbed flow on the fluid displaced (Maxey & Riley 1983, Phys.
+Fluids 26, 883).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import ufl
+
+from ..arrays import Floats, cross, spatial
+from ..fluid.model import Driven
+from ..geometry.placement import Placement
+from ..geometry.shape import Shape
+from .base_flow import ROUND_OFF, BaseFlow
+
+ACROSS = {2: 96, 3: 32}  # points across a grain, by the dimension
+
+
+@dataclass(frozen=True, eq=False)
+class DisplacedFluid:
+    """The fluid whose place a grain takes in a base flow."""
+
+    grain: Shape
+    base_flow: BaseFlow
+
+    @cached_property
+    def _points(self) -> Floats:
+        """(n, gdim) in the frame of the grain, of equal volumes, about its centroid."""
+        gdim = self.base_flow.domain.gdim
+        axis = self.grain.size * (np.arange(ACROSS[gdim]) + 0.5 - 0.5 * ACROSS[gdim]) / ACROSS[gdim] * 2.0
+        points = np.stack(np.meshgrid(*[axis] * gdim), axis=-1).reshape(-1, gdim)
+        inside = points[self.grain.level(points) < 0.0]
+        return np.asarray(inside - inside.mean(axis=0))
+
+    def load(self, placement: Placement) -> Floats:
+        """Force and couple about the centroid (2, 3) where the factor of the flow rises by one in unit time."""
+        points = placement.to_scene(self._points)
+        speeds = self.base_flow.profile(points.T)
+        forces = spatial(np.column_stack([speeds, np.zeros((len(speeds), points.shape[1] - 1))]))
+        forces *= self.grain.volume / len(points)
+        arms = spatial(points - np.array(placement.centre))
+        return np.array([forces.sum(axis=0), cross(arms, forces).sum(axis=0)])
+
+
+def driven(base_flow: BaseFlow, grain: Shape | None) -> Driven:
+    """The base flow with its gust, for `FlowModel.driven`."""
+    displaced = None if grain is None else DisplacedFluid(grain, base_flow).load
+    return Driven(_velocity(base_flow), base_flow.factor, displaced)
+
+
+def _velocity(base_flow: BaseFlow) -> Any:
+    """Function of the place (UFL) that gives the base flow without its gust (UFL)."""
+    up = base_flow.domain.up
+
+    def velocity(place: Any) -> Any:
+        above, depth = place[up] - base_flow.datum, base_flow.depth
+        speed = base_flow.speed_at(ufl.max_value(0.0, ufl.min_value(above, depth)))
+        flows = ufl.gt(above, -ROUND_OFF * depth)
+        return ufl.as_vector([ufl.conditional(flows, speed, 0.0), *[0] * up])
+
+    return velocity
