@@ -23,6 +23,7 @@ SHOWN: dict[str, tuple[str, str]] = {
     "floating_body": ("time.end=3", "flow.png"),
     "shear_orbit": ("", "trajectory.png"),
     "settling": ("", "trajectory.png"),
+    "leaving_pocket": ("", "trajectory.png"),
     "settling_sphere": ("", "trajectory.png"),
     "standing_wave": ("", "flow.png"),
     "cylinder": ("numerics.error_bars=false", "flow.png"),

@@ -20,6 +20,7 @@ from .state import DEGREES, BodyState, Freedom, Inertia, rotation_matrix, turnin
 
 PATH_TOLERANCES = Tolerances(1e-11, 1e-13)
 SINGULAR = 1e-13  # scaled eigenvalue below which mass and added mass together count as none
+ROUND_OFF = 1e-15  # of what is added up in a balance of momentum
 MOST_CORRECTIONS = 25
 
 
@@ -121,6 +122,15 @@ class RigidBody:
         """The state with locked velocities replaced by those imposed at its time."""
         u = np.where(self.mask, state.velocities, self.freedom.imposed(state.time))
         return replace(state, velocity=u[: self.gdim], spin=u[self.gdim :])
+
+    def velocities_by_impulses(self, state: BodyState, added: Floats | None = None) -> Floats:
+        """(n, n) velocities that a body gains by unit impulses, with an added mass (n, n); none in locked degrees.
+
+        Raises SceneError if neither mass nor added mass resists.
+        """
+        gain = np.zeros((self.size, self.size))
+        gain[np.ix_(self.mask, self.mask)] = self._inverse(state, gain if added is None else added)
+        return gain
 
     def kinetic_energy(self, state: BodyState) -> float:
         """(m v^2 + spin . J spin) / 2."""
@@ -236,7 +246,9 @@ class RigidBody:
             state, path = self.driven(start, end, end, drive)
             evaluations += path.statistics.evaluations
             before, residual = residual, self._residual(start, state, dt, drive, impulse, added, last)[f]
-            if self._small(inverse @ residual, (start, state), inverse @ impulse[f]):
+            gained = np.abs(impulse) + np.abs(added) @ (np.abs(state.velocities) + np.abs(last))
+            noise = ROUND_OFF * np.abs(inverse) @ gained[f]
+            if self._small(inverse @ residual, (start, state), inverse @ impulse[f], noise):
                 return Motion(self, start, state, drive, corrections, evaluations)
             if before is not None:
                 image = slope @ (residual - before)
@@ -284,12 +296,12 @@ class RigidBody:
         angular = self.angular_momentum(end) - self.angular_momentum(start)
         return np.concatenate([linear, angular]) - impulse + added @ (end.velocities - last)
 
-    def _small(self, error: Floats, states: tuple[BodyState, BodyState], gain: Floats) -> bool:
-        """Whether errors of the free velocities are at the integrator's tolerance, each beside its kind."""
+    def _small(self, error: Floats, states: tuple[BodyState, BodyState], gain: Floats, noise: Floats) -> bool:
+        """Whether errors of the free velocities are at the integrator's tolerance, each beside its kind, or noise."""
         scale = np.max([np.abs(state.velocities) for state in states], axis=0)
         scale[self.mask] = np.maximum(scale[self.mask], np.abs(gain))
         kinds = np.where(np.arange(self.size) < self.gdim, scale[: self.gdim].max(), scale[self.gdim :].max())
-        return bool((np.abs(error) <= self.tolerances.relative * kinds[self.mask]).all())
+        return bool((np.abs(error) <= np.maximum(self.tolerances.relative * kinds[self.mask], noise)).all())
 
 
 @dataclass(frozen=True, eq=False)

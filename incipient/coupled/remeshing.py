@@ -62,8 +62,8 @@ def carry_over(before: Coupling, coupling: Coupling, states: Sequence[Past]) -> 
     """
     was, part = _body_of(before), _body_of(coupling)
     fluid, carrier = coupling.fluid, Carrier(before.fluid, coupling.fluid)
-    part.mean_load, part.end, fluid.time = was.mean_load, was.end, before.fluid.time
-    part.past, coupling.places = list(was.past), [carrier.places(one) for one in before.places]
+    part.take_over(was)
+    fluid.time, coupling.places = before.fluid.time, [carrier.places(one) for one in before.places]
     carried, changes = [], []
     with Projection(fluid) as projection:
         for k, one in enumerate(states):

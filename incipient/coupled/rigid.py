@@ -181,6 +181,10 @@ class RigidPart:
         self.state = self.end.state
         self.past = [self.state, *self.past[:2]]
 
+    def take_over(self, was: RigidPart) -> None:
+        """Go on from where the body was on another mesh."""
+        self.mean_load, self.end, self.past = was.mean_load, was.end, list(was.past)
+
     def restore(self) -> None:
         """Put the body back to the last state."""
         self.end = replace(self.end, state=self.state)
@@ -223,12 +227,15 @@ class RigidPart:
             resistance = self._responded(before, self.end).resistance
             stiffness = self._stiffness(end, load - flow_load, length) if self.added_mass else 0.0
             added = self.mean_load.added(resistance + stiffness, length)
-            mean = self.mean_load.mean(load, length)
-            self._motion = self.body.motion(self.state, length, mean, added, end.velocities)
-            improved = self._motion.end
+            improved = self._moved(length, self.mean_load.mean(load, length), added, end.velocities)
             change = improved.velocities - end.velocities
             missed = self.body.momentum(improved) - self.body.momentum(end) + added @ change
             return improved, self._relative(missed / length, resistance)
+
+    def _moved(self, length: float, mean: Floats, added: Floats, guess: Floats) -> BodyState:
+        """The end of a step under a mean load (k,), with an added mass (k, k) linearised about a guess (k,)."""
+        self._motion = self.body.motion(self.state, length, mean, added, guess)
+        return self._motion.end
 
     def _relative(self, missed: Floats, resistance: Floats) -> float:
         """A load missed, relative to the loads at hand: the flow's, the rest, what resists the motion."""

@@ -89,7 +89,7 @@ def _planar(grain: Grain, placement: Placement, bed: Bed, tolerance: float) -> C
     contacts = _patch_ends(patches)
     for approach in approaches(grain, placement, bed, tolerance):
         if approach.distance <= tolerance:
-            for normal in _normals(approach, bed, tolerance):
+            for normal in contact_normals(approach, bed, tolerance):
                 if not _is_repeated(approach.on_grain, normal, contacts, patches, tolerance):
                     contacts.append((approach.on_grain, normal, 0.0))
     if not contacts:
@@ -156,7 +156,7 @@ def _patch_ends(patches: list[Patch]) -> list[Contact]:
     ]
 
 
-def _normals(approach: Approach, bed: Bed, tolerance: float) -> list[Floats]:
+def contact_normals(approach: Approach, bed: Bed, tolerance: float) -> list[Floats]:
     """The grain's outward normals at a point contact: two where it stands in the corner of a valley."""
     if approach.normal is not None:
         return [approach.normal]

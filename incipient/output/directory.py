@@ -14,7 +14,6 @@ from ..scene import Scene, save
 from .earlier import CHECKPOINT, RESULT, SCENE, keep_complete_result, make_room, remove_pictures
 
 if TYPE_CHECKING:
-    from ..critical.outcome import Threshold
     from ..mesh.domain import Domain
     from ..restart.checkpoint import Checkpoint
     from .xdmf import FieldSeries
@@ -124,14 +123,14 @@ class ResultDirectory:
         return self.path
 
     def finish(self, result: Result) -> None:
-        """Write result.json; after a complete run a checkpoint stays where the scene wants some, and after contact."""
+        """Write result.json; a complete run keeps its checkpoint if the scene wants some or the grain ended it."""
         with collectively(self.comm):
             if self.comm.rank == 0:
                 self._write(result)
                 for series in (self._series, self._surface):
                     if series is not None:
                         series.finish()
-                wanted = result.scene["output"]["checkpoint"] or result.met
+                wanted = result.scene["output"]["checkpoint"] or result.ended_early
                 if result.status == "complete" and not wanted:
                     with reported(self.path / CHECKPOINT):
                         (self.path / CHECKPOINT).unlink(missing_ok=True)
@@ -143,21 +142,3 @@ class ResultDirectory:
             if result.status != "complete":
                 keep_complete_result(self.path)
         write_json(self.path / RESULT, result.to_dict())
-
-
-def write_threshold(path: Path, scene: Scene, threshold: Threshold, comm: Comm) -> None:
-    """Write threshold.json and the resolved scene into a directory, made if it is not there. Collective.
-
-    A run there that can be resumed makes room: it could not with another scene.
-
-    Raises:
-        OutputError: on all ranks, when something cannot be written.
-    """
-    with collectively(comm):
-        if comm.rank == 0:
-            with reported(path):
-                path.mkdir(parents=True, exist_ok=True)
-            if (path / CHECKPOINT).exists():
-                make_room(path, overwrite=False)
-            save(scene, path / SCENE)
-            write_json(path / "threshold.json", threshold.to_dict())

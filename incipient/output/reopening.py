@@ -1,4 +1,4 @@
-"""The run that a directory holds, opened again: its checkpoint and its scene, if they fit and there is more to do."""
+"""The run that a directory holds, resumed: by its checkpoint and its scene, if they fit and there is more to do."""
 
 from __future__ import annotations
 
@@ -8,13 +8,18 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import SceneError
-from ..parallel import Comm, from_first
+from ..parallel import Comm, from_first, world
 from ..planning.order import order_of, with_order
+from ..progress import Silent
 from ..restart import checkpoint as checkpoints
 from ..restart.checkpoint import Checkpoint
-from ..scene import Scene, load
+from ..results.result import Result
+from ..scene import Scene, Time, load
 from ..scene.file import loads
+from ..simulation.simulate import simulate
+from .directory import ResultDirectory
 from .earlier import CHECKPOINT, SCENE
+from .lock import locked
 
 # What a scene may be resumed with in place of what it was run with: where it ends, how its steps are made, when it
 # gets new meshes and of what cells, what is written. What is stored fits all of them.
@@ -25,10 +30,36 @@ MAY_CHANGE = (
 )
 MAY_CHANGE_IF_THE_GRAIN_MOVES = (
     *("numerics.remesh_below", "numerics.mesh_size", "numerics.interface_tolerance", "numerics.coupling"),
-    "contact.gap",
+    *("contact.gap", "time.until"),
 )
 # Where the grain moves a key may take this value, too.
 MAY_BECOME = {"body.on_contact": "repel"}
+
+
+def resume(
+    directory: Path | str,
+    overrides: Sequence[str] = (),
+    comm: Comm | None = None,
+    voice: Silent | None = None,
+) -> Result:
+    """Resume a run that was cut short, from the checkpoint in its directory. Collective over `comm`.
+
+    The number of ranks need not be that of the run. History and fields continue where the checkpoint was written;
+    fields that cannot be read are put aside. Until there is a new result the earlier one stays.
+
+    Args:
+        directory: the directory of the run.
+        overrides: such as ``"time.end=20"``; what may change is in `output.reopening`.
+        voice: where progress is reported; see `run`.
+
+    Raises:
+        IncipientError: as `run`; and when the checkpoint is missing, damaged, incomplete, of another version or
+            of another scene, or when there is nothing left to compute.
+    """
+    comm, directory = comm or world(), Path(directory)
+    with locked(directory, comm):
+        scene, kept = reopened(directory, overrides, comm)
+        return simulate(scene, comm, ResultDirectory(directory, comm, kept), voice, kept)
 
 
 def reopened(directory: Path, overrides: Sequence[str], comm: Comm) -> tuple[Scene, Checkpoint]:
@@ -38,7 +69,6 @@ def reopened(directory: Path, overrides: Sequence[str], comm: Comm) -> tuple[Sce
         OutputError: the checkpoint is missing, damaged, incomplete or of another version.
         SceneError: the scene differs from that of the checkpoint, or there is nothing left to compute.
     """
-
     kept = checkpoints.read(directory / CHECKPOINT, comm)
 
     def loaded() -> tuple[Scene, Scene]:
@@ -47,11 +77,12 @@ def reopened(directory: Path, overrides: Sequence[str], comm: Comm) -> tuple[Sce
         if scene.numerics.order == "auto" and order_of(scene).number != order_of(before).number:
             scene = with_order(scene, order_of(before).number)  # that of the flow that is stored
         _require_same(directory / SCENE, scene, before)
-        _require_work(scene, before, kept)
+        repelled = scene.body is not None and scene.body.on_contact == "repel"
+        _require_work(scene.time, kept, passes=repelled or scene.contact_gap < before.contact_gap)
         return scene, before
 
     scene, before = from_first(comm, loaded)
-    return scene, _adapted(scene, before, kept)
+    return scene, _adapted(kept, before.time, scene.time)
 
 
 def _require_same(path: Path, scene: Scene, of_checkpoint: Scene) -> None:
@@ -76,28 +107,31 @@ def _require_same(path: Path, scene: Scene, of_checkpoint: Scene) -> None:
         )
 
 
-def _require_work(scene: Scene, of_checkpoint: Scene, kept: Checkpoint) -> None:
-    assert scene.time is not None
-    repelled = scene.body is not None and scene.body.on_contact == "repel"
-    met = kept.body is not None and kept.body.met
-    if met and not repelled and scene.contact_gap >= of_checkpoint.contact_gap:
+def _require_work(time: Time | None, kept: Checkpoint, passes: bool) -> None:
+    """Refuses a run that has ended; `passes`: whether its grain may move on from what it met."""
+    assert time is not None
+    if kept.body is not None and kept.body.met and not passes:
         raise SceneError(
             "the run has ended: its grain met something; "
             'to resume it set body.on_contact = "repel", or a smaller contact.gap'
         )
-    if scene.time.end - kept.time <= 1e-9 * scene.time.end:
+    if kept.body is not None and kept.body.on_bed is not None and time.until in kept.body.on_bed["done"]:
         raise SceneError(
-            f"the run has come to t = {kept.time:g} already and time.end is {scene.time.end:g}; "
+            f'the run has ended: its grain has come as far as time.until = "{time.until}"; '
+            "to resume it give another, such as --set time.until=end"
+        )
+    if time.end - kept.time <= 1e-9 * time.end:
+        raise SceneError(
+            f"the run has come to t = {kept.time:g} already and time.end is {time.end:g}; "
             "to resume it give a later one, such as --set time.end=" + f"{2 * kept.time:g}"
         )
 
 
-def _adapted(scene: Scene, of_checkpoint: Scene, kept: Checkpoint) -> Checkpoint:
+def _adapted(kept: Checkpoint, then: Time | None, now: Time | None) -> Checkpoint:
     """The checkpoint, without what a change of the scene has made void: the step's length, that a wall was met."""
-    assert scene.time is not None and of_checkpoint.time is not None
-    now, then = scene.time, of_checkpoint.time
+    assert now is not None and then is not None
     if now.step != then.step or (now.tolerance is None and then.tolerance is not None):
-        kept = replace(kept, progress=replace(kept.progress, next_length=scene.time.step))
+        kept = replace(kept, progress=replace(kept.progress, next_length=now.step))
     if kept.body is not None:
         kept = replace(kept, body=replace(kept.body, met=False))
     return kept

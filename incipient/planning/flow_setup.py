@@ -40,6 +40,7 @@ class Setup:
             placement=scene.placement,
             rests=scene.rests,
             moves=scene.moves,
+            touches=scene.body is not None and scene.body.touches,
             gap=scene.contact_gap,
             tolerance=scene.contact_tolerance,
             top=scene.top,

@@ -138,8 +138,8 @@ def _along_grain(geometry: Geometry, order: int, outline: tuple[Curve, ...], sta
     near = [Near(size, GROWTH, boundary="body")]
     if sharp := corners(outline, outline[1:] + outline[:1]):
         near.append(Near(CORNER_CELL * size, GROWTH, points=sharp))
-    if stance.gap < 4 * size and stance.gap_ends is not None:
-        points = geometry.gap_points(stance.gap_ends)
+    if stance.gap < 4 * size and stance.gap_ends is not None and stance.placement is not None:
+        points = geometry.gap_points(stance.gap_ends, stance.placement)
         near.append(Near(GAP_CELL[order] * stance.gap, GAP_GROWTH, points=points, needed=True))
     return near
 

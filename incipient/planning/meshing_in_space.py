@@ -95,8 +95,8 @@ def _along_grain(geometry: Geometry, order: int, stance: Stance, layer: float) -
     size = layer * GRAIN_CELL[order] * grain.size
     edged = isinstance(grain, Box) and grain.edge_radius == 0.0
     near = [Near(EDGE_CELL * size if edged else size, GROWTH, boundary="body")]
-    if stance.gap < 4.0 * size and stance.gap_ends is not None:
-        points = geometry.gap_points(stance.gap_ends)
+    if stance.gap < 4.0 * size and stance.gap_ends is not None and stance.placement is not None:
+        points = geometry.gap_points(stance.gap_ends, stance.placement)
         near.append(Near(GAP_CELL[order] * stance.gap, GAP_GROWTH, points=points, needed=True))
     return near
 

@@ -8,15 +8,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..geometry.gaps import NearBed
 from ..geometry.placement import Placement
+from ..geometry.plane.bed import Flat
 from ..geometry.plane.closing import Closing, closing
 from ..geometry.rest import clearance, lifted
+from ..geometry.space.terrain import Plane
 from ..geometry.touching import touching
 from ..scene import Domain
 
 if TYPE_CHECKING:
     from ..contact import Contacts
 
+NARROW = 3.0  # gaps at contact up to which the space between a moving grain and its bed is meshed as narrow
 Place = Any  # a point (gdim,) as a tuple of numbers
 
 
@@ -44,6 +48,7 @@ class Geometry:
     bed:       shape, a Bed of the plane or a Terrain; None without a bed
     placement: the grain where it touches the bed or is held; None without a grain
     rests:     whether it rests on the bed; moves: whether it moves while the flow is computed
+    touches:   whether it goes on moving where it touches the bed
     gap:       that stands for contact while the flow is computed; tolerance: distance that counts as touching [length]
     top:       what the upper side is; sides: what both sides across the width of a domain in space are
     symmetric: whether half of the domain is computed
@@ -56,6 +61,7 @@ class Geometry:
     placement: Placement | None
     rests: bool
     moves: bool
+    touches: bool
     gap: float
     tolerance: float
     top: str
@@ -96,7 +102,9 @@ class Geometry:
         if self.grain is None or self.bed is None or self.placement is None:
             return Stance(self.placement, self.placement)
         placement = self.placement
-        if self.rests:
+        if self.rests and self.moves:
+            placement = self.near_bed.seated(placement, self.gap, self.contacts.points)
+        elif self.rests:
             placement = lifted(self.grain, self.placement, self.bed, self.gap)
         gap, on_grain, on_bed = clearance(self.grain, placement, self.bed)
         ends = self.halved(point(on_grain)), self.halved(point(on_bed))
@@ -112,8 +120,18 @@ class Geometry:
         outline = tuple(curve.moved(self.placement) for curve in self.grain.drawn())
         return closing(outline, self.bed, self.contacts.points[:, :2], self.gap)
 
-    def gap_points(self, ends: tuple[Place, Place]) -> tuple[Place, ...]:
-        """Where grain and bed nearly touch: the narrowest place, and every contact of a resting grain."""
+    @cached_property
+    def near_bed(self) -> NearBed:
+        """Where the grain is near its bed, or the lower side in its place."""
+        level = self.domain.bottom
+        flat = Flat(level) if self.gdim == 2 else Plane(origin_z=level)
+        return NearBed(self.grain, flat if self.bed is None else self.bed)
+
+    def gap_points(self, ends: tuple[Place, Place], placement: Placement) -> tuple[Place, ...]:
+        """Where a placed grain and bed nearly touch: the narrowest place, and every contact of one that rests."""
+        if self.touches:
+            near = self.near_bed.gaps(placement, NARROW * self.gap).points
+            return tuple(dict.fromkeys([*ends, *(self.halved(point(x)) for x in near)]))
         if not self.rests:
             return ends if self.moves and self.gdim == 2 else ends[:1]
         contacts = self.contacts.points[:, : self.gdim]

@@ -28,7 +28,7 @@ from ..tables.rows import Rows, block
 
 T = TypeVar("T")
 
-FORMAT, VERSION = "incipient checkpoint", 5
+FORMAT, VERSION = "incipient checkpoint", 6
 ANEW = "start a new run with: incipient run"
 METADATA_BYTES = 1 << 16
 
@@ -108,6 +108,7 @@ class StoredBody:
     mean_load:       load in the last step (k,), None before the first; with the order and length of that step
     load, flow_load: at the end of the last step (k,)
     velocities:      velocities of the grain as they limit the steps' length, one row for each past state of the flow
+    on_bed:          contacts with the bed and what the grain has done there; None where it does not go on there
     """
 
     made: Rows
@@ -126,6 +127,7 @@ class StoredBody:
     met: bool
     remeshings: list[dict[str, Any]]
     interface_iterations: Floats
+    on_bed: dict[str, Any] | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Floats
 from ..errors import SceneError
-from ..geometry.placement import Placement
 from ..planning.flow_setup import Setup
 from ..planning.plan import Plan
 from ..scene import Scene
@@ -24,6 +23,7 @@ from .loads import Coefficients, Couples, Forces, Gap, loads_words
 from .quantity import OutputQuantity
 from .si import si_lines
 from .steady import Steadied
+from .trajectory import number_words, trajectory_lines
 
 if TYPE_CHECKING:
     from ..mesh.sampling import Extremum
@@ -143,9 +143,9 @@ class Result:
         return mirror * velocity, pressure
 
     @property
-    def met(self) -> bool:
-        """Whether the run ended because its grain met something; with a checkpoint it may resume."""
-        return self.trajectory is not None and self.trajectory["ended"]["by"] == "contact"
+    def ended_early(self) -> bool:
+        """Whether the run ended because of what its grain had done; with a checkpoint it may resume."""
+        return self.trajectory is not None and self.trajectory["ended"]["by"] != "time"
 
     @property
     def measured_cell_reynolds(self) -> float | None:
@@ -221,7 +221,7 @@ def _lines(result: Result) -> list[str]:
         lines.append(result.gap.line())
     lines += [f"warning             {warning}" for warning in result.plan.warnings]
     if result.trajectory is not None:
-        lines += _path(result.trajectory)
+        lines += trajectory_lines(result.trajectory)
     if result.surface is not None:
         lines += _levels(result.surface, result.error_bars)
     for name, extreme in (result.centrelines or {}).items():
@@ -268,43 +268,11 @@ def _without_rest(settled: Any) -> str:
     return "with body.settle = true it first rolls and tips to a place where it rests"
 
 
-def _path(trajectory: dict[str, Any]) -> list[str]:
-    """Where a moving grain has come to."""
-    ended = trajectory["ended"]
-    place, velocity, turned, spin = (_words(x) for x in _motion_of(trajectory))
-    unit = "rad" if "angle" in trajectory else "rad about x, y and z"
-    nearest = f"{ended['clearance']:.3g} from the {ended['nearest']}"
-    end = f"met the {ended['nearest']}" if ended["by"] == "contact" else nearest
-    iterations = trajectory["interface_iterations"]
-    missing = ended["without_verdict"]
-    return [
-        f"grain at            {place}, turned by {turned} {unit}; t = {ended['time']:.6g}, {end}",
-        f"velocity            {velocity}, spin {spin} rad per unit of time",
-        f"interface           {iterations['mean']:.1f} iterations a step, {iterations['most']} at most; "
-        f"{len(trajectory['remeshings'])} new meshes",
-        *([f"verdict             none: {missing}"] if missing else []),
-    ]
-
-
 def _levels(surface: dict[str, Any], bars: ErrorBars | None) -> list[str]:
     """Elevations of a free surface, by how much they may be off within the run, and what enters below it."""
     at = zip(surface["stations"], surface["elevations"], strict=True)
-    lines = [f"elevation           {value:+.6g} at {_words(place)}" for place, value in at]
+    lines = [f"elevation           {value:+.6g} at {number_words(place)}" for place, value in at]
     if bars is not None and bars.elevation is not None and bars.level is not None:
         errors = zip(lines, bars.level, bars.elevation, strict=True)
         lines = [f"{line}, within {level:.1e}, in the run {most:.1e}" for line, level, most in errors]
     return lines + [f"{name:<20}{surface[name]:.6g}" for name in ("inflow", "seepage") if name in surface]
-
-
-def _motion_of(trajectory: dict[str, Any]) -> tuple[Any, Any, Any, Any]:
-    """Place, velocity, angle or shortest rotation vector, and spin at the end of a path."""
-    place, turned = trajectory["place"], trajectory.get("angle")
-    if turned is None:
-        origin = (0.0, 0.0, 0.0)
-        turned = Placement(origin, quaternion=tuple(trajectory["quaternion"])).turn_since(Placement(origin))
-    return place, trajectory["velocity"], turned, trajectory["spin"]
-
-
-def _words(x: Any) -> str:
-    """A number, or a vector, for a reader."""
-    return f"({', '.join(f'{one:.6g}' for one in x)})" if np.ndim(x) else f"{x:.6g}"

@@ -55,7 +55,7 @@ def _of_motion(effects: Effects, body: Any, has_surface: bool) -> Iterator[Probl
     motion = "fixed" if body is None else body.motion
     moves, fact = motion != "fixed", f'body.motion = "{motion}"' if body is not None else "there is no grain"
     asked = effects.free_body
-    if asked != "auto" and asked != (motion == "free"):
+    if asked != "auto" and asked != (body is not None and body.is_free):
         remedy = f'set body.motion = "{"free" if asked else "fixed"}"'
         yield problem("effects.free_body", f"is {str(asked).lower()} but {fact}", remedy)
     asked = effects.moving_mesh

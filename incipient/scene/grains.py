@@ -22,8 +22,11 @@ Density = Annotated[
     ),
 ]
 Motion = Annotated[
-    Literal["fixed", "free", "prescribed"],
-    Field(description="How the grain moves: not, as flow and weight move it, or as `course` says"),
+    Literal["fixed", "free", "prescribed", "released"],
+    Field(
+        description="How the grain moves: not, as flow and weight move it, as `course` says, or from its rest on the "
+        "bed as flow, weight and contact move it"
+    ),
 ]
 FRICTIONLESS = "frictionless"
 # Keys that only a grain with this motion reads.
@@ -45,9 +48,10 @@ def _settles(value: Any) -> Any:
 
 Settle = Annotated[bool | Literal["frictionless"], BeforeValidator(_settles)]
 OnContact = Annotated[
-    Literal["stop", "repel"],
+    Literal["stop", "repel", "touch"],
     Field(
-        description="A grain that moves within contact.gap of a wall ends the run; a free one may be repelled"
+        description="A grain that moves within contact.gap of a wall ends the run; a free one may be repelled, or "
+        "touch the bed and roll, slide or rest on it"
     ),
 ]
 
@@ -102,6 +106,16 @@ class BodySection(Section):
         return self.motion != "fixed"
 
     @property
+    def is_free(self) -> bool:
+        """Whether flow and weight move the grain, from a place in the flow or from its rest."""
+        return self.motion in ("free", "released")
+
+    @property
+    def touches(self) -> bool:
+        """Whether the grain goes on where it touches the bed: rolls, slides, rests."""
+        return self.motion == "released" or self.on_contact == "touch"
+
+    @property
     def aside(self) -> float | None:
         """The y over which a grain in space comes to rest; None: the middle of the width."""
         return None
@@ -126,8 +140,15 @@ class BodySection(Section):
 def _missing(body: BodySection) -> Iterator[Problem]:
     if body.motion == "prescribed" and body.course is None:
         yield problem("course", "is missing though the motion is prescribed", "add it, or hold the grain")
-    if body.motion != "fixed" and body.centre is None:
-        yield problem("x", "a moving grain starts away from the bed", "give centre instead of x")
+    if body.motion in ("free", "prescribed") and body.centre is None:
+        why = "a moving grain starts away from the bed"
+        yield problem(
+            "x", why, 'give centre instead of x, or motion = "released" for one that starts from its rest'
+        )
+    if body.motion == "released" and body.x is None:
+        yield problem(
+            "centre", "a released grain starts from its rest on the bed", "give x instead of centre"
+        )
 
 
 def _ignored(body: BodySection) -> Iterator[Problem]:
@@ -142,8 +163,8 @@ def _of_mass(body: BodySection) -> Iterator[Problem]:
         yield problem("mass", "is given beside density, from which it follows", "leave one of them out")
     if body.density is not None or body.mass is not None:
         return
-    if body.motion == "free":
-        why = "a free grain needs a mass and a moment of inertia, which may be zero"
+    if body.is_free:
+        why = f"a {body.motion} grain needs a mass and a moment of inertia, which may be zero"
         yield problem("density", why, "give density, or mass and inertia")
     elif body.inertia is not None:
         yield problem("inertia", "is given without a mass", "give density or mass as well, or leave it out")

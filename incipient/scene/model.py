@@ -73,6 +73,13 @@ class Contact(Section):
     tolerance: Positive = Field(
         _DEFAULT_TOLERANCE, description="Distance that counts as touching [grain sizes]"
     )
+    kinetic_friction: NotNegative | None = Field(
+        None,
+        description="Coefficient of friction of a contact that slides; by default that of static friction [-]",
+    )
+    restitution: NotNegative = Field(
+        0.0, le=1.0, description="Normal velocity after an impact over that before it, reversed [-]"
+    )
 
     @field_validator("gap")
     @classmethod
@@ -99,6 +106,10 @@ class Time(Section):
     start: Literal["rest", "stokes", "steady"] = Field("rest", description="Flow at time 0")
     tolerance: Positive | None = Field(
         None, description="Relative error of a step; given, the step adapts to it [-]", examples=[1e-4]
+    )
+    until: Literal["end", "out-of-pocket", "at-rest"] = Field(
+        "end",
+        description="What ends the run before `end`: a grain that has left its pocket or rests again",
     )
     until_steady: Positive | None = Field(
         None,

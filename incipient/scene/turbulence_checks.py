@@ -32,6 +32,10 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
         if effects.unsteadiness is False:
             why = "is false but turbulence in time is unsteady"
             yield problem("effects.unsteadiness", why, "leave [time] out")
+    if scene.body is not None and scene.body.touches:
+        key = "body.motion" if scene.body.motion == "released" else "body.on_contact"
+        why = f"is of a grain that moves on its bed, which {_NOT_SIMULATED}"
+        yield problem(key, why, 'set body.motion = "fixed", or leave effects.turbulence out')
     if numerics.accuracy is not None:
         yield from _of_accuracy(numerics, time is not None, scene.body is not None)
 
@@ -41,6 +45,8 @@ def _of_flow(flow: Flow, domain: Domain) -> Iterator[Problem]:
         yield problem(
             "domain.sides", f'"stream" {_NOT_SIMULATED}', 'use "wall", or "slip", sides without friction'
         )
+    if getattr(flow, "gust", None) is not None:
+        yield problem("flow.gust", _NOT_SIMULATED, "leave it out")
     if domain.top == FREE:
         yield problem("domain.top", f'"{FREE}" {_NOT_SIMULATED}', 'use "auto", a lid without friction')
     if flow.kind not in FLOWS:

@@ -50,19 +50,19 @@ def outcome(run: Run, status: str = "complete", error: str = "") -> Result:
         if run.probe is not None:
             force, couple = loads(run, surface=True)
             traction = Traction(*run.probe.vectors())
-            if status == "complete":
+            if status == "complete" and grain is None:
                 verdict = judged(run, force, couple)
-            if grain is not None and grain.part.met:
+            if grain is not None and (grain.part.met or grain.does):
                 from ..effects.moving_grain.landing import landing
 
-                landed = landing(run.setup, grain.state, grain.clearance(), force, couple)
+                landed = landing(run.setup, grain.state, grain.clearance(), force, couple, grain.does)
                 contacts, verdict = landed.contacts, landed.verdict
                 reported["trajectory"]["ended"]["without_verdict"] = landed.why_not
         gap, layout = None, run.layout
         if grain is None and layout.gap_ends is not None:
             cells = cells_between(run.domain.mesh, *layout.gap_ends)
             gap = Gap(layout.gap, cells, layout.closing is not None)
-        lines = centrelines(scene, run.fluid)
+        lines = centrelines(scene.domain, run.fluid) if scene.has_centrelines else None
         measured = _measured(run)
     return Result(
         title=scene.title,
@@ -107,7 +107,7 @@ def with_rests(run: Run, result: Result) -> Result:
             run.comm
         ):  # the last digits of loads, and so the steps taken, may differ from rank to rank
             if run.comm.rank == 0:
-                rocking = followed(run.scene, load_of(run.scene, result.force, result.couple))
+                rocking = followed(run.scene, load_of(run.scene.placement, result.force, result.couple))
         rocking = run.comm.bcast(rocking)
         if rocking is None or rocking.critical <= first * (1.0 + NO_MORE):
             return result

@@ -61,12 +61,13 @@ class March:
             self._restore(checkpoint)
 
     @property
-    def met(self) -> bool:
-        """Whether a grain that moves has met something."""
-        return self.coupling is not None and self.coupling.met
+    def over(self) -> bool:
+        """Whether a grain that moves has done what ends the run: met something, left its pocket, come to rest."""
+        grain = self._run.grain
+        return grain is not None and grain.ends != ""
 
     def steps(self) -> Iterator[TimeStep]:
-        """Advance to the end, or until a moving grain meets something. See `Transient.march`.
+        """Advance to the end, or until a moving grain has done what ends the run. See `Transient.march`.
 
         Raises:
             ConvergenceError: a step failed; the last good state is kept.
@@ -78,7 +79,7 @@ class March:
             for part in self._run.parts:
                 part.accept_step(step)
             yield step
-            if self.met or time.end - step.time <= 1e-9 * time.end:
+            if self.over or time.end - step.time <= 1e-9 * time.end:
                 return
             self._renew_worn_mesh()
 

@@ -209,7 +209,10 @@ def test_a_contradiction_elsewhere_names_the_file_and_what_was_set():
             MINIMAL.replace("kind =", "kin ="),
             'flow.kind: is missing; use "shear", "poiseuille", "open-channel", ',
         ),
-        (MINIMAL + "velocity = 1\n", 'flow.velocity: unknown key for "shear"; known are datum, kind, rate'),
+        (
+            MINIMAL + "velocity = 1\n",
+            'flow.velocity: unknown key for "shear"; known are datum, gust, kind, rate',
+        ),
         (
             MINIMAL.replace('kind = "shear"', 'kind = "lid"'),
             "flow.kind: a lid closes a box but the domain is a channel",

@@ -10,8 +10,9 @@ from scenes import sphere_on_plane as scene
 
 from incipient.accuracy.coarse_runs import farther
 from incipient.accuracy.errorbars import coarse_scenes
+from incipient.contact.verdict import judge
 from incipient.effects.plan import make_plan
-from incipient.evaluation.contact_verdict import find_contacts, judge, mass_and_inertia
+from incipient.evaluation.contact_verdict import find_contacts, load_of, mass_and_inertia
 from incipient.planning.flow_setup import Setup
 from incipient.results.loads import Couples, Forces
 from incipient.scene import (
@@ -196,9 +197,8 @@ def test_a_sphere_in_a_pocket_of_spheres_leaves_it_at_the_angle_of_repose(turned
         buoyancy, weight = weights(one)
         force = Forces(np.zeros(3), np.zeros(3), buoyancy, weight)
         couple = Couples(np.zeros(3), np.zeros(3), np.array(one.placement.centre))
-        found[slope > repose] = judge(one, find_contacts(one), force, couple)["judges"]["equilibrium"][
-            "moves"
-        ]
+        load, inert = load_of(one.placement, force, couple), mass_and_inertia(one.body, one.placement)
+        found[slope > repose] = judge(load, find_contacts(one), 1.0, inert).equilibrium.moves
     assert found == {False: False, True: True}
 
 

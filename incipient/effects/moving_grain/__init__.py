@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from ...body.state import BodyState
 from ...planning.effects import Decision, EffectName
 from ...planning.flow_setup import Setup
 from ...planning.numbers import Numbers
@@ -23,28 +24,30 @@ class FreeBodyEffect(Effect):
     name = EffectName.FREE_BODY
 
     def decide(self, setup: Setup, numbers: Numbers) -> Decision:
-        """Present with body.motion = "free"."""
+        """Present with body.motion = "free" or "released"."""
         body = setup.scene.body
         if body is None:
             return Decision(self.name, False, "no [body] section")
         reason = f'body.motion = "{body.motion}"'
         if body.locked:
             reason += f" but for {', '.join(body.locked)}"
-        if body.motion == "free" and numbers.density_ratio is not None and numbers.stokes is not None:
+        if body.is_free and numbers.density_ratio is not None and numbers.stokes is not None:
             reason += f"; density ratio {numbers.density_ratio:.3g}, Stokes number {numbers.stokes:.2g}"
-        return Decision(self.name, body.motion == "free", reason, setup.scene.effects.free_body != "auto")
+        return Decision(self.name, body.is_free, reason, setup.scene.effects.free_body != "auto")
 
     def part_in_time(self, setup: Setup, stage: Stage, kept: Checkpoint | None) -> MovingGrain | None:
         """A grain that moves, freely or not."""
         if not setup.scene.moves:
             return None
+        state = None if kept is None or kept.body is None else BodyState.unpacked(kept.body.made_for)
+        assert setup.scene.body is not None
+        if setup.scene.body.touches:
+            from .on_bed import GrainOnBed
+
+            return GrainOnBed(setup, stage, state)
         from .part import MovingGrain
 
-        if kept is None:
-            return MovingGrain(setup, stage)
-        from .keeping import state_of_mesh
-
-        return MovingGrain(setup, stage, state_of_mesh(kept))
+        return MovingGrain(setup, stage, state)
 
     def left_out(self, solved: Solved, decision: Decision) -> Iterator[Omission]:
         """A grain that is held in time though it would have begun to move."""

@@ -12,7 +12,7 @@ from ...coupled.coupling import Coupling
 from ...coupled.remeshing import Remeshing
 from ...coupled.rigid import End, RigidPart
 from ...fluid.transient import Transient
-from ...restart.checkpoint import Checkpoint, StoredBody
+from ...restart.checkpoint import StoredBody
 from ...restart.redistribution import numbered_nodes, spread_nodes
 
 
@@ -55,9 +55,3 @@ def restore(part: RigidPart, body: StoredBody, coupling: Coupling) -> None:
     part.state, part.met = part.past[0], body.met
     part.end = End(part.state, body.load, body.flow_load, body.length)
     part.mean_load = MeanLoad(body.mean_load_order, body.mean_load, body.mean_load_step)
-
-
-def state_of_mesh(kept: Checkpoint) -> BodyState:
-    """The grain's state for which the mesh of a checkpoint was made. Not collective."""
-    assert kept.body is not None
-    return BodyState.unpacked(kept.body.made_for)

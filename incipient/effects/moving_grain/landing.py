@@ -1,8 +1,8 @@
-"""Where a moving grain has met the bed: its contacts there, and whether it would stay if it stood there at rest.
+"""Where a moving grain has met the bed, or rests on it: its contacts there, and whether it stays there at rest.
 
-The run ends when the grain is within `contact.gap` of the bed and still moves. Its contacts are taken to be where it is
-that near, and both judges are asked about the loads of that moment: the flow's, which holds what the fluid sets against
-the grain's motion, and weight and buoyancy. Nothing here is collective.
+A run may end when the grain is within `contact.gap` of the bed and still moves, or rests there. Its contacts are taken
+to be where it is that near, and both judges are asked about the loads of that moment: the flow's, which holds what the
+fluid sets against the grain's motion, and weight and buoyancy. Nothing here is collective.
 """
 
 from __future__ import annotations
@@ -10,22 +10,24 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from ...arrays import spatial
 from ...body.state import BodyState
-from ...contact import Contacts, Load
+from ...contact import Contacts
 from ...contact.verdict import judge
 from ...errors import IncipientError
-from ...evaluation.contact_verdict import mass_and_inertia, standing
+from ...evaluation.contact_verdict import load_of, mass_and_inertia, standing
 from ...geometry.plane.bed import Flat
 from ...geometry.space.terrain import Plane
 from ...geometry.touching import touching
 from ...planning.clearance import Clearance
 from ...planning.flow_setup import Setup
 from ...results.loads import Couples, Forces
+from .bed_contact import REST
 
 # Relative to the distance at which the grain has met the bed: how much farther its other contacts may be.
 FARTHER = 1.01
 SUPPOSED = "at rest where it met the {bed}, under the loads at the end of the run"
+STANDS = "at rest where it is, under the loads at the end of the run"
+AT_REST = "no error bar of the safety factor: for one run a steady scene of the grain at rest"
 
 
 @dataclass(frozen=True)
@@ -37,9 +39,13 @@ class Landing:
     why_not: str = ""
 
 
-def landing(setup: Setup, state: BodyState, met: Clearance, force: Forces, couple: Couples) -> Landing:
-    """What there is to say of a grain in a state in which it has met something. Not collective."""
-    scene, bed = setup.scene, setup.sides.bottom
+def landing(
+    setup: Setup, state: BodyState, met: Clearance, force: Forces, couple: Couples, does: str = ""
+) -> Landing:
+    """What there is to say of a grain that has met something, or that rests, rolls, ... there. Not collective."""
+    scene, bed, stands = setup.scene, setup.sides.bottom, does == REST
+    if does and not stands:
+        return Landing(why_not=f"the grain moves: {does}")
     if met.other != bed:
         return Landing(why_not=f"the grain met the {met.other}, which is not the bed")
     try:
@@ -49,15 +55,15 @@ def landing(setup: Setup, state: BodyState, met: Clearance, force: Forces, coupl
     if why_not := _missing(setup):
         return Landing(contacts, why_not=why_not)
     assert scene.body is not None and scene.contact is not None
-    load = Load(force.flow, couple.flow, force.weight + force.buoyancy, spatial(state.place))
+    load = load_of(state.placement, force, couple)
     inert = mass_and_inertia(scene.body, state.placement)
     try:
         found = judge(load, contacts, scene.contact.friction, inert).to_dict()
     except IncipientError as error:
         return Landing(contacts, why_not=str(error))
-    found["supposed"] = SUPPOSED.format(bed=bed)
+    found["supposed"] = STANDS if stands else SUPPOSED.format(bed=bed)
     found["sentence"] = f"{found['supposed']}, {found['sentence']}"
-    found["note"] = _note(state)
+    found["note"] = AT_REST if stands else _note(state)
     return Landing(contacts, found)
 
 

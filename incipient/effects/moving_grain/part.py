@@ -22,7 +22,7 @@ from ...geometry.space.solid import Sphere
 from ...mesh.domain import Domain
 from ...mesh.motion import MeshMotion, RigidDisplacement
 from ...planning.body import initial_state, rigid_body
-from ...planning.clearance import Clearance
+from ...planning.clearance import Clearance, Surroundings
 from ...planning.effects import EffectName
 from ...planning.flow_setup import Setup
 from ...results.loads import apart, named, named_couple
@@ -53,6 +53,7 @@ class MovingGrain(RunPart):
 
     effect = EffectName.FREE_BODY
     part: RigidPart
+    does = ""  # what it does on its bed, where it goes on there
 
     def __init__(
         self, setup: Setup, stage: Stage, state: BodyState | None = None, made_for: Placement | None = None
@@ -63,10 +64,11 @@ class MovingGrain(RunPart):
         assert scene.grain is not None and scene.placement is not None
         self.grain, self.time = scene.grain, scene.time
         self.surroundings, self._halved = setup.surroundings, setup.symmetric
-        self._is_free, self._is_repelled = scene.body.motion == "free", scene.body.on_contact == "repel"
+        self._is_free, self._is_repelled = scene.body.is_free, scene.body.on_contact == "repel"
         self.body = rigid_body(scene.body, self._halved)
-        start = state or initial_state(scene.body, scene.placement, self._halved)
-        self._start, self._made_for = start, made_for
+        first = setup.geometry.stance.placement
+        assert first is not None
+        self._start, self._made_for = state or initial_state(scene.body, first, self._halved), made_for
         self.remeshings: list[Remeshing] = []
         self.interface_iterations: list[int] = []
 
@@ -97,12 +99,15 @@ class MovingGrain(RunPart):
         if self._made_for is not None:
             motion.move(self._displacement.at(self._start.placement))
             self._fluid.constraints.boundary_points_moved()
-        self.part = RigidPart(
+        self.part = self._rigid_part(
             *(self._fluid, self.body, self._start, self._displacement, self._other_load),
             room=None if self._is_repelled else self._room,
             stage=self._stage,
             added_mass=self.scene.numerics.coupling == "exact",
         )
+
+    def _rigid_part(self, *others: Any, **named: Any) -> RigidPart:
+        return RigidPart(*others, **named)
 
     def moving(self) -> tuple[RigidPart, ...]:
         """The body."""
@@ -115,7 +120,7 @@ class MovingGrain(RunPart):
 
     def on(self, domain: Domain) -> MovingGrain:
         """The grain as it is on a mesh that was made for `drawn`."""
-        return MovingGrain(self.setup, self._stage, self.state, self.drawn())
+        return type(self)(self.setup, self._stage, self.state, self.drawn())
 
     def last_step(self) -> float | None:
         """The length of the last step; None before the first."""
@@ -127,6 +132,11 @@ class MovingGrain(RunPart):
         assert isinstance(step.report, InterfaceReport)
         self.interface_iterations.append(step.report.corrected)
 
+    @property
+    def ends(self) -> str:
+        """What the grain has done that ends the run, as `time.until` names it, or "contact"; or nothing."""
+        return "contact" if self.part.met else ""
+
     # -- output -----------------------------------------------------------------------------------
 
     def columns(self, step: TimeStep, coupling: Coupling | None) -> dict[str, Any]:
@@ -134,10 +144,14 @@ class MovingGrain(RunPart):
         assert coupling is not None
         return {
             **columns_of_state(self.state),
-            **columns_of_load(self.part.end.flow_load, "force", "couple"),
-            **(columns_of_load(self.repulsion(), "repulsion", "repulsion_couple") if self._is_free else {}),
+            **columns_of_load(self.part.end.flow_load + self.displaced_load(), "force", "couple"),
+            **self._columns_at_contact(step.length),
             **coupling.columns(step.report),
         }
+
+    def _columns_at_contact(self, length: float) -> dict[str, Any]:
+        """The load of what repels a free grain."""
+        return columns_of_load(self.repulsion(), "repulsion", "repulsion_couple") if self._is_free else {}
 
     def budget(self) -> dict[str, float]:
         """Energies of fluid and grain, after the number of meshes."""
@@ -162,7 +176,7 @@ class MovingGrain(RunPart):
         iterations, in_space = self.interface_iterations or [0], self.scene.gdim == 3
         trajectory = {
             "ended": {
-                "by": "contact" if self.part.met else "time",
+                "by": self.ends or "time",
                 "time": self._fluid.time,
                 "clearance": near.distance,
                 "nearest": near.other,
@@ -187,17 +201,35 @@ class MovingGrain(RunPart):
         """Force and couple (3,), in space (6,), from what the grain has come close to; zero unless it is repelled."""
         return self._repulsion(self.state) if self._is_repelled else np.zeros(self.body.size)
 
+    def _in_the_way(self) -> Surroundings:
+        """What the grain may not touch."""
+        return self.surroundings
+
     def _room(self, state: BodyState) -> float:
         """How far the grain may still go before the gap to something is that which counts as contact."""
         gap = self.scene.contact_gap
-        return self.surroundings.clearance(state.placement, 2.0 * gap).distance - gap
+        return self._in_the_way().clearance(state.placement, 2.0 * gap).distance - gap
+
+    def _weight(self) -> Floats:
+        """Weight and buoyancy (gdim,)."""
+        return np.asarray((self.body.inertia.mass - self.grain.volume) * self.scene.gravity_vector)
 
     def _other_load(self, state: BodyState) -> Floats:
         """Weight and buoyancy, and what keeps a repelled grain away."""
         load = np.zeros(self.body.size)
-        load[: self.body.gdim] = (self.body.inertia.mass - self.grain.volume) * self.scene.gravity_vector
+        load[: self.body.gdim] = self._weight()
+        load += self.displaced_load(state)
         if self._is_repelled:
             load += self._repulsion(state)
+        return load
+
+    def displaced_load(self, state: BodyState | None = None) -> Floats:
+        """Force and couple (k,) that a gust exerts on the fluid displaced by the grain, at present or in a state."""
+        force, couple = self._fluid.load_on_displaced((state or self.state).placement)
+        gdim = self.body.gdim
+        load = np.concatenate([force[:gdim], couple if gdim == 3 else couple[2:]])
+        if self._halved:
+            load[[1, 3, 5]] = 0.0
         return load
 
     def _repulsion(self, state: BodyState) -> Floats:
@@ -236,13 +268,17 @@ class MovingGrain(RunPart):
         return {"body": stored(self.part, self.remeshings, self.interface_iterations, coupling, transient)}
 
     def restore(self, kept: Checkpoint, coupling: Coupling | None) -> None:
-        """Take state and past from a checkpoint; the part is one made for `keeping.state_of_mesh`."""
+        """Take state and past from a checkpoint; the part is one made for its mesh."""
         from .keeping import restore
 
         assert kept.body is not None and coupling is not None
         restore(self.part, kept.body, coupling)
+        self._restore_contacts(kept.body.on_bed)
         self.remeshings = [Remeshing(**one) for one in kept.body.remeshings]
         self.interface_iterations = kept.body.interface_iterations.astype(int).tolist()
+
+    def _restore_contacts(self, kept: dict[str, Any] | None) -> None:
+        """Take contacts with the bed from a checkpoint, where the grain goes on there."""
 
 
 def rounded(placement: Placement, first: Placement, unit: float) -> Placement:

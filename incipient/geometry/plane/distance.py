@@ -43,6 +43,8 @@ def approaches(grain: Grain, placement: Placement, bed: Bed, within: float | Non
     """
     outline = placed_outline(grain, placement)
     kept = outline.near(bed, within)
+    if len(kept) == 0:
+        return []
     curve, s = outline.sampled(kept, bed, grain.size)
     points = outline.point(curve, s)
     spacing = float((outline.chain.lengths[kept] / outline.steps(kept, bed, grain.size)).max(initial=0.0))

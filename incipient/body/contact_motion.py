@@ -1,0 +1,347 @@
+"""A rigid body in contact over a time step: it is pushed and rubbed by what it touches, and rolls, slides or lifts off.
+
+The step is that of `rigidbody.RigidBody` with impulses P at the contacts beside the load (Moreau 1988; Jean 1999). They
+obey Signorini's and Coulomb's laws with the velocities at the end of the step, and see the same effective mass as the
+load: with the fluid's response among it a body without mass is no exception. Contacts are those that the body would
+enter in the step; a step is not cut short where it meets one. An impulse acts along the mean of a contact's normals at
+both ends of the step, so that a body which rolls along a curved bed keeps its energy. What the body then is within the
+bed, or away from what it presses on, is taken off its place, not off its velocities.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..arrays import Floats, planar_cross, quarter_turned
+from ..contact.exact.impulses import contact_impulses
+from ..geometry.gaps import Gaps
+from ..geometry.placement import Placement
+from ..geometry.space.solid import frame_of
+from .rigidbody import Motion, RigidBody
+from .state import BodyState
+
+NearBed = Callable[[Placement, float], Gaps]
+
+ROUNDS = 40  # of impulses and places, until neither changes
+IN_TURN = 12  # rounds after which contacts that come and go in turn, such as ends of a side that lands, stay
+SETTLED = 1e-9  # change of the body's place in a round, relative to its reach, that ends them
+CLOSED = 1e-9  # gap, relative to the reach, that counts as none
+CORRECTIONS = 8  # of a place, by gaps that are taken for linear in it
+SEEN = 0.05  # gap, relative to the reach, within which contacts of one round are looked for again in the next
+CREATED = 1e-3  # work done by contacts, relative to impulses times velocities, that is not accepted
+SLIDES = 1e-9  # velocity along a contact, relative to the largest there, from which on it slides
+SAME_NORMAL = 0.9  # cosine of normals of what is one contact at two moments of a step
+# How far apart its places may be: times the way of the body in the step, and relative to its reach besides.
+SAME_WAY, SAME_PLACE = 2.0, 1e-3
+
+
+@dataclass(frozen=True)
+class ContactLaw:
+    """How a body and its bed touch.
+
+    friction: Coulomb's coefficient of contacts that stick; kinetic: of those that slide, None: the same
+    restitution: share of the normal velocity with which the body leaves an impact (Newton's law)
+    """
+
+    friction: float
+    kinetic: float | None = None
+    restitution: float = 0.0
+
+    def coefficients(self, slides: np.ndarray) -> Floats:
+        """(k,) coefficients of contacts, by whether they slide (k,)."""
+        kinetic = self.friction if self.kinetic is None else self.kinetic
+        return np.where(slides, kinetic, self.friction).astype(float)
+
+
+@dataclass(frozen=True, eq=False)
+class ActiveContacts:
+    """Contacts at the end of a step.
+
+    points, normals: on the body, and from the bed to it, (k, gdim)
+    impulses, velocities: over the step on the body, and of the body at the end, (k, 3): along the rows of `frames`
+    work: of friction, and of pressure (at impacts) over the step
+    """
+
+    points: Floats
+    normals: Floats
+    impulses: Floats
+    velocities: Floats
+    work: tuple[float, float] = (0.0, 0.0)
+
+    @classmethod
+    def none(cls, gdim: int) -> ActiveContacts:
+        """No contacts."""
+        return cls(np.zeros((0, gdim)), np.zeros((0, gdim)), np.zeros((0, 3)), np.zeros((0, 3)))
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def places(self) -> Gaps:
+        """Points and normals as closed gaps."""
+        return Gaps(np.zeros(len(self)), self.points, self.normals)
+
+    def forces(self, length: float) -> Floats:
+        """(k, gdim) mean forces on the body over a step of a length."""
+        mean = np.einsum("ki,kij->kj", self.impulses, frames(self.normals)) / length
+        return np.asarray(mean[:, : self.points.shape[1]])
+
+    def mean_load(self, place: Floats, length: float) -> Floats:
+        """Mean force and couple about a place (3,), in space (6,), over a step of a length."""
+        if not len(self):
+            return np.zeros(3 * len(place) - 3)
+        ways = wrenches(self.points, frames(self.normals), place)
+        return np.asarray(ways.T @ self.impulses.ravel() / length)
+
+
+@dataclass(frozen=True, eq=False)
+class ContactStep:
+    """A step: its end, which does not enter the bed, the contacts there, and the motion before that was corrected.
+
+    pushed: impulse of force and couple (n,) by all contacts; start: where the step began
+    """
+
+    end: BodyState
+    contacts: ActiveContacts
+    motion: Motion
+    pushed: Floats
+    start: BodyState
+
+    def created(self) -> float:
+        """The work that contacts do on the body over that of their impulses with its velocities."""
+        fastest = np.maximum(np.abs(self.start.velocities), np.abs(self.motion.end.velocities))
+        whole = float(np.abs(self.pushed) @ fastest)
+        return sum(self.contacts.work) / whole if whole > 0.0 else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Start:
+    """What a step starts from: state, contacts, velocities (n, n) gained by impulses, how far a contact may wander.
+
+    mean: whether impulses act along the mean of normals at both ends
+    """
+
+    state: BodyState
+    before: ActiveContacts
+    gain: Floats
+    apart: float
+    mean: bool = True
+
+
+class ContactMotion:
+    """A body, the bed near it, and the law of contact.
+
+    Args:
+        body: its mass, moments and freedom.
+        near: gaps, points and normals at a placement of all places not farther from the bed than a length; gaps count
+            from where contact begins.
+        law: friction and restitution.
+        reach: the body's largest extent.
+    """
+
+    def __init__(self, body: RigidBody, near: NearBed, law: ContactLaw, reach: float):
+        self.body, self.near, self.law, self.reach = body, near, law, reach
+
+    def step(
+        self,
+        state: BodyState,
+        dt: float,
+        load: Floats,
+        added: Floats | None = None,
+        guess: Floats | None = None,
+        before: ActiveContacts | None = None,
+        tried: ContactStep | None = None,
+    ) -> ContactStep:
+        """The motion over a step under a mean load (n,) as `RigidBody.motion`, after contacts `before`.
+
+        `tried` is a step at about the same place under about the same load, whose contacts are tried first.
+
+        Raises ConvergenceError where no impulses are found.
+        """
+
+        def moved(pushed: Floats) -> Motion:
+            """The motion under an impulse (n,) of all contacts besides."""
+            return self.body.motion(state, dt, load + pushed / dt, added, guess)
+
+        none = ActiveContacts.none(self.body.gdim)
+        pushed = np.zeros(self.body.size) if tried is None else tried.pushed
+        first = ContactStep(state, none if tried is None else tried.contacts, moved(pushed), pushed, state)
+        gain, apart = self.body.velocities_by_impulses(state, added), self._apart(state, first.motion.end, dt)
+        start = _Start(state, before or none, gain, apart)
+        taken = self._taken(start, first, moved)
+        if self.law.restitution > 0.0 or taken.created() <= CREATED:
+            return taken
+        # Contacts whose normal turns at once, as that of a corner: impulses along the mean of both would do work.
+        return min(taken, self._taken(replace(start, mean=False), first, moved), key=ContactStep.created)
+
+    def _taken(self, start: _Start, first: ContactStep, moved: Callable[[Floats], Motion]) -> ContactStep:
+        """A step from a first motion, under the contacts there, on."""
+        state, gain, motion, pushed = start.state, start.gain, first.motion, first.pushed
+        end, seen = motion.end, self._seen(motion.end)
+        if len(first.contacts) == 0:
+            touched = seen.only(seen.gaps < -self._closed)
+        else:
+            touched = first.contacts.places()
+            end, seen = self._placed(end, seen, touched, start)
+        left = seen.only([])
+        for number in range(ROUNDS):
+            if len(touched) == 0:
+                return ContactStep(end, ActiveContacts.none(self.body.gdim), motion, pushed, state)
+            rows = wrenches(touched.points, frames(touched.normals), end.place)
+            ways = self._ways(rows, touched, start)
+            local = self._impulses(rows, ways, motion.end.velocities - gain @ pushed, touched, start)
+            pushed = ways.T @ local.ravel()
+            motion = moved(pushed)
+            last, entered = end, self._seen(motion.end)
+            end, seen = self._placed(motion.end, entered, touched.only(local[:, 0] > 0.0), start)
+            settled = float(np.abs(end.packed() - last.packed()).max()) <= SETTLED * max(self.reach, 1.0)
+            pressed = touched
+            touched, left = self._next(touched, local, self._as_entered(seen, entered, start), left, start)
+            if number >= IN_TURN:
+                touched = _together(touched, pressed, start.apart)
+            if settled and len(touched) == len(pressed):
+                break
+        # Where two ends of a step take turns, the last obeys the laws at contacts that are off by their difference.
+        return ContactStep(
+            end, _contacts(pressed, local, (rows, ways), (state, motion)), motion, pushed, state
+        )
+
+    def kept_out(self, end: BodyState) -> BodyState:
+        """The state, moved out of the bed where it is within it; its velocities stay."""
+        shapes = np.where(np.arange(self.body.size) < self.body.gdim, 1.0, self.reach**-2)
+        none = ActiveContacts.none(self.body.gdim)
+        start = _Start(end, none, np.diag(shapes * self.body.mask), 0.0)
+        return self._placed(end, self._seen(end), none.places(), start)[0]
+
+    def _apart(self, state: BodyState, end: BodyState, dt: float) -> float:
+        """How far apart places of one contact may be in a step."""
+        ways = [np.linalg.norm(one.velocity) + self.reach * np.linalg.norm(one.spin) for one in (state, end)]
+        return float(SAME_WAY * dt * max(ways)) + SAME_PLACE * self.reach
+
+    @property
+    def _closed(self) -> float:
+        return CLOSED * self.reach
+
+    def _seen(self, end: BodyState) -> Gaps:
+        return self.near(end.placement, SEEN * self.reach)
+
+    def _ways(self, rows: Floats, touched: Gaps, start: _Start) -> Floats:
+        """(3k, n) along which impulses act: the mean of rows at both ends of the step for contacts that last."""
+        ways, before = rows.copy(), start.before
+        for k, other in enumerate(matches(touched, before.places(), start.apart)):
+            if other >= 0 and start.mean:
+                first = _transported(frames(touched.normals[k : k + 1]), before.normals[other])
+                mine = slice(3 * k, 3 * k + 3)
+                point = before.points[other : other + 1]
+                ways[mine] = 0.5 * (rows[mine] + wrenches(point, first, start.state.place))
+        return ways
+
+    def _impulses(
+        self, rows: Floats, ways: Floats, velocities: Floats, touched: Gaps, start: _Start
+    ) -> Floats:
+        """The impulses (k, 3) for velocities (n,) that the body would have without any."""
+        first, free = ((rows @ one).reshape(-1, 3) for one in (start.state.velocities, velocities))
+        largest = float(np.abs([first, free]).max(initial=0.0))
+        slides = np.hypot(first[:, 1], first[:, 2]) > SLIDES * largest
+        new = np.array([other < 0 for other in matches(touched, start.before.places(), start.apart)])
+        free[:, 0] += self.law.restitution * np.where(new, np.minimum(first[:, 0], 0.0), 0.0)
+        return contact_impulses(rows @ start.gain @ ways.T, free.ravel(), self.law.coefficients(slides))
+
+    def _placed(self, end: BodyState, seen: Gaps, pressing: Gaps, start: _Start) -> tuple[BodyState, Gaps]:
+        """The end of a step where contacts that press are closed and nothing is in the bed, and the gaps there.
+
+        `seen` are the gaps before.
+        """
+        d, gain = self.body.gdim, start.gain
+        for _ in range(CORRECTIONS):
+            found = [k for k in matches(pressing, seen, start.apart) if k >= 0]
+            held = np.union1d(found, np.flatnonzero(seen.gaps < -self._closed)).astype(int)
+            gaps, near = seen.gaps[held], seen.only(held)
+            if len(held) == 0 or np.abs(gaps).max() <= self._closed:
+                return end, seen
+            normal = wrenches(near.points, frames(near.normals), end.place)[::3]
+            way = gain @ normal.T @ np.linalg.lstsq(normal @ gain @ normal.T, -gaps, rcond=1e-10)[0]
+            end = BodyState.at(end.placement.moved(way[:d], way[d:]), end.velocities, end.time)
+            seen = self._seen(end)
+        return end, seen
+
+    def _as_entered(self, seen: Gaps, before: Gaps, start: _Start) -> Gaps:
+        """Gaps after a place was corrected, those that were negative before counted as they were."""
+        entered = before.only(before.gaps < -self._closed)
+        gaps = seen.gaps.copy()
+        for was, k in zip(entered.gaps, matches(entered, seen, start.apart), strict=True):
+            if k >= 0:
+                gaps[k] = min(gaps[k], was)
+        return replace(seen, gaps=gaps)
+
+    def _next(self, touched: Gaps, local: Floats, seen: Gaps, left: Gaps, start: _Start) -> tuple[Gaps, Gaps]:
+        """The contacts of the next round as seen now, and those left out at some time, which come back for good."""
+        found = matches(touched, seen, start.apart)
+        gone = matches(touched, left, start.apart)
+        kept = {k for i, k in enumerate(found) if k >= 0 and (local[i, 0] > 0.0 or gone[i] >= 0)}
+        dropped = [i for i, k in enumerate(found) if k >= 0 and k not in kept and seen.gaps[k] > self._closed]
+        kept |= {k for i, k in enumerate(found) if k >= 0 and i not in dropped}
+        kept |= set(np.flatnonzero(seen.gaps < -self._closed).tolist())
+        return seen.only(sorted(kept)), _together(left, touched.only(dropped), 0.0)
+
+
+def _contacts(
+    touched: Gaps, local: Floats, ways: tuple[Floats, Floats], ends: tuple[BodyState, Motion]
+) -> ActiveContacts:
+    """The contacts of a step that has settled."""
+    (rows, along), (state, motion) = ways, ends
+    mean = (along @ (0.5 * (state.velocities + motion.end.velocities))).reshape(-1, 3)
+    work = local * mean
+    velocities = (rows @ motion.end.velocities).reshape(-1, 3)
+    works = float(work[:, 1:].sum()), float(work[:, 0].sum())
+    return ActiveContacts(touched.points, touched.normals, local, velocities, works)
+
+
+def frames(normals: Floats) -> Floats:
+    """(k, 3, 3) rows: the normals (k, gdim) and two directions along the surface, in the plane along it and across."""
+    found = np.zeros((len(normals), 3, 3))
+    if normals.shape[1] == 2:
+        found[:, 0, :2], found[:, 1, :2], found[:, 2, 2] = normals, quarter_turned(normals), 1.0
+        return found
+    found[:, 0] = normals
+    found[:, 1], found[:, 2] = frame_of(normals)
+    return found
+
+
+def wrenches(points: Floats, ways: Floats, place: Floats) -> Floats:
+    """(3k, n) force and couple about a place (gdim,) of unit forces along ways (k, 3, 3) at points (k, gdim)."""
+    arms = points - place
+    d = arms.shape[1]
+    planar = planar_cross(arms[:, None], ways[:, :, :2])[:, :, None] if d == 2 else None
+    couples = np.cross(arms[:, None], ways) if planar is None else planar
+    return np.concatenate([ways[:, :, :d], couples], axis=2).reshape(3 * len(arms), -1)
+
+
+def _together(touched: Gaps, others: Gaps, apart: float) -> Gaps:
+    """Contacts, and those of others that are none of them."""
+    missing = others.only([k for k, one in enumerate(matches(others, touched, apart)) if one < 0])
+    names = ("gaps", "points", "normals")
+    return Gaps(*(np.concatenate([getattr(touched, name), getattr(missing, name)]) for name in names))
+
+
+def _transported(ways: Floats, normal: Floats) -> Floats:
+    """Frames (1, 3, 3), turned as little as may be so that their normal is another one (gdim,)."""
+    found = ways.copy()
+    found[0, 0, : len(normal)] = normal
+    for row in (1, 2):
+        along = found[0, row] - (found[0, row] @ found[0, 0]) * found[0, 0]
+        found[0, row] = along / np.linalg.norm(along)
+    return found
+
+
+def matches(touched: Gaps, others: Gaps, apart: float) -> list[int]:
+    """Which of `others` each contact is: the nearest with about its normal, if not too far apart; -1: none."""
+    found = []
+    for point, normal in zip(touched.points, touched.normals, strict=True):
+        away = np.linalg.norm(others.points - point, axis=1)
+        away[others.normals @ normal < SAME_NORMAL] = np.inf
+        k = int(np.argmin(away)) if len(away) else -1
+        found.append(k if k >= 0 and away[k] <= apart else -1)
+    return found

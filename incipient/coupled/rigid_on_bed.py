@@ -1,0 +1,48 @@
+"""A rigid body in a fluid that touches a bed: the impulses of contact act within each iteration of the interface."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..arrays import Floats
+from ..body.contact_motion import ActiveContacts, ContactMotion, ContactStep
+from ..body.state import BodyState
+from .rigid import RigidPart
+
+
+class RigidPartOnBed(RigidPart):
+    """A rigid body that rolls, slides or rests where it touches a bed.
+
+    Attributes:
+        contact: its motion in contact; contacts: those at the end of the last step.
+    """
+
+    def __init__(self, *others: Any, contact: ContactMotion, **named: Any):
+        super().__init__(*others, **named)
+        self.contact = contact
+        self.contacts = ActiveContacts.none(self.body.gdim)
+        self._step: ContactStep | None = None
+        self._length = 0.0
+
+    def accept(self) -> None:
+        """The end of the attempt is the last state now."""
+        super().accept()
+        if self._step is not None:
+            self.contacts = self._step.contacts
+        self._step = None  # a resumed run has none, either
+
+    def take_over(self, was: RigidPart) -> None:
+        """Go on from where the body was on another mesh."""
+        assert isinstance(was, RigidPartOnBed)
+        super().take_over(was)
+        self.contacts = was.contacts
+
+    def predicted(self, length: float, order: int) -> BodyState:
+        """The body at the end of a step, moved out of the bed. Not collective."""
+        return self.contact.kept_out(super().predicted(length, order))
+
+    def _moved(self, length: float, mean: Floats, added: Floats, guess: Floats) -> BodyState:
+        tried = self._step if self._length == length else None
+        step = self.contact.step(self.state, length, mean, added, guess, self.contacts, tried)
+        self._motion, self._step, self._length = step.motion, step, length
+        return step.end

@@ -1,0 +1,215 @@
+"""A moving grain that goes on where it touches its bed: what it does there in each step, its works, where it gets to.
+
+Contact begins where the gap is `contact.gap`, so that the flow between grain and bed stays resolved. Nothing here is
+collective: every rank finds the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ...arrays import Floats, spatial
+from ...body.contact_motion import ActiveContacts, ContactLaw, ContactMotion
+from ...body.rigidbody import RigidBody
+from ...body.state import BodyState
+from ...contact.exact.motion_modes import contact_states, mode
+from ...errors import SceneError
+from ...geometry.gaps import Gaps, NearBed
+from ...geometry.placement import Placement
+from ...geometry.settle import SettlingOutcome, settle
+from ...scene.model import Contact
+
+REST, FLIGHT = "rest", "flight"
+STILL = 1e-6  # velocity, relative to the flow's, below which nothing moves
+RESTED = 3  # steps without motion after which a grain rests
+RISEN = 1e-3  # of the grain's size: a rise below it is none
+SUNK = 0.5  # of its highest height: where a grain is on its way back into its pocket
+ELSEWHERE = 0.05  # of the grain's size: how far apart two rests are that are not the same
+
+
+@dataclass(frozen=True)
+class Course:
+    """What a grain has done so far.
+
+    mode: of the last step; first_motion: the first time at which it moved; rested: steps without motion since it did
+    left: the time at which it left its pocket; heights: of the grain against gravity now and a step before, from its
+        start; highest: of all so far; flow, gravity, friction, impact: works on the grain
+    """
+
+    mode: str = REST
+    first_motion: float | None = None
+    rested: int = 0
+    left: float | None = None
+    heights: tuple[float, float] = (0.0, 0.0)
+    highest: float = 0.0
+    flow: float = 0.0
+    gravity: float = 0.0
+    friction: float = 0.0
+    impact: float = 0.0
+
+    @property
+    def sinks(self) -> bool:
+        """Whether the grain has not left its pocket, and is at rest or has come down again by half."""
+        return self.left is None and (self.mode == REST or self.heights[0] < SUNK * self.highest)
+
+    @property
+    def done(self) -> list[str]:
+        """What `time.until` may ask for and the grain has done: left its pocket, come to rest again."""
+        left, rested = self.left is not None, self.rested >= RESTED
+        return [*(["out-of-pocket"] if left else []), *(["at-rest"] if rested else [])]
+
+
+class BedContact:
+    """Contact of a grain in motion with its bed.
+
+    Args:
+        near: grain and bed; gap: [length] at which they touch.
+        body: the grain's mass, moments and freedom.
+        contact: the scene's coefficients.
+        speed: the flow's reference velocity.
+        start: where the grain is at time zero; weight: in the fluid (gdim,), zero where there is none.
+
+    Attributes:
+        motion: the grain's motion in contact; course: what it has done so far.
+    """
+
+    def __init__(
+        self,
+        near: NearBed,
+        gap: float,
+        body: RigidBody,
+        contact: Contact,
+        speed: float,
+        start: Placement,
+        weight: Floats,
+    ):
+        law = ContactLaw(contact.friction, contact.kinetic_friction, contact.restitution)
+        self.motion = ContactMotion(body, self._gaps, law, near.grain.size)
+        self.course = Course()
+        self._near, self._gap, self._still, self._weight = near, gap, STILL * speed, weight
+        self._start = np.array(start.centre)
+
+    def _gaps(self, placement: Placement, within: float) -> Gaps:
+        found = self._near.gaps(placement, within + self._gap)
+        return replace(found, gaps=found.gaps - self._gap)
+
+    # -- each step --------------------------------------------------------------------------------
+
+    def accept(
+        self, ends: tuple[BodyState, BodyState], mean_load: Floats, weight: Floats, contacts: ActiveContacts
+    ) -> None:
+        """Take note of a step between two states: its mean load (k,) of all but contact, the constant part of it
+        (k,), and the contacts at its end."""
+        (before, after), course = ends, self.course
+        now = self._mode(after, contacts)
+        works = {
+            name: getattr(course, name) + work
+            for name, work in _works(before, after, mean_load, weight, contacts).items()
+        }
+        first = course.first_motion
+        if first is None and now != REST:
+            first = before.time
+        rested = course.rested + 1 if now == REST and first is not None else 0
+        height = self._height(after)
+        self.course = replace(course, mode=now, first_motion=first, rested=rested, **works)
+        if course.left is None and self._over_the_top(height) and self._falls_elsewhere(after.placement):
+            self.course = replace(self.course, left=after.time)
+        highest = max(height, course.highest)
+        self.course = replace(self.course, heights=(height, course.heights[0]), highest=highest)
+
+    def _mode(self, state: BodyState, contacts: ActiveContacts) -> str:
+        speeds = [np.linalg.norm(state.velocity), 0.5 * self._near.grain.size * np.linalg.norm(state.spin)]
+        if max(speeds) <= self._still:
+            return REST
+        if not len(contacts):
+            return FLIGHT
+        turns = bool(speeds[1] > self._still)
+        states = contact_states(contacts.velocities, turns, self._still)
+        spin = state.spin if len(state.spin) == 3 else np.array([0.0, 0.0, state.spin[0]])
+        normals = np.array([spatial(one) for one in contacts.normals])
+        return mode(states, normals, spin, self._still / self._near.grain.size).label
+
+    # -- the pocket -------------------------------------------------------------------------------
+
+    def _height(self, state: BodyState) -> float:
+        """The height over the start against the weight in the fluid; zero without one."""
+        heavy = float(np.linalg.norm(self._weight))
+        return float((state.place - self._start) @ -self._weight) / heavy if heavy else 0.0
+
+    def _over_the_top(self, height: float) -> bool:
+        """Whether the grain comes down after it has risen."""
+        last, before = self.course.heights
+        return last > RISEN * self._near.grain.size and height < last >= before
+
+    def _falls_elsewhere(self, placement: Placement) -> bool:
+        """Whether the grain, let go without flow and friction, comes down to another rest than at the start."""
+        near, size = self._near, self._near.grain.size
+        first = Placement(tuple(self._start), placement.angle, placement.quaternion)
+        try:
+            rests = [settle(near.grain, near.bed, one, self._weight, 0.0) for one in (first, placement)]
+        except SceneError:
+            return False
+        if rests[1].outcome is SettlingOutcome.ROLLS_OFF:
+            return True
+        way = np.subtract(rests[1].placement.centre, rests[0].placement.centre)
+        return bool(np.linalg.norm(way) > ELSEWHERE * size)
+
+    # -- output -----------------------------------------------------------------------------------
+
+    def columns(self, contacts: ActiveContacts) -> dict[str, float | int | str]:
+        """Columns of the history that tell contact: their number, the fastest slip, mode, works."""
+        slip = np.hypot(*contacts.velocities[:, 1:].T) if len(contacts) else np.zeros(1)
+        course = self.course
+        return {
+            "contacts": len(contacts),
+            "slip": float(slip.max()),
+            "mode": course.mode,
+            **{f"work_{name}": getattr(course, name) for name in ("flow", "gravity", "friction", "impact")},
+        }
+
+    def reported(self) -> dict[str, Any]:
+        """What the grain has done, as plain data."""
+        course = self.course
+        works = {name: getattr(course, name) for name in ("flow", "gravity", "friction", "impact")}
+        return {
+            "mode": course.mode,
+            "first_motion": course.first_motion,
+            "left_pocket": course.left,
+            "works": works,
+        }
+
+    # -- checkpoints ------------------------------------------------------------------------------
+
+    def stored(self, contacts: ActiveContacts) -> dict[str, Any]:
+        """Contacts and course as plain data."""
+        named = {name: value.tolist() for name, value in vars(contacts).items() if name != "work"}
+        return {"contacts": named, "course": asdict(self.course), "done": self.course.done}
+
+    def restore(self, kept: dict[str, Any]) -> ActiveContacts:
+        """Take the course from a checkpoint; the contacts in it."""
+        course = kept["course"]
+        self.course = Course(**{**course, "heights": tuple(course["heights"])})
+        gdim = len(self._start)
+        shapes = {"points": gdim, "normals": gdim, "impulses": 3, "velocities": 3}
+        points, normals, impulses, velocities = (
+            np.array(kept["contacts"][name]).reshape(-1, size) for name, size in shapes.items()
+        )
+        return ActiveContacts(points, normals, impulses, velocities)
+
+
+def _works(
+    before: BodyState, after: BodyState, mean_load: Floats, weight: Floats, contacts: ActiveContacts
+) -> dict[str, float]:
+    """The works of flow, weight and contact in a step."""
+    way = 0.5 * (after.time - before.time) * (before.velocities + after.velocities)
+    gravity = float(weight @ way)
+    friction, impact = contacts.work
+    return {
+        "flow": float(mean_load @ way) - gravity,
+        "gravity": gravity,
+        "friction": friction,
+        "impact": impact,
+    }

@@ -1,0 +1,119 @@
+"""The grain that moves in a run and goes on where it touches its bed: it rolls, slides, rests, leaves its pocket."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ...coupled.coupling import Coupling
+from ...coupled.rigid_on_bed import RigidPartOnBed
+from ...fluid import Fluid
+from ...fluid.transient import TimeStep, Transient
+from ...planning.clearance import Surroundings
+from ...results.loads import named
+from .bed_contact import BedContact
+from .part import MovingGrain, columns_of_load
+
+IN_POCKET = "in-pocket"  # after a gust: on its way back, or at rest
+
+
+class GrainOnBed(MovingGrain):
+    """A grain that moves in its scene and touches its bed.
+
+    Attributes:
+        bed_contact: its contact with the bed, and what it has done so far.
+    """
+
+    part: RigidPartOnBed
+
+    @cached_property
+    def bed_contact(self) -> BedContact:
+        """Contact with the bed of a grain that was where the scene begins."""
+        scene, geometry = self.scene, self.setup.geometry
+        first = geometry.stance.placement
+        assert scene.contact is not None and first is not None
+        return BedContact(
+            *(geometry.near_bed, geometry.gap, self.body, scene.contact, scene.reference_velocity),
+            *(first, self._weight()),
+        )
+
+    def _rigid_part(self, *others: Any, **named: Any) -> RigidPartOnBed:
+        return RigidPartOnBed(*others, contact=self.bed_contact.motion, **named)
+
+    @cached_property
+    def _around(self) -> Surroundings:
+        around = self.surroundings
+        sides = tuple(side for side in around.sides if side.name != around.name_of_bed)
+        return replace(around, sides=sides, bed=None)
+
+    def _in_the_way(self) -> Surroundings:
+        """All around the grain but the bed."""
+        return self._around
+
+    # -- the run ----------------------------------------------------------------------------------
+
+    def joined(self, fluid: Fluid, before: MovingGrain | None = None) -> None:
+        """Enter a fluid; what `before` has done is counted on."""
+        super().joined(fluid, before)
+        if isinstance(before, GrainOnBed):
+            self.bed_contact = before.bed_contact
+
+    def accept_step(self, step: TimeStep) -> None:
+        """Take note of what the grain does on its bed."""
+        super().accept_step(step)
+        mean, (after, before, *_) = self.part.mean_load.previous, self.part.past
+        assert mean is not None
+        weight = np.concatenate([self._weight(), np.zeros(self.body.size - self.body.gdim)])
+        self.bed_contact.accept((before, after), mean, weight, self.part.contacts)
+
+    @property
+    def does(self) -> str:  # type: ignore[override]
+        """What the grain did in the last step: the name of a mode, "flight" or "rest"."""
+        return self.bed_contact.course.mode
+
+    @property
+    def ends(self) -> str:
+        """What the grain has done that ends the run, as `time.until` names it, "contact" or IN_POCKET; or nothing."""
+        until, course = self.time.until, self.bed_contact.course
+        if until == "out-of-pocket" and course.sinks and self._gust_is_over():
+            return super().ends or IN_POCKET
+        return super().ends or (until if until in course.done else "")
+
+    def _gust_is_over(self) -> bool:
+        """Whether there was a gust, and none is to come."""
+        gust = self.setup.base_flow.gust
+        return gust is not None and self._fluid.time >= gust.knots().max()
+
+    # -- output -----------------------------------------------------------------------------------
+
+    def _columns_at_contact(self, length: float) -> dict[str, Any]:
+        contacts = self.part.contacts
+        return {
+            **columns_of_load(contacts.mean_load(self.state.place, length), "contact", "contact_couple"),
+            **named("weight", self._weight(), self.scene.gdim),
+            **self.bed_contact.columns(contacts),
+        }
+
+    def reported(self) -> dict[str, Any]:
+        """How the motion ended, where the grain is, how it went, what it did on its bed."""
+        trajectory, length = super().reported()["trajectory"], self.last_step()
+        load = (
+            np.zeros(self.body.size)
+            if length is None
+            else self.part.contacts.mean_load(self.state.place, length)
+        )
+        force, couple = load[: self.scene.gdim], load[self.scene.gdim :]
+        on_bed = {"force": force, "couple": couple if len(couple) == 3 else float(couple[0])}
+        return {"trajectory": {**trajectory, "on_bed": {**self.bed_contact.reported(), **on_bed}}}
+
+    def stored(self, coupling: Coupling | None, transient: Transient) -> dict[str, Any]:
+        """The grain with its contacts, its coupling to the fluid and its mesh."""
+        body = super().stored(coupling, transient)["body"]
+        return {"body": replace(body, on_bed=self.bed_contact.stored(self.part.contacts))}
+
+    def _restore_contacts(self, kept: dict[str, Any] | None) -> None:
+        if kept is not None:
+            self.part.contacts = self.bed_contact.restore(kept)

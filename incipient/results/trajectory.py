@@ -1,0 +1,76 @@
+"""The way of a grain that moves, for a reader."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..geometry.placement import Placement
+
+ENDS = {
+    "out-of-pocket": "out of its pocket",
+    "at-rest": "at rest again",
+    "in-pocket": "in its pocket after the gust",
+}
+
+
+def trajectory_lines(trajectory: dict[str, Any]) -> list[str]:
+    """Where a grain has come to, how fast it is, what it has done on its bed."""
+    place, velocity, turned, spin = (number_words(x) for x in _motion_of(trajectory))
+    unit = "rad" if "angle" in trajectory else "rad about x, y and z"
+    iterations, ended = trajectory["interface_iterations"], trajectory["ended"]
+    missing = ended["without_verdict"]
+    return [
+        f"grain at            {place}, turned by {turned} {unit}; t = {ended['time']:.6g}, {_end(ended)}",
+        f"velocity            {velocity}, spin {spin} rad per unit of time",
+        *_on_bed(trajectory.get("on_bed")),
+        f"interface           {iterations['mean']:.1f} iterations a step, {iterations['most']} at most; "
+        f"{len(trajectory['remeshings'])} new meshes",
+        *([f"verdict             none: {missing}"] if missing else []),
+    ]
+
+
+def trajectory_sentence(trajectory: dict[str, Any]) -> str:
+    """Where a grain is at the end, and what it has done on the way."""
+    ended, course = trajectory["ended"], trajectory.get("on_bed")
+    place = ", ".join(f"{one:.4g}" for one in trajectory["place"])
+    met = f", where it has met the {ended['nearest']}" if ended["by"] == "contact" else ""
+    does = "moves" if course is None else course_words(course)
+    return f"The grain {does}; at t = {ended['time']:.4g} it is at ({place}){met}."
+
+
+def course_words(course: dict[str, Any]) -> str:
+    """What a grain on its bed has done, since when, and what it does at the end."""
+    if course["first_motion"] is None:
+        return "has stayed at rest"
+    left = "" if course["left_pocket"] is None else f", left its pocket at t = {course['left_pocket']:.4g}"
+    return f"moved first at t = {course['first_motion']:.4g}{left} (mode at the end: {course['mode']})"
+
+
+def number_words(x: Any) -> str:
+    """A number, or a vector, for a reader."""
+    return f"({', '.join(f'{one:.6g}' for one in x)})" if np.ndim(x) else f"{x:.6g}"
+
+
+def _end(ended: dict[str, Any]) -> str:
+    if ended["by"] == "contact":
+        return f"met the {ended['nearest']}"
+    return ENDS.get(ended["by"]) or f"{ended['clearance']:.3g} from the {ended['nearest']}"
+
+
+def _on_bed(course: dict[str, Any] | None) -> list[str]:
+    """What a grain has done that goes on where it touches its bed."""
+    if course is None:
+        return []
+    works = ", ".join(f"{name} {work:.4g}" for name, work in course["works"].items())
+    return [f"on its bed          {course_words(course)}", f"works               {works}"]
+
+
+def _motion_of(trajectory: dict[str, Any]) -> tuple[Any, Any, Any, Any]:
+    """Place, velocity, angle or shortest rotation vector, and spin at the end of a path."""
+    place, turned = trajectory["place"], trajectory.get("angle")
+    if turned is None:
+        origin = (0.0, 0.0, 0.0)
+        turned = Placement(origin, quaternion=tuple(trajectory["quaternion"])).turn_since(Placement(origin))
+    return place, trajectory["velocity"], turned, trajectory["spin"]

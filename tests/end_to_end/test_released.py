@@ -1,0 +1,261 @@
+"""Whole runs of a grain that is released from its rest on the bed: it stays, rolls, slides, leaves its pocket."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from processes import result_of
+
+import incipient
+from incipient.errors import SceneError
+from incipient.scene import Scene, loads
+
+POCKET = """
+title = "A disc in a pocket of half-discs"
+[domain]
+length = 8.0
+height = 4.0
+[fluid]
+reynolds = 20.0
+scale = "grain"
+[flow]
+kind = "shear"
+rate = 1.0
+[bed]
+kind = "half-discs"
+radius = 0.5
+spacing = 1.0
+[body]
+shape = "disc"
+diameter = 1.0
+x = 3.5
+density = 1.5
+[gravity]
+acceleration = {gravity}
+[contact]
+friction = 0.6
+[numerics]
+error_bars = false
+[output]
+fields = false
+"""
+INCLINE = """
+[domain]
+kind = "box"
+length = {length}
+height = {height}
+[fluid]
+reynolds = 0.1
+scale = "grain"
+inertia = false
+[flow]
+kind = "still"
+velocity = 1.0
+[bed]
+kind = "inclined"
+slope = 30.0
+[body]
+shape = "disc"
+diameter = 1.0
+x = {middle}
+motion = "released"
+density = {density}
+[gravity]
+acceleration = {gravity}
+[contact]
+friction = {friction}
+gap = 0.005
+[time]
+end = {end}
+step = {step}
+[numerics]
+error_bars = false
+[output]
+fields = false
+"""
+
+
+def pocket(gravity: float, end: float = 0.3, until: str = "end", **changes: Any) -> Scene:
+    """A released disc in a pocket."""
+    plain = loads(POCKET.format(gravity=gravity)).model_dump(exclude_unset=True)
+    plain["body"]["motion"] = "released"
+    plain["time"] = {"end": end, "step": 0.1, "start": "steady", "until": until}
+    for key, value in changes.items():
+        section, name = key.split("__")
+        plain.setdefault(section, {})[name] = value
+    return Scene(**plain)
+
+
+def incline(**given: float) -> Scene:
+    """A disc on a slope of 30 degrees, in fluid at rest far around."""
+    asked = {"length": 96.0, "height": 48.0, "density": 2.0, "gravity": 453.7, "friction": 0.6}
+    asked |= {"end": 60.0, "step": 2.0} | given
+    return loads(INCLINE.format(**asked, middle=0.5 * asked["length"]))
+
+
+def history_of(directory: Path) -> dict[str, Any]:
+    """Columns of numbers of a history, and of names."""
+    with (directory / "history.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    columns = {name: [row[name] for row in rows] for name in rows[0]}
+    return {
+        name: values if name == "mode" else np.array([float(one or np.nan) for one in values])
+        for name, values in columns.items()
+    }
+
+
+def weight_along(scene: Scene) -> float:
+    """Weight less buoyancy along the slope of an incline."""
+    assert scene.density is not None
+    return (scene.density - 1.0) * math.pi / 4 * float(scene.gravity_vector[0])
+
+
+def test_a_disc_rolls_down_an_incline_as_fast_as_a_creeping_flow_lets_it(tmp_path: Path) -> None:
+    """W' sin(alpha) = 4 pi mu U [1/acosh(s) + s/sqrt(s^2 - 1)] with s = h/a: Jeffery (1922), no slip at the contact.
+
+    The exact velocity is 0.09984. The domain's walls are 48 diameters away; on cells of half the size it is 0.09978.
+    """
+    scene = incline()
+    incipient.run(scene, tmp_path)
+    found, s = history_of(tmp_path), 1.01
+    exact = weight_along(scene) / (
+        4 * math.pi * scene.viscosity * (1 / math.acosh(s) + s / math.sqrt(s * s - 1))
+    )
+    assert found["velocity_x"][-1] == pytest.approx(exact, rel=5e-3)  # 3.8e-3 when written
+    # What touches does not slip, though contact begins a gap away from the bed: the point on the grain stands still.
+    assert found["velocity_x"][-1] == pytest.approx(-0.5 * found["spin"][-1], rel=1e-9)
+    assert np.abs(found["slip"]).max() < 1e-9 * exact
+    # The contact holds half of what drives the disc, a dry one a third.
+    assert -found["contact_x"][-1] == pytest.approx(0.5 * weight_along(scene), rel=5e-3)
+
+
+def test_a_wet_disc_slips_where_a_dry_one_still_rolls(tmp_path: Path) -> None:
+    """Rolling takes friction of 1/2 tan(alpha) in creeping flow, 1/3 tan(alpha) without fluid."""
+    modes = {}
+    for share in (0.45, 0.55):
+        scene = incline(
+            length=24.0, height=10.0, friction=share * math.tan(math.radians(30.0)), end=0.5, step=0.05
+        )
+        result = incipient.run(scene, tmp_path / f"{share}")
+        modes[share] = result.trajectory["on_bed"]["mode"]  # type: ignore[index]
+    assert modes == {0.45: "pivoting and sliding", 0.55: "rolling"}
+
+
+@pytest.mark.parametrize(("mass", "inertia", "share"), [(1.5, 0.0, 0.0), (1e6, 1.25e5, 2 / 3)])
+def test_contact_shortens_no_step_of_a_body_light_or_heavy(
+    mass: float, inertia: float, share: float, tmp_path: Path
+) -> None:
+    """Nothing resists the turn of the first but fluid; the second goes as without any, by 2/3 g sin(alpha)."""
+    plain = incline(length=24.0, height=10.0, end=0.1, step=0.01).model_dump(exclude_unset=True)
+    del plain["body"]["density"]
+    scene = Scene(**{**plain, "body": {**plain["body"], "mass": mass, "inertia": inertia}})
+    incipient.run(scene, tmp_path)
+    found = history_of(tmp_path)
+    assert found["step"] == pytest.approx(0.01)
+    assert np.abs(found["slip"]).max() < 1e-9 * abs(found["velocity_x"][-1])
+    if share:
+        assert found["velocity_x"][-1] == pytest.approx(share * scene.gravity_vector[0] * 0.1, rel=2e-3)
+
+
+def test_a_grain_stays_where_the_judge_says_so_and_else_moves(tmp_path: Path) -> None:
+    """On both sides of the threshold; contact acts a gap away from the bed, which changes the factor by 1%."""
+    held = loads(POCKET.format(gravity=9.55))
+    factor = incipient.run(held).verdict["safety_factor"]  # type: ignore[index]
+    assert factor == pytest.approx(1.0126, rel=2e-3)
+    stays, moves = (
+        incipient.run(pocket(9.55 * change / factor), tmp_path / f"{change}") for change in (1.02, 0.98)
+    )
+    assert stays.trajectory["on_bed"]["mode"] == "rest"  # type: ignore[index]
+    assert stays.verdict is not None and stays.verdict["safety_factor"] == pytest.approx(1.02, rel=0.015)
+    assert moves.trajectory["on_bed"]["first_motion"] == 0.0  # type: ignore[index]
+    assert moves.verdict is None and "rolling" in moves.trajectory["ended"]["without_verdict"]  # type: ignore[index]
+    found = history_of(tmp_path / "1.02")
+    assert np.abs(found["x"] - found["x"][0]).max() == 0.0 and found["interface"].max() == 0.0
+
+
+def test_a_grain_that_no_flow_can_move_takes_no_iteration(tmp_path: Path) -> None:
+    """Far below its threshold in a pocket: two contacts, both held, and nothing to solve in any step."""
+    incipient.run(pocket(20.0), tmp_path)
+    found = history_of(tmp_path)
+    assert found["mode"] == ["rest"] * len(found["mode"]) and found["contacts"][-1] == 2
+    assert np.abs(found["y"] - found["y"][0]).max() == 0.0 and found["interface"].max() == 0.0
+
+
+def test_works_add_up_to_the_energy_of_the_grain(tmp_path: Path) -> None:
+    """Kinetic energy is the work of flow, weight and contact, to what the iteration of fluid and grain leaves."""
+    incipient.run(pocket(1.0, end=1.5, contact__friction=0.1, contact__kinetic_friction=0.05), tmp_path)
+    found = history_of(tmp_path)
+    works = sum(found[f"work_{name}"] for name in ("flow", "gravity", "friction", "impact"))
+    assert np.abs(works - found["energy_body"]).max() < 1e-3 * found["energy_body"].max()
+    assert (np.diff(found["work_friction"]) <= 1e-12).all() and found["work_friction"][-1] < 0.0
+    held = found["weight_y"] + found["force_y"] + found["contact_y"]
+    assert np.abs(found["weight_y"] + 0.5 * math.pi / 4 * 1.0).max() < 1e-12
+    assert np.abs(held).max() < 10.0
+
+
+@pytest.mark.slow
+def test_a_disc_leaves_its_pocket_and_the_run_ends(tmp_path: Path) -> None:
+    """A strong shear rolls the disc over the next half-disc; the loads go on over new meshes."""
+    result = incipient.run(
+        pocket(2.0, end=10.0, until="out-of-pocket", flow__rate=4.0, time__step=0.02), tmp_path
+    )
+    stored, found = result_of(tmp_path)["trajectory"], history_of(tmp_path)
+    assert stored["ended"]["by"] == "out-of-pocket" and result.trajectory is not None
+    assert stored["on_bed"]["left_pocket"] == pytest.approx(found["time"][-1])
+    assert found["meshes"][-1] > 3 and found["x"][-1] > 3.9
+    assert max(one["change"] for one in stored["remeshings"]) < 1e-2
+
+
+CASES = (
+    ({"contact": None}, "contact.friction: is missing"),
+    ({"time": None}, "body.motion: a grain moves in time"),
+    ({"body__locked": ("x",)}, "body.locked"),
+    ({"body__centre": (3.5, 2.0), "body__x": None}, "body.centre: a released grain starts from its rest"),
+    (
+        {"contact__kinetic_friction": 0.7},
+        "contact.kinetic_friction: is 0.7, more than contact.friction = 0.6",
+    ),
+    ({"time__tolerance": 1e-3}, "time.tolerance"),
+    ({"body__motion": "fixed", "time__until": "at-rest"}, "time.until: is read only with"),
+    (
+        {"body__motion": "fixed", "contact__restitution": 0.5, "time": None},
+        "contact.restitution: is read only",
+    ),
+    ({"effects__contact": False}, "effects.contact: is false"),
+    ({"numerics__coupling": "naive"}, "numerics.coupling"),
+    ({"bed": {"kind": "flat"}, "time__until": "out-of-pocket"}, "the bed is flat"),
+)
+
+
+@pytest.mark.parametrize(("changes", "says"), CASES)
+def test_what_a_released_grain_cannot_go_with_is_refused(changes: dict[str, Any], says: str) -> None:
+    plain = pocket(1.0).model_dump(exclude_unset=True)
+    for key, value in changes.items():
+        section, _, name = key.partition("__")
+        if name:
+            plain.setdefault(section, {})[name] = value
+        else:
+            plain[section] = value
+    with pytest.raises(SceneError, match=says.replace("[", r"\[")):
+        Scene(**plain)
+
+
+def test_a_run_that_its_grain_has_ended_goes_on_only_when_asked_for_more(tmp_path: Path) -> None:
+    """A free disc sinks into the pocket below it and rests there; its run keeps a checkpoint."""
+    free = {"motion": "free", "on_contact": "touch", "x": None, "centre": (3.5, 0.93)}
+    scene = pocket(100.0, end=3.0, until="at-rest", **{f"body__{key}": value for key, value in free.items()})
+    result = incipient.run(scene, tmp_path)
+    assert result.trajectory is not None and result.trajectory["ended"]["by"] == "at-rest"
+    stored = result_of(tmp_path)["trajectory"]["on_bed"]
+    with pytest.raises(SceneError, match=r'its grain has come as far as time\.until = "at-rest"'):
+        incipient.resume(tmp_path)
+    later = incipient.resume(tmp_path, ["time.until=end"])
+    assert later.trajectory is not None and later.trajectory["ended"]["by"] == "time"
+    assert later.trajectory["on_bed"]["works"] == pytest.approx(stored["works"], abs=1e-9)
+    assert later.force is not None  # at rest the contacts hold what flow, weight and buoyancy leave
+    assert later.trajectory["on_bed"]["force"] == pytest.approx(-later.force.total[:2], rel=2e-3)
