@@ -77,6 +77,22 @@ def of_threshold(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def of_gust(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of `incipient gust`."""
+    _scene(parser)
+    parser.add_argument(
+        "--durations",
+        type=float,
+        nargs="+",
+        default=[0.5, 1.0, 2.0, 4.0, 8.0],
+        metavar="TIME",
+        help="of the gusts, in units of the scene (default: 0.5 1 2 4 8)",
+    )
+    parser.add_argument(
+        "--out", type=named, help="directory for the results (default: results/NAME OF THE SCENE_gusts)"
+    )
+
+
 def of_plan(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient plan`."""
     _scene(parser)

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from ..errors import IncipientError, OutputError
 from . import style
-from .charts import cost
+from .charts import cost, gusts
 from .flow import cells, elevation, fields, walls
 from .motion import trajectory
 from .record import StoredRun, read
@@ -19,7 +19,13 @@ from .verdict import grain, judgement, series, space, threshold
 
 Maker = Callable[[StoredRun], Figure]
 # Files of results other than a run's, and what draws their pictures.
-_OTHERS = {"threshold.json": threshold, "cost.json": cost, "series.json": series, "judgement.json": judgement}
+_OTHERS = {
+    "threshold.json": threshold,
+    "gusts.json": gusts,
+    "cost.json": cost,
+    "series.json": series,
+    "judgement.json": judgement,
+}
 
 
 def draw(directory: Path, announce: Callable[[Path], object] = lambda path: None) -> list[Path]:
@@ -27,8 +33,9 @@ def draw(directory: Path, announce: Callable[[Path], object] = lambda path: None
 
     A run (result.json): always flow, pressure, vorticity and mesh; with a grain the traction on it and the verdict,
     with one that moves its trajectory and the verdict if there is any; with wall functions y+ and friction along walls;
-    for a box in which nothing moves the velocity profiles on both centrelines. A threshold (threshold.json), a judged
-    case (judgement.json), a judged series (series.json), a study of what accuracy costs (cost.json): one picture each.
+    for a box in which nothing moves the velocity profiles on both centrelines. A threshold (threshold.json), critical
+    gusts (gusts.json), a judged case (judgement.json), a judged series (series.json), a study of what accuracy costs
+    (cost.json): one picture each.
 
     Args:
         announce: called with the path of every picture as soon as it is there.

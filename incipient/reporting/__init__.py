@@ -13,7 +13,7 @@ from pathlib import Path
 from ..errors import OutputError, SceneError
 from ..files import write_text_atomically
 from ..pictures.apart import draw_apart
-from . import judgement, run, study, sweep, threshold
+from . import gusts, judgement, run, study, sweep, threshold
 from .citation import closing
 from .page import Page, PagePart, html
 
@@ -21,6 +21,7 @@ from .page import Page, PagePart, html
 RECORDS = {
     "result.json": ("flow.png", "pressure.png", "mesh.png"),
     "threshold.json": ("threshold.png",),
+    "gusts.json": ("gusts.png",),
     "judgement.json": ("judgement.png",),
     "series.json": ("series.png",),
     "cost.json": ("cost.png",),
@@ -92,6 +93,7 @@ def _part(record: Path) -> PagePart:
     makers: dict[str, Callable[[Path], PagePart]] = {
         "result.json": run.part,
         "threshold.json": threshold.part,
+        "gusts.json": gusts.part,
         "judgement.json": judgement.part,
         "series.json": judgement.part_of_series,
         "cost.json": study.part,

@@ -10,6 +10,7 @@ from ..effects import known
 from ..output.earlier import DRAWN
 from ..pictures.record import parsed_json
 from ..pictures.verdict.judged import Judged, judged, sentence
+from ..results.trajectory import trajectory_sentence
 from .errors import certainty, of_errors
 from .expense import of_adaptation, of_cost, of_omissions, of_plan, versions
 from .page import Bounded, Cell, Erring, PagePart, PageSection, Picture, section, table, words
@@ -84,11 +85,7 @@ def _statements(stored: dict[str, Any], case: Judged | None) -> tuple[str, ...]:
     path = stored["trajectory"]
     if path is None:
         return ("There is no verdict: the scene asks for none.",)
-    ended = path["ended"]
-    place = ", ".join(f"{one:.4g}" for one in path["place"])
-    met = f", where it has met the {ended['nearest']}" if ended["by"] == "contact" else ""
-    moved = f"The grain moves; at t = {ended['time']:.4g} it is at ({place}){met}."
-    missing = ended["without_verdict"]
+    moved, missing = trajectory_sentence(path), path["ended"]["without_verdict"]
     return (moved, sentence(f"there is no verdict: {missing}")) if missing else (moved,)
 
 
@@ -183,6 +180,19 @@ def _findings(stored: dict[str, Any]) -> Iterator[PageSection]:
         yield from section(found.title, words(found.sentence), table((found.heading, ""), rows))
 
 
+def _on_bed(course: dict[str, Any] | None, planar: bool) -> Iterator[tuple[Cell, ...]]:
+    """What a grain has done that goes on where it touches its bed."""
+    if course is None:
+        return
+    yield "mode", course["mode"]
+    for name in ("first_motion", "left_pocket"):
+        if course[name] is not None:
+            yield name.replace("_", " "), course[name]
+    yield "force of contact", components(course["force"], planar)
+    for name, work in course["works"].items():
+        yield f"work of {name}", work
+
+
 def _path(stored: dict[str, Any]) -> tuple[PageSection, ...]:
     """Where a grain that moves has come to."""
     path = stored["trajectory"]
@@ -199,5 +209,6 @@ def _path(stored: dict[str, Any]) -> tuple[PageSection, ...]:
         ("turned by", path["angle"]) if planar else ("orientation (quaternion)", tuple(path["quaternion"])),
         ("new meshes", len(path["remeshings"])),
         ("iterations of fluid and grain a step", path["interface_iterations"]["mean"]),
+        *_on_bed(path.get("on_bed"), planar),
     ]
     return section("The way of the grain", table(("at the end", ""), rows))

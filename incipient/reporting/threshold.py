@@ -14,7 +14,7 @@ from .expense import of_adaptation, of_cost, versions
 from .page import Cell, Erring, PagePart, PageSection, picture_beside, section, table, words
 from .units import of_si
 from .verdict import of_contacts, of_judges, of_load
-from .view import of_scene
+from .view import of_grain
 
 NAMES = {
     "factor": "critical flow over that of the scene",
@@ -30,7 +30,7 @@ def part(record: Path) -> PagePart:
     """What a page says of a threshold.json."""
     stored = parsed_json(record)
     scene = load(record.parent / "scene.toml")
-    case = judged(with_motion(stored, scene), record)
+    case = judged(with_motion(stored, scene.body, scene.placement), record)
     bars = stored["error_bars"]
     trials = [(one["factor"], one["safety_factor"]) for one in stored["trials"]]
     drawn = picture_beside(record, "The grain as it begins to move")
@@ -42,7 +42,7 @@ def part(record: Path) -> PagePart:
         sections=(
             *section("Critical numbers", table(("", "value"), _numbers(stored)), drawn),
             *of_si(stored.get("si")),
-            *of_scene(scene, case),
+            *of_grain(scene.grain, scene.placement, scene.bed_shape, case),
             *of_load(case),
             *of_contacts(case),
             *of_judges(stored["verdict"], case),

@@ -14,6 +14,7 @@ from matplotlib.colors import to_hex
 
 from ..arrays import Floats
 from ..errors import OutputError
+from ..geometry.placement import Placement
 from ..geometry.space.terrain import Terrain
 from ..pictures.flow.mesh import QUARTERS
 from ..pictures.record import read
@@ -80,7 +81,7 @@ def of_run(directory: Path, stored: dict[str, Any], case: Judged | None) -> tupl
     except OutputError:  # no fields were wanted
         run = None
     if run is None or run.surface is None:
-        return of_scene(scene, case)
+        return of_grain(scene.grain, scene.placement, scene.bed_shape, case)
     points, cells, tractions = whole_surface(run)
     centre, size = run.space("grain", "computed_centre"), float(stored["grain"]["size"])
     model = Model(centre, size)
@@ -90,14 +91,15 @@ def of_run(directory: Path, stored: dict[str, Any], case: Judged | None) -> tupl
     return _section(model, case, shown)
 
 
-def of_scene(scene: Scene, case: Judged | None) -> tuple[PageSection, ...]:
-    """The view of a scene in space whose grain rests, with the forces of its verdict; none of others."""
-    grain, placement = scene.grain, scene.placement
-    if scene.gdim == 2 or grain is None or placement is None:
+def of_grain(
+    grain: Any, placement: Placement | None, bed: Any, case: Judged | None
+) -> tuple[PageSection, ...]:
+    """The view of a grain placed in space, by its bed, with the forces of its verdict; none in the plane or without."""
+    if placement is None or placement.gdim == 2:
         return ()
     centre = np.array(placement.centre)
     model = Model(centre, grain.size)
-    _add_bed(model, scene.bed_shape, centre, grain.size)
+    _add_bed(model, bed, centre, grain.size)
     _add_plain(model, *placed_surface(grain, placement, COARSER))
     return _section(model, case, "")
 

@@ -1,0 +1,64 @@
+"""Searches of the critical flow, which leave threshold.json and the resolved scene in a directory if one is named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..critical.outcome import Threshold
+from ..critical.threshold import find_threshold
+from ..files import reported, write_json
+from ..parallel import Comm, collectively, world
+from ..progress import Silent
+from ..scene import Scene, save
+from .earlier import CHECKPOINT, SCENE, make_room
+from .lock import locked
+
+
+def threshold(
+    scene: Scene,
+    directory: Path | str | None = None,
+    comm: Comm | None = None,
+    voice: Silent | None = None,
+) -> Threshold:
+    """Find the flow at which a scene's grain first moves as it grows from rest. Collective over `comm`.
+
+    Args:
+        scene: a grain that rests on a bed, in a steady flow.
+        directory: where to write threshold.json and the resolved scene; None writes nothing. The critical flow is
+            written as soon as it is known, before its error bars are.
+        voice: told of every flow that is solved; default: nobody.
+
+    Raises:
+        IncipientError: on all ranks, one line; the threshold without error bars stays in the directory.
+    """
+    comm = comm or world()
+    if directory is None:
+        return find_threshold(scene, comm, voice)
+    path = Path(directory)
+
+    def keep(found: Threshold) -> Path:
+        write_threshold(path, scene, found, comm)
+        return path
+
+    with locked(path, comm, make=True):
+        found = find_threshold(scene, comm, voice, keep)
+        keep(found)
+    return found
+
+
+def write_threshold(path: Path, scene: Scene, threshold: Threshold, comm: Comm) -> None:
+    """Write threshold.json and the resolved scene into a directory, made if it is not there. Collective.
+
+    A run there that can be resumed makes room: it could not with another scene.
+
+    Raises:
+        OutputError: on all ranks, when something cannot be written.
+    """
+    with collectively(comm):
+        if comm.rank == 0:
+            with reported(path):
+                path.mkdir(parents=True, exist_ok=True)
+            if (path / CHECKPOINT).exists():
+                make_room(path, overwrite=False)
+            save(scene, path / SCENE)
+            write_json(path / "threshold.json", threshold.to_dict())

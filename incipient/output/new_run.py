@@ -1,0 +1,52 @@
+"""Runs of scenes, which leave a directory behind if one is named."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from ..parallel import Comm, world
+from ..progress import Silent
+from ..results.result import Result
+from ..scene import Scene
+from ..simulation.recorder import Recorder, Unrecorded
+from ..simulation.simulate import simulate
+from .directory import ResultDirectory
+from .lock import locked
+
+
+def run(
+    scene: Scene,
+    directory: Path | str | None = None,
+    comm: Comm | None = None,
+    voice: Silent | None = None,
+    overwrite: bool = False,
+) -> Result:
+    """Simulate a scene and judge its grain. Collective over `comm` (default: all ranks).
+
+    With `numerics.accuracy` mesh and order are chosen to reach it (docs/accuracy.md). When the run has its mesh, an
+    earlier one in the directory makes room: it is removed, or moved to a numbered neighbour if it can be resumed.
+
+    Args:
+        scene: what to simulate.
+        directory: where to write the resolved scene, result.json, history and fields; None writes nothing.
+        voice: told what is going on; default: nobody.
+        overwrite: remove the earlier run even if it can be resumed.
+
+    Raises:
+        IncipientError: on all ranks, one line; what was computed before it stays in the directory.
+    """
+    comm, simulated = comm or world(), _procedure(scene.numerics.accuracy)
+    if directory is None:
+        return simulated(scene, comm, Unrecorded(), voice)
+    directory = Path(directory)
+    with locked(directory, comm, make=True):
+        return simulated(scene, comm, ResultDirectory(directory, comm, overwrite=overwrite), voice)
+
+
+def _procedure(accuracy: float | str | None) -> Callable[[Scene, Comm, Recorder, Silent | None], Result]:
+    if accuracy is None:
+        return simulate
+    from ..adaptive.run import run_to_accuracy
+
+    return run_to_accuracy

@@ -1,0 +1,35 @@
+"""What a page says of the weakest gusts that move a grain out of its pocket."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..pictures.record import parsed_json
+from .page import Cell, Erring, PagePart, picture_beside, section, table
+
+
+def part(record: Path) -> PagePart:
+    """What a page says of a gusts.json."""
+    stored = parsed_json(record)
+    rows: list[tuple[Cell, ...]] = [
+        (one["duration"], _strength(one), one["held"], one["leaves"], one["impulse"], one["runs"])
+        for one in stored["points"]
+    ]
+    names = ("duration", "strength", "stays at", "leaves at", "(strength - 1) x duration", "runs")
+    return PagePart(
+        kind="Critical gusts",
+        title=stored["title"] or "Critical gusts",
+        statements=(f"A steady flow moves the grain from {stored['static']:.4g} times its strength on.",),
+        sections=(
+            *section(
+                "Picture", picture_beside(record, "The weakest gusts that move the grain out of its pocket")
+            ),
+            *section("Gusts", table(names, rows)),
+        ),
+    )
+
+
+def _strength(point: dict[str, float | None]) -> Cell:
+    strength, error = point["strength"], point["error"]
+    assert strength is not None
+    return strength if error is None else Erring(strength, error)
