@@ -162,6 +162,6 @@ def kind(scene: Scene) -> str:
     return (MOVING if moving else UNSTEADY) + more
 
 
-def step_of_flow(scene: Scene, step: float | None) -> float:
-    """A time step in units of the flow's time L/V; zero for steady flow."""
-    return 0.0 if step is None else step * scene.reference_velocity / scene.reference_length
+def step_of_flow(step: float | None, velocity: float, length: float) -> float:
+    """A time step in units of the flow's time L/V by its reference velocity and length; zero for steady flow."""
+    return 0.0 if step is None else step * velocity / length

@@ -133,8 +133,12 @@ def measure(scene: Scene, variant: Variant) -> MeasuredRun:
 
     A run that fails is not an error: `failed` says why.
     """
-    measured, compiled = _once(scene, variant)
-    return _once(scene, variant)[0] if compiled and not measured.failed else measured
+    try:
+        text = dumps(variant.of(scene))
+    except SceneError as error:
+        return MeasuredRun(variant, 0.0, 0.0, failed=str(error))
+    measured, compiled = _once(variant, text)
+    return _once(variant, text)[0] if compiled and not measured.failed else measured
 
 
 def quicker(scene: Scene, variant: Variant) -> MeasuredRun:
@@ -148,11 +152,8 @@ def quicker(scene: Scene, variant: Variant) -> MeasuredRun:
     return min(first, measure(scene, variant), key=lambda run: (bool(run.failed), run.cpu))
 
 
-def _once(scene: Scene, variant: Variant) -> tuple[MeasuredRun, bool]:
-    try:
-        text = dumps(variant.of(scene))
-    except SceneError as error:
-        return MeasuredRun(variant, 0.0, 0.0, failed=str(error)), False
+def _once(variant: Variant, text: str) -> tuple[MeasuredRun, bool]:
+    """One run of a variant, a scene as TOML, and whether it compiled forms."""
     # -P: modules are not looked for in the working directory.
     command = [sys.executable, "-P", "-m", "incipient.cost.measurement"]
     # In a session of its own: an interrupt is this process's to deal with.

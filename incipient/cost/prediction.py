@@ -33,6 +33,7 @@ from .calibration import Findings
 from .frontier import percent, seconds
 from .ladder import LARGEST
 from .laws import error_at, geometric_mean
+from .measurement import Variant
 from .solvers import SolverOptions
 
 # Factors within which times by runs of the scene, of other scenes, and of another machine are trusted, and errors.
@@ -74,10 +75,11 @@ class KnownLaws:
         """The geometric mean of a number over the findings."""
         return geometric_mean([number(one) for one in self.findings])
 
-    def errors(self, scene: Scene) -> dict[str, Error]:
-        """Errors by goal of the scene with any cells, order and steps, of goals that it shares with those studied."""
-        step = calibration.step_of_flow(scene, scene.time.step if scene.time else None)
-        at, found = (order_of(scene).number, scene.numerics.mesh_size, step), {}
+    def errors(self, of: Variant) -> dict[str, Error]:
+        """Errors by goal of the scene at a variant, of goals that it shares with those studied."""
+        velocity, length = self.scene.reference_velocity, self.scene.reference_length
+        step = calibration.step_of_flow(of.step, velocity, length)
+        at, found = (of.order, of.mesh_size, step), {}
         for goal in dict.fromkeys(goal for one in self.findings for goal in one.errors):
             if self.own or goal in self._shared:
                 known = [error_at(one.errors[goal], *at) for one in self.findings if goal in one.errors]
@@ -190,6 +192,14 @@ class _Run:
     unknowns: int
 
     @property
+    def variant(self) -> Variant:
+        """Cells, order and steps."""
+        time = self.scene.time
+        return Variant(
+            order_of(self.scene).number, self.scene.numerics.mesh_size, time.step if time else None
+        )
+
+    @property
     def size(self) -> tuple[int, float]:
         """Unknowns and time steps."""
         time = self.scene.time
@@ -229,21 +239,15 @@ def predict(known: KnownLaws, first: Estimate) -> Prediction | str:
     elif last and scene.has_wall_layer:  # the meshes before the last are those it is compared with
         coarser = on_coarser_mesh(end.scene)
         wanted = [one for one in wanted if one not in (coarser, on_coarser_mesh(coarser))]
-    runs = [run.size for run in (*path, *beside, *map(_counted, wanted))]
+    others = [_Run(one, estimate(one).counted.unknowns) for one in wanted]
+    runs = [run.size for run in (*path, *beside, *others)]
     of_loads = scene.time is None and scene.body is not None and not scene.has_wall_layer
     has_duals = of_loads and (bars or last is not None)
     duals = [run.of_dual for run in path] if has_duals else []
     cpu = known.mean(lambda one: one.time.seconds(runs, duals))
     memory = known.mean(lambda one: one.memory) * expense.memory(end.unknowns, *duals[-1:])
-    errors = {} if last else known.errors(scene)
+    errors = {} if last else known.errors(path[-1].variant)
     return Prediction(cpu, known.factor, memory, known.own, known.where, errors, last)
-
-
-def _counted(scene: Scene) -> _Run:
-    """A scene with its unknowns, by making its mesh."""
-    made = estimate(scene).estimate
-    assert made is not None
-    return _Run(scene, made.unknowns)
 
 
 def first_mesh(scene: Scene) -> Estimate:
@@ -253,9 +257,8 @@ def first_mesh(scene: Scene) -> Estimate:
         MeshError: it cannot be made.
     """
     if scene.numerics.accuracy is None or scene.has_wall_layer:
-        made = estimate(scene if scene.numerics.accuracy is None else _sized(scene, COARSEST)).estimate
-        assert made is not None
-        return made
+        as_is = scene.numerics.accuracy is None
+        return estimate(scene if as_is else _sized(scene, COARSEST)).counted
     steady = scene.time is None
     setup = Setup(scene if steady else balance.first(scene))
     plan = plan_of(setup)
@@ -283,18 +286,18 @@ def _search(known: KnownLaws, unknowns: int) -> tuple[list[_Run], LastMesh] | st
     if time is not None and time.tolerance is not None:
         return f"there is no law of errors for steps that adapt; {LIMIT}"
     factor = COARSEST if scene.has_wall_layer else coarsest(scene.gdim, scene.fluid.inertia)
-    first = balance.first(scene) if time else _sized(scene, factor)
-    error = known.errors(first).get(scene.accuracy_of)
+    first = _Run(balance.first(scene) if time else _sized(scene, factor), unknowns)
+    error = known.errors(first.variant).get(scene.accuracy_of)
     if error is None:
         return f"no error of the {scene.accuracy_of} is known for scenes of this kind; run `incipient cost SCENE`"
     asked, reaches = numerics.accuracy, True
     if scene.has_wall_layer:
-        path, reaches = _alike(_Run(first, unknowns), known, asked)
+        path, reaches = _alike(first, known, asked)
     elif time is None:
         error = replace(error, value=COARSE * error.value)
         path = _refined(_Run(scene, unknowns), error.value / asked)
     else:
-        path, reaches = _balanced(_Run(first, unknowns), known, asked)
+        path, reaches = _balanced(first, known, asked)
     end, time = path[-1], path[-1].scene.time
     step = time.step if time else None
     return path, LastMesh(error, len(path), order_of(end.scene).number, end.unknowns, step, reaches)
@@ -311,8 +314,9 @@ def _alike(first: _Run, known: KnownLaws, asked: float) -> tuple[list[_Run], boo
     while len(path) < MOST_MESHES:
         scene = _sized(path[-1].scene, 1.0 / COARSER_MESH)
         grows = path[-1].unknowns / path[-2].unknowns if len(path) > 2 else 0.0
-        path.append(_Run(scene, round(grows * path[-1].unknowns)) if grows else _counted(scene))
-        error = known.errors(path[-1].scene)[first.scene.accuracy_of].value
+        unknowns = grows * path[-1].unknowns if grows else estimate(scene).counted.unknowns
+        path.append(_Run(scene, round(unknowns)))
+        error = known.errors(path[-1].variant)[first.scene.accuracy_of].value
         if len(path) > 2 and ESTIMATED * error <= asked:
             return path, True
     return path, False
@@ -339,7 +343,7 @@ def _balanced(first: _Run, known: KnownLaws, asked: float) -> tuple[list[_Run], 
             last.numerics.mesh_size,
             order_of(last).number,
         )
-        path.append(_Run(scene, path[-1].unknowns) if kept else _counted(scene))
+        path.append(_Run(scene, path[-1].unknowns if kept else estimate(scene).counted.unknowns))
         trial = _as_tried(path[-1], known)
     return path, reaches
 
@@ -347,7 +351,7 @@ def _balanced(first: _Run, known: KnownLaws, asked: float) -> tuple[list[_Run], 
 def _as_tried(run: _Run, known: KnownLaws) -> Trial:
     """Trial expected of a run: the part of the step as by longer steps, the rest of the mesh."""
     scene, of = run.scene, run.scene.accuracy_of
-    own, in_longer = (known.errors(one)[of].value for one in (scene, comparisons(scene)[0]))
+    own, in_longer = (known.errors(one.variant)[of].value for one in (run, _compared_with(run)[0]))
     of_step = min(shares(scene)[0] * abs(in_longer - own), own)
     return Trial(order_of(scene).number, 0, run.unknowns, own, 0.0, of_step=of_step, of_mesh=own - of_step)
 

@@ -49,12 +49,11 @@ class ErrorNorm:
         return float(np.linalg.norm(differences)) / self.scale
 
 
+@dataclass(frozen=True, eq=False)
 class ComparedNumbers:
     """The numbers that the runs of a scene are compared by, and which errors of them matter."""
 
-    def __init__(self, scene: Scene):
-        self.scene = scene
-        self._lines = LINES if scene.gdim == 2 else LINES_IN_SPACE
+    scene: Scene
 
     @cached_property
     def columns(self) -> tuple[str, ...]:
@@ -90,6 +89,10 @@ class ComparedNumbers:
         if self.scene.body is None:
             return tuple(self._single(name, abs(reference[name])) for name in self.columns if reference[name])
         return self._goals_of_path(reference) if self.scene.body.moves else self._goals_of_loads(reference)
+
+    @property
+    def _lines(self) -> dict[str, str]:
+        return LINES if self.scene.gdim == 2 else LINES_IN_SPACE
 
     # -- what a run says ------------------------------------------------------------------------------------
 

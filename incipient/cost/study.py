@@ -264,10 +264,10 @@ def findings(study: Study) -> Calibration:
 
 def _errors(study: Study, goal: str) -> dict[int, ErrorLaw]:
     """The laws of an error, by the runs that can be told apart from the reference."""
-    time, seen = study.scene.time, []
+    scene, time, seen = study.scene, study.scene.time, []
     for one in study.judged:
         variant, error = one.run.variant, one.errors[goal]
         if one.told_apart and not variant.solver and error > 0.0:
-            step = calibration.step_of_flow(study.scene, variant.step)
+            step = calibration.step_of_flow(variant.step, scene.reference_velocity, scene.reference_length)
             seen.append((variant.order, variant.mesh_size, step, error))
     return fitted_errors(np.array(seen).reshape(-1, 4), 1.0 if time and time.scheme == "bdf1" else 2.0)

@@ -68,7 +68,7 @@ class StoredRun:
     @property
     def moves(self) -> bool:
         """Whether the grain moved while the flow was computed."""
-        return self.setting("body", "motion") in ("free", "prescribed")
+        return self.setting("body", "motion") in ("free", "prescribed", "released")
 
     def value(self, section: str, key: str, otherwise: Any = None) -> Any:
         """A value of the result, or what to take otherwise if the section or the key is absent or null."""

@@ -78,6 +78,11 @@ class SweepCase:
     forms: str
     scene: Scene | None = field(default=None, repr=False, compare=False)
 
+    @property
+    def name(self) -> str:
+        """The case by what was set in it."""
+        return ", ".join(self.settings) or self.source
+
 
 def resolved(source: Source, settings: Settings, task: str, common: Sequence[str] = ()) -> SweepCase:
     """The case that settings make of a source; `common` are settings of all cases.

@@ -13,13 +13,13 @@ from ..installed import memory_of_libraries
 from ..meshes.expected import expected_cells
 from ..planning import meshing
 from ..planning.flow_setup import Setup
-from ..scene import Scene
 from .cases import SweepCase
 
 SHARE = 0.8  # of the memory that is free
 OF_JUDGE = 150.0  # MiB of a process that judges, measured
 # The run of a scene over the search of its threshold: 1.3 with error bars to 2.5 without were measured.
 SEARCH = 2.0
+BESIDE_THE_MESH = {"title", "output", "gravity", "fluid", "effects"}  # no mesh depends on these
 
 
 @dataclass(frozen=True)
@@ -48,18 +48,13 @@ class Foresight:
     def _expected(self, case: SweepCase) -> Expected:
         if case.scene is None:
             return Expected(None, OF_JUDGE)
-        drawn = _drawn(case.scene)
+        drawn = str(case.scene.model_dump(mode="json", exclude=BESIDE_THE_MESH))
         if drawn not in self._cells:
             self._cells[drawn] = _cells(Setup(case.scene))
         if case.forms not in self._first:
-            self._first[case.forms] = (_predicted(case.scene, case.task), self._cells[drawn])
+            self._first[case.forms] = (_predicted(case), self._cells[drawn])
         known, of_known = self._first[case.forms]
         return _scaled(known, of_known, self._cells[drawn])
-
-
-def _drawn(scene: Scene) -> str:
-    """Text of all that the mesh depends on, and more."""
-    return str(scene.model_dump(mode="json", exclude={"title", "output", "gravity", "fluid", "effects"}))
 
 
 def _cells(setup: Setup) -> float | None:
@@ -72,17 +67,18 @@ def _cells(setup: Setup) -> float | None:
     return None
 
 
-def _predicted(scene: Scene, task: str) -> Expected:
+def _predicted(case: SweepCase) -> Expected:
     from ..cost.command import predicted_plan
 
+    assert case.scene is not None
     try:
-        found = predicted_plan(scene)
+        found = predicted_plan(case.scene)
     except IncipientError:  # the case itself will say what is wrong
         return Expected()
     estimate = found.plan.estimate
     if isinstance(found.prediction, str):
         return Expected(None, None if estimate is None else estimate.memory_mib)
-    times = SEARCH if task == "threshold" else 1.0
+    times = SEARCH if case.task == "threshold" else 1.0
     return Expected(times * found.prediction.cpu, found.prediction.peak_mib)
 
 

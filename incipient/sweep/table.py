@@ -16,7 +16,7 @@ from ..errors import MissingError
 from ..files import reported
 from ..results.quantity import HIGH, LOW, at
 from ..results.si import FLOW
-from .store import DAMAGED, FAILED, Store, damaged
+from .store import DAMAGED, DONE, FAILED, CaseOutcome, Store, damaged
 
 if TYPE_CHECKING:
     import pandas
@@ -176,3 +176,11 @@ def in_words(row: Mapping[str, Any]) -> str:
         return words
     words = words if "mode" in row else f"C_f {row['friction']:.5g}"
     return words if row["applicable"] else f"{words}, law of the wall NOT APPLICABLE"
+
+
+def described(task: str, outcome: CaseOutcome) -> str:
+    """Outcome of a case that has just been computed, in a few words."""
+    row: dict[str, Any] = {"task": task, "status": FAILED, "reason": outcome.reason}
+    if outcome.result is not None:
+        row |= {"status": DONE, **quantities(task, outcome.result)}
+    return in_words(row)

@@ -257,7 +257,7 @@ def test_error_bars_come_on_top() -> None:
 def test_flow_in_time_is_refined_as_its_search_will() -> None:
     """An error of 5 dt^2, dt in units of the flow's time: steps of 0.08 at first, then such that 0.7 of it is left."""
     made = scene(TIMED, QUIET, "numerics.accuracy=0.001")
-    unit = calibration.step_of_flow(made, 1.0)
+    unit = calibration.step_of_flow(1.0, made.reference_velocity, made.reference_length)
     calibrated(made, ErrorLaw(0.0, 2.0, 5.0 / unit**2, 2.0, 1.0))
     first = first_mesh(made)
     unknowns, found = first.unknowns, predict(known_laws(made), first)
@@ -323,7 +323,7 @@ def test_several_studies_count_alike() -> None:
         for error in (0.01, 0.04)
     ]
     known = KnownLaws(scene(), tuple(studies), False, 2.0, "")
-    found = known.errors(scene("numerics.order=2"))["force"]
+    found = known.errors(Variant(2, scene().numerics.mesh_size))["force"]
     assert found.value == pytest.approx(0.02)
     assert found.factor == 5.0
     assert known.mean(lambda one: one.time.start) == pytest.approx(0.5)

@@ -10,9 +10,7 @@ from ...errors import OutputError
 from ...output.series_file import read_step, times
 from .. import style
 from . import film_file
-from .film import FIELDS, Field, Film
-from .film_in_plane import FilmInPlane
-from .film_in_space import FilmInSpace
+from .film import FIELDS, Field, Film, FilmInPlane, FilmInSpace
 
 _MOST_FRAMES = 200
 _SECONDS, _RATES = 8.0, (4, 20)  # about how long it takes, and frames per second

@@ -1,4 +1,4 @@
-"""A figure that shows one stored step of a run after the other: what films in the plane and in space have in common.
+"""A figure that shows one stored step of a run after the other, in the plane and in space.
 
 Fields are shown in bands of colour, the same in all frames: bands compress many times better than shades.
 """
@@ -9,7 +9,7 @@ import math
 import textwrap
 from abc import abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Literal
@@ -21,18 +21,29 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
+from matplotlib.patches import Polygon
+from matplotlib.path import Path as Outline
 from matplotlib.ticker import MaxNLocator
+from scipy.spatial import KDTree
 
+from ...errors import OutputError
+from ...geometry.placement import Placement
 from ...output.series_file import read_step
-from ..record import StoredRun, read_scene
-from ..style import GROUND, INK, View
+from ...scene import Scene
+from ..flow.mesh import curve, triangles_of
+from ..flow.section import VerticalSection, draw_outlines, section_of, views_of
+from ..record import StoredRun, parsed_json, read_scene
+from ..style import GRAIN, GROUND, INK, View
 from .film_file import DOTS, Frames
 from .history import History, read_history
+from .trajectory import spoke
 
 ARROWS, _SLOWEST = 24, 0.01  # along the longer side; of the fastest: where there is none
 _SAMPLES = 2000  # nodes of each frame that colours are chosen by
 _BANDS = 24
+_POINTS = 320  # of the grid in space, along its longer side
 _WIDTH, _TALLEST, _NARROWEST = 7.2, 4.6, 4.4  # inches, as below
 _LEFT, _RIGHT, _TOP, _BOTTOM, _LINE = 0.65, 1.05, 0.5, 0.5, 0.2
 
@@ -186,3 +197,118 @@ class Film(Frames):
             *places[shown].T, *steps.T, angles="xy", scale_units="xy", scale=1.0, pivot="mid", color="white",
             alpha=0.85, width=0.0022, headwidth=4.0, headlength=4.5, headaxislength=4.0, minlength=0.0, zorder=2,
         )  # fmt: skip
+
+
+class FilmInPlane(Film):
+    """One field on all cells, the grain with a spoke that shows how it is turned, its way so far."""
+
+    _upwards = "y"
+
+    def _box(self) -> View:
+        first = self.run(0)
+        if first.setting("domain", "top") != "free-surface":
+            return first.box
+        # A surface rises above where it began.
+        return (*first.box[:3], max(self.run(number).box[3] for number in range(self.count)))
+
+    def _shown(self, run: StoredRun, time: float) -> list[Artist]:
+        drawn = [self._painted(run), *self._solids(run), *self.way(time), *self._spoke(run, time)]
+        if self.field.name == "speed":
+            drawn.append(self._flow(run))
+        return drawn
+
+    def _painted(self, run: StoredRun) -> Artist:
+        triangles = triangles_of(run.mesh.points, run.mesh.quarters)
+        return self.axes.tricontourf(
+            triangles, self.field.values(run), levels=self.levels, cmap=self.colours, norm=self.norm,
+            extend=self.field.beyond, zorder=1,
+        )  # fmt: skip
+
+    def _solids(self, run: StoredRun) -> list[Artist]:
+        """The boundary of the fluid and the grains in it."""
+        outer, *holes = (curve(run.mesh.points, loop) for loop in run.mesh.loops)
+        drawn = [Polygon(outer, fill=False, edgecolor=INK, lw=0.8, zorder=3)]
+        drawn += [Polygon(hole, facecolor=GRAIN, edgecolor=INK, lw=1.0, zorder=3) for hole in holes]
+        return [self.axes.add_artist(patch) for patch in drawn]
+
+    def _spoke(self, run: StoredRun, time: float) -> list[Artist]:
+        if self.history is None or len(run.mesh.loops) < 2:
+            return []
+        axis = spoke(curve(run.mesh.points, run.mesh.loops[1]), self.history.at(time))
+        line = Line2D(*axis.T, color=INK, lw=1.0, marker="o", markevery=[0], ms=2.5, zorder=4)
+        return [self.axes.add_artist(line)]
+
+    def _flow(self, run: StoredRun) -> Artist:
+        """The velocity on a regular grid, from the three nearest nodes."""
+        x0, x1, y0, y1 = run.box
+        spacing = max(x1 - x0, y1 - y0) / ARROWS
+        grid = np.meshgrid(np.arange(x0 + spacing / 2, x1, spacing), np.arange(y0 + spacing / 2, y1, spacing))
+        places = np.column_stack([one.ravel() for one in grid])
+        places = places[_in_fluid(run, places)]
+        distances, nodes = KDTree(run.mesh.points).query(places, k=3)
+        weights = 1.0 / np.maximum(distances, 1e-9 * spacing)
+        weights /= weights.sum(axis=1, keepdims=True)
+        velocities = np.einsum("nk,nkd->nd", weights, run.field("velocity")[nodes, :2])
+        return self.arrows(places, velocities, spacing)
+
+
+def _in_fluid(run: StoredRun, places: np.ndarray) -> np.ndarray:
+    """(n,) whether places lie inside the outer boundary and outside the grains."""
+    outer, *holes = (Outline(curve(run.mesh.points, loop, 2)) for loop in run.mesh.loops)
+    inside = outer.contains_points(places)
+    for hole in holes:
+        inside &= ~hole.contains_points(places)
+    return inside
+
+
+class FilmInSpace(Film):
+    """One field in the plane, the grain's silhouette, its way so far."""
+
+    _upwards = "z"
+
+    def _box(self) -> View:
+        return views_of(self.run(0))[0]
+
+    def run(self, number: int) -> StoredRun:
+        """The step that a frame shows, with the grain where it is then."""
+        run = self.stored(number)
+        placement = self._placement(float(self.moments[number])) if run.scene.get("body") else None
+        if placement is None:
+            return run
+        grain = {"computed_centre": placement.centre, "quaternion": placement.quaternion}
+        return replace(run, result={"grain": grain | {"size": Scene(**run.scene).grain.size}})
+
+    def _placement(self, time: float) -> Placement | None:
+        """Where the grain is: by its history, else where the mesh was made for it, else where the scene puts it."""
+        if self.history is not None:
+            return self.history.at(time)
+        try:
+            grain = parsed_json(self.directory / "result.json")["grain"]
+            return Placement(tuple(grain["computed_centre"]), quaternion=tuple(grain["quaternion"]))
+        except (OutputError, KeyError, TypeError):  # the run goes on
+            return Scene(**self.scene).placement
+
+    def _shown(self, run: StoredRun, time: float) -> list[Artist]:
+        names = {"velocity", "velocity" if self.field.name == "speed" else self.field.name}
+        section = section_of(run, self.view, sorted(names), _POINTS)
+        image = self._painted(section)
+        drawn = [image, *draw_outlines(self.axes, section, image), *self.way(time)]
+        if self.field.name == "speed":
+            drawn.append(self._flow(section))
+        return drawn
+
+    def _painted(self, section: VerticalSection) -> AxesImage:
+        values = self.field.of(section.fields)
+        return self.axes.imshow(
+            values, origin="lower", extent=section.view, cmap=self.colours,
+            norm=self.norm, interpolation="bilinear", aspect="auto", zorder=1,
+        )  # fmt: skip
+
+    def _flow(self, section: VerticalSection) -> Artist:
+        """The velocity within the plane on every so many points of the grid."""
+        apart = max(1, max(section.inside.shape) // ARROWS)
+        chosen = (slice(apart // 2, None, apart),) * 2
+        rows, columns = np.nonzero(section.inside[chosen])
+        places = np.column_stack([section.x[chosen[1]][columns], section.z[chosen[0]][rows]])
+        velocities = section.fields["velocity"][chosen][rows, columns][:, [0, 2]]
+        return self.arrows(places, velocities, apart * section.spacing)

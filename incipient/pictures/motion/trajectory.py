@@ -26,6 +26,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from ...errors import OutputError
 from ...geometry.placement import Placement
+from ...planning.flow_setup import Setup
 from ...scene import Domain, Scene, load
 from .. import style
 from ..style import GRAIN, INK, View
@@ -62,9 +63,10 @@ def draw(directory: Path, title: str = "") -> list[Path]:
     """
     path = directory / "trajectory.png"
     scene = load(directory / "scene.toml")
-    if scene.grain is None or scene.placement is None:
+    first = Setup(scene).geometry.stance.placement
+    if scene.grain is None or first is None:
         raise OutputError(f"{directory / 'scene.toml'}: has no grain; run the scene again")
-    history = read_history(directory / "history.csv").started(scene.placement)
+    history = read_history(directory / "history.csv").started(first)
     with style.applied():
         style.save(figure(scene, history, title or scene.title), path)
     return [path]

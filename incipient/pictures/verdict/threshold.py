@@ -15,7 +15,8 @@ from ...contact import Contacts, Load, equilibrium
 from ...critical.outcome import with_error
 from ...errors import ConvergenceError, OutputError
 from ...evaluation.contact_verdict import mass_and_inertia
-from ...scene import Scene, load
+from ...geometry.placement import Placement
+from ...scene import Body, Scene, load
 from .. import style
 from ..record import parsed_json
 from ..style import FLOW, INK, MOTION
@@ -68,7 +69,7 @@ def _scene(path: Path) -> Scene:
 
 def _figure(stored: dict[str, Any], scene: Scene, source: Path) -> Figure:
     try:
-        case = judged(with_motion(stored, scene), source)
+        case = judged(with_motion(stored, scene.body, scene.placement), source)
         up = {2: _UP_IN_PLANE, 3: UP}[scene.gdim]
         figure, axes = sheet(critical_sentence(stored), case.sentences[1], scene.title, up)
         explain(axes, _draw_place(axes, case, scene.grain, scene.placement, scene.bed_shape))
@@ -97,26 +98,24 @@ def _draw_place(axes: Axes, case: Judged, grain: Any, placement: Any, bed: Any) 
     return draw_case(axes, case, outline, grain.size)
 
 
-def with_motion(stored: dict[str, Any], scene: Scene) -> dict[str, Any]:
+def with_motion(stored: dict[str, Any], body: Body | None, placement: Placement | None) -> dict[str, Any]:
     """The verdict at the threshold with the motion in which the grain leaves it, if there is a threshold."""
     verdict = stored["verdict"]
     if not stored["factor"]:
         return verdict
-    assert scene.body is not None
-    inert = mass_and_inertia(scene.body, scene.placement)
-    friction = scene.contact.friction if scene.contact else 0.0
-    motion = None if inert is None else _onset(stored, friction, *inert)
+    assert body is not None
+    inert = mass_and_inertia(body, placement)
+    motion = None if inert is None else _onset(stored, *inert)
     if motion is None:
         return verdict
     exact = {**verdict["judges"]["equilibrium"], "motion": motion, "mode": stored["mode"]}
     return {**verdict, "judges": {**verdict["judges"], "equilibrium": exact}}
 
 
-def _onset(
-    stored: dict[str, Any], friction: float, mass: float, inertia: np.ndarray
-) -> dict[str, Any] | None:
+def _onset(stored: dict[str, Any], mass: float, inertia: np.ndarray) -> dict[str, Any] | None:
     """The incipient motion where the flow is a little stronger than critical."""
     acting, at = stored["load"], stored["contacts"]
+    friction = float(stored["verdict"]["judges"]["criteria"]["friction"])
     force, couple = ((1.0 + _BEYOND) * np.array(acting[name]) for name in ("flow_force", "flow_couple"))
     stronger = Load(force, couple, np.array(acting["weight"]), np.array(acting["centre"]))
     contacts = Contacts(at["points"], at["normals"], at["areas"])

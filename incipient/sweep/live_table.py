@@ -1,0 +1,64 @@
+"""Progress of a sweep as a table that is redrawn on a terminal."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.live import Live as Screen
+from rich.markup import escape
+from rich.table import Table
+
+from ..cost.frontier import seconds
+from .cases import SweepCase
+from .procedure import SweepProgress, Watcher
+from .store import CaseOutcome
+from .table import described
+
+LATEST = 8  # finished cases that the table shows
+
+
+class LiveTable(Watcher):
+    """A table: what runs, what has been finished last, how many are left and for how long."""
+
+    def __init__(self, live: Screen):
+        self._live, self._latest = live, deque[tuple[str, str, str]](maxlen=LATEST)
+
+    def look(self, progress: SweepProgress) -> None:
+        """Draw the table again."""
+        table = Table(title=_headline(progress), title_justify="left", box=None, expand=True)
+        for head in ("case", "", "time"):
+            table.add_column(head, overflow="fold", ratio=None if head == "time" else 1)
+        for row in self._latest:
+            table.add_row(*row)
+        for case, began in progress.running.values():
+            table.add_row(case.name, "[dim]running[/dim]", f"{time.monotonic() - began:.0f} s")
+        self._live.update(table)
+
+    def finished(self, case: SweepCase, outcome: CaseOutcome, progress: SweepProgress) -> None:
+        """Show what came out."""
+        words, failed = escape(described(case.task, outcome)), outcome.result is None
+        shown = f"[red]failed: {words}[/red]" if failed else words
+        self._latest.append((case.name, shown, f"{outcome.wall:.1f} s"))
+        self.look(progress)
+
+
+def _headline(progress: SweepProgress) -> str:
+    parts = [f"{progress.finished} of {progress.total} cases", f"{len(progress.running)} running"]
+    if progress.failed:
+        parts.append(f"{progress.failed} failed")
+    if progress.elsewhere:
+        parts.append(f"{progress.elsewhere} in another sweep")
+    if progress.left is not None:
+        parts.append(f"about {seconds(progress.left)} left")
+    return ", ".join(parts)
+
+
+@contextmanager
+def on_screen() -> Iterator[Watcher]:
+    """Show the table on the terminal of the standard error. Not collective."""
+    with Screen(console=Console(stderr=True), transient=True, refresh_per_second=4) as screen:
+        yield LiveTable(screen)
