@@ -145,10 +145,14 @@ def _listed(table: str) -> str:
     """Accuracy, processor time and run of each row as a list; of rows that differ in the accuracy alone the last."""
     rows = [row.strip("| ").split(" | ") for row in table.splitlines()[2:]]
     ends = [(cells[1], cells[-1]) for cells in rows]
-    return "\n".join(
-        f"- {cells[0]}: {time} {run}" if time.startswith("x ") else f"- {cells[0]}: {time} ({run})"
-        for cells, (time, run), following in zip(rows, ends, [*ends[1:], None], strict=True)
-        if (time, run) != following
+    return (
+        "\n".join(
+            f"- {cells[0]}: {time} {run}" if time.startswith("x ") else f"- {cells[0]}: {time} ({run})"
+            for cells, (time, run), following in zip(rows, ends, [*ends[1:], None], strict=True)
+            if (time, run) != following
+        )
+        .replace(" (finer than any here)", "")
+        .replace(" of the time beyond ", " after ")
     )
 
 
@@ -167,35 +171,35 @@ Machine: {about["processor"]}, {about["cores"]} cores, {about["memory_gib"]} GiB
 
 ## Studies
 
-A study is a ladder of runs: orders, cell sizes, time steps, solver options. Each is a process of its own, without error
-bars, with forms compiled before. Errors are against the finest run, extrapolated where possible. The list of a scene
-below has for each accuracy the processor time and the cheapest run that reached it. The law
-\\(E = C (t - t_0)^{{-p}}\\), fitted to the best runs, gives what further digits cost, and times beyond the runs
-("about"). The start \\(t_0\\) is that of libraries, mesh generator and forms.
+A study runs a scene with several orders, cell sizes, time steps and solver options, without error bars and with forms
+compiled before. Errors are against the finest run, extrapolated where possible. Each scene below has a list of
+accuracies: processor time and the cheapest run that reached it. The law \\(E = C (t - t_0)^{{-p}}\\), fitted to the
+best runs, gives the cost of further digits, and times beyond the runs ("about"). Libraries, mesh generator and forms
+take the start \\(t_0\\).
 
 ## Solver options
 
 The usual ones (steady: {_usual(solvers.USUAL_STEADY)}; in time:
 {_usual(solvers.USUAL_IN_TIME)}) are tried on the three coarsest variants of the middle order.
-`--solvers WAY ...` tries the given ones on all variants, `--solvers own` none. Words are joined by "+", such as
-`extrapolated+bdf1`:
+`--solvers WAY ...` tries the given ones on all variants, `--solvers own` none; `extrapolated+bdf1` joins two:
 
 {_ways()}
 
-*Time at equal errors* is the time, without the start, for the error of the scene's own options, over the time of those.
-An option that takes less by a tenth, and less on every variant, is named by `incipient plan`.
+*Time at equal errors* is relative to the scene's own options, without the start. `incipient plan` names an option that
+takes less by a tenth, and less on every variant.
 
 ## Time and error before a run
 
-`incipient plan SCENE` predicts processor time and, for each order, the error by laws fitted to a study, for n unknowns,
-m time steps and cells h: \\(t = t_0 + f + n^p (a + c m)\\), \\(E = C h^q + D \\Delta t^r\\).
+`incipient plan SCENE` predicts processor time and, for each order, the error. The laws are fitted to a study, for n
+unknowns, m time steps and cells h: \\(t = t_0 + f + n^p (a + c m)\\), \\(E = C h^q + D \\Delta t^r\\). Dual solutions
+and coarse runs of the error bars count as runs.
 
-Processor time is right to a factor of {prediction.OWN:g} by a study of the same scene, {prediction.FOREIGN:g} by the
-mean of studies of this kind (steady, in time, with a moving grain, turbulent), {prediction.ELSEWHERE:g} by those of
-another machine, shipped with the program.
+The laws of every study are kept as this machine's calibration (`$XDG_CACHE_HOME/incipient/calibration.json`);
+`plan --study DIRECTORY` takes those of one study. Processor time is right to a factor of
 
-The laws of every study are kept as this machine's calibration (`$XDG_CACHE_HOME/incipient/calibration.json`).
-`plan --study DIRECTORY` takes those of one study. Dual solutions and coarse runs of the error bars count as runs.
+- {prediction.OWN:g} by a study of the same scene
+- {prediction.FOREIGN:g} by the mean of studies of this kind (steady, in time, with a moving grain, turbulent)
+- {prediction.ELSEWHERE:g} by studies of another machine, shipped with the program
 """
 
 
@@ -204,8 +208,8 @@ def _usual(words: tuple[str, ...]) -> str:
 
 
 def _ways() -> str:
-    """The words for solver options, with what they are and what sets them."""
-    return "\n".join(f"- {word}: {one.said} ({_set_by(one)})" for word, one in solvers.WORDS.items())
+    """The words for solver options: the keys that set them, or what they are."""
+    return "\n".join(f"- {word}: {_set_by(one)}" for word, one in solvers.WORDS.items())
 
 
 def _set_by(solver: solvers.Solver) -> str:
@@ -214,7 +218,8 @@ def _set_by(solver: solvers.Solver) -> str:
     keys = [f'{name}.{key} = "{value}"' for name, found in sections.items() for key, value in found.items()]
     keys += ["numerics.tolerance"] if solver.looser > 1.0 else []
     keys += [f'PETSC_OPTIONS="{solver.petsc}"'] if solver.petsc else []
-    return ", ".join(f"`{key}`" for key in keys)
+    found = ", ".join(f"`{key}`" for key in keys)
+    return found if solver.looser == 1.0 and not solver.petsc else f"{solver.said} ({found})"
 
 
 if __name__ == "__main__":

@@ -12,18 +12,18 @@ PAGE = ROOT / "docs" / "performance.md"
 
 HEAD = """# Speed and accuracy
 
-`make bench` writes this page from `benchmarks/results.json`, which has all runs. Do not edit it by hand.
+`make bench` writes this page from `benchmarks/results.json`, which has all runs: do not edit it by hand.
 `.venv/bin/python benchmarks/run.py --only cylinder` makes one part (also {names});
-`--repeat N` measures N rounds; `--report` writes this page without measuring. What accuracy costs: [cost.md](cost.md).
+`--repeat N` measures N rounds, `--report` only writes this page. What accuracy costs: [cost.md](cost.md).
 
-**Method.** Whole processes on one core, with imports, meshing and written files; forms are compiled before. Programs
-run alternately; tables have the median of the rounds. *Processor* is user and system time, *memory* peak resident size.
+**Method.** Whole processes on one core, with imports, meshing and files; forms are compiled before. Programs run
+alternately; tables have the median of the rounds. *Processor* is user and system time, *memory* peak resident size.
 
 **Machine.** {processor}, {cores} cores, {memory_gib} GiB, {system}; {versions}.
 
-**Other programs** are scripts in `benchmarks/programs/`, as a user of the library would write them. *Plain dolfinx*
-assembles and factorises in every Newton iteration. *NGSolve* (from PyPI) uses static condensation and its fastest
-direct solver. None estimates its error, so *incipient* runs without error bars beside them.
+**Other programs** are a user's scripts (`benchmarks/programs/`). *Plain dolfinx* assembles and factorises in every
+Newton iteration. *NGSolve* (from PyPI) uses static condensation and its fastest direct solver. None estimates its
+error, so *incipient* has no error bars here.
 """
 
 

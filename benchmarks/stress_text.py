@@ -7,8 +7,8 @@ from hard_map import Point
 HEAD = """# Hard cases
 
 `make stress` runs all of this and writes this page ({minutes} min, {machine}); `tests/stability` has some of
-each, with bounds. A case that cannot be computed stops with a named error. A run then keeps the last good state as a
-checkpoint, from which `incipient resume` continues after the cause is changed.
+each, with bounds. A run that cannot continue stops with a named error, and keeps the last good state, from which
+`incipient resume` continues after a remedy.
 
 """
 MAP = """## Solvable steps of a body
@@ -16,39 +16,39 @@ MAP = """## Solvable steps of a body
 ![Exact coupling and naive iteration over mass ratio, step, Reynolds number and gap](figures/stress_map.png)
 
 A disc of diameter 0.3 in a driven cavity of side 1 whose lid starts at once with speed 1. Where not on the axis: step
-0.05, Re = 10, middle of the cavity. Three steps, none of which may be shortened. Above: the exact coupling in use, at
-most 12 corrections. Below: forces and velocities passed back and forth (`numerics.coupling = "naive"`), at most 40. Of
-{points} points the exact coupling solves {exact}, the naive iteration {naive}. The exact coupling fails where a light
-disc goes half its diameter in one step; a run shortens such a step.
+0.05, Re = 10, middle of the cavity. Three steps, none of which may be shortened.
+
+- Above: the exact coupling in use, at most 12 corrections. It solves {exact} of {points} points, and fails where a
+  light disc goes half its diameter in one step; a run shortens such a step.
+- Below: forces and velocities passed back and forth (`numerics.coupling = "naive"`), at most 40. They solve {naive}.
 
 """
 SOURCES = {
     "Bodies without mass, with a million times the fluid's": (
-        "A disc in the driven cavity, Re = 10; mass and inertia relative to the fluid's. Orders in time for all "
-        "masses: `tests/convergence/test_coupling.py`."
+        "A disc in the driven cavity, Re = 10; mass and inertia relative to the fluid's. Orders in time: "
+        "`tests/convergence/test_coupling.py`."
     ),
     "Steady cavity on coarse cells": (
         "P2-P1, cells alike, plain and [stabilised](numerics.md#coarse-cells-and-convection). Largest error of the "
-        "three extrema on the centrelines, against Botella & Peyret (1998) at Re = 1000 and against a graded P4-P3 "
-        "mesh at Re = 10,000, which is good to 0.2%."
+        "three extrema on the centrelines, at Re 1000 against Botella & Peyret (1998), at Re 10,000 against a graded "
+        "P4-P3 mesh (good to 0.2%)."
     ),
     "Lid set off at once": (
-        "P2-P1, 12 cells a side, ten steps, Re = 10,000, lid speed 1. CFL: step times lid speed over cell. At CFL 100 "
+        "P2-P1, 12 cells a side, ten steps, Re = 10,000, lid speed 1. At CFL 100 (step times lid speed over cell) "
         "speeds on plain elements reach 25."
     ),
     "Near contact": (
-        "Stokes flow around a moving cylinder at a gap (in diameters) from a wall, in a box of 20 x 10 diameters: "
-        "error of its force or couple against the exact solution of Jeffrey & Onishi (1981), Q. J. Mech. "
-        "Appl. Math. 34, 129."
+        "Stokes flow around a cylinder moving near a wall (gap in diameters), in a box of 20 x 10 diameters: error of "
+        "force or couple against the exact solution of Jeffrey & Onishi (1981), Q. J. Mech. Appl. Math. 34, 129."
     ),
     "Tiny and huge steps": ("Three steps, halved where they do not converge, on one mesh."),
     "Stiff couples": (
-        "A disc without mass or inertia on a torsional spring, step 0.05: the angle is couple (torque) over stiffness."
+        "A disc without mass or inertia on a torsional spring, step 0.05; angle is couple (torque) over stiffness."
     ),
     "A new mesh every few steps": "An ellipse carried round a box, 20 steps, compared with the run on one mesh.",
     "Stopped in the middle and resumed": (
-        "`incipient run`, then `incipient resume` with the remedy, compared with a run that had the remedy from the "
-        "start. Three runs are of an ellipse in a driven cavity, the last of one at Re = 10,000 on 14 cells a side."
+        "`incipient run`, then `incipient resume` with the remedy, compared with a run that had it from the start. "
+        "An ellipse in a driven cavity; the last case is a cavity at Re = 10,000 on 14 cells a side."
     ),
     "Friction 0 and infinite, degenerate contacts": (
         "A disc of weight 1 and radius 1 under a force of 0.1 and a couple of -0.02."
@@ -56,7 +56,7 @@ SOURCES = {
     "Badly shaped meshes": "Cavity at Re 1000, 24 cells a side, P2-P1, thrown by a share of what folds the worst.",
     "Extreme domains": "Poiseuille flow lies in the elements' space: only round-off may be left.",
     "Scene files at random": (
-        "Valid scenes with up to three keys changed. Some are meshed or run on coarse cells as well. Each has 60 s."
+        "Valid scenes with up to three keys changed, some also meshed or run on coarse cells. Each has 60 s."
     ),
     "Violent mesh motion": (
         "Six cells a side, viscosity 1e-6, BDF1; the mesh is thrown in each of 100 steps of 0.1 "

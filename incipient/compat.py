@@ -10,6 +10,7 @@ import hashlib
 import importlib.metadata
 import inspect
 import logging
+import platform
 import sys
 import warnings
 from collections.abc import Callable, Iterator
@@ -30,10 +31,14 @@ from mpi4py import MPI
 import h5py  # noqa: F401
 
 with versions_without_setuptools(), handlers_kept():
+    import basix
     import dolfinx
     import ufl
     from dolfinx.fem import petsc
     from petsc4py import PETSc
+
+    if not hasattr(ufl, "FiniteElement"):
+        import basix.ufl
 # isort: on
 
 # Loggers that compilations write to, the root's too, and where in Python's path those who write to them are.
@@ -49,8 +54,6 @@ def element(mesh: Any, degree: int, shape: tuple[int, ...] = (), family: str = "
         if not shape:
             return ufl.FiniteElement(family, cell, degree)
         return ufl.VectorElement(family, cell, degree, dim=shape[0])
-    import basix.ufl
-
     return basix.ufl.element(family, cell, degree, shape=shape)
 
 
@@ -58,8 +61,6 @@ def mixed_element(parts: list[Any]) -> Any:
     """Mixed element of the given ones."""
     if hasattr(ufl, "MixedElement"):
         return ufl.MixedElement(parts)
-    import basix.ufl
-
     return basix.ufl.mixed_element(parts)
 
 
@@ -180,8 +181,6 @@ def create_mesh(comm: MPI.Comm, cells: np.ndarray, nodes: np.ndarray, degree: in
         made = ufl.VectorElement("Lagrange", cell, degree, dim=gdim, variant="equispaced")
         keywords["domain"] = ufl.Mesh(made)
     else:
-        import basix.ufl
-
         variant = basix.LagrangeVariant.equispaced
         keywords["e"] = basix.ufl.element("Lagrange", cell, degree, variant, shape=(gdim,))
     return make(comm, cells=cells, x=nodes, **keywords)
@@ -225,8 +224,6 @@ def geometry_degree(mesh: Any) -> int:
 
 def reference_nodes(mesh: Any) -> np.ndarray:
     """(nodes per cell, dimension) places on the reference cell of a cell's nodes, corners first."""
-    import basix
-
     kind = basix.CellType.triangle if mesh.topology.dim == 2 else basix.CellType.tetrahedron
     variant = basix.LagrangeVariant.equispaced
     return np.asarray(
@@ -315,8 +312,6 @@ def cell_size(mesh: Any, cells: np.ndarray) -> np.ndarray:
 
 def versions() -> dict[str, str]:
     """Versions of the libraries a result depends on."""
-    import platform
-
     petsc = ".".join(map(str, PETSc.Sys.getVersion()))
     return {
         "incipient": importlib.metadata.version("incipient"),

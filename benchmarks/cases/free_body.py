@@ -48,9 +48,8 @@ def describe(data: dict[str, Any]) -> str:
     rows = "\n".join(_row(row) for row in data["rows"] if "error" not in row)
     return f"""## A free body
 
-The first 60 steps of the pebble in the pothole (`demos/scenes/{SCENE}.toml`), without remeshing, in seconds of
-`cost.wall_time` in result.json. *Interface*: the body's equation of motion, and the derivative of the flow by its three
-motions:
+The first 60 steps of the pebble in the pothole (`demos/scenes/{SCENE}.toml`), without remeshing (`cost.wall_time` in
+result.json). *Interface*: the body's equation of motion, and the derivative of the flow by its three motions:
 
 {rows}"""
 

@@ -73,10 +73,10 @@ def describe(data: dict[str, Any]) -> str:
 
 {listed}
 
-With mesh_size = {SIZES[0]:g} force and couple (torque) differ from those of the finest mesh ({fine["name"]}), over the
-force, by {", ".join(refined)}.
+Error of force and couple (torque) with mesh_size = {SIZES[0]:g}, over the force, against the finest mesh
+({fine["name"]}): {", ".join(refined)}.
 
-Loads for gaps in grain sizes (P3-P2, mesh_size = 0.5), extrapolated linearly from the two smallest ones:
+Loads for gaps in grain sizes (P3-P2, mesh_size = 0.5), extrapolated linearly from the two smallest:
 
 {table(["gap", "F_x", "F_y", "couple"], [*gaps, ["0 (extrapolated)", *limit]])}
 
@@ -107,4 +107,4 @@ def _verdict_on_gap(rows: list[Row]) -> str:
     end = limits(rows)
     default = _vector(rows[GAPS.index(0.01)])
     error = max(abs(a - b) for a, b in zip(default, end, strict=True)) / max(map(abs, end))
-    return f"With the default gap of 0.01 grain sizes the load differs from that at contact by {100 * error:.1f}%."
+    return f"With the default gap of 0.01 the load differs from that at contact by {100 * error:.1f}%."

@@ -47,4 +47,4 @@ def describe(data: dict[str, Any]) -> str:
     return f"""{head}
 
 `mpirun -n {RANKS} incipient run demos/scenes/cylinder.toml --set numerics.mesh_size=0.35` ({size} unknowns):
-{", ".join(cells)}. The relative difference is {drag} in C_D and {lift} in C_L."""
+{", ".join(cells)}. Relative difference: {drag} in C_D, {lift} in C_L."""

@@ -86,8 +86,8 @@ def describe(data: dict[str, Any]) -> str:
 ![Velocity on the centrelines of the driven cavity](figures/cavity.png)
 
 The paper's Fig. 2. Lines: `demos/scenes/cavity.toml` (P4-P3, mesh_size = 1); markers: Ghia, Ghia & Shin (1982),
-`benchmarks/reference/cavity_ghia_1982.csv`, without known misprints. Largest deviations from their table, which has
-about three digits:
+`benchmarks/reference/cavity_ghia_1982.csv`, without known misprints. Largest deviations from their table (about three
+digits):
 
 {table(["Re", "u on x = 0.5", "v on y = 0.5"], deviations)}
 

@@ -134,14 +134,13 @@ def _describe_periodic(row: Row, refined: list[Row], others: list[Row]) -> str:
     limits = ", ".join(f"{NAMES[key]} = {value:g}" for key, value in LIMIT.items())
     return f"""![Drag and lift of the cylinder](figures/vortex_street.png)
 
-`demos/scenes/vortex_street.toml`, from rest; maxima over the last {LATE:g} time units, {row["periods"]} periods of the
-lift.
+`demos/scenes/vortex_street.toml`, from rest; maxima over the last {row["periods"]} periods of the lift ({LATE:g} time
+units).
 
 {table(["", *NAMES.values(), "processor [s]"], [published, *cells])}
 
 *Splitting* solves velocity, pressure and a projection in turn; *explicit convection* is of first order in time and
-factorises once. The goal above is relative to {limits}, the limit of incipient's cells and
-steps.
+factorises once. The goal is relative to {limits}, the limit of incipient's cells and steps.
 
 {failures([row, *others])}"""
 
@@ -166,7 +165,7 @@ def _describe_pulsating(row: Row) -> str:
         for key, value in PULSATING.items()
         if row["found"].get(key) is not None
     ]
-    return f"""`demos/scenes/pulsating.toml`: the inflow swells and ebbs as sin(pi t/8), 0 <= t <= 8.
+    return f"""`demos/scenes/pulsating.toml`: inflow as sin(pi t/8), 0 <= t <= 8.
 
 {table(["", "incipient", "John (2004)", "difference"], cells)}
 

@@ -145,7 +145,8 @@ def _computed(run: Run, force: Forces | None, couple: Couples | None) -> Loads:
     from ..mesh.sampling import centrelines
 
     walls = run.wall_report() if force is None else None
-    lines = centreline_velocities(centrelines(run.scene, run.fluid))
+    found = centrelines(run.scene.domain, run.fluid) if run.scene.has_centrelines else None
+    lines = centreline_velocities(found)
     return replace(Loads.at_the_end(force, couple, place, run.elevations, walls), centreline=lines)
 
 

@@ -37,7 +37,7 @@ def bar_of_scene(
         return None
     inert = mass_and_inertia(scene.body, scene.placement)
     return bar_of_safety(
-        load_of(scene, force, couple), contacts, scene.contact.friction, inert, errors, *terms
+        load_of(scene.placement, force, couple), contacts, scene.contact.friction, inert, errors, *terms
     )
 
 

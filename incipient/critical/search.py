@@ -315,7 +315,7 @@ class CriticalSearch:
             one.x.array[:] = values
 
     def _load(self, factor: float) -> Load:
-        return load_of(self.run.scene, *self._solved[factor])
+        return load_of(self.run.scene.placement, *self._solved[factor])
 
     def _path(self) -> LoadPath:
         factors = np.array(sorted(self._solved))

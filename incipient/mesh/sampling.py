@@ -12,7 +12,7 @@ from .locator import Locator, evaluate
 
 if TYPE_CHECKING:
     from ..fluid import Fluid
-    from ..scene import Scene
+    from ..scene import Domain
 
 
 def sample(function: Any, points: np.ndarray) -> np.ndarray:
@@ -66,19 +66,17 @@ def cells_between(mesh: Any, start: Sequence[float], end: Sequence[float]) -> in
     return int(mesh.comm.allreduce(len(np.unique(places.cells[places.found]))))
 
 
-def centrelines(scene: Scene, fluid: Fluid) -> dict[str, Extremum] | None:
-    """Extrema of the velocity on the centrelines of a lid-driven box without a grain. Collective.
+def centrelines(domain: Domain, fluid: Fluid) -> dict[str, Extremum]:
+    """Extrema of the velocity on the centrelines of a box. Collective.
 
     Along the upright one it is the first component, along the level one in the lid's direction the upward one.
     """
-    domain, up = scene.domain, scene.up
-    if not scene.has_centrelines:
-        return None
+    up = domain.up
     centre = np.array([*domain.entrance[:-1], domain.bottom + 0.5 * domain.height])
     centre[0] += 0.5 * domain.length
 
     def along(axis: int) -> Callable[[np.ndarray], np.ndarray]:
-        direction = np.eye(scene.gdim)[axis]
+        direction = np.eye(domain.gdim)[axis]
         return lambda s: centre + (s - centre[axis])[:, None] * direction
 
     upright, level = (domain.bottom, domain.ceiling), (domain.left, domain.right)

@@ -14,7 +14,7 @@ from incipient.contact.equilibrium import safety_factor
 from incipient.critical.outcome import Threshold
 from incipient.critical.threshold import find_threshold
 from incipient.evaluation.contact_verdict import load_of
-from incipient.output.directory import write_threshold
+from incipient.output.critical_flow import write_threshold
 from incipient.pictures.record import parsed_json
 from incipient.scene import loads
 from incipient.scene.example import commented, grain_on_bed
@@ -204,7 +204,7 @@ def margins(scene: incipient.Scene, factors: list[float]) -> list[float]:
     with prepared(scene, MPI.COMM_SELF) as run:
         assert run.contacts is not None and scene.contact is not None
         for factor in factors:
-            load = load_of(scene, *loads_at(run, factor, before))
+            load = load_of(scene.placement, *loads_at(run, factor, before))
             found.append(safety_factor(load, run.contacts, scene.contact.friction).value)
             before = factor
     return found

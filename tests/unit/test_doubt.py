@@ -157,7 +157,7 @@ def test_a_couple_that_vanishes_is_no_doubt() -> None:
         shear.replace("200.0", "100.0").replace("16.0", "24.0").replace("10.0", "16.0").replace("8.0", "16.0")
     )
     scene = loads(
-        f"{stream}[flow]\\nkind = 'uniform'\\n[body]\\nshape = 'sphere'\\ndiameter = 1.0\\ncentre = [8.0, 8.0, 8.0]\\n"
+        f"{stream}[flow]\nkind = 'uniform'\n[body]\nshape = 'sphere'\ndiameter = 1.0\ncentre = [8.0, 8.0, 8.0]\n"
     )
     with prepared(scene, MPI.COMM_SELF) as run:
         loads_at(run, 1.0)
