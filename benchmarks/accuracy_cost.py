@@ -161,9 +161,13 @@ def _head() -> str:
     own = machine.versions()["incipient"]
     return f"""# Cost of accuracy
 
+How much time and memory a result takes for the accuracy that you want: before a run, by a study of your scene, or from
+the studies of some demos below.
+
 ```sh
+incipient plan mine.toml   # time, memory and error of this run, by what is known of this machine
+incipient calibrate        # one or two minutes, once a machine: plans then have its times
 incipient cost mine.toml   # a study of any scene: tables (cost.md), picture, cost.csv, cost.json; resumes
-incipient calibrate        # one or two minutes: `incipient plan` then predicts the times of this machine
 make cost                  # writes this page by `benchmarks/accuracy_cost.py`: do not edit it by hand
 ```
 
@@ -174,8 +178,7 @@ Machine: {about["processor"]}, {about["cores"]} cores, {about["memory_gib"]} GiB
 A study runs a scene with several orders, cell sizes, time steps and solver options, without error bars and with forms
 compiled before. Errors are against the finest run, extrapolated where possible. Each scene below has a list of
 accuracies: processor time and the cheapest run that reached it. The law \\(E = C (t - t_0)^{{-p}}\\), fitted to the
-best runs, gives the cost of further digits, and times beyond the runs ("about"). Libraries, mesh generator and forms
-take the start \\(t_0\\).
+best runs, gives times beyond the runs ("about"); \\(t_0\\) is the time of libraries, mesh generator and forms.
 
 ## Solver options
 
@@ -190,12 +193,11 @@ takes less by a tenth, and less on every variant.
 
 ## Time and error before a run
 
-`incipient plan SCENE` predicts processor time and, for each order, the error. The laws are fitted to a study, for n
-unknowns, m time steps and cells h: \\(t = t_0 + f + n^p (a + c m)\\), \\(E = C h^q + D \\Delta t^r\\). Dual solutions
-and coarse runs of the error bars count as runs.
-
-The laws of every study are kept as this machine's calibration (`$XDG_CACHE_HOME/incipient/calibration.json`);
-`plan --study DIRECTORY` takes those of one study. Processor time is right to a factor of
+The plan predicts processor time and, for each order, the error by laws fitted to studies, for n unknowns, m time steps
+and cells h: \\(t = t_0 + f + n^p (a + c m)\\), \\(E = C h^q + D \\Delta t^r\\). Dual solutions and coarse runs of the
+error bars count as runs. The laws of every study are kept as this machine's calibration
+(`$XDG_CACHE_HOME/incipient/calibration.json`); `plan --study DIRECTORY` takes those of one study. Processor time is
+right to a factor of
 
 - {prediction.OWN:g} by a study of the same scene
 - {prediction.FOREIGN:g} by the mean of studies of this kind (steady, in time, with a moving grain, turbulent)
@@ -208,18 +210,30 @@ def _usual(words: tuple[str, ...]) -> str:
 
 
 def _ways() -> str:
-    """The words for solver options: the keys that set them, or what they are."""
-    return "\n".join(f"- {word}: {_set_by(one)}" for word, one in solvers.WORDS.items())
+    """The words for solver options: those that are values of a key, key by key, and what the others are."""
+    keys: dict[str, list[str]] = {}
+    for word, one in solvers.WORDS.items():
+        if key := _value_of(one):
+            keys.setdefault(key, []).append(f"*{word}*")
+    values = ", ".join(f"{', '.join(words)} (`{key}`)" for key, words in keys.items())
+    others = [
+        f"- *{word}*: {one.said} (`{_set_by(one)}`)"
+        for word, one in solvers.WORDS.items()
+        if not _value_of(one)
+    ]
+    return "\n".join([f"- values of a key: {values}", *others])
+
+
+def _value_of(solver: solvers.Solver) -> str:
+    """The key of a scene of which an option is one value, or an empty string."""
+    sections = {"numerics": solver.numerics, "time": solver.time}
+    keys = [f"{name}.{key}" for name, found in sections.items() for key in found]
+    return keys[0] if len(keys) == 1 and solver.looser == 1.0 and not solver.petsc else ""
 
 
 def _set_by(solver: solvers.Solver) -> str:
-    """The keys and variables that set an option for any scene."""
-    sections = {"numerics": solver.numerics, "time": solver.time}
-    keys = [f'{name}.{key} = "{value}"' for name, found in sections.items() for key, value in found.items()]
-    keys += ["numerics.tolerance"] if solver.looser > 1.0 else []
-    keys += [f'PETSC_OPTIONS="{solver.petsc}"'] if solver.petsc else []
-    found = ", ".join(f"`{key}`" for key in keys)
-    return found if solver.looser == 1.0 and not solver.petsc else f"{solver.said} ({found})"
+    """What sets an option that is not one value of a key."""
+    return f'PETSC_OPTIONS="{solver.petsc}"' if solver.petsc else "numerics.tolerance"
 
 
 if __name__ == "__main__":

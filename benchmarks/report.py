@@ -12,18 +12,22 @@ PAGE = ROOT / "docs" / "performance.md"
 
 HEAD = """# Speed and accuracy
 
-`make bench` writes this page from `benchmarks/results.json`, which has all runs: do not edit it by hand.
-`.venv/bin/python benchmarks/run.py --only cylinder` makes one part (also {names});
-`--repeat N` measures N rounds, `--report` only writes this page. What accuracy costs: [cost.md](cost.md).
+How fast and how accurate the program is on published benchmarks, beside scripts for other programs
+(`benchmarks/programs/`). What accuracy costs on scenes of all kinds: [cost.md](cost.md).
+
+```sh
+make bench                                         # measures all, writes this page: do not edit it by hand
+.venv/bin/python benchmarks/run.py --only cylinder # one part; --repeat N: N rounds; --report: the page alone
+```
+
+Other parts: {names}. All runs: `benchmarks/results.json`.
 
 **Method.** Whole processes on one core, with imports, meshing and files; forms are compiled before. Programs run
 alternately; tables have the median of the rounds. *Processor* is user and system time, *memory* peak resident size.
+*Plain dolfinx* assembles and factorises in every Newton iteration, *NGSolve* (from PyPI) uses static condensation and
+its fastest direct solver. None estimates its error, so *incipient* has no error bars here.
 
 **Machine.** {processor}, {cores} cores, {memory_gib} GiB, {system}; {versions}.
-
-**Other programs** are a user's scripts (`benchmarks/programs/`). *Plain dolfinx* assembles and factorises in every
-Newton iteration. *NGSolve* (from PyPI) uses static condensation and its fastest direct solver. None estimates its
-error, so *incipient* has no error bars here.
 """
 
 

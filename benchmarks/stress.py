@@ -65,7 +65,7 @@ def steady_cavities() -> Iterator[Row]:
 def _steady_cavity(reynolds: float, n: int, stabilised: bool) -> str:
     found = steady_cavity(reynolds, n, stabilisation=stabilised)
     if found.share < 1.0:
-        return f"stops by name: no solution beyond Re {found.share * reynolds:.4g}"
+        return f"stops: no solution beyond Re {found.share * reynolds:.4g}"
     exact = BOTELLA_PEYRET if reynolds == 1e3 else FINEST_CAVITY
     error = np.abs(np.array(found.extrema) / exact - 1).max()
     return f"{100 * error:.2g}%"
@@ -185,7 +185,7 @@ def files_at_random() -> Iterator[Row]:
 CASES: dict[str, Callable[[], Iterator[Row]]] = {
     "Bodies without mass, with a million times the fluid's": bodies,
     "Steady cavity on coarse cells": steady_cavities,
-    "Lid set off at once": impulsive_cavities,
+    "Impulsive start of the lid": impulsive_cavities,
     "Near contact": near_contact,
     "Tiny and huge steps": long_steps,
     "Stiff couples": stiff_couples,
