@@ -73,7 +73,7 @@ def _commands() -> dict[str, tuple[Command, str, Callable[[argparse.ArgumentPars
         ("run", "runs", options.of_run, "simulate a scene and judge its grain (also under mpirun)"),
         ("resume", "runs", options.of_resume, "continue a run that was cut short (also under mpirun)"),
         ("threshold", "runs", options.of_threshold, "find the flow at which the scene's grain first moves"),
-        ("gust", "runs", options.of_gust, "find the weakest gusts that move the grain out of its pocket"),
+        ("gust", "gusts", options.of_gust, "find the weakest gusts that move the grain out of its pocket"),
         ("plan", "costs", options.of_plan, "say what would be computed and what not, and what it needs"),
         ("cost", "costs", options.of_cost, "measure error against time by finer and finer runs"),
         ("calibrate", "costs", options.no_options, "measure this machine, to predict times and errors"),

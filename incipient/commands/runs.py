@@ -1,4 +1,4 @@
-"""`incipient run`, `incipient resume`, `incipient threshold` and `incipient gust`."""
+"""`incipient run`, `incipient resume` and `incipient threshold`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import Any
 
 import incipient
 
-from ..critical.gusts import runs_expected
 from ..parallel import Comm
 from ..progress import telling
 from ..results.result import Result
@@ -49,27 +48,6 @@ def threshold(options: argparse.Namespace, comm: Comm) -> int:
     if comm.rank == 0:
         print(threshold.text())
         print(f"numbers             {directory / 'threshold.json'}", flush=True)
-    tell_of_pictures(directory, scene.output.pictures, comm)
-    return 0
-
-
-def gust(options: argparse.Namespace, comm: Comm) -> int:
-    """Searches the weakest gusts that move the grain out of its pocket."""
-    log = logging.getLogger("incipient") if comm.rank == 0 else _nobody()
-    scene = incipient.load(options.scene, options.overrides, comm)
-    directory = options.out or Path("results") / f"{options.scene.stem}_gusts"
-    runs = runs_expected(options.durations, scene.numerics.error_bars)
-    log.info(
-        "%s: %d durations, about %d runs, each as `incipient run`",
-        options.scene,
-        len(options.durations),
-        runs,
-    )
-    with telling(comm.rank) as voice:
-        found = incipient.gusts(scene, options.durations, directory, comm, voice)
-    if comm.rank == 0:
-        print(found.text())
-        print(f"numbers             {directory / 'gusts.csv'}", flush=True)
     tell_of_pictures(directory, scene.output.pictures, comm)
     return 0
 
