@@ -184,7 +184,7 @@ best runs, gives times beyond the runs ("about"); \\(t_0\\) is the time of libra
 
 The usual ones (steady: {_usual(solvers.USUAL_STEADY)}; in time:
 {_usual(solvers.USUAL_IN_TIME)}) are tried on the three coarsest variants of the middle order.
-`--solvers WAY ...` tries the given ones on all variants, `--solvers own` none; `extrapolated+bdf1` joins two:
+`--solvers OPTION ...` tries the given ones on all variants, `--solvers own` none; `extrapolated+bdf1` joins two:
 
 {_ways()}
 

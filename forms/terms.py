@@ -77,7 +77,7 @@ def grad_div(
 def streamline_upwind(
     strong: Any, carrier: Any, w: Any, viscosity: Any, size: Any, reference_map: ReferenceMap | None = None
 ) -> Any:
-    """J delta r . (c . grad w): the residual r of momentum tested along the streams as well (SUPG).
+    """J delta r . (c . grad w): the residual r of momentum tested along streamlines as well (SUPG).
 
     `strong` is r, which vanishes for the exact flow: the term is consistent where it has its viscous part. With
     r = c . grad v it is not negative. delta is `streamline_time` with the `size` of cells over the order. Source:
@@ -182,7 +182,7 @@ def entering_boundary(v: Any, carrier: Any, w: Any, n: Any) -> Any:
 
 
 def relaxation(v: Any, stream: Any, rate: Any, w: Any) -> Any:
-    """s (v - u) . w: the flow is relaxed to a stream u at a rate s, zero outside of a sponge."""
+    """s (v - u) . w: the flow is relaxed to the base flow u at a rate s, zero outside of a sponge."""
     return rate * ufl.inner(v - stream, w)
 
 

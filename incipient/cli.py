@@ -63,7 +63,7 @@ def _parser() -> argparse.ArgumentParser:
         made.set_defaults(command=function)
         add_options(made)
         levels = ("debug", "info", "warning", "error")
-        made.add_argument("--log-level", choices=levels, default="info", help="how much to say")
+        made.add_argument("--log-level", choices=levels, default="info", help="how much to report")
     return parser
 
 
@@ -75,12 +75,12 @@ def _commands() -> dict[str, tuple[Command, str, Callable[[argparse.ArgumentPars
         ("threshold", "runs", options.of_threshold, "find the flow at which the scene's grain first moves"),
         ("gust", "gusts", options.of_gust, "find the weakest gusts that move the grain out of its pocket"),
         ("plan", "costs", options.of_plan, "say what would be computed and what not, and what it needs"),
-        ("cost", "costs", options.of_cost, "measure error against time by finer and finer runs"),
+        ("cost", "costs", options.of_cost, "measure error against time by runs on ever finer meshes"),
         ("calibrate", "costs", options.no_options, "measure this machine, to predict times and errors"),
         ("show", "showing", options.of_show, "draw the pictures of a finished run, or animate its flow"),
         ("report", "report", options.of_report, "write one HTML page of results, to be read anywhere"),
-        ("sweep", "sweep", options.of_sweep, "run, search the threshold of, or judge many cases in one file"),
-        ("table", "tabulate", options.of_table, "print what a sweep has found, a row a case"),
+        ("sweep", "sweep", options.of_sweep, "run or judge many cases, or find their thresholds"),
+        ("table", "tabulate", options.of_table, "print the results of a sweep, a row for each case"),
         ("judge", "judge", options.of_judge, "judge forces and contacts of a case file, without a flow"),
         ("new", "writing", options.of_new, "write a commented example scene"),
         ("schema", "writing", options.no_options, "print the JSON schema of scenes, for editors"),

@@ -38,7 +38,7 @@ class MissingError(IncipientError):
 
 
 class Interrupted(IncipientError):
-    """The run was asked to end; what it needs to go on has been kept."""
+    """The run was interrupted; what it needs to resume has been written."""
 
     exit_code = 130
 

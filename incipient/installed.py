@@ -1,4 +1,4 @@
-"""What the flow needs beside the Python packages that always come along; what is missing is named with its remedy."""
+"""Programs and libraries that the flow needs besides Python packages; what is missing is named with its remedy."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ NOTICE = b"stopping after this step; once more to stop at once\n"
 
 
 class Interruption:
-    """Takes the first SIGINT or SIGTERM for a wish to stop after the step; a later one interrupts at once.
+    """Stops after the step on the first SIGINT or SIGTERM; a later one interrupts at once.
 
     A context manager. Until `armed`, and always off the main thread, signals do what they did before, except that
     SIGTERM interrupts, too. The handlers there were come back at the end. Only `asked` is collective.

@@ -1,4 +1,4 @@
-"""What several ranks must do together: agree on failure, and speak with one voice."""
+"""What several ranks must do together: agree on failure, and report it once."""
 
 from __future__ import annotations
 

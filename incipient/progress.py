@@ -91,7 +91,7 @@ class Live(Logged):
 
 @contextmanager
 def telling(rank: int) -> Iterator[Silent]:
-    """The right voice for this rank and this terminal. Not collective."""
+    """The reporter of progress for this rank and this terminal. Not collective."""
     if rank != 0:
         yield Silent()
         return

@@ -1,4 +1,4 @@
-"""How many cells a region will be meshed with, told from the sizes wanted before anything is meshed."""
+"""The number of cells that a region will be meshed with, estimated from the wanted sizes before meshing."""
 
 import numpy as np
 
@@ -79,7 +79,7 @@ def _integral_of_field(sizes: Sizes) -> float:
 
 
 def _expected_tetrahedra(region: SolidRegion, sizes: Sizes) -> dict[str, float]:
-    """The integral of 1/h^3 over the boxes that tell the sizes to gmsh, as far as they lie in the fluid."""
+    """The integral of 1/h^3 over the boxes that give gmsh the sizes, as far as they lie in the fluid."""
     frame = SolidFrame.of(region)
     ground = Ground(region, frame)
     bodies = {

@@ -1,4 +1,4 @@
-"""How fine a region in space is meshed at every place, and the boxes that tell it to gmsh."""
+"""Cell sizes at every place of a region in space, and the boxes that give them to gmsh."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class SizeMap:
 
     @cached_property
     def _clouds(self) -> dict[str, Cloud]:
-        """The triangles of the grains that cannot tell their distance themselves."""
+        """The triangles of the grains that have no distance function."""
         clouds = {}
         for name, placed in self.region.holes.items():
             solid = placed.solid
@@ -81,7 +81,7 @@ class SizeMap:
 
     @property
     def names(self) -> list[str]:
-        """What asks for the sizes that `parts` tells, in its order."""
+        """What needs the sizes of `parts`, in their order."""
         near = [near.boundary or "narrow places and corners" for near in self.sizes.near]
         return ["domain", *near, GAPS, "adaptation"]
 

@@ -1,1 +1,1 @@
-"""How accurate a result is, and how to reach an accuracy asked for: error estimates, error bars, adaptive runs."""
+"""Error estimates and error bars of a result."""

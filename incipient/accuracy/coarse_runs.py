@@ -1,4 +1,4 @@
-"""The scenes of the coarse runs that tell of errors: coarser, in longer steps, and with sides farther away."""
+"""The scenes of the coarse runs that errors are estimated by: coarser, in longer steps, and with sides farther away."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def order_in_time(scene: Scene) -> int:
 
 
 def farther(scene: Scene, factor: float = FARTHER) -> Scene:
-    """The scene with inflow, outflow and sides that move as the stream does farther away, at the same viscosity."""
+    """The scene with inflow, outflow and sides that move with the base flow farther away, at the same viscosity."""
     if scene.has_surface:
         return changed(scene, **longer_channel(scene, factor))
     domain, up = scene.domain, scene.up
@@ -132,7 +132,7 @@ def _longer_steps(time: Time, longer: float) -> dict[str, float]:
 
 
 def changed(scene: Scene, **sections: dict[str, Any]) -> Scene:
-    """The scene with some keys of some sections changed, checked anew.
+    """The scene with some keys of some sections changed, checked again.
 
     Raises SceneError if the changed scene contradicts itself.
     """

@@ -58,7 +58,7 @@ def by_dual(goals: GoalErrors, unit: float) -> Term:
     doubt = ""
     if left > SETTLED:
         doubt = (
-            f"upwinding changes much, and of two corrections against it the second still made {left:.0%}; "
+            f"upwinding changes the load much: the second of two corrections for it made {left:.0%} of both; "
             "use a smaller numerics.mesh_size"
         )
     force, couple = unit * np.abs(goals.force), unit * np.abs(goals.couple)

@@ -151,7 +151,7 @@ def _computed(run: Run, force: Forces | None, couple: Couples | None) -> Loads:
 
 
 def _dual(run: Run, speed: float, improve: Solve | None) -> Term:
-    """By the dual-weighted residual; corrected by it where that is worth a run on other cells, which is made."""
+    """The discretisation's term by the dual-weighted residual, corrected where that is worth a run on other cells."""
     from .dual import GoalErrors  # not above: a plan asks for the coarse runs, without finite elements
 
     placement = run.layout.placement
@@ -178,7 +178,7 @@ def _dual(run: Run, speed: float, improve: Solve | None) -> Term:
 
 
 def _by_surplus(run: Run, speed: float) -> Term:
-    """From what the flow's elements have changed of the loads in those of order two, on which it stands.
+    """The discretisation's term from the change of the loads by elements of a higher order than two.
 
     Components may change little by chance: each is taken to err by the same, unless it vanishes by symmetry.
     """

@@ -53,7 +53,7 @@ class Computed(Protocol):
 
 
 class Quantity(Protocol):
-    """What a mesh is refined for: its name, its relative error, and what it hangs on; see `Goal`."""
+    """What a mesh is refined for: its name, its relative error, and what it depends on; see `Goal`."""
 
     @property
     def name(self) -> str:
@@ -96,7 +96,7 @@ class Goal:
 
     @classmethod
     def of(cls, scene: Scene) -> Goal:
-        """What the scene's accuracy is that of; a verdict hangs on the safety factor."""
+        """The quantity whose accuracy the scene asks for; a verdict depends on the safety factor."""
         verdict = scene.numerics.accuracy == "verdict"
         name = "safety factor" if verdict else scene.accuracy_of
         return cls(name, scene, find_contacts(scene) if name == "safety factor" else None)

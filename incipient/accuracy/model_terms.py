@@ -179,14 +179,14 @@ def is_corrected(scene: Scene) -> bool:
 
 
 def of_datum(scene: Scene, other: Scene, solve: Solve) -> Term:
-    """What a stream that starts where it does changes, from a coarse run of a scene in which it starts elsewhere."""
+    """The error of the datum, from a coarse run of a scene whose base flow starts at another height."""
     height = Setup(other).base_flow.datum - other.domain.bottom
     how = f"a coarse run with flow.datum = {height:.4g}, which may suit the bed as well"
     return Term.of_difference("datum", solve(coarse(other)), solve(coarse(scene)), 1.0, how)
 
 
 def with_other_datum(scene: Scene, speed: float = 1.0) -> Scene | None:
-    """The scene with its stream from as far beyond the bed's effective height as that may be off, seen from its own.
+    """The scene with a datum as far beyond the bed's effective height as that may be off, seen from its own datum.
 
     None where there is no such height, or the scene's is that for certain, or the stream with its turbulence enters at
     the bed's own height. At `speed` the flow is faster by a factor.
@@ -247,5 +247,5 @@ def not_there(scene: Scene) -> dict[str, str]:
     """Why a scene has no term of gap, domain or model of turbulence, by name. Not collective."""
     reasons = {"gap": no_gap(scene), "domain": has_no_far_sides(scene)}
     if scene.has_wall_layer:
-        reasons[MODEL] = "not estimated: other constants or walls of [turbulence] tell of it"
+        reasons[MODEL] = "not estimated: vary constants and wall_distance of [turbulence] to see it"
     return {name: reason for name, reason in reasons.items() if reason}

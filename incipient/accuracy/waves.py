@@ -1,4 +1,4 @@
-"""How far the order of the steps tells what waves in longer ones say of the error (docs/surface.md)."""
+"""Errors of waves from runs in longer steps, which the order of the steps alone underestimates (docs/surface.md)."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def least_share(computed: Loads, in_longer: Loads, order: int) -> float:
 
 
 def of_large_errors(term: Term, computed: Loads) -> float:
-    """By how much the estimated errors of elevations are too small for being large. Not collective.
+    """The factor by which estimated errors of elevations are too small where they are large. Not collective.
 
     What extrapolation leaves out is in proportion to the errors themselves.
     """
@@ -57,14 +57,14 @@ def of_large_errors(term: Term, computed: Loads) -> float:
 
 
 def is_stream(scene: Scene) -> bool:
-    """Whether a stream enters below a free surface. Not collective."""
+    """Whether a flow enters below a free surface. Not collective."""
     return scene.has_surface and scene.domain.kind == "channel" and scene.flow.kind != "still"
 
 
 def doubt_of_stream(scene: Scene) -> str:
-    """Why the estimated errors of a stream's level may be too small, or nothing. Not collective.
+    """Why the estimated errors of a channel's level may be too small, or an empty string. Not collective.
 
-    The zone at the inflow is a cell long at the least, which no comparison tells of.
+    The zone at the inflow is a cell long at the least, which no comparison of meshes shows.
     """
     if not is_stream(scene):
         return ""
@@ -75,7 +75,7 @@ def doubt_of_stream(scene: Scene) -> str:
     if scene.numerics.mesh_size <= most:
         return ""
     return (
-        "the zone in which a stream's level comes in is one cell long where cells are larger than "
+        "the zone at the inflow that levels the surface is one cell long where cells are larger than "
         f"{LEVEL:g} of the depth; use numerics.mesh_size = {math.floor(100.0 * most) / 100.0:g} or less"
     )
 

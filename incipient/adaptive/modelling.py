@@ -1,4 +1,4 @@
-"""The errors that no mesh makes smaller, of the gap and of the domain, beside an accuracy that is asked for.
+"""The errors that no mesh makes smaller, of gap and domain, in a search for an accuracy.
 
 With `numerics.accuracy_includes = "all"` gap and domain are changed until both errors are small beside the accuracy;
 the mesh is sought after that. Otherwise they are as the scene says, and it is said what would make them small enough.

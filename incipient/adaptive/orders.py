@@ -22,7 +22,7 @@ def highest_order(gdim: int, inertia: bool) -> int:
 
 
 def coarsest(gdim: int, inertia: bool) -> float:
-    """Cells of the first mesh relative to those by default: where they are upwinded larger ones tell too little."""
+    """Cells of the first mesh relative to those by default: errors on larger ones mislead where they are upwinded."""
     return COARSEST_UPWINDED if gdim == 3 and inertia else COARSEST
 
 

@@ -34,11 +34,11 @@ from ..simulation.state import Accounts
 from .modelling import SHARE, Suited, not_estimated, remedies, suited
 
 # What a result says of a search that is still on; one that is stopped leaves it so.
-UNFINISHED = "the search goes on, or was stopped"
+UNFINISHED = "the search continues, or was stopped"
 
 
 class SearchRecorder:
-    """A recorder of results with the adaptation in them; the scene it keeps is as it was asked for.
+    """A recorder of results with the adaptation in them; the scene that it writes is the user's own.
 
     result: the last result, with the adaptation
     kept:   where a result without error bars is kept, None if nowhere

@@ -297,7 +297,7 @@ class RigidBody:
         return np.concatenate([linear, angular]) - impulse + added @ (end.velocities - last)
 
     def _small(self, error: Floats, states: tuple[BodyState, BodyState], gain: Floats, noise: Floats) -> bool:
-        """Whether errors of the free velocities are at the integrator's tolerance, each beside its kind, or noise."""
+        """Whether errors of the free velocities are at the integrator's tolerance, relative to their kind, or noise."""
         scale = np.max([np.abs(state.velocities) for state in states], axis=0)
         scale[self.mask] = np.maximum(scale[self.mask], np.abs(gain))
         kinds = np.where(np.arange(self.size) < self.gdim, scale[: self.gdim].max(), scale[self.gdim :].max())

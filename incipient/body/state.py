@@ -26,7 +26,7 @@ THINNEST = 0.05  # smallest ratio of moments by which a couple's share in the pa
 
 
 class Shape(Protocol):
-    """What a grain of `incipient.geometry`, in the plane or in space, tells of its mass."""
+    """The properties of a grain of `incipient.geometry` that its mass follows from."""
 
     @property
     def gdim(self) -> int:

@@ -15,7 +15,7 @@ from .options import BESIDE
 
 
 def judge(options: argparse.Namespace, comm: Comm) -> int:
-    """Judge a case and say what came out; keep it if that is asked for."""
+    """Judge a case and print the verdict; write it with `--out`."""
     with collectively(comm):
         if comm.rank == 0:
             case = load_case(options.case, options.overrides)

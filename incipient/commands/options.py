@@ -17,7 +17,7 @@ OF_SWEEPS = ("quantity", "against", "by")  # options of `show` that are for swee
 def overrides(parser: argparse.ArgumentParser, example: str) -> None:
     """Add `--set`, with an example in its help."""
     repeated: dict[str, Any] = {"dest": "overrides", "action": "append", "default": []}
-    parser.add_argument("--set", metavar="KEY=VALUE", help=f"such as {example}", **repeated)
+    parser.add_argument("--set", metavar="KEY=VALUE", help=f"change a key, as in {example}", **repeated)
 
 
 def named(text: str) -> Path:
@@ -86,7 +86,7 @@ def of_gust(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         default=[0.5, 1.0, 2.0, 4.0, 8.0],
         metavar="TIME",
-        help="of the gusts, in units of the scene (default: 0.5 1 2 4 8)",
+        help="durations of the gusts, in units of the scene (default: 0.5 1 2 4 8)",
     )
     parser.add_argument(
         "--out", type=named, help="directory for the results (default: results/NAME OF THE SCENE_gusts)"
@@ -101,7 +101,7 @@ def of_plan(parser: argparse.ArgumentParser) -> None:
         "--study",
         type=named,
         metavar="DIRECTORY",
-        help="of incipient cost, to go by (default: the last of this scene on this machine, else those of others)",
+        help="study of incipient cost to predict by (default: the last of this scene on this machine, else of others)",
     )
 
 
@@ -121,7 +121,7 @@ def of_cost(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--solvers",
         nargs="+",
-        metavar="WAY",
+        metavar="OPTION",
         help="solver options on all meshes, such as extrapolated+bdf1; own: none but the scene's (default: some, on "
         "three coarse meshes)",
     )
@@ -132,13 +132,13 @@ def of_show(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("directory", type=Path, help="directory of the results, or the file of a sweep")
     parser.add_argument("--quantity", metavar="COLUMN", help="of a sweep: what to draw (see incipient table)")
     parser.add_argument(
-        "--against", metavar="COLUMN", help="of a sweep: against what (default: what it varies first)"
+        "--against", metavar="COLUMN", help="of a sweep: the abscissa (default: the first varied key)"
     )
-    parser.add_argument("--by", metavar="COLUMN", help="of a sweep: a curve for each value of this")
+    parser.add_argument("--by", metavar="COLUMN", help="of a sweep: the column with a curve for each value")
     films = parser.add_mutually_exclusive_group()
-    films.add_argument("--animate", action="store_true", help="show the flow in motion instead")
-    films.add_argument("--turntable", action="store_true", help="go once round a grain in space instead")
-    parser.add_argument("--out", type=named, metavar="FILE", help="the film, .gif or .mp4")
+    films.add_argument("--animate", action="store_true", help="write a film of the flow instead")
+    films.add_argument("--turntable", action="store_true", help="write a film round a grain in space instead")
+    parser.add_argument("--out", type=named, metavar="FILE", help="file of the film, .gif or .mp4")
     fields = ("velocity", "pressure", "vorticity")
     parser.add_argument("--field", choices=fields, help="what to animate (default: velocity)")
 
@@ -161,13 +161,13 @@ def of_sweep(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="KEY=VALUES",
-        help="such as fluid.reynolds=log:0.1:200:17 or contact.friction=0.2,0.4; several: every combination",
+        help="as in fluid.reynolds=log:0.1:200:17 or contact.friction=0.2,0.4; repeat it for all combinations",
     )
     parser.add_argument(
         "--zip", action="store_true", help="take the values of several keys side by side instead"
     )
     parser.add_argument(
-        "--cases", type=Path, metavar="FILE.csv", help="a case a row, under the keys of the first row"
+        "--cases", type=Path, metavar="FILE.csv", help="keys in the first row, a case in each other row"
     )
     parser.add_argument(
         "--refine",
@@ -184,17 +184,17 @@ def of_sweep(parser: argparse.ArgumentParser) -> None:
         help="with --refine: the column whose curve is to be known (see table)",
     )
     overrides(parser, "numerics.mesh_size=2")
-    parser.add_argument("--do", choices=("run", "threshold", "judge"), help="(default: run)")
+    parser.add_argument("--do", choices=("run", "threshold", "judge"), help="for each case (default: run)")
     parser.add_argument(
         "--out", type=named, metavar="FILE", help="file of the sweep (default: results/SCENE_TASK.sqlite)"
     )
     parser.add_argument("--jobs", type=int, metavar="N", help="cases at a time (default: by cores and ranks)")
     parser.add_argument("--ranks", type=int, default=1, metavar="N", help="ranks of each case (default: 1)")
     parser.add_argument(
-        "--memory", type=float, metavar="MIB", help="of all cases at a time (default: what is free)"
+        "--memory", type=float, metavar="MIB", help="of all cases at a time (default: 4/5 of what is free)"
     )
     parser.add_argument(
-        "--wall", metavar="TIME", help="stop in time, such as 8h or 1h30m; the same call resumes"
+        "--wall", metavar="TIME", help="time after which to stop, such as 8h or 1h30m; the same call resumes"
     )
     parser.add_argument("--retry", action="store_true", help="compute cases again that have failed")
     parser.add_argument(

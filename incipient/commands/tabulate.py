@@ -30,7 +30,7 @@ def table(options: argparse.Namespace, comm: Comm) -> int:
 
 
 def _print(file: Path) -> None:
-    """The columns that differ between cases or tell what came out, for a reader."""
+    """The columns that differ between cases, and those of results, for a reader."""
     from rich.console import Console
     from rich.table import Table
 

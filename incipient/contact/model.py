@@ -83,7 +83,7 @@ class Loads:
         return Load(self.force[number], self.couple[number], self.weight[number], self.centre)
 
     def part(self, rows: Integers | slice) -> "Loads":
-        """Those at places `rows`."""
+        """The loads at places `rows`."""
         return Loads(self.force[rows], self.couple[rows], self.weight[rows], self.centre)
 
 

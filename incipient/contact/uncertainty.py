@@ -1,4 +1,4 @@
-"""From a load with standard errors to the probability of each mode, by both judges, and the input that matters most.
+"""Probabilities of the modes of a load with standard errors, by both judges, and the input that matters most.
 
 Cases drawn prove nothing of those that were not: a load that is held may be a rare one. Beside the probabilities it is
 therefore said what is certain while no input is off by more than two standard errors, by `error_box.safety_range`.
@@ -104,7 +104,7 @@ class Within:
 
     @classmethod
     def of(cls, found: SafetyRange) -> "Within":
-        """What is told of a range of safety factors."""
+        """A range of safety factors in words."""
         says = "it moves" if found.moves else "it rests"
         says = f"{says} for certain" if found.rests or found.moves else "it may rest and it may move"
         factors = f"safety factor between {found.low:.4g} and {found.high:.4g}"
@@ -203,7 +203,7 @@ def draw(load: Load, friction: float, errors: StandardErrors, samples: int, seed
 
 
 def _arm(load: Load, errors: StandardErrors) -> Floats:
-    """From the centre of mass to the point that the couple is measured about, (3,)."""
+    """The arm from the centre of mass to the point that the couple is measured about, (3,)."""
     return np.zeros(3) if errors.about is None else np.asarray(errors.about, dtype=float) - load.centre
 
 

@@ -1,4 +1,4 @@
-"""Solver options beside the scene's own, on the same variants: what they change in error, time and memory."""
+"""Solver options compared with the scene's own on the same variants: change of error, time and memory."""
 
 from __future__ import annotations
 

@@ -205,7 +205,7 @@ def main() -> int:
 
 
 def computed(scene: Scene, comm: MPI.Comm) -> dict[str, Any]:
-    """Run a scene; what `MeasuredRun` holds beside the times of the whole process. Collective."""
+    """Run a scene; the contents of a `MeasuredRun` but for the times of the whole process. Collective."""
     from ..coupled import tractions  # noqa: F401 (the start is over then)
 
     start, recorder = time.process_time(), _History()

@@ -275,7 +275,7 @@ def _search(known: KnownLaws, unknowns: int) -> tuple[list[_Run], LastMesh] | st
     """The meshes of a run to an accuracy that starts from so many unknowns, or why they are not known."""
     scene, numerics, time = known.scene, known.scene.numerics, known.scene.time
     if not isinstance(numerics.accuracy, float | int):
-        return f"they hang on what decides the verdict; {LIMIT}"
+        return f"they depend on what decides the verdict; {LIMIT}"
     if numerics.accuracy_includes == "all":
         return f"gap and domain are chosen by coarse runs before; {LIMIT}"
     if scene.accuracy_of in OF_SURFACE[0 if scene.body is not None else 1 :]:

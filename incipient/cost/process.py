@@ -1,4 +1,4 @@
-"""A process of one rank, and one measured from outside: wall time, processor time, peak memory, and what it said."""
+"""A process of one rank, measured from outside: wall time, processor time, peak memory, and its output."""
 
 from __future__ import annotations
 

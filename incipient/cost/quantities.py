@@ -69,7 +69,7 @@ class ComparedNumbers:
         return tuple(f"{which}_{part}" for part in LOADS for which in ("most", "least"))
 
     def of_run(self, result: Result, history: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-        """The numbers of a finished run, by the names of `columns`; what a run does not tell is NaN. Collective."""
+        """The numbers of a finished run, by the names of `columns`; NaN where it has none. Collective."""
         if self.scene.body is None:
             return self._of_surface(history) if self._elevations else self._of_flow(result)
         if result.trajectory is not None:

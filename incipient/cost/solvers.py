@@ -103,7 +103,7 @@ class SolverOptions:
         return tuple(word for word in words if word in self.others and (word != "umfpack" or _has_umfpack()))
 
     def named(self, asked: Sequence[str]) -> tuple[str, ...]:
-        """The solver options asked for, each once, without what the scene does anyway on whatever mesh.
+        """The named solver options, each once, without those that the scene has anyway on every mesh.
 
         Raises:
             SceneError: a word is not known, means nothing for the scene, or contradicts another.

@@ -185,7 +185,7 @@ class Coupling:
         }
 
     def quality_ahead(self, length: float, order: int) -> MeshQuality:
-        """The mesh's quality after one more step, in which the parts go on by themselves."""
+        """The mesh's quality after one more step, extrapolated from the parts' motion."""
         for part in self.parts:
             part.predict(length, order)
         return self.motion.quality(self._places())

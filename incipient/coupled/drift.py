@@ -1,4 +1,4 @@
-"""How a stream carries the elevation of a surface along, and what keeps it level where the stream comes in.
+"""Advection of a surface's elevation by the flow, and what keeps the surface level at the inflow.
 
 With u the horizontal velocity on the surface, v . n ds is (v3 - u . grad h) over the area below it. The flow is solved
 on the mesh as it is tried, that is with the slopes of the elevation tried: without regard to that the iteration on the
@@ -29,7 +29,7 @@ from ..mesh.elevation import RisingDisplacement
 
 
 class Drift:
-    """The surface's matrices with the stream of the last state. Holds PETSc objects; every method is collective.
+    """The surface's matrices with the velocity of the last state. Holds PETSc objects; every method is collective.
 
     Args:
         fluid: with a surface below which fluid enters or leaves.
@@ -53,7 +53,7 @@ class Drift:
         self._solvers: list[Any] = []
 
     def prepare(self, rate: float) -> None:
-        """Take the stream from the last state, and the rate a0 of the elevation's backward difference."""
+        """Take the velocity from the last state, and the rate a0 of the elevation's backward difference."""
         for matrix, form in zip((self._levelling, self._carried), self._forms, strict=True):
             matrix.zeroEntries()
             petsc.assemble_matrix(matrix, form)

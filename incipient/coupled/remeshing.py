@@ -124,7 +124,7 @@ def _summary(old: Coupling, new: Coupling, carrier: Carrier, change: float) -> R
 
 
 class Carrier:
-    """From the nodes of one fluid to those of another. Every method is collective."""
+    """Transfer of functions from the nodes of one fluid to those of another. Every method is collective."""
 
     def __init__(self, old: Fluid, new: Fluid):
         self.old, self.new = old, new

@@ -186,11 +186,11 @@ class SurfacePart:
         return float(self.fluid.domain.comm.allreduce(mine, op=MPI.MAX))
 
     def volume(self) -> float:
-        """Of the fluid above the still level less what is missing below it; of the whole where half is meshed."""
+        """Volume above the still level less what is missing below it; of the whole domain where half is meshed."""
         return self._whole * self.mesh.mean(self.past[0])
 
     def risen(self) -> float:
-        """By how much the elevation has changed in the last step, root mean square over the nodes of the surface."""
+        """Root mean square over the nodes of the surface of the elevation's change in the last step."""
         return self._size(self.past[0] - self.past[1]) if len(self.past) > 1 else 0.0
 
     def energy(self) -> float:

@@ -104,7 +104,7 @@ class Found:
 
 
 class CriticalSearch:
-    """The search on one mesh, in a run that is prepared. Public methods are collective but those said not to be.
+    """The search on one mesh, in a run that is prepared. Public methods are collective unless stated otherwise.
 
     Args:
         solve: solves for the loads in a flow faster by a factor, going on from another (see `simulation.steady`).
@@ -198,7 +198,7 @@ class CriticalSearch:
             low, high = 0.5 * factor, 2.0 * factor
             new = path.loss(low, high) if path.judged(low).value >= 1.0 else None
             if new is None:
-                raise ConvergenceError(f"no threshold near {factor:.4g} times the flow of the scene any more")
+                raise ConvergenceError(f"no threshold near {factor:.4g} times the flow of the scene")
             if self._is_near(new) or len(self.trials) >= MOST_FLOWS:
                 return Found(new, new, path, tuple(self.trials), tuple(self.unsolved))
             factor = new

@@ -31,7 +31,7 @@ class ContactEffect(Effect):
             reason += ", where it settled without friction"
         elif scene.body is not None and scene.body.settle:
             friction = DEFAULT_FRICTION if scene.contact is None else scene.contact.friction
-            reason += f", where it settled by friction {friction:g}"
+            reason += f", where it settled with friction {friction:g}"
             reason += ' (settle = "frictionless" gives one rest to compare)'
         return Decision(self.name, True, reason, scene.effects.contact is True)
 

@@ -58,7 +58,7 @@ class Findings:
 
 
 class Effect:
-    """One physical effect. The methods here are those of an effect that needs nothing of what they are asked for.
+    """One physical effect. The methods here are those of an effect that needs none of them.
 
     Everything else walks `known.EFFECTS` and asks. What one effect alone needs is imported where it is present.
 
@@ -122,7 +122,7 @@ class Effect:
         return 0.0
 
     def findings(self, stored: dict[str, Any]) -> Findings | None:
-        """What a result.json says of the effect beside its quantities; None: nothing. Not collective."""
+        """The entry of result.json for the effect, apart from its quantities; None: none. Not collective."""
         return None
 
     def kind_of_cost(self, setup: Setup) -> str:

@@ -56,7 +56,7 @@ class FlowEffect(Effect):
 def _reason(setup: Setup) -> str:
     scene = setup.scene
     if scene.flow.kind == "log-law":
-        return "mean profile of a turbulent stream, kept by the force that its turbulence would exert"
+        return "mean profile of a turbulent flow, kept by a force in place of its turbulent stress"
     if scene.flow.kind != "still":
         return f"{scene.flow.kind} flow"
     return "the fluid starts from rest" if scene.has_surface else "the fluid is at rest"

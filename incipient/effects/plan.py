@@ -1,4 +1,4 @@
-"""From the scene follows the plan: which effects are simulated, which are left out and why, and how finely.
+"""The plan of a scene: which effects are simulated, which are left out and why, and how finely.
 
 The plan decides what is built. A sub-problem or a term that it does not name is never made: no space, no
 compiled form, no unknown.

@@ -1,4 +1,4 @@
-"""What an effect adds to a run beside the flow, as everything that handles runs sees it."""
+"""The part of a run that an effect adds to the flow, as everything that handles runs sees it."""
 
 from __future__ import annotations
 

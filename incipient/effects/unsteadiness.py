@@ -98,7 +98,7 @@ def shedding(setup: Setup, numbers: Numbers) -> str:
     least, shape = (SHEDDING, "cylinder") if scene.gdim == 2 else (SHEDDING_OF_SPHERE, "sphere")
     if reynolds is None or reynolds <= least or not inert or wall_distance(setup) < SHEDDING_CLEARANCE:
         return ""
-    return f"grain Re {reynolds:.3g}: a {shape} in a stream sheds vortices from {least:g} on"
+    return f"grain Re {reynolds:.3g}: a {shape} in a uniform flow sheds vortices from {least:g} on"
 
 
 def expected(setup: Setup) -> float | None:

@@ -1,1 +1,1 @@
-"""From loads and contacts to verdicts and numbers in SI units, which `results` holds as data."""
+"""Verdicts and numbers in SI units from loads and contacts, which `results` holds as data."""

@@ -1,4 +1,4 @@
-"""From the load on the grain and its contacts to the verdict of both judges, in plain data and in a sentence."""
+"""The verdict of both judges on the grain's load and contacts, in plain data and in a sentence."""
 
 from __future__ import annotations
 

@@ -60,7 +60,7 @@ class Open:
 
 @dataclass(frozen=True)
 class IncomingWave:
-    """A wave that comes in at an end with a stream.
+    """A wave that comes in at an end with the base flow.
 
     velocity:  of both, a function of x (3, n), places as they are, and t that returns (gdim, n)
     elevation: a function of x (3, n), of which only places along the level matter, and t that returns (n,)
@@ -98,7 +98,7 @@ class Carried:
 
 @dataclass(frozen=True)
 class Sponge:
-    """A zone at an end of a channel in which the flow is relaxed to a stream, so that other waves die out there.
+    """A zone at an end of a channel in which the flow is relaxed to the base flow, so that waves die out there.
 
     start:  x at which it begins
     end:    x of the end of the channel

@@ -22,7 +22,7 @@ HELD = 10.0  # times k^2 nu/h: what resists a flow through a wall, k being the o
 
 
 class WallMotion:
-    """The rigid motion of a wall, as a velocity in UFL that can be given without compiling anew.
+    """The rigid motion of a wall, as a velocity in UFL whose values change without a new compilation.
 
     Attributes:
         velocity: at the places of the mesh.
@@ -120,7 +120,7 @@ class WallLoad:
         return sum(terms[1:], terms[0]) if terms else None
 
     def power(self, state: Any, w: Any, boundary: str, held: bool = True) -> Any:
-        """Of the traction of the flow on a wall of any shape, in a motion w of that boundary, in UFL. Not collective.
+        """Power of the traction on a wall of any shape for the boundary velocity w, as a UFL form. Not collective.
 
         In rigid motions it is minus that of the flow's residual without its walls, as no shape of w enters. Without
         what holds the flow from crossing the wall it is that of pressure, viscous normal stress and the law's friction.

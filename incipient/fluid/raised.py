@@ -16,7 +16,7 @@ LOWEST_ORDER = 2
 
 
 def made(domain: Domain, model: FlowModel, conditions: Sequence[Condition], reynolds: float) -> Fluid:
-    """The fluid of a model, with that of order two beside it where its systems are solved by two levels. Collective.
+    """The fluid of a model, and that of order two where its systems are solved by two levels. Collective.
 
     The latter is `Fluid.coarse`, is freed with it, and counts for the same statistics.
     """
@@ -34,7 +34,7 @@ def made(domain: Domain, model: FlowModel, conditions: Sequence[Condition], reyn
 
 @contextmanager
 def lowered(fluid: Fluid) -> Iterator[Fluid]:
-    """The flow of order two beside a fluid, or one made for the while, with the fluid's state. Collective."""
+    """The flow of order two of a fluid, or a temporary one, with the fluid's state. Collective."""
     if fluid.coarse is not None:
         fluid.coarse.interpolate(fluid)
         yield fluid.coarse

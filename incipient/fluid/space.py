@@ -36,7 +36,7 @@ class TaylorHood:
         return int(self.mixed.dofmap.index_map.size_global * self.mixed.dofmap.index_map_bs)
 
     def constant(self, value: float) -> Any:
-        """A number in forms that may change without compiling them anew. Not collective."""
+        """A number in forms that may change without a new compilation. Not collective."""
         return dolfinx.fem.Constant(self.mixed.mesh, PETSc.ScalarType(value))
 
     def velocity_nodes(self) -> int:
@@ -95,7 +95,7 @@ def taylor_hood(mesh: Any, order: int) -> TaylorHood:
 
 
 def _places(part: Any, within: Any) -> np.ndarray:
-    """For each unknown of a space, its number in the mixed space of which `within` is the corresponding part.
+    """The number of each unknown of a space in the mixed space of which `within` is the corresponding part.
 
     `within.collapse()` would give both, but in dolfinx 0.5.2 a collapsed space of order three or more is
     not continuous on general meshes: the unknowns along an edge are not turned with the edge.
@@ -124,7 +124,7 @@ def geometry_function(mesh: Any) -> Any:
 
 
 def geometry_rows(function: Any) -> np.ndarray:
-    """For each node of a function made by `geometry_function`, its row in `mesh.geometry.x`."""
+    """The row in `mesh.geometry.x` of each node of a function made by `geometry_function`."""
     space = function.function_space
     rows = np.zeros(len(function.x.array) // space.mesh.geometry.dim, dtype=np.int64)
     rows[compat.cell_dofs(space)] = compat.geometry_dofs(space.mesh)

@@ -85,7 +85,7 @@ class SurfaceLoad:
 
 
 class _Sponge:
-    """A sponge and the stream in it, at the nodes of the mesh as it was made, or with a wave, where they are."""
+    """A sponge and the base flow in it, at the nodes of the mesh as it was made, or with a wave, where they are."""
 
     def __init__(self, flow: TaylorHood, sponge: Sponge, wave: Any):
         self._given, self._stream = sponge, wave

@@ -25,7 +25,7 @@ class ShareOfError:
     most: float = 1e-4
 
     def after(self, error: float | None) -> float:
-        """The tolerance of a step after one of this local error; None: it could not be told. Not collective."""
+        """The tolerance of a step after one of this local error, which None leaves open. Not collective."""
         if error is None:
             return self.unknown
         return float(np.clip(self.share * error, self.least, self.most))

@@ -1,4 +1,4 @@
-"""What every rigid grain can tell of itself, in the plane and in space."""
+"""Properties of every rigid grain, in the plane and in space."""
 
 from abc import ABC, abstractmethod
 

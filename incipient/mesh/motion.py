@@ -46,7 +46,7 @@ class MeshQuality:
 
 
 class RigidDisplacement:
-    """How one body displaces the mesh. Collective unless said otherwise.
+    """Displacement of the mesh by one body. Collective unless stated otherwise.
 
     Args:
         domain: whose mesh is as it was made.
@@ -94,7 +94,7 @@ class RigidDisplacement:
 
 
 class MeshMotion:
-    """Moves the mesh of a domain, in place, by the sum of what each part adds. Collective unless said otherwise."""
+    """Moves the mesh of a domain, in place, by the sum of what each part adds. Collective unless stated otherwise."""
 
     def __init__(self, domain: Domain):
         self.domain = domain
@@ -162,7 +162,7 @@ def _between_vertices(mesh: Any) -> tuple[NDArray[np.int32], NDArray[np.int32], 
 
 
 def _sliding(domain: Domain, boundary: str) -> list[tuple[str, ...]]:
-    """For each direction the boundaries along which nodes may slide in it: plane ones, normal to another axis."""
+    """The boundaries along which nodes may slide in each direction: plane ones, normal to another axis."""
     space = compat.function_space(domain.mesh, compat.scalar_part(compat.coordinate_element(domain.mesh)))
     names = [name for name in sorted(domain.names) if name != boundary]
     normals = {name: _normal_axis(domain, name, space) for name in names}

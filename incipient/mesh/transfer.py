@@ -28,7 +28,7 @@ class _Exchange:
 
 
 class Transfer:
-    """From one mesh, where it is now, to points anywhere; a point may differ from rank to rank.
+    """Evaluation of functions of one mesh, where it is now, at points that may differ from rank to rank.
 
     Making it finds the points in the cells, once for any number of functions on the mesh; it is collective. A
     point outside the mesh takes the polynomial of the nearest cell, extrapolated: meant for a curved boundary
@@ -72,7 +72,7 @@ class Transfer:
         return values
 
     def _candidates(self, locator: Locator) -> list[Integers]:
-        """For each rank the numbers of the points in the box about its cells."""
+        """The numbers of the points in the box about the cells of each rank."""
         x = self._points
         boxes = self._comm.allgather(locator.box)
         slack = 1e-6 * max(float(np.ptp(box)) for box in boxes if np.isfinite(box).all())

@@ -173,7 +173,7 @@ def _host() -> str:
 
 
 def _began(process: int) -> str | None:
-    """When a process began; None if it has ended, or the system does not tell."""
+    """When a process began; None if it has ended, or the system has no record."""
     try:
         state, *rest = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
     except (OSError, ValueError):

@@ -1,4 +1,4 @@
-"""Which files of a directory runs have written, as far as their contents tell: no other file is replaced or removed.
+"""Which files of a directory are those of runs, by their contents: no other file is replaced or removed.
 
 Nothing here is collective.
 """

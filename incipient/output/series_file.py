@@ -1,4 +1,4 @@
-"""A pair of files, XDMF beside HDF5, that holds fields on a mesh at successive times; no dolfinx.
+"""A pair of files, XDMF and HDF5, with fields on a mesh at successive times; no dolfinx.
 
 Layout of the HDF5 file (version 1): `mesh0/topology` (cells, nodes per cell) node numbers in VTK's order,
 `mesh0/geometry0` (nodes, 3), `mesh0/geometry1` after the mesh has moved, `mesh1/topology` after a remeshing,
@@ -174,7 +174,7 @@ class SeriesFile:
         self._waiting = {}
 
     def tell_vtk(self) -> None:
-        """Write the VTKHDF file beside the pair, of the steps that there are, if any. On rank 0."""
+        """Write the VTKHDF file of the steps that there are, if any. On rank 0."""
         if self._steps:
             write_vtkhdf(self._hdf5, self._cell_type, self._steady)
 

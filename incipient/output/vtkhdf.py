@@ -1,4 +1,4 @@
-"""A VTKHDF file beside the pair of XDMF and HDF5 files: the same series for readers that know that format; no dolfinx.
+"""A VTKHDF file of a series that XDMF and HDF5 files hold, for readers that know that format; no dolfinx.
 
 Its tables are virtual datasets of HDF5: they point into the pair's HDF5 file, which has to stay beside it, so that
 nothing is stored twice. Every place of the mesh is a part of its own; steps on which nothing has moved share one.

@@ -1,1 +1,1 @@
-"""From the scene to the plan: effects and reasons, the base flow, conditions, what to draw and how fine."""
+"""What the plan of a scene is made of: the base flow, conditions, what is meshed and how finely."""

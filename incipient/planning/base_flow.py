@@ -79,7 +79,7 @@ class BaseFlow:
 
     @property
     def depth(self) -> float:
-        """From the datum to the top of the domain."""
+        """The depth from the datum to the top of the domain."""
         return self.domain.ceiling - self.datum
 
     @cached_property

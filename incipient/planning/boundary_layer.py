@@ -17,7 +17,7 @@ LAYERED, THINNEST = 50.0, 0.2
 
 
 def thinner(setup: Setup) -> float:
-    """By what factor the boundary layer of a held grain makes the cells at it smaller. Not collective."""
+    """The factor by which the boundary layer of a held grain makes the cells at it smaller. Not collective."""
     geometry, base_flow = setup.geometry, setup.base_flow
     if geometry.grain is None or geometry.moves or base_flow.creeping or setup.has_wall_layer:
         return 1.0

@@ -59,7 +59,7 @@ class FarCells:
 
 
 def layer_ends(layers: int, grading: float, half: bool) -> tuple[float, ...]:
-    """Where layers across the width end, as parts of it: from sides on they thicken evenly.
+    """Where layers across the width end, as parts of it: from sides on they grow evenly.
 
     grading: thickness next to sides over that in the middle; 1: all are alike
     half:    the first layer lies at the plane of symmetry

@@ -1,4 +1,4 @@
-"""From the geometry of a scene to what gmsh meshes: where everything is, and how finely it is meshed."""
+"""The region that gmsh meshes, from the geometry of a scene: where everything is, and how finely it is meshed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From the geometry of a scene in space to what gmsh meshes: the box above a bed, less the grain."""
+"""The region in space that gmsh meshes, from the geometry of a scene: the box above a bed, less the grain."""
 
 from __future__ import annotations
 

@@ -146,7 +146,7 @@ def _along_bed(domain: Domain) -> np.ndarray:
 
 
 def wall_distance(setup: Setup) -> float:
-    """From the grain to the next wall above or below, in grain sizes; without one, the height of the domain."""
+    """The distance from the grain to the next wall above or below, in grain sizes; else the height of the domain."""
     geometry, base_flow = setup.geometry, setup.base_flow
     placement, domain, top = geometry.placement, geometry.domain, geometry.top
     assert placement is not None

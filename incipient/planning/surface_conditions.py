@@ -71,13 +71,13 @@ def seepage(asked: Surface, up: int) -> Callable[[Floats, float], Floats]:
 
 
 def _with_formula(base_flow: BaseFlow, asked: Surface) -> Profile:
-    """The velocity along a channel at its inflow with what a formula adds to the stream."""
+    """The velocity along a channel at its inflow with what a formula adds to the base flow."""
     stream, beside = base_flow.entering, Expression(asked.inflow, "surface.inflow")
     return lambda x, t: stream(x, t)[0] + beside(x, t)
 
 
 def _with_wave(base_flow: BaseFlow, wave: StokesWave) -> Profile:
-    """The velocity along a channel at its inflow, of stream and wave over the depth below the wave.
+    """The velocity along a channel at its inflow, of base flow and wave over the depth below the wave.
 
     It is counted by the area as the mesh was made.
     """

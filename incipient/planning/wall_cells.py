@@ -81,7 +81,7 @@ def _row_ends(walls: LayeredWalls, coarse: float, height: float) -> tuple[float,
 
 
 def coarsening(order: int) -> float:
-    """Of cells at walls with elements of an order, relative to those of order three."""
+    """The size of cells at walls with elements of an order, relative to those of order three."""
     return 1.0 if order > 2 else 0.75
 
 
@@ -116,7 +116,7 @@ def cells(
 
 
 def _separating(bed: tuple[Curve, ...]) -> Iterator[tuple[Point, float]]:
-    """Corners that stick out into the stream, which separates there, and how far the bed falls behind each."""
+    """Corners that stick out into the flow, which separates there, and how far the bed falls behind each."""
     for before, after in pairwise(range(len(bed))):
         ahead, behind = bed[before].tangent([1.0])[0], bed[after].tangent([0.0])[0]
         if ahead[0] * behind[1] - ahead[1] * behind[0] < OUTWARD:

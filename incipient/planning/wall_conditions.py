@@ -37,7 +37,7 @@ def entering(walls: LayeredWalls, asked: Turbulence) -> EnteringTurbulence:
 
     "developed": the logarithmic law, k of Nezu & Nakagawa (1993, Turbulence in Open-Channel Flows), 4.78 u*^2
     exp(-2 y/h), not above its equilibrium at the wall, and Nikuradse's mixing length (Schlichting & Gersten 2017,
-    Boundary-Layer Theory, section 17.1). "given": a uniform stream of given intensity and length. "profile": see
+    Boundary-Layer Theory, section 17.1). "given": a uniform flow of given intensity and length. "profile": see
     `Measured`.
     """
     if asked.inflow == "profile":
@@ -68,7 +68,7 @@ def entering(walls: LayeredWalls, asked: Turbulence) -> EnteringTurbulence:
 
 
 def section_of_mesh(walls: LayeredWalls) -> tuple[tuple[float, float], tuple[float, float]]:
-    """From where to where the mesh's inflow extends in height and, between side walls, across; else from 0 to 1."""
+    """The extent of the mesh's inflow in height and, between side walls, across; else from 0 to 1."""
     low, sides = walls.floor + walls.distance, walls.sides
     across = (sides[0] + walls.distance, sides[1] - walls.distance) if sides else (0.0, 1.0)
     return (low, walls.ceiling), across

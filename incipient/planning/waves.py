@@ -1,4 +1,4 @@
-"""Stokes's wave of second order on a stream: what a wave maker lets in."""
+"""Stokes's wave of second order on a current: what a wave maker lets in."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ HEIGHTS = 201  # at which a stream is looked at
 
 @dataclass(frozen=True)
 class StokesWave:
-    """A wave of permanent form on a layer, to second order, relative to a stream that carries it along.
+    """A wave of permanent form on a layer, to second order, relative to a current that carries it along.
 
     Its first crest enters at x = 0 at t = 0; it begins gently, within two periods. Its mean discharge is zero: a
     uniform current takes back what the wave carries between trough and crest. Source: Svendsen (2006), Introduction to
     Nearshore Hydrodynamics, chapter 8, in a frame that moves with the stream. Where the stream has shear the first
-    harmonic is that of the stream's own wave (see `stokes_wave`), the second that of the mean stream.
+    harmonic is that of the current with its shear (see `stokes_wave`), the second that of the mean current.
 
     amplitude: of the first harmonic of the elevation
     frequency: in the frame of the bed, 2 pi over the period
@@ -55,12 +55,12 @@ class StokesWave:
         return float(a**2 * k * (2.0 + 3.0 / sinh**2) / (4.0 * np.tanh(k * self.depth)))
 
     def elevation(self, x: Floats, t: float) -> Floats:
-        """(n,) above the still level at places x (n,) along the stream."""
+        """(n,) above the still level at places x (n,) along the channel."""
         grown, phase = self.begun(t), self.number * x - self.frequency * t
         return grown * self.amplitude * np.cos(phase) + grown**2 * self.second * np.cos(2.0 * phase)
 
     def velocity(self, x: Floats, y: Floats, t: float) -> tuple[Floats, Floats]:
-        """(n,) along the stream and (n,) upwards, beside the stream's, at heights y above the bottom."""
+        """(n,) along the channel and (n,) upwards, added to the current's, at heights y above the bottom."""
         a, k, H, grown, y = self.amplitude, self.number, self.depth, self.begun(t), np.maximum(y, 0.0)
         phase, whole = k * x - self.frequency * t, 1.0 - np.exp(-2.0 * k * H)
         first, own = grown * a * (self.frequency - k * self.surface), self.frequency - k * self.stream
@@ -75,7 +75,7 @@ class StokesWave:
 def stokes_wave(
     amplitude: float, frequency: float, depth: float, gravity: float, speed: Callable[[Floats], Floats]
 ) -> StokesWave:
-    """The wave of a frequency in the frame of the bed that runs with a stream, faster than that.
+    """The wave of a frequency in the frame of the bed that runs with a current, faster than that.
 
     With U(y) the stream's `speed`, a function of heights (n,) above the bottom, and c = w/k, the velocity upwards
     solves Rayleigh's equation (U - c) (f'' - k^2 f) = U'' f, f(0) = 0, with (U - c)^2 f' = ((U - c) U' + g) f on the

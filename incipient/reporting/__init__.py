@@ -75,7 +75,7 @@ def of_directory(directory: Path) -> Page:
 
 
 def of_sweep(file: Path) -> Page:
-    """The page of the file of a sweep; its pictures are drawn anew. Not collective.
+    """The page of the file of a sweep; its pictures are drawn again. Not collective.
 
     Raises:
         OutputError: it is not the file of a sweep.

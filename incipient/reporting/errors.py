@@ -67,7 +67,7 @@ def of_errors(stored: dict[str, Any] | None, planar: bool) -> tuple[PageSection,
         rows.append(
             _row({**stored, "how": "the sum: an error bar is not a standard deviation"}, "all", whole, told)
         )
-    head = ("error", *(column.head for column in told), "share", "how it was found", "what makes it smaller")
+    head = ("error", *(column.head for column in told), "share", "estimated by", "what makes it smaller")
     others = [(name, "does not count", why) for name, why in stored["left_out"].items()]
     others += [(name, "not computed", why) for name, why in stored["failed"].items()]
     modelled = {"gap", "domain"} & {term["name"] for term in stored["terms"]}
@@ -81,7 +81,7 @@ def of_errors(stored: dict[str, Any] | None, planar: bool) -> tuple[PageSection,
 
 @dataclass(frozen=True)
 class _Column:
-    """What errors are told of: its key in a term, what a table calls it, its errors as a cell and as one number."""
+    """A quantity with errors: its key in a term, its name in a table, its errors as a cell and as one number."""
 
     key: str
     head: str
@@ -109,7 +109,7 @@ def _largest(errors: list[float | None]) -> float:
 
 
 def _row(term: dict[str, Any], name: str, whole: float, told: list[_Column]) -> tuple[Cell, ...]:
-    """One term; its share is that of the first of the errors that are told."""
+    """One term; its share is that of the first of its errors."""
     first = told[0] if told else None
     share = math.nan if first is None or term[first.key] is None else first.size(term[first.key]) / whole
     return (

@@ -60,7 +60,7 @@ def of_adaptation(stored: dict[str, Any] | None) -> tuple[PageSection, ...]:
     ]
     head = ("order", "cells", "unknowns", "error", "step", "seconds", "")
     more = (*stored.get("changes", ()), *stored.get("beside", ()))
-    return section("The way to the accuracy", words(said, *more), table(head, rows))
+    return section("Meshes tried for the accuracy", words(said, *more), table(head, rows))
 
 
 def of_cost(cost: dict[str, Any]) -> tuple[PageSection, ...]:

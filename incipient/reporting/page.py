@@ -71,7 +71,7 @@ class Settings:
 
     @property
     def compact(self) -> str:
-        """The same settings with short lists on one line each."""
+        """The settings with short lists on one line each."""
         return re.sub(
             r"\[\s+([^][]{1,80}?),?\s+\]", lambda found: f"[{' '.join(found[1].split())}]", self.text
         )

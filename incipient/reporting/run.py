@@ -26,7 +26,7 @@ CAPTIONS = {
     "vorticity": "Vorticity",
     "traction": "Traction of the fluid on the grain",
     "profiles": "Velocity on the centrelines",
-    "trajectory": "The way of the grain",
+    "trajectory": "Path of the grain",
     "walls": "y+ and friction along the walls",
     "mesh": "The mesh",
 }
@@ -181,7 +181,7 @@ def _findings(stored: dict[str, Any]) -> Iterator[PageSection]:
 
 
 def _on_bed(course: dict[str, Any] | None, planar: bool) -> Iterator[tuple[Cell, ...]]:
-    """What a grain has done that goes on where it touches its bed."""
+    """What a grain that moves on its bed has done there."""
     if course is None:
         return
     yield "mode", course["mode"]
@@ -211,4 +211,4 @@ def _path(stored: dict[str, Any]) -> tuple[PageSection, ...]:
         ("iterations of fluid and grain a step", path["interface_iterations"]["mean"]),
         *_on_bed(path.get("on_bed"), planar),
     ]
-    return section("The way of the grain", table(("at the end", ""), rows))
+    return section("Path of the grain", table(("at the end", ""), rows))

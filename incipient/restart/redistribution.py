@@ -161,7 +161,7 @@ def _fetched(comm: MPI.Comm, places: Rows, values: Rows, points: Floats) -> Floa
 
 
 def _matched(comm: MPI.Comm, stored: Rows, points: Floats) -> Integers:
-    """For each point (n, 3) the number of the stored one (rows of three) at the same place. Collective.
+    """The number of the stored point (rows of three) at the place of each point (n, 3). Collective.
 
     Stored points are dealt out by their first coordinate, so that a rank that has a point knows whom to ask for it.
 

@@ -1,4 +1,4 @@
-"""From a checkpoint to the mesh and the flow of a run that resumes, on any number of ranks."""
+"""The mesh and the flow of a run that resumes from a checkpoint, on any number of ranks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was asked for in a run to an accuracy, what was reached, and the meshes tried, as data."""
+"""The accuracy that a run was to reach, what was reached, and the meshes tried, as data."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Adaptation:
-    """What was asked for, what has been reached, and the meshes tried on the way.
+    """The accuracy to reach, what has been reached, and the meshes tried on the way.
 
     asked:    the relative error, or "verdict"; reached: its estimate, None if there is none
     includes: the errors that are in it

@@ -256,7 +256,7 @@ def _computed(result: Result) -> list[str]:
 
 
 def _within(result: Result) -> str:
-    """By how much a velocity on the centrelines may be off, where that is known."""
+    """The error bar of a velocity on the centrelines, where it is known."""
     error = None if result.error_bars is None else result.error_bars.centreline
     return "" if error is None else f", within {float(error.max()):.1e},"
 

@@ -1,4 +1,4 @@
-"""Whether a flow in time became steady, as a result tells it."""
+"""Whether a flow in time became steady, as a part of the result."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Steadied:
     asked: float
 
     def line(self) -> str:
-        """For a reader."""
+        """The line for a reader."""
         if self.reached:
             return (
                 f"steady              at t = {self.time:.6g}, changing by {self.change:.1e} per unit of time"

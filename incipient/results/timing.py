@@ -96,7 +96,7 @@ class Ledger:
         self._since, self._peak = now, peak
 
     def total(self) -> float:
-        """Seconds since the ledger was opened."""
+        """Seconds since the clock was started."""
         return time.perf_counter() - self.began
 
     def count(self, wall_time: dict[str, float], total: float) -> None:

@@ -60,7 +60,7 @@ def _end(ended: dict[str, Any]) -> str:
 
 
 def _on_bed(course: dict[str, Any] | None) -> list[str]:
-    """What a grain has done that goes on where it touches its bed."""
+    """What a grain that moves on its bed has done there."""
     if course is None:
         return []
     works = ", ".join(f"{name} {work:.4g}" for name, work in course["works"].items())

@@ -97,7 +97,7 @@ class WallReport:
         return asdict(self) | found | {"remedy": "" if self.applicable else self.remedy}
 
     def lines(self, errors: Floats | None = None) -> list[str]:
-        """For a reader, with errors (2,) of the shear velocities where they are known."""
+        """The lines for a reader, with errors (2,) of the shear velocities where they are known."""
         told = f"y+ of the walls {self.least:.3g} to {self.largest:.3g}"
         if self.roughness:
             away, sand = self.distance / self.roughness, self.roughness / self.distance
@@ -116,14 +116,14 @@ class WallReport:
         return [f"turbulence          NOT APPLICABLE: {told}, {bounds}; {self.remedy}", f"{'':<20}{friction}"]
 
     def _bounds(self) -> str:
-        """From where to where the law holds, in words."""
+        """The bounds within which the law holds, in words."""
         if not self.roughness:
             return f"{LOWEST:g} to {HIGHEST:g}"
         lowest, highest = self._law.bounds(self.shear_velocity, self.viscosity, self.reach)
         return f"a distance of {lowest:.3g} to {highest:.3g}"
 
     def _spans(self) -> str:
-        """From where to where the flow next to the bed runs upstream."""
+        """The intervals of x in which the flow next to the bed runs upstream."""
         told, others = longest(self.backward)
         spans = ", ".join(f"{start:.5g} to {end:.5g}" for start, end in told)
         return spans + (f", and in {others} shorter places" if others else "")
@@ -141,6 +141,6 @@ class WallReport:
 
 
 def longest(spans: Sequence[Sequence[float]]) -> tuple[list[Sequence[float]], int]:
-    """The longest few of spans, as they are sorted, and how many others there are: narrow wedges are full of eddies."""
+    """The longest few of spans, as they are sorted, and how many others there are: narrow wedges have many."""
     chosen = sorted(range(len(spans)), key=lambda i: spans[i][0] - spans[i][1])[:MOST_SPANS]
     return [spans[i] for i in sorted(chosen)], len(spans) - len(chosen)

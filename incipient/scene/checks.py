@@ -205,20 +205,20 @@ def _accuracy(scene: SceneSections) -> Iterator[Problem]:
     of, verdict = numerics.accuracy_of, numerics.accuracy == "verdict"
     accuracy, quantity = "numerics.accuracy", "numerics.accuracy_of"
     if of == OF_WALLS and (body is not None or not turbulent):
-        yield problem(quantity, f'"{of}" is that of a turbulent channel without a grain', 'use "auto"')
+        yield problem(quantity, f'"{of}" is for a turbulent channel without a grain', 'use "auto"')
     elif body is None and turbulent:  # see `turbulence_checks`
         return
     elif body is None and not scene.has_surface:
-        why = "is that of the load on a grain or of a free surface but there is neither"
+        why = "needs a grain or a free surface but there is neither"
         yield problem(accuracy, why, "add a section [body], or leave it out and choose numerics.mesh_size")
     elif of in OF_SURFACE and not scene.has_surface:
-        why = f'"{of}" is that of a free surface but there is none'
+        why = f'"{of}" needs a free surface but there is none'
         yield problem(quantity, why, 'use "force", or domain.top = "free-surface"')
     elif body is None and verdict:
-        why = '"verdict" is that of a grain but there is none'
+        why = '"verdict" needs a grain but there is none'
         yield problem(accuracy, why, "add a section [body] or give a number")
     elif body is None and scene.accuracy_of not in OF_SURFACE:
-        why = f'"{of}" is that of a grain but there is none'
+        why = f'"{of}" needs a grain but there is none'
         yield problem(quantity, why, 'add a section [body] or use "elevation"')
     elif body is None:
         return

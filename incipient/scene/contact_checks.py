@@ -1,4 +1,4 @@
-"""Contradictions of a grain that goes on where it touches the bed, and of keys that only it reads."""
+"""Contradictions of a grain that moves on its bed, and of keys that only it reads."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ TOUCHES = 'body.motion = "released", or "free" with body.on_contact = "touch"'
 
 
 def contradictory(body: Any, contact: Contact | None, time: Time | None, bed: Any) -> Iterator[Problem]:
-    """What a grain that touches its bed lacks or cannot go with, and what is said of one that does not."""
+    """What a grain that moves on its bed lacks or cannot go with, and keys that only it reads."""
     if body is None or not body.touches:
         yield from _ignored(contact, time)
         return

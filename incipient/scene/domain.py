@@ -22,7 +22,7 @@ class Domain(Section):
     kind: Literal["channel", "box"] = Field(
         "channel", description="Channel: inflow left, open outflow right; box: closed"
     )
-    length: Positive = Field(description="Extent along the stream [length]")
+    length: Positive = Field(description="Extent along the flow [length]")
     height: Positive = Field(description="Extent from the lower side to the top [length]")
     width: Positive | None = Field(
         None,
@@ -36,16 +36,16 @@ class Domain(Section):
     )
     top: Top = Field(
         "auto",
-        description="Upper side; auto: what suits the flow; stream: as the flow; or see [surface]",
+        description="Upper side; auto: by flow.kind; stream: it moves with the base flow; or see [surface]",
     )
     sides: Sides | None = Field(
         None,
-        description="Both sides across the width, with width; stream: as the flow; by default slip, of a box wall",
+        description="Both sides across the width; stream: they move with the base flow; by default slip, of a box wall",
         examples=["slip"],
     )
     symmetric: Symmetry | None = Field(
         None,
-        description="With width: true computes half of a scene that is its own mirror image; by default found out",
+        description="With width: true computes half of a scene that is its own mirror image; by default by the scene",
         examples=["auto"],
     )
 

@@ -36,7 +36,8 @@ class Effects(Section):
         "auto", description='A top that moves with the fluid; auto: with domain.top = "free-surface"'
     )
     turbulence: Choice = Field(
-        "auto", description="The k-epsilon model of [turbulence]; auto: none, the plan says where it may be"
+        "auto",
+        description="The k-epsilon model of [turbulence]; auto: none; the plan warns of flows that may be turbulent",
     )
     third_dimension: Choice = Field("auto", description="Flow in space; auto: with domain.width")
 

@@ -28,7 +28,7 @@ _LEVELS = ", ".join(f'"{level}"' for level in LEVELS)
 
 
 class Profile(Section):
-    """What streams of a given profile have in common."""
+    """What flows of a given profile have in common."""
 
     datum: float | Literal["auto", "effective", "crest", "mean"] = Field(
         "auto",
@@ -45,7 +45,7 @@ class Profile(Section):
 
 
 class Driven(Profile):
-    """A stream of a given profile that a gust may multiply."""
+    """A flow of a given profile that a gust may multiply."""
 
     gust: Gust | None = Field(
         None,
@@ -76,14 +76,14 @@ class OpenChannel(Driven):
 
 
 class Uniform(Driven):
-    """A uniform stream above the datum."""
+    """A uniform flow above the datum."""
 
     kind: Literal["uniform"] = Field("uniform", description="Kind of flow")
-    velocity: Positive = Field(1.0, description="Velocity V of the stream [length/time]")
+    velocity: Positive = Field(1.0, description="Velocity V of the flow [length/time]")
 
 
 class LogLaw(Profile):
-    """The mean profile of a turbulent stream, in a flow that is computed as a laminar one."""
+    """The mean profile of a turbulent flow, in a flow that is computed as a laminar one."""
 
     kind: Literal["log-law"] = Field("log-law", description="Kind of flow")
     shear_velocity: Positive = Field(

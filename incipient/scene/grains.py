@@ -112,7 +112,7 @@ class BodySection(Section):
 
     @property
     def touches(self) -> bool:
-        """Whether the grain goes on where it touches the bed: rolls, slides, rests."""
+        """Whether the grain rolls, slides and rests where it touches the bed, in place of ending the run."""
         return self.motion == "released" or self.on_contact == "touch"
 
     @property

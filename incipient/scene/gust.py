@@ -23,10 +23,10 @@ class Gust(Section):
         "top-hat",
         description="Course in time: a plateau with smooth sides, half a cosine wave, or given points",
     )
-    start: NotNegative = Field(0.0, description="When it begins [time]")
+    start: NotNegative = Field(0.0, description="Time at which the gust begins [time]")
     duration: Positive = Field(
         1.0,
-        description="How long it lasts; of a top-hat from the start of its rise to that of its fall [time]",
+        description="Duration; of a top-hat from the start of its rise to that of its fall [time]",
     )
     strength: NotNegative = Field(
         2.0, description="Largest factor of the flow, relative to the flow without [-]"
@@ -65,7 +65,7 @@ class Gust(Section):
             why = (
                 f"is {self.rise:g}, more than the duration"
                 if self.shape == "top-hat"
-                else "is that of a top-hat"
+                else 'is read only with shape = "top-hat"'
             )
             raise self.refused("rise", why, "reduce it or leave it out")
         return self
@@ -103,7 +103,7 @@ class Gust(Section):
 
 
 def _smooth(share: float) -> float:
-    """From 0 to 1 between 0 and 1, level at both ends."""
+    """A smooth rise from 0 to 1 between 0 and 1, level at both ends."""
     return 0.5 - 0.5 * math.cos(math.pi * min(max(share, 0.0), 1.0))
 
 

@@ -193,7 +193,7 @@ class SceneSections(Section):
 
     @property
     def has_error_bars(self) -> bool:
-        """Whether the result is to have error bars: where they are asked for and there is something to have them."""
+        """Whether the result is to have error bars: where they are wanted and there is something to have them."""
         of = self.body is not None or self.has_surface or self.has_wall_layer
         return self.numerics.error_bars and (of or (self.has_centrelines and self.time is None))
 

@@ -28,7 +28,7 @@ class Numerics(Section):
     order: Order = Field(
         "auto",
         description="Order of the velocity, the pressure's less one; "
-        "auto: 3 if nothing moves, in space if it creeps, else 2",
+        "auto: 3 if nothing moves, in space in creeping flow, else 2",
     )
     geometry_order: int | None = Field(
         None, ge=1, le=3, description="Order of curved cells, 1 to 3; without it: chosen", examples=[2]
@@ -96,7 +96,7 @@ class Numerics(Section):
         0.35,
         gt=0,
         lt=1,
-        description="Quality of the worst cell, relative to when made, that calls for a new mesh",
+        description="Quality of the worst cell, relative to that of the new mesh, below which to remesh",
     )
     tolerance: Tolerance = Field(
         "auto",

@@ -20,7 +20,7 @@ def of_box(surface: Surface) -> Iterator[Problem]:
     for name, usual in _OF_CHANNELS.items():
         if getattr(surface, name) != usual:
             remedy = 'leave it out or use domain.kind = "channel"'
-            yield problem(f"surface.{name}", "is that of a channel but the domain is a box", remedy)
+            yield problem(f"surface.{name}", "is read only in a channel but the domain is a box", remedy)
 
 
 def of_channel(flow: Flow, domain: Domain, surface: Surface, time: Time | None) -> Iterator[Problem]:
@@ -32,7 +32,7 @@ def of_channel(flow: Flow, domain: Domain, surface: Surface, time: Time | None) 
         yield problem("flow.kind", why, remedy)
         return
     if surface.ends != "wall":
-        yield problem("surface.ends", "is that of a box but the domain is a channel", "leave it out")
+        yield problem("surface.ends", "is read only in a box but the domain is a channel", "leave it out")
     if domain.sides == "stream":
         why = 'is "stream": the surface of a channel would have no place there'
         yield problem(
@@ -55,7 +55,7 @@ def _of_wave(wave: Wave, surface: Surface, domain: Domain) -> Iterator[Problem]:
     if surface.inflow != "0":
         yield problem("surface.inflow", "is given beside surface.wave", "leave one of them out")
     if surface.tension:
-        why = "is that of gravity alone but surface.tension is not zero"
+        why = "is a wave by gravity alone but surface.tension is not zero"
         remedy = "leave one of them out, or give the velocity as surface.inflow"
         yield problem("surface.wave", why, remedy)
     if domain.sides == "wall":

@@ -48,7 +48,7 @@ def scales_of(scene: SceneSections, units: Units) -> Scales:
 
 
 def with_units(data: dict[str, Any], checked: Callable[[dict[str, Any]], SceneSections]) -> dict[str, Any]:
-    """The data of a scene with what follows from its units, which it may say beside them.
+    """The data of a scene with what follows from its units, which it may also have.
 
     Args:
         checked: the scene of data without units.

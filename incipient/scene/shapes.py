@@ -248,11 +248,11 @@ class Flat(_Plane):
 
 
 class Inclined(_Plane):
-    """A plane that falls in the direction of the stream; coordinates run along it and gravity is turned."""
+    """A plane that falls in the direction of the flow; coordinates run along it and gravity is turned."""
 
     kind: Literal["inclined"] = Field("inclined", description="Kind of bed")
     slope: float = Field(
-        gt=-90, lt=90, description="Angle by which the bed falls in the stream's direction [degrees]"
+        gt=-90, lt=90, description="Angle by which the bed falls in the direction of the flow [degrees]"
     )
 
     @property
@@ -266,7 +266,7 @@ class Sinusoidal(BedSection):
 
     kind: Literal["sinusoidal"] = Field("sinusoidal", description="Kind of bed")
     amplitude: NotNegative = Field(description="Half the height from trough to crest [length]")
-    wavelength: Positive = Field(description="Distance of crests [length]")
+    wavelength: Positive = Field(description="Distance between crests [length]")
     phase: float = Field(0.0, description="Phase at x = 0 [degrees]")
 
     def forms(self, length: float) -> float:
@@ -286,7 +286,7 @@ class HalfDiscs(BedSection):
 
     kind: Literal["half-discs"] = Field("half-discs", description="Kind of bed")
     radius: Positive = Field(description="Radius of the half-discs [length]")
-    spacing: Positive = Field(description="Distance of their centres, at least two radii [length]")
+    spacing: Positive = Field(description="Distance between their centres, at least two radii [length]")
     offset: float = Field(0.0, description="Abscissa of the centre of one of them [length]")
 
     def forms(self, length: float) -> float:

@@ -135,7 +135,7 @@ class Sphere(SolidSection):
 
 
 class Cylinder(SolidSection):
-    """A cylinder across the stream from one side of the domain to the other, held."""
+    """A cylinder across the flow from one side of the domain to the other, held."""
 
     shape: Literal["cylinder"] = Field("cylinder", description="Shape of the grain")
     diameter: Positive = Field(description="Diameter [length]")
@@ -146,9 +146,9 @@ class Cylinder(SolidSection):
         if self.centre is None:
             raise self.refused("x", "a cylinder is held and does not rest", "give centre instead")
         if self.motion != "fixed":
-            raise self.refused("motion", "a cylinder across the stream is held", 'give "fixed"')
+            raise self.refused("motion", "a cylinder across the flow is held", 'give "fixed"')
         if any(self.orientation):
-            raise self.refused("orientation", "a cylinder lies across the stream", "leave it out")
+            raise self.refused("orientation", "a cylinder lies across the flow", "leave it out")
         return self
 
     def new_grain(self) -> geometry.Solid:

@@ -20,17 +20,17 @@ FREE = "free-surface"
 
 
 class Wave(Section):
-    """A wave that a wave maker lets into a channel: Stokes's, of second order, on the stream."""
+    """A wave that a wave maker lets into a channel: Stokes's, of second order, on the base flow."""
 
     amplitude: Positive = Field(
-        description="Of the first harmonic of the elevation, half of the wave's height [length]",
+        description="Amplitude of the first harmonic of the elevation, half of the wave's height [length]",
         examples=[0.01],
     )
-    period: Positive = Field(description="As seen from the bed [time]", examples=[5.0])
+    period: Positive = Field(description="Period as seen from the bed [time]", examples=[5.0])
     zone: NotNegative = Field(
         0.0,
-        description="Length after the inflow in which the flow is relaxed to stream and wave, so that waves that come "
-        "back die out [length]",
+        description="Length after the inflow in which the flow is relaxed to base flow and wave, so that waves that "
+        "come back die out [length]",
     )
 
 
@@ -59,11 +59,11 @@ class Surface(Section):
     )
     inflow: str = Field(
         "0",
-        description="Formula in t and y, in space y and z: speed at the inflow beside the stream's [length/time]",
+        description="Formula in t and y, in space y and z: speed at the inflow added to the base flow [length/time]",
     )
     wave: Wave | None = Field(
         None,
-        description="A wave that comes in with the stream, in place of `inflow`",
+        description="A wave that comes in with the base flow, in place of `inflow`",
         examples=[{"amplitude": 0.01, "period": 5.0, "zone": 0.0}],
     )
     seepage: str = Field(

@@ -64,7 +64,7 @@ def _of_time(time: Time | None, domain: Domain) -> Iterator[Problem]:
 
 def _of_bottom(surface: Surface, has_bed: bool) -> Iterator[Problem]:
     if surface.bottom == "slip" and has_bed:
-        yield problem("surface.bottom", "is that of a domain without [bed]", "leave one of them out")
+        yield problem("surface.bottom", "is for a domain without [bed]", "leave one of them out")
     if surface.bottom == "slip" and surface.seepage != "0":
         why = "enters straight up, which a bottom that slips does not ask for"
         yield problem("surface.seepage", why, "leave surface.bottom out")

@@ -32,7 +32,7 @@ class TerrainSection(BedSection):
     gdims: ClassVar[tuple[int, ...]] = (3,)
 
     slope: float = Field(
-        0.0, gt=-90, lt=90, description="Angle by which the bed falls in the stream's direction [degrees]"
+        0.0, gt=-90, lt=90, description="Angle by which the bed falls in the direction of the flow [degrees]"
     )
 
     @property
@@ -46,15 +46,15 @@ class SphereBed(TerrainSection):
 
     kind: Literal["spheres"] = Field("spheres", description="Kind of bed")
     radius: Positive = Field(description="Radius of the spheres [length]")
-    spacing: Positive = Field(description="Distance of neighbours' centres, at least two radii [length]")
+    spacing: Positive = Field(description="Distance between neighbours' centres, at least two radii [length]")
     arrangement: Literal["square", "triangular", "random"] = Field(
         "triangular",
         description="Rows behind each other, each shifted by half a spacing, or these in disorder",
     )
     layers: int = Field(1, ge=1, le=100, description="Layers, each in the pockets of that below it")
-    seed: int = Field(0, ge=0, le=2**31, description="Of the disorder: the same seed, the same bed")
+    seed: int = Field(0, ge=0, le=2**31, description="Seed of the disorder: the same seed gives the same bed")
     offset: Pair = Field((0.0, 0.0), description="Place x, y of the centre of one of them [length]")
-    angle: float = Field(0.0, description="Of the rows, from x towards y [degrees]")
+    angle: float = Field(0.0, description="Angle of the rows, from x towards y [degrees]")
 
     @model_validator(mode="after")
     def _do_not_overlap(self) -> SphereBed:
@@ -81,8 +81,8 @@ class RidgeBed(TerrainSection):
 
     kind: Literal["ridges"] = Field("ridges", description="Kind of bed")
     amplitude: NotNegative = Field(description="Half the height from trough to crest [length]")
-    wavelength: Positive = Field(description="Distance of crests [length]")
-    angle: float = Field(0.0, description="Of the direction across the crests from x towards y [degrees]")
+    wavelength: Positive = Field(description="Distance between crests [length]")
+    angle: float = Field(0.0, description="Direction across the crests, from x towards y [degrees]")
     phase: float = Field(0.0, description="Phase at x = y = 0 [degrees]")
 
     def terrain(self, origin_z: float, corner: Sequence[float] = (0.0, 0.0)) -> geometry.Terrain:
@@ -152,7 +152,7 @@ class HeightMapBed(RasterBed):
     file: str | None = file_key("PNG, TIFF, .npy or .asc file,", "heights", "bed.png")
     cell: PositivePair | None = Field(
         None,
-        description="Distance of the heights along x and y; .asc files bring it [length]",
+        description="Distance between heights along x and y; .asc files have it [length]",
         examples=[(0.1, 0.1)],
     )
     relief: float = Field(1.0, description="Factor on the heights; of images: from black to white [length]")
@@ -173,7 +173,7 @@ class MeshBed(RasterBed):
     file: str | None = file_key("STL, PLY or OBJ file,", "heights", "bed.stl")
     cell: PositivePair | None = Field(
         None,
-        description="Distance of the heights that are taken; by default 200 to the longer side [length]",
+        description="Distance between the heights that are taken; by default 200 along the longer side [length]",
         examples=[(0.1, 0.1)],
     )
     scale: Positive = Field(1.0, description="Factor on the file's coordinates [length]")

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from .section import NotNegative, Positive, Section
 
 Row = Annotated[tuple[float, ...], Field(strict=False, min_length=2, max_length=3)]
-LAMINAR = 'use flow.kind = "log-law", the laminar flow with the mean profile of a turbulent stream'
+LAMINAR = 'use flow.kind = "log-law", the laminar flow with the mean profile of a turbulent flow'
 
 
 class Turbulence(Section):

@@ -77,7 +77,7 @@ def _of_accuracy(numerics: Numerics, in_time: bool, has_grain: bool) -> Iterator
     if has_grain:
         return
     if numerics.accuracy == "verdict":
-        yield problem("numerics.accuracy", '"verdict" is that of a grain but there is none', "give a number")
+        yield problem("numerics.accuracy", '"verdict" needs a grain but there is none', "give a number")
     if numerics.accuracy_of not in ("auto", OF_WALLS):
         why = f'"{numerics.accuracy_of}" does not exist in a turbulent channel without a grain'
         yield problem("numerics.accuracy_of", why, f'use "{OF_WALLS}"')

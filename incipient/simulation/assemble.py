@@ -1,4 +1,4 @@
-"""From a computed flow to the result: loads on the grain, verdict, error bars, and what all of it has cost.
+"""The result of a computed flow: loads on the grain, verdict, error bars, and what all of it has cost.
 
 Functions are collective unless marked otherwise.
 """

@@ -1,4 +1,4 @@
-"""Coarse runs for the error bars of a steady flow: beside the run, on its mesh where that serves."""
+"""Coarse runs for the error bars of a steady flow: in parallel with the run, on its mesh where that serves."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Beside:
 
 
 class InTurn:
-    """Loads of coarse runs of one scene after the other, without a run beside them; a context, callable. Collective.
+    """Loads of coarse runs of one scene after the other, without a parallel run; a context, callable. Collective.
 
     In steady flow in space the first of those that differ by gap or domain alone has a mesh, which moves for the rest.
 

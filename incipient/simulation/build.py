@@ -1,4 +1,4 @@
-"""From a scene to a run that can begin: its plan, its mesh and its fluid."""
+"""The preparation of a run from its scene: its plan, its mesh and its fluid."""
 
 from __future__ import annotations
 

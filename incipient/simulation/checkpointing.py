@@ -1,4 +1,4 @@
-"""From a run to its checkpoint, and what it has cost back into the run that resumes."""
+"""The checkpoint of a run, and its cost so far taken over by the run that resumes."""
 
 from __future__ import annotations
 

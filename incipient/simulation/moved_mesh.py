@@ -93,7 +93,7 @@ class MovedMesh:
         other.state.x.array[places] += (there - here)[:, : other.space.gdim]
 
     def _solve(self, fluid: Fluid) -> None:
-        """From a flow that is near. Collective. Raises ConvergenceError."""
+        """Solve from a flow that is near. Collective. Raises ConvergenceError."""
         with self.run.stage("flow"):
             report = fluid.solve(TOLERANCE, self.run.scene.numerics.max_iterations)
         if not report.converged:

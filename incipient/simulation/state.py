@@ -170,7 +170,7 @@ class Run:
         before.destroy()
 
     def watch(self, steadiness: Steadiness) -> None:
-        """Take what tells whether the flow is steady into the state. Not collective."""
+        """Add the test of whether the flow is steady to the state. Not collective."""
         self._steadiness = steadiness
 
     def take_fluid(self, fluid: Fluid, probe: TractionProbe | None) -> None:

@@ -40,7 +40,7 @@ class Steadiness:
         return self.change <= self._asked
 
     def column(self, step: TimeStep) -> dict[str, float]:
-        """Take note of a step; what the history tells of it."""
+        """Take note of a step; its column of the history."""
         now = self._fluid.state.x.array
         changed, whole = (self._fluid.squared_velocities(one) for one in (now - self._before, now))
         self._before = now.copy()
@@ -50,5 +50,5 @@ class Steadiness:
         return {"change": self.change}
 
     def told(self) -> Steadied:
-        """What a result tells at the end. Not collective."""
+        """The part of the result at the end. Not collective."""
         return Steadied(self.reached, self._fluid.time, self.change, self._asked)

@@ -1,4 +1,4 @@
-"""The steady flow of a run, also for a faster stream, and the loads in it."""
+"""The steady flow of a run, also of a faster base flow, and the loads in it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The cases of a sweep: scenes resolved and checked, each with an identity that hangs on its content alone."""
+"""The cases of a sweep: scenes resolved and checked, each with an identity that depends on its content alone."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ def _identity(task: str, content: dict[str, Any]) -> str:
 
 
 def _forms(setup: Setup, task: str) -> str:
-    """Dimension, elements, effects and what is computed beside the flow."""
+    """Dimension, elements, effects and what is computed besides the flow."""
     from ..effects.plan import plan_of
 
     scene, plan = setup.scene, plan_of(setup)

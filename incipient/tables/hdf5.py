@@ -127,7 +127,7 @@ def journal_of(path: Path) -> Path:
 
 
 def complete(path: Path) -> None:
-    """Make the changes that a journal beside a file holds, if there is a whole one; made twice they are the same.
+    """Make the changes in a file's journal, if that is whole; made twice they are the same.
 
     Raises OSError where the file cannot be written. Not collective.
     """

@@ -206,7 +206,7 @@ def test_what_is_wrong_in_them_is_said_like_of_all_others() -> None:
 
 @pytest.mark.usefixtures("added")
 def test_no_two_kinds_have_one_name() -> None:
-    with pytest.raises(SceneError, match=r'^Stadium: shape = "stadium" is that of another section; '):
+    with pytest.raises(SceneError, match=r'^Stadium: shape = "stadium" is used by another section; '):
         register(Stadium)
 
 

@@ -372,12 +372,12 @@ def test_a_grain_that_rises_to_the_surface_stops_by_name(tmp_path):
         (
             "[numerics]",
             '[numerics]\naccuracy = "verdict"',
-            'accuracy: "verdict" is that of a grain but there is none; add a section [body] or give a number',
+            'accuracy: "verdict" needs a grain but there is none; add a section [body] or give a number',
         ),
         (
             "[numerics]",
             '[numerics]\naccuracy = 0.01\naccuracy_of = "force"',
-            'accuracy_of: "force" is that of a grain but there is none; add a section [body] or use "elevation"',
+            'accuracy_of: "force" needs a grain but there is none; add a section [body] or use "elevation"',
         ),
         (
             "[time]",

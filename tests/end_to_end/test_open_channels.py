@@ -258,7 +258,11 @@ def test_the_plan_tells_of_the_ends():
             'height = 1.0\nwidth = 1.0\nsides = "stream"',
             'domain.sides: is "stream": the surface',
         ),
-        ('elevation = "0"', 'ends = "no-slip"', "surface.ends: is that of a box but the domain is a channel"),
+        (
+            'elevation = "0"',
+            'ends = "no-slip"',
+            "surface.ends: is read only in a box but the domain is a channel",
+        ),
     ],
 )
 def test_what_contradicts_a_channel_with_a_surface_is_refused(old, new, why):
@@ -288,7 +292,9 @@ def test_a_flow_that_is_made_to_change_is_not_awaited_to_be_steady(old, new, why
 @pytest.mark.quick
 def test_a_box_has_no_inflow():
     box = FILLING.replace('kind = "channel"', 'kind = "box"')
-    with pytest.raises(SceneError, match=r"surface.inflow: is that of a channel but the domain is a box"):
+    with pytest.raises(
+        SceneError, match=r"surface.inflow: is read only in a channel but the domain is a box"
+    ):
         loads(box)
 
 

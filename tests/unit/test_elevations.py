@@ -147,17 +147,17 @@ def test_an_accuracy_without_a_grain_is_that_of_the_elevation():
         (
             'top = "free-surface"',
             'top = "slip"',
-            "numerics.accuracy: is that of the load on a grain or of a free surface but there is neither; add",
+            "numerics.accuracy: needs a grain or a free surface but there is neither; add",
         ),
         (
             "accuracy = 0.01",
             'accuracy = "verdict"',
-            'numerics.accuracy: "verdict" is that of a grain but there is',
+            'numerics.accuracy: "verdict" needs a grain but there is',
         ),
         (
             "accuracy = 0.01",
             'accuracy = 0.01\naccuracy_of = "couple"',
-            'numerics.accuracy_of: "couple" is that of a grain but there is none; add a section [body] or use',
+            'numerics.accuracy_of: "couple" needs a grain but there is none; add a section [body] or use',
         ),
     ],
 )
@@ -176,7 +176,7 @@ def test_an_elevation_needs_a_surface():
     )
     text = text.replace("accuracy = 0.01", 'accuracy = 0.01\naccuracy_of = "elevation"')
     text = text.replace("[time]", '[body]\nshape = "disc"\ndiameter = 0.2\ncentre = [0.0, 0.5]\n[time]')
-    assert 'numerics.accuracy_of: "elevation" is that of a free surface but there is none' in message(
+    assert 'numerics.accuracy_of: "elevation" needs a free surface but there is none' in message(
         lambda: loads(text)
     )
 

@@ -94,7 +94,7 @@ def test_a_contact_that_is_farther_than_the_gap_is_none():
     [
         ({"contact": None}, "it needs a section [contact] with a friction"),
         ({"effects": Effects(contact=False)}, "effects.contact is false"),
-        ({"body": BOX.model_copy(update={"locked": ("angle",)})}, "what body.locked keeps the grain from"),
+        ({"body": BOX.model_copy(update={"locked": ("angle",)})}, "body.locked holds motions of the grain"),
     ],
 )
 def test_why_there_is_no_verdict(changes, why):

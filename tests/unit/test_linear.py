@@ -161,7 +161,7 @@ def test_not_a_number_is_an_error() -> None:
 def test_an_iteration_that_does_not_converge_says_so() -> None:
     """A residual of zero is out of reach of new factors, and GMRES is allowed no iterations."""
     solver = Direct(sparse(random_entries(1)), patience=0)
-    with pytest.raises(ConvergenceError, match="was not solved in 0 iterations with new factors"):
+    with pytest.raises(ConvergenceError, match="was not solved in 0 iterations with a new factorisation"):
         solved(solver, np.ones(ROWS), rtol=0.0)
 
 

@@ -298,7 +298,8 @@ def test_what_has_no_law_is_not_known() -> None:
     )
     verdict = predict(known_laws(scene("numerics.accuracy=verdict")), FIRST)
     assert (
-        verdict == f"{unknown}they hang on what decides the verdict; numerics.budget_seconds limits the time"
+        verdict
+        == f"{unknown}they depend on what decides the verdict; numerics.budget_seconds limits the time"
     )
     carried = load(SCENES / "pothole_4.toml", ["numerics.accuracy=0.01"])
     assert "the load on a grain that moves" in str(predict(known_laws(carried), FIRST))

@@ -350,11 +350,11 @@ WRONG_KEYS = [
     (lambda: Cylinder(diameter=1, length=1, x=1), "Cylinder: x: a cylinder is held and does not rest; give"),
     (
         lambda: Cylinder(diameter=1, length=1, centre=(1, 1, 1), motion="free", density=1),
-        "Cylinder: motion: a cylinder across the stream is held",
+        "Cylinder: motion: a cylinder across the flow is held",
     ),
     (
         lambda: Cylinder(diameter=1, length=1, centre=(1, 1, 1), orientation=(90, 0, 0)),
-        "Cylinder: orientation: a cylinder lies across the stream; leave it out",
+        "Cylinder: orientation: a cylinder lies across the flow; leave it out",
     ),
     (lambda: Sphere(diameter=1, centre=(1, 1)), "Sphere: centre: has 2 items; give three, as in [x, y, z]"),
     (lambda: Box(sides=(1, 1, 1), edge_radius=0.6, x=1), "Box: edge_radius: edge_radius 0.6 is not between"),

@@ -118,7 +118,7 @@ step = 0.1
     ("old", "new", "why"),
     [
         ("[surface]", '[surface]\ninflow = "sin(t)"', "surface.inflow: is given beside surface.wave"),
-        ("[surface]", "[surface]\ntension = 0.1", "surface.wave: is that of gravity alone"),
+        ("[surface]", "[surface]\ntension = 0.1", "surface.wave: is a wave by gravity alone"),
         (
             "height = 1.0",
             'height = 1.0\nwidth = 1.0\nsides = "wall"',

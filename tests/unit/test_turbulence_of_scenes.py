@@ -58,7 +58,7 @@ def entering_of(scene):
         ),
         (
             {"numerics": Numerics(accuracy="verdict")},
-            'numerics.accuracy: "verdict" is that of a grain but there is none; give a number',
+            'numerics.accuracy: "verdict" needs a grain but there is none; give a number',
         ),
         (
             {"numerics": Numerics(accuracy=0.05, accuracy_of="force")},
@@ -71,7 +71,7 @@ def entering_of(scene):
         (
             {"body": Disc(diameter=0.2, centre=(4, 0.5))}
             | {"numerics": Numerics(accuracy=0.05, accuracy_of="shear velocity")},
-            'numerics.accuracy_of: "shear velocity" is that of a turbulent channel without a grain; use "auto"',
+            'numerics.accuracy_of: "shear velocity" is for a turbulent channel without a grain; use "auto"',
         ),
         (
             {"flow": LogLaw()},

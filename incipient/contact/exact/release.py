@@ -41,7 +41,7 @@ class Release:
     mass_unit: float
 
     def under(self, wrench: Floats) -> "Release":
-        """The same grain and contacts under a load whose wrench (6,) is of length one."""
+        """This grain with its contacts under a load whose wrench (6,) is of length one."""
         free = self.inverse @ wrench
         return replace(
             self,

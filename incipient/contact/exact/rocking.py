@@ -90,7 +90,7 @@ class Rocking:
         return math.dist(rest.placement.centre, self.rests[0].placement.centre)
 
     def drift(self, rest: Rest) -> float:
-        """By how much the flow's load may differ there from the frozen one, relative: shift over size, and turn."""
+        """Estimated relative change of the flow's load from the frozen one: shift over size, and turn."""
         return self.moved(rest) / self.size + (0.0 if self.round else self.turned(rest))
 
     def way(self, rest: Rest) -> str:

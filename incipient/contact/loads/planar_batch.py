@@ -1,4 +1,4 @@
-"""Many loads in the plane on one grain and its contacts: what hangs on the contacts alone is made once.
+"""Many loads in the plane on one grain and its contacts: what depends on the contacts alone is computed once.
 
 The loads that contact forces balance are a polyhedral cone, whose facets are found once: a safety factor is then the
 least of a few ratios. The loads of each way to begin to move are cones as well, and signs tell which one a load is in.

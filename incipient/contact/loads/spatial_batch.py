@@ -1,4 +1,4 @@
-"""Many loads in space on one grain and its contacts: what hangs on the contacts alone is made once.
+"""Many loads in space on one grain and its contacts: what depends on the contacts alone is computed once.
 
 Safety factors come from one compiled loop (`compiled_shares`), with how far each may be off; the motions of loads that
 are not held from the search of the single judge, which the same contacts share but for the load. Loads near to a

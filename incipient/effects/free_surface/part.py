@@ -1,4 +1,4 @@
-"""The free surface of a run: its part in the coupling with the flow, and what the history tells of it."""
+"""The free surface of a run: its part in the coupling with the flow, and its columns of the history."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class MovingSurface(RunPart):
         self.readings: list[ElevationReading] = []
 
     def joined(self, fluid: Fluid, before: MovingSurface | None = None) -> None:
-        """Enter a fluid; the surface on the mesh before goes on above it, and its volume stays."""
+        """Enter a fluid; the surface on the mesh before continues above it, and its volume stays."""
         assert fluid.surface is not None
         self.fluid, space, condition = fluid, fluid.surface.space, fluid.surface.condition
         setup = self._setup

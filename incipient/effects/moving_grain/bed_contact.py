@@ -1,4 +1,4 @@
-"""A moving grain that goes on where it touches its bed: what it does there in each step, its works, where it gets to.
+"""Contacts of a moving grain with its bed in each step: mode, works, path.
 
 Contact begins where the gap is `contact.gap`, so that the flow between grain and bed stays resolved. Nothing here is
 collective: every rank finds the same.
@@ -160,7 +160,7 @@ class BedContact:
     # -- output -----------------------------------------------------------------------------------
 
     def columns(self, contacts: ActiveContacts) -> dict[str, float | int | str]:
-        """Columns of the history that tell contact: their number, the fastest slip, mode, works."""
+        """Columns of the history on contact: number of contacts, fastest slip, mode, works."""
         slip = np.hypot(*contacts.velocities[:, 1:].T) if len(contacts) else np.zeros(1)
         course = self.course
         return {

@@ -1,4 +1,4 @@
-"""A moving grain to a checkpoint and back. Every function is collective unless said otherwise."""
+"""A moving grain to a checkpoint and back. Every function is collective unless stated otherwise."""
 
 from __future__ import annotations
 

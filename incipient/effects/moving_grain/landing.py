@@ -86,7 +86,7 @@ def _missing(setup: Setup) -> str:
     if scene.mass is None:
         return "it needs body.density or body.mass"
     locked = scene.body is not None and scene.body.locked
-    return "what body.locked keeps the grain from is no matter of contact" if locked else ""
+    return "body.locked holds motions of the grain, which contacts do not" if locked else ""
 
 
 def contacts_at(setup: Setup, state: BodyState, distance: float) -> Contacts:

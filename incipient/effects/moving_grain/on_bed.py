@@ -1,4 +1,4 @@
-"""The grain that moves in a run and goes on where it touches its bed: it rolls, slides, rests, leaves its pocket."""
+"""The grain of a run that rolls, slides and rests where it touches its bed, and leaves its pocket."""
 
 from __future__ import annotations
 

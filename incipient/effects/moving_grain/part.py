@@ -278,7 +278,7 @@ class MovingGrain(RunPart):
         self.interface_iterations = kept.body.interface_iterations.astype(int).tolist()
 
     def _restore_contacts(self, kept: dict[str, Any] | None) -> None:
-        """Take contacts with the bed from a checkpoint, where the grain goes on there."""
+        """Take contacts with the bed from a checkpoint, for a grain that moves on its bed."""
 
 
 def rounded(placement: Placement, first: Placement, unit: float) -> Placement:

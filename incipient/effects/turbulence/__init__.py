@@ -29,7 +29,7 @@ def _of_shear_velocity(stored: Mapping[str, Any]) -> tuple[float, float] | None:
 
 
 def _of_friction(stored: Mapping[str, Any]) -> tuple[float, float] | None:
-    """Those of C_f, which goes as the square of u*."""
+    """The error bar of C_f, which goes as the square of u*."""
     ends, walls = _of_shear_velocity(stored), stored["turbulence"]
     if ends is None:
         return None
@@ -115,10 +115,10 @@ class TurbulenceEffect(Effect):
     def threshold_needs(self, setup: Setup) -> Iterator[str]:
         """No accuracy: the mesh is made for the flow's speed."""
         if setup.has_wall_layer and setup.scene.numerics.accuracy is not None:
-            yield "numerics.accuracy left out with turbulence; its error bars tell how accurate it is"
+            yield "numerics.accuracy left out with turbulence; see its error bars"
 
     def threshold_notes(self, setup: Setup, factor: float) -> Iterator[str]:
-        """Of what flow it is the threshold, and whether that can be laminar."""
+        """What flow the threshold is for, and whether that can be laminar."""
         plane = " in the plane" if setup.geometry.gdim == 2 else ""
         about = TURBULENT if setup.has_wall_layer else LAMINAR
         yield about.format(flow=f"{setup.scene.flow.kind} flow", plane=plane)

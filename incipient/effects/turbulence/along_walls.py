@@ -41,7 +41,7 @@ class AlongWall:
         return np.asarray(np.linalg.norm(self.velocities - through * normals, axis=1))
 
     def backward(self) -> tuple[tuple[float, float], ...]:
-        """From which x to which the flow runs against the first axis, where the wall is rather level than steep.
+        """Intervals of x in which the flow runs against the first axis, where the wall is rather level than steep.
 
         Corners do not count.
         """

@@ -1,4 +1,4 @@
-"""From which Reynolds number on a flow may be turbulent, though it is computed as a laminar one."""
+"""The Reynolds number from which on a flow that is computed as a laminar one may be turbulent."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ class Transition:
 
 
 def transition(setup: Setup, numbers: Numbers, faster: float = 1.0) -> Transition | None:
-    """By what number a scene's flow, faster by a factor, may be turbulent; None: by none. Not collective.
+    """The Reynolds number by which a scene's flow, faster by a factor, may be turbulent, or None. Not collective.
 
     A top that moves as the stream does stands for an endless flow, whose depth the height of the domain does not
-    tell; a uniform stream over a bed has a boundary layer all the same. The mean profile of a turbulent stream is none
+    tell; a uniform flow over a bed has a boundary layer all the same. The mean profile of a turbulent flow is none
     of a laminar flow.
     """
     scene = setup.scene

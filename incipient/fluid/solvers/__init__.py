@@ -24,7 +24,7 @@ __all__ = [
 
 
 class LinearSolver(Protocol):
-    """Solves A x = b with the flow's Jacobian A, which is assembled anew into one matrix. Methods are collective.
+    """Solves A x = b with the flow's Jacobian A, always assembled into one matrix. Methods are collective.
 
     matrix:     A, of PETSc
     statistics: what it has done so far

@@ -189,8 +189,9 @@ class Direct:
             return NOT_FINITE
         reason, count = self._solver.getConvergedReason(), self._solver.getIterationNumber()
         return (
-            f"the linear system of the flow was not solved in {count} iterations with new factors (PETSc's reason "
-            f"{reason}), it is nearly singular: use another numerics.mesh_size or, with [time], a smaller time.step"
+            f"the linear system of the flow was not solved in {count} iterations with a new factorisation "
+            f"(PETSc's reason {reason}), it is nearly singular: use another numerics.mesh_size or, with [time], a "
+            "smaller time.step"
         )
 
     def destroy(self) -> None:

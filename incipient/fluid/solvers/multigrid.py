@@ -274,7 +274,7 @@ class Components:
 
 
 def _alike(held: np.ndarray, comm: MPI.Comm) -> tuple[int, ...]:
-    """For each component the first one with the same conditions on all ranks. Collective."""
+    """The first component with the same conditions as each, on all ranks. Collective."""
     number = len(held)
     same = np.array([[np.array_equal(one, other) for other in held] for one in held], dtype=np.int32)
     comm.Allreduce(MPI.IN_PLACE, same, op=MPI.MIN)

@@ -288,7 +288,7 @@ class _ScaledPoisson:
         self._cycles: dict[bool, _Poisson] = {}
 
     def renew(self, divergence: Any, gradient: Any, scale: np.ndarray) -> None:
-        """Take L anew from B, G and the diagonal of D^-1 (owned velocities,)."""
+        """Recompute L from B, G and the diagonal of D^-1 (owned velocities,)."""
         diagonal, scaled = divergence.createVecRight(), gradient.copy()
         diagonal.setArray(scale)
         scaled.diagonalScale(L=diagonal)

@@ -176,7 +176,7 @@ class TwoLevel:
 
 
 class OrderTransfer:
-    """From a mixed space into that of a higher order on the same mesh, and back by the transpose. Collective.
+    """Transfer from a mixed space into that of a higher order on the same mesh, and back by the transpose. Collective.
 
     Vectors are (owned unknowns,) of one space or the other, and vanish where conditions hold.
     """
@@ -194,7 +194,7 @@ class OrderTransfer:
         self._vectors = {id(m): m.createVecs() for m in (self._velocity, self._pressure)}
 
     def prolonged(self, values: np.ndarray) -> np.ndarray:
-        """The same function in the space of higher order."""
+        """The function in the space of higher order."""
         found = np.zeros(len(self._held[1]))
         for matrix, coarse, fine in self._parts:
             one, other = self._vectors[id(matrix)]

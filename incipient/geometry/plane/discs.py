@@ -94,7 +94,7 @@ class Discs(Balls, Grain):
 
     @cached_property
     def _moments(self) -> moments.Moments:
-        """By Green's theorem along the arcs."""
+        """Area, centroid and moment, by Green's theorem along the arcs."""
         arcs, centres, radii = self._arcs, np.array(self.centres), np.array(self.radii)
         return moments.sector_sum(centres[arcs.owner], radii[arcs.owner], arcs.start, arcs.end)
 

@@ -70,7 +70,7 @@ def _distances_below(points: Floats, bed: Bed, bound: float) -> Floats:
 def _brackets(
     curve: np.ndarray, s: Floats, distances: Floats, below: float, count: int
 ) -> list[list[tuple[int, float, float]]]:
-    """For each sampled local minimum `below` the bound: the (curve, first, last parameter) that enclose it.
+    """The (curve, first, last parameter) that enclose each sampled local minimum `below` the bound.
 
     `curve` and `s` (m,) as `Outline.sampled` gives them, `count` is the number of curves of the outline. A minimum at
     a joint of two curves has a bracket on each.

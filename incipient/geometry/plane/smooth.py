@@ -185,7 +185,7 @@ class Star(Smooth):
 
     @cached_property
     def _moments(self) -> moments.Moments:
-        """By integrals of powers of r over the angle."""
+        """Area, centroid and moment, by integrals of powers of r over the angle."""
         weights, directions = moments.circle_rule(RADII)
         radii = self.radius(2.0 * pi * np.arange(RADII) / RADII)
         return moments.star_shape(weights, directions, np.asarray(radii, dtype=float))

@@ -1,4 +1,4 @@
-"""A round cylinder across the stream that reaches from one side of its domain to the other."""
+"""A round cylinder across the flow that reaches from one side of its domain to the other."""
 
 from dataclasses import dataclass
 from math import pi
@@ -28,7 +28,7 @@ class Cylinder(Solid):
 
     @property
     def size(self) -> float:
-        """The diameter: what the stream sees."""
+        """The diameter: the extent across the flow."""
         return self.diameter
 
     @property

@@ -180,7 +180,7 @@ class NearestOf:
 
 
 class Cloud:
-    """Triangles whose distance from points is told: that of the triangles around the nearest of their points."""
+    """Triangles with their distance from points, which is that of the triangles around the nearest vertex."""
 
     def __init__(self, surface: Surface):
         self.corners, self.spacing = surface.corners, surface.spacing

@@ -1,4 +1,4 @@
-"""Triangulations of a surface anew, as fine as asked at every place: edges are split, collapsed and swapped.
+"""Remeshing of a triangulated surface to the wanted edge lengths: edges are split, collapsed and swapped.
 
 After Botsch and Kobbelt (2004), with sizes that vary; all points lie on the exact surface. Operations that do not touch
 each other are done together; what is longer or better is told to a few digits, so that round-off decides nothing.
@@ -295,7 +295,7 @@ def _common(edges: np.ndarray, which: np.ndarray, count: int) -> np.ndarray:
 def _collapse_some(
     task: Remesher, mesh: SurfaceMesh, kept: np.ndarray, candidates: np.ndarray, lengths: Floats
 ) -> tuple[SurfaceMesh, bool]:
-    """Those of the candidates (k,), which have lengths (k,), collapsed that are shortest around; whether any was."""
+    """Collapse the candidates (k,), of lengths (k,), that are shortest around; whether any was."""
     edges, count = mesh.topology.edges, len(mesh.points)
     rank = np.empty(len(candidates))
     rank[np.argsort(lengths, kind="stable")] = np.arange(len(candidates))
@@ -362,7 +362,7 @@ def _overturned(before: Floats, after: Floats, least: float) -> np.ndarray:
 
 
 def _renumbered(mesh: SurfaceMesh, number: np.ndarray) -> SurfaceMesh:
-    """The mesh with its points named anew, without what has collapsed."""
+    """The mesh with its points renumbered, without what has collapsed."""
     triangles, sharp = number[mesh.triangles], number[mesh.sharp]
     a, b, c = triangles.T
     triangles = triangles[(a != b) & (b != c) & (c != a)]

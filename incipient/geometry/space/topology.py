@@ -1,4 +1,4 @@
-"""The edges of triangles, and what lies beside them."""
+"""The edges of triangles, and their neighbours."""
 
 from __future__ import annotations
 

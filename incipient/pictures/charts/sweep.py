@@ -51,7 +51,7 @@ def draw(
     against: str | None = None,
     by: str | None = None,
 ) -> list[Path]:
-    """Draw the pictures of a sweep beside its file, under its name. Not collective.
+    """Draw the pictures of a sweep next to its file, under its name. Not collective.
 
     Args:
         quantity: column to draw; default: the critical Shields number, else the safety factor.
@@ -66,7 +66,7 @@ def draw(
         keys = store.keys()
     found = [row for row in rows(file) if row["status"] == "done"]
     if not found:
-        raise OutputError(f"{file}: no case has been computed; go on with incipient sweep")
+        raise OutputError(f"{file}: no case has been computed; continue with incipient sweep")
     figures: dict[str, Figure] = {}
     with style.applied():
         varied = [key for key in keys if len({str(row.get(key)) for row in found}) > 1]

@@ -68,7 +68,7 @@ def framed(plotter: Any, view: style.View, title: str, what: str, fastest: float
 
 
 def pyvista_off_screen() -> Any:
-    """pyvista, told to render without a display where there is none; set before VTK makes a window."""
+    """pyvista, set to render without a display where there is none, before VTK makes a window."""
     if not os.environ.get("DISPLAY"):
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
     import pyvista

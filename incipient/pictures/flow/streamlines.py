@@ -74,7 +74,7 @@ def streamlines(sampled: Sampled, separation: float) -> list[np.ndarray]:
 
 
 class _Room:
-    """Where on the grid there is room: to start a line at full distance from others, to go on at less."""
+    """Where on the grid there is room: to start a line at full distance from others, to continue it at less."""
 
     def __init__(self, moving: np.ndarray, apart: float):
         self.to_start, self.to_go_on = moving.copy(), np.ones_like(moving)
@@ -132,7 +132,7 @@ def _traced(seed: Place, direction: Direction, room: _Room, near: float) -> np.n
 def _half(
     seed: Place, direction: Direction, room: _Room, near: float, visited: Visited, sense: int
 ) -> list[Place]:
-    """From a seed by the midpoint rule, downstream or upstream, to where the line must end."""
+    """Half a streamline from a seed by the midpoint rule, downstream or upstream, to where it must end."""
     x, y = seed
     line: list[Place] = []
     patch, lag = max(near, 1.0), 4 * max(near, 1.0) / _STEP

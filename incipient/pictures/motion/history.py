@@ -44,7 +44,7 @@ class History:
 
     @cached_property
     def centres(self) -> np.ndarray:
-        """(n, 2) of the grain's centre as it is drawn: along the stream, and the height."""
+        """(n, 2) of the grain's centre as it is drawn: along the flow, and the height."""
         return np.column_stack([self.columns["x"], self.columns["xyz"[self.gdim - 1]]])
 
     @property

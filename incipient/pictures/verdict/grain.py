@@ -137,7 +137,7 @@ def _rounded(value: float) -> float:
 
 
 def _settled(run: StoredRun) -> np.ndarray:
-    """From where the flow was computed to where the grain touches, (2,)."""
+    """The shift from where the flow was computed to where the grain touches, (2,)."""
     resting, computed = (run.value("grain", key) for key in ("centre", "computed_centre"))
     return np.zeros(2) if resting is None or computed is None else np.subtract(resting, computed)[:2]
 

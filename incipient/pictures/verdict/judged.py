@@ -79,7 +79,7 @@ class Judged:
 
     @property
     def arms(self) -> np.ndarray:
-        """From the centre of mass to the contacts, (n, 3)."""
+        """The arms from the centre of mass to the contacts, (n, 3)."""
         return self.contacts.points - self.load.centre
 
     @property

@@ -1,4 +1,4 @@
-"""Rendering a judged grain in space through VTK: the same as `plane` draws, translucent, seen from beside.
+"""Rendering of a judged grain in space through VTK: what `plane` draws, translucent, seen from the side.
 
 The view has the weight down and the flow to the right. Only shapes are rendered; words are set by matplotlib
 at the places that the rendering tells.
@@ -124,7 +124,7 @@ class Stage:
         self.pyvista, self.plotter, self.frame = pyvista, plotter, frame
 
     def grain(self, points: np.ndarray, triangles: np.ndarray) -> None:
-        """Its surface, translucent, with sharp edges marked."""
+        """The grain's surface, translucent, with sharp edges marked."""
         surface = self._surface(points, triangles)
         self._show(surface, GRAIN, opacity=0.3, culling="back")
         edges = surface.extract_feature_edges(_SHARP, boundary_edges=False, manifold_edges=False)

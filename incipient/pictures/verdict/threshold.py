@@ -138,7 +138,7 @@ def critical_sentence(stored: dict[str, Any]) -> str:
     if factor == 0.0 and status == "AT_ONCE":
         return f"There is no threshold: however weak this flow is, the grain begins {stored['mode']}."
     if factor == 0.0 and status == "HELD_BY_FLOW":
-        return "There is no threshold: without any flow the grain moves, and some of it would hold it."
+        return "There is no threshold: without flow the grain moves, while some flow would hold it."
     if factor == 0.0:
         return f"There is no threshold: without any flow the grain begins {stored['mode']}."
     factor = _value_with_error(stored, "factor")
