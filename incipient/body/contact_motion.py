@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..arrays import Floats, planar_cross, quarter_turned
-from ..contact.exact.impulses import contact_impulses
+from ..contact.exact.impulses import contact_impulses, resisted_impulses
 from ..geometry.gaps import Gaps
 from ..geometry.placement import Placement
 from ..geometry.space.solid import frame_of
@@ -44,11 +44,13 @@ class ContactLaw:
 
     friction: Coulomb's coefficient of contacts that stick; kinetic: of those that slide, None: the same
     restitution: share of the normal velocity with which the body leaves an impact (Newton's law)
+    rolling: couple against rolling, over the normal force times half of the body's largest extent, at most
     """
 
     friction: float
     kinetic: float | None = None
     restitution: float = 0.0
+    rolling: float = 0.0
 
     def coefficients(self, slides: np.ndarray) -> Floats:
         """(k,) coefficients of contacts, by whether they slide (k,)."""
@@ -62,19 +64,22 @@ class ActiveContacts:
 
     points, normals: on the body, and from the bed to it, (k, gdim)
     impulses, velocities: over the step on the body, and of the body at the end, (k, 3): along the rows of `frames`
-    work: of friction, and of pressure (at impacts) over the step
+    couples: impulses of couples that resist rolling, (k, 2), about the last two rows of `frames`
+    work: of friction with resistance to rolling, and of pressure (at impacts) over the step
     """
 
     points: Floats
     normals: Floats
     impulses: Floats
     velocities: Floats
+    couples: Floats
     work: tuple[float, float] = (0.0, 0.0)
 
     @classmethod
     def none(cls, gdim: int) -> ActiveContacts:
         """No contacts."""
-        return cls(np.zeros((0, gdim)), np.zeros((0, gdim)), np.zeros((0, 3)), np.zeros((0, 3)))
+        across, local = np.zeros((0, gdim)), np.zeros((0, 3))
+        return cls(across, across, local, local, np.zeros((0, 2)))
 
     def __len__(self) -> int:
         return len(self.points)
@@ -92,8 +97,10 @@ class ActiveContacts:
         """Mean force and couple about a place (3,), in space (6,), over a step of a length."""
         if not len(self):
             return np.zeros(3 * len(place) - 3)
-        ways = wrenches(self.points, frames(self.normals), place)
-        return np.asarray(ways.T @ self.impulses.ravel() / length)
+        ways = frames(self.normals)
+        pushed = wrenches(self.points, ways, place).T @ self.impulses.ravel()
+        turned = np.einsum("kri,kr->i", turns(ways, len(place))[:, 1:], self.couples)
+        return np.asarray((pushed + turned) / length)
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,6 +150,7 @@ class ContactMotion:
 
     def __init__(self, body: RigidBody, near: NearBed, law: ContactLaw, reach: float):
         self.body, self.near, self.law, self.reach = body, near, law, reach
+        self._lever = 0.5 * reach
 
     def step(
         self,
@@ -189,13 +197,13 @@ class ContactMotion:
         for number in range(ROUNDS):
             if len(touched) == 0:
                 return ContactStep(end, ActiveContacts.none(self.body.gdim), motion, pushed, state)
-            rows = wrenches(touched.points, frames(touched.normals), end.place)
+            rows = self._rows(touched.points, frames(touched.normals), end.place)
             ways = self._ways(rows, touched, start)
             local = self._impulses(rows, ways, motion.end.velocities - gain @ pushed, touched, start)
             pushed = ways.T @ local.ravel()
             motion = moved(pushed)
             last, entered = end, self._seen(motion.end)
-            end, seen = self._placed(motion.end, entered, touched.only(local[:, 0] > 0.0), start)
+            end, seen = self._placed(motion.end, entered, touched.only(local[: len(touched), 0] > 0.0), start)
             settled = float(np.abs(end.packed() - last.packed()).max()) <= SETTLED * max(self.reach, 1.0)
             pressed = touched
             touched, left = self._next(touched, local, self._as_entered(seen, entered, start), left, start)
@@ -204,9 +212,8 @@ class ContactMotion:
             if settled and len(touched) == len(pressed):
                 break
         # Where two ends of a step take turns, the last obeys the laws at contacts that are off by their difference.
-        return ContactStep(
-            end, _contacts(pressed, local, (rows, ways), (state, motion)), motion, pushed, state
-        )
+        contacts = _contacts(pressed, local, (rows, ways), (state, motion), self._lever)
+        return ContactStep(end, contacts, motion, pushed, state)
 
     def kept_out(self, end: BodyState) -> BodyState:
         """The state, moved out of the bed where it is within it; its velocities stay."""
@@ -227,27 +234,43 @@ class ContactMotion:
     def _seen(self, end: BodyState) -> Gaps:
         return self.near(end.placement, SEEN * self.reach)
 
+    def _rows(self, points: Floats, ways: Floats, place: Floats) -> Floats:
+        """(m, n) what impulses of one give the body: along ways (k, 3, 3), and behind them couples against rolling.
+
+        m = 3k without resistance to rolling, else 6k, the couples as `resisted_impulses` has them.
+        """
+        rows = wrenches(points, ways, place)
+        if self.law.rolling == 0.0:
+            return rows
+        return np.vstack([rows, self._lever * turns(ways, self.body.gdim).reshape(rows.shape)])
+
     def _ways(self, rows: Floats, touched: Gaps, start: _Start) -> Floats:
-        """(3k, n) along which impulses act: the mean of rows at both ends of the step for contacts that last."""
-        ways, before = rows.copy(), start.before
-        for k, other in enumerate(matches(touched, before.places(), start.apart)):
-            if other >= 0 and start.mean:
-                first = _transported(frames(touched.normals[k : k + 1]), before.normals[other])
-                mine = slice(3 * k, 3 * k + 3)
-                point = before.points[other : other + 1]
-                ways[mine] = 0.5 * (rows[mine] + wrenches(point, first, start.state.place))
-        return ways
+        """(m, n) along which impulses act: the mean of rows at both ends of the step for contacts that last."""
+        before = start.before
+        others = np.array(matches(touched, before.places(), start.apart))
+        if not start.mean or others.max() < 0:
+            return rows
+        lasts = others[:, None] >= 0
+        normals = np.where(lasts, before.normals[others], touched.normals)
+        ways = _transported(frames(touched.normals), normals)
+        first = self._rows(before.points[others], ways, start.state.place)
+        both = np.resize(np.repeat(lasts, 3, axis=0), (len(rows), 1))
+        return np.where(both, 0.5 * (rows + first), rows)
 
     def _impulses(
         self, rows: Floats, ways: Floats, velocities: Floats, touched: Gaps, start: _Start
     ) -> Floats:
-        """The impulses (k, 3) for velocities (n,) that the body would have without any."""
+        """The impulses (m/3, 3) for velocities (n,) that the body would have without any."""
+        count = len(touched)
         first, free = ((rows @ one).reshape(-1, 3) for one in (start.state.velocities, velocities))
-        largest = float(np.abs([first, free]).max(initial=0.0))
-        slides = np.hypot(first[:, 1], first[:, 2]) > SLIDES * largest
-        new = np.array([other < 0 for other in matches(touched, start.before.places(), start.apart)])
-        free[:, 0] += self.law.restitution * np.where(new, np.minimum(first[:, 0], 0.0), 0.0)
-        return contact_impulses(rows @ start.gain @ ways.T, free.ravel(), self.law.coefficients(slides))
+        largest = float(np.abs([first[:count], free[:count]]).max())
+        slides = np.hypot(*first[:count, 1:].T) > SLIDES * largest
+        new = np.array(matches(touched, start.before.places(), start.apart)) < 0
+        free[:count, 0] += self.law.restitution * np.where(new, np.minimum(first[:count, 0], 0.0), 0.0)
+        gain, friction = rows @ start.gain @ ways.T, self.law.coefficients(slides)
+        if self.law.rolling == 0.0:
+            return contact_impulses(gain, free.ravel(), friction)
+        return resisted_impulses(gain, free.ravel(), friction, self.law.rolling)
 
     def _placed(self, end: BodyState, seen: Gaps, pressing: Gaps, start: _Start) -> tuple[BodyState, Gaps]:
         """The end of a step where contacts that press are closed and nothing is in the bed, and the gaps there.
@@ -288,15 +311,16 @@ class ContactMotion:
 
 
 def _contacts(
-    touched: Gaps, local: Floats, ways: tuple[Floats, Floats], ends: tuple[BodyState, Motion]
+    touched: Gaps, local: Floats, ways: tuple[Floats, Floats], ends: tuple[BodyState, Motion], lever: float
 ) -> ActiveContacts:
     """The contacts of a step that has settled."""
-    (rows, along), (state, motion) = ways, ends
+    (rows, along), (state, motion), count = ways, ends, len(touched)
     mean = (along @ (0.5 * (state.velocities + motion.end.velocities))).reshape(-1, 3)
-    work = local * mean
-    velocities = (rows @ motion.end.velocities).reshape(-1, 3)
-    works = float(work[:, 1:].sum()), float(work[:, 0].sum())
-    return ActiveContacts(touched.points, touched.normals, local, velocities, works)
+    velocities = (rows[: 3 * count] @ motion.end.velocities).reshape(-1, 3)
+    pressure = float(local[:count, 0] @ mean[:count, 0])
+    works = float((local[:, 1:] * mean[:, 1:]).sum()), pressure
+    couples = lever * local[count:, 1:] if len(local) > count else np.zeros((count, 2))
+    return ActiveContacts(touched.points, touched.normals, local[:count], velocities, couples, works)
 
 
 def frames(normals: Floats) -> Floats:
@@ -319,6 +343,13 @@ def wrenches(points: Floats, ways: Floats, place: Floats) -> Floats:
     return np.concatenate([ways[:, :, :d], couples], axis=2).reshape(3 * len(arms), -1)
 
 
+def turns(ways: Floats, gdim: int) -> Floats:
+    """(k, 3, n) unit couples: none, and those about the last two of ways (k, 3, 3)."""
+    found = np.zeros((len(ways), 3, 3 * gdim - 3))
+    found[:, 1:, gdim:] = ways[:, 1:, 2:] if gdim == 2 else ways[:, 1:]
+    return found
+
+
 def _together(touched: Gaps, others: Gaps, apart: float) -> Gaps:
     """Contacts, and those of others that are none of them."""
     missing = others.only([k for k, one in enumerate(matches(others, touched, apart)) if one < 0])
@@ -326,13 +357,13 @@ def _together(touched: Gaps, others: Gaps, apart: float) -> Gaps:
     return Gaps(*(np.concatenate([getattr(touched, name), getattr(missing, name)]) for name in names))
 
 
-def _transported(ways: Floats, normal: Floats) -> Floats:
-    """Frames (1, 3, 3), turned as little as may be so that their normal is another one (gdim,)."""
+def _transported(ways: Floats, normals: Floats) -> Floats:
+    """Frames (k, 3, 3), turned as little as may be so that their normals are others (k, gdim)."""
     found = ways.copy()
-    found[0, 0, : len(normal)] = normal
-    for row in (1, 2):
-        along = found[0, row] - (found[0, row] @ found[0, 0]) * found[0, 0]
-        found[0, row] = along / np.linalg.norm(along)
+    found[:, 0, : normals.shape[1]] = normals
+    shares = np.einsum("krj,kj->kr", found[:, 1:], found[:, 0])
+    along = found[:, 1:] - shares[:, :, None] * found[:, :1]
+    found[:, 1:] = along / np.linalg.norm(along, axis=2, keepdims=True)
     return found
 
 

@@ -184,7 +184,8 @@ def of_sweep(parser: argparse.ArgumentParser) -> None:
         help="with --refine: the column whose curve is to be known (see table)",
     )
     overrides(parser, "numerics.mesh_size=2")
-    parser.add_argument("--do", choices=("run", "threshold", "judge"), help="for each case (default: run)")
+    tasks = ("run", "threshold", "gust", "judge")
+    parser.add_argument("--do", choices=tasks, help="for each case (default: run)")
     parser.add_argument(
         "--out", type=named, metavar="FILE", help="file of the sweep (default: results/SCENE_TASK.sqlite)"
     )

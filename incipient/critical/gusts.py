@@ -89,7 +89,7 @@ class GustSearch:
     def static_strength(self) -> float:
         """How many times faster the flow is when, steady, it begins to move the grain. Collective."""
         plain = self._plain()
-        motion = ("kinetic_friction", "restitution")
+        motion = ("kinetic_friction", "restitution", "rolling_resistance")
         plain["body"]["motion"] = "fixed"
         plain["contact"] = {key: value for key, value in plain["contact"].items() if key not in motion}
         plain["flow"].pop("gust", None)
@@ -124,6 +124,13 @@ class GustSearch:
             found.append(CriticalGust(duration, self._course()["shape"], held, leaves, error, runs))
             keep(found[-1])
         return found
+
+    def of_scene(self) -> CriticalGust:
+        """The critical strength for the duration of the scene's own gust. Collective; raises as `critical`."""
+        gust = getattr(self.scene.flow, "gust", None)
+        if gust is None:
+            raise SceneError("flow.gust: is missing; give the duration for which a strength is searched")
+        return self.critical([gust.duration])[0]
 
     def bracket(self, duration: float, held: float, leaves: float) -> tuple[float, float]:
         """Strengths, close to each other, of which the grain withstands the first. Collective."""
@@ -180,10 +187,10 @@ class GustSearch:
         return self.runs + (0 if coarse is None else coarse.runs)
 
 
-def runs_expected(durations: Sequence[float], with_error_bars: bool) -> int:
-    """About how many simulations a search takes."""
+def runs_expected(durations: int, with_error_bars: bool) -> int:
+    """About how many simulations a search for a number of durations takes."""
     each = 2 + math.ceil(math.log2(math.log(STRONGER) / math.log(1.0 + WITHIN)))
-    return 1 + len(durations) * each * (2 if with_error_bars else 1)
+    return 1 + durations * each * (2 if with_error_bars else 1)
 
 
 def _missing(body: Body | None, bed: Bed | None, flow: Flow) -> Iterator[str]:

@@ -62,13 +62,13 @@ class NearBed:
         )
         return found.only(_distinct(found, SAME_PLACE * self.grain.size))
 
-    def seated(self, placement: Placement, gap: float, touching: Floats) -> Placement:
-        """The placement next to one at which the places that touch (k, gdim) when the grain rests are a gap away."""
-        size, d = self.grain.size, placement.gdim
+    def seated(self, placement: Placement, gap: float, places: Floats, before: float = 0.0) -> Placement:
+        """The placement next to one at which the contacts at places (k, gdim) have a gap, where they had `before`."""
+        size, d, within = self.grain.size, placement.gdim, WANDERS * max(gap, before)
         for _ in range(SEATINGS):
-            found = self.gaps(placement, WANDERS * gap)
-            apart = np.linalg.norm(found.points[:, None] - touching[None, :, :d], axis=2)
-            near = found.only(apart.min(axis=1, initial=np.inf) <= WANDERS * gap)
+            found = self.gaps(placement, within)
+            apart = np.linalg.norm(found.points[:, None] - places[None, :, :d], axis=2)
+            near = found.only(apart.min(axis=1, initial=np.inf) <= within)
             arms = near.points - np.asarray(placement.centre)
             turns = planar_cross(arms, near.normals)[:, None] if d == 2 else np.cross(arms, near.normals)
             rows = np.hstack([size * near.normals, turns])

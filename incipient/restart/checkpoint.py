@@ -28,7 +28,7 @@ from ..tables.rows import Rows, block
 
 T = TypeVar("T")
 
-FORMAT, VERSION = "incipient checkpoint", 6
+FORMAT, VERSION = "incipient checkpoint", 7
 ANEW = "start a new run with: incipient run"
 METADATA_BYTES = 1 << 16
 

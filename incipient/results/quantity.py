@@ -58,7 +58,7 @@ class OutputQuantity:
         value = self.value(stored)
         if value is None or not self.column:
             return {}
-        if not hasattr(value, "__len__"):
+        if isinstance(value, str) or not hasattr(value, "__len__"):
             return {self.column: value} | _with_ends(self.column, self.bar(stored))
         errors = at(stored, self.error) if self.error else None
         found: dict[str, Any] = {}

@@ -46,7 +46,7 @@ def excluded(body: Any, contact: bool | str, coupling: str) -> Iterator[Problem]
 
 
 def _ignored(contact: Contact | None, time: Time | None) -> Iterator[Problem]:
-    for key in ("kinetic_friction", "restitution"):
+    for key in ("kinetic_friction", "restitution", "rolling_resistance"):
         if contact is not None and getattr(contact, key) != Contact.model_fields[key].default:
             yield problem(f"contact.{key}", f"is read only with {TOUCHES}", "leave it out")
     if time is not None and time.until != "end":

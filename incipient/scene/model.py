@@ -80,6 +80,10 @@ class Contact(Section):
     restitution: NotNegative = Field(
         0.0, le=1.0, description="Normal velocity after an impact over that before it, reversed [-]"
     )
+    rolling_resistance: NotNegative = Field(
+        0.0,
+        description="Couple that resists rolling, over the normal force and half of the grain's size, at most [-]",
+    )
 
     @field_validator("gap")
     @classmethod

@@ -32,10 +32,6 @@ def contradictory(scene: SceneSections) -> Iterator[Problem]:
         if effects.unsteadiness is False:
             why = "is false but turbulence in time is unsteady"
             yield problem("effects.unsteadiness", why, "leave [time] out")
-    if scene.body is not None and scene.body.touches:
-        key = "body.motion" if scene.body.motion == "released" else "body.on_contact"
-        why = f"is of a grain that moves on its bed, which {_NOT_SIMULATED}"
-        yield problem(key, why, 'set body.motion = "fixed", or leave effects.turbulence out')
     if numerics.accuracy is not None:
         yield from _of_accuracy(numerics, time is not None, scene.body is not None)
 

@@ -69,6 +69,7 @@ def _cells(setup: Setup) -> float | None:
 
 def _predicted(case: SweepCase) -> Expected:
     from ..cost.command import predicted_plan
+    from ..critical.gusts import runs_expected
 
     assert case.scene is not None
     try:
@@ -79,6 +80,8 @@ def _predicted(case: SweepCase) -> Expected:
     if isinstance(found.prediction, str):
         return Expected(None, None if estimate is None else estimate.memory_mib)
     times = SEARCH if case.task == "threshold" else 1.0
+    if case.task == "gust":
+        times = runs_expected(1, case.scene.numerics.error_bars)
     return Expected(times * found.prediction.cpu, found.prediction.peak_mib)
 
 

@@ -123,7 +123,7 @@ def _shown(value: Any) -> Any:
 
 def quantities(task: str, result: Mapping[str, Any]) -> dict[str, Any]:
     """Numbers and words of the result of a case, error bars under NAME_low and NAME_high."""
-    found = _of_threshold(result) if task == "threshold" else _of_verdict(result)
+    found = _OF_TASK.get(task, _of_verdict)(result)
     si = result.get("si") or {}
     return found | {f"{name}_si": si[name] for name in FLOW if name in si}
 
@@ -141,6 +141,13 @@ def _of_threshold(result: Mapping[str, Any]) -> dict[str, Any]:
     if result["reason"]:
         found["note"] = result["reason"]
     return found
+
+
+def _of_gust(result: Mapping[str, Any]) -> dict[str, Any]:
+    found = {name: result[name] for name in ("strength", "held", "leaves", "impulse", "runs")}
+    value, error = result["strength"], result["error"]
+    ends = {} if error is None else {"strength" + LOW: value - error, "strength" + HIGH: value + error}
+    return found | ends
 
 
 def _of_verdict(result: Mapping[str, Any]) -> dict[str, Any]:
@@ -163,6 +170,9 @@ def _of_verdict(result: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
+_OF_TASK = {"threshold": _of_threshold, "gust": _of_gust}
+
+
 def in_words(row: Mapping[str, Any]) -> str:
     """Outcome of a case in a few words, by its row."""
     if row["status"] in (FAILED, DAMAGED):
@@ -171,7 +181,13 @@ def in_words(row: Mapping[str, Any]) -> str:
         bar = row.get(f"shields{HIGH}")
         error = "" if bar is None else f" +- {bar - row['shields']:.1g}"
         return f"{row['mode']} at Shields number {row['shields']:.4g}{error}"
+    if row["task"] == "gust":
+        return f"critical strength {row['strength']:.4g}"
     words = f"{row['mode']}, safety factor {row['safety_factor']:.4g}" if "mode" in row else "no verdict"
+    if "left_pocket" in row:
+        return f"left its pocket at t = {row['left_pocket']:.4g}"
+    if "does" in row:
+        words = f"{row['does']} at the end, {words}"
     if "friction" not in row:
         return words
     words = words if "mode" in row else f"C_f {row['friction']:.5g}"

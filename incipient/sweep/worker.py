@@ -120,13 +120,19 @@ def _threshold(text: str, comm: Comm) -> dict[str, Any]:
     return find_threshold(loads(text), comm).to_dict()
 
 
+def _gust(text: str, comm: Comm) -> dict[str, Any]:
+    from ..critical.gusts import GustSearch
+
+    return GustSearch(loads(text), comm).of_scene().to_dict()
+
+
 def _judge(text: str, comm: Comm) -> dict[str, Any]:
     from ..simulation.judge_case import Case, judge_case
 
     return judge_case(Case.model_validate(json.loads(text)))
 
 
-_TASKS = {"run": _run, "threshold": _threshold, "judge": _judge}
+_TASKS = {"run": _run, "threshold": _threshold, "gust": _gust, "judge": _judge}
 
 
 def _versions(task: str) -> dict[str, str]:

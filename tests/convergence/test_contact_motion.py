@@ -91,6 +91,54 @@ def test_round_grains_roll_or_slide_down_an_incline(gdim: int, friction: float) 
     assert (spin == pytest.approx(0.5 * exact / 0.25, rel=1e-9)) == rolls
 
 
+@pytest.mark.parametrize("gdim", [2, 3])
+def test_resistance_to_rolling_slows_round_grains_and_holds_them_on_gentle_slopes(gdim: int) -> None:
+    """a = g (sin - c cos)/(1 + k) down a slope, -g c/(1 + k) on the level until it rests; at rest where c >= tan.
+
+    By the balances of momentum with a couple c R N against rolling. In space along any direction of the surface.
+    """
+    k, c, slope = {2: 0.5, 3: 0.4}[gdim], 0.1, 0.3
+    grain, bed = (Disc(0.5), Flat()) if gdim == 2 else (Sphere(0.5), Plane())
+    placement = Placement((0.0, 0.25) if gdim == 2 else (0.0, 0.0, 0.25))
+    law = ContactLaw(0.5, rolling=c)
+    case = Case(grain, bed, placement, law).run(0.05, 0.5, down(gdim, slope))
+    exact = G * (np.sin(slope) - c * np.cos(slope)) / (1.0 + k)
+    assert case.state.velocity[0] == pytest.approx(0.5 * exact, rel=1e-9)
+    assert float(np.abs(case.contacts.velocities).max()) < 1e-9
+    held = Case(grain, bed, placement, law).run(0.05, 0.5, down(gdim, np.arctan(0.99 * c)))
+    assert np.abs(held.state.velocities).max() < 1e-9
+    loads = held.contacts.mean_load(held.state.place, 0.05)
+    weight = held.body.inertia.mass * np.concatenate(
+        [down(gdim, np.arctan(0.99 * c)), np.zeros(2 * gdim - 3)]
+    )
+    assert loads == pytest.approx(-weight, abs=1e-9 * np.abs(weight).max())
+    speed, start = 0.6, np.zeros(3 * gdim - 3)
+    if gdim == 2:
+        start[[0, 2]] = speed, -speed / 0.25
+    else:
+        start[[0, 1, 3, 4]] = 0.6 * speed, 0.8 * speed, -0.8 * speed / 0.25, 0.6 * speed / 0.25
+    rolls = Case(grain, bed, placement, law, start)
+    first = rolls.energy(down(gdim))
+    rolls.run(0.01, 0.5, down(gdim))
+    assert np.linalg.norm(rolls.state.velocity) == pytest.approx(speed - 0.5 * G * c / (1.0 + k), rel=1e-9)
+    assert rolls.work == pytest.approx(rolls.energy(down(gdim)) - first, rel=1e-9)
+    rolls.run(0.01, 1.0, down(gdim))
+    assert np.abs(rolls.state.velocities).max() < 1e-9
+    way = speed**2 * (1.0 + k) / (2.0 * G * c)
+    assert np.linalg.norm(rolls.state.place[:-1]) == pytest.approx(way, rel=0.02)
+
+
+def test_resistance_to_rolling_leaves_a_grain_that_slides_to_its_friction() -> None:
+    """On a steep slope a disc slides at g (sin - friction cos) and turns by (friction - c) N R/J."""
+    friction, c, slope = 0.05, 0.02, 0.3
+    case = Case(Disc(0.5), Flat(), Placement((0.0, 0.25)), ContactLaw(friction, rolling=c))
+    case.run(0.05, 0.5, down(2, slope))
+    exact = G * (np.sin(slope) - friction * np.cos(slope))
+    assert case.state.velocity[0] == pytest.approx(0.5 * exact, rel=1e-9)
+    turning = (friction - c) * G * np.cos(slope) / (0.5 * 0.25)
+    assert -case.state.spin[0] == pytest.approx(0.5 * turning, rel=1e-9)
+
+
 def test_a_block_slides_to_rest_where_friction_has_taken_its_energy() -> None:
     """The way is u^2/(2 friction g), for a step of 1/30 of the time to a thousandth; the work is the energy lost."""
     case = Case(Rectangle(1.0, 0.5), Flat(), Placement((0.0, 0.25)), ContactLaw(0.3), np.array([1.0, 0, 0]))

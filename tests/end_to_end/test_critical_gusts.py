@@ -16,6 +16,7 @@ from incipient.output.gust_curve import GustCurve
 from incipient.parallel import world
 from incipient.pictures.charts import gusts
 from incipient.scene import Scene, loads
+from incipient.sweep.table import rows
 
 
 def scene(**changes: dict[str, object]) -> Scene:
@@ -112,3 +113,35 @@ def test_a_gust_without_end_moves_the_grain_from_its_threshold_on(share: float, 
     assert result.trajectory is not None
     assert (result.trajectory["ended"]["by"] == "out-of-pocket") == leaves
     assert (result.trajectory["on_bed"]["mode"] == "rest") != leaves
+
+
+def in_sweep(tmp_path: Path, do: str, over: dict[str, object]) -> list[dict[str, object]]:
+    """Rows of a sweep of gusts on a coarse mesh."""
+    gusty = scene(
+        body={"density": 2.0},
+        flow={"gust": {"start": 0.1, "duration": 2.0}},
+        time={"end": 4.0, "step": 0.2, "until": "out-of-pocket"},
+        numerics={"error_bars": False, "mesh_size": 3.0},
+        output={"fields": False},
+    )
+    incipient.sweep.run(gusty, tmp_path / "sweep.sqlite", over, do=do, jobs=1)
+    return rows(tmp_path / "sweep.sqlite")
+
+
+def test_a_sweep_varies_gusts_and_says_which_moved_the_grain_out(tmp_path: Path) -> None:
+    """Columns of strength and duration, of when the grain moved and left, and of what ended the runs."""
+    weak, strong = in_sweep(tmp_path, "run", {"flow.gust.strength": [1.2, 6.0], "flow.gust.duration": [2.0]})
+    assert (weak["flow.gust.strength"], strong["flow.gust.strength"]) == (1.2, 6.0)
+    assert weak["flow.gust.duration"] == 2.0
+    assert weak["ended"] == "in-pocket" and weak["does"] == "rest" and "left_pocket" not in weak
+    assert strong["ended"] == "out-of-pocket" and strong["first_motion"] == 0.0  # in the first step
+    assert 0.1 < strong["left_pocket"] < 4.0
+
+
+@pytest.mark.slow
+def test_a_sweep_searches_critical_gusts(tmp_path: Path) -> None:
+    """A denser grain needs the stronger gust; each strength is bracketed to 2%."""
+    light, dense = in_sweep(tmp_path, "gust", {"body.density": [2.0, 2.4]})
+    for row in (light, dense):
+        assert row["held"] < row["strength"] < row["leaves"] <= (1.0 + WITHIN) * row["held"]
+    assert light["strength"] < dense["strength"]

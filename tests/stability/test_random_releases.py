@@ -44,7 +44,7 @@ def drawn(seed: int, round_grain: bool) -> tuple[ContactMotion, BodyState, np.nd
     bed: Any = IN_SPACE[random.integers(len(IN_SPACE))] if in_space else BEDS[random.integers(len(BEDS))]
     friction = random.choice([0.0, random.uniform(0.0, 1.0), random.uniform(0.0, 2.0)])
     kinetic = None if random.random() < 0.7 else friction * random.random()
-    law = ContactLaw(friction, kinetic, random.choice([0.0, 0.0, random.uniform(0.0, 0.9)]))
+    restitution = random.choice([0.0, 0.0, random.uniform(0.0, 0.9)])
     d, slope = (3 if in_space else 2), random.choice([0.0, random.uniform(-0.7, 0.7)])
     gravity = np.zeros(d)
     gravity[0], gravity[-1] = math.sin(slope), -math.cos(slope)
@@ -55,9 +55,12 @@ def drawn(seed: int, round_grain: bool) -> tuple[ContactMotion, BodyState, np.nd
     placement = Placement(tuple(place), turn) if d == 2 else Placement(tuple(place))
     while near.gaps(placement, 0.05 * grain.size).gaps.min(initial=1.0) < 0.0:
         placement = placement.raised(0.1 * grain.size)
-    moves = ContactMotion(RigidBody(Inertia.of(grain, 1.0)), near.gaps, law, grain.size)
     state = BodyState.at(placement, random.normal(size=3 * (d - 1)) * random.choice([0.0, 1.0]))
-    return moves, state, gravity, 10.0 ** random.uniform(-3.0, -1.0) * math.sqrt(grain.size)
+    step = 10.0 ** random.uniform(-3.0, -1.0) * math.sqrt(grain.size)
+    rolling = random.choice([0.0, 0.0, random.uniform(0.0, 0.5)])
+    law = ContactLaw(friction, kinetic, restitution, rolling)
+    moves = ContactMotion(RigidBody(Inertia.of(grain, 1.0)), near.gaps, law, grain.size)
+    return moves, state, gravity, step
 
 
 def followed(seed: int, round_grain: bool) -> bool:

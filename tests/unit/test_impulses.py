@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from incipient.arrays import Floats
-from incipient.body.contact_motion import ContactLaw, ContactMotion, wrenches
+from incipient.body.contact_motion import ContactLaw, ContactMotion, turns, wrenches
 from incipient.body.rigidbody import RigidBody
 from incipient.body.state import BodyState, Inertia
-from incipient.contact.exact.impulses import contact_impulses, one_contact
+from incipient.contact.exact.impulses import contact_impulses, one_contact, resisted_impulses
 from incipient.contact.exact.motion import incipient_motion
 from incipient.contact.model import Load
 from incipient.geometry.contacts import Contacts
@@ -58,6 +58,32 @@ def test_a_thousand_random_grains_obey_both_laws() -> None:
         friction = random.choice([0.0, 0.2, 0.7, 1.5], size=count)
         gain, free = rows @ INVERSE @ rows.T, rows @ falling
         assert missed(gain, free, friction, contact_impulses(gain, free, friction)) < 1e-8
+
+
+def test_a_thousand_random_grains_resist_rolling() -> None:
+    """Both laws at one to five contacts, and at each a couple against the turn along the surface, bounded by P_N."""
+    random = np.random.default_rng(7)
+    for _ in range(1000):
+        count = int(random.integers(1, 6))
+        normals = random.normal(size=(count, 3))
+        normals[:, 2] = np.abs(normals[:, 2]) + 0.3
+        normals /= np.linalg.norm(normals, axis=1)[:, None]
+        ways = np.stack([normals, *frame_of(normals)], axis=1)
+        arms = -0.5 * normals + 0.05 * random.normal(size=(count, 3))
+        rows = np.vstack([wrenches(arms, ways, np.zeros(3)), 0.5 * turns(ways, 3).reshape(-1, 6)])
+        falling = np.array([*random.normal(size=2), -1.0, *random.normal(size=3)])
+        friction, rolling = random.choice([0.0, 0.2, 0.7, 1.5], size=count), random.choice([0.01, 0.1, 0.5])
+        gain, free = rows @ INVERSE @ rows.T, rows @ falling
+        impulses = resisted_impulses(gain, free, friction, rolling)
+        ended = falling + INVERSE @ rows[3 * count :].T @ (impulses[count:] * [0.0, 1.0, 1.0]).ravel()
+        own = gain[: 3 * count, : 3 * count]
+        assert missed(own, rows[: 3 * count] @ ended, friction, impulses[:count]) < 1e-8
+        turning = (rows @ (ended + INVERSE @ rows[: 3 * count].T @ impulses[:count].ravel())).reshape(-1, 3)
+        couples, turned = impulses[count:, 1:], turning[count:, 1:]
+        limit = rolling * impulses[:count, 0]
+        assert (np.linalg.norm(couples, axis=1) <= limit + 1e-8).all()
+        power = (couples * turned).sum(axis=1)
+        assert power == pytest.approx(-limit * np.linalg.norm(turned, axis=1), abs=1e-8)
 
 
 def test_velocities_from_rest_are_the_judges_accelerations() -> None:

@@ -8,6 +8,9 @@ surface) at each, and P the impulses there:
 (Moreau 1988; Jean 1999, Comput. Methods Appl. Mech. Eng. 177, 235). W (3k, 3k) is what velocities gain by impulses, b
 the velocities without any. The laws have the form of those for accelerations at the instant of release, and are solved
 by the same Newton's method (`spatial_motion`).
+
+Resistance to rolling is friction of the same form: a couple against the turn about the directions along the surface,
+at most a coefficient times P_N (Ai, Chen, Rotter & Ooi 2011, Powder Technol. 206, 269, with a rigid spring).
 """
 
 from __future__ import annotations
@@ -66,6 +69,30 @@ def contact_impulses(gain: Floats, free: Floats, friction: Floats, start: Floats
     raise ConvergenceError(
         "the impulses at the contacts of the moving grain were not found: use shorter steps"
     )
+
+
+def resisted_impulses(gain: Floats, free: Floats, friction: Floats, rolling: float) -> Floats:
+    """The impulses (2k, 3) at k contacts that resist rolling: pressure and friction of each, then its couples.
+
+    The couple takes the place of friction at a second contact, whose pressure P' is P_N of the first: Signorini's law
+    has that answer where the normal velocity of the second one is P' - P_N.
+
+    Args:
+        gain, free: W (6k, 6k) and b (6k,); behind those of the contacts a triple each, the first unused, then the turns
+            about both directions along the surface, times a length.
+        friction: (k,) coefficients of the contacts.
+        rolling: the couple over that length and the pressure, at most.
+
+    Raises ConvergenceError if no impulses were found.
+    """
+    count = len(friction)
+    pressures = 3 * np.arange(count)
+    couples = pressures + 3 * count
+    size = float(gain[pressures, pressures].mean())
+    gain, free = gain.copy(), free.copy()
+    gain[couples], gain[:, couples], free[couples] = 0.0, 0.0, 0.0
+    gain[couples, couples], gain[couples, pressures] = size, -size
+    return contact_impulses(gain, free, np.concatenate([friction, np.full(count, rolling)]))
 
 
 def _starts(law: Law, first: Floats) -> Iterator[Floats]:

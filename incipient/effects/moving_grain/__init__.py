@@ -10,6 +10,7 @@ from ...planning.effects import Decision, EffectName
 from ...planning.flow_setup import Setup
 from ...planning.numbers import Numbers
 from ...results.left_out import Omission
+from ...results.quantity import OutputQuantity
 from ..effect import Effect, Solved
 from ..run_part import Stage
 
@@ -22,6 +23,12 @@ class FreeBodyEffect(Effect):
     """The motion of a rigid grain by flow and weight, or by prescription."""
 
     name = EffectName.FREE_BODY
+    quantities = (
+        OutputQuantity("trajectory.on_bed.first_motion", "first motion", "time", "first_motion"),
+        OutputQuantity("trajectory.on_bed.left_pocket", "left its pocket", "time", "left_pocket"),
+        OutputQuantity("trajectory.on_bed.mode", "what it does at the end", column="does"),
+        OutputQuantity("trajectory.ended.by", "what ended its run", column="ended"),
+    )
 
     def decide(self, setup: Setup, numbers: Numbers) -> Decision:
         """Present with body.motion = "free" or "released"."""

@@ -86,7 +86,9 @@ class BedContact:
         start: Placement,
         weight: Floats,
     ):
-        law = ContactLaw(contact.friction, contact.kinetic_friction, contact.restitution)
+        law = ContactLaw(
+            contact.friction, contact.kinetic_friction, contact.restitution, contact.rolling_resistance
+        )
         self.motion = ContactMotion(body, self._gaps, law, near.grain.size)
         self.course = Course()
         self._near, self._gap, self._still, self._weight = near, gap, STILL * speed, weight
@@ -193,11 +195,11 @@ class BedContact:
         course = kept["course"]
         self.course = Course(**{**course, "heights": tuple(course["heights"])})
         gdim = len(self._start)
-        shapes = {"points": gdim, "normals": gdim, "impulses": 3, "velocities": 3}
-        points, normals, impulses, velocities = (
-            np.array(kept["contacts"][name]).reshape(-1, size) for name, size in shapes.items()
+        sizes = {"points": gdim, "normals": gdim, "impulses": 3, "velocities": 3, "couples": 2}
+        points, normals, impulses, velocities, couples = (
+            np.array(kept["contacts"][name]).reshape(-1, size) for name, size in sizes.items()
         )
-        return ActiveContacts(points, normals, impulses, velocities)
+        return ActiveContacts(points, normals, impulses, velocities, couples)
 
 
 def _works(

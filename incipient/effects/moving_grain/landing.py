@@ -7,11 +7,13 @@ fluid sets against the grain's motion, and weight and buoyancy. Nothing here is 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 from ...body.state import BodyState
 from ...contact import Contacts
+from ...contact.equilibrium import safety_factor
 from ...contact.verdict import judge
 from ...errors import IncipientError
 from ...evaluation.contact_verdict import load_of, mass_and_inertia, standing
@@ -21,6 +23,7 @@ from ...geometry.touching import touching
 from ...planning.clearance import Clearance
 from ...planning.flow_setup import Setup
 from ...results.loads import Couples, Forces
+from ...scene.model import Contact
 from .bed_contact import REST
 
 # Relative to the distance at which the grain has met the bed: how much farther its other contacts may be.
@@ -28,6 +31,7 @@ FARTHER = 1.01
 SUPPOSED = "at rest where it met the {bed}, under the loads at the end of the run"
 STANDS = "at rest where it is, under the loads at the end of the run"
 AT_REST = "no error bar of the safety factor: for one run a steady scene of the grain at rest"
+ROLLING = "contact.rolling_resistance, which holds the grain besides, is not in the safety factor"
 
 
 @dataclass(frozen=True)
@@ -63,8 +67,38 @@ def landing(
         return Landing(contacts, why_not=str(error))
     found["supposed"] = STANDS if stands else SUPPOSED.format(bed=bed)
     found["sentence"] = f"{found['supposed']}, {found['sentence']}"
-    found["note"] = AT_REST if stands else _note(state)
+    found["note"] = _note(state)
+    if stands:
+        touching_factor = _factor_where_it_touches(setup, state, contacts, (force, couple))
+        found["touching_factor"] = touching_factor
+        found["note"] = _left_open(scene.contact, touching_factor)
     return Landing(contacts, found)
+
+
+def _factor_where_it_touches(
+    setup: Setup, state: BodyState, contacts: Contacts, loads: tuple[Forces, Couples]
+) -> float | None:
+    """The safety factor under the same load of the grain without the gap at which contact acts; None: there is none.
+
+    A release is shifted by its difference to the safety factor at the gap.
+    """
+    scene, geometry = setup.scene, setup.geometry
+    assert scene.contact is not None
+    placement = geometry.near_bed.seated(state.placement, 0.0, contacts.points, geometry.gap)
+    try:
+        closed = touching(scene.grain, placement, geometry.near_bed.bed, geometry.tolerance)
+        found = safety_factor(load_of(placement, *loads), closed, scene.contact.friction)
+    except IncipientError:
+        return None
+    return found.value if math.isfinite(found.value) else None
+
+
+def _left_open(contact: Contact, factor: float | None) -> str:
+    """What a verdict at rest leaves open: the gap at which contact acts, resistance to rolling, error bars."""
+    where = f"without the gap at which contact acts, {contact.gap:g} of its size"
+    said = [] if factor is None else [f"{where}, the safety factor is {factor:.4g}"]
+    said += [ROLLING] if contact.rolling_resistance else []
+    return "; ".join([*said, AT_REST])
 
 
 def _note(state: BodyState) -> str:

@@ -90,10 +90,11 @@ class GrainOnBed(MovingGrain):
     # -- output -----------------------------------------------------------------------------------
 
     def _columns_at_contact(self, length: float) -> dict[str, Any]:
-        contacts = self.part.contacts
+        contacts, gravity = self.part.contacts, np.array(self.scene.gravity_vector)
         return {
             **columns_of_load(contacts.mean_load(self.state.place, length), "contact", "contact_couple"),
-            **named("weight", self._weight(), self.scene.gdim),
+            **named("weight", self.body.inertia.mass * gravity, self.scene.gdim),
+            **named("buoyancy", -self.grain.volume * gravity, self.scene.gdim),
             **self.bed_contact.columns(contacts),
         }
 
