@@ -7,7 +7,9 @@ from pathlib import Path
 
 import incipient
 
-from ..critical.gusts import runs_expected
+from ..cost.command import predicted_plan
+from ..cost.prediction import Prediction
+from ..critical.gust_bracket import runs_expected
 from ..parallel import Comm
 from ..progress import telling
 from .drawing import tell_of_pictures
@@ -18,11 +20,20 @@ def gust(options: argparse.Namespace, comm: Comm) -> int:
     scene, durations = incipient.load(options.scene, options.overrides, comm), options.durations
     directory = options.out or Path("results") / f"{options.scene.stem}_gusts"
     with telling(comm.rank) as voice:
-        runs = runs_expected(durations, scene.numerics.error_bars)
-        voice.say(f"{options.scene}: {len(durations)} durations, about {runs} runs, each as `incipient run`")
+        runs = runs_expected(len(durations), scene.numerics.error_bars)
+        price = _price(predicted_plan(scene).prediction, runs)
+        voice.say(f"{options.scene}: durations: {len(durations)}, about {runs} runs{price}")
         found = incipient.gusts(scene, durations, directory, comm, voice)
     if comm.rank == 0:
         print(found.text())
         print(f"numbers             {directory / 'gusts.csv'}", flush=True)
     tell_of_pictures(directory, scene.output.pictures, comm)
     return 0
+
+
+def _price(known: Prediction | str, runs: int) -> str:
+    """What a number of runs is expected to cost by what is known of one; a reason where nothing is."""
+    if isinstance(known, str):
+        return ", each as `incipient run`"
+    each = f"each {known.cpu:.2g} s of processor time within a factor of {known.factor:.2g}"
+    return f", {each}, in all about {runs * known.cpu / 60:.2g} min"

@@ -12,7 +12,6 @@ import incipient
 from ..parallel import Comm
 from ..progress import telling
 from ..results.result import Result
-from ..scene import Scene
 from .drawing import tell_of_pictures
 from .options import require_left_by
 

@@ -21,10 +21,9 @@ from ..scene.gust import Gust
 from ..scene.kinds import Bed, Body
 from ..simulation.recorder import Unrecorded
 from ..simulation.simulate import simulate
+from .gust_bracket import STRONGER, WITHIN
 from .threshold import find_threshold
 
-WITHIN = 0.02  # relative width of the bracket of a critical strength
-STRONGER = 1.4  # factor by which a strength grows until the grain leaves
 STRONGEST = 1e3
 STEPS_IN_GUST = 20  # at least
 COARSER_CELLS, LONGER_STEPS = math.sqrt(2.0), 2.0
@@ -185,12 +184,6 @@ class GustSearch:
 
     def _runs_with(self, coarse: GustSearch | None) -> int:
         return self.runs + (0 if coarse is None else coarse.runs)
-
-
-def runs_expected(durations: int, with_error_bars: bool) -> int:
-    """About how many simulations a search for a number of durations takes."""
-    each = 2 + math.ceil(math.log2(math.log(STRONGER) / math.log(1.0 + WITHIN)))
-    return 1 + durations * each * (2 if with_error_bars else 1)
 
 
 def _missing(body: Body | None, bed: Bed | None, flow: Flow) -> Iterator[str]:

@@ -8,6 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from ..critical.gust_bracket import runs_expected
 from ..errors import IncipientError
 from ..installed import memory_of_libraries
 from ..meshes.expected import expected_cells
@@ -69,7 +70,6 @@ def _cells(setup: Setup) -> float | None:
 
 def _predicted(case: SweepCase) -> Expected:
     from ..cost.command import predicted_plan
-    from ..critical.gusts import runs_expected
 
     assert case.scene is not None
     try:

@@ -17,6 +17,7 @@ import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -114,16 +115,12 @@ def _run(text: str, comm: Comm) -> dict[str, Any]:
     return run_to_accuracy(scene, comm).to_dict()
 
 
-def _threshold(text: str, comm: Comm) -> dict[str, Any]:
-    from ..critical.threshold import find_threshold
+def _searched(what: str, text: str, comm: Comm) -> dict[str, Any]:
+    from ..critical import gusts, threshold
 
-    return find_threshold(loads(text), comm).to_dict()
-
-
-def _gust(text: str, comm: Comm) -> dict[str, Any]:
-    from ..critical.gusts import GustSearch
-
-    return GustSearch(loads(text), comm).of_scene().to_dict()
+    if what == "gust":
+        return gusts.GustSearch(loads(text), comm).of_scene().to_dict()
+    return threshold.find_threshold(loads(text), comm).to_dict()
 
 
 def _judge(text: str, comm: Comm) -> dict[str, Any]:
@@ -132,7 +129,7 @@ def _judge(text: str, comm: Comm) -> dict[str, Any]:
     return judge_case(Case.model_validate(json.loads(text)))
 
 
-_TASKS = {"run": _run, "threshold": _threshold, "gust": _gust, "judge": _judge}
+_TASKS = {"run": _run, "judge": _judge} | {one: partial(_searched, one) for one in ("threshold", "gust")}
 
 
 def _versions(task: str) -> dict[str, str]:

@@ -10,7 +10,8 @@ import pytest
 from test_released import POCKET
 
 import incipient
-from incipient.critical.gusts import WITHIN, CriticalGust, GustSearch
+from incipient.critical.gust_bracket import WITHIN
+from incipient.critical.gusts import CriticalGust, GustSearch
 from incipient.errors import SceneError
 from incipient.output.gust_curve import GustCurve
 from incipient.parallel import world
