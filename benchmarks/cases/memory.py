@@ -82,7 +82,6 @@ def describe(data: dict[str, Any]) -> str:
     found = data["fit"]
     return f"""## Memory predicted and used
 
-`incipient plan` predicts base + c n log2 n for n unknowns, those of a dual solution included. In {len(sizes)} runs of
-`cylinder`, `cavity` and `grain_on_bed` ({min(sizes)} to {max(sizes)} unknowns, orders 2 to 4, with and without error
-bars) it is {min(off):+.0f}% to {max(off):+.0f}% off the measured peak. Best fit: base {found["base_mib"]:.0f} MiB,
-c = {found["bytes"]:.0f} bytes."""
+In {len(sizes)} runs of `cylinder`, `cavity` and `grain_on_bed` ({min(sizes)} to {max(sizes)} unknowns, orders 2 to 4)
+`incipient plan` is {min(off):+.0f}% to {max(off):+.0f}% off the measured peak. Best fit for n unknowns:
+{found["base_mib"]:.0f} MiB + {found["bytes"]:.0f} bytes n log2 n."""

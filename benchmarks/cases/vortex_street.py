@@ -140,7 +140,7 @@ units).
 {table(["", *NAMES.values(), "processor [s]"], [published, *cells])}
 
 *Splitting* solves velocity, pressure and a projection in turn; *explicit convection* is of first order in time and
-factorises once. The goal is relative to {limits}, the limit of incipient's cells and steps.
+factorises once. Limit of incipient's cells and steps: {limits}.
 
 {failures([row, *others])}"""
 

@@ -216,17 +216,17 @@ def test_a_rigid_lid_in_place_of_a_surface():
 def test_channels_that_may_be_turbulent():
     fast = Fluid(reynolds=2000, scale="flow")
     assert "may be turbulent from 1300 on" in effect("turbulence", flow=Poiseuille(), fluid=fast).reason
-    assert effect("turbulence", flow=Poiseuille()).reason == "only where it is asked for"
+    assert effect("turbulence", flow=Poiseuille()).reason == "only with effects.turbulence = true"
     # Half of a channel between walls, with half its height.
     found = effect("turbulence", flow=OpenChannel(), fluid=Fluid(reynolds=700, scale="flow"))
     assert "may be turbulent from 650 on" in found.reason
     assert found.reason.endswith('else take a mean profile, flow.kind = "log-law"')
     # Along a plate twice as long as the domain is high.
     layers = [effect("turbulence", flow=Uniform(), fluid=Fluid(reynolds=r, scale="flow")) for r in (2e5, 3e5)]
-    assert layers[0].reason == "only where it is asked for"
+    assert layers[0].reason == "only with effects.turbulence = true"
     assert "Re of the length 6e+05: boundary layers may be turbulent from 500000 on" in layers[1].reason
     # Endless shear: the domain's height says nothing of its depth.
-    assert effect("turbulence", fluid=fast).reason == "only where it is asked for"
+    assert effect("turbulence", fluid=fast).reason == "only with effects.turbulence = true"
 
 
 def test_the_plan_tells_the_numbers():
@@ -315,7 +315,7 @@ def test_a_grain_next_to_the_inflow_is_warned_of(x, warned):
 
 
 @pytest.mark.parametrize(
-    ("settle", "said"), [(True, "by friction 0.3"), ("frictionless", "without friction")]
+    ("settle", "said"), [(True, "with friction 0.3"), ("frictionless", "without friction")]
 )
 def test_the_plan_says_what_the_rest_of_a_grain_depends_on(settle, said):
     body = Disc(diameter=1, x=4, density=2.65, settle=settle)

@@ -37,7 +37,7 @@ class FreeSurfaceEffect(Effect):
             if pinned := sticking(setup):
                 reason += f"; the fluid sticks to {' and '.join(pinned)}, where its elevation stays"
             return Decision(self.name, True, reason + _ends(setup))
-        reason = f'the top is "{scene.top}"'
+        reason = f'domain.top = "{scene.top}"'
         if scene.top != "slip" or numbers.froude is None:
             return Decision(self.name, False, reason)
         rise = 0.5 * numbers.froude**2

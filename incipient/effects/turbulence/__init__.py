@@ -71,7 +71,7 @@ class TurbulenceEffect(Effect):
             told = f"k-epsilon model; {setup.walls.text()}"
             return Decision(self.name, True, f"effects.turbulence = true: {told}", True)
         off = scene.effects.turbulence is False
-        reason = "effects.turbulence = false" if off else "only where it is asked for"
+        reason = "effects.turbulence = false" if off else "only with effects.turbulence = true"
         if scene.flow.kind == "log-law":
             reason += f"; mean profile only, the bed is {setup.base_flow.mean_profile.regime()}"
             if numbers.flow_reynolds < (least := turbulent_from(scene.flow.kind)):
