@@ -108,7 +108,10 @@ def test_the_plan_tells_what_the_stream_is():
     assert numbers.shear_reynolds == pytest.approx(20.0)
     assert numbers.flow_reynolds == pytest.approx(Setup(found).base_flow.mean_speed * 6.0 * 20.0)
     assert "mean profile of a turbulent flow, kept by a force in place of its turbulent stress" in text
-    assert "no  turbulence: only with effects.turbulence = true; mean profile only, the bed is hydraulically" in text
+    assert (
+        "no  turbulence: only with effects.turbulence = true; mean profile only, the bed is hydraulically"
+        in text
+    )
     assert "between smooth and rough, u* k_s/nu = 20" in text and "channels are laminar" not in text
     slow = scene(flow=LogLaw(), fluid=Fluid(reynolds=30, scale="flow"))
     assert "hydraulically smooth" in make_plan(slow).text() and "laminar to 650" in make_plan(slow).text()
