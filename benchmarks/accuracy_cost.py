@@ -178,7 +178,7 @@ Machine: {about["processor"]}, {about["cores"]} cores, {about["memory_gib"]} GiB
 A study runs a scene with several orders, cell sizes, time steps and solver options, without error bars and with forms
 compiled before. Errors are against the finest run, extrapolated where possible; couple means torque. Each scene below
 has a list of accuracies: processor time and the cheapest run that reached it. The law \\(E = C (t - t_0)^{{-p}}\\),
-fitted to the best runs, gives times beyond the runs ("about"); \\(t_0\\) is the time of libraries, mesh generator and forms.
+fitted to the best runs, gives times beyond the runs ("about"); \\(t_0\\) is that of libraries, meshing and forms.
 
 ## Solver options
 
