@@ -229,6 +229,20 @@ def cut(path: Path, rows: int, size: int) -> None:
         os.truncate(path, size)
 
 
+def cut_after(path: Path, time: float) -> None:
+    """Cut a CSV file, if there is one, back to its header and the rows whose first number is at most a time.
+
+    Raises:
+        OutputError: when its rows do not begin with numbers, or it cannot be written.
+    """
+    with reported(path, (ValueError,)):
+        if not path.exists():
+            return
+        header, *rows = path.read_bytes().splitlines(keepends=True) or [b""]
+        kept = [row for row in rows if float(row.split(b",")[0]) <= time and row.endswith(b"\n")]
+        os.truncate(path, sum(map(len, [header, *kept])))
+
+
 def _write_fully(stream: io.RawIOBase, data: bytes) -> None:
     """Write without a buffer, which would be written once more when the stream is closed after a failure."""
     while data:

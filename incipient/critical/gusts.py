@@ -105,8 +105,7 @@ class GustSearch:
             SceneError: the grain leaves without a gust, or withstands all.
             IncipientError: a run failed.
         """
-        if not durations or min(durations) <= 0.0:
-            raise SceneError("durations: give one or more, each above zero")
+        require_durations(durations)
         if self.leaves(1.0, min(durations)):
             raise SceneError("body.motion: the grain leaves its pocket without a gust; use a slower flow")
         coarse = self._coarser() if self.scene.numerics.error_bars else None
@@ -184,6 +183,12 @@ class GustSearch:
 
     def _runs_with(self, coarse: GustSearch | None) -> int:
         return self.runs + (0 if coarse is None else coarse.runs)
+
+
+def require_durations(durations: Sequence[float]) -> None:
+    """Raise SceneError unless there are durations, all of them positive numbers."""
+    if not durations or not all(0.0 < one < math.inf for one in durations):
+        raise SceneError("durations: give one or more, each a number above zero")
 
 
 def _missing(body: Body | None, bed: Bed | None, flow: Flow) -> Iterator[str]:

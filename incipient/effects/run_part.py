@@ -140,6 +140,10 @@ class RunPart:
         """Columns of the history after a step."""
         return {}
 
+    def contact_rows(self) -> list[dict[str, Any]]:
+        """Rows of contacts.csv after a step: one for each contact of a moving grain. Not collective."""
+        return []
+
     def budget(self) -> dict[str, float]:
         """Columns of the history that stand at its end: energies."""
         return {}

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..files import append_row, cut, part_of, reported, sync, write_json
+from ..files import append_row, cut, cut_after, part_of, reported, sync, write_json
 from ..parallel import Comm, collectively
 from ..planning.plan import Plan
 from ..results.result import Result
 from ..scene import Scene, save
-from .earlier import CHECKPOINT, RESULT, SCENE, keep_complete_result, make_room, remove_pictures
+from .earlier import CHECKPOINT, CONTACTS, RESULT, SCENE, keep_complete_result, make_room, remove_pictures
 
 if TYPE_CHECKING:
     from ..mesh.domain import Domain
@@ -71,6 +72,7 @@ class ResultDirectory:
         if self._resumed is not None:
             recorded = self._resumed.recorded
             cut(self.path / "history.csv", recorded.rows, recorded.bytes)
+            cut_after(self.path / CONTACTS, self._resumed.time)
             return
         with reported(self.path):
             self.path.mkdir(parents=True, exist_ok=True)
@@ -87,6 +89,13 @@ class ResultDirectory:
             if self.comm.rank == 0:
                 append_row(self.path / "history.csv", row)
         self._rows += 1
+
+    def contacts(self, rows: Sequence[dict[str, Any]]) -> None:
+        """Append to contacts.csv."""
+        with collectively(self.comm):
+            if self.comm.rank == 0:
+                for row in rows:
+                    append_row(self.path / CONTACTS, row)
 
     def remeshed(self, domain: Domain) -> None:
         """Continue the XDMF series on another mesh."""

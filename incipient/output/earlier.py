@@ -15,11 +15,11 @@ from ..files import numbered, reported
 
 log = logging.getLogger("incipient")
 
-SCENE, RESULT, CHECKPOINT = "scene.toml", "result.json", "checkpoint.h5"
+SCENE, RESULT, CHECKPOINT, CONTACTS = "scene.toml", "result.json", "checkpoint.h5", "contacts.csv"
 SERIES = tuple(
     f"{name}.{ending}" for name in ("fields", "surface") for ending in ("xdmf", "h5", "h5.journal", "vtkhdf")
 )
-DATA = (RESULT, "history.csv", *SERIES, "threshold.json")
+DATA = (RESULT, "history.csv", CONTACTS, *SERIES, "threshold.json")
 DRAWN = (
     *("flow", "pressure", "vorticity", "traction", "verdict"),
     *("profiles", "mesh", "trajectory", "walls", "elevation"),

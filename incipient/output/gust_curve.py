@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..critical.gusts import CriticalGust, GustSearch
+from ..critical.gusts import CriticalGust, GustSearch, require_durations
 from ..files import reported, write_json
 from ..parallel import Comm, collectively, world
 from ..progress import Silent
@@ -65,6 +65,7 @@ def gusts(
     comm = comm or world()
     found: list[CriticalGust] = []
     search = GustSearch(scene, comm, voice or Silent())
+    require_durations(durations)
     static = search.static_strength()
 
     def keep(point: CriticalGust) -> None:

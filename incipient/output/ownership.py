@@ -26,6 +26,7 @@ KEYS: dict[str, Collection[str]] = {
 }
 HEADS = {
     "history.csv": "time,step,newton,",
+    "contacts.csv": "time,contact,x,y,",
     "cost.csv": "order,mesh_size",
     "series.csv": "time,safety_factor,mode",
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -32,6 +33,10 @@ class Recorder(Protocol):
 
     def step(self, row: dict[str, Any]) -> None:
         """A time step was accepted."""
+        return
+
+    def contacts(self, rows: Sequence[dict[str, Any]]) -> None:
+        """Take note of the contacts of a moving grain at the end of a step."""
         return
 
     def remeshed(self, domain: Domain) -> None:

@@ -142,6 +142,7 @@ class TimeLoop:
         """
         run = self._run
         self._recorder.step(row)
+        self._recorder.contacts([one for part in run.parts for one in part.contact_rows()])
         run.voice.advance(step.time, self._time.end)
         record_fields(self._recorder, run, step.number, last)
         self._recorded = step.time

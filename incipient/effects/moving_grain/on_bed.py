@@ -98,6 +98,24 @@ class GrainOnBed(MovingGrain):
             **self.bed_contact.columns(contacts),
         }
 
+    def contact_rows(self) -> list[dict[str, Any]]:
+        """Place, normal from the bed, mean force on the grain over the last step, and slip of each contact."""
+        contacts, length, gdim = self.part.contacts, self.last_step(), self.scene.gdim
+        if length is None:
+            return []
+        forces, slips = contacts.forces(length), np.hypot(*contacts.velocities[:, 1:].T)
+        return [
+            {
+                "time": self._fluid.time,
+                "contact": number,
+                **dict(zip("xyz", contacts.points[number].tolist(), strict=False)),
+                **named("normal", contacts.normals[number], gdim),
+                **named("force", forces[number], gdim),
+                "slip": float(slips[number]),
+            }
+            for number in range(len(contacts))
+        ]
+
     def reported(self) -> dict[str, Any]:
         """How the motion ended, where the grain is, how it went, what it did on its bed."""
         trajectory, length = super().reported()["trajectory"], self.last_step()

@@ -36,6 +36,7 @@ from ..flow.mesh import curve, triangles_of
 from ..flow.section import VerticalSection, draw_outlines, section_of, views_of
 from ..record import StoredRun, parsed_json, read_scene
 from ..style import GRAIN, GROUND, INK, View
+from .contact_forces import MARKS, ContactForces, contact_forces
 from .film_file import DOTS, Frames
 from .history import History, read_history
 from .trajectory import spoke
@@ -97,6 +98,8 @@ FIELDS = {
 class Film(Frames):
     """A figure that shows one step after the other; subclasses say which part of the run, and paint it."""
 
+    marks = MARKS
+
     def __init__(self, directory: Path, field: Field, indices: np.ndarray, moments: np.ndarray):
         self.directory, self.field, self.indices, self.moments = directory, field, indices, moments
         self.scene, self.count = read_scene(directory), len(indices)
@@ -143,6 +146,17 @@ class Film(Frames):
     def history(self) -> History | None:
         """The way of a grain that moves."""
         return read_history(self.directory / "history.csv") if self.stored(0).moves else None
+
+    @cached_property
+    def contacts(self) -> ContactForces | None:
+        """The contacts of a grain that moves on its bed."""
+        return contact_forces(self.directory, Scene(**self.scene).contact)
+
+    def touching(self, time: float) -> list[Artist]:
+        """Forces of contact at a time, in their friction cones."""
+        if self.contacts is None:
+            return []
+        return self.contacts.draw(self.axes, time, Scene(**self.scene).grain.size)
 
     def _sampled(self, number: int) -> np.ndarray:
         values = self.field.values(self.run(number))
@@ -213,6 +227,7 @@ class FilmInPlane(Film):
 
     def _shown(self, run: StoredRun, time: float) -> list[Artist]:
         drawn = [self._painted(run), *self._solids(run), *self.way(time), *self._spoke(run, time)]
+        drawn += self.touching(time)
         if self.field.name == "speed":
             drawn.append(self._flow(run))
         return drawn
@@ -293,6 +308,7 @@ class FilmInSpace(Film):
         section = section_of(run, self.view, sorted(names), _POINTS)
         image = self._painted(section)
         drawn = [image, *draw_outlines(self.axes, section, image), *self.way(time)]
+        drawn += self.touching(time)
         if self.field.name == "speed":
             drawn.append(self._flow(section))
         return drawn

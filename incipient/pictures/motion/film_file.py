@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.animation import FFMpegWriter
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -23,10 +24,14 @@ _PALETTE, _AS_GOOD_AS_WHITE = 128, 247  # colours of a GIF; least part of red, g
 
 
 class Frames(ABC):
-    """A figure that shows one of `count` frames after the other."""
+    """A figure that shows one of `count` frames after the other.
+
+    marks: colours of small marks, which a GIF must have though they fill little of a frame
+    """
 
     figure: Figure
     count: int
+    marks: tuple[str, ...] = ()
 
     @abstractmethod
     def show(self, number: int) -> None:
@@ -82,6 +87,8 @@ def _write_gif(film: Frames, path: Path, rate: int) -> None:
     palette = Image.fromarray(np.vstack([np.asarray(image) for image in chosen])).quantize(_PALETTE)
     colours = np.array(palette.getpalette()).reshape(-1, 3)
     colours[colours.min(axis=1) > _AS_GOOD_AS_WHITE] = 255
+    marks = [[round(255 * part) for part in to_rgb(one)] for one in film.marks]
+    colours = np.vstack([colours[:_PALETTE], *marks])
     palette.putpalette(colours.ravel().tolist())
     dither = Image.Dither.NONE
     first, *others = (film.frame(k).quantize(palette=palette, dither=dither) for k in range(count))

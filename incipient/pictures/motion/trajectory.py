@@ -32,6 +32,7 @@ from .. import style
 from ..style import GRAIN, INK, View
 from ..verdict.outlines import grain_outline, grain_silhouette
 from ..verdict.plane import draw_bed
+from .contact_forces import ContactForces, contact_forces
 from .history import RATES, History, read_history
 
 # Early to late; the palest part of the map would be lost on white.
@@ -68,7 +69,8 @@ def draw(directory: Path, title: str = "") -> list[Path]:
         raise OutputError(f"{directory / 'scene.toml'}: has no grain; run the scene again")
     history = read_history(directory / "history.csv").started(first)
     with style.applied():
-        style.save(figure(scene, history, title or scene.title), path)
+        contacts = contact_forces(directory, scene.contact)
+        style.save(figure(scene, history, title or scene.title, contacts), path)
     return [path]
 
 
@@ -83,8 +85,11 @@ class _Look:
     dashes: Any = "solid"
 
 
-def figure(scene: Scene, history: History, title: str) -> Figure:
-    """The path in the domain, enlarged if it is short, beside or above six quantities against time."""
+def figure(scene: Scene, history: History, title: str, contacts: ContactForces | None = None) -> Figure:
+    """The path in the domain, enlarged if it is short, beside or above six quantities against time.
+
+    In the larger drawing the grain has its forces of contact, in their friction cones.
+    """
     grain, start, bed = scene.grain, scene.placement, scene.bed_shape
     assert grain is not None and start is not None
     ground = None if bed is None else _ground(scene.domain, bed, start)
@@ -102,12 +107,14 @@ def figure(scene: Scene, history: History, title: str) -> Figure:
         axes.set(xlim=view[:2], ylim=view[2:], xlabel="x [scene units]", ylabel=upwards, title=name)
         _draw_domain(axes, scene.domain, walls, ground)
         marks = _draw_path(axes, grain, history, norm)
+    if contacts is not None:
+        marks += _draw_contacts(maps[-1], contacts, grain.size, history)
     made.colorbar(ScalarMappable(norm, _COLOURS), cax=bar).set_label("time [scene units]")
     new = _draw_quantities(panels, _quantities(history, grain.size, scene.reference_velocity), history)
     handles, labels = zip(*marks, *new, strict=True)
     made.legend(
-        handles, labels, loc="lower left", ncols=5, fontsize=8, borderpad=0, borderaxespad=0,
-        bbox_to_anchor=(_LEFT / width, 0.12 / height), columnspacing=1.6, handlelength=1.8,
+        handles, labels, loc="lower left", ncols=6, fontsize=8, borderpad=0, borderaxespad=0,
+        bbox_to_anchor=(_LEFT / width, 0.12 / height), columnspacing=1.4, handlelength=1.6,
     )  # fmt: skip
     return made
 
@@ -239,6 +246,14 @@ def _draw_path(axes: Axes, grain: Any, history: History, norm: Normalize) -> lis
         (Line2D([], [], color=middle, lw=1.6), "its centre's path"),
         (axis, "its first axis"),
     ]
+
+
+def _draw_contacts(axes: Axes, contacts: ContactForces, size: float, history: History) -> list[Mark]:
+    """The forces of contact where the grain is drawn; what the marks mean."""
+    step, drawn = float(np.diff(history.times).max(initial=0.0)), []
+    for time in _moments(size, history):
+        drawn += contacts.draw(axes, time, size, step if time < history.times[-1] else 0.0)
+    return [(drawn[0], "contact force in its cone")] if drawn else []
 
 
 def _path(history: History, norm: Normalize) -> LineCollection:
