@@ -98,9 +98,6 @@ def _later(module: str, name: str) -> Command:
     return command
 
 
-# -- surroundings -----------------------------------------------------------------------------------
-
-
 def _guarded(arguments: Sequence[str] | None) -> int:
     """Run the command; turn errors into one line and an exit code, on all ranks, without a hang."""
     comm = ranks_there_are()

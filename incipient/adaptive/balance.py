@@ -122,9 +122,6 @@ def _ratio(wanted: float, now: float, power: float) -> float:
     return (wanted / now) ** (1.0 / power) if now > wanted else 1.0
 
 
-# -- scenes ---------------------------------------------------------------------------------
-
-
 def refined(scene: Scene, trial: Trial, aim: float) -> Refined:
     """The refinement of a scene in time that is expected to reach a relative error. Not collective."""
     powers = Powers(order_in_time(scene))

@@ -67,8 +67,6 @@ class Balancing(AccuracySearch):
         self.known.terms, self.known.loads = {} if of_mesh is None else {OF_MESH: of_mesh}, {}
         self.keep_model_terms()
 
-    # -- one run --------------------------------------------------------------------------------
-
     def _run(self, scene: Scene, recorded: bool, again: bool = False) -> SearchRecorder:
         """Run a scene and its coarse comparisons, estimate its error, and judge it. Collective."""
         began = self.elapsed()
@@ -119,8 +117,6 @@ class Balancing(AccuracySearch):
         self.report(Trial(order, cells, unknowns, estimate, seconds, step, self._failed, of_step, of_mesh))
         if estimate is not None and estimate <= self.asked:
             self.conclude(estimate, doubt)
-
-    # -- what next ------------------------------------------------------------------------------
 
     def _following(self, scene: Scene) -> Refined | None:
         """The refinement of the next run; None, with the reason noted, if there is none. Collective."""

@@ -146,8 +146,6 @@ class Refinement(AccuracySearch):
             self._solved(run)
             return self._concluded(run, self._handed_over(run))
 
-    # -- what next ------------------------------------------------------------------------------
-
     def _next_mesh(self, attempt: Attempt, error: float | None, shares: Shares | None) -> Attempt | None:
         """The next mesh, or nothing once the accuracy is reached or cannot be."""
         assert error is not None

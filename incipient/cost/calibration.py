@@ -137,9 +137,6 @@ def _stored() -> dict[str, Any]:
         return {}
 
 
-# -- what tells scenes apart --------------------------------------------------------------------------------
-
-
 def digest(scene: Scene) -> str:
     """Digest of a scene without its resolution and what is written, which is the same for all runs of a study."""
     content = scene.model_dump(mode="json", exclude={"title", "numerics", "output"})

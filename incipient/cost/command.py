@@ -149,9 +149,6 @@ def price_of_bars(scene: Scene) -> str:
     )
 
 
-# -- calibration --------------------------------------------------------------------------------------------
-
-
 def calibrate(say: Say) -> str:
     """Measure small built-in scenes of each kind; returns the findings in a line. Resumes if interrupted.
 

@@ -177,9 +177,6 @@ def _complaint(code: int, errors: str) -> str:
     return lines[-1].removeprefix("incipient: ")
 
 
-# -- the process --------------------------------------------------------------------------------------------
-
-
 class _History(Unrecorded):
     """Keeps the history of a run."""
 

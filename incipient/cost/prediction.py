@@ -131,9 +131,6 @@ def known_laws(scene: Scene, study: Path | None = None) -> KnownLaws | None:
     return None
 
 
-# -- what a run comes to ------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class LastMesh:
     """The last mesh of a run to an accuracy as it is expected.
@@ -266,9 +263,6 @@ def first_mesh(scene: Scene) -> Estimate:
     factor = coarsest(scene.gdim, scene.fluid.inertia)
     sized = coarse_sizes(factor, None, layout) if steady else layout
     return expense.count(sized, plan.order, steady, plan.solver.name)
-
-
-# -- to an accuracy -----------------------------------------------------------------------------------------
 
 
 def _search(known: KnownLaws, unknowns: int) -> tuple[list[_Run], LastMesh] | str:

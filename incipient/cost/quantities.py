@@ -94,8 +94,6 @@ class ComparedNumbers:
     def _lines(self) -> dict[str, str]:
         return LINES if self.scene.gdim == 2 else LINES_IN_SPACE
 
-    # -- what a run says ------------------------------------------------------------------------------------
-
     @cached_property
     def _elevations(self) -> tuple[str, ...]:
         """Names of the elevations at the stations, at equal intervals of time; none with a grain or no surface."""
@@ -147,8 +145,6 @@ class ComparedNumbers:
             found[f"most_{part}"] = peak(*trace.T)
             found[f"least_{part}"] = -peak(trace[:, 0], -trace[:, 1])
         return found
-
-    # -- which errors matter --------------------------------------------------------------------------------
 
     def _single(self, name: str, size: float) -> ErrorNorm:
         of_walls = (*WALLS,)[0 if Setup(self.scene).walls.plane else 1]

@@ -180,9 +180,6 @@ def to_dict(study: Study) -> dict[str, Any]:
     return found
 
 
-# -- the runs ----------------------------------------------------------------------------------------------
-
-
 def run_ladder(scene: Scene, ladder: Ladder, directory: Path, measure: Measure, say: Say) -> Study:
     """Make the runs of a ladder that a directory does not hold yet, and judge all of them. Not collective.
 
@@ -234,9 +231,6 @@ def prepare(scene: Scene, directory: Path) -> None:
         directory.mkdir(parents=True, exist_ok=True)
         (directory / TABLE).unlink(missing_ok=True)
     save(scene, stored)
-
-
-# -- laws for predictions -----------------------------------------------------------------------------------
 
 
 def findings(study: Study) -> Calibration:

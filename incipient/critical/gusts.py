@@ -153,8 +153,6 @@ class GustSearch:
         self.voice.say(f"gust of {duration:g} and strength {strength:.4g}: {'leaves' if left else 'stays'}")
         return left
 
-    # -- scenes -----------------------------------------------------------------------------------
-
     def _plain(self) -> dict[str, Any]:
         """The scene in plain data, without error bars and output."""
         plain = self.scene.model_dump(exclude_unset=True)

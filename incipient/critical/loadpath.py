@@ -90,8 +90,6 @@ class LoadPath:
         """Safety factor of the load with the flow at a factor."""
         return safety_factor(self.load(factor), self.contacts, self.friction)
 
-    # -- where the grain is no longer held ----------------------------------------------------------
-
     def loss(self, low: float, high: float) -> float | None:
         """The first factor from `low`, which is held, to `high` from which on the load is not; None: it is held."""
         samples = np.linspace(low, high, SAMPLES + 2)

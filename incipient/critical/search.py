@@ -219,8 +219,6 @@ class CriticalSearch:
         self._start_from(nearest)
         return self._solved[nearest]
 
-    # -- what to solve next -------------------------------------------------------------------------
-
     def _upwards(self, slow: float) -> Found:
         largest = max(LARGEST / self._reynolds, MOST_FASTER)
         while len(self.trials) < MOST_FLOWS:
@@ -281,8 +279,6 @@ class CriticalSearch:
     def _may_be_solved(self, factor: float) -> bool:
         """Whether no flow as fast has failed."""
         return all(max(factor / one, one / factor) > APART for one in self.unsolved)
-
-    # -- solving ----------------------------------------------------------------------------------
 
     def _try(self, factor: float, here: bool = False) -> bool:
         """Solve; if there is no such flow, note that, and solve where the way to it ended."""

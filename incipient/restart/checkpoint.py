@@ -257,9 +257,6 @@ def _require_readable(path: Path, file: Any) -> None:
         )
 
 
-# -- as datasets ------------------------------------------------------------------------------------
-
-
 def _members(part: Any, within: str = "") -> Iterator[tuple[str, Any]]:
     """What a dataclass and those within it hold, with full names."""
     for field in fields(part):

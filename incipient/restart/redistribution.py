@@ -31,9 +31,6 @@ SAME_PLACE = 1e-10
 SAMPLES = 64
 
 
-# -- dealing out ------------------------------------------------------------------------------------
-
-
 def numbered_nodes(mesh: Any) -> Numbered:
     """The rows of `mesh.geometry.x`, numbered in the order in which the mesh's nodes were given. Collective."""
     return Numbered(mesh.comm, *compact(mesh.comm, _given(mesh)))
@@ -97,9 +94,6 @@ def _tagged(domain: Domain, owned: int) -> tuple[NDArray[np.int32], Integers]:
 def _joined(comm: MPI.Comm, rows: np.ndarray) -> np.ndarray:
     everywhere = comm.gather(np.ascontiguousarray(rows))
     return rows[:0] if everywhere is None else np.concatenate(everywhere)
-
-
-# -- spreading --------------------------------------------------------------------------------------
 
 
 def spread_mesh(comm: MPI.Comm, stored: StoredMesh) -> Domain:

@@ -193,9 +193,6 @@ def _omissions(run: Run, result: Result) -> tuple[Omission, ...]:
             return (Omission("effects named by the plan", None, f"not estimated: {error}", False),)
 
 
-# -- the rest -----------------------------------------------------------------------------------------
-
-
 def cost(run: Run) -> dict[str, Any]:
     """Wall time by stage and effect, unknowns, iterations, memory, versions."""
     from .. import compat

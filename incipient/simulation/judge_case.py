@@ -281,9 +281,6 @@ def _matrix(inertia: Floats) -> Floats:
     return np.asarray(inertia * np.eye(3) if inertia.ndim < 2 else inertia, dtype=float)
 
 
-# -- what must fit together: each check yields what is wrong -------------------------------------------
-
-
 def _centre_and_shape(case: Case) -> Iterator[Problem]:
     body, centre = case.body, case.load.centre
     if body is not None and case.grain is not None:

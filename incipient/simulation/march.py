@@ -122,8 +122,6 @@ class March:
                 fluid.constraints.boundary_points_moved()
         put_back_flow(checkpoint, self.transient)
 
-    # -- new meshes -------------------------------------------------------------------------------
-
     def _renew_worn_mesh(self) -> None:
         """Remesh if a step as long as the last would spoil the mesh around a grain that moves."""
         grain = self._run.grain

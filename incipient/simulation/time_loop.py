@@ -117,8 +117,6 @@ class TimeLoop:
             if not last:
                 march.check(step)
 
-    # -- each step --------------------------------------------------------------------------------
-
     def _timed(self, steps: Iterator[TimeStep]) -> Iterator[TimeStep]:
         """The steps, each counted and its time taken; from the first on, the run can be stopped between them."""
         run = self._run
@@ -189,8 +187,6 @@ class TimeLoop:
         if verdict and verdict["moves"]:
             run.would_move(step.time)
         return row
-
-    # -- checkpoints ------------------------------------------------------------------------------
 
     def _keep(self) -> Path | None:
         from .checkpointing import collected

@@ -281,8 +281,6 @@ class SweepRefinement:
             return Seen(mode, 1.0 if math.isinf(value) else value / (1.0 + value))
         return Seen(mode, float(value)) if math.isfinite(value) else Seen(f"{mode}, without bound", None)
 
-    # -- what to halve --------------------------------------------------------------------------------------
-
     def _wanted(self) -> Iterator[_Wanted]:
         """The divisions that the aim still needs."""
         limit = self._aim.tolerance * self._span()
@@ -312,8 +310,6 @@ class SweepRefinement:
         seen = (one for family in self._families for one in family.seen.values())
         values = [one.value for one in seen if one.value is not None] or [0.0]
         return max(max(values) - min(values), _NO_RANGE * max(map(abs, values)))
-
-    # -- what came of it ------------------------------------------------------------------------------------
 
     def lines(self) -> list[str]:
         """Lines for a reader on how well the changes of mode are known."""

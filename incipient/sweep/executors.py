@@ -37,9 +37,6 @@ LEAVE = 5.0  # seconds that a process has to end
 OFTEN = 0.02  # seconds between looks at messages of other ranks
 
 
-# -- processes ----------------------------------------------------------------------------------------------
-
-
 class _Process:
     """A process, or ranks under an `mpirun` of their own, that ends when this one does, however that ends."""
 
@@ -170,9 +167,6 @@ def _on_ranks(number: int) -> list[str]:
     command = [str(beside) if beside.exists() else "mpirun", "-n", str(number)]
     own = ["--oversubscribe", "--bind-to", "none"]
     return command + (own if "Open MPI" in MPI.Get_library_version() else [])
-
-
-# -- ranks --------------------------------------------------------------------------------------------------
 
 
 class Ranks:

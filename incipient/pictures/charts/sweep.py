@@ -88,9 +88,6 @@ def _saved(figure: Figure, file: Path, name: str, announce: Callable[[Path], obj
     return path
 
 
-# -- a quantity against a parameter -------------------------------------------------------------------------
-
-
 def _curves(found: Rows, quantity: str, against: str, by: str | None, file: Path) -> Figure:
     for name in filter(None, (quantity, against, by)):
         if not any(name in row for row in found):
@@ -167,9 +164,6 @@ def _families(found: Rows, by: str | None) -> list[tuple[str, Rows, dict[str, An
     ]
 
 
-# -- the critical Shields number ----------------------------------------------------------------------------
-
-
 def soulsby_whitehouse(diameters: Floats) -> tuple[Floats, Floats]:
     """Grain Reynolds numbers u* d/nu and critical Shields numbers of beds of grains of dimensionless diameters D* (n,).
 
@@ -201,9 +195,6 @@ def _shields(found: Rows, by: str | None, file: Path) -> Figure:
     )
     _legend(axes, by if len(families) > 1 else None)
     return figure
-
-
-# -- maps over two parameters -------------------------------------------------------------------------------
 
 
 def _map(found: Rows, across: str, up: str, file: Path) -> Figure:
@@ -247,9 +238,6 @@ def _colour(figure: Figure, axes: Axes, x: Floats, y: Floats, shown: Rows, value
     if value == "safety_factor" and logs.min() < 0.0 < logs.max():
         line = axes.tricontour(shape, logs, levels=[0.0], colors=[style.PUSH], linewidths=1.6)
         axes.clabel(line, fmt={0.0: "S = 1"}, fontsize=8)
-
-
-# -- what all share -----------------------------------------------------------------------------------------
 
 
 def _figure(found: Rows, title: str, note: str = "") -> tuple[Figure, Axes]:

@@ -119,9 +119,6 @@ def figure(scene: Scene, history: History, title: str, contacts: ContactForces |
     return made
 
 
-# -- where things are on the sheet -------------------------------------------------------------------------
-
-
 def _span(history: History) -> tuple[float, float]:
     """First and last time, not the same."""
     first, last = float(history.times[0]), float(history.times[-1])
@@ -194,9 +191,6 @@ def _put(made: Figure, place: Place) -> Axes:
     across, up = made.get_size_inches()
     left, bottom, width, height = place
     return made.add_axes((left / across, bottom / up, width / across, height / up))
-
-
-# -- the path ----------------------------------------------------------------------------------------------
 
 
 def _draw_domain(axes: Axes, domain: Domain, walls: tuple[bool, bool], ground: np.ndarray | None) -> None:
@@ -312,9 +306,6 @@ def _axis_seen(grain: Any, placement: Placement) -> np.ndarray:
     """(2, 2) from the centre of a grain in space along its first axis to its surface, as seen from the side."""
     arm = grain.surface(_COARSE * grain.size).points[:, 0].max()
     return placement.to_scene([[0.0, 0.0, 0.0], [arm, 0.0, 0.0]])[:, [0, 2]]
-
-
-# -- against time ------------------------------------------------------------------------------------------
 
 
 def _draw_quantities(panels: Sequence[Axes], shown: Sequence[Shown], history: History) -> list[Mark]:

@@ -103,8 +103,6 @@ class _Turntable(Frames):
         bar.set_ylabel("traction on the grain [scene units]")
         return figure
 
-    # -- what is shown ---------------------------------------------------------------------------------------------
-
     def _fill(self) -> None:
         self._show_bed()
         self._show_grain()

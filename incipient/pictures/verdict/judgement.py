@@ -76,9 +76,6 @@ def _probability_rows(chances: dict[str, Any] | None) -> list[Group]:
     return [rows]
 
 
-# -- in the plane ------------------------------------------------------------------------------------------
-
-
 def _show_plane(axes: Axes, case: Judged, shaped: Case | None) -> Marks:
     outline = _outline(case, shaped)
     seen = np.vstack([outline, case.contacts.points[:, :2]])
@@ -94,9 +91,6 @@ def _outline(case: Judged, shaped: Case | None) -> Outline:
     if shaped is None or shaped.body is None:
         return sketched_outline(case)
     return grain_outline(shaped.body.grain(), shaped.placement)
-
-
-# -- in space ----------------------------------------------------------------------------------------------
 
 
 def surface_of_case(case: Judged, shaped: Case | None, coarser: int = 1) -> Solid:

@@ -144,9 +144,6 @@ def mark_contacts(
             label(axes, end + 0.02 * size * normal, normal, f"{index + 1}", INK, 7.5)
 
 
-# -- parts ---------------------------------------------------------------------------------------------
-
-
 def _draw_cones(axes: Axes, case: Judged, scale: float, size: float) -> None:
     """At each contact the cone of all forces that friction allows, and in it the force."""
     opening = np.degrees(case.cone_angle)

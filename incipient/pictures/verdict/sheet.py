@@ -102,9 +102,6 @@ def _figure_of(axes: Axes) -> Figure:
     return figure
 
 
-# -- the numbers of a verdict ----------------------------------------------------------------------------
-
-
 def load_rows(forces: dict[str, np.ndarray], couple: np.ndarray, unit: str, planar: bool) -> Group:
     """Forces by name (see `Judged.acting`) and the flow's couple about the centre."""
     rows = [(_NAMES[name], vector(force, planar), FORCES[name]) for name, force in forces.items()]

@@ -215,8 +215,6 @@ class Stage:
         across, up, _ = renderer.GetDisplayPoint()
         return np.array([across, PIXELS[1] - up])
 
-    # -- parts -----------------------------------------------------------------------------------------
-
     def _surface(self, points: np.ndarray, triangles: np.ndarray) -> Any:
         """Triangles that face outward."""
         heads = np.full((len(triangles), 1), 3)

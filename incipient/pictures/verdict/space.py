@@ -46,9 +46,6 @@ _LARGEST = (
 )
 
 
-# -- the flow in a vertical plane -------------------------------------------------------------------------
-
-
 def speed(run: StoredRun) -> Figure:
     """Speed in colour in the vertical plane through the grain's centre, with streamlines in that plane."""
     return _sections(
@@ -88,9 +85,6 @@ def _sections(
         axes.set_title(f"{name.capitalize()} at y = {level_of(run):.4g}, {what}")
         figure.colorbar(ScalarMappable(norm, colours), cax=bar).set_label(f"{name} [scene units]")
     return figure
-
-
-# -- mesh and traction ------------------------------------------------------------------------------------
 
 
 def mesh(run: StoredRun) -> Figure:
@@ -192,9 +186,6 @@ def _shown_surface(
     image = np.asarray(plotter.screenshot(return_img=True))
     plotter.close()
     return image
-
-
-# -- the judged grain -------------------------------------------------------------------------------------
 
 
 def verdict(run: StoredRun) -> Figure:

@@ -125,9 +125,6 @@ def _onset(stored: dict[str, Any], mass: float, inertia: np.ndarray) -> dict[str
         return None
 
 
-# -- what was found ----------------------------------------------------------------------------------------
-
-
 def critical_sentence(stored: dict[str, Any]) -> str:
     """How fast the flow must be for the grain to move, or why there is no such speed."""
     factor, status = stored["factor"], stored["verdict"]["safety_status"]
