@@ -50,12 +50,16 @@ def _scene(parser: argparse.ArgumentParser) -> None:
     overrides(parser, "fluid.reynolds=40")
 
 
+def _scene_to(parser: argparse.ArgumentParser, ending: str = "", what: str = "results") -> None:
+    """Adds a scene and the directory for what comes of it, which is named after the scene."""
+    _scene(parser)
+    usual = f"results/NAME OF THE SCENE{ending}"
+    parser.add_argument("--out", type=named, help=f"directory for the {what} (default: {usual})")
+
+
 def of_run(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient run`."""
-    _scene(parser)
-    parser.add_argument(
-        "--out", type=named, help="directory for the results (default: results/NAME OF THE SCENE)"
-    )
+    _scene_to(parser)
     parser.add_argument(
         "--overwrite",
         action="store_true",
@@ -71,15 +75,12 @@ def of_resume(parser: argparse.ArgumentParser) -> None:
 
 def of_threshold(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient threshold`."""
-    _scene(parser)
-    parser.add_argument(
-        "--out", type=named, help="directory for the results (default: results/NAME OF THE SCENE_threshold)"
-    )
+    _scene_to(parser, "_threshold")
 
 
 def of_gust(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient gust`."""
-    _scene(parser)
+    _scene_to(parser, "_gusts")
     parser.add_argument(
         "--durations",
         type=float,
@@ -87,9 +88,6 @@ def of_gust(parser: argparse.ArgumentParser) -> None:
         default=[0.5, 1.0, 2.0, 4.0, 8.0],
         metavar="TIME",
         help="durations of the gusts, in units of the scene (default: 0.5 1 2 4 8)",
-    )
-    parser.add_argument(
-        "--out", type=named, help="directory for the results (default: results/NAME OF THE SCENE_gusts)"
     )
 
 
@@ -107,10 +105,7 @@ def of_plan(parser: argparse.ArgumentParser) -> None:
 
 def of_cost(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `incipient cost`."""
-    _scene(parser)
-    parser.add_argument(
-        "--out", type=named, help="directory for the study (default: results/NAME OF THE SCENE_cost)"
-    )
+    _scene_to(parser, "_cost", "study")
     parser.add_argument("--quick", action="store_true", help="a few coarse runs only")
     parser.add_argument(
         "--orders", type=int, nargs="+", metavar="ORDER", help="orders of the velocity, 2 to 4"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import logging
 from pathlib import Path
-from typing import Any
 
 import incipient
 
@@ -15,15 +14,16 @@ from ..results.result import Result
 from .drawing import tell_of_pictures
 from .options import require_left_by
 
+log = logging.getLogger("incipient")
+
 
 def run(options: argparse.Namespace, comm: Comm) -> int:
     """Simulates a scene, says what came out and where it is."""
-    log = logging.getLogger("incipient") if comm.rank == 0 else _nobody()
     scene = incipient.load(options.scene, options.overrides, comm)
     directory = options.out or Path("results") / options.scene.stem
-    log.info(
-        "%s on %s\n%s", scene.title or options.scene.stem, _ranks(comm), incipient.make_plan(scene).text()
-    )
+    ranks, plan = f"{comm.size} rank" + ("s" if comm.size > 1 else ""), incipient.make_plan(scene).text()
+    if comm.rank == 0:
+        log.info("%s on %s\n%s", scene.title or options.scene.stem, ranks, plan)
     with telling(comm.rank) as voice:
         result = incipient.run(scene, directory, comm, voice, options.overwrite)
     _tell(result, directory, comm)
@@ -54,29 +54,12 @@ def threshold(options: argparse.Namespace, comm: Comm) -> int:
 
 def _tell(result: Result, directory: Path, comm: Comm) -> None:
     """Say what came out and where it is; then draw the pictures if the scene wants some."""
-    output = result.scene["output"]
+    output, cost = result.scene["output"], result.cost
     if comm.rank == 0:
         print(result.text())
-        print(_whereabouts(directory, output["fields"], result.cost), flush=True)
+        print(f"verdict and numbers {directory / 'result.json'}")
+        if output["fields"]:
+            print(f"for ParaView        {directory / 'fields.xdmf'}")
+        spent = f"{cost['wall_time']['total']:.2f} s, {cost['unknowns']} unknowns"
+        print(f"cost                {spent}, {cost['peak_memory_mib']:.0f} MiB", flush=True)
     tell_of_pictures(directory, output["pictures"], comm)
-
-
-def _whereabouts(directory: Path, fields: bool, cost: dict[str, Any]) -> str:
-    lines = [f"verdict and numbers {directory / 'result.json'}"]
-    if fields:
-        lines.append(f"for ParaView        {directory / 'fields.xdmf'}")
-    lines.append(
-        f"cost                {cost['wall_time']['total']:.2f} s, {cost['unknowns']} unknowns, "
-        f"{cost['peak_memory_mib']:.0f} MiB"
-    )
-    return "\n".join(lines)
-
-
-def _ranks(comm: Comm) -> str:
-    return f"{comm.size} rank" + ("s" if comm.size > 1 else "")
-
-
-def _nobody() -> logging.Logger:
-    logger = logging.getLogger("incipient.silent")
-    logger.disabled = True
-    return logger

@@ -1,8 +1,10 @@
-"""`incipient show`: pictures and films of results."""
+"""`incipient show` and `incipient report`: pictures, films and pages of results."""
 
 from __future__ import annotations
 
 import argparse
+
+import incipient
 
 from ..errors import OutputError, SceneError
 from ..parallel import Comm, collectively
@@ -16,13 +18,16 @@ RECORDS = ("result.json", "threshold.json", "judgement.json", "cost.json", "seri
 def show(options: argparse.Namespace, comm: Comm) -> int:
     """Draws the pictures of results, or animates them."""
     if options.directory.suffix == ".toml":
-        why = "is a scene and no results"
-        raise SceneError(
-            f"{options.directory}: {why}; run it, then give the directory that the run was written to"
+        why, remedy = (
+            "is a scene and no results",
+            "run it, then give the directory that the run was written to",
         )
+        raise SceneError(f"{options.directory}: {why}; {remedy}")
     if options.directory.is_file():
         return _show_sweep(options, comm)
-    _refuse_options_of_sweeps(options)
+    for name in OF_SWEEPS:
+        if getattr(options, name) is not None:
+            raise SceneError(f"--{name} is for the file of a sweep; {options.directory} is none")
     require_left_by(options.directory, RECORDS, comm)
     if options.field is not None and not options.animate:
         raise SceneError("--field says what to animate; add --animate")
@@ -63,8 +68,9 @@ def _show_sweep(options: argparse.Namespace, comm: Comm) -> int:
     return 0
 
 
-def _refuse_options_of_sweeps(options: argparse.Namespace) -> None:
-    """Refuses what is for sweeps where none is shown."""
-    for name in OF_SWEEPS:
-        if getattr(options, name) is not None:
-            raise SceneError(f"--{name} is for the file of a sweep; {options.directory} is none")
+def report(options: argparse.Namespace, comm: Comm) -> int:
+    """Write the page and say where it is."""
+    with collectively(comm):
+        if comm.rank == 0:
+            print(incipient.report(options.path, options.out), flush=True)
+    return 0
