@@ -12,7 +12,7 @@ import itertools
 import json
 import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from enum import Enum
@@ -140,6 +140,21 @@ def _plain_container(data: Any) -> Any:
     if isinstance(data, (list, tuple, set, frozenset)):
         return [plain(value) for value in data]
     raise TypeError(f"{type(data).__name__} has no counterpart in JSON")
+
+
+def csv_text(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> str:
+    """A CSV file of these columns as text; what a row lacks is empty, what it has besides is left out."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, restval="", extrasaction="ignore", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def make_directory(path: Path, wanted: Path | None = None) -> None:
+    """Make a directory, and those that it is in, if need be; raises OutputError, which names it or what is `wanted`."""
+    with reported(wanted or path):
+        path.mkdir(parents=True, exist_ok=True)
 
 
 def append_row(path: Path, row: Mapping[str, float | int | str]) -> None:

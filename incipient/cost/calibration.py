@@ -18,7 +18,7 @@ from typing import Any
 
 from ..effects.known import EFFECTS
 from ..errors import OutputError
-from ..files import reported, write_json
+from ..files import make_directory, write_json
 from ..planning.flow_setup import Setup
 from ..scene import Scene
 from .laws import ErrorLaw, TimeLaw
@@ -122,8 +122,7 @@ def add(found: Calibration) -> None:
         OutputError: it cannot be written.
     """
     target, known = path(), read()
-    with reported(target):
-        target.parent.mkdir(parents=True, exist_ok=True)
+    make_directory(target.parent, target)
     kept = {digest: older for digest, older in known.items() if digest not in found}
     machines = {**_stored(), machine(): plain({**kept, **found})}
     write_json(target, {"schema_version": SCHEMA_VERSION, "machines": machines})

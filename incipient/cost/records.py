@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import csv
-import io
 import os
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 from ..errors import OutputError
-from ..files import append_row, reported, write_text_atomically
+from ..files import append_row, csv_text, reported, write_text_atomically
 from .measurement import Counts, MeasuredRun, Variant
 
 Key = tuple[int, str, str, str]
@@ -107,13 +106,5 @@ def completed(directory: Path, compared: Collection[Variant]) -> bool:
     old = {tuple(map(str, variant.key[:-1])) for variant in compared}
     rows = [row for row in table if (row["order"], row["mesh_size"], row[AFTER]) not in old]
     at = heads.index(AFTER) + 1
-    write_text_atomically(path, _table([*heads[:at], SOLVER, *heads[at:]], rows))
+    write_text_atomically(path, csv_text([*heads[:at], SOLVER, *heads[at:]], rows))
     return True
-
-
-def _table(heads: Sequence[str], rows: Sequence[Mapping[str, str]]) -> str:
-    text = io.StringIO()
-    writer = csv.DictWriter(text, heads, restval="", lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()

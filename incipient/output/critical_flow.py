@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ..critical.outcome import Threshold
 from ..critical.threshold import find_threshold
-from ..files import reported, write_json
+from ..files import make_directory, write_json
 from ..parallel import Comm, collectively, world
 from ..progress import Silent
 from ..scene import Scene, save
@@ -56,8 +56,7 @@ def write_threshold(path: Path, scene: Scene, threshold: Threshold, comm: Comm) 
     """
     with collectively(comm):
         if comm.rank == 0:
-            with reported(path):
-                path.mkdir(parents=True, exist_ok=True)
+            make_directory(path)
             if (path / CHECKPOINT).exists():
                 make_room(path, overwrite=False)
             save(scene, path / SCENE)

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..files import append_row, cut, cut_after, part_of, reported, sync, write_json
+from ..files import append_row, cut, cut_after, make_directory, part_of, reported, sync, write_json
 from ..parallel import Comm, collectively
 from ..planning.plan import Plan
 from ..results.result import Result
@@ -74,8 +74,7 @@ class ResultDirectory:
             cut(self.path / "history.csv", recorded.rows, recorded.bytes)
             cut_after(self.path / CONTACTS, self._resumed.time)
             return
-        with reported(self.path):
-            self.path.mkdir(parents=True, exist_ok=True)
+        make_directory(self.path)
         make_room(self.path, self._overwrite)
 
     def wants_fields(self, number: int, last: bool) -> bool:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ..critical.gusts import CriticalGust, GustSearch, require_durations
-from ..files import reported, write_json
+from ..files import csv_text, write_json, write_text_atomically
 from ..parallel import Comm, collectively, world
 from ..progress import Silent
 from ..scene import Scene, save
@@ -87,9 +85,5 @@ def _write(path: Path, curve: GustCurve, comm: Comm) -> None:
         if comm.rank == 0:
             save(curve.scene, path / SCENE)
             write_json(path / "gusts.json", curve.to_dict())
-            text = io.StringIO()
-            writer = csv.DictWriter(text, COLUMNS, extrasaction="ignore", lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(one.to_dict() for one in curve.points)
-            with reported(path / "gusts.csv"):
-                (path / "gusts.csv").write_text(text.getvalue(), encoding="utf-8")
+            text = csv_text(COLUMNS, (one.to_dict() for one in curve.points))
+            write_text_atomically(path / "gusts.csv", text)

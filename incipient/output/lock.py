@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from ..errors import OutputError
-from ..files import reported
+from ..files import make_directory, reported
 from ..parallel import Comm, collectively
 from .ownership import refuse_foreign
 
@@ -74,8 +74,7 @@ def locked(directory: Path, comm: Comm, make: bool = False) -> Iterator[None]:
     with collectively(comm):
         if comm.rank == 0:
             if make:
-                with reported(directory):
-                    directory.mkdir(parents=True, exist_ok=True)
+                make_directory(directory)
             _take(directory, mine)
             try:
                 refuse_foreign(directory)

@@ -17,7 +17,7 @@ from ..arrays import Floats, spatial
 from ..contact import Contacts, Load
 from ..contact.uncertainty import StandardErrors, probabilities
 from ..contact.verdict import judge
-from ..files import plain, reported, write_json
+from ..files import make_directory, plain, write_json
 from ..geometry.placement import Placement
 from ..scene.file import read
 from ..scene.kinds import Body
@@ -256,8 +256,7 @@ def save(judgement: dict[str, Any], directory: Path) -> None:
         OutputError: it cannot be written.
     """
     path = directory / "judgement.json"
-    with reported(path):
-        directory.mkdir(parents=True, exist_ok=True)
+    make_directory(directory, path)
     write_json(path, judgement)
 
 

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from ..errors import OutputError, shortened
-from ..files import reported
+from ..files import make_directory
 from ..output.lock import Holder
 from .cases import SweepCase
 
@@ -77,8 +77,7 @@ class Store:
         if not make and not path.is_file():
             raise OutputError(f"{path}: no such file; give the file of a sweep")
         if make:
-            with reported(path):
-                path.parent.mkdir(parents=True, exist_ok=True)
+            make_directory(path.parent, path)
         with self._reported():
             # Statements commit themselves; what belongs together says so.
             self._base = sqlite3.connect(path, timeout=PATIENCE, isolation_level=None)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import math
 import tomllib
@@ -13,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..effects import known
 from ..errors import MissingError
-from ..files import reported
+from ..files import csv_text, reported
 from ..results.quantity import HIGH, LOW, at
 from ..results.si import FLOW
 from .store import DAMAGED, DONE, FAILED, CaseOutcome, Store, damaged
@@ -64,11 +62,7 @@ def columns(found: Sequence[Mapping[str, Any]]) -> list[str]:
 
 def as_csv(found: Sequence[Mapping[str, Any]]) -> str:
     """Rows as the text of a CSV file; what is not known is empty."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, columns(found), restval="", lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(found)
-    return text.getvalue()
+    return csv_text(columns(found), found)
 
 
 def write_parquet(source: Path, target: Path) -> None:
