@@ -40,20 +40,12 @@ def draw_sweep_apart(file: Path, **options: str | None) -> Drawn:
 
 
 def animate_apart(directory: Path, target: Path | None, field: str) -> Path:
-    """Make the film that `animation.animate` makes in another process; return its path. Not collective.
-
-    Raises:
-        OutputError: with the drawing's own explanation.
-    """
+    """Path of the film of `animation.animate`, made in another process; raises OutputError as it does."""
     return _film_apart(directory, target, "--animate", f"--field={field}")
 
 
 def turn_apart(directory: Path, target: Path | None) -> Path:
-    """Make the film that `turntable.turn` makes in another process; return its path. Not collective.
-
-    Raises:
-        OutputError: with the drawing's own explanation.
-    """
+    """Path of the film of `turntable.turn`, made in another process; raises OutputError as it does."""
     return _film_apart(directory, target, "--turntable")
 
 

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import json
 import tomllib
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from ..errors import OutputError
 from ..output.series_file import StoredStep, read_step
 from ..scene import Scene
+from . import style
 from .flow.mesh import QuadraticMesh
 from .flow.streamlines import Sampled, sample
 from .verdict.outlines import grain_outline
@@ -102,6 +105,13 @@ class StoredRun:
         """Whether the fields are those of half a domain in space."""
         return bool(self.fields.points[:, 1].min() > self.middle - 0.25 * self.setting("domain", "width"))
 
+    def whole(self, points: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """A surface of points (n, 3) and cells, with its mirror image where the fields are those of half a domain."""
+        if not self.halved:
+            return points, cells
+        other = points * [1.0, -1.0, 1.0] + [0.0, 2.0 * self.middle, 0.0]
+        return np.vstack([points, other]), np.vstack([cells, cells + len(points)])
+
     @property
     def contacts(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """Contacts of grain and bed: point and normal out of the grain."""
@@ -150,6 +160,22 @@ def parsed_json(path: Path) -> dict[str, Any]:
         OutputError: naming the file if it is missing or damaged.
     """
     return _parsed(path, json.loads)
+
+
+def drawn(source: Path, picture: Callable[[dict[str, Any]], Figure], again: str) -> list[Path]:
+    """Draw the picture of a JSON file beside it, under its name. Not collective.
+
+    Raises:
+        OutputError: the file is missing or damaged, with the remedy `again`, or the picture cannot be written.
+    """
+    stored, path = parsed_json(source), source.with_suffix(".png")
+    with style.applied():
+        try:
+            figure = picture(stored)
+        except (KeyError, TypeError, ValueError) as error:
+            raise OutputError(f"{source}: cannot be understood ({error}); {again}") from error
+        style.save(figure, path)
+    return [path]
 
 
 def _parsed(path: Path, parse: Any) -> dict[str, Any]:

@@ -94,9 +94,9 @@ def panels(views: list[View], title: str) -> tuple[Figure, list[tuple[Axes, Axes
     figure.text(left, top, "\n".join(lines), fontsize=11, va="top")
     made = []
     for view, (left, bottom, across, up) in zip(views, places, strict=True):
-        axes = _placed(figure, left, bottom, across, up)
+        axes = placed(figure, left, bottom, across, up)
         axes.set(xlim=view[:2], ylim=view[2:], xlabel="x [scene units]", ylabel="y [scene units]")
-        made.append((axes, _placed(figure, left + across + 0.12, bottom, 0.14, up)))
+        made.append((axes, placed(figure, left + across + 0.12, bottom, 0.14, up)))
     return figure, made
 
 
@@ -118,7 +118,7 @@ def _row(aspects: np.ndarray) -> tuple[Figure, list[tuple[float, float, float, f
     return Figure(figsize=(lefts[-1] + widths[-1] + _RIGHT, _TOP + height + _BOTTOM)), places
 
 
-def _placed(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
+def placed(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
     """Axes at a place given in inches."""
     across, up = figure.get_size_inches()
     return figure.add_axes((left / across, bottom / up, width / across, height / up))

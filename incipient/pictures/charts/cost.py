@@ -18,9 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullLocator
 
 from ...cost.frontier import WORTH, CostLaw, front, percent
-from ...errors import OutputError
-from .. import style
-from ..record import parsed_json
+from ..record import drawn
 from ..style import INK
 
 _COLOURS = {2: "#2166ac", 3: "#d95f0e", 4: "#1b7837"}
@@ -39,26 +37,15 @@ _MOST_NAMES = 5  # in a row of the legend
 
 
 def draw(directory: Path) -> list[Path]:
-    """Draw cost.png from the cost.json of a directory. Not collective.
-
-    Raises:
-        OutputError: when it is missing or damaged, or the picture cannot be written.
-    """
-    source, path = directory / "cost.json", directory / "cost.png"
-    stored = parsed_json(source)
-    with style.applied():
-        try:
-            figure = _figure(stored)
-        except (KeyError, TypeError, ValueError) as error:
-            raise OutputError(f"{source}: cannot be understood ({error}); make the study again") from error
-        style.save(figure, path)
-    return [path]
+    """Draw cost.png from the cost.json of a directory; raises as `record.drawn`. Not collective."""
+    return drawn(directory / "cost.json", _figure, "make the study again")
 
 
 def _figure(stored: dict[str, Any]) -> Figure:
     figure = Figure(figsize=(_WIDE, _HIGH))
     figure.text(0.07, 0.975, stored["title"] or "What accuracy costs", fontsize=11.5, weight="bold", va="top")
-    figure.text(0.07, 0.935, _wrapped(stored["words"]), fontsize=9, va="top", linespacing=1.3)
+    words = textwrap.wrap(f"{stored['words'][0].upper()}{stored['words'][1:]}", 118)
+    figure.text(0.07, 0.935, "\n".join(words), fontsize=9, va="top", linespacing=1.3)
     every = figure.subplots(2, 2, sharey=True)
     figure.subplots_adjust(left=0.09, right=0.98, top=0.85, bottom=0.13, wspace=0.08, hspace=0.3)
     for axes, (key, label) in zip(every.flat, _PANELS, strict=True):
@@ -69,10 +56,6 @@ def _figure(stored: dict[str, Any]) -> Figure:
     handles, labels = every[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="lower center", ncols=min(len(labels), _MOST_NAMES), fontsize=8)
     return figure
-
-
-def _wrapped(words: str) -> str:
-    return "\n".join(textwrap.wrap(f"{words[0].upper()}{words[1:]}", 118))
 
 
 def _show(axes: Axes, stored: dict[str, Any], key: str) -> None:
@@ -101,18 +84,13 @@ def _show(axes: Axes, stored: dict[str, Any], key: str) -> None:
 def _mark(axes: Axes, runs: Sequence[dict[str, Any]], key: str, order: int, filled: bool) -> None:
     if not runs:
         return
-    colour = _COLOURS[order]
-    name = f"P{order}-P{order - 1}" if filled else f"P{order}-P{order - 1}, as good as the reference"
-    axes.plot(
-        [run[key] for run in runs],
-        [run["error"] for run in runs],
-        _MARKERS[order],
-        color=colour,
-        mfc=colour if filled else "white",
-        ms=5.5,
-        label=name,
-        zorder=3,
+    colour, name = (
+        _COLOURS[order],
+        f"P{order}-P{order - 1}" + ("" if filled else ", as good as the reference"),
     )
+    looks = {"color": colour, "mfc": colour if filled else "white", "ms": 5.5, "zorder": 3}
+    places = [run[key] for run in runs], [run["error"] for run in runs]
+    axes.plot(*places, _MARKERS[order], label=name, **looks)
 
 
 def _show_solvers(axes: Axes, runs: Sequence[dict[str, Any]], key: str) -> None:

@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 import textwrap
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ from ...sweep.table import columns, rows
 from .. import style
 
 Rows = list[dict[str, Any]]
+Looks = dict[str, Any]  # of a curve, in matplotlib's words
 
 LAMINAR_AND_TURBULENT = (
     "Not the same thing: points are of one grain in laminar flow, the dashed curve fits beds of many grains in "
@@ -78,14 +80,11 @@ def draw(
             figures["threshold"] = _shields(found, by, file)
         if by is not None and len(varied) > 1 and _numbers(found, against) and _numbers(found, by):
             figures["map"] = _map(found, against, by, file)
-        return [_saved(figure, file, name, announce) for name, figure in figures.items()]
-
-
-def _saved(figure: Figure, file: Path, name: str, announce: Callable[[Path], object]) -> Path:
-    path = file.with_name(f"{file.stem}_{name}.png")
-    style.save(figure, path)
-    announce(path)
-    return path
+        paths = [file.with_name(f"{file.stem}_{name}.png") for name in figures]
+        for path, figure in zip(paths, figures.values(), strict=True):
+            style.save(figure, path)
+            announce(path)
+        return paths
 
 
 def _curves(found: Rows, quantity: str, against: str, by: str | None, file: Path) -> Figure:
@@ -100,7 +99,7 @@ def _curves(found: Rows, quantity: str, against: str, by: str | None, file: Path
     places = {value: float(n) for n, value in enumerate(dict.fromkeys(row[against] for row in shown))}
     for label, mine, looks in _families(shown, by):
         x = np.array([places[row[against]] if worded else float(row[against]) for row in mine])
-        _plot(axes, x, mine, quantity, label, looks, joined=not worded)
+        _plot(axes, x, mine, quantity, label, looks | ({"lw": 0.0} if worded else {}))
     if worded:
         axes.set_xticks(list(places.values()), [str(value) for value in places])
     else:
@@ -113,40 +112,20 @@ def _curves(found: Rows, quantity: str, against: str, by: str | None, file: Path
     return figure
 
 
-def _plot(
-    axes: Axes,
-    x: Floats,
-    mine: Rows,
-    quantity: str,
-    label: str,
-    looks: Mapping[str, Any],
-    joined: bool = True,
-) -> None:
+def _plot(axes: Axes, x: Floats, mine: Rows, quantity: str, label: str, looks: Looks) -> None:
     """Values with their error bars, joined in the order of x; infinite ones are left out."""
     order = np.argsort(x, kind="stable")
-    y = np.array([float(mine[number][quantity]) for number in order])
-    low, high = (np.array([_end(mine[number], quantity, end) for number in order]) for end in (LOW, HIGH))
+    rows_of = [mine[number] for number in order]
+    ends = ([float(row.get(quantity + end, row[quantity])) for row in rows_of] for end in ("", LOW, HIGH))
+    y, low, high = (np.array(values) for values in ends)
     with np.errstate(invalid="ignore"):
         bars = np.nan_to_num(np.array([y - low, high - y]), nan=0.0, posinf=0.0, neginf=0.0)
     finite = np.isfinite(y)
-    axes.errorbar(
-        x[order][finite],
-        y[finite],
-        yerr=np.maximum(bars[:, finite], 0.0),
-        ms=4.5,
-        lw=1.1 if joined else 0.0,
-        elinewidth=0.9,
-        capsize=2.0,
-        label=label or None,
-        **looks,
-    )
+    errors, looks = np.maximum(bars[:, finite], 0.0), {"lw": 1.1, **looks, "label": label or None}
+    axes.errorbar(x[order][finite], y[finite], yerr=errors, ms=4.5, elinewidth=0.9, capsize=2.0, **looks)
 
 
-def _end(row: Mapping[str, Any], quantity: str, end: str) -> float:
-    return float(row.get(quantity + end, row[quantity]))
-
-
-def _families(found: Rows, by: str | None) -> list[tuple[str, Rows, dict[str, Any]]]:
+def _families(found: Rows, by: str | None) -> list[tuple[str, Rows, Looks]]:
     """The rows of each value of a column, with label and looks; of many values those that most rows have."""
     counted = Counter(None if by is None else row.get(by) for row in found)
     values = list(counted)
@@ -154,14 +133,12 @@ def _families(found: Rows, by: str | None) -> list[tuple[str, Rows, dict[str, An
         values = [value for value, _ in counted.most_common(len(_COLOURS))]
     if by is not None and _numbers(found, by):
         values = sorted(values, key=lambda value: float(value or 0.0))
-    return [
-        (
-            "" if by is None else _value(value),
-            [row for row in found if by is None or row.get(by) == value],
-            {"marker": _MARKERS[number % len(_MARKERS)], "color": _COLOURS[number % len(_COLOURS)]},
-        )
-        for number, value in enumerate(values)
-    ]
+    families = []
+    for value, marker, colour in zip(values, cycle(_MARKERS), cycle(_COLOURS), strict=False):
+        shown = f"{value:.4g}" if isinstance(value, float) else str(value)
+        mine = [row for row in found if by is None or row.get(by) == value]
+        families.append(("" if by is None else shown, mine, {"marker": marker, "color": colour}))
+    return families
 
 
 def soulsby_whitehouse(diameters: Floats) -> tuple[Floats, Floats]:
@@ -187,12 +164,7 @@ def _shields(found: Rows, by: str | None, file: Path) -> Figure:
     reynolds, shields = soulsby_whitehouse(_DIMENSIONLESS)
     label = "Soulsby & Whitehouse (1997)"
     axes.plot(reynolds, shields, "--", color="#858585", lw=1.2, label=label, zorder=1)
-    axes.set(
-        xscale="log",
-        yscale="log",
-        xlabel="grain Reynolds number  u* d/ν",
-        ylabel="critical Shields number (largest diameter)",
-    )
+    axes.set(xscale="log", yscale="log", xlabel="grain Reynolds number  u* d/ν", ylabel=_name("shields"))
     _legend(axes, by if len(families) > 1 else None)
     return figure
 
@@ -207,13 +179,11 @@ def _map(found: Rows, across: str, up: str, file: Path) -> Figure:
     _scale(axes.set_yscale, y.tolist())
     axes.set(xlabel=_name(across), ylabel=_name(up))
     _colour(figure, axes, x, y, shown, value)
-    for number, mode in enumerate(sorted({str(row.get("mode", "")) for row in shown})):
+    modes = sorted({str(row.get("mode", "")) for row in shown})
+    for mode, marker, colour in zip(modes, cycle(_MARKERS), cycle(_COLOURS), strict=False):
         mine = [n for n, row in enumerate(shown) if str(row.get("mode", "")) == mode]
-        marker, colour = (looks[number % len(looks)] for looks in (_MARKERS, _COLOURS))
-        label = mode or "no verdict"
-        axes.plot(
-            x[mine], y[mine], marker, color=colour, mec="white", mew=0.6, ms=7.0, label=label, clip_on=False
-        )
+        looks = {"color": colour, "mec": "white", "mew": 0.6, "ms": 7.0, "label": mode or "no verdict"}
+        axes.plot(x[mine], y[mine], marker, clip_on=False, **looks)
     _legend(axes, None)
     return figure
 
@@ -259,9 +229,7 @@ def _legend(axes: Axes, by: str | None) -> None:
 def _numbers(found: Rows, name: str) -> bool:
     """Whether a column holds numbers alone."""
     values = [row[name] for row in found if name in row]
-    return bool(values) and all(
-        isinstance(value, int | float) and not isinstance(value, bool) for value in values
-    )
+    return bool(values) and all(isinstance(one, int | float) and not isinstance(one, bool) for one in values)
 
 
 def _scale(set_scale: Callable[[str], object], values: Sequence[float]) -> None:
@@ -274,7 +242,3 @@ def _scale(set_scale: Callable[[str], object], values: Sequence[float]) -> None:
 def _name(column: str) -> str:
     """A column in words; a key of scenes as it is."""
     return column if "." in column else _NAMES.get(column, column.replace("_", " "))
-
-
-def _value(value: Any) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -14,9 +14,7 @@ from ..style import INK, panels
 from .mesh import QUARTERS
 
 _FACES = np.array([(0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3)])  # corners of a tetrahedron's faces
-_MIDDLES = np.array(
-    [(4, 5, 6), (4, 8, 7), (6, 9, 7), (5, 9, 8)]
-)  # nodes on the sides of the same faces, in order
+_MIDDLES = np.array([(4, 5, 6), (4, 8, 7), (6, 9, 7), (5, 9, 8)])  # nodes on the sides of these, in order
 _UPWARD = 0.1  # least rise of a normal that points up
 _LEVELS = 24  # colours
 _LINES, _PLACES = 7, 201  # lines of equal height of the bed; places in each direction at which that is known
@@ -24,7 +22,7 @@ _LINES, _PLACES = 7, 201  # lines of equal height of the bed; places in each dir
 
 def picture(run: StoredRun) -> Figure:
     """Elevation above the still level in colour as seen from above, the bed's height in lines."""
-    points, triangles = _whole(run, *surface_of(run))
+    points, triangles = run.whole(*surface_of(run))
     scene = Scene(**run.scene)
     domain = scene.domain
     elevation = points[:, 2] - domain.ceiling
@@ -61,14 +59,6 @@ def surface_of(run: StoredRun) -> tuple[np.ndarray, np.ndarray]:
     nodes = np.column_stack([corners[chosen], cells[chosen[:, None] // 4, _MIDDLES[chosen % 4]]])
     used, places = np.unique(nodes, return_inverse=True)
     return points[used], places.reshape(-1, 6)[:, QUARTERS].reshape(-1, 3)
-
-
-def _whole(run: StoredRun, points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Half a surface with its mirror image."""
-    if not run.halved:
-        return points, triangles
-    other = points * [1.0, -1.0, 1.0] + [0.0, 2.0 * run.middle, 0.0]
-    return np.vstack([points, other]), np.vstack([triangles, triangles + len(points)])
 
 
 def _show_bed(domain: Domain, bed: Terrain | None, axes: Axes) -> bool:

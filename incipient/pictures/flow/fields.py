@@ -19,6 +19,9 @@ from ..style import GRAIN, GROUND, INK, View, panels
 from .mesh import curve, triangles_of
 from .streamlines import streamlines
 
+Limits = Callable[[np.ndarray], Normalize]  # of the colours of values that are seen
+Overlay = Callable[[Axes, View], None]
+
 _TRIANGLES = 50_000  # about as many as a panel shows; more cannot be told apart
 _CLIPPED = 0.5  # per cent of the nodes, at either end, whose pressure exceeds the colour bar
 _CLIPPED_VORTICITY = 6.0  # per cent of the nodes: it is greatest in thin layers
@@ -103,10 +106,8 @@ def draw_streamlines(
 def _draw_isobars(run: StoredRun, axes: Axes, view: View) -> None:
     values, seen = run.field("pressure"), run.mesh.within(view)
     levels = np.linspace(*_range(without_extremes(values[np.unique(seen.cells)])), 19)[1:-1]
-    triangulation = triangles_of(seen.points, seen.quarters)
-    axes.tricontour(
-        triangulation, values, levels=levels, colors=INK, linewidths=0.35, linestyles="solid", alpha=0.6
-    )
+    looks = {"colors": INK, "linewidths": 0.35, "linestyles": "solid", "alpha": 0.6}
+    axes.tricontour(triangles_of(seen.points, seen.quarters), values, levels=levels, **looks)
 
 
 def near_grain(run: StoredRun) -> View | None:
@@ -123,12 +124,7 @@ def near_grain(run: StoredRun) -> View | None:
 
 
 def _picture(
-    run: StoredRun,
-    values: np.ndarray,
-    name: str,
-    colours: str,
-    limits: Callable[[np.ndarray], Normalize],
-    overlay: Callable[[Axes, View], None],
+    run: StoredRun, values: np.ndarray, name: str, colours: str, limits: Limits, overlay: Overlay
 ) -> Figure:
     """The whole domain and, if there is a grain, its surroundings, each with colours of its own."""
     x0, x1, _, y1 = run.box
@@ -180,7 +176,8 @@ def from_zero(seen: np.ndarray) -> Normalize:
 
 def without_extremes(seen: np.ndarray) -> Normalize:
     """Limits of the colours of values whose extremes exceed the colour bar."""
-    return Normalize(*_spread(*np.percentile(seen, (_CLIPPED, 100 - _CLIPPED))))
+    low, high = np.percentile(seen, (_CLIPPED, 100 - _CLIPPED))
+    return Normalize(low, high) if high > low else Normalize(low - 0.5, high + 0.5)
 
 
 def _symmetric(seen: np.ndarray) -> Normalize:
@@ -190,10 +187,6 @@ def _symmetric(seen: np.ndarray) -> Normalize:
 
 def _range(norm: Normalize) -> tuple[float, float]:
     return float(norm.vmin or 0.0), float(norm.vmax or 0.0)
-
-
-def _spread(low: float, high: float) -> tuple[float, float]:
-    return (low, high) if high > low else (low - 0.5, high + 0.5)
 
 
 def _arrow_head(line: np.ndarray, size: float) -> np.ndarray | None:

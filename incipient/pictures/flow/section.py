@@ -28,14 +28,8 @@ TETRAHEDRON, STRAIGHT = 24, 10  # VTK's numbers of the quadratic one and of the 
 # Nodes of the eight straight tetrahedra that a quadratic one is cut into: VTK takes points far outside of curved cells
 # for points within.
 PARTS = (
-    (0, 4, 6, 7),
-    (4, 1, 5, 8),
-    (6, 5, 2, 9),
-    (7, 8, 9, 3),
-    (4, 5, 6, 8),
-    (4, 6, 7, 8),
-    (6, 7, 8, 9),
-    (5, 6, 8, 9),
+    *((0, 4, 6, 7), (4, 1, 5, 8), (6, 5, 2, 9), (7, 8, 9, 3)),
+    *((4, 5, 6, 8), (4, 6, 7, 8), (6, 7, 8, 9), (5, 6, 8, 9)),
 )
 COLUMNS = 500  # points along the longer side
 SUBDIVIDED = 2  # halvings of curved triangles whose sections are drawn
@@ -52,9 +46,7 @@ class VerticalSection:
     z: np.ndarray  # of the rows
     inside: np.ndarray
     fields: dict[str, np.ndarray]  # outside of the fluid those of the next point in it
-    fluid: tuple[
-        np.ndarray, ...
-    ]  # closed lines (n, 2) around the fluid: where the plane cuts the boundary of the mesh
+    fluid: tuple[np.ndarray, ...]  # closed lines (n, 2) where the plane cuts the boundary of the mesh
     grain: tuple[np.ndarray, ...]  # closed lines (n, 2) around the grain, by its own shape
 
     @property
@@ -111,12 +103,10 @@ def section_of(run: StoredRun, view: View, names: Sequence[str], columns: int = 
         _, nearest = KDTree(points[known]).query(points[missing])
         for name in names:
             found[name][missing] = found[name][known][nearest]
-    shape = across.shape
-    values = {name: np.asarray(found[name]) for name in names}
+    shape, values = across.shape, {name: np.asarray(found[name]) for name in names}
     shaped = {name: field.reshape(*shape, *field.shape[1:]) for name, field in values.items()}
-    return VerticalSection(
-        view, x, z, inside.reshape(shape), shaped, boundary_lines(grid, level), grain_lines(run, level)
-    )
+    outlines = boundary_lines(grid, level), grain_lines(run, level)
+    return VerticalSection(view, x, z, inside.reshape(shape), shaped, *outlines)
 
 
 def draw_outlines(axes: Axes, section: VerticalSection, image: AxesImage) -> list[Artist]:
@@ -144,10 +134,8 @@ def grain_lines(run: StoredRun, level: float) -> tuple[np.ndarray, ...]:
     centre = run.value("grain", "computed_centre")
     if centre is None:
         return ()
-    grain, placement = (
-        Scene(**run.scene).grain,
-        Placement(centre, quaternion=tuple(run.value("grain", "quaternion"))),
-    )
+    grain = Scene(**run.scene).grain
+    placement = Placement(centre, quaternion=tuple(run.value("grain", "quaternion")))
     half = 0.6 * grain.size * np.linspace(-1.0, 1.0, _OUTLINE)
     x, z = centre[0] + half, centre[2] + half
     across, up = np.meshgrid(x, z)

@@ -109,7 +109,11 @@ def _columns(path: Path, names: list[str], rows: list[list[str]]) -> dict[str, n
         raise OutputError(f"{path}: holds no complete steps; run the scene again")
     try:
         by_name = zip(names, zip(*complete, strict=True), strict=False)
-        found = {name: _numbers(column) for name, column in by_name if name in _READ}
+        found = {
+            name: np.array([float(text) if text else np.nan for text in column])
+            for name, column in by_name
+            if name in _READ
+        }
     except ValueError as error:
         raise OutputError(f"{path}: cannot be read: {error}; run the scene again") from error
     known = np.isfinite([found[name] for name in ("time", *PLACE[_gdim(found)])]).all(axis=0)
@@ -121,7 +125,3 @@ def _columns(path: Path, names: list[str], rows: list[list[str]]) -> dict[str, n
 def _gdim(names: Container[str]) -> int:
     """The dimension of the space that a history of columns of these names is of."""
     return 3 if "z" in names else 2
-
-
-def _numbers(texts: tuple[str, ...]) -> np.ndarray:
-    return np.array([float(text) if text else np.nan for text in texts])

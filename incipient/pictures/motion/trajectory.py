@@ -39,10 +39,7 @@ from .history import RATES, History, read_history
 _COLOURS = ListedColormap(colormaps["viridis_r"](np.linspace(0.12, 1.0, 256)), "moments")
 _COARSE = 0.05  # of the size of a grain in space: distance of the points among which its axis ends
 _SEGMENTS, _BED_PIECES = 3000, 800  # of the path, and of the bed; more cannot be told apart
-_MOMENTS, _APART = (
-    21,
-    0.45,
-)  # at which the grain may be drawn; smallest distance of two drawings [grain sizes]
+_MOMENTS, _APART = 21, 0.45  # at which the grain may be drawn; least distance of two drawings [grain sizes]
 _LEAST = 1e-3  # of its largest value: smaller changes of a quantity are shown as small
 _FEW_TURNS = 3.0  # up to which the angle is shown in degrees
 _NEAR = 0.5  # of the domain: a path of smaller extent is shown enlarged beside it
@@ -153,7 +150,7 @@ def _laid_out(views: Sequence[View]) -> tuple[Figure, list[Axes], Axes, list[Axe
     made, top = Figure(figsize=size), size[1] - _TOP
     maps = [(x, top - h, w, h) for x, w, h in zip(lefts, widths, heights, strict=True)]
     bar = (end + 0.12, top - heights[-1], 0.14, heights[-1])
-    axes = [_put(made, place) for place in (*maps, bar, *panels)]
+    axes = [style.placed(made, *place) for place in (*maps, bar, *panels)]
     return made, axes[: len(maps)], axes[len(maps)], axes[len(maps) + 1 :]
 
 
@@ -162,16 +159,9 @@ def _panels_beside(end: float, up: float) -> tuple[tuple[float, float], list[Pla
     panel_up = max(_PANEL_UP, (up - 2 * _ABOVE) / 3)
     high = 3 * panel_up + 2 * _ABOVE
     left, bottom = end + _BAR + 0.45, _BOTTOM + max(up - high, 0.0)
-    places = [
-        (
-            left + column * (_PANEL_ACROSS + _BESIDE),
-            bottom + row * (panel_up + _ABOVE),
-            _PANEL_ACROSS,
-            panel_up,
-        )
-        for column in range(2)
-        for row in (2, 1, 0)
-    ]
+    columns = [left + column * (_PANEL_ACROSS + _BESIDE) for column in range(2)]
+    rows = [bottom + row * (panel_up + _ABOVE) for row in (2, 1, 0)]
+    places = [(x, y, _PANEL_ACROSS, panel_up) for x in columns for y in rows]
     return (left + 2 * _PANEL_ACROSS + _BESIDE + 0.25, _BOTTOM + max(up, high) + _TOP), places
 
 
@@ -185,12 +175,6 @@ def _panels_below(end: float, up: float) -> tuple[tuple[float, float], list[Plac
         for column in range(3)
     ]
     return (width, _BOTTOM + 2 * _PANEL_UP + 2 * _ABOVE + _AXIS + up + _TOP), places
-
-
-def _put(made: Figure, place: Place) -> Axes:
-    across, up = made.get_size_inches()
-    left, bottom, width, height = place
-    return made.add_axes((left / across, bottom / up, width / across, height / up))
 
 
 def _draw_domain(axes: Axes, domain: Domain, walls: tuple[bool, bool], ground: np.ndarray | None) -> None:
@@ -277,15 +261,8 @@ def _draw_grain(axes: Axes, grain: Any, placement: Placement, look: _Look) -> Ar
     """The outline, the centre, and a spoke along the grain's first axis."""
     in_space = placement.gdim == 3
     outline = (grain_silhouette if in_space else grain_outline)(grain, placement)
-    body = Polygon(
-        outline,
-        joinstyle="round",
-        ec=look.edge,
-        fc=look.face,
-        lw=look.width,
-        ls=look.dashes,
-        zorder=look.order,
-    )
+    lines = {"ec": look.edge, "lw": look.width, "ls": look.dashes, "joinstyle": "round"}
+    body = Polygon(outline, fc=look.face, zorder=look.order, **lines)
     axes.add_artist(body)
     width = 0.75 * look.width
     x, y = (_axis_seen(grain, placement) if in_space else spoke(outline, placement)).T
@@ -322,7 +299,7 @@ def _draw_quantities(panels: Sequence[Axes], shown: Sequence[Shown], history: Hi
         axes.tick_params(labelsize=7.5)
         axes.xaxis.set_major_locator(MaxNLocator(5))
         axes.yaxis.set_major_locator(MaxNLocator(4))
-        axes.yaxis.set_major_formatter(FuncFormatter(_in_short))
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.6g}".replace("-", "−")))
     lowest = min(axes.get_position().y0 for axes in panels)
     for axes in panels:
         if axes.get_position().y0 < lowest + 1e-6:
@@ -336,11 +313,8 @@ def _quantities(history: History, size: float, velocity: float) -> list[Shown]:
     """Title, values and smallest range of axes, by a grain's size and a velocity: less is as good as constant."""
     if history.gdim == 3:
         places = [(f"{axis} [scene units]", history[axis], 1e-3 * size) for axis in "xyz"]
-        about = [f"spin about {axis} [radians per unit of time]" for axis in "xyz"]
-        spins = [history[name] for name in RATES[3][3:]]
-        return places + [
-            (title, spin, 1e-4 * velocity / size) for title, spin in zip(about, spins, strict=True)
-        ]
+        least, unit = 1e-4 * velocity / size, "[radians per unit of time]"
+        return places + [(f"spin about {name[-1]} {unit}", history[name], least) for name in RATES[3][3:]]
     angle = history["angle"]
     turned = np.ptp(angle) > _FEW_TURNS * 2 * np.pi
     unit, scale = ("turns", 2 * np.pi) if turned else ("degrees", np.pi / 180)
@@ -361,7 +335,3 @@ def _widen(axes: Axes, values: np.ndarray, least: float) -> None:
     low, high = (known.min(), known.max()) if len(known) else (0.0, 0.0)
     middle, half = (low + high) / 2, max(high - low, least) / 2
     axes.set_ylim(middle - 1.1 * half, middle + 1.1 * half)
-
-
-def _in_short(value: float, position: int) -> str:
-    return f"{value:.6g}".replace("-", "−")

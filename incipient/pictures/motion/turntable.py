@@ -30,10 +30,7 @@ from .film_file import DOTS, Frames
 _FRAMES, _RATE = 60, 12  # and per second
 _PIXELS = (620, 520)
 _LETTERS = 110  # of a line
-_RAISED, _FIRST = (
-    24.0,
-    -66.0,
-)  # of the camera above the horizontal; where it starts, 0 being downstream; degrees
+_RAISED, _FIRST = 24.0, -66.0  # of the camera: above the horizontal; at first, 0 being downstream; degrees
 # Lengths in grain sizes.
 _SEEN, _REACH = 1.2, 1.45  # half the height of the picture; radius of what is shown
 _STEP = 0.025  # between the points of the bed
@@ -52,9 +49,8 @@ def turn(directory: Path, target: Path | None = None) -> Path:
     film_file.check(path)
     run = read(directory)
     if not run.in_space or run.surface is None:
-        raise OutputError(
-            f"{directory}: a turntable shows a grain in space; this run has none: use --animate"
-        )
+        why = "a turntable shows a grain in space; this run has none"
+        raise OutputError(f"{directory}: {why}: use --animate")
     with style.applied():
         film_file.write(_Turntable(run), path, _RATE)
     return path
@@ -118,9 +114,8 @@ class _Turntable(Frames):
         surface = self._pyvista.UnstructuredGrid({QUADRATIC_TRIANGLE: self._cells}, self._points)
         surface["size"] = np.linalg.norm(self._traction, axis=1)
         drawn = surface.extract_surface(nonlinear_subdivision=2, algorithm="dataset_surface")
-        drawn = drawn.clean(tolerance=1e-7).compute_normals(
-            auto_orient_normals=True
-        )  # halves become one, all facing out
+        # Halves become one, all facing out.
+        drawn = drawn.clean(tolerance=1e-7).compute_normals(auto_orient_normals=True)
         self._plotter.add_mesh(
             drawn, scalars="size", cmap="magma", clim=(0.0, self._norm.vmax), show_scalar_bar=False,
             smooth_shading=True, opacity=_THROUGH["grain"], culling="back",
@@ -131,17 +126,12 @@ class _Turntable(Frames):
         if bed is None:
             return
         around = bed_around(self._pyvista, bed, self._centre, _REACH * self._size, _STEP * self._size)
-        self._plotter.add_mesh(
-            around, color=GROUND, smooth_shading=True, ambient=0.25, opacity=_THROUGH["bed"]
-        )
-
-    def _near(self, surface: Any) -> Any:
-        """What of a surface, or of lines, is not too far from the grain."""
-        return within(surface, self._centre, _REACH * self._size)
+        looks = {"smooth_shading": True, "ambient": 0.25, "opacity": _THROUGH["bed"]}
+        self._plotter.add_mesh(around, color=GROUND, **looks)
 
     def _streamlines(self) -> list[Any]:
         """Through points upstream of the grain, in a scene of which half was computed with their mirror images."""
-        found = self._near(self._traced(self._seeds()))
+        found = within(self._traced(self._seeds()), self._centre, _REACH * self._size)
         if found.n_points == 0:
             return []
         if not self._run.halved:

@@ -25,13 +25,7 @@ _SKETCHED = "; the grain is sketched"
 
 
 def draw(directory: Path) -> list[Path]:
-    """Draw judgement.png from the judgement.json of a directory. Not collective.
-
-    In the plane with matplotlib, in space with pyvista.
-
-    Raises:
-        OutputError: when the judgement is missing or damaged, or the picture cannot be written.
-    """
+    """Draw judgement.png from the judgement.json of a directory; raises OutputError. Not collective."""
     source, path = directory / "judgement.json", directory / "judgement.png"
     stored = parsed_json(source)
     if "verdict" not in stored:

@@ -62,30 +62,21 @@ def write_numbers(axes: Axes, groups: Iterable[Group], below: float = 0.12) -> N
     for group in filter(None, groups):
         for number, (name, value, colour) in enumerate(group):
             weight, value = "normal" if number else "bold", value.replace("-", "−")
-            figure.text(
-                _COLUMN / _WIDTH,
-                row / height,
-                name,
-                color=colour,
-                fontsize=_LETTERS,
-                weight=weight,
-                va="center",
-            )
+            looks = {"fontsize": _LETTERS, "va": "center"}
+            figure.text(_COLUMN / _WIDTH, row / height, name, color=colour, weight=weight, **looks)
             if _wide(name, weight) + _wide(value) + _BETWEEN > _WIDTH - _EDGE - _COLUMN:
                 row -= _ROW  # the value has a line of its own
-            figure.text(1 - _EDGE / _WIDTH, row / height, value, fontsize=_LETTERS, ha="right", va="center")
+            figure.text(1 - _EDGE / _WIDTH, row / height, value, ha="right", **looks)
             row -= _ROW
         row -= 0.5 * _ROW
 
 
 def _wide(words: str, weight: str = "normal") -> float:
     """How wide words of the column of numbers are, inches."""
-    font = FontProperties(weight=weight)
-    return (
-        float(TextPath((0.0, 0.0), words, size=_LETTERS, prop=font).get_extents().width) / 72
-        if words
-        else 0.0
-    )
+    if not words:
+        return 0.0
+    path = TextPath((0.0, 0.0), words, size=_LETTERS, prop=FontProperties(weight=weight))
+    return float(path.get_extents().width) / 72
 
 
 def panel(axes: Axes, height: float) -> Axes:
@@ -105,26 +96,26 @@ def _figure_of(axes: Axes) -> Figure:
 def load_rows(forces: dict[str, np.ndarray], couple: np.ndarray, unit: str, planar: bool) -> Group:
     """Forces by name (see `Judged.acting`) and the flow's couple about the centre."""
     rows = [(_NAMES[name], vector(force, planar), FORCES[name]) for name, force in forces.items()]
-    turning = f"{couple[2]:.4g}" if planar else vector(couple, planar)
-    return [("Load on the grain", unit, INK), *rows, ("Couple about the centre", turning, FLOW)]
+    about = ("Couple about the centre", turning(couple, planar), FLOW)
+    return [("Load on the grain", unit, INK), *rows, about]
 
 
 def judge_rows(case: Judged) -> list[Group]:
     """What the exact judge says, the contact forces, what the paper's criteria say."""
     planar = case.planar
-    exact: Group = [("Exact judge", case.mode, INK)]
-    exact.append(("Safety factor on the flow", number(case.safety_factor), INK))
-    exact.append(("Coefficient of static friction", f"{case.friction:.4g}", INK))
+    exact: Group = [
+        ("Exact judge", case.mode, INK),
+        ("Safety factor on the flow", number(case.safety_factor), INK),
+        ("Coefficient of static friction", f"{case.friction:.4g}", INK),
+    ]
     if case.motion is not None:
-        turning = case.motion.angular
         exact.append(("Acceleration", vector(case.motion.acceleration, planar), MOTION))
-        angular = f"{turning[2]:.4g}" if planar else vector(turning, planar)
-        exact.append(("Angular acceleration", angular, MOTION))
+        exact.append(("Angular acceleration", turning(case.motion.angular, planar), MOTION))
     force, couple = case.left
     paper: Group = [
         ("The paper's criteria", f"row {case.outcome.split(':')[0]} of its table", INK),
         ("Force left over", vector(force, planar), INK),
-        ("Couple left over", f"{couple[2]:.4g}" if planar else vector(couple, planar), INK),
+        ("Couple left over", turning(couple, planar), INK),
     ]
     return [exact, contact_rows(case), paper]
 
@@ -148,6 +139,11 @@ def vector(components: np.ndarray, planar: bool) -> str:
     size = np.abs(components).max(initial=0.0)
     shown = [0.0 if abs(c) <= 1e-9 * size else c for c in components[: 2 if planar else 3]]
     return f"({', '.join(f'{c:.4g}' if planar else f'{c:.3g}' for c in shown)})"
+
+
+def turning(couple: np.ndarray, planar: bool) -> str:
+    """A couple, in the plane its one component."""
+    return f"{couple[2]:.4g}" if planar else vector(couple, planar)
 
 
 def number(value: float) -> str:

@@ -5,7 +5,6 @@ The fields of a run stand on quadratic tetrahedra, which VTK cuts and samples; m
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -18,17 +17,8 @@ from matplotlib.figure import Figure
 from ...geometry.space.terrain import Terrain
 from ...scene import Scene
 from ..flow.cells import COLOURS, framed, pyvista_off_screen, stage
-from ..flow.fields import from_zero, without_extremes
-from ..flow.section import (
-    BESIDE,
-    TETRAHEDRON,
-    VerticalSection,
-    draw_outlines,
-    level_of,
-    section_of,
-    tetrahedra,
-    views_of,
-)
+from ..flow.fields import Limits, from_zero, without_extremes
+from ..flow.section import BESIDE, TETRAHEDRON, draw_outlines, level_of, section_of, tetrahedra, views_of
 from ..flow.streamlines import streamlines
 from ..record import StoredRun
 from ..style import FLOW, FORCES, INK, PAPER, panels
@@ -41,37 +31,28 @@ from .solid import Rendering, rendered
 
 SPACING = 0.04  # of the triangles of a grain's surface, in grain sizes
 QUADRATIC_TRIANGLE = 22  # VTK's number of the quadratic one
-_LARGEST = (
-    98.0  # per cent of the nodes have a smaller traction than that of the last colour: it is large in gaps
-)
+# Per cent of the nodes that have a smaller traction than that of the last colour: it is large in gaps.
+_LARGEST = 98.0
 
 
 def speed(run: StoredRun) -> Figure:
     """Speed in colour in the vertical plane through the grain's centre, with streamlines in that plane."""
-    return _sections(
-        run, "speed", "viridis", lambda s: np.linalg.norm(s.fields["velocity"], axis=-1), from_zero, True
-    )
+    return _sections(run, "speed", "viridis", from_zero, lines=True)
 
 
 def pressure(run: StoredRun) -> Figure:
     """Pressure in colour in the same plane; extremes exceed the colour bar."""
-    return _sections(run, "pressure", "RdYlBu_r", lambda s: s.fields["pressure"], without_extremes, False)
+    return _sections(run, "pressure", "RdYlBu_r", without_extremes, lines=False)
 
 
-def _sections(
-    run: StoredRun,
-    name: str,
-    colours: str,
-    values_of: Callable[[VerticalSection], np.ndarray],
-    limits: Callable[[np.ndarray], Normalize],
-    lines: bool,
-) -> Figure:
+def _sections(run: StoredRun, name: str, colours: str, limits: Limits, lines: bool) -> Figure:
     """The whole plane and, with a grain, its surroundings, each with colours of its own."""
     views = views_of(run)
     figure, places = panels(views, run.headline)
     for (axes, bar), view, what in zip(places, views, ("whole length", "around the grain"), strict=False):
         section = section_of(run, view, ["velocity", "pressure"])
-        values = values_of(section)
+        fields = section.fields
+        values = np.linalg.norm(fields["velocity"], axis=-1) if name == "speed" else fields[name]
         norm = limits(values[section.inside])
         image = axes.imshow(
             values, cmap=colours, norm=norm, origin="lower", extent=view, interpolation="bilinear", zorder=1
@@ -128,9 +109,8 @@ def traction(run: StoredRun) -> Figure:
         axes.imshow(_shown_surface(points, cells, values, norm, along), interpolation="antialiased")
         axes.set_axis_off()
         axes.set_title(f"Seen {words}, with the traction's arrows")
-    bar = figure.colorbar(
-        ScalarMappable(norm, "magma"), cax=figure.add_axes((0.9, 0.12, 0.017, 0.65)), extend="max"
-    )
+    beside = figure.add_axes((0.9, 0.12, 0.017, 0.65))
+    bar = figure.colorbar(ScalarMappable(norm, "magma"), cax=beside, extend="max")
     bar.set_label("size of the traction [scene units]")
     return figure
 
@@ -144,15 +124,8 @@ def whole_surface(run: StoredRun) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Nodes, quadratic triangles and traction of the grain's surface, half a grain with its mirror image."""
     assert run.surface is not None
     points, cells, values = run.surface.points, run.surface.cells, run.surface.fields["traction"]
-    if not run.halved:
-        return points, cells, values
-    mirror = np.array([1.0, -1.0, 1.0])
-    other = points * mirror + [0.0, 2.0 * run.middle, 0.0]
-    return (
-        np.vstack([points, other]),
-        np.vstack([cells, cells + len(points)]),
-        np.vstack([values, values * mirror]),
-    )
+    whole = run.whole(points, cells)
+    return *whole, np.vstack([values, values * [1.0, -1.0, 1.0]]) if run.halved else values
 
 
 def _shown_surface(
@@ -164,10 +137,8 @@ def _shown_surface(
     plotter = pyvista.Plotter(off_screen=True, window_size=[1100, 1100], lighting="three lights")
     plotter.background_color = "white"
     drawn = surface.extract_surface(nonlinear_subdivision=2, algorithm="dataset_surface")
-    limits = (norm.vmin, norm.vmax)
-    plotter.add_mesh(
-        drawn, scalars="size", cmap="magma", clim=limits, show_scalar_bar=False, smooth_shading=True
-    )
+    shown = {"clim": (norm.vmin, norm.vmax), "show_scalar_bar": False, "smooth_shading": True}
+    plotter.add_mesh(drawn, scalars="size", cmap="magma", **shown)
     extent = float(np.ptp(points, axis=0).max())
     largest = float(norm.vmax or 1.0)
     step = max(1, len(points) // 400)
